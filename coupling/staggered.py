@@ -67,7 +67,7 @@ class Simulation:
         return self.magnetised is not None or any(effect.holds_forces for effect in self.effects)
 
     def rows(self, cutoff: float) -> NeighbourRows:
-        """Neighbour rows out to `cutoff` [m], one list's skin wider where a sector leaves room for it.
+        """Return neighbour rows out to `cutoff` [m], one list's skin wider where a sector leaves room for it.
 
         They are rebuilt with the grains' list, which sorts the grains, and when grains have moved too far for them.
         """
@@ -82,7 +82,7 @@ class Simulation:
         return self._rows
 
     def rows_state(self) -> dict | None:
-        """The present rows for a checkpoint: their order fixes the order of sums, bit for bit."""
+        """Return the present rows for a checkpoint: their order fixes the order of sums, bit for bit."""
         if self._rows is None or self._rows_key[1] != self.motion.list_version:
             return None  # stale: they would be rebuilt in any case
         return {
@@ -98,7 +98,7 @@ class Simulation:
         }
 
     def restore_rows(self, state: dict | None) -> None:
-        """Take the rows of a checkpoint; those that do not say where the grains were are left, and rebuilt."""
+        """Take the rows of a checkpoint; rows without the positions of the grains are rebuilt."""
         if state is not None and "position" in state:
             state = dict(state)
             self._rows_key = (state.pop("cutoff"), self.motion.list_version)
@@ -151,9 +151,14 @@ def run_staggered(
 
 
 def refresh_field(simulation: Simulation) -> None:
-    """Field of the present current and powder; with the moments of the grains in it, until both agree.
+    """Solve the field of the present current and powder; with the moments of the grains in it, until both agree.
 
-    Raises FeedbackError where they do not, and what the solves raise.
+    Raises
+    ------
+    FeedbackError
+        They do not agree after `MAX_SOLVES`.
+    ConvergenceError
+        A solve does not converge.
     """
     source, magnetised = simulation.source, simulation.magnetised
     if source is None or magnetised is None:
@@ -176,7 +181,7 @@ def refresh_field(simulation: Simulation) -> None:
 
 
 def held_forces(simulation: Simulation, budget: WindowBudget) -> np.ndarray:
-    """The sum of all effects' forces (n, 3) [N] at the present positions; moments first, where there is a field."""
+    """Return the sum of all effects' forces (n, 3) [N] at the present positions, with the present moments."""
     if simulation.magnetised is not None:
         simulation.magnetised.update(simulation)
     force = np.zeros_like(simulation.motion.grains.position)

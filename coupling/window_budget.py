@@ -43,7 +43,7 @@ class WindowBudget:
         self._solves = 0 if simulation.source is None else simulation.source.solves
 
     def clock(self, part: str | None) -> None:
-        """From now on time counts for `part` ("field", "magnetic", "contact"; None: for nothing), less compiling."""
+        """Count time for `part` from here on ("field", "magnetic", "contact"; None: for nothing), less compiling."""
         now, compiled = perf_counter(), compile_seconds()
         if self._part is not None:
             name, since, before = self._part
@@ -51,13 +51,13 @@ class WindowBudget:
         self._part = None if part is None else (part, now, compiled)
 
     def record(self, torques: dict[str, float], of_the_field: bool) -> None:
-        """Torques of held forces on the sector's grains [N m], which hold during the next sub-cycle."""
+        """Book torques of held forces on the sector's grains [N m], which hold during the next sub-cycle."""
         booked = self._recorded if of_the_field else self._beside
         for name, torque in torques.items():
             booked.setdefault(name, []).append(torque)
 
     def add_steps(self, totals) -> None:
-        """Totals of a sub-cycle of the grains."""
+        """Add the totals of a sub-cycle of the grains."""
         self._steps.append(totals)
 
     def close(self) -> WindowRow:
@@ -149,7 +149,7 @@ def _solver_row(steps: list) -> SolverRow:
 
 
 def _weight_torque(motion) -> float:
-    """Torque of the grains' weight about z [N m]: sum of m (x g_y - y g_x)."""
+    """Return the torque of the grains' weight about z [N m]: sum of m (x g_y - y g_x)."""
     g = motion.gravity_now
     if g is None:
         return 0.0

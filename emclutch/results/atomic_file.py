@@ -57,17 +57,17 @@ def is_unfinished(path: Path) -> bool:
 
 
 def replace_text(path: Path, text: str) -> None:
-    """`replace_bytes` of a text in UTF-8."""
+    """Write a text in UTF-8 in one step."""
     replace_bytes(path, text.encode())
 
 
 def replace_json(path: Path, values: Any) -> None:
-    """`replace_text` of JSON that every parser reads: what is not a finite number becomes null."""
+    """Write JSON that every parser reads in one step: what is not a finite number becomes null."""
     replace_text(path, json.dumps(json_values(values), indent=2, allow_nan=False) + "\n")
 
 
 def json_values(value: Any) -> Any:
-    """The same nested values as plain Python: numpy arrays as lists, nan and infinities as None."""
+    """Return the same nested values as plain Python: numpy arrays as lists, nan and infinities as None."""
     if isinstance(value, dict):
         return {str(key): json_values(entry) for key, entry in value.items()}
     if isinstance(value, (list, tuple, set)):

@@ -40,7 +40,7 @@ def write_checkpoint(path: str | Path, state: dict[str, Any]) -> None:
 
 
 def read_checkpoint(path: str | Path) -> dict[str, Any]:
-    """The state as it was given to `write_checkpoint`.
+    """Return the state as it was given to `write_checkpoint`.
 
     Raises
     ------
@@ -102,7 +102,7 @@ def _write(parent: h5py.Group, name: str, value: Any, where: str) -> None:
 
 
 def _read(node: h5py.Group | h5py.Dataset, most: int) -> Any:
-    """The value of a node; none has more than `most` bytes, those of the file, in which nothing is compressed."""
+    """Return the value of a node of at most `most` bytes, those of the file, in which nothing is compressed."""
     kind = node.attrs["kind"]
     if kind == "dict":
         return {name: _read(entry, most) for name, entry in node.items()}

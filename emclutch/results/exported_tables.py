@@ -39,7 +39,7 @@ POINT, REPLICA, ALONG = "point", "replica", "along"
 
 
 def tables_of(folder: Path) -> dict[str, pandas.DataFrame]:
-    """`history`, `profiles` where there are any, and `study` of a study; ``attrs["units"]`` has each column's unit.
+    """Return `history`, `profiles` where there are any, and `study`; ``attrs["units"]`` has each column's unit.
 
     A column that only some of a study's points have is nan (empty) in the others' rows.
 
@@ -81,7 +81,7 @@ def _tables_of_run(result: Result) -> dict[str, pandas.DataFrame]:
 
 
 def _joined(tables: list[pandas.DataFrame]) -> pandas.DataFrame:
-    """Rows of all tables under one another, with the units of all."""
+    """Return the rows of all tables under one another, with the units of all."""
     import pandas
 
     units = {name: unit for table in tables for name, unit in table.attrs.get("units", {}).items()}

@@ -26,7 +26,7 @@ MAX_ROW = 8192  # bytes; a row has some sixty columns of at most 25
 
 
 class HistoryWriter:
-    """Writes rows to a history file; every row is on disk when `append` returns.
+    """Writer of a history file; every row is on disk when `append` returns.
 
     The first row fixes the columns, in the order of `COLUMNS`.
 
@@ -84,7 +84,7 @@ class HistoryWriter:
 
 
 def rows_until(path: Path, end: float) -> list[list[str]]:
-    """The rows of a history up to the time `end` [s] of a checkpoint, the columns' names first.
+    """Return the rows of a history up to the time `end` [s] of a checkpoint, the columns' names first.
 
     Raises
     ------
@@ -109,7 +109,7 @@ def rows_until(path: Path, end: float) -> list[list[str]]:
 
 
 def read_history(path: str | Path) -> pandas.DataFrame:
-    """A history as a table; ``attrs["units"]`` holds the unit of each column.
+    """Return a history as a table; ``attrs["units"]`` holds the unit of each column.
 
     Raises
     ------
@@ -131,7 +131,7 @@ def read_history(path: str | Path) -> pandas.DataFrame:
 
 
 def _rows_of(path: Path) -> list[list[str]]:
-    """All whole rows, the columns' names first; a run that was killed may have left half a row."""
+    """Return all whole rows, the columns' names first; a run that was killed may have left half a row."""
     try:
         text = path.read_text(encoding="utf-8")
         return list(csv.reader(io.StringIO(text[: text.rfind("\n") + 1])))
@@ -140,7 +140,7 @@ def _rows_of(path: Path) -> list[list[str]]:
 
 
 def _time_of(row: list[str], header: list[str]) -> float | None:
-    """The time of a row [s]; None where it is none of these columns."""
+    """Return the time of a row [s]; None where it has other columns."""
     try:
         return float(row[header.index(TIME)]) if len(row) == len(header) else None
     except ValueError:
@@ -148,7 +148,7 @@ def _time_of(row: list[str], header: list[str]) -> float | None:
 
 
 def whole_rows(path: Path) -> int:
-    """Windows that a history has; 0 where there is none."""
+    """Return the number of windows that a history has; 0 where there is none."""
     try:
         with path.open("rb") as file:
             return max(0, sum(line.endswith(b"\n") for line in file) - 1)
@@ -157,7 +157,7 @@ def whole_rows(path: Path) -> int:
 
 
 def last_time(path: Path) -> float | None:
-    """Time [s] of the last whole row of a history that may be growing; None where there is none yet."""
+    """Return the time [s] of the last whole row of a history that may be growing; None where there is none yet."""
     try:
         with path.open("rb") as file:
             file.seek(0, io.SEEK_END)
@@ -169,7 +169,7 @@ def last_time(path: Path) -> float | None:
 
 
 def _numbers(cells: Sequence[str]) -> np.ndarray:
-    """Integers where all cells are; otherwise floats, with nan (pandas' mark) for an empty cell."""
+    """Return integers where all cells are; otherwise floats, with nan (pandas' mark) for an empty cell."""
     try:
         return np.array([int(cell) for cell in cells], dtype=np.int64)
     except ValueError:

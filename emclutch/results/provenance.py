@@ -26,7 +26,7 @@ def provenance(
     input_files: dict[str, dict[str, str]] | None = None,
     grains_from: dict[str, Any] | None = None,
 ) -> dict[str, Any]:
-    """All that a reader needs to repeat a run; what cannot be found out is None.
+    """Return all that a reader needs to repeat a run; what cannot be found out is None.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def _version(package: str) -> str | None:
 
 
 def _commit() -> str | None:
-    """Commit of the checkout that these sources are tracked in, with «-modified» where they differ."""
+    """Return the commit of the checkout that these sources are tracked in, with «-modified» where they differ."""
     here = Path(__file__).resolve()
 
     def git(*arguments: str) -> str:

@@ -44,7 +44,7 @@ GRAINS = "particles/grains"
 
 
 class Record:
-    """Writes and reads a run's record; use `open`."""
+    """Writer and reader of a run's record; use `open`."""
 
     def __init__(self, path: Path, *, writable: bool) -> None:
         self.path = path
@@ -174,14 +174,14 @@ class Record:
         self._rows.clear()
 
     def frames(self) -> np.ndarray:
-        """Times of the frames of grains, (k,) [s]."""
+        """Return the times of the frames of grains, (k,) [s]."""
         with self._reading() as file:
             group = file[GRAINS]
             names = [name for name in group if "time" in group[name]]
             return group[names[0]]["time"][:] if names else np.zeros(0)
 
     def grains(self, frame: int = -1) -> dict[str, np.ndarray]:
-        """Arrays of one frame by name, in the order of the ids; negative numbers count from the end."""
+        """Return the arrays of one frame by name, in the order of the ids; negative numbers count from the end."""
         times = self.frames()
         if not -len(times) <= frame < len(times):
             raise OutputError(f"{self.path} has {len(times)} frames of grains, none of number {frame}")
@@ -190,7 +190,7 @@ class Record:
             return {name: group[name]["value"][frame] for name in group if "value" in group[name]}
 
     def observable(self, name: str) -> tuple[np.ndarray, np.ndarray]:
-        """Times [s] and values of one column."""
+        """Return times [s] and values of one column."""
         with self._reading() as file:
             if f"observables/{name}" not in file:
                 known = ", ".join(file["observables"])
@@ -200,7 +200,7 @@ class Record:
 
     @contextmanager
     def _reading(self) -> Iterator[h5py.File]:
-        """The open file of a record; OutputError where it is none, or damaged."""
+        """Open a record for reading in the block; OutputError where it is none, or damaged."""
         remedy = "it is not an HDF5 file, was cut off or is being written; history.csv has the history, too"
         with reading(self.path, remedy) as file:
             missing = [name for name in (GRAINS, "observables") if name not in file]
@@ -252,7 +252,7 @@ class _Copy(io.FileIO):
 
 @contextmanager
 def _changed(path: Path) -> Iterator[h5py.File]:
-    """The open file of a record, whose changes arrive when the block is left without an error."""
+    """Open a record in the block; its changes arrive when the block is left without an error."""
     with replaced(path) as new:
         shutil.copyfile(path, new)
         with _Copy(new) as copy:

@@ -90,7 +90,7 @@ class Result:
 
 
 def load_result(folder: str | Path) -> Result:
-    """Result of the run in a folder.
+    """Return the result of the run in a folder.
 
     Raises
     ------

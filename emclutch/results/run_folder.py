@@ -152,7 +152,7 @@ class RunFolder:
         return folder
 
     def has_checkpoint(self) -> bool:
-        """True if a run that is to be resumed has a checkpoint; False: it was killed before it wrote one.
+        """Return whether a run that is to be resumed has a checkpoint; if not, it was killed before.
 
         Such a run starts again in its folder: it has lost what was before the end of its first window, no more.
 
@@ -190,7 +190,7 @@ class RunFolder:
 
     @staticmethod
     def next_path(case_stem: str, parent: str | Path = "runs") -> Path:
-        """First free ``runs/<case stem>-<nnn>`` after the highest number in use."""
+        """Return the first free ``runs/<case stem>-<nnn>`` after the highest number in use."""
         used = [0]
         if Path(parent).is_dir():
             for entry in Path(parent).iterdir():
@@ -200,11 +200,11 @@ class RunFolder:
         return Path(parent) / f"{case_stem}-{max(used) + 1:03d}"
 
     def replica_folders(self) -> list[Path]:
-        """Folders of the other packings that are there, in their order."""
+        """Return the folders of the other packings that are there, in their order."""
         return sorted(self.replicas.glob("[0-9][0-9]")) if self.replicas.is_dir() else []
 
     def series(self) -> tuple[Path, ...]:
-        """The files for ParaView."""
+        """Return the files for ParaView."""
         return self.particles, self.field, self.walls, self.contacts
 
     def read_case(self) -> str:
@@ -239,7 +239,7 @@ class RunFolder:
         replace_json(self.provenance, self.read_provenance() | known)
 
     def read_provenance(self) -> dict[str, Any]:
-        """``provenance.json``; empty where there is none.
+        """Return ``provenance.json``; empty where there is none.
 
         Raises
         ------
@@ -248,7 +248,7 @@ class RunFolder:
         return _read_json(self.provenance)
 
     def grains_from(self) -> str | None:
-        """Folder of the run whose grains this one began with; None where it packed its own."""
+        """Return the folder of the run whose grains this one began with; None where it packed its own."""
         return (self.read_provenance().get("grains_from") or {}).get("folder")
 
     def write_plan(self, values: dict[str, Any]) -> None:
@@ -256,7 +256,7 @@ class RunFolder:
         replace_json(self.plan, values)
 
     def read_plan(self) -> dict[str, Any]:
-        """``plan.json``, or an empty dictionary in a folder of an earlier version; raises as `read_provenance`."""
+        """Return ``plan.json``, or an empty dictionary where there is none; raises as `read_provenance`."""
         return _read_json(self.plan)
 
     def write_summary(self, values: dict[str, Any]) -> None:
@@ -264,11 +264,11 @@ class RunFolder:
         replace_json(self.summary, values)
 
     def read_summary(self) -> dict[str, Any]:
-        """``summary.json``, or an empty dictionary where there is none yet; raises as `read_provenance`."""
+        """Return ``summary.json``, or an empty dictionary where there is none; raises as `read_provenance`."""
         return _read_json(self.summary)
 
     def write_failure(self, reason: str) -> None:
-        """Note that the run fails for its scene, after the last window that it has; `read_failure` returns it."""
+        """Write that the run fails for its scene, after the last window that it has; `read_failure` returns it."""
         with suppress(OSError):  # what it failed of is reported all the same
             replace_json(self.failure, asdict(Failure(last_time(self.history), reason)))
 
@@ -285,7 +285,7 @@ class RunFolder:
 
 
 def _read_json(path: Path) -> dict[str, Any]:
-    """A file that `replace_json` wrote; empty where there is none."""
+    """Return what `replace_json` wrote; empty where there is no file."""
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
@@ -298,10 +298,10 @@ def _read_json(path: Path) -> dict[str, Any]:
 
 
 class _Log(logging.FileHandler):
-    """A log that cannot be written stops nothing, and spoils no terminal: who writes results meets the same disk."""
+    """Log whose write errors are ignored: those who write results meet the same disk."""
 
     def handleError(self, record: logging.LogRecord) -> None:
-        """See above."""
+        """Ignore the error."""
 
     def close(self) -> None:
         with suppress(OSError):

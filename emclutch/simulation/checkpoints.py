@@ -59,7 +59,7 @@ class Checkpoints:
 
 
 def save_checkpoint(path: Path, simulation: Simulation, case_text: str, profiles: ProfileAverage | None = None) -> None:
-    """Everything that a bit-exact continuation needs."""
+    """Write everything that a bit-exact continuation needs."""
     state = {
         "case": case_text,
         "window": simulation.window,

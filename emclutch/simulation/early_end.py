@@ -15,7 +15,7 @@ from emclutch.simulation.window_state import UserCallback
 
 @dataclass(frozen=True, slots=True)
 class EarlyEnd:
-    """The callbacks that may end a run; None where there is no such.
+    """The callbacks that may end a run; None where there is none.
 
     Attributes
     ----------
@@ -32,7 +32,7 @@ class EarlyEnd:
 
     @property
     def callbacks(self) -> tuple[TorqueTrigger | Orders | UserCallback, ...]:
-        """Those that there are."""
+        """All that there are."""
         return tuple(one for one in (self.trigger, self.orders, self.asked) if one is not None)
 
     @property

@@ -1,4 +1,4 @@
-"""The last stage of a run: the other replicas are waited for, and what came of it is summed up and drawn."""
+"""The last stage of a run: wait for the other replicas, then write the summary and draw the pictures."""
 
 from __future__ import annotations
 
@@ -24,9 +24,16 @@ log = logging.getLogger(__name__)
 
 
 def finish_run(request: RunRequest, started: StartedRun, observers: RunObservers) -> Result:
-    """The result of a run that has marched; RunError where another replica failed, `Interrupted` where it was cut off.
+    """Return the result of a run that has marched.
 
     The summary is written before the pictures: a run that has one is done.
+
+    Raises
+    ------
+    RunError
+        Another replica failed.
+    Interrupted
+        The user stopped the run before its end.
     """
     case, folder = request.case, request.folder
     compiled, replicas, early = request.opened.compiled, request.replicas, observers.early
@@ -39,7 +46,7 @@ def finish_run(request: RunRequest, started: StartedRun, observers: RunObservers
     folder.add_to_provenance(machine_code=machine_code_digest())
     end_replicas(request, started, observers)
     refuse_cut_off(request, started, observers)
-    across = written_profiles(request, observers)
+    across = write_averaged_profiles(request, observers)
     others = replicas.histories()[1:] if replicas.count > 1 else []
     seconds = {"whole_run": perf_counter() - request.opened.begin, "compiling": compiled.seconds}
     summarise(case, folder, started.planned, started.simulation, seconds, others, stopped=early.is_by_callback)
@@ -72,7 +79,7 @@ def end_replicas(request: RunRequest, started: StartedRun, observers: RunObserve
 
 
 def refuse_cut_off(request: RunRequest, started: StartedRun, observers: RunObservers) -> None:
-    """`Interrupted` where the user has stopped the run, or one of its replicas, before its end."""
+    """Raise `Interrupted` where the user has stopped the run, or one of its replicas, before its end."""
     cut_off = started.simulation.window < started.plan.windows and not observers.early.has_come
     if request.stop.is_set() and (cut_off or request.replicas.are_running()):
         time, has_checkpoint = started.simulation.motion.time, request.case.scene.output.checkpoint
@@ -81,8 +88,8 @@ def refuse_cut_off(request: RunRequest, started: StartedRun, observers: RunObser
         raise Interrupted(f"stopped at t = {time:.4g} s; {how}")
 
 
-def written_profiles(request: RunRequest, observers: RunObservers) -> list[Profile]:
-    """The profiles across the gap, in the run's folder too; none where they are not asked for."""
+def write_averaged_profiles(request: RunRequest, observers: RunObservers) -> list[Profile]:
+    """Write the profiles across the gap to the run's folder and return them; none where they are not asked for."""
     if observers.profiles is None:
         return []
     across = observers.profiles.profiles()

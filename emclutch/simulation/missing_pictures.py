@@ -17,7 +17,7 @@ from emclutch.simulation.started_run import restored
 
 
 def draw_missing(folder: RunFolder, case: Case | None = None, *, trust_scripts: bool = False) -> bool:
-    """Draw a finished run's pictures where they are missing; whether that was so.
+    """Draw a finished run's pictures where they are missing, and return whether that was so.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""A run's folder while the run is at work in it: held, logging, and telling what goes wrong."""
+"""A run's folder while the run works in it: locked, with its log open and errors translated."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, slots=True)
 class OpenFolder:
-    """A run's folder, held.
+    """A locked folder of a run.
 
     Attributes
     ----------
@@ -56,13 +56,13 @@ def open_folder(case: Case, target: str | Path, resume: bool, progress: RunProgr
         with folder.logging(), announced_compilation(progress.announce) as compiled:
             if resume and not goes_on:
                 progress.announce(f"{folder.path} has no checkpoint yet: the run starts again")
-            with failures_told(case, folder):
+            with translate_errors(case, folder):
                 yield OpenFolder(folder, goes_on, compiled, begin)
 
 
 @contextmanager
-def failures_told(case: Case, folder: RunFolder) -> Iterator[None]:
-    """Log what fails and raise it as a RunError, or as an OutputError where it is the disk's."""
+def translate_errors(case: Case, folder: RunFolder) -> Iterator[None]:
+    """Log an error and raise it as a RunError, or as an OutputError where it is the disk's."""
     try:
         yield
     except KeyboardInterrupt as error:  # before there was a window to end, or in a kernel that was compiled

@@ -22,7 +22,7 @@ _OF_A_RUN = ("case", "window", "steps_per_update", "updates", "dem", "rows", "so
 
 
 def run_checkpoint(path: str | Path) -> dict[str, Any]:
-    """The checkpoint of a run, see `emclutch.simulation.checkpoints.save_checkpoint`.
+    """Return the checkpoint of a run, see `emclutch.simulation.checkpoints.save_checkpoint`.
 
     Raises
     ------
@@ -37,7 +37,13 @@ def run_checkpoint(path: str | Path) -> dict[str, Any]:
 
 
 def may_go_on(case: Case, folder: RunFolder) -> bool:
-    """True if a run continues from a checkpoint; OutputError where scene or files differ, or nothing is left to do."""
+    """Return whether a run continues from a checkpoint.
+
+    Raises
+    ------
+    OutputError
+        Scene or files differ, or nothing is left to do.
+    """
     goes_on = folder.has_checkpoint()
     if goes_on:
         state = run_checkpoint(folder.checkpoint)
@@ -52,7 +58,7 @@ def may_go_on(case: Case, folder: RunFolder) -> bool:
 
 
 def refuse_other_scene(old_text: str, new_text: str, target: str | Path) -> None:
-    """OutputError unless two scenes differ at most in what a continued run may change: its end and its output."""
+    """Raise OutputError unless two scenes differ at most in what a continued run may change: its end and its output."""
     old, new = flat_scene(old_text), flat_scene(new_text)
     differing = [
         f"{key}: {_in_short(old.get(key, 'absent'))} -> {_in_short(new.get(key, 'absent'))}"
@@ -69,7 +75,7 @@ def refuse_other_scene(old_text: str, new_text: str, target: str | Path) -> None
 
 
 def refuse_earlier_end(folder: RunFolder, state: dict, end: float) -> None:
-    """OutputError where a run whose end [s] was set earlier is past it: nothing would be left to do.
+    """Raise OutputError where a run whose end [s] was set earlier is past it: nothing would be left to do.
 
     The same end is always allowed: a last window may reach beyond it.
     """
@@ -86,7 +92,7 @@ def refuse_earlier_end(folder: RunFolder, state: dict, end: float) -> None:
 
 
 def checkpoint_time(path: Path, dem: dict[str, Any], method: str) -> float:
-    """Time [s] of the state of a DEM or DVI; OutputError where it is none."""
+    """Return the time [s] of the state of a DEM or DVI; OutputError where it is none."""
     try:
         return float(dem["counters"][0] * dem["scalars"][0 if method == "dvi" else 2])
     except (KeyError, IndexError, TypeError) as error:
@@ -94,7 +100,7 @@ def checkpoint_time(path: Path, dem: dict[str, Any], method: str) -> float:
 
 
 def refuse_changed_files(case: Case, folder: RunFolder) -> None:
-    """OutputError where a file that the scene names has another content than when the run began.
+    """Raise OutputError where a file that the scene names has another content than when the run began.
 
     A run of a version that kept no hashes continues with a warning in its log.
     """
@@ -120,7 +126,7 @@ def refuse_changed_files(case: Case, folder: RunFolder) -> None:
 
 
 def flat_scene(text: str) -> dict[str, Any]:
-    """The resolved scene of a TOML text as dotted keys; entries of this version that it lacks have their defaults."""
+    """Return the resolved scene of a TOML text as dotted keys; entries that it lacks have their defaults."""
     data = tomllib.loads(text)
     try:
         data = case_from(data).resolved()
@@ -130,7 +136,7 @@ def flat_scene(text: str) -> dict[str, Any]:
 
 
 def differing_keys(old: dict[str, Any], new: dict[str, Any]) -> list[str]:
-    """Keys of two flat scenes whose values differ, sorted."""
+    """Return the keys of two flat scenes whose values differ, sorted."""
     return [key for key in sorted({*old, *new}) if old.get(key) != new.get(key)]
 
 
@@ -140,13 +146,13 @@ def may_change(key: str) -> bool:
 
 
 def _in_short(value: Any) -> str:
-    """A value as text; the points of a curve are too many for a message."""
+    """Return a value as text, shortened: the points of a curve are too many for a message."""
     text = str(value)
     return text if len(text) <= 60 else f"{text[:50]} ..."
 
 
 def _flat(table: dict, prefix: str = "") -> dict:
-    """Nested tables as dotted keys."""
+    """Return nested tables as dotted keys."""
     flat: dict = {}
     for key, value in table.items():
         flat |= _flat(value, f"{prefix}{key}.") if isinstance(value, dict) else {prefix + key: value}

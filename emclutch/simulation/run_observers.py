@@ -1,4 +1,4 @@
-"""The third stage of a run: whoever looks at it after each window, and the march itself."""
+"""The third stage of a run: its callbacks after each window, and the march itself."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class RunObservers:
-    """Callbacks of a run, and those of them that are asked in the end.
+    """Callbacks of a run, and those of them that are read at its end.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ class RunObservers:
 
 
 def make_callbacks(request: RunRequest, started: StartedRun) -> RunObservers:
-    """Everything that looks at a run after each of its windows, in four stages; the frame of t = 0 is written.
+    """Make everything that looks at a run after each of its windows, in four stages, and write the frame of t = 0.
 
     The loop completes a row by the measures before it calls any of them. Their order matters: snapshots show whether
     the end has come, which the deciding ones say; a checkpoint holds what all of these have kept by then.
@@ -124,7 +124,7 @@ class ReplicaPool:
 
 @dataclass(frozen=True, slots=True)
 class WindowProgress:
-    """Callback of the loop that says how far the run is: of its `windows`, or of what its replicas are to reach."""
+    """Callback of the loop that reports how far the run is: of its `windows`, or of what its replicas are to reach."""
 
     progress: RunProgress
     windows: int
@@ -140,7 +140,7 @@ class WindowProgress:
 
 
 def profile_average(scene: Scene, device: Device) -> ProfileAverage | None:
-    """The callback that averages profiles over the steady part, or None where none are asked for."""
+    """Return the callback that averages profiles over the steady part, or None where none are asked for."""
     if not scene.output.profiles:
         return None
     from emclutch.simulation.profile_average import ProfileAverage  # local: what is off costs nothing
@@ -150,7 +150,7 @@ def profile_average(scene: Scene, device: Device) -> ProfileAverage | None:
 
 
 def missed_steps(request: RunRequest, resume_time: float | None) -> tuple[MissedSteps, ...]:
-    """The callback that stops rigid grains whose solver fails too often; none for others."""
+    """Return the callback that stops rigid grains whose solver fails too often; none for others."""
     contact = request.case.scene.contact
     if contact.method != "dvi":
         return ()
@@ -159,7 +159,7 @@ def missed_steps(request: RunRequest, resume_time: float | None) -> tuple[Missed
 
 
 def thread_trial(request: RunRequest) -> tuple[ThreadTrial, ...]:
-    """The callback that finds out how many threads pay; none where there is nothing to choose."""
+    """Return the callback that finds out how many threads pay; none where there is nothing to choose."""
     if not request.tune_threads or threads_in_use() == 1:
         return ()
     return (ThreadTrial(threads_in_use(), use_threads, request.progress.announce),)

@@ -21,7 +21,7 @@ from particles import GrainMotion
 
 
 class Snapshots:
-    """Writes `count` frames evenly over the run (and the start), grains, walls, contacts and field.
+    """Writer of `count` frames evenly over the run (and the start): grains, walls, contacts and field.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ class Snapshots:
             self.write(simulation)
 
     def write(self, simulation: Simulation) -> None:
-        """Write a frame of everything now."""
+        """Write a frame of everything."""
         motion = simulation.motion
         self._write_grains(simulation, contacts_per_grain(motion), contact_lines(motion))
         self._write_field(simulation, motion.time)
@@ -162,7 +162,7 @@ class Snapshots:
 
 
 def contacts_per_grain(motion: GrainMotion) -> np.ndarray:
-    """Number of grains and walls that each grain touches, (n,) int64."""
+    """Return the number of grains and walls that each grain touches, (n,) int64."""
     table = motion.contacts()
     return np.bincount(table.i, minlength=motion.grains.count) + np.bincount(
         table.j[table.j >= 0], minlength=motion.grains.count
@@ -170,7 +170,7 @@ def contacts_per_grain(motion: GrainMotion) -> np.ndarray:
 
 
 def contact_lines(motion: GrainMotion) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Force chains: centre of grain i (m, 3), its partner's centre or the point on the wall, and the force [N] on i."""
+    """Return force chains: centre of grain i (m, 3), its partner's or the point on the wall, and the force [N] on i."""
     table, x = motion.contacts(), motion.grains.position
     partner = x[np.maximum(table.j, 0)]
     if motion.sector is not None:

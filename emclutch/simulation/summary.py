@@ -56,7 +56,7 @@ def summarise(
     others=(),
     stopped: bool = False,
 ) -> None:
-    """summary.json: the torque with its error, the device, the numerics, the cost.
+    """Write ``summary.json``: the torque with its error, the device, the numerics, the cost.
 
     `seconds` are of the process: the whole run, and what of it went into compiling kernels, which the windows' total
     contains as well, and their parts do not. `others` are the histories of the other replicas: their torques count,
@@ -119,7 +119,7 @@ def coil_summary(coil, source, history) -> dict[str, Any]:
 
 
 def numerics_summary(history) -> dict[str, float | str | None]:
-    """Steps, overlaps and residuals of a run."""
+    """Return steps, overlaps and residuals of a run."""
     throughput = 0.0
     if DISSIPATED in history:
         throughput = float((history[WORK_WALLS].abs() + history[DISSIPATED]).sum())
@@ -136,7 +136,7 @@ def numerics_summary(history) -> dict[str, float | str | None]:
 
 
 def zone_summary(zone: PoleZone, histories, torque: Estimate) -> dict[str, float | str | None]:
-    """Shear stress [Pa] with its error, mean H [A/m] and fill of the powder between the poles, of the steady part."""
+    """Return shear stress [Pa] with its error, mean H [A/m] and fill of the powder between the poles, when steady."""
     late = [each[each[TIME] > (torque.start or 0.0)] for each in histories]
     found: dict[str, float | str | None] = {
         "shear_stress": None if torque.mean is None else zone.shear_stress(torque.mean),
@@ -150,7 +150,7 @@ def zone_summary(zone: PoleZone, histories, torque: Estimate) -> dict[str, float
 
 
 def replicas_summary(case, histories, torque: Estimate) -> dict[str, Any]:
-    """The replicas' seeds, and the mean torque [N m] of each over the averaged stretch."""
+    """Return the replicas' seeds, and the mean torque [N m] of each over the averaged stretch."""
     start, end = torque.start or 0.0, torque.end or np.inf
     late = [each[(each[TIME] > start * (1.0 + 1e-9)) & (each[TIME] <= end * (1.0 + 1e-9))] for each in histories]
     widths = [np.diff(each[TIME].to_numpy(), prepend=start) for each in late]
@@ -189,7 +189,7 @@ def solver_summary(history, tolerance: float) -> dict[str, float | list[str]]:
 
 
 def lock_up_time(history) -> float | None:
-    """Time [s] from which on the shafts' speeds stay within 1 % of the faster one; None if they do not."""
+    """Return the time [s] from which on the shafts' speeds stay within 1 % of the faster one; None if they do not."""
     slip = (history[ROTOR_SPEED] - history[DISC_SPEED]).abs()
     fast = np.maximum(history[ROTOR_SPEED].abs(), history[DISC_SPEED].abs())
     slipping = np.flatnonzero((slip > 0.01 * fast).to_numpy() | (fast == 0.0).to_numpy())

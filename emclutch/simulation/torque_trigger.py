@@ -30,7 +30,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(slots=True)
 class TorqueTrigger:
-    """Callback of the loop.
+    """Callback of the loop that ends a run once its torque is known, or asks for more of it.
 
     Attributes
     ----------
@@ -71,7 +71,7 @@ class TorqueTrigger:
         now, histories = self.now, self.replicas.histories(self.now.length)
         torque = steady_torque(histories[0], self.conditions, histories[1:])
         following = self.rule.after(torque, now)
-        self._tell(torque, following)
+        self._announce(torque, following)
         if isinstance(following, Stop):
             self.ended, self.reached = True, following.reached
             self.replicas.finish()
@@ -81,8 +81,8 @@ class TorqueTrigger:
         self.now = following
         self.replicas.request(following.count, following.length)
 
-    def _tell(self, torque: Estimate, following: GoOn | Stop) -> None:
-        """One line: torque, half width over what was asked for, packings, and what is left."""
+    def _announce(self, torque: Estimate, following: GoOn | Stop) -> None:
+        """Announce in one line: torque, half width over what was asked for, packings, and what is left."""
         now, half = self.now, torque.half_width()
         packings = f"{now.count} packing{'s' * (now.count > 1)} to {1e3 * now.length:.3g} ms"
         if torque.mean is None:

@@ -61,7 +61,7 @@ class WindowState:
 
 
 def window_state(simulation: Simulation, row: WindowRow, windows: int) -> WindowState:
-    """The state of a simulation whose run has `windows` windows."""
+    """Return the state of a simulation whose run has `windows` windows."""
     grains = simulation.motion.grains
     return WindowState(
         time=simulation.motion.time,
@@ -89,7 +89,7 @@ class CallbackError(RuntimeError):
 
 @dataclass(slots=True)
 class UserCallback:
-    """Callback of the loop that asks the user's; `stopped` says whether that one has ended the run.
+    """Callback of the loop that calls the user's; `stopped` is true where that one has ended the run.
 
     Attributes
     ----------

@@ -62,7 +62,7 @@ def parts_of(duration: float, part: float) -> int:
 
 
 def coupling_windows(scene, dt: float, speed: float, between_layers: float, held: bool) -> Windows:
-    """The windows of a scene with a step [s]; largest speeds of the walls, and between layers of grains [m/s].
+    """Return the windows of a scene with a step [s]; largest speeds of the walls, and between layers of grains [m/s].
 
     `held`: whether effects hold forces, which are evaluated several times a window.
     """
@@ -87,7 +87,7 @@ def coupling_windows(scene, dt: float, speed: float, between_layers: float, held
 
 
 def _steps_per_update(scene, dt: float, speed: float, between_layers: float) -> tuple[int, UpdateRule]:
-    """Steps between evaluations of the held forces, and what decides them."""
+    """Return the steps between evaluations of the held forces, and what decides them."""
     attraction = scene.effects.attraction
     if attraction is not None and attraction.update_every:
         return attraction.update_every, UpdateRule.ASKED
