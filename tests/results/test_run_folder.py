@@ -263,7 +263,7 @@ def test_files_that_are_no_record_are_told(tmp_path):
     foreign = (b"a text", b"", whole[: len(whole) // 2], _hdf5(tmp_path / "other.h5", a=np.zeros(3)))
     for content in foreign:
         path.write_bytes(content)
-        with pytest.raises(OutputError, match=r"run\.h5.*(no HDF5 file|no record that this program wrote)"):
+        with pytest.raises(OutputError, match=r"run\.h5.*(not an HDF5 file|no record that this program wrote)"):
             Record.open(path)
     # a group of that name without its arrays: found when it is asked for
     path.write_bytes(_hdf5(tmp_path / "hollow.h5", particles__grains__position__time=1.0, observables__current=2.0))
