@@ -152,7 +152,7 @@ class RunFolder:
         return folder
 
     def has_checkpoint(self) -> bool:
-        """Return whether a run that is to be resumed has a checkpoint; if not, it was killed before.
+        """True if a run that is to be resumed has a checkpoint; if not, it was killed before.
 
         Such a run starts again in its folder: it has lost what was before the end of its first window, no more.
 

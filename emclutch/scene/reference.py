@@ -38,9 +38,9 @@ between the instants, constant before and after.
 
 OTHER_FILES = """# Study files and design files
 
-A study ([studies.md](studies.md)) and a design search ([design_search.md](design_search.md)) have a TOML file of one
-section each. A dotted key is one of the scene's above, with or without quotes: `"coil.current"`; the entry `"none"`
-removes it, for `effects.NAME` also `"off"`.
+A study ([studies](how_to/studies.md)) and a design search ([design search](how_to/design_search.md)) have a TOML
+file of one section each. A dotted key is one of the scene's above, with or without quotes: `"coil.current"`; the
+entry `"none"` removes it, for `effects.NAME` also `"off"`.
 """
 
 

@@ -37,7 +37,7 @@ def run_checkpoint(path: str | Path) -> dict[str, Any]:
 
 
 def may_go_on(case: Case, folder: RunFolder) -> bool:
-    """Return whether a run continues from a checkpoint.
+    """True if a run continues from a checkpoint.
 
     Raises
     ------

@@ -13,8 +13,8 @@ the plan has solved it. Two laws:
   saturation Ms of the grains and stresses over mu_0 Ms^2, iron having 1.7 MA/m.
 - `chain_stress`: straight chains of touching point dipoles m = M V along the field, strained by gamma (Jolly, Carlson
   and Munoz, Smart Mater. Struct. 5 (1996) 607), tau = phi mu_0 M^2 max of gamma (4 - gamma^2)/(8 (1 + gamma^2)^(7/2))
-  = 0.114 phi mu_0 M^2; at most `neck_stress`, since chains are not straight. In sheared cells (docs/expected_torque.md)
-  mutual dipoles have this stress.
+  = 0.114 phi mu_0 M^2; at most `neck_stress`, since chains are not straight. In sheared cells
+  (docs/explanation/expected_torque.md) mutual dipoles have this stress.
 
 Not in it: rolling friction, which doubled the torque of the shipped clutches; powder that gathers at the poles; the
 mutual magnetisation by which the powder carries more flux than an even one. Without magnetism there is Coulomb friction
