@@ -81,3 +81,8 @@ def shown(value: object, limit: int = 60) -> str:
     else:
         text = repr(value)
     return text if len(text) <= limit else text[: limit - 4] + " ..."
+
+
+def reason_of(error: ValueError | OSError) -> str:
+    """Return why a file cannot be used, without its path: a fault shows it already."""
+    return str(getattr(error, "reason", None) or getattr(error, "strerror", None) or error)

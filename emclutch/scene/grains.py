@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Self
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
+from emclutch.scene.errors import reason_of
 from emclutch.scene.section import Choice, Section, Whole, refuse
 from emclutch.scene.sizes import Sizes, from_the_scenes_folder
 from emclutch.scene.units import Angle, Density, Length, Magnetisation, Mass, Time, number
@@ -126,7 +127,7 @@ class ParticlesSection(Section):
             try:
                 self.packing_in_file()
             except (ValueError, OSError) as error:
-                raise refuse(str(error).removeprefix(self.packing_file).lstrip(": "), key="packing_file") from None
+                raise refuse(reason_of(error), key="packing_file") from None
         if self.packing != "lattice":
             for key in ("lattice", "noise"):
                 if key in self.model_fields_set and getattr(self, key) != type(self).model_fields[key].default:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
+from emclutch.scene.errors import reason_of
 from emclutch.scene.section import Choice, Section, refuse
 from emclutch.scene.units import Length, number
 
@@ -160,7 +161,7 @@ class DiametersOfFile(_Distribution):
             with open(self.file, encoding="utf-8-sig") as stream:
                 head = next(line for line in stream if line.strip() and not line.lstrip().startswith("#"))
         except (ValueError, OSError) as error:
-            raise refuse(str(error).removeprefix(self.file).lstrip(":, "), key="file") from None
+            raise refuse(reason_of(error), key="file") from None
         if any(name.strip().lower() == "diameter" for name in head.split(",")):
             raise refuse("has no unit in its column 'diameter'; write 'diameter [mm]' in the head", key="file")
 

@@ -9,6 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
+from particles.errors import FileFault
+
 MAX_FILE = 50_000_000
 """Bytes: half a million grains; a larger table is refused before it is read, of which each byte takes twenty."""
 
@@ -36,43 +38,44 @@ def read_columns(path: str | Path) -> dict[str, np.ndarray]:
     """
     path = Path(path)
     if not path.is_file():
-        raise FileNotFoundError(f"{path} does not exist; check the path")
+        raise FileFault(path, "does not exist; check the path")
     if path.stat().st_size > MAX_FILE:
-        raise ValueError(
-            f"{path} is larger than {MAX_FILE // 1_000_000} MB; keep what is needed, a packing of many grains in "
-            "an npz archive"
+        raise FileFault(
+            path,
+            f"is larger than {MAX_FILE // 1_000_000} MB; keep what is needed, a packing of many grains in "
+            "an npz archive",
         )
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except UnicodeDecodeError:
-        raise ValueError(f"{path} is not text in UTF-8; a table is a CSV file with a line of names") from None
+        raise FileFault(path, "is not text in UTF-8; a table is a CSV file with a line of names") from None
     rows = [
         (number, row)
         for number, row in enumerate(csv.reader(lines), start=1)
         if any(entry.strip() for entry in row) and not row[0].lstrip().startswith("#")
     ]
     if len(rows) < 2:
-        raise ValueError(f"{path} has no table; a line with names and units, then a line for each entry, is needed")
+        raise FileFault(path, "has no table; a line with names and units, then a line for each entry, is needed")
     (head_line, head), *body = rows
     names, factors = [], []
     for entry in head:
         match = _HEAD.fullmatch(entry)
         if match is None:
-            raise ValueError(f"{path}, line {head_line}: '{entry.strip()}' names no column; write e.g. 'x [mm]'")
+            raise FileFault(path, f"line {head_line}: '{entry.strip()}' names no column; write e.g. 'x [mm]'")
         unit = match[2] or ""
         if unit not in _UNITS:
             known = ", ".join(u for u in _UNITS if u)
-            raise ValueError(f"{path}, line {head_line}: the unit '{unit}' of {match[1]} is unknown; known: {known}")
+            raise FileFault(path, f"line {head_line}: the unit '{unit}' of {match[1]} is unknown; known: {known}")
         names.append(match[1].lower())
         factors.append(_UNITS[unit])
     if len(set(names)) < len(names):
-        raise ValueError(f"{path}, line {head_line}: a column stands twice among {', '.join(names)}")
+        raise FileFault(path, f"line {head_line}: a column stands twice among {', '.join(names)}")
     values = np.empty((len(body), len(names)))
     for k, (number, row) in enumerate(body):
         if len(row) != len(names):
-            raise ValueError(f"{path}, line {number}: {len(row)} entries, but {len(names)} columns are named")
+            raise FileFault(path, f"line {number}: {len(row)} entries, but {len(names)} columns are named")
         try:
             values[k] = [float(entry) for entry in row]
         except ValueError:
-            raise ValueError(f"{path}, line {number}: {', '.join(row)} are not all numbers") from None
+            raise FileFault(path, f"line {number}: {', '.join(row)} are not all numbers") from None
     return {name: factor * values[:, k] for k, (name, factor) in enumerate(zip(names, factors, strict=True))}

@@ -21,7 +21,7 @@ from zipfile import BadZipFile
 
 import numpy as np
 
-from particles.errors import PackingError
+from particles.errors import FileFault, PackingError
 from particles.packing.columns_file import read_columns
 from particles.packing.packing import Packing, require_fit
 from particles.packing.space import Space
@@ -53,29 +53,29 @@ def read_packing(path: str | Path, *, radius: float | None = None) -> Packing:
     readers = {".csv": _from_csv, ".npz": _from_npz, ".vtp": _from_vtp}
     reader = readers.get(path.suffix.lower())
     if reader is None:
-        raise ValueError(f"{path} has the suffix '{path.suffix}'; a packing is read from {', '.join(readers)}")
+        raise FileFault(path, f"has the suffix '{path.suffix}'; a packing is read from {', '.join(readers)}")
     if not path.is_file():
-        raise FileNotFoundError(f"{path} does not exist; check the path")
+        raise FileFault(path, "does not exist; check the path")
     found = reader(path)
     position = _array(path, found, "position", 3)
     if position is None:
-        raise ValueError(f"{path} has no positions; it has {', '.join(found) or 'nothing'}")
+        raise FileFault(path, f"has no positions; it has {', '.join(found) or 'nothing'}")
     own = _array(path, found, "radius", 0)
     diameter = _array(path, found, "diameter", 0)
     if own is None and diameter is not None:
         own = 0.5 * diameter
     if own is None and radius is None:
-        raise ValueError(f"{path} has neither radius nor diameter; add one of them, or give the grains' diameter")
+        raise FileFault(path, "has neither radius nor diameter; add one of them, or give the grains' diameter")
     if own is not None and radius is not None:
-        raise ValueError(f"{path} has the grains' sizes, and a diameter is given as well; keep one of the two")
+        raise FileFault(path, "has the grains' sizes, and a diameter is given as well; keep one of the two")
     size = np.full(len(position), radius) if own is None else own
     velocity, spin = (_array(path, found, name, 3) for name in ("velocity", "angular_velocity"))
     for name, value in (("radius", size), ("velocity", velocity), ("angular_velocity", spin)):
         if value is not None and len(value) != len(position):
-            raise ValueError(f"{path}: {len(position)} positions but {len(value)} of {name}; give as many")
+            raise FileFault(path, f"{len(position)} positions but {len(value)} of {name}; give as many")
     if not (size > 0.0).all():
         k = int(np.flatnonzero(~(size > 0.0))[0])
-        raise ValueError(f"{path}: the radius of grain {k} is {size[k] * 1e3:g} mm; it must be positive")
+        raise FileFault(path, f"the radius of grain {k} is {size[k] * 1e3:g} mm; it must be positive")
     return Packing(position, size, velocity, spin)
 
 
@@ -104,15 +104,15 @@ def _array(path: Path, found: Mapping[str, np.ndarray], name: str, width: int) -
     try:
         value = np.array(found[name], dtype=float, order="C")
     except (TypeError, ValueError):
-        raise ValueError(f"{path}: {name} is not an array of numbers") from None
+        raise FileFault(path, f"{name} is not an array of numbers") from None
     if value.ndim != (2 if width else 1) or (width and value.shape[1] != width):
         wanted = f"(n, {width})" if width else "(n,)"
-        raise ValueError(f"{path}: {name} has shape {value.shape}; it must be {wanted}")
+        raise FileFault(path, f"{name} has shape {value.shape}; it must be {wanted}")
     if not len(value):
-        raise ValueError(f"{path} holds no grain")
+        raise FileFault(path, "holds no grain")
     bad = ~np.isfinite(value.reshape(len(value), -1)).all(axis=1)
     if bad.any():
-        raise ValueError(f"{path}: {name} of grain {int(np.flatnonzero(bad)[0])} is not finite")
+        raise FileFault(path, f"{name} of grain {int(np.flatnonzero(bad)[0])} is not finite")
     return value
 
 
@@ -125,7 +125,7 @@ def _from_csv(path: Path) -> dict[str, np.ndarray]:
     ):
         there = [part for part in parts if part in columns]
         if there and len(there) < 3:
-            raise ValueError(f"{path} has of {', '.join(parts)} only {', '.join(there)}; give all three")
+            raise FileFault(path, f"has of {', '.join(parts)} only {', '.join(there)}; give all three")
         if there:
             columns[name] = np.stack([columns.pop(part) for part in parts], axis=1)
     return columns
@@ -145,14 +145,15 @@ def _from_npz(path: Path) -> dict[str, np.ndarray]:
     # memory: of an array whose head says that it has more numbers than the file; not implemented: zipfile says so of a
     # compression that it lacks
     except (ValueError, OSError, EOFError, BadZipFile, zlib.error, NotImplementedError, MemoryError) as error:
-        raise ValueError(f"{path} is not an npz archive of arrays ({error})") from None
+        raise FileFault(path, f"is not an npz archive of arrays ({error})") from None
     raise _too_much(path, size)
 
 
-def _too_much(path: Path, size: int) -> ValueError:
-    return ValueError(
-        f"{path} holds {size:.2g} bytes of arrays; allowed: at most {MAX_BYTES:.2g}; keep positions and radii of the "
-        "grains that are needed"
+def _too_much(path: Path, size: int) -> FileFault:
+    return FileFault(
+        path,
+        f"holds {size:.2g} bytes of arrays; allowed: at most {MAX_BYTES:.2g}; keep positions and radii of the grains "
+        "that are needed",
     )
 
 
@@ -161,7 +162,7 @@ def _from_vtp(path: Path) -> dict[str, np.ndarray]:
 
     with open(path, "rb") as stream:
         if b"<VTKFile" not in stream.read(1000):
-            raise ValueError(f"{path} is not a VTK file in XML: it does not begin with <VTKFile; export it again")
+            raise FileFault(path, "is not a VTK file in XML: it does not begin with <VTKFile; export it again")
         with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as content:
             points = max(map(int, _NUMBER_OF_POINTS.findall(content)), default=0)
     if (size := max(path.stat().st_size, points * _MIN_BYTES_OF_A_POINT)) > MAX_BYTES:
@@ -172,9 +173,9 @@ def _from_vtp(path: Path) -> dict[str, np.ndarray]:
             warnings.filterwarnings("error", message="The VTK reader")
             mesh = pyvista.read(path)
     except Exception as error:  # VTK's and pyvista's readers fail each differently
-        raise ValueError(f"{path} cannot be read as VTK PolyData ({error}); export it again") from None
+        raise FileFault(path, f"cannot be read as VTK PolyData ({error}); export it again") from None
     if not isinstance(mesh, pyvista.PolyData):
-        raise ValueError(f"{path} holds {type(mesh).__name__}, not the points of a PolyData")
+        raise FileFault(path, f"holds {type(mesh).__name__}, not the points of a PolyData")
     return {
         "position": np.asarray(mesh.points),
         **{name: np.asarray(mesh.point_data[name]) for name in mesh.point_data},

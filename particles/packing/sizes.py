@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 from scipy.special import ndtr, ndtri
 
+from particles.errors import FileFault
 from particles.packing.columns_file import read_columns
 
 _STREAM = 1  # keeps the sizes' random numbers apart from the positions', which are drawn with the bare seed
@@ -320,12 +321,12 @@ def read_sizes(path: str | Path) -> ListedSizes:
     """
     columns = read_columns(path)
     if "diameter" not in columns:
-        raise ValueError(f"{path} has no column diameter; it has {', '.join(columns)}")
+        raise FileFault(path, f"has no column diameter; it has {', '.join(columns)}")
     shares = [name for name in ("number", "mass") if name in columns]
     if len(shares) > 1:
-        raise ValueError(f"{path} has fractions by number and by mass; keep one of the two columns")
+        raise FileFault(path, "has fractions by number and by mass; keep one of the two columns")
     weight = columns[shares[0]] if shares else None
     try:
         return ListedSizes(columns["diameter"], weight, by_mass=shares == ["mass"])
     except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
+        raise FileFault(path, f"{error}") from None

@@ -9,6 +9,7 @@ import pyvista
 
 from geometry.box import Box
 from particles import CyclicSector, PackingError
+from particles.errors import FileFault
 from particles.packing.file_packing import file_packing, read_packing
 from particles.packing.space import Space
 
@@ -98,13 +99,13 @@ np.save(LONE_ARRAY, np.zeros((2, 3)))
         ("a.csv", "x, y, z\n", "has no table"),
         ("a.csv", "x, y, z\n1, 2\n", "line 2: 2 entries, but 3 columns"),
         ("a.dat", "", "suffix '.dat'"),
-        ("a.npz", "text", "no npz archive"),
-        ("a.npz", b"", "no npz archive"),
-        ("a.npz", b"\x89HDF\r\n\x1a\n" + bytes(90), "no npz archive"),
-        ("a.npz", b"PK\x03\x04 a zip that was cut off", "no npz archive"),
-        ("a.npz", LONE_ARRAY.getvalue(), "no npz archive .*one array without a name"),
-        ("a.vtp", "text", "no VTK file in XML"),
-        ("a.vtp", b"\x89HDF\r\n\x1a\n" + bytes(90), "no VTK file in XML"),
+        ("a.npz", "text", "not an npz archive"),
+        ("a.npz", b"", "not an npz archive"),
+        ("a.npz", b"\x89HDF\r\n\x1a\n" + bytes(90), "not an npz archive"),
+        ("a.npz", b"PK\x03\x04 a zip that was cut off", "not an npz archive"),
+        ("a.npz", LONE_ARRAY.getvalue(), "not an npz archive .*one array without a name"),
+        ("a.vtp", "text", "not a VTK file in XML"),
+        ("a.vtp", b"\x89HDF\r\n\x1a\n" + bytes(90), "not a VTK file in XML"),
         ("a.vtp", '<VTKFile type="PolyData"><PolyData><Piece NumberOfPoints="3"><Points>', "cannot be read as VTK"),
         ("a.csv", b"\x89HDF\r\n\x1a\n" + bytes(90), "not text in UTF-8"),
     ],
@@ -113,5 +114,5 @@ def test_wrong_files_are_told(tmp_path, name, text, words):
     (tmp_path / name).write_bytes(text if isinstance(text, bytes) else text.encode())
     with pytest.raises(ValueError, match=words):
         read_packing(tmp_path / name)
-    with pytest.raises(FileNotFoundError, match="does not exist"):
+    with pytest.raises(FileFault, match="does not exist"):
         read_packing(tmp_path / "none.csv")
