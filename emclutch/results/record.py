@@ -11,7 +11,8 @@
 The grains of a frame are in the order of their ids, so ``value[:, i]`` is the path of one grain
 although the program sorts the grains by cell. HDF5 changes a file in many places at once, so each change is made
 to a copy that is then moved into place: a run that is killed at any moment, and a disk that is full, leave a
-record that can be read and continued. Checkpoints have their own file (`checkpoint`).
+record that can be read and continued, and the disk needs room for the copy. Checkpoints have their own file
+(`checkpoint`).
 
 P. de Buyl, P. H. Colberg, F. Höfling, "H5MD: a structured, efficient, and portable file format for
 molecular data", Comput. Phys. Commun. 185 (2014) 1546-1553.
