@@ -54,7 +54,7 @@ def check_file(path: Path, kind: str, suffixes: Sequence[str], scale: float = 1.
     """
     suffix = path.suffix.lower()
     if suffix not in suffixes:
-        raise CadError(f"{path} is no {kind} that is read here; give one of {', '.join(suffixes)}")
+        raise CadError(f"{path} is not a {kind} that is read here; give one of {', '.join(suffixes)}")
     if not path.is_file():
         raise CadError(f"{path} does not exist; check the path, which in a scene is relative to its folder")
     if not (math.isfinite(scale) and scale > 0.0):

@@ -192,7 +192,8 @@ NOTHING = r"cannot be read|neither solids nor faces"
 
 @pytest.mark.parametrize(
     ("name", "content", "words"),
-    [("none.step", None, "does not exist"), ("a.stl", "solid", "no CAD file"), ("a.step", "solid", "not a STEP file"),
+    [("none.step", None, "does not exist"), ("a.stl", "solid", "not a CAD file"),
+     ("a.step", "solid", "not a STEP file"),
      ("a.step", EMPTY_STEP, NOTHING), ("a.brep", "nonsense", "not a BREP file"), ("a.igs", "nonsense", "not an IGES"),
      ("a.brep", "DBRep_DrawableShape nonsense", NOTHING), ("a.geo", "Point(1) = {0, 0, 0", NOTHING),
      ("a.geo", BUILT_IN, "built-in kernel")],

@@ -96,7 +96,7 @@ def test_its_mesh_is_drawn(drawn, tmp_path):
 # name: (keys of [geometry] that are changed, key in the message, fragments)
 FAULTS = {
     "no file": ({"file": "none.step"}, "geometry.file = 'none.step'", ("does not exist; check the path",)),
-    "not CAD": ({"file": "scene.toml"}, "geometry.file", ("no CAD file", ".step")),
+    "not CAD": ({"file": "scene.toml"}, "geometry.file", ("not a CAD file", ".step")),
     "a material too many": ({"materials": {**MATERIALS, "yoke": "steel_1010"}}, "geometry.file",
                             ("no part named 'yoke'", "found in the file:", "taken for 'rotor'")),
     "a material too few": ({"materials": {"disc": "steel_1010"}}, "geometry.file",

@@ -95,7 +95,7 @@ def test_resolved_contact_loads_to_the_same(law):
         ({"law": "hertz", "youngs_modulus": 1e9}, "take law = 'hertz_mindlin'"),
         ({"law": "hertz", "stiffness": 1e3}, "take law = 'linear' or 'thesis' or 'walton_braun'"),
         ({"law": "walton_braun", "stiffness": 1e4, "unloading_stiffness": 4e4, "restitution": 0.6}, "it makes it sqrt"),
-        ({"law": "walton_braun", "unloading_stiffness": 4e4}, "needs stiffness beside it"),
+        ({"law": "walton_braun", "unloading_stiffness": 4e4}, "needs stiffness as well"),
         ({"law": "walton_braun", "stiffness": 1e4, "unloading_stiffness": 1e3}, "below the stiffness 10000 N/m"),
         ({"law": "hurtz"}, "did you mean 'hertz'"),
         ({"law": "hertz", "hertz_stiffness": "1e9 N/m"}, "is a stiffness; a Hertz stiffness is needed"),

@@ -91,7 +91,7 @@ def test_a_study_of_it_is_refused_and_so_is_a_run_from_python(alone, tmp_path):
 @pytest.mark.parametrize(
     ("values", "words"),
     [
-        ({"effects.dipoles": {}, "effects.gravity": {}}, "beside [effects.gravity], [effects.dipoles]"),
+        ({"effects.dipoles": {}, "effects.gravity": {}}, "required by [effects.gravity], [effects.dipoles]"),
         ({"field": None}, "needs [field] source = 'coil'"),
         ({"field": {"source": "uniform", "field_strength": 1e5, "direction": "axial"}}, "field of a coil alone"),
     ],
