@@ -92,11 +92,11 @@ def _version(package: str) -> str | None:
         return None
 
 
-def as_line(told: dict, found: list[Row]) -> str:
+def as_line(reported: dict, found: list[Row]) -> str:
     """A sitting and its rows as the line of the history."""
     names = ("what", "n", "threads", "clock", "unit", "ours", "peer", "theirs", "faster", "remark")
     table = [{name: getattr(row, name) for name in names} for row in found]
-    return json.dumps(told | {"load_after": os.getloadavg()[0], "rows": table})
+    return json.dumps(reported | {"load_after": os.getloadavg()[0], "rows": table})
 
 
 def main() -> None:
@@ -110,18 +110,18 @@ def main() -> None:
     import numba
 
     numba.set_num_threads(1)
-    told = sitting(given.rounds)
-    machine, versions = told["machine"], told["versions"]
+    reported = sitting(given.rounds)
+    machine, versions = reported["machine"], reported["versions"]
     peers = ", ".join(f"{name} {one}" for name, one in versions.items() if one is not None)
-    print(f"{told['date']}, {told['commit']}; {peers}")
-    print(f"{machine['cpu']}, {machine['cores']} cores, load {told['load_before']:.1f}")
+    print(f"{reported['date']}, {reported['commit']}; {peers}")
+    print(f"{machine['cpu']}, {machine['cores']} cores, load {reported['load_before']:.1f}")
     print(HEADER, flush=True)
     found = []
     for row in rows(given.only, given.rounds, tuple(given.sizes)):
         print(row.in_words(), flush=True)
         found.append(row)
     with given.history.open("a", encoding="utf-8") as file:
-        file.write(as_line(told, found) + "\n")
+        file.write(as_line(reported, found) + "\n")
     print(f"load now {os.getloadavg()[0]:.1f}; added to {given.history}")
 
 

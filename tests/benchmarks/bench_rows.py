@@ -88,8 +88,8 @@ def dem_rows(rounds: int, sizes: tuple[int, ...] = (1000, 10_000)) -> Iterator[R
                     answers[one].append(ours(state, threads, steps, windows, avx2=True))
                 for way in ways:
                     answers[way].append(theirs(scene, threads, steps, windows, way))
-            found = {way: _least_and_median(told, clock, 1e9 / (n * steps)) for way, told in answers.items()}
-            bed = {way: float(np.mean([one["coordination"] for one in told])) for way, told in answers.items()}
+            found = {way: _least_and_median(reported, clock, 1e9 / (n * steps)) for way, reported in answers.items()}
+            bed = {way: float(np.mean([one["coordination"] for one in reported])) for way, reported in answers.items()}
             for way in ways or (None,):
                 peer, best, remark = "LAMMPS (not here)", None, ""
                 if way is not None:
@@ -172,16 +172,16 @@ def field_rows(rounds: int) -> Iterator[Row]:
         from ngsolve_oracle import solve_section
 
         for threads in (1, 2):
-            told = [
+            reported = [
                 solve_section(built.mesh, laws, AMPERE_TURNS, order, 1e-8, threads=threads)
                 for _ in range(2 * rounds + 1)
             ]
-            linkage = field.flux_linkage_per_turn / told[-1]["flux_linkage_per_turn"] - 1.0
+            linkage = field.flux_linkage_per_turn / reported[-1]["flux_linkage_per_turn"] - 1.0
             remark = f"{backend}; linkage {linkage:+.1e}" + (
                 "" if abs(linkage) < SAME_FIELD else ": NOT the same field"
             )
             yield Row(what, problem.n_dofs, 1, "wall", "ms a nonlinear solve", best, f"NGSolve, {threads} thread(s)",
-                      1e3 * min(one["seconds_solve"] for one in told[1:]), remark)  # fmt: skip
+                      1e3 * min(one["seconds_solve"] for one in reported[1:]), remark)  # fmt: skip
     yield axial_force_row(rounds)
 
 

@@ -7,7 +7,7 @@ those of the step before (warm), and from these times random numbers from 0 to 2
 
 Under the convex law velocities, and with them a free shaft's speed, are unique; under exact Coulomb friction neither
 these nor the torque need be. Printed for each bed: the mean size of the torque on the drum; its spread over the starts
-(largest less smallest, as a share of that size), mean, median and largest of the steps that met the tolerance from
+(largest less smallest, as a fraction of that size), mean, median and largest of the steps that met the tolerance from
 every start, and how many of these spread by more than 1e-4; the spread of the least certain contact force, as a chunk
 of the largest force; how many steps missed the tolerance from some start, and the largest natural map. Some minutes.
 

@@ -67,10 +67,10 @@ def main() -> None:
         found = estimates(folder, count, size)
         inside, pairs = share_within(found)
         means = np.array([one.mean for one in found])
-        told = np.sqrt(np.mean([one.standard_error**2 for one in found if one.standard_error is not None]))
+        reported = np.sqrt(np.mean([one.standard_error**2 for one in found if one.standard_error is not None]))
         print(
             f"{size} a run: {inside} of {pairs} pairs within 95 % ({inside / max(pairs, 1):.0%}); mean "
-            f"{means.mean():.4g} N m, scatter {means.std(ddof=1):.2g}, error told {told:.2g} N m, "
+            f"{means.mean():.4g} N m, scatter {means.std(ddof=1):.2g}, estimated error {reported:.2g} N m, "
             f"{sum(one.converged for one in found)} of {len(found)} converged"
         )
 

@@ -6,8 +6,8 @@ Processor time; one thread unless OMP_NUM_THREADS says otherwise. The peer is th
 moments on the same rows (`dipole_forces`). A listed pair is a row's entry: each pair is seen from both of its grains.
 What does not depend on the moments (`coupling.influence`) is set up once an update, then come the sweeps, then the
 forces: the price of a sweep is the difference between 30 of them and 10. With a finished run (`emclutch run
-cases/quickstart.toml`), the share of it that each part took follows, from its summary: wall-clock time, so of an idle
-machine.
+cases/quickstart.toml`), the fraction of it that each part took follows, from its summary: wall-clock time, so of an
+idle machine.
 """
 
 import argparse

@@ -1,4 +1,4 @@
-"""`emclutch calibrate` at toy size: table, files, the cache that is asked first, and what bad input is told."""
+"""`emclutch calibrate` at toy size: table, files, the cache that is asked first, and what bad input is reported."""
 
 import json
 

@@ -79,7 +79,7 @@ def test_torque_comes_with_its_error():
     assert torque_line(None) == "torque on the disc: none"
 
 
-def test_a_lock_and_soft_grains_are_told_last():
+def test_a_lock_and_soft_grains_are_reported_last():
     last = pandas.DataFrame({"rotor_speed": [0.0, 10.0 * math.pi], "disc_speed": [0.0, 9.0 * math.pi]})
     compliant = {"method": "dvi", "compliant": True, "stiffness": 2e4}
     soft = {"contact": compliant, "max_overlap": 0.05, "lock_up_time": 1.25}
@@ -96,17 +96,17 @@ def test_a_lock_and_soft_grains_are_told_last():
 
 
 @pytest.mark.parametrize(
-    ("values", "told"),
+    ("values", "reported"),
     [
         ({"contact.stiffness": "20 kN/m"}, "raise contact.stiffness = 20000 fourfold"),
         ({"contact.law": "hertz"}, "lower contact.max_overlap = 0.005 to a quarter, or give contact.hertz_stiffness"),
     ],
 )
-def test_grains_pressed_in_too_far_name_the_key(values, told):
+def test_grains_pressed_in_too_far_name_the_key(values, reported):
     case = load_case(GOOD, values)
     pressed_in = DemError(DemErrorKind.OVERLAP, "it is 11 % inside a wall", "raise it", 3, np.zeros(3), 0.1)
     text = remedy_in_scene(case, pressed_in)
-    assert told in text and "take another --out, not --resume" in text
+    assert reported in text and "take another --out, not --resume" in text
     escaped = DemError(DemErrorKind.ESCAPED, "it overlaps nothing any more", "", 3, np.zeros(3), 0.1)
     assert remedy_in_scene(case, escaped) == ""
     with pytest.raises(OutputError, match="a changed contact needs a new run"):
@@ -127,7 +127,7 @@ def test_an_effect_that_is_on_keeps_its_entries(tmp_path):
     assert kept.dipoles.cutoff == 3.5 and kept.wall_images is not None
 
 
-def test_version_is_told():
+def test_version_is_reported():
     assert CliRunner().invoke(app, ["--version"]).output == f"emclutch {__version__}\n"
 
 

@@ -90,6 +90,6 @@ def test_nothing_is_overwritten_and_folders_are_counted(run, tmp_path):
     assert names == ["export-csv-1", "export-csv-2"]
     with pytest.raises(OutputError, match="exists"):
         export(run.path, Format.CSV, run.path / "export-csv-1")
-    told = CliRunner().invoke(app, ["export", str(run.path), "--to", "xlsx"])
-    assert told.exit_code == 2 and "csv, parquet, mat, vtk" in told.output
+    reported = CliRunner().invoke(app, ["export", str(run.path), "--to", "xlsx"])
+    assert reported.exit_code == 2 and "csv, parquet, mat, vtk" in reported.output
     assert CliRunner().invoke(app, ["export", str(tmp_path), "--to", "csv"]).exit_code == 2

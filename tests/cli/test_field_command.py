@@ -1,4 +1,4 @@
-"""`emclutch field`: the field's quantities along a sweep agree with one another, and bad input is told."""
+"""`emclutch field`: the field's quantities along a sweep agree with one another, and bad input is reported."""
 
 import json
 from pathlib import Path
@@ -80,7 +80,7 @@ def test_points_for_paraview_belong_to_one_region_each_and_agree_with_its_cells(
     assert np.unique(data.points, axis=0).shape[0] < data.n_points, "points on faces stand once for each region"
 
 
-def test_powder_that_is_fed_back_is_told_beside_its_chains(studied):
+def test_powder_that_is_fed_back_is_reported_beside_its_chains(studied):
     """The rows have grains without order; in chains they carry more flux, at most in proportion to their mu_r."""
     last = json.loads((studied / "field.json").read_text())["at_last_current"]
     row = pandas.read_csv(studied / "field.csv").iloc[-1]
@@ -133,7 +133,7 @@ def test_a_pot_magnet_pulls_its_disc_by_the_pressure_on_the_poles(tmp_path):
           "--set", "effects.wall_images=off", "--set", "effects.saturation=off"), "no coil's field"),
     ],
 )  # fmt: skip
-def test_bad_input_is_told(arguments, words, tmp_path):
+def test_bad_input_is_reported(arguments, words, tmp_path):
     result = invoke(*arguments, "--out", tmp_path / "new")
     assert result.exit_code == 2 and words in result.output.replace("\n", " ")
     assert not (tmp_path / "new").exists()
@@ -180,24 +180,24 @@ def test_the_command_gives_the_forces_of_a_thin_disc(thin_disc, tmp_path):
     assert sorted(forces["rotor"]["regions"]) == ["cover", "rotor"] and forces["disc"]["error_estimate"] > 0.0
 
 
-def test_a_force_that_is_not_defined_is_told_with_its_reason(thin_disc):
+def test_a_force_that_is_not_defined_is_reported_with_its_reason(thin_disc):
     """The rotor without the covers that it touches: a reason for the user, and no key of a call."""
     _, _, solution = thin_disc
-    told = forces_on(solution, [("rotor", ["rotor"])])["rotor"]
-    assert told["regions"] == ["rotor"] and "maxwell_stress" not in told
-    assert "touches cover, which cannot deform" in told["not_defined"] and "yielding" not in told["not_defined"]
+    reported = forces_on(solution, [("rotor", ["rotor"])])["rotor"]
+    assert reported["regions"] == ["rotor"] and "maxwell_stress" not in reported
+    assert "touches cover, which cannot deform" in reported["not_defined"] and "yielding" not in reported["not_defined"]
 
 
-def test_a_displaced_solve_that_fails_is_told(thin_disc, monkeypatch):
+def test_a_displaced_solve_that_fails_is_reported(thin_disc, monkeypatch):
     """It costs the virtual work alone: stress and error estimate are there, and the reason beside them."""
 
     def fails(*_, **__):
         raise ConvergenceError([(0.5, 1.0)], "take a finer mesh")
 
     monkeypatch.setattr("emclutch.device.body_forces.force_by_virtual_work", fails)
-    told = forces_on(thin_disc[2], [("disc", ["disc"])])["disc"]
-    assert told["virtual_work"] is None and "did not converge" in told["no_virtual_work"]
-    assert told["error_estimate"] > 0.0 and "error_estimate_of_two_shells" not in told
+    reported = forces_on(thin_disc[2], [("disc", ["disc"])])["disc"]
+    assert reported["virtual_work"] is None and "did not converge" in reported["no_virtual_work"]
+    assert reported["error_estimate"] > 0.0 and "error_estimate_of_two_shells" not in reported
 
 
 def test_nothing_is_overwritten(studied):

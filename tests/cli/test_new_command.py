@@ -64,7 +64,7 @@ def test_a_clutch_from_cad_brings_its_drawing(written):
     assert written["cad"].with_suffix(".step").is_file() and device.coil is not None and device.fill.count > 100
 
 
-def test_nothing_is_overwritten_and_kinds_are_told(tmp_path):
+def test_nothing_is_overwritten_and_kinds_are_reported(tmp_path):
     file = tmp_path / "mine.toml"
     (tmp_path / "mine.step").write_text("mine")
     with pytest.raises(SceneError, match=r"mine\.step exists"):
@@ -76,6 +76,6 @@ def test_nothing_is_overwritten_and_kinds_are_told(tmp_path):
     assert CliRunner().invoke(app, ["check", str(file)]).exit_code == 0
 
 
-def test_a_device_from_cad_without_materials_is_told(written):
+def test_a_device_from_cad_without_materials_is_reported(written):
     with pytest.raises(SceneError, match=r"geometry\.materials is missing"):
         emclutch.load_case(written["cad"], {"geometry.materials": None})

@@ -131,10 +131,10 @@ def test_type_checkers_see_the_names_that_are_loaded_when_asked_for():
     """The imports under TYPE_CHECKING are those of the table, and no module of the package hides a name of its face."""
     tree = ast.parse((ROOT / "emclutch" / "__init__.py").read_text(encoding="utf-8"))
     block = next(node for node in tree.body if isinstance(node, ast.If))
-    told = {name.name: node.module for node in block.body for name in node.names}
+    reported = {name.name: node.module for node in block.body for name in node.names}
     table = next(node for node in ast.walk(tree) if isinstance(node, ast.Dict))
     places = {key.value: value.value for key, value in zip(table.keys, table.values, strict=True)}
-    assert told == {name: place.partition(":")[0] for name, place in places.items()}
+    assert reported == {name: place.partition(":")[0] for name, place in places.items()}
     modules = {path.stem for path in (ROOT / "emclutch").iterdir() if path.suffix in (".py", "")}
     assert not modules & set(emclutch.__all__)
     for name, place in places.items():

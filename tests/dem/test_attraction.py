@@ -160,7 +160,7 @@ def test_pairs_that_touch_attract_as_at_the_smallest_gap():
     assert felt - dem.contact_force[0, 0] == pytest.approx(pull(0.0, 1.7, 0.03)[0], rel=1e-9)
 
 
-def test_drives_are_renewed_on_demand_and_the_list_is_as_it_is_told():
+def test_drives_are_renewed_on_demand_and_the_list_is_as_it_is_reported():
     grains = Grains.create([[0.0, 0.0, 0.0], [2.0 * RADIUS, 0.0, 0.0]], [RADIUS, 0.9 * RADIUS], DENSITY)
     dem = DEM(grains, [], [], LAW, dt=1e-9, skin=0.01 * RADIUS)
     asked = []
@@ -342,7 +342,7 @@ def test_a_ring_of_copies_follows_the_sector():
     assert on_ring.n_contacts == PARTS * on_part.n_contacts
 
 
-# ---- what it is told, and refuses
+# ---- input and refusals
 
 
 def test_the_stiffest_slot_is_known_to_the_step_and_to_the_warnings():

@@ -71,7 +71,7 @@ def test_state_of_another_scene_is_refused():
 
 
 def test_beginning_with_the_grains_of_another_run_goes_on_at_time_0():
-    """As that run itself would go on, but for round-off: the list is rebuilt. Resting springs would not."""
+    """As that run itself would continue, but for round-off: the list is rebuilt. Resting springs would not."""
     straight, first = _scene(200), _scene(200)
     straight.run(500)
     first.run(230)

@@ -57,7 +57,7 @@ def impact(law, m_eff=M, r_eff=R, speed=V, pressed_by=0.0, start=0.0):
     first = solve_ivp(rate, (0, 1e3), (start, 1.0, 0.0), events=deepest, args=(0.0,), **settings)
     depth = X * first.y[0, -1] ** 2
     force = max(sum(forces(s, u, 0.0)) for s, u in first.y[:2].T) * force_unit
-    if pressed_by > 0.0:  # it goes on trembling
+    if pressed_by > 0.0:  # it continues to chatter
         return math.nan, depth, force, math.nan
     # no memory on the way in: the overlap is its own peak; on the way out it is the depth
     last = solve_ivp(rate, (0, 1e3), first.y[:, -1], events=over, args=(depth,), **settings)

@@ -85,7 +85,7 @@ def test_stops_name_grain_place_time_and_remedy():
 
 
 def test_a_stop_leaves_the_last_good_state_usable():
-    """What was saved before the stop goes on after it, once the cause is gone."""
+    """What was saved before the stop continues after it, once the cause is gone."""
     cell = Box((0.02, 0.02, 0.02))
     grains = Grains.create([[0.0, 0.0, 0.01]], RADIUS, DENSITY, velocity=[[0.3, 0.2, 0.1]])
     dem = make_dem(grains, cell.walls(), [Body("housing")], law("linear"))

@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from geometry.kernels.device_functions import njit_without_refcounts
-from particles.dem.contact_kernel import Touch, contact_force, turned
+from particles.dem.contact_kernel import Touch, contact_force, rotate_spring
 from particles.laws.columns import COHESION_0, COHESIVE, DAMPING_N, DAMPING_T, MU, N_LAW
 from particles.laws.elastic import Elastic
 from particles.laws.hertz import HertzContact
@@ -92,12 +92,12 @@ def test_spring_of_a_pair_follows_its_normal_through_a_quarter_turn(steps, loss)
         new = np.array([np.sin(k * turn), 0.0, np.cos(k * turn)])
         w = new - n
         w -= (w @ new) * new
-        history[0] = turned(tuple(w), 0.0, tuple(new), history, 0, 0)
+        history[0] = rotate_spring(tuple(w), 0.0, tuple(new), history, 0, 0)
         n = new
     assert history[0] == pytest.approx([0.0, 4e-6, -3e-6], abs=10 * loss * 5e-6)
     assert 1.0 - loss <= np.linalg.norm(history[0]) / 5e-6 <= 1.0 + 1e-12
     for _ in range(steps):
-        history[0] = turned((0.0, 0.0, 0.0), turn, tuple(n), history, 0, 0)
+        history[0] = rotate_spring((0.0, 0.0, 0.0), turn, tuple(n), history, 0, 0)
     assert history[0] == pytest.approx([0.0, 3e-6, 4e-6], abs=10 * loss * 5e-6)
 
 

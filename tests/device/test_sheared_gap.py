@@ -54,13 +54,13 @@ def test_the_inertial_number_at_the_faces_is_that_of_both_face_gaps():
 
 def test_check_names_the_gap_and_the_impacts_in_it(tmp_path):
     """Layers of 0.2 mm grains go past each other at twice d/g of the wall's speed of 0.482 m/s at r = 46 mm."""
-    told = {}
+    reported = {}
     for region in ("rim", "faces"):
         scene = tmp_path / f"{region}.toml"
         load_case(GOOD, {**NO_FIELD, **WIDE, "effects.gravity": None, "particles.region": region}).write_toml(scene)
         output = CliRunner().invoke(app, ["check", str(scene), "--json"])
-        told[region] = json.loads(output.stdout)["plan"]
-    assert told["rim"]["sheared gap"] == "at the rim, 1 mm wide at a mean radius of 45.5 mm"
-    assert told["faces"]["sheared gap"] == "at the faces, 1.6 mm wide at a mean radius of 38 mm"
-    assert "impacts at 0.193 m/s" in told["rim"]["stiffness"]  # 0.482 * 0.4
-    assert "impacts at 0.12 m/s" in told["faces"]["stiffness"]  # 0.482 * 0.25
+        reported[region] = json.loads(output.stdout)["plan"]
+    assert reported["rim"]["sheared gap"] == "at the rim, 1 mm wide at a mean radius of 45.5 mm"
+    assert reported["faces"]["sheared gap"] == "at the faces, 1.6 mm wide at a mean radius of 38 mm"
+    assert "impacts at 0.193 m/s" in reported["rim"]["stiffness"]  # 0.482 * 0.4
+    assert "impacts at 0.12 m/s" in reported["faces"]["stiffness"]  # 0.482 * 0.25

@@ -14,7 +14,7 @@ Feng, Math. Comput. Model. 28 (1998) 225). At rest s = 0 and one programme is en
 point; Acary, Cadoux, Lemarechal & Malick, ZAMM 91 (2011) 155) is no contraction where much slides: in a bed that shears
 it goes round at 1e-3 of the sliding speeds, however exact the programmes. The second trial therefore linearises s
 within the programme, which makes its matrix unsymmetric; of the steps on which sweeps stall it solved three of eight
-tried, and from the others iterated shifts go on. Each trial starts accelerated sweeps, which finish as soon as the
+tried, and from the others iterated shifts continue. Each trial starts accelerated sweeps, which finish as soon as the
 contacts' states are right. Where the trials run out the best impulses met, those at the start included, are kept.
 """
 

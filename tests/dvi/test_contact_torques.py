@@ -379,7 +379,7 @@ def test_a_ball_on_springs_winds_them_up_on_a_slope_and_rests():
 
 
 def test_the_books_of_a_bed_on_springs_close():
-    """Their energies among them; and it goes on bit for bit after a restart."""
+    """Their energies among them; and it continues bit for bit after a restart."""
     stiffness = np.full((2, 2), 5e4)
     dvi, other = bed(speed=8.0, stiffness=stiffness), bed(speed=8.0, stiffness=stiffness)
     for _ in range(5):

@@ -146,7 +146,7 @@ class Step:
         return float(np.max(self.w_n * np.linalg.norm(impulse - near, axis=1)))
 
     def differs(self, velocity):
-        """Distance from the code's velocities in the metric of the masses, as a share of the free ones."""
+        """Distance from the code's velocities in the metric of the masses, as a fraction of the free ones."""
         root = np.sqrt(self.mass)
         return np.linalg.norm(root * (velocity - self.velocity)) / np.linalg.norm(root * self.free)
 

@@ -166,7 +166,7 @@ def test_a_heavy_sphere_rests_on_a_light_one():
     assert np.abs(dvi.grains.velocity).max() < 1e-7
 
 
-def test_a_mass_ratio_beyond_sweeps_is_told_and_has_a_solution():
+def test_a_mass_ratio_beyond_sweeps_is_reported_and_has_a_solution():
     """A million to one: the step counts as missed; the interior point, which is no part of the program, solves it."""
     dvi = _stacked(1e6)
     assert dvi.run(1).missed_steps == 1

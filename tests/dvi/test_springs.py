@@ -51,7 +51,7 @@ def test_the_calibration_meets_dashpots_that_are_known():
     for e in (0.3, 0.6, 0.9):
         fraction, met = calibrated(ROOTS[:1], e)
         assert met[0]
-        # first order in the step: the share of backward Euler, a, is in it
+        # first order in the step: the fraction of backward Euler, a, is in it
         assert fraction[0] == pytest.approx(2.0 * damping_ratio(e) * ROOTS[0], abs=1.5 * ROOTS[0] ** 2)
 
 

@@ -126,7 +126,7 @@ def test_one_and_two_threads_agree_bitwise(make, n, steps, more):
 
 
 def test_four_threads_agree_bitwise():
-    """In a process of its own: numba starts no more threads than there are cores unless it is told to at the start."""
+    """In a process of its own: numba starts no more threads than there are cores unless asked at the start."""
     script = (
         "import sys, numba, numpy as np; sys.path.insert(0, sys.argv[1]); import test_threads as t\n"
         "t.sweep_chunks.WORTH_SHARING = 100\n"

@@ -87,8 +87,8 @@ def scene(tmp_path, script):
 def test_a_scene_is_trusted_by_its_reader_only(scene, marker):
     refused = CliRunner().invoke(app, ["check", str(scene)])
     assert refused.exit_code == 2 and "geometry.file" in refused.output and "--trust-scripts" in refused.output
-    told_in_the_scene = CliRunner().invoke(app, ["check", str(scene), "--set", "geometry.trust_scripts=true"])
-    assert told_in_the_scene.exit_code == 2 and not marker.exists()
+    reported_in_the_scene = CliRunner().invoke(app, ["check", str(scene), "--set", "geometry.trust_scripts=true"])
+    assert reported_in_the_scene.exit_code == 2 and not marker.exists()
     case = load_case(scene, trust_scripts=True)
     assert marker.exists()
     assert case.with_values({"coil.current": "0.1 A"}).scene.geometry.options()["trust_scripts"]

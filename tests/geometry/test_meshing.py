@@ -125,7 +125,7 @@ def test_gmsh_is_finalised_even_after_an_error_and_ctrl_c_stays_with_python(monk
 @pytest.mark.skipif(not hasattr(signal, "SIGPIPE"), reason="no such signal on this system")
 @pytest.mark.parametrize("in_thread", [False, True])
 def test_a_broken_pipe_stays_an_error_after_meshing(in_thread):
-    """`gmsh.initialize` alone makes it end the process: a run whose replica had died was gone without a word."""
+    """`gmsh.initialize` alone makes it end the process: a run whose replica had died was gone without a message."""
     mesh = "Thread(target=mesh_clutch, args=[Clutch()])" if in_thread else "mesh_clutch(Clutch())"
     program = f"""
 import os

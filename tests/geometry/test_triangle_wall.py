@@ -52,7 +52,7 @@ def test_a_soup_becomes_a_mesh():
 @given(st.integers(0, 2**32 - 1), st.integers(3, 30), st.booleans(), st.floats(0.1, 3.0))
 @settings(max_examples=40, deadline=None)
 def test_a_prism_has_the_polygons_area_and_volume(seed, corners, reverse, height):
-    """Star-shaped polygons, most not convex, either way round: shoelace formula for the oracle."""
+    """Star-shaped polygons, most not convex, in either direction: shoelace formula for the oracle."""
     rng = np.random.default_rng(seed)
     angle = 2.0 * np.pi * (np.arange(corners) + rng.uniform(-0.4, 0.4, corners)) / corners
     x, y = rng.uniform(0.2, 1.0, corners) * np.array([np.cos(angle), np.sin(angle)])

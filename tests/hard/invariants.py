@@ -22,10 +22,10 @@ def margins(run: FinishedRun, bounds: Mapping[str, object]) -> dict[str, float]:
 
 
 def step_error(run: FinishedRun) -> float:
-    """Share of its energy that an impact may lose or gain by DEM, (pi/n)^2/4 at n steps a contact.
+    """Fraction of its energy that an impact may lose or gain by DEM, (pi/n)^2/4 at n steps a contact.
 
     A step of v dt in whose midst grains meet takes the work of their spring k by the trapezoid rule, which misses at
-    most k (v dt)^2/8: of m v^2/2 the share (omega dt)^2/4, where omega dt = pi/n, n steps being half a period.
+    most k (v dt)^2/8: of m v^2/2 the fraction (omega dt)^2/4, where omega dt = pi/n, n steps being half a period.
     """
     return 0.25 * (pi / run.case.scene.time.steps_per_contact) ** 2
 
@@ -100,7 +100,7 @@ def magnetisation(run: FinishedRun, most: float) -> float:
 
 
 def magnetised(run: FinishedRun, least: float) -> float:
-    """The mean magnetisation is at least this share of the saturation: what is to be hard about it was there."""
+    """The mean magnetisation is at least this fraction of the saturation: what is to be hard about it was there."""
     volume = 4.0 / 3.0 * pi * run.radius**3
     mean = float((np.linalg.norm(run.moment, axis=1) / volume).mean()) / run.case.scene.particles.saturation
     return least / max(mean, 1e-300)
@@ -231,7 +231,7 @@ def torque_scale(run: FinishedRun) -> float:
 
 
 def _share(run: FinishedRun, bound: float | str) -> float:
-    """A share that the scene gives as a number, or as "step": that of `step_error`."""
+    """A fraction that the scene gives as a number, or as "step": that of `step_error`."""
     return step_error(run) if isinstance(bound, str) else bound
 
 

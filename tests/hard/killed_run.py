@@ -98,7 +98,7 @@ class KilledRun:
         return int(re.findall(r"(\d+) events", said)[-1])
 
     def _words(self) -> list[str]:
-        """The command with which a user starts it, or goes on where that is possible."""
+        """The command with which a user starts it, or continues where that is possible."""
         if self.command == "sweep":
             begun = (self.folder / "study.log").is_file()
             return ["sweep", str(self.source), "--out", str(self.folder), *self.options, *["--resume"] * begun]

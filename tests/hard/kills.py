@@ -6,7 +6,7 @@ has at its end must be, to the last bit, what it has when nobody disturbs it: hi
 profiles, files for ParaView, those of its replicas too; of a study the table and every point. Clocks are left out.
 
 The table (scene, effects, kills, at what, runs that came to their end, what differs, processor seconds) is printed, and
-stored as FOLDER/kills.csv. Exit code 1: a record differs, or a run did not go on.
+stored as FOLDER/kills.csv. Exit code 1: a record differs, or a run did not continue.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Random scenes broken on purpose: wrong types, units, signs, NaN, unknown keys, sections that contradict each other.
 
-Two kinds of faults are told apart. Some are wrong for certain (a NaN, a truth value for a number, a key that no section
-has): the scene must be refused, by the name of that key. Others may leave a right scene (another length, a key less):
-nothing is asked of them but what is asked of every scene.
+Two kinds of faults are distinguished. Some are wrong for certain (a NaN, a truth value for a number, a key that no
+section has): the scene must be refused, by the name of that key. Others may leave a right scene (another length, a key
+less): nothing is asked of them but what is asked of every scene.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def entry_at(data: Any, path: Path) -> Any:
 
 @st.composite
 def certain_faults(draw: st.DrawFn) -> RandomScene:
-    """A scene with one fault that must be told by its key."""
+    """A scene with one fault that must be reported by its key."""
     scene = draw(scenes())
     data = copy.deepcopy(scene.data)
     paths = list(paths_of(data))

@@ -32,7 +32,7 @@ class RandomScene:
     breaks : tuple of str
         What was done to it, in words.
     cut : float or None
-        Share of the file's bytes after which it ends, with one that is no text.
+        Fraction of the file's bytes after which it ends, with one that is no text.
     """
 
     data: Table

@@ -11,7 +11,7 @@ from invariants import field_torque, step_error
 def impact_error(n: float, begin: float) -> float:
     """Energy that an elastic impact on a spring gains by velocity Verlet, over what it had.
 
-    `n` steps of 1 are half a period; at first the spring is touched after the share `begin` of a step.
+    `n` steps of 1 are half a period; at first the spring is touched after the fraction `begin` of a step.
     """
     stiffness, x, v = (np.pi / n) ** 2, -begin, 1.0
     while v > 0.0 or x > 0.0:

@@ -1,4 +1,4 @@
-"""Runs that are killed, whose disk is full, whose folder is gone, whose files are damaged: they go on, or say why not.
+"""Runs that are killed, whose disk is full, whose folder is gone or damaged: they continue, or say why not.
 
 `make stability` kills many more (tests/hard/kills.py), in scenes that have every effect.
 """
@@ -51,7 +51,7 @@ def test_a_run_that_is_killed_four_times_ends_as_an_undisturbed_one(undisturbed,
 
 
 class At:
-    """Does something once a share of the run is done."""
+    """Does something once a fraction of the run is done."""
 
     def __init__(self, share, act):
         self.share, self.act = share, act
@@ -74,7 +74,7 @@ def test_on_a_full_disk_a_run_stops_and_goes_on_once_there_is_room(undisturbed, 
     assert differences(record_of(out), undisturbed[0]) == []
 
 
-def test_a_folder_that_vanishes_is_told(tmp_path):
+def test_a_folder_that_vanishes_is_reported(tmp_path):
     out = tmp_path / "run"
     with pytest.raises(OutputError, match=r"run/.*: No such file or directory; .* then start again"):
         emclutch.run(CASE, out=out, progress=At(0.5, lambda: shutil.rmtree(out)))

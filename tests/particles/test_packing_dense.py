@@ -72,7 +72,7 @@ def test_too_much_is_refused_before_trying():
         grown_packing(_cube(radius, 0.65), radius, seed=1)
 
 
-def test_what_does_not_fit_between_near_walls_is_told():
+def test_what_does_not_fit_between_near_walls_is_reported():
     """A slab of 1.2 diameters holds one layer: at most 0.55 at the density of circles on a plane, less at random."""
     box = Box((0.006, 0.006, 0.0012))
     count = int(0.55 * box.volume / (4.0 / 3.0 * math.pi * 0.5e-3**3))

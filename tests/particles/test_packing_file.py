@@ -1,4 +1,4 @@
-"""Packings from files: what is written comes back, units count, what is wrong is told with its place."""
+"""Packings from files: what is written comes back, units count, what is wrong is reported with its place."""
 
 import io
 import math
@@ -83,7 +83,7 @@ def test_grains_beside_the_sector_are_refused(tmp_path):
         ({"position": np.zeros((0, 3)), "radius": np.zeros(0)}, None, "holds no grain"),
     ],
 )
-def test_wrong_arrays_are_told(tmp_path, arrays, radius, words):
+def test_wrong_arrays_are_reported(tmp_path, arrays, radius, words):
     with pytest.raises(ValueError, match=words):
         read_packing(_npz(tmp_path, **arrays), radius=radius)
 
@@ -110,7 +110,7 @@ np.save(LONE_ARRAY, np.zeros((2, 3)))
         ("a.csv", b"\x89HDF\r\n\x1a\n" + bytes(90), "not text in UTF-8"),
     ],
 )
-def test_wrong_files_are_told(tmp_path, name, text, words):
+def test_wrong_files_are_reported(tmp_path, name, text, words):
     (tmp_path / name).write_bytes(text if isinstance(text, bytes) else text.encode())
     with pytest.raises(ValueError, match=words):
         read_packing(tmp_path / name)

@@ -1,4 +1,4 @@
-"""Grains come to rest: the bed carries its weight, shafts and clock stay, what never rests is told."""
+"""Grains come to rest: the bed carries its weight, shafts and clock stay, what never rests is reported."""
 
 import math
 

@@ -2,9 +2,9 @@
 
     python tests/results/stopping_rule_study.py [runs a cell]
 
-prints, for each kind of signal and target: share of runs called known; how many of these hold the mean of the averaged
-stretch, and the level at its end, in their interval; share of all runs that are called known and wrong; packings,
-length over the longest run, and half width over the mean.
+prints, for each kind of signal and target: fraction of runs called known; how many of these hold the mean of the
+averaged stretch, and the level at its end, in their interval; share of all runs that are called known and wrong;
+packings, length over the longest run, and half width over the mean.
 
 `quickstart_packings.csv.gz` has the torque on the disc of packings of cases/quickstart.toml in windows of 0.1 ms, of
 60 seeds with four packings each up to 8 ms (six where the rule asks for them), and of 32 packings up to 27 ms, whose

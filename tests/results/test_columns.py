@@ -41,7 +41,7 @@ def test_a_quantity_that_the_scene_does_not_have_has_no_column():
     )
 
 
-def test_torque_of_the_field_is_that_on_the_grains_reversed_and_told_apart_where_there_are_several():
+def test_torque_of_the_field_is_that_on_the_grains_reversed_and_reported_apart_where_there_are_several():
     assert columns_of(row(field_torque={"dipoles": 2.0}))["torque_field"] == -2.0
     found = columns_of(row(field_torque={"dipoles": 2.0, "images": 0.5}, other_torque={"fluid_drag": -1.0}))
     assert (found["torque_field"], found["torque_field_images"], found["torque_fluid_drag"]) == (-2.5, -0.5, 1.0)

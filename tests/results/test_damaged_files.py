@@ -1,4 +1,4 @@
-"""Files of a run that are cut off, empty, foreign, of another version, or find no room: told, and nothing is lost."""
+"""Files of a run that are cut off, empty, foreign, of another version, or find no room: nothing is lost."""
 
 import logging
 import subprocess
@@ -19,7 +19,7 @@ SHARES = [0.0, 1e-3, 0.1, 0.5, 0.9, 0.999]  # of a file's length that are left o
 
 
 @pytest.mark.parametrize("share", SHARES)
-def test_a_checkpoint_that_is_cut_off_is_told(tmp_path, share):
+def test_a_checkpoint_that_is_cut_off_is_reported(tmp_path, share):
     path = tmp_path / "checkpoint.h5"
     write_checkpoint(path, {"a": np.random.default_rng(0).random(3000), "b": {"c": "text"}})
     whole = path.read_bytes()
@@ -30,7 +30,7 @@ def test_a_checkpoint_that_is_cut_off_is_told(tmp_path, share):
     assert read_checkpoint(path)["b"] == {"c": "text"}
 
 
-def test_a_checkpoint_of_a_newer_version_is_told(tmp_path):
+def test_a_checkpoint_of_a_newer_version_is_reported(tmp_path):
     path = tmp_path / "checkpoint.h5"
     write_checkpoint(path, {"a": 1})
     with h5py.File(path, "r+") as file:
@@ -67,7 +67,7 @@ def rows(path, count):
 
 
 @pytest.mark.parametrize(
-    ("content", "told"),
+    ("content", "reported"),
     [
         (lambda whole: whole[: len(whole) // 2], r"can be read to t = 0\.\d+ s, and the checkpoint is at t = 0\.9 s"),
         (lambda whole: "", "holds no row that can be read"),
@@ -77,7 +77,7 @@ def rows(path, count):
         (None, "holds no row that can be read"),
     ],
 )
-def test_rows_that_are_missing_before_the_checkpoint_are_told(tmp_path, content, told):
+def test_rows_that_are_missing_before_the_checkpoint_are_reported(tmp_path, content, reported):
     """A mean over what is left would pass for that of the run."""
     path = tmp_path / "history.csv"
     rows(path, 10)
@@ -86,7 +86,7 @@ def test_rows_that_are_missing_before_the_checkpoint_are_told(tmp_path, content,
     else:
         path.write_text(content(path.read_text()))
     before = path.read_bytes() if path.exists() else None
-    with pytest.raises(OutputError, match=rf"history\.csv {told}.*rows in between are missing.*--out"):
+    with pytest.raises(OutputError, match=rf"history\.csv {reported}.*rows in between are missing.*--out"):
         HistoryWriter(path, resume_time=0.9)
     assert (path.read_bytes() if path.exists() else None) == before
 
@@ -94,13 +94,13 @@ def test_rows_that_are_missing_before_the_checkpoint_are_told(tmp_path, content,
 @pytest.mark.parametrize(
     "content", [b"\xff\xfe\x00", b"x,y\n1,2\n", b"time,current\n0.1,one\n", b"time,current\n0.1\n"]
 )
-def test_a_history_of_something_else_is_told(tmp_path, content):
+def test_a_history_of_something_else_is_reported(tmp_path, content):
     (tmp_path / "history.csv").write_bytes(content)
     with pytest.raises(OutputError, match=r"history\.csv is not the history of a run, or damaged"):
         read_history(tmp_path / "history.csv")
 
 
-def test_a_history_without_a_window_is_told(tmp_path):
+def test_a_history_without_a_window_is_reported(tmp_path):
     (tmp_path / "history.csv").write_text("")
     result = load_result(tmp_path)
     with pytest.raises(OutputError, match=r"history\.csv has no window yet; continue with: emclutch run .* --resume"):
@@ -109,7 +109,7 @@ def test_a_history_without_a_window_is_told(tmp_path):
 
 @pytest.mark.parametrize("name", ["summary", "plan", "provenance"])
 @pytest.mark.parametrize("content", ["", "half {", "[]"])
-def test_a_file_of_json_that_is_damaged_is_told(tmp_path, name, content):
+def test_a_file_of_json_that_is_damaged_is_reported(tmp_path, name, content):
     folder = RunFolder(tmp_path)
     assert getattr(folder, f"read_{name}")() == {}
     getattr(folder, name).write_text(content)
@@ -118,7 +118,7 @@ def test_a_file_of_json_that_is_damaged_is_told(tmp_path, name, content):
 
 
 @pytest.mark.parametrize("content", ["", "<half", '<VTKFile><DataSet timestep="one" file="a"/></VTKFile>'])
-def test_a_series_that_is_damaged_is_told(tmp_path, content):
+def test_a_series_that_is_damaged_is_reported(tmp_path, content):
     (tmp_path / "walls.pvd").write_text(content)
     with pytest.raises(OutputError, match=r"walls\.pvd is not a series of a run.*move it elsewhere"):
         PvdSeries(tmp_path, "walls", resume_time=1.0)
@@ -212,7 +212,7 @@ def test_on_a_disk_that_is_really_full_the_last_checkpoint_and_the_record_stay(s
     assert record.frames().tolist() == [0.0, 1.0]
 
 
-def test_a_disk_that_may_only_be_read_is_told(small_disk):
+def test_a_disk_that_may_only_be_read_is_reported(small_disk):
     done = subprocess.run(["mount", "-o", "remount,ro", small_disk], capture_output=True)
     if done.returncode:
         pytest.skip("it cannot be mounted read-only here")

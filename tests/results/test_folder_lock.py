@@ -22,7 +22,7 @@ ROOT = Path(__file__).parents[2]
 
 @pytest.fixture
 def holder(tmp_path):
-    """Another process that holds tmp_path/run until it is told to end."""
+    """Another process that holds tmp_path/run until it is asked to end."""
     code = (
         "import sys; from emclutch.results.folder_lock import locked_folder\n"
         "with locked_folder(sys.argv[1]): print('held', flush=True); sys.stdin.read()"

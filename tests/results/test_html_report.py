@@ -111,7 +111,7 @@ def test_the_torque_stands_with_its_interval(run, page):
 
 
 @pytest.mark.parametrize(("off", "mark"), [(1e-4, Mark.GOOD), (0.3, Mark.POOR)])
-def test_a_balance_that_does_not_close_is_told(tmp_path, off, mark):
+def test_a_balance_that_does_not_close_is_reported(tmp_path, off, mark):
     statements = verdict(load_result(written_run(tmp_path / "run", off=off).path))
     marks = [one.mark for one in statements if one.text.startswith("The balance of")]
     assert marks == [mark, mark]
@@ -150,9 +150,9 @@ def test_a_study_says_which_points_are_newer_than_its_table_and_which_have_faile
     assert "older than" not in fresh and "failed" not in fresh
     written_run(folder / "later", mean=3.0).summary.replace(folder / "point-001" / "summary.json")
     RunFolder.create(folder / "point-002", "").write_failure("grains overlap; raise contact.stiffness")
-    told = Page(html(study_page(read_study(folder), left_out_of))).text
-    assert "older than point-001; renew them with: emclutch sweep" in told
-    assert "point-002: the run failed before its first window: grains overlap; raise contact.stiffness" in told
+    reported = Page(html(study_page(read_study(folder), left_out_of))).text
+    assert "older than point-001; renew them with: emclutch sweep" in reported
+    assert "point-002: the run failed before its first window: grains overlap; raise contact.stiffness" in reported
 
 
 def test_nothing_is_overwritten(tmp_path):
@@ -161,5 +161,5 @@ def test_nothing_is_overwritten(tmp_path):
     assert [write_page(page).name for _ in range(2)] == ["report.html", "report-1.html"]
     with pytest.raises(OutputError, match="exists"):
         write_page(page, folder / "report.html")
-    told = CliRunner().invoke(app, ["report", str(tmp_path), "--html"])
-    assert told.exit_code == 2 and re.search("name the folder of a run", told.output)
+    reported = CliRunner().invoke(app, ["report", str(tmp_path), "--html"])
+    assert reported.exit_code == 2 and re.search("name the folder of a run", reported.output)

@@ -15,7 +15,7 @@ class Killed(BaseException):
 
 @pytest.mark.parametrize("call", range(1, 4))
 def test_killed_anywhere_in_a_change_a_record_is_the_old_or_the_new_one(tmp_path, monkeypatch, call):
-    """Before its n-th step on the disk the process dies: whoever opens the record finds one of the two, and goes on."""
+    """Before its n-th step on the disk the process dies: whoever opens the record finds one of the two."""
     path = tmp_path / "run.h5"
     with Record.open(path, "w") as record:
         record.append_grains(0, 0.0, {"position": np.zeros((2, 3))})

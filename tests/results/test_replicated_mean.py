@@ -84,7 +84,7 @@ def test_nothing_is_averaged_before_the_known_start_up_ends():
     assert replicated_mean(signals, settled=0.25, average_from=0.1).start == pytest.approx(0.1)  # the scene's word
 
 
-def test_a_start_up_that_takes_most_of_the_run_is_told():
+def test_a_start_up_that_takes_most_of_the_run_is_reported():
     rng = np.random.default_rng(4)
     signals = [(t, y + 60.0 * np.exp(-t / 0.08), dt) for t, y, dt in replicas(rng, 8, 0.0)]
     found = replicated_mean(signals)
@@ -101,7 +101,7 @@ def verdict(total, rng, target=0.2, count=6):
 
 
 def test_verdicts():
-    """Steady: a drift of twice the target is excluded; creeping: zero is; and what is told says so."""
+    """Steady: a drift of twice the target is excluded; creeping: zero is; and what is reported says so."""
     rng = np.random.default_rng(5)
     found, steady = verdict(0.0, rng, target=2.0)
     assert steady is Steadiness.STEADY and found.converged and found.reason.startswith("steady:")
@@ -148,7 +148,7 @@ def test_a_signal_that_does_not_change_has_no_error():
     assert found.standard_error is None and not found.converged and "does not change" in found.reason
 
 
-def test_too_few_windows_are_told():
+def test_too_few_windows_are_reported():
     short = [(t[:15], y[:15], dt[:15]) for t, y, dt in replicas(np.random.default_rng(1), 3, 0.0)]
     assert "15 windows, 20 needed" in replicated_mean(short).reason
 

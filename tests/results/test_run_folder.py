@@ -233,7 +233,7 @@ def _hdf5(path, **groups):
     return path.read_bytes()
 
 
-def test_files_that_are_no_checkpoint_are_told(tmp_path):
+def test_files_that_are_no_checkpoint_are_reported(tmp_path):
     path = tmp_path / "checkpoint.h5"
     write_checkpoint(path, {"a": np.arange(10_000)})
     whole = path.read_bytes()
@@ -255,7 +255,7 @@ def test_files_that_are_no_checkpoint_are_told(tmp_path):
             read_checkpoint(path)
 
 
-def test_files_that_are_no_record_are_told(tmp_path):
+def test_files_that_are_no_record_are_reported(tmp_path):
     path = tmp_path / "run.h5"
     with Record.open(path, "w") as record:
         record.append_grains(0, 0.0, {"position": np.random.default_rng(0).random((500, 3))})

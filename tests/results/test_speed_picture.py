@@ -104,7 +104,7 @@ def test_the_share_explained_is_r_squared():
 def test_speeds_are_drawn_where_a_shaft_changes_its_speed():
     still = {"rotor_speed": np.full(5, 30.0), "disc_speed": np.zeros(5)}
     assert not speeds_vary(still)
-    assert not speeds_vary({**still, "disc_speed": 1e-3 * np.arange(5.0)})  # dry friction holds it: it trembles
+    assert not speeds_vary({**still, "disc_speed": 1e-3 * np.arange(5.0)})  # dry friction holds it: it chatters
     assert speeds_vary({**still, "disc_speed": np.arange(5.0)})
     assert speeds_vary({"rotor_speed": np.arange(5.0), "disc_speed": np.zeros(5)})
     assert not speeds_vary({"rotor_speed": np.zeros(0), "disc_speed": np.zeros(0)})

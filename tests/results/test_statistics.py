@@ -85,7 +85,7 @@ def test_too_few_uncorrelated_batches_are_counted():
 
 
 def test_a_run_that_goes_on_as_long_as_estimated_reaches_the_precision():
-    """Wanted is what 4444 samples have, told from 400; their batches alone are there after some 360."""
+    """Wanted is what 4444 samples have, estimated from 400; their batches alone are there after some 360."""
     series = autoregressive(0.8, 8000, 20, level=100.0)
     time = np.arange(1.0, 8001.0)
     wanted = 0.3 * 2.0 / ((1.0 - 0.8) * np.sqrt(400))

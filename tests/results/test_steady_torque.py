@@ -144,8 +144,8 @@ def test_a_torque_that_does_not_count_is_known_once_the_gap_was_sheared():
 def test_how_much_longer_is_said_for_what_the_scene_asks_for():
     """Without an aim it is for 5 %; a fiftieth of that takes 2500 times as long."""
     rows, quick = history().iloc[:30], replace(CONDITIONS, average_from=0.0)
-    told = {share: steady_torque(rows, replace(quick, share=share)).reason for share in (0.0, 0.001)}
+    reported = {share: steady_torque(rows, replace(quick, share=share)).reason for share in (0.0, 0.001)}
     words = r"estimate: about (\S+) s more for"
-    seconds = {share: float(re.search(words, text)[1]) for share, text in told.items()}
-    assert told[0.0].endswith("more for 5 %)") and told[0.001].endswith("more for 0.1 %)")
+    seconds = {share: float(re.search(words, text)[1]) for share, text in reported.items()}
+    assert reported[0.0].endswith("more for 5 %)") and reported[0.001].endswith("more for 0.1 %)")
     assert seconds[0.001] == pytest.approx((0.05 / 0.001) ** 2 * seconds[0.0], rel=0.3)

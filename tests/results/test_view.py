@@ -115,12 +115,12 @@ def test_a_script_that_lies_in_a_run_is_not_executed(run, tmp_path, monkeypatch)
     monkeypatch.setattr(view.subprocess, "Popen", lambda command, **_: started.append(command))
     (run / NAME).write_text(planted)
     try:
-        told = view.open_in_paraview(run)
+        reported = view.open_in_paraview(run)
     finally:
         (run / NAME).write_text(text)
     (command,) = started
     script = Path(command[1].removeprefix("--script="))
-    assert str(script) in told and run.resolve() not in script.resolve().parents
+    assert str(script) in reported and run.resolve() not in script.resolve().parents
     monkeypatch.undo()
     subprocess.run(command, check=False, capture_output=True, timeout=60)  # ends for want of ParaView's package
     assert not flag.exists() and planted not in script.read_text()
@@ -128,7 +128,7 @@ def test_a_script_that_lies_in_a_run_is_not_executed(run, tmp_path, monkeypatch)
     assert script.parent.stat().st_mode & 0o077 == 0
 
 
-def test_what_cannot_be_shown_is_told(run, tmp_path):
+def test_what_cannot_be_shown_is_reported(run, tmp_path):
     with pytest.raises(SceneError, match="none of speed, moment, diameter"):
         view_run(run, colour="force", screenshot=tmp_path / "a.png")
     with pytest.raises(SceneError, match=r"must end in \.gif or \.mp4"):

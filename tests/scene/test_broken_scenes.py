@@ -163,7 +163,7 @@ def test_file_is_refused(name):
     refused([command, str(BROKEN / f"{name}.toml")], key, remedy)
 
 
-def test_all_faults_are_told_at_once():
+def test_all_faults_are_reported_at_once():
     output = refused(["run", str(BROKEN / "many_faults.toml")])
     for key in (
         "scene.titel",
@@ -182,7 +182,7 @@ def test_faults_between_sections_come_with_those_within():
     assert "contact.friction" in output and "geometry.gap" in output
 
 
-# name: (values in the good scene, what must be told of the geometry, what else)
+# name: (values in the good scene, what must be reported of the geometry, what else)
 HIDDEN = {
     "a size hides sizes": ({"geometry.gap": "3 kg", "geometry.shaft_radius": "60 mm"},
         "geometry.gap = '3 kg'", "geometry.shaft_radius = '60 mm'"),
@@ -212,7 +212,7 @@ def test_a_fault_of_the_geometry_hides_no_other(name, tmp_path):
     refused(["check", str(scene)], f"- {of_geometry}", f"- {other}")
 
 
-def test_a_size_that_is_no_length_is_told_once():
+def test_a_size_that_is_no_length_is_reported_once():
     """What is left of the geometry is judged without it: no relation to a size that is not known."""
     output = refused(["check", str(GOOD), "--set", "geometry.housing_width=3 kg", "--set", "geometry.gap=3 kg"])
     assert "2 errors" in output and output.count("- geometry.") == 2
@@ -250,7 +250,7 @@ def test_a_removed_key_must_exist():
         ("particles.count", "12 pcs", "write it without a unit"),
     ],
 )
-def test_habits_of_writing_are_told(key, entry, remedy):
+def test_habits_of_writing_are_reported(key, entry, remedy):
     refused(["check", str(GOOD), "--set", f"{key}={entry}"], key, remedy)
 
 
@@ -302,8 +302,8 @@ def test_a_surface_that_no_grain_reaches_is_refused(tmp_path):
     output = refused(["check", str(scene)], "surfaces.away.file", "entirely outside", "x 50 to 51")
     assert "surfaces.near" not in output
     scene.write_text(tomli_w.dumps(edited(values | {"surfaces": {"near": surfaces["near"]}})))
-    told = CliRunner().invoke(app, ["check", str(scene), "--json"])
-    plan = json.loads(told.stdout)["plan"]
+    reported = CliRunner().invoke(app, ["check", str(scene), "--json"])
+    plan = json.loads(reported.stdout)["plan"]
     assert plan["surface near"] == "1 triangles, x 4 to 5, y 0 to 1, z 1 to 1 mm, on body housing"
     assert plan["packing"].startswith("random")
 
@@ -313,8 +313,8 @@ def test_what_a_clutch_of_shot_cannot_have():
     refused(["check", scene, "--set", "particles.sector=60 deg"], "particles.sector", "vanes and ribs do not repeat")
     refused(["check", scene, "--set", "geometry.coil_radius=3 mm"], "geometry.coil_radius", "which has no coil")
     refused(["check", scene, "--set", "contact.stiffness=100 kN/m"], "impacts at 12.1 m/s", "a run stops at 10 %")
-    told = CliRunner().invoke(app, ["check", scene, "--json", "--set", "particles.settle=true"])
-    plan = json.loads(told.stdout)["plan"]
+    reported = CliRunner().invoke(app, ["check", scene, "--json", "--set", "particles.settle=true"])
+    plan = json.loads(reported.stdout)["plan"]
     assert "impacts at 12.1 m/s" in plan["stiffness"] and "WARNING" in plan["stiffness"]
     assert "longest: 100 falls" in plan["packing"]
 

@@ -194,6 +194,6 @@ def open_slot(occ):
     return [name for name in names if name != "resin"]
 
 
-def test_images_in_slots_are_told(folder):
+def test_images_in_slots_are_reported(folder):
     case = load_case(case_of(folder, geometry=SLOTTED, effects={"wall_images": {}}))
     assert any("mirrors dipoles all around in what is steel in the half-plane" in text for text in case.warnings)

@@ -88,8 +88,8 @@ def test_current_beyond_the_voltage_is_warned_of(good):
 def test_a_smear_that_knows_single_grains_is_warned_of(values, words):
     """The quickstart's gap is 1 mm; without back_reaction no moment is spread."""
     quickstart = load_case(Path(__file__).parents[2] / "cases" / "quickstart.toml")
-    told = [text for text in quickstart.with_values(values).warnings if "spreads a grain" in text]
-    assert len(told) == bool(words) and all(word in text for word in words for text in told)
+    reported = [text for text in quickstart.with_values(values).warnings if "spreads a grain" in text]
+    assert len(reported) == bool(words) and all(word in text for word in words for text in reported)
 
 
 def test_turns_follow_from_resistance_and_window(good):
@@ -166,10 +166,10 @@ def test_a_wall_mirrors_dipoles_when_its_material_is_magnetic(good, region, mate
     assert mirrors(changed.scene) == {**mirrors(good.scene), **walls}
 
 
-def test_images_without_a_magnetic_wall_are_told(good):
+def test_images_without_a_magnetic_wall_are_reported(good):
     values = {f"geometry.materials.{region}": "aluminium" for region in ("disc", "rotor", "cover")}
-    told = good.with_values({**values, "effects.wall_images": {}}).warnings
-    assert any("no wall is of a magnetic material" in line for line in told)
+    reported = good.with_values({**values, "effects.wall_images": {}}).warnings
+    assert any("no wall is of a magnetic material" in line for line in reported)
 
 
 def test_own_material_from_a_file_is_kept_in_the_resolved_scene(good, tmp_path):

@@ -14,7 +14,7 @@ AREA, RADIUS = 36e-6, 26e-3
 
 
 def test_resistance_follows_from_the_turns_in_copper():
-    """And gives the turns back: one winding, told from two sides."""
+    """And gives the turns back: one winding, described from two sides."""
     coil = CoilSection.model_validate({"voltage": "24 V", "turns": 500})
     resistance = coil.resistance_in(AREA, RADIUS)
     back = CoilSection.model_validate({"voltage": "24 V", "resistance": resistance})
@@ -62,7 +62,7 @@ def test_beside_a_current_a_voltage_is_the_supply():
         ({"voltage": {"times": [0, 0], "values": [1, 2]}, "turns": 500}, "must increase"),
     ],
 )
-def test_faults_of_the_coil_are_told(table, words):
+def test_faults_of_the_coil_are_reported(table, words):
     with pytest.raises(ValidationError, match=words):
         CoilSection.model_validate(table)
 

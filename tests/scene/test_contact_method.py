@@ -74,9 +74,9 @@ def test_the_books_of_rigid_grains_close(runs):
 
 def test_a_run_says_how_its_contacts_are_solved(runs):
     for method, result in runs.items():
-        told = result.summary["contact"]
-        assert told == result.folder.read_plan()["contact"] and told["method"] == method
-        assert told["compliant"] == (told["stiffness"] is not None)
+        reported = result.summary["contact"]
+        assert reported == result.folder.read_plan()["contact"] and reported["method"] == method
+        assert reported["compliant"] == (reported["stiffness"] is not None)
     assert runs["dem"].summary["contact"]["stiffness"] == pytest.approx(50e3)
 
 

@@ -47,9 +47,9 @@ def test_its_field_is_that_of_the_device_with_grains_that_do_not_answer(alone):
 
 def test_check_field_and_mesh_take_it(alone, tmp_path):
     coarse = ("--set", "field.size_factor=2")
-    told = invoke("check", alone, *coarse, "--json")
-    assert told.exit_code == 0, told.output
-    plan = json.loads(told.output)["plan"]
+    reported = invoke("check", alone, *coarse, "--json")
+    assert reported.exit_code == 0, reported.output
+    plan = json.loads(reported.output)["plan"]
     assert "without [particles]" in plan["grains"] and "inductance" in plan["field"] and "force on the disc" in plan
     assert invoke("check", alone, *coarse).exit_code == 0
     assert invoke("mesh", alone, *coarse, "--out", tmp_path / "mesh").exit_code == 0
@@ -96,13 +96,13 @@ def test_a_study_of_it_is_refused_and_so_is_a_run_from_python(alone, tmp_path):
         ({"field": {"source": "uniform", "field_strength": 1e5, "direction": "axial"}}, "field of a coil alone"),
     ],
 )
-def test_what_is_neither_a_run_nor_a_field_is_told_once(values, words, alone):
+def test_what_is_neither_a_run_nor_a_field_is_reported_once(values, words, alone):
     with pytest.raises(emclutch.SceneError) as refused:
         load_case(alone, values)
     assert words in str(refused.value) and len(refused.value.faults) == 1, refused.value
 
 
-def test_sections_of_a_run_are_told_to_be_idle(alone):
+def test_sections_of_a_run_are_reported_to_be_idle(alone):
     case = load_case(alone, {"motion.rotor": {"speed": "100 rpm"}, "time.end": "1 ms"})
-    (told,) = case.warnings
-    assert told.startswith("without [particles]") and told.endswith("does not use [motion], [time]")
+    (reported,) = case.warnings
+    assert reported.startswith("without [particles]") and reported.endswith("does not use [motion], [time]")

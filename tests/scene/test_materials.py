@@ -94,12 +94,12 @@ def test_a_faulty_material_is_refused(name, tmp_path):
     assert key in result.output and remedy in result.output, result.output
 
 
-def test_points_that_are_not_used_are_told(tmp_path):
+def test_points_that_are_not_used_are_reported(tmp_path):
     """A tail that rises more slowly than mu_0 H is no fault of the scene, but the user hears of it."""
     H, B = [0, 100, 1000, 1e4, 1e5, 2e5], [0, 1, 1.5, 1.9, 2.2, 2.25]
     path = scene(tmp_path, {"law": "table", "H": H, "B": B})
-    (told,) = load_case(path).warnings
-    assert told.startswith("materials.mine: the last 1 point of the table, from H = 200000 A/m on, is not used")
+    (reported,) = load_case(path).warnings
+    assert reported.startswith("materials.mine: the last 1 point of the table, from H = 200000 A/m on, is not used")
     (tmp_path / "tail.csv").write_text("H [A/m],B [T]\n" + "".join(f"{h},{b}\n" for h, b in zip(H, B, strict=True)))
     page = CliRunner().invoke(app, ["materials", str(tmp_path / "tail.csv")])
     assert page.exit_code == 0 and "warning: tail: the last 1 point of the table" in page.output

@@ -159,7 +159,7 @@ EQUAL = {"diameter": "1 mm", "count": 10}
         (EQUAL | {"settle_kinetic": 0.5}, "particles.settle_kinetic", "out of range"),
     ],
 )  # fmt: skip
-def test_wrong_combinations_are_told(particles, key, words):
+def test_wrong_combinations_are_reported(particles, key, words):
     faults = _faults(particles)
     assert key in faults and words in faults[key]
 

@@ -38,6 +38,6 @@ def test_value_and_table_make_a_profile_and_go_back(given, profile, written):
         ("1 A", "is a current; an angular speed is needed"),
     ],
 )
-def test_faults_of_a_table_are_told(given, words):
+def test_faults_of_a_table_are_reported(given, words):
     with pytest.raises(ValidationError, match=words):
         ShaftMotionSection.model_validate({"speed": given})

@@ -222,7 +222,7 @@ def test_hdf5_files_are_not_left(tmp_path, kind):
         read_checkpoint(checkpoint)
     Record.open(tmp_path / "run.h5", "w").close()
     spoil(tmp_path / "run.h5", kind, tmp_path)
-    for mode, time in (("r", None), ("a", 0.0)):  # that which goes on would cut back what lies behind a link
+    for mode, time in (("r", None), ("a", 0.0)):  # that which continues would cut back what lies behind a link
         with pytest.raises(OutputError, match=rf"observables/again .*{kind}"):
             Record.open(tmp_path / "run.h5", mode, resume_time=time)
     assert (tmp_path / "other.h5").read_bytes() == before
@@ -238,7 +238,7 @@ def test_a_checkpoint_holds_no_more_than_its_file(tmp_path):
         read_checkpoint(path)
 
 
-def test_paths_that_lead_out_of_the_scenes_folder_are_told(tmp_path, monkeypatch):
+def test_paths_that_lead_out_of_the_scenes_folder_are_reported(tmp_path, monkeypatch):
     home, elsewhere = tmp_path / "home", tmp_path / "elsewhere"
     home.mkdir()
     elsewhere.mkdir()
@@ -248,7 +248,7 @@ def test_paths_that_lead_out_of_the_scenes_folder_are_told(tmp_path, monkeypatch
     (home / "link.csv").symlink_to(elsewhere / "curve.csv")
     (home / "own.csv").write_text((elsewhere / "curve.csv").read_text())
 
-    def told(packing_file: str, curve: str, folder: str) -> str:
+    def reported(packing_file: str, curve: str, folder: str) -> str:
         data = BOX | {
             "particles": {"packing": "file", "packing_file": packing_file, "diameter": "2 mm"},
             "materials": {"mine": {"law": "table", "table": curve}},
@@ -257,11 +257,11 @@ def test_paths_that_lead_out_of_the_scenes_folder_are_told(tmp_path, monkeypatch
         (home / "scene.toml").write_text(tomli_w.dumps(data))
         return check(home / "scene.toml").decisions.get("paths", "")
 
-    words = told("../elsewhere/grains.csv", "link.csv", str(elsewhere / "run"))
+    words = reported("../elsewhere/grains.csv", "link.csv", str(elsewhere / "run"))
     for key in ("particles.packing_file = ", "materials.mine.table = ", "output.folder = "):
         assert f"{key}{elsewhere.resolve()}" in words
     (home / "grains.csv").write_text((elsewhere / "grains.csv").read_text())
-    assert told("grains.csv", "own.csv", "runs/one") == ""
+    assert reported("grains.csv", "own.csv", "runs/one") == ""
 
 
 # -- words

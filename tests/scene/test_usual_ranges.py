@@ -1,4 +1,4 @@
-"""An entry of unusual size is told with its value, its range and what may be meant; a usual one is not."""
+"""An entry of unusual size is reported with its value, its range and what may be meant; a usual one is not."""
 
 from math import pi
 from pathlib import Path
@@ -15,7 +15,7 @@ GOOD = load_case(Path(__file__).parents[1] / "scene" / "broken" / "good.toml")
 
 
 @pytest.mark.parametrize(
-    ("key", "value", "told", "asks"),
+    ("key", "value", "reported", "asks"),
     [
         ("contact.friction", 4.0, "4 is outside the usual range of 0.05 to 1", "decimal point"),
         ("contact.wall_friction", 0.01, "0.01 is outside", "decimal point"),
@@ -30,9 +30,9 @@ GOOD = load_case(Path(__file__).parents[1] / "scene" / "broken" / "good.toml")
         ("motion.rotor.speed", 1e5, "4600 m/s is outside", "rad/s"),
     ],
 )
-def test_what_is_unusual_is_told(key, value, told, asks):
+def test_what_is_unusual_is_reported(key, value, reported, asks):
     (warning,) = GOOD.with_values({key: value}).warnings
-    assert told in warning and asks in warning
+    assert reported in warning and asks in warning
 
 
 def test_no_friction_at_all_is_asked_for():

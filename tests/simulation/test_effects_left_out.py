@@ -43,8 +43,8 @@ def usual():
 
 
 def test_every_effect_that_is_off_or_not_there_has_its_line(usual):
-    told = set(usual) - {None, "centrifugal force", "inertia of grains"}
-    assert told == set(EffectsSection.names()) - {"dipoles", "saturation"} - OF_A_COIL | set(PLANNED_EFFECTS)
+    reported = set(usual) - {None, "centrifugal force", "inertia of grains"}
+    assert reported == set(EffectsSection.names()) - {"dipoles", "saturation"} - OF_A_COIL | set(PLANNED_EFFECTS)
     bare = set(numbers(field=None, effects={"gravity": {}}))
     assert {"cohesion", "rolling_friction", "heat"} < bare and not bare & {
         "gravity",
@@ -67,9 +67,9 @@ def test_slow_shot_without_a_field_needs_its_weight():
     still = {"field": None, "effects": {}, "motion": {}, "contact": {"stiffness": "10 kN/m"}}
     assert numbers(**still)["gravity"].matters is True
     fast = {**still, "motion": {"rotor": {"speed": "6000 rpm"}}}
-    told = numbers(**fast)
-    assert told["gravity"].value == pytest.approx((200.0 * pi) ** 2 * 11.2e-3 / 9.81, rel=1e-12)
-    assert told["gravity"].matters is False and told["centrifugal force"].verdict == "YES"
+    reported = numbers(**fast)
+    assert reported["gravity"].value == pytest.approx((200.0 * pi) ** 2 * 11.2e-3 / 9.81, rel=1e-12)
+    assert reported["gravity"].matters is False and reported["centrifugal force"].verdict == "YES"
 
 
 def test_inertial_and_stokes_number_are_those_of_the_shear_rate(usual):
@@ -100,21 +100,21 @@ def test_grains_at_steel_and_grains_without_end_of_magnetisation(usual):
 
 
 def check(*sets):
-    told = CliRunner().invoke(app, ["check", str(GOOD), "--json", "--set", "field.size_factor=3", *sets])
-    assert told.exit_code == 0, told.output
-    return json.loads(told.stdout)
+    reported = CliRunner().invoke(app, ["check", str(GOOD), "--json", "--set", "field.size_factor=3", *sets])
+    assert reported.exit_code == 0, reported.output
+    return json.loads(reported.stdout)
 
 
 def test_a_coil_that_is_switched_faster_than_its_field_can_follow():
-    told = check()
-    lines = {line["effect"]: line for line in told["left_out"]}
+    reported = check()
+    lines = {line["effect"]: line for line in reported["left_out"]}
     case = load_case(GOOD, {"field.size_factor": 3.0})
     device, plan = make_plan(case)
     ratio = apparent_inductance(plan.peak_field, device.coil.turns) / 25.5 / 20e-3  # the current rises within 20 ms
     assert lines["coil_circuit"]["value"] == pytest.approx(ratio, rel=1e-6) and lines["coil_circuit"]["matters"]
     assert 0.0 < lines["eddy_currents"]["value"] < ratio
     assert "gravity" not in lines and lines["back_reaction"]["value"] > 0.0
-    assert "within a factor of three" in told["plan"]["expected torque"]
+    assert "within a factor of three" in reported["plan"]["expected torque"]
 
 
 def test_check_says_of_no_current_and_of_too_much_what_follows():

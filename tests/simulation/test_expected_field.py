@@ -33,14 +33,14 @@ def test_the_factor_of_chains_is_that_of_the_sum_over_their_dipoles():
         ({"effects.back_reaction": None}, "without powder"),
     ],
 )
-def test_which_powder_the_field_is_solved_with_is_told(values, words):
-    told = powder_in_words(load_case(CASES / "quickstart.toml", values).scene, 0.35)
-    assert words in told and ("Maxwell Garnett" in told) == ("effects.back_reaction" not in values)
+def test_which_powder_the_field_is_solved_with_is_reported(values, words):
+    reported = powder_in_words(load_case(CASES / "quickstart.toml", values).scene, 0.35)
+    assert words in reported and ("Maxwell Garnett" in reported) == ("effects.back_reaction" not in values)
 
 
 def test_the_plan_tells_the_field_of_chains_and_of_surfaces_that_mirror_nothing(tmp_path):
     """Chains carry more flux than grains without order, at most in proportion to mu_r = 1 + phi/(N + 1/chi) of both;
-    a wall of triangles beside wall_images is told of."""
+    a wall of triangles beside wall_images is reported of."""
     wall = box_surface("vane", "rotor", (20.5e-3, 0.0, 0.0), (0.4e-3, 1e-3, 1e-3))
     meshio.write(tmp_path / "vane.stl", meshio.Mesh(wall.vertices, [("triangle", wall.triangles)]))
     surface = {"surfaces": {"vane": {"file": str(tmp_path / "vane.stl"), "body": "rotor"}}}

@@ -148,7 +148,7 @@ def test_check_warns_where_too_little_memory_is_free(monkeypatch):
     little_memory(monkeypatch, 100.0)
     words = cost().in_words()
     assert "WARNING" in words and "100 MiB are free" in words and "particles.sector" in words
-    little_memory(monkeypatch, None)  # not told: nothing to warn of
+    little_memory(monkeypatch, None)  # unknown: nothing to warn of
     assert "WARNING" not in cost().in_words()
 
 

@@ -61,7 +61,7 @@ def test_a_machine_that_starts_no_more_processes_is_an_error_with_a_remedy(tmp_p
 
 
 def test_a_replica_is_the_run_of_another_seed(known, tmp_path):
-    """To the last bit, as long as it lasts: nothing passes between replicas but the question whether to go on."""
+    """To the last bit, as long as it lasts: nothing passes between replicas but the question whether to continue."""
     seed = replica_seed(3, 1)
     single = {
         "scene.seed": seed,
@@ -147,7 +147,7 @@ def test_a_replica_that_dies_ends_the_run_with_its_name(tmp_path):
     assert (tmp_path / "run" / "checkpoint.h5").exists()
 
 
-def test_a_replica_that_fails_for_its_scene_is_told_from_one_that_was_killed(tmp_path):
+def test_a_replica_that_fails_for_its_scene_is_reported_from_one_that_was_killed(tmp_path):
     class Ended:
         def poll(self):
             return 1
@@ -160,7 +160,7 @@ def test_a_replica_that_fails_for_its_scene_is_told_from_one_that_was_killed(tmp
 
 
 def test_a_replica_of_a_killed_run_is_waited_for(tmp_path, monkeypatch):
-    """It ends by itself, after the window that it is in: no reason to refuse the run that goes on."""
+    """It ends by itself, after the window that it is in: no reason to refuse the run that continues."""
     former = RunFolder(tmp_path / "01")
     held, let_go = threading.Event(), threading.Event()
 

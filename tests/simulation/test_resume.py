@@ -1,4 +1,4 @@
-"""A run goes on only with its own checkpoint, scene and input files."""
+"""A run continues only with its own checkpoint, scene and input files."""
 
 import json
 from pathlib import Path
@@ -73,7 +73,7 @@ def test_a_curve_that_changed_is_named_in_short(tmp_path):
     assert len(str(refused.value)) < 600
 
 
-def test_broken_provenance_is_told(begun):
+def test_broken_provenance_is_reported(begun):
     case, folder, *_ = begun
     for text in ("half {", "[]"):
         folder.provenance.write_text(text)
@@ -91,7 +91,7 @@ def test_a_key_that_an_older_scene_lacks_has_its_default(tmp_path):
         refuse_other_scene(older, other, tmp_path)
 
 
-def test_a_checkpoint_of_something_else_is_told(tmp_path):
+def test_a_checkpoint_of_something_else_is_reported(tmp_path):
     write_checkpoint(tmp_path / "checkpoint.h5", {"case": "", "window": 3})
     with pytest.raises(OutputError, match=r"is not a checkpoint of a run: it lacks steps_per_update, .*--out"):
         run_checkpoint(tmp_path / "checkpoint.h5")

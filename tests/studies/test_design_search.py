@@ -111,9 +111,9 @@ def test_a_gap_is_found_again_by_the_torque_of_its_own_field(tmp_path):
         app, ["design", str(QUICKSTART), *aim, *values, "--json", "--out", str(tmp_path / "at")]
     )
     assert answer.exit_code == 0, answer.output
-    told = json.loads(answer.stdout)
-    assert told["expected_torque"] == pytest.approx(target, rel=5e-3)
-    assert told["value"] == pytest.approx(1.1e-3, rel=0.03)
+    reported = json.loads(answer.stdout)
+    assert reported["expected_torque"] == pytest.approx(target, rel=5e-3)
+    assert reported["value"] == pytest.approx(1.1e-3, rel=0.03)
     rows = [line.split(",") for line in (tmp_path / "at" / "design.csv").read_text().splitlines()]
     assert rows[0] == ["geometry.gap", "expected_torque"]
     assert float(rows[1][1]) > target > float(rows[-1][1])
@@ -129,8 +129,8 @@ def test_faults_of_a_design_file_come_together(tmp_path):
     file.write_text(text.format(QUICKSTART, "geometry.gap", '["3 mm", "1 kg"]', "torque 12 kg", "scene.seed"))
     with pytest.raises(SceneError) as refused:
         read_design(file)
-    told = [str(fault) for fault in refused.value.faults]
-    assert len(told) == 2 and "'1 kg' is a mass" in told[0] and "torque 12 kg" in told[1]
+    reported = [str(fault) for fault in refused.value.faults]
+    assert len(reported) == 2 and "'1 kg' is a mass" in reported[0] and "torque 12 kg" in reported[1]
     file.write_text(text.format(QUICKSTART, "particles.count", "[1, 2]", "torque 12 N m", "scene.seed"))
     with pytest.raises(SceneError, match=r"design\.vary = 'particles\.count' is not a continuous quantity"):
         read_design(file)

@@ -50,18 +50,18 @@ def test_faults_of_file_values_and_points_come_together(tmp_path):
     assert found["contact.friction"].message.endswith("(at contact.friction = -1)")
 
 
-def test_faults_of_its_scene_are_told_once_beside_its_own(tmp_path):
+def test_faults_of_its_scene_are_reported_once_beside_its_own(tmp_path):
     scene = tmp_path / "scene.toml"
     scene.write_text(GOOD.read_text().replace('gap = "1 mm"', 'gap = "3 kg"', 1))
     with pytest.raises(SceneError) as refused:
         read_study(study(tmp_path, '[study.values]\n"contact.friction" = [0.1, 20]\n', "scene.toml"))
-    told = [str(fault) for fault in refused.value.faults]
-    assert len(told) == 2 and "geometry.gap" in told[0] and told[0].endswith("(in scene.toml)")
-    assert "contact.friction = 20" in told[1]
+    reported = [str(fault) for fault in refused.value.faults]
+    assert len(reported) == 2 and "geometry.gap" in reported[0] and reported[0].endswith("(in scene.toml)")
+    assert "contact.friction = 20" in reported[1]
 
 
 @pytest.mark.parametrize("text", ["study = 3", "[study]", '[study]\ncase = 3\nvalues = "x"', "[study]\nvalues = {}"])
-def test_what_is_hardly_a_study_is_told_in_words(text, tmp_path):
+def test_what_is_hardly_a_study_is_reported_in_words(text, tmp_path):
     path = tmp_path / "study.toml"
     path.write_text(text)
     assert faults_of(path)
@@ -70,7 +70,7 @@ def test_what_is_hardly_a_study_is_told_in_words(text, tmp_path):
 
 
 def test_none_is_a_key_left_away(tmp_path):
-    """The point is the scene without the key, bit for bit; a key that has to be there is told as missing."""
+    """The point is the scene without the key, bit for bit; a key that has to be there is reported as missing."""
     text = '[study.values]\n"effects.gravity" = ["off", {}]\n"particles.sector" = ["none"]\n[study.set]\n'
     found = read_study(study(tmp_path, text + '"coil.voltage" = "none"\n"time.until" = "none"\n'))
     first, second = (case for _, case in found.cases())
@@ -110,6 +110,6 @@ def test_a_broken_prescribed_field_tells_no_key_twice():
             case_from(data, {key: chosen.choice(entries) for key, entries in ENTRIES.items()})
         except SceneError as error:
             broken += 1
-            told = Counter(fault.key for fault in error.faults)
-            assert max(told.values()) == 1, error.report()
+            reported = Counter(fault.key for fault in error.faults)
+            assert max(reported.values()) == 1, error.report()
     assert broken > 50

@@ -53,9 +53,9 @@ def study(tmp_path):
 
 
 def predicted(*arguments):
-    told = CliRunner().invoke(app, ["check", *map(str, arguments), "--json"])
-    assert told.exit_code == 0, told.output
-    return json.loads(told.output)
+    reported = CliRunner().invoke(app, ["check", *map(str, arguments), "--json"])
+    assert reported.exit_code == 0, reported.output
+    return json.loads(reported.output)
 
 
 def test_every_point_is_predicted_and_seeds_cost_the_same(study):
@@ -72,8 +72,8 @@ def test_a_target_may_end_points_early_and_the_words_say_so(study):
     path = study('"time.until" = ["none", "torque 5 %"]')
     plain, aimed = predicted(path)["points"]
     assert plain["earliest"] == plain["seconds"] and 0.0 < aimed["earliest"] < aimed["seconds"]
-    told = CliRunner().invoke(app, ["check", str(path)], env={"COLUMNS": "200"})
-    assert "at the latest" in told.output and "2 points, 1 at a time" in told.output
+    reported = CliRunner().invoke(app, ["check", str(path)], env={"COLUMNS": "200"})
+    assert "at the latest" in reported.output and "2 points, 1 at a time" in reported.output
 
 
 def test_of_a_point_that_has_begun_the_rest_is_predicted(study, tmp_path):

@@ -139,9 +139,9 @@ def test_a_point_resumed_alone_makes_the_table_old_and_sweep_renews_it(tmp_path,
     monkeypatch.setitem(TORQUE, "mean", 1.5)
     runs(case.with_values({"time.end": "5 ms"}), **alone)
     assert read_folder(out).outdated() == ["point-000"]
-    told = []
-    plot_runs([out], out=tmp_path / "picture.png", log=told.append)
-    assert any("older than point-000" in text and "--resume" in text for text in told)
+    reported = []
+    plot_runs([out], out=tmp_path / "picture.png", log=reported.append)
+    assert any("older than point-000" in text and "--resume" in text for text in reported)
     runs.asked.clear()
     sweep(study, out=out, resume=True)
     assert not runs.asked and read_folder(out).outdated() == []
