@@ -11,7 +11,7 @@ from emclutch.devices.geometry_section import NO_MATERIALS, GeometrySection
 from emclutch.scene.units import Length
 
 if TYPE_CHECKING:
-    from emclutch.device.device import Device
+    from emclutch.device_model.device import Device
     from emclutch.scene.materials import Material
     from emclutch.simulation.forecast.expected_torque import ExpectedTorque
     from geometry.box import Box

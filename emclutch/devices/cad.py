@@ -19,7 +19,7 @@ from emclutch.scene.section import Choice, refuse
 from emclutch.scene.units import number
 
 if TYPE_CHECKING:
-    from emclutch.device.device_3d import Solid
+    from emclutch.device_model.device_3d import Solid
     from emclutch.scene.materials import Material
     from geometry.cad_meshing import CadSection
     from geometry.cad_shape import CadShape
@@ -253,7 +253,7 @@ class CadGeometry(GeometrySection):
 
     def solid(self, shape: CadShape, gap_layers: int, size_factor: float, order: int) -> Solid:
         """Mesh the device in 3D; see `geometry.cad_solid.mesh_cad_solids`."""
-        from emclutch.device.device_3d import Solid, under_the_poles
+        from emclutch.device_model.device_3d import Solid, under_the_poles
         from field.three_d import FlatCoil
         from geometry.cad_solid import mesh_cad_solids
 

@@ -16,7 +16,7 @@ from emclutch.scene.section import Whole
 from emclutch.scene.units import Length, LengthOrNone
 
 if TYPE_CHECKING:
-    from emclutch.device.device import Device
+    from emclutch.device_model.device import Device
     from emclutch.scene.materials import Material
     from emclutch.simulation.forecast.expected_torque import ExpectedTorque
     from geometry.centrifugal import CentrifugalClutch

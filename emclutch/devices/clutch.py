@@ -16,8 +16,8 @@ from emclutch.scene.section import Section, Whole
 from emclutch.scene.units import Length, LengthOrNone, number
 
 if TYPE_CHECKING:
-    from emclutch.device.device_3d import Solid
-    from emclutch.device.pole_zone import GapZone, PoleZone
+    from emclutch.device_model.device_3d import Solid
+    from emclutch.device_model.pole_zone import GapZone, PoleZone
     from emclutch.scene.materials import Material
     from field import Law
     from field.coil.magnetic_circuit import FilledPowder, MagneticCircuit
@@ -164,7 +164,7 @@ class ClutchGeometry(GeometrySection):
 
     def solid(self, shape: Clutch, gap_layers: int, size_factor: float, order: int) -> Solid:
         """See `GeometrySection.solid`."""
-        from emclutch.device.device_3d import ALONG, Solid, under_the_poles
+        from emclutch.device_model.device_3d import ALONG, Solid, under_the_poles
         from field.three_d import FlatCoil
         from geometry.slotted import mesh_slotted
 
@@ -192,7 +192,7 @@ class ClutchGeometry(GeometrySection):
 
     def pole_zone(self, shape: Clutch, region: str) -> PoleZone:
         """The zone at the rim, or at the disc's faces where these carry the flux."""
-        from emclutch.device.pole_zone import PoleZone
+        from emclutch.device_model.pole_zone import PoleZone
         from geometry.walls import AnnularBox
 
         half, disc = 0.5 * shape.disc_thickness, shape.disc_radius
@@ -206,7 +206,7 @@ class ClutchGeometry(GeometrySection):
 
     def gap_zone(self, shape: Clutch, region: str) -> GapZone:
         """Both face gaps, or the rim gap."""
-        from emclutch.device.pole_zone import GapZone
+        from emclutch.device_model.pole_zone import GapZone
 
         boxes, radius = shape.fill_boxes(), shape.sheared_gap(region).radius
         if shape.shears_faces(region):

@@ -17,9 +17,9 @@ from emclutch.scene.errors import Fault
 from emclutch.scene.section import Section
 
 if TYPE_CHECKING:
-    from emclutch.device.device import Device
-    from emclutch.device.device_3d import Solid
-    from emclutch.device.pole_zone import GapZone, PoleZone
+    from emclutch.device_model.device import Device
+    from emclutch.device_model.device_3d import Solid
+    from emclutch.device_model.pole_zone import GapZone, PoleZone
     from emclutch.scene.materials import Material
     from emclutch.simulation.forecast.expected_torque import ExpectedTorque
     from field import Law

@@ -11,7 +11,7 @@ from emclutch.devices.geometry_section import NO_MATERIALS, GeometrySection
 from emclutch.scene.units import Length
 
 if TYPE_CHECKING:
-    from emclutch.device.pole_zone import GapZone
+    from emclutch.device_model.pole_zone import GapZone
     from emclutch.scene.materials import Material
     from geometry.annular_cell import ShearCell
 
@@ -40,7 +40,7 @@ class ShearCellGeometry(GeometrySection):
 
     def gap_zone(self, shape: ShearCell, region: str) -> GapZone:
         """All of the annulus."""
-        from emclutch.device.pole_zone import GapZone
+        from emclutch.device_model.pole_zone import GapZone
 
         (box,) = shape.fill_boxes().values()
         return GapZone.between_cylinders(box, shape.sheared_gap(region).radius)

@@ -139,7 +139,7 @@ class BackReactionSection(EffectSection):
         if not moments_are_fed_back(scene):
             return None
         from coupling import PowderFeedback
-        from emclutch.device.materials import grain_law
+        from emclutch.device_model.materials import grain_law
 
         return PowderFeedback(problem, grain_law(scene), smear_width(scene), scene.grains.sector or 2 * pi, walls)
 

@@ -17,8 +17,8 @@ from emclutch.scene.units import number
 
 if TYPE_CHECKING:
     from coupling import CircuitCoilField, PowderFeedback
-    from emclutch.device.device import CoilDevice
-    from emclutch.device.excitation import Supply
+    from emclutch.device_model.device import CoilDevice
+    from emclutch.device_model.excitation import Supply
 
 
 def _has_a_voltage(draft: Draft) -> Iterator[Fault]:

@@ -155,7 +155,7 @@ class DipolesSection(EffectSection):
         motion : GrainMotion
         """
         from coupling import MutuallyMagnetisedGrains, MutualMoments, NearAttraction, grain_table
-        from emclutch.device.materials import grain_law
+        from emclutch.device_model.materials import grain_law
         from particles import DEM
 
         law, fed_back = grain_law(scene), moments_are_fed_back(scene)
@@ -176,14 +176,14 @@ class DipolesSection(EffectSection):
     def magnetisation_in_chains(self, scene: Scene, M_max: float) -> float:
         """Magnetisation of grains in chains of dipoles [A/m], from that of single ones; that of necks stays."""
         from coupling import chain_magnetisation
-        from emclutch.device.materials import grain_law
+        from emclutch.device_model.materials import grain_law
 
         return M_max if self.has_necks or M_max <= 0.0 else chain_magnetisation(grain_law(scene), M_max)
 
     def neck_stiffness(self, scene: Scene) -> float:
         """Negative stiffness of saturated necks between near grains [N/m]; 0 where they are not simulated."""
         from coupling import neck_stiffness
-        from emclutch.device.materials import grain_law
+        from emclutch.device_model.materials import grain_law
 
         if not self.has_necks:
             return 0.0
@@ -195,7 +195,7 @@ class DipolesSection(EffectSection):
         if not self.has_necks:
             return
         from coupling.expected_load import NECK_MARGIN, neck_load
-        from emclutch.device.materials import grain_law
+        from emclutch.device_model.materials import grain_law
 
         d, contact = scene.grains.largest_diameter, scene.contact
         force = neck_load(grain_law(scene), M_max, d, self.surface_gap)

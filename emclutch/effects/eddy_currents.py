@@ -17,8 +17,8 @@ from emclutch.scene.units import Quantity, number
 
 if TYPE_CHECKING:
     from coupling import EddyCoilField, PowderFeedback
-    from emclutch.device.device import CoilDevice
-    from emclutch.device.excitation import Supply
+    from emclutch.device_model.device import CoilDevice
+    from emclutch.device_model.excitation import Supply
 
 _Conductivity = Annotated[float, Quantity("a conductivity", "S/m", "5 MS/m", 0.0, 1e9)]
 

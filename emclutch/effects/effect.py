@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import pandas
 
     from coupling import Effect, Simulation
-    from emclutch.device.device import Device
+    from emclutch.device_model.device import Device
     from emclutch.effects.left_out import LeftOut
     from emclutch.scene.draft import Draft
     from emclutch.scene.model import Scene

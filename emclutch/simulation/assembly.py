@@ -10,8 +10,8 @@ from coupling import (
     MagnetisedGrains,
     Simulation,
 )
-from emclutch.device.device import Device, field_is_needed
-from emclutch.device.materials import grain_law
+from emclutch.device_model.device import Device, field_is_needed
+from emclutch.device_model.materials import grain_law
 from emclutch.scene.case import Case
 from emclutch.scene.model import Scene
 from emclutch.scene.motion import FreeShaftSection

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from emclutch.device.decision import with_warnings
-from emclutch.device.grain_size import grain_size
+from emclutch.device_model.grain_size import grain_size
+from emclutch.device_model.warning_text import with_warnings
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import SceneError, bad_input_for
 from emclutch.scene.grain_smear import moments_are_fed_back
@@ -60,7 +60,7 @@ def check(case: Case | str | Path, threads: int | None = None) -> Checked:
 
 
 def _check(case: Case, threads: int | None) -> Checked:
-    from emclutch.device.coil_heat import coil_heat_in_words  # local, as the next two: a run does not need them
+    from emclutch.device_model.coil_heat import coil_heat_in_words  # local, as the next two: a run does not need them
     from emclutch.simulation.forecast.effects_left_out import left_out
     from emclutch.simulation.forecast.expected_torque import ExpectedTorque, expected_torque
 

@@ -10,7 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from coupling import magnetic_load, snap_in_overlap
-from emclutch.device.device import Device
+from emclutch.device_model.device import Device
 from emclutch.effects.effect import Load
 from emclutch.scene.contact import ContactSection
 from emclutch.simulation.contacts_in_words import load_in_words

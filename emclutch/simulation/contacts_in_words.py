@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from coupling.expected_load import NECK_MARGIN
-from emclutch.device.decision import with_warnings
+from emclutch.device_model.warning_text import with_warnings
 from emclutch.effects.effect import Load
 from emclutch.simulation.dvi_plan import TOLERANCE, RigidContacts
 from emclutch.simulation.stiffness import Stiffness

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from emclutch.device.body_forces import forces_in_words, movable_bodies
-from emclutch.device.coil_heat import coil_heat_in_words
-from emclutch.device.device import CoilDevice, solved_coil
+from emclutch.device_model.body_forces import forces_in_words, movable_bodies
+from emclutch.device_model.coil_heat import coil_heat_in_words
+from emclutch.device_model.device import CoilDevice, solved_coil
 from emclutch.scene.case import Case
 from emclutch.simulation.plan_in_words import paths_in_words
 from field import MagneticField

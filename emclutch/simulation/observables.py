@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from math import sqrt
 
 from coupling import Simulation, WindowRow
-from emclutch.device.device import Device, field_is_needed
+from emclutch.device_model.device import Device, field_is_needed
 from field.solved_field import SolvedField
 
 

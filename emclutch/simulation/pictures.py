@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from emclutch.device.gap_map import gap_map
+from emclutch.device_model.gap_map import gap_map
 from emclutch.results import RunFolder, load_result
 from emclutch.results.columns import CURRENT, TORQUE_DISC
 from emclutch.results.pictures import (

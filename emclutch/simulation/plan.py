@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from emclutch.device.device import Device, build_device
+from emclutch.device_model.device import Device, build_device
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import bad_input_for
 from emclutch.scene.replica_count import cores_at_hand, replica_count

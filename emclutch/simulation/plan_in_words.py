@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from emclutch.device.decision import with_warnings
-from emclutch.device.device import CoilDevice, Device
+from emclutch.device_model.device import CoilDevice, Device
+from emclutch.device_model.warning_text import with_warnings
 from emclutch.results.steady_torque import MIN_AVERAGED_STRAIN
 from emclutch.scene.case import Case
 from emclutch.scene.grain_smear import moments_are_fed_back, smear_width

@@ -5,8 +5,8 @@ from __future__ import annotations
 import logging
 from dataclasses import dataclass
 
-from emclutch.device.decision import WarningText
-from emclutch.device.device import Device
+from emclutch.device_model.device import Device
+from emclutch.device_model.warning_text import WarningText
 from emclutch.results.steady_torque import SteadyConditions
 from emclutch.scene.input_files import hashed_input_files
 from emclutch.scene.model import Scene

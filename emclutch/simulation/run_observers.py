@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from coupling import Simulation, WindowRow, run_staggered
 from coupling.staggered import Measure
-from emclutch.device.device import Device
+from emclutch.device_model.device import Device
 from emclutch.scene.model import Scene
 from emclutch.simulation.checkpoints import Checkpoints
 from emclutch.simulation.early_end import EarlyEnd, early_end

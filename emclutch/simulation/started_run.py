@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from coupling import Simulation
-from emclutch.device.device import Device
+from emclutch.device_model.device import Device
 from emclutch.scene.case import Case
 from emclutch.simulation.assembly import assemble, simulation_of
 from emclutch.simulation.plan import Plan

@@ -28,7 +28,7 @@ from emclutch.scene.start_up import start_up_strain
 from emclutch.scene.torque_target import TorqueTarget
 
 if TYPE_CHECKING:
-    from emclutch.device.device import Device
+    from emclutch.device_model.device import Device
     from emclutch.scene.model import Scene
 
 FIRST_COUNT = 4

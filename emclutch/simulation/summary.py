@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from emclutch.device.grain_size import grain_size
-from emclutch.device.pole_zone import PoleZone
+from emclutch.device_model.grain_size import grain_size
+from emclutch.device_model.pole_zone import PoleZone
 from emclutch.results import Estimate, RunFolder
 from emclutch.results.columns import (
     CURRENT,

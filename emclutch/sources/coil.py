@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from coupling import CoilField3D, SolvedCoilField
-    from emclutch.device.device import CoilDevice
-    from emclutch.device.device_3d import CoilDevice3D
+    from emclutch.device_model.device import CoilDevice
+    from emclutch.device_model.device_3d import CoilDevice3D
     from emclutch.scene.model import Scene
     from field import MagneticField
     from field.three_d import Field3D
@@ -93,7 +93,7 @@ class CoilFieldSection(SourceSection):
 
     def equip(self, device, scene):
         """Give the device its coil, with mesh and materials."""
-        from emclutch.device.device import solved_coil  # local: the schema itself needs no fields
+        from emclutch.device_model.device import solved_coil  # local: the schema itself needs no fields
 
         return replace(device, coil=solved_coil(scene))
 

@@ -17,7 +17,7 @@ from emclutch.scene.usual_ranges import UsualRange
 
 if TYPE_CHECKING:
     from coupling.field_source import FieldSource
-    from emclutch.device.device import Device
+    from emclutch.device_model.device import Device
     from emclutch.scene.model import Scene
     from field import MagneticField
     from field.three_d import Field3D

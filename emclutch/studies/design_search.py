@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 
 from scipy.optimize import brentq
 
-from emclutch.device.device import build_device
+from emclutch.device_model.device import build_device
 from emclutch.results import OutputError, Result, RunFolder, load_result
 from emclutch.results.atomic_file import replace_json, replace_text
 from emclutch.scene.case import Case, as_case, load_case

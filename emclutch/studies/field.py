@@ -17,10 +17,10 @@ import pandas
 from rich.markup import escape
 from rich.table import Table
 
-from emclutch.device.body_forces import MOVABLE, forces_on, movable_bodies, stress_force
-from emclutch.device.device import CoilDevice, field_goals, field_is_needed, solved_coil
-from emclutch.device.device_3d import CoilDevice3D
-from emclutch.device.materials import grain_law, region_laws
+from emclutch.device_model.body_forces import MOVABLE, forces_on, movable_bodies, stress_force
+from emclutch.device_model.device import CoilDevice, field_goals, field_is_needed, solved_coil
+from emclutch.device_model.device_3d import CoilDevice3D
+from emclutch.device_model.materials import grain_law, region_laws
 from emclutch.results import OutputError, RunFolder
 from emclutch.results.pictures import section_picture
 from emclutch.results.pictures.field import line_picture, saturation_picture

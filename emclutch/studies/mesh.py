@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from emclutch.device.device import mesh_of
+from emclutch.device_model.device import mesh_of
 from emclutch.results import OutputError, RunFolder
 from emclutch.results.folder_lock import locked_folder
 from emclutch.scene.case import Case, as_case

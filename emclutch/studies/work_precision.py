@@ -15,7 +15,7 @@ from typing import Protocol
 
 import numpy as np
 
-from emclutch.device.device import build_coil_device, field_is_needed
+from emclutch.device_model.device import build_coil_device, field_is_needed
 from emclutch.results import OutputError, RunFolder
 from emclutch.results.atomic_file import replace_text
 from emclutch.results.folder_lock import has_files, locked_folder

@@ -149,7 +149,7 @@ def chrono(n: int, lammps_ns: float | None) -> tuple[str, float]:
 def field_rows(rounds: int) -> Iterator[Row]:
     """The Newton iteration of the quickstart's section, iron saturated, beside NGSolve on the same triangles."""
     from emclutch import load_case
-    from emclutch.device.device import build_device
+    from emclutch.device_model.device import build_device
     from field import AxisymmetricProblem
     from field.factorisation import describe_backend
 

@@ -25,7 +25,7 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from emclutch.device.device import CoilDevice, solved_coil
+from emclutch.device_model.device import CoilDevice, solved_coil
 from emclutch.scene.case import load_case
 from field import AxisymmetricProblem, MagneticField, RecoveredSampler
 from field.coil.coil_circuit import CircuitState, LinearisedCoil, solve_at_flux_linkage

@@ -12,8 +12,8 @@ from typer.testing import CliRunner
 
 from emclutch.cli.input import read_line, read_list
 from emclutch.cli.main import app
-from emclutch.device.body_forces import forces_on, regions_of_body
-from emclutch.device.device import build_device
+from emclutch.device_model.body_forces import forces_on, regions_of_body
+from emclutch.device_model.device import build_device
 from emclutch.scene.case import load_case, read_toml
 from emclutch.scene.units import Quantity
 from field import MU_0, ConvergenceError, pole_pressure
@@ -194,7 +194,7 @@ def test_a_displaced_solve_that_fails_is_reported(thin_disc, monkeypatch):
     def fails(*_, **__):
         raise ConvergenceError([(0.5, 1.0)], "take a finer mesh")
 
-    monkeypatch.setattr("emclutch.device.body_forces.force_by_virtual_work", fails)
+    monkeypatch.setattr("emclutch.device_model.body_forces.force_by_virtual_work", fails)
     reported = forces_on(thin_disc[2], [("disc", ["disc"])])["disc"]
     assert reported["virtual_work"] is None and "did not converge" in reported["no_virtual_work"]
     assert reported["error_estimate"] > 0.0 and "error_estimate_of_two_shells" not in reported

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 import emclutch
 from emclutch.cli.main import app
 from emclutch.cli.new import new_scene, starter_kinds
-from emclutch.device.device import build_device
+from emclutch.device_model.device import build_device
 from emclutch.devices import GEOMETRIES
 from emclutch.scene.errors import SceneError
 from emclutch.scene.schema_walk import is_table

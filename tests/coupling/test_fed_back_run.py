@@ -9,8 +9,8 @@ from sheared_annulus import CELL, same, state
 
 import emclutch
 from coupling.staggered import refresh_field
-from emclutch.device.device import build_device
-from emclutch.device.materials import grain_law
+from emclutch.device_model.device import build_device
+from emclutch.device_model.materials import grain_law
 from emclutch.simulation.assembly import assemble
 from emclutch.simulation.plan import make_plan
 from field.spheres.lone_sphere import sphere_magnetisation

@@ -9,7 +9,7 @@ from sheared_annulus import CELL, run, same, state
 import emclutch
 from coupling import ImposedField
 from coupling.wall_reflection import steel_walls
-from emclutch.device.device import build_device
+from emclutch.device_model.device import build_device
 from emclutch.results.checkpoint import read_checkpoint
 from emclutch.results.errors import RunError
 from emclutch.scene.case import SceneError, case_from

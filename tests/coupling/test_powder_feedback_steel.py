@@ -14,8 +14,8 @@ from coupling.cluster import magnetised_cluster
 from coupling.smear_region import mirror_points_in_steel
 from coupling.smeared_grains import ring_smear
 from coupling.wall_reflection import steel_walls
-from emclutch.device.device import build_device
-from emclutch.device.materials import grain_law
+from emclutch.device_model.device import build_device
+from emclutch.device_model.materials import grain_law
 from field import MU_0, NU_0, LinearLaw, PowderState
 from field.section.maxwell_force import body_weight, lorentz_force
 from field.section.section_elements import SectionElements

@@ -15,7 +15,7 @@ MAY_IMPORT = {
     "coupling": {"coupling", "field", "particles", "geometry"},
     "emclutch": {"emclutch", "coupling", "field", "particles", "geometry"},
 }
-ROOMS = ("scene", "device", "results", "simulation", "studies", "cli")
+ROOMS = ("scene", "device_model", "results", "simulation", "studies", "cli")
 """Of `emclutch`, from the ground up: a room imports from those before it. `THINGS` lie beside `scene`."""
 THINGS = ("effects", "contact_laws", "devices", "sources")
 SOURCES = [path for package in MAY_IMPORT for path in sorted((ROOT / package).rglob("*.py"))]
@@ -43,7 +43,7 @@ def test_imports_run_one_way(path):
 
 @pytest.mark.parametrize("room", ROOMS)
 def test_rooms_import_downwards(room):
-    """scene <- device <- results <- simulation <- studies <- cli."""
+    """scene <- device_model <- results <- simulation <- studies <- cli."""
     for path in sorted((ROOT / "emclutch" / room).rglob("*.py")):
         for name in _imported(path):
             above = name.split(".")[1] if name.startswith("emclutch.") else room

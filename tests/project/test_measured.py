@@ -6,7 +6,7 @@ import pytest
 from measured import COLUMNS, TABLE, disagreement, pages, row_of_run, statements, table, write_row
 from written_run import written_run
 
-from emclutch.device.grain_size import FINER
+from emclutch.device_model.grain_size import FINER
 
 PAGES = [(path.name, path.read_text(encoding="utf-8")) for path in pages()]
 

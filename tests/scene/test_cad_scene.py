@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 import emclutch
 from emclutch.cli.main import app
-from emclutch.device.device import build_device, mesh_of
+from emclutch.device_model.device import build_device, mesh_of
 from emclutch.scene.case import case_from, load_case, read_toml
 from emclutch.scene.input_files import input_files
 from geometry.section_import import read_section_mesh

@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 
 import emclutch
 from emclutch.cli.main import app
-from emclutch.device.device import build_device
+from emclutch.device_model.device import build_device
 from emclutch.scene.case import load_case
 from emclutch.studies.field_3d import along_line, line_3d
 from field import AIR, MU_0, AxisymmetricProblem

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 import emclutch
 from emclutch.cli.main import app
-from emclutch.device.device import build_device, solved_coil
+from emclutch.device_model.device import build_device, solved_coil
 from emclutch.scene.case import case_from, load_case, read_toml
 
 QUICKSTART = Path(__file__).parents[2] / "cases" / "quickstart.toml"

@@ -10,7 +10,7 @@ import tomli_w
 from typer.testing import CliRunner
 
 from emclutch.cli.main import app
-from emclutch.device.materials import magnetic_law
+from emclutch.device_model.materials import magnetic_law
 from emclutch.scene.case import case_from, load_case, read_toml
 from field import FroehlichLaw, LinearLaw, PermeabilityLaw, TableLaw
 from field.laws.brauer import BrauerLaw

@@ -12,7 +12,7 @@ import tomli_w
 from typer.testing import CliRunner
 
 from emclutch.cli.main import app
-from emclutch.device.device import build_device
+from emclutch.device_model.device import build_device
 from emclutch.results import OutputError
 from emclutch.results.checkpoint import read_checkpoint, write_checkpoint
 from emclutch.results.errors import RunError

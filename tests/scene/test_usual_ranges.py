@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from emclutch.device.coil_heat import COOLING, coil_heat_in_words
-from emclutch.device.excitation import Excitation
+from emclutch.device_model.coil_heat import COOLING, coil_heat_in_words
+from emclutch.device_model.excitation import Excitation
 from emclutch.scene.case import case_from, load_case
 from geometry import Clutch
 from geometry.time_profile import TimeProfile

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from emclutch.device.device import build_device
+from emclutch.device_model.device import build_device
 from emclutch.scene.case import case_from, load_case
 from emclutch.simulation.forecast.expected_torque import CHAIN, chain_stress, expected_torque, neck_stress
 from emclutch.simulation.forecast.shot_clutch import shot_clutch_torque, shot_ring_radius

@@ -5,7 +5,7 @@ import tomllib
 import pytest
 
 from emclutch import plan
-from emclutch.device.device import build_device
+from emclutch.device_model.device import build_device
 from emclutch.scene.case import case_from
 from emclutch.simulation.plan_in_words import plan_in_words
 from emclutch.simulation.windows import UpdateRule

@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from emclutch.cli.main import app
-from emclutch.device.device import build_device
+from emclutch.device_model.device import build_device
 from emclutch.results import RunFolder
 from emclutch.scene.case import case_from
 from emclutch.scene.study import read_study

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from emclutch.device.decision import with_warnings
+from emclutch.device_model.warning_text import with_warnings
 from emclutch.scene.replica_count import cores_at_hand, replica_count, replicas_side_by_side
 from emclutch.simulation.forecast.machine_speed import slowness
 from emclutch.simulation.forecast.space import disk, memory, shortage
@@ -25,7 +25,7 @@ from field.factorisation import available_backends
 from particles.threads import WORTH_SHARING
 
 if TYPE_CHECKING:
-    from emclutch.device.device import Device
+    from emclutch.device_model.device import Device
     from emclutch.scene.model import Scene
 
 # Processor time on the reference machine, one core of an AMD EPYC (tests/benchmarks/predicted_cost.py)

@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from emclutch.device.coil_heat import COOLING
-from emclutch.device.device import Device
+from emclutch.device_model.coil_heat import COOLING
+from emclutch.device_model.device import Device
 from emclutch.effects import EFFECTS
 from emclutch.effects.left_out import ABSENT, ALWAYS, LeftOut
 from emclutch.scene.units import two_digits

@@ -15,8 +15,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from emclutch.device.device import CoilDevice, Device
-from emclutch.device.materials import grain_law
+from emclutch.device_model.device import CoilDevice, Device
+from emclutch.device_model.materials import grain_law
 from emclutch.scene.case import Case
 from emclutch.scene.grain_smear import moments_are_fed_back
 from field import MagneticField, PowderState

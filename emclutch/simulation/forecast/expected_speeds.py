@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from emclutch.device.device import Device
+from emclutch.device_model.device import Device
 
 HEAP = 0.6  # solid fraction of grains at rest
 

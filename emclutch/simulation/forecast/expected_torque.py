@@ -27,9 +27,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from emclutch.device.device import Device
-from emclutch.device.materials import grain_law
-from emclutch.device.pole_zone import ACROSS, ALONG
+from emclutch.device_model.device import Device
+from emclutch.device_model.materials import grain_law
+from emclutch.device_model.pole_zone import ACROSS, ALONG
 from emclutch.scene.units import two_digits
 from emclutch.simulation.forecast.calibration import carlson_stress
 from field import MU_0, MagneticField

@@ -22,8 +22,8 @@ from math import pi, sqrt
 from typing import TYPE_CHECKING
 
 from coupling.expected_load import pair_attraction
-from emclutch.device.device import Device
-from emclutch.device.materials import conductivity_of, region_materials
+from emclutch.device_model.device import Device
+from emclutch.device_model.materials import conductivity_of, region_materials
 from emclutch.simulation.forecast.expected_torque import ExpectedTorque
 from field.section.diffusion_time import diffusion_time
 

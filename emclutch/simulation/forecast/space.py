@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from emclutch.device.device import Device
+    from emclutch.device_model.device import Device
     from emclutch.scene.model import Scene
 
 MIB = 2**20

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from emclutch.device.excitation import Excitation
-from emclutch.device.materials import region_laws
+from emclutch.device_model.excitation import Excitation
+from emclutch.device_model.materials import region_laws
 from emclutch.scene.model import Scene
 from field.three_d import Field3D, FlatCoil, Problem3D
 from geometry import AnnularBox, Mesh3D

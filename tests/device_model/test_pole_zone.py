@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import emclutch
-from emclutch.device.device import build_device
+from emclutch.device_model.device import build_device
 from emclutch.scene.grain_smear import element_layers, smear_width
 from emclutch.simulation.assembly import assemble
 from emclutch.simulation.plan import make_plan

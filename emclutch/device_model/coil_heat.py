@@ -8,8 +8,8 @@ Until then the copper alone takes what it makes, dT/dt = rho J^2/(c rho_m).
 
 from __future__ import annotations
 
-from emclutch.device.decision import with_warnings
-from emclutch.device.excitation import Excitation
+from emclutch.device_model.excitation import Excitation
+from emclutch.device_model.warning_text import with_warnings
 from emclutch.scene.units import two_digits
 
 COOLING = 12.0

@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from emclutch.cli.main import app
-from emclutch.device.device import build_device
+from emclutch.device_model.device import build_device
 from emclutch.scene.case import load_case
 from emclutch.simulation.observables import Observables
 

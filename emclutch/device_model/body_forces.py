@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
-from emclutch.device.device import CoilDevice
+from emclutch.device_model.device import CoilDevice
 from field import ConvergenceError, MagneticField
 from field.section.error_estimate import next_order_field
 from field.section.maxwell_force import (

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from emclutch.device.device_3d import CoilDevice3D
+from emclutch.device_model.device_3d import CoilDevice3D
 from field import MU_0
 from field.three_d import Field3D
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from emclutch.device.device import Device
+    from emclutch.device_model.device import Device
     from emclutch.scene.model import Scene
 
 FINER = 0.80

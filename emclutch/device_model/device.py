@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from coupling.smear_region import elements_within, magnetic_regions
-from emclutch.device.excitation import Excitation, Supply
-from emclutch.device.materials import conductivities, grain_law, region_laws
-from emclutch.device.pole_zone import GapZone, PoleZone
+from emclutch.device_model.excitation import Excitation, Supply
+from emclutch.device_model.materials import conductivities, grain_law, region_laws
+from emclutch.device_model.pole_zone import GapZone, PoleZone
 from emclutch.devices import GeometrySection
 from emclutch.scene.fill import Fill, fill_of
 from emclutch.scene.grain_smear import element_layers, moments_are_fed_back, smear_width
@@ -33,7 +33,7 @@ from geometry.triangle_wall import TriangleWall
 from geometry.walls import Wall
 
 if TYPE_CHECKING:
-    from emclutch.device.device_3d import CoilDevice3D
+    from emclutch.device_model.device_3d import CoilDevice3D
 
 
 @dataclass(frozen=True, slots=True)
@@ -219,7 +219,7 @@ def solved_coil(scene: Scene) -> CoilDevice | CoilDevice3D:
     space.
     """
     if scene.geometry.is_solved_in_3d:
-        from emclutch.device.device_3d import build_coil_device_3d  # local: most scenes need no field in 3D
+        from emclutch.device_model.device_3d import build_coil_device_3d  # local: most scenes need no field in 3D
 
         return build_coil_device_3d(scene, scene.coil_field)
     return build_coil_device(scene)
