@@ -98,7 +98,7 @@ def _named_curves(gmsh: Any, clutch: Clutch, surfaces: dict[str, list[int]]) -> 
         curves.setdefault("axis" if r < 1e-6 else "outer", []).append(tag)
     for _, tag in gmsh.model.getBoundary([(2, tag) for tag in surfaces["powder"]], combined=True, oriented=False):
         r, z, _ = (MILLIMETRE * x for x in gmsh.model.occ.getCenterOfMass(1, tag))
-        name = next(name for name, lies_on in powder_faces(clutch, r, z).items() if lies_on)
+        name = next((name for name, lies_on in powder_faces(clutch, r, z).items() if lies_on), "disc_faces")
         curves.setdefault(name, []).append(tag)
     return curves
 

@@ -98,11 +98,18 @@ class SectionMesh(NamedMesh):
 
         Raises
         ------
+        ValueError
+            For a file name that does not end in ``.msh``.
         OSError
-            If the file cannot be written.
+            If the file cannot be written; FileNotFoundError if its folder is missing.
         """
         import meshio
 
+        path = Path(path)
+        if path.suffix != ".msh":
+            raise ValueError(f"`path` = {path}: a mesh is written as .msh; change the file's ending")
+        if not path.parent.is_dir():
+            raise FileNotFoundError(f"cannot write {path}: there is no folder {path.parent}; create it first")
         regions = {name: self.triangles[elements] for name, elements in self.regions.items()}
         cells: list[tuple[str, np.ndarray]] = []
         tags: list[np.ndarray] = []

@@ -140,18 +140,23 @@ def _read_by_gmsh(path: Path) -> _Content:
     points = np.full((int(tags.max(initial=0)) + 1, 3), np.nan)
     points[tags] = coordinates.reshape(-1, 3)
     corners = np.concatenate([np.zeros((0, 3), dtype=np.int64), *(corners for _, corners in triangles)])
-    return points, corners, np.array(labels, dtype=object), {name: edges[name] for name in sorted(edges) if name}
+    return points, corners, np.array(labels, dtype=object), {name: edges[name] for name in sorted(edges)}
 
 
 def _by_entity(gmsh: Any, dim: int) -> list[tuple[str, np.ndarray]]:
-    """Name of the one physical group of each curve or surface, "" for none or several, and nodes of its elements."""
+    """Return names and the nodes of their elements: a curve once for each of its physical groups, a surface once.
+
+    A surface has the name of its one group, "" for none or several.
+    """
     found = []
     for _, tag in gmsh.model.getEntities(dim):
         groups = gmsh.model.getPhysicalGroupsForEntity(dim, tag)
-        name = (gmsh.model.getPhysicalName(dim, groups[0]) or f"tag{groups[0]}") if len(groups) == 1 else ""
+        names = [gmsh.model.getPhysicalName(dim, group) or f"tag{group}" for group in groups]
+        if dim == 2 and len(names) != 1:
+            names = [""]
         nodes = gmsh.model.mesh.getElementsByType(dim, tag)[1]  # types 1 and 2: straight lines and triangles
         if len(nodes):
-            found.append((name, nodes.reshape(-1, dim + 1).astype(np.int64)))
+            found += [(name, nodes.reshape(-1, dim + 1).astype(np.int64)) for name in names]
     return found
 
 
@@ -304,12 +309,15 @@ def _join(points: np.ndarray, edges: np.ndarray, behind: Sequence[str], toleranc
     previous = [before.get(int(a)) for a, _ in edges]
     begins = [k for k, one in enumerate(previous) if one is None or not are_straight(one, one, k)]
     pieces, left = [], set(range(len(edges)))
-    for first in [*begins, *range(len(edges))]:  # a loop without a corner begins anywhere
-        if first not in left:
+    for begin in [*begins, *range(len(edges))]:  # a loop without a corner begins anywhere
+        if begin not in left:
             continue
-        last = first
+        first = last = begin
         left.remove(last)
-        while (following := after.get(int(edges[last, 1]))) in left and are_straight(first, last, following):
+        while (following := after.get(int(edges[last, 1]))) in left and are_straight(last, last, following):
+            if not are_straight(first, last, following):  # an arc of many short edges bends away from its chord
+                pieces.append((first, last))
+                first = following
             last = following
             left.remove(last)
         pieces.append((first, last))

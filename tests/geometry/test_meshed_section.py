@@ -18,7 +18,7 @@ from geometry.cad_meshing import cad_section, mesh_cad
 from geometry.cad_shape import CadShape
 from geometry.file_content import CadError
 from geometry.mesher import initialize_gmsh
-from geometry.section_import import MESH_SUFFIXES, meshed_section, read_section_mesh
+from geometry.section_import import MESH_SUFFIXES, _join, meshed_section, read_section_mesh
 
 pytestmark = pytest.mark.physics
 
@@ -153,6 +153,62 @@ def test_a_curved_outline_becomes_chords_and_its_gap_is_the_one_across(tmp_path)
     ends = np.array([(edge.start, edge.end) for edge in section.powder_outline])
     assert np.allclose(np.hypot(ends[..., 0] - 0.02, ends[..., 1]), 2e-3, atol=1e-7) and len(ends) >= 40
     assert section.gap == pytest.approx(4e-3, rel=0.05)
+
+
+def test_a_curve_in_two_groups_is_part_of_both_boundaries(tmp_path):
+    """A half disc of 10 mm whose arc is two quarters: both are one group, and the lower is another as well."""
+    import gmsh
+
+    initialize_gmsh()
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        occ = gmsh.model.occ
+        south, east, north, centre = (occ.addPoint(*at, 0) for at in ((0, -10), (10, 0), (0, 10), (0, 0)))
+        lower, upper = occ.addCircleArc(south, centre, east), occ.addCircleArc(east, centre, north)
+        axis = occ.addLine(north, south)
+        surface = occ.addPlaneSurface([occ.addCurveLoop([lower, upper, axis])])
+        occ.synchronize()
+        for dim, name, tags in ((2, "air", [surface]), (1, "outer", [lower, upper]), (1, "lower_arc", [lower])):
+            gmsh.model.addPhysicalGroup(dim, tags, name=name)
+        for tag in (lower, upper):
+            gmsh.model.mesh.setTransfiniteCurve(tag, 13)
+        gmsh.model.mesh.setTransfiniteCurve(axis, 16)
+        gmsh.model.mesh.generate(2)
+        gmsh.write(str(tmp_path / "arc.msh"))
+    finally:
+        gmsh.finalize()
+    mesh = read_section_mesh(tmp_path / "arc.msh", scale=MM)[0]
+    assert {name: len(edges) for name, edges in mesh.boundaries.items()} == {"lower_arc": 12, "outer": 24, "axis": 15}
+    assert np.all(mesh.points[mesh.boundaries["lower_arc"], 1] < 1e-9)
+
+
+def outline_of(points, order):
+    """Ends of the joined pieces, in order along the line, of edges between successive points read in an order."""
+    edges = np.column_stack((np.arange(len(points) - 1), np.arange(1, len(points))))[order]
+    pieces = _join(points, edges, ["disc"] * len(edges), 50e-9)
+    return sorted((piece.start, piece.end) for piece in pieces)
+
+
+@pytest.mark.parametrize("curve, count", [("arc", 134), ("line", 2)])
+def test_the_outline_does_not_depend_on_the_order_of_the_edges(curve, count):
+    """An arc of R = 25 mm with edges of 30 um, and a straight line with one edge of 5 um, rounded by 3 nm.
+
+    The device has a radius of 50 mm, whose tolerance of 50 nm joins two edges of the arc (36 nm off their line) but not
+    three (54 nm). The short edge points away from the line by 0.6 mrad, 300 nm at the end of the next edge.
+    """
+    if curve == "arc":
+        angle = 30e-6 / 25e-3 * np.arange(269)
+        points = 25e-3 * np.column_stack((np.cos(angle), np.sin(angle)))
+    else:
+        z = np.insert(np.linspace(0.0, 20e-3, 41), 21, 10e-3 + 5e-6)
+        points = np.column_stack((np.full(len(z), 25e-3), z))
+        points[21, 0] += 3e-9
+    n = len(points) - 1
+    ordered = outline_of(points, np.arange(n))
+    assert len(ordered) == count
+    random = np.random.default_rng(1)
+    for order in (np.arange(n)[::-1], random.permutation(n), random.permutation(n)):
+        assert outline_of(points, order) == ordered
 
 
 def spoiled(grid, tmp_path, *, points=None, keep=None, regions=None):

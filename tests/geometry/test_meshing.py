@@ -9,6 +9,7 @@ import pytest
 
 from geometry import Clutch, draw_section, mesh_clutch
 from geometry.mesher import initialize_gmsh
+from geometry.meshing import powder_faces
 
 THIN_DISC = Clutch(
     disc_thickness=6e-3,
@@ -181,6 +182,23 @@ def test_the_file_holds_the_same_mesh_in_metres_with_names(tmp_path, capfd):
 def test_bad_options_are_refused(options):
     with pytest.raises(ValueError, match=next(iter(options))):
         mesh_clutch(Clutch(), **options)
+
+
+@pytest.mark.parametrize(
+    "path, error, words",
+    [("clutch.vtk", ValueError, "path"), ("no/such/folder/clutch.msh", FileNotFoundError, "no folder")],
+)
+def test_a_mesh_is_not_written_to_a_bad_path(path, error, words, tmp_path):
+    with pytest.raises(error, match=words):
+        mesh_clutch(Clutch(), size_factor=4.0).write(tmp_path / path)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_curve_on_no_other_face_of_the_powder_is_one_of_the_disc(monkeypatch):
+    """Rounding in the mesher may put the middle of a curve off its face by more than the tolerance."""
+    monkeypatch.setattr("geometry.meshing.powder_faces", lambda *at: powder_faces(*at) | {"disc_faces": False})
+    length = 2.0 * (Clutch().disc_radius - Clutch().seal_radius)
+    assert mesh_clutch(Clutch()).boundary_length("disc_faces") == pytest.approx(length, rel=1e-9)
 
 
 def test_the_picture_needs_no_display_and_no_pyplot(tmp_path):
