@@ -48,6 +48,8 @@ class FreeShaft:
     def __post_init__(self) -> None:
         if not 0.0 < self.inertia < math.inf:
             raise ValueError(f"inertia of a free shaft = {self.inertia:g} kg m^2; allowed: more than 0")
+        if not isinstance(self.load_torque, TimeProfile):
+            raise TypeError(f"load torque = {self.load_torque!r}: give a TimeProfile, e.g. TimeProfile.constant(0.5)")
         for load in self.load_torque.values:
             if not 0.0 <= load < math.inf:
                 raise ValueError(

@@ -102,7 +102,7 @@ class GrainMotion:
             self.gravity = np.array(gravity, dtype=float).reshape(3)
         self.skin = float(skin)
         if not 0.0 < self.skin < np.inf:
-            raise ValueError(f"skin = {self.skin * 1e3:g} mm; allowed: more than 0 (a quarter of a diameter is usual)")
+            raise ValueError(f"skin = {self.skin * 1e3:g} mm; allowed: more than 0")
         self.external_force: np.ndarray | None = None
         self.step_count = self.order_version = self.list_version = 0
         self._device = DeviceWalls(self.walls, self.bodies)

@@ -61,9 +61,15 @@ def refuse_shot_off(fastest: float, grains: Grains, dt: float, tolerance: float,
 
 
 def not_finite(grains: Grains, time: float, remedy: str) -> ParticleError:
-    """Return the error for the first grain whose state is not finite, or for a shaft where all grains' are."""
+    """Return the error for the first grain whose state is not finite, or else for a shaft.
+
+    A grain whose speed is finite and its square is not counts as not finite: the kernels compare squares.
+    """
     state = np.concatenate([grains.position, grains.velocity, grains.angular_velocity], axis=1)
     rows = np.flatnonzero(~np.isfinite(state).all(axis=1))
+    if len(rows) == 0:
+        with np.errstate(over="ignore"):
+            rows = np.flatnonzero(~np.isfinite(np.square(state).sum(axis=1)))
     if len(rows) == 0:
         return ParticleError(f"t = {time:.6g} s: the speed of a shaft is not a finite number")
     fault = "its position or velocity is not a finite number"

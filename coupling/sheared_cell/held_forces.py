@@ -28,7 +28,7 @@ class HeldPairs(NamedTuple):
     ----------
     first, second : ndarray, shape (p,)
     shift : ndarray, shape (p, 3)
-        Stands the second grain columns_of the first [m].
+        From the second grain to its place next to the first [m].
     near_slot : ndarray of int32, shape (p,)
         A pair's place among the near ones, or -1.
     """

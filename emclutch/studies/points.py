@@ -9,8 +9,9 @@ values can be inserted, removed and put in another order, and what is computed i
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -77,18 +78,21 @@ def folders_of_points(folder: Path, cases: Sequence[Case], fixed: Collection[str
                 if (path := found[number]) is not None:
                     _refuse_earlier_end(path, there.pop(path), scene)
     is_done = [path is not None and _is_done(path, scene, fixed) for path, scene in zip(found, wanted, strict=True)]
-    used = [
-        int(match[1])
+    free = _free_numbers(folder)
+    paths = (folder / f"{POINT}{next(free):03d}" if path is None else path for path in found)
+    return [PointFolder(path, done) for path, done in zip(paths, is_done, strict=True)]
+
+
+def _free_numbers(folder: Path) -> Iterator[int]:
+    """Numbers of points to come: those whose folder was set aside for a run that never began, then the next ones."""
+    names = {
+        path.name: int(match[1])
         for path in folder.glob(f"{POINT}*")
         if (match := _NUMBERED.match(path.name)) and (path.is_file() or has_files(path))
-    ]
-    free = max(used, default=-1) + 1
-    folders = []
-    for path, done in zip(found, is_done, strict=True):
-        if path is None:
-            path, free = folder / f"{POINT}{free:03d}", free + 1
-        folders.append(PointFolder(path, done))
-    return folders
+    }
+    taken = {number for name, number in names.items() if _NUMBERED.fullmatch(name)}
+    yield from sorted(set(names.values()) - taken)
+    yield from count(max(names.values(), default=-1) + 1)
 
 
 def points_in(study: StudySection, folder: Path) -> list[PointFolder]:

@@ -3,7 +3,7 @@
 On the same mesh the space of the next order is larger; its solution psi_h + e, a few warm Newton steps away,
 gives goal(psi_h + e) - goal(psi_h), a goal's error with its sign, linear or not.  Where the error comes from
 follows from the goal's adjoint z, a(v, z) = goal'(v) with the tangent a: the goal's error is a(e, z - z_h) with
-z_h the adjoint in the field's own space, and an element's fraction at most |e| |z - z_h| in the norm of a taken
+z_h the adjoint in the field's own space, and an element's contribution at most |e| |z - z_h| in the norm of a taken
 over it (Becker and Rannacher, Acta Numerica 10, 2001).  For the flux linkage of a linear device z is psi itself,
 up to a factor, and its relative error that of the energy.
 
@@ -368,10 +368,10 @@ def estimate_error(field: MagneticField, goals: Sequence[Goal], *, boundary_fiel
     primal = space.element_energy(at, psi - start)
     found, indicators = [], np.zeros((len(goals), len(primal)))
     for i, goal in enumerate(goals):
-        fraction = np.sqrt(primal * space.element_energy(at, adjoint[:, i]))
-        error = max(goal.distance(space, psi, start), _CANCELLING * float(fraction.sum())) / missed
+        contribution = np.sqrt(primal * space.element_energy(at, adjoint[:, i]))
+        error = max(goal.distance(space, psi, start), _CANCELLING * float(contribution.sum())) / missed
         value = goal.value(space, psi)
-        indicators[i] = fraction * (error / abs(value) / fraction.sum() if fraction.any() else 0.0)
+        indicators[i] = contribution * (error / abs(value) / contribution.sum() if contribution.any() else 0.0)
         found.append(GoalError(goal.name, value, error / abs(value)))
     return ErrorEstimate(tuple(found), indicators)
 

@@ -76,8 +76,10 @@ class DviCall(NamedTuple):
 
 
 class Horizon(NamedTuple):
-    """SolverSettings for contacts in the present step: h [s], beyond the grains' own travel by ``margin`` [m], what
-    ``slop`` lets be, by which ``law``, as in `DviCall`."""
+    """Search for contacts in the present step of h [s]: up to ``margin`` [m] beyond the grains' own travel.
+
+    ``slop`` and ``law`` are those of `DviCall`.
+    """
 
     h: float
     margin: float

@@ -36,7 +36,7 @@ class ContactLaw(Protocol):
         """Coulomb coefficient mu [-]."""
 
     def row(self) -> np.ndarray:
-        """The law's columns and the friction between grains, shape (N_LAW,)."""
+        """The law's columns and the friction, shape (N_LAW,)."""
 
     def contact_time(self, m_eff: float, r_eff: float, speed: float) -> float:
         """Duration [s] of an undamped head-on impact at ``speed`` [m/s], exact; infinite where it has no end."""

@@ -121,7 +121,7 @@ class HertzContact(HertzianImpact):
         return power_law_restitution(self.damping_n * depth / (m_eff * speed), 1.5, 0.0)
 
     def row(self) -> np.ndarray:
-        """(k, k_t, gamma_n, gamma_t) and the friction between grains, shape (N_LAW,)."""
+        """(k, k_t, gamma_n, gamma_t) and the friction, shape (N_LAW,)."""
         columns = [self.stiffness_n, self.stiffness_t, self.damping_n, self.damping_t]
         return law_row(columns, self.friction, self.damping_rolling)
 

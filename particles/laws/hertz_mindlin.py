@@ -108,7 +108,7 @@ class HertzMindlin(HertzianImpact):
         return effective_shear_modulus(self.grain, self.partner)
 
     def row(self) -> np.ndarray:
-        """E*, G*, gamma_n and gamma_t over sqrt(m_eff a), and the friction between grains, shape (N_LAW,)."""
+        """E*, G*, gamma_n and gamma_t over sqrt(m_eff a), and the friction, shape (N_LAW,)."""
         E, G = self.modulus, self.shear_modulus
         unit = 2.0 * math.sqrt(5.0 / 6.0)
         damping = [unit * self.damping_n * math.sqrt(2.0 * E), unit * self.damping_t * math.sqrt(8.0 * G)]

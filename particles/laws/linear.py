@@ -122,6 +122,6 @@ class LinearContact(LinearImpact):
         )
 
     def row(self) -> np.ndarray:
-        """(k_n, k_t, zeta_n, zeta_t) and the friction between grains, shape (N_LAW,)."""
+        """(k_n, k_t, zeta_n, zeta_t) and the friction, shape (N_LAW,)."""
         columns = [self.stiffness_n, self.stiffness_t, self.damping_n, self.damping_t]
         return law_row(columns, self.friction, self.damping_n)

@@ -157,7 +157,7 @@ class ThesisContact:
         return power_law_restitution(self.damping_n * depth**1.5 / (speed * math.sqrt(self.diameter)), 1.5, 0.5)
 
     def row(self) -> np.ndarray:
-        """(k_n, k_t, gamma_n, gamma_t, D, exponent) and the friction between grains, shape (N_LAW,)."""
+        """(k_n, k_t, gamma_n, gamma_t, D, exponent) and the friction, shape (N_LAW,)."""
         damping = [self.damping_n, self.damping_t]
         columns = [self.stiffness_n, self.stiffness_t, *damping, self.diameter, self.exponent]
         return law_row(columns, self.friction, self.damping_rolling)

@@ -4,7 +4,7 @@ r"""Hysteretic contact of Walton & Braun (J. Rheol. 30 (1986) 949): it loads sof
     below the peak    F = max(0, k_2 (delta - delta_0)),     delta_0 = (1 - k_1/k_2) delta_peak,
 
 k_2 > k_1; reloading follows the unloading line up to the peak, which is the memory of the contact and ends with it. The
-work k_1 delta_peak^2/2 comes back by its fraction k_1/k_2 through the triangle of height k_1 delta_peak, so
+work k_1 delta_peak^2/2 comes back by the fraction k_1/k_2 through the triangle of height k_1 delta_peak, so
 
     e = sqrt(k_1/k_2)
 
@@ -109,7 +109,7 @@ class WaltonBraun(LinearImpact):
         return math.sqrt(self.stiffness_n / self.unloading_stiffness)
 
     def row(self) -> np.ndarray:
-        """(k_1, k_t, k_2, zeta_t) and the friction between grains, shape (N_LAW,)."""
+        """(k_1, k_t, k_2, zeta_t) and the friction, shape (N_LAW,)."""
         columns = [self.stiffness_n, self.stiffness_t, self.unloading_stiffness, self.damping_t]
         return law_row(columns, self.friction, self.damping_rolling)
 

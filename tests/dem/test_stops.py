@@ -75,6 +75,8 @@ def test_stops_name_grain_place_time_and_remedy():
     spun.grains.angular_velocity[1, 2] = np.nan
     with pytest.raises(DemError, match=where + "its position or velocity is not a finite number"):
         spun.run(10)
+    with pytest.raises(DemError, match=where + "its position or velocity is not a finite number"):
+        scene((1e160, 0.0, 0.0)).run(10)  # the square of its speed is not
     lost = scene()
     lost.grains.position[int(np.flatnonzero(lost.grains.particle_id == 1)[0])] = [0.0, 0.0, 0.05]
     lost.invalidate()

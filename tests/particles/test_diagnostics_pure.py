@@ -12,6 +12,7 @@ from geometry.box import Box
 from geometry.time_profile import TimeProfile
 from particles import DEM, Body, CyclicSector, Grains, LinearContact, choose_time_step, pack
 from particles.diagnostics.bins import RingBins, ring_bins
+from particles.diagnostics.coordination import contacts_per_grain
 from particles.diagnostics.enclosed_space import default_bins, enclosed_space
 from particles.diagnostics.profiles import profile_of, profile_sums
 
@@ -82,8 +83,11 @@ def test_torque_next_to_a_wall_is_the_one_that_the_step_booked():
     bins = RingBins("r", edges, -CELL.height, 2.0 * CELL.height, SECTOR.angle)
     torque = profile_of(profile_sums(grains, contacts, bins, dem.sector), bins).torque
     assert abs(totals.torque_on("rotor")) > 0.0
+    # means over shells of 1 nm, in which the torque of a contact grows along its branch of 0.1 mm and more
     assert torque[2] == pytest.approx(-totals.torque_on("rotor"), rel=1e-6)
     assert torque[0] == pytest.approx(totals.torque_on("disc"), rel=1e-6)
+    z = contacts_per_grain(contacts, grains.count)
+    assert z.sum() == np.sum(contacts.j >= 0) * 2 + np.sum(contacts.j < 0)
 
 
 def test_profile_of_a_sheared_ring_is_what_drove_it():

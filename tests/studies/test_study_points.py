@@ -202,6 +202,14 @@ def test_a_point_killed_before_its_scene_was_written_keeps_its_folder(tmp_path, 
     assert not (out / "point-000" / "case.toml.12.new").exists()
 
 
+def test_a_point_killed_between_its_set_aside_folder_and_its_new_one_keeps_its_number(tmp_path, runs):
+    study = study_of(tmp_path, {FRICTION: [0.1, 0.3]})
+    out = sweep(study, out=tmp_path / "out")
+    (out / "point-000").rename(out / "point-000-set-aside-1")
+    out = sweep(study, out=tmp_path / "out", resume=True)
+    assert table(out)["folder"].tolist() == ["point-000", "point-001"]
+
+
 def test_a_point_that_another_process_writes_is_not_set_aside(tmp_path, runs):
     study = study_of(tmp_path, {FRICTION: [0.1]})
     point = RunFolder.create(tmp_path / "out" / "point-000", next(iter(study.cases()))[1].toml())
