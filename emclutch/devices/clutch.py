@@ -149,12 +149,14 @@ class ClutchGeometry(GeometrySection):
         magnetic = magnetic_regions(self.materials.model_dump(), own)
         return Clutch(**given, disc_slots=disc, rotor_slots=rotor, magnetic=magnetic)
 
-    def faults_of_the_others(self, unknown: set[str], own: Mapping[str, Material]) -> list[GeometryFault]:
+    def faults_of_the_others(
+        self, unknown: set[str], own: Mapping[str, Material], diameter: float | None
+    ) -> list[GeometryFault]:
         """See `GeometrySection.faults_of_the_others`."""
         lengths = unknown & set(type(self).model_fields) - {"materials", "disc_slots", "rotor_slots"}
         # not a number: whatever is compared with it is judged neither right nor wrong, but for itself, reported already
         shape = self.model_copy(update=dict.fromkeys(lengths, math.nan)).shape(own)
-        return [fault for fault in shape.faults(None) if fault.what.split(".")[0] not in unknown]
+        return [fault for fault in shape.faults(diameter) if fault.what.split(".")[0] not in unknown]
 
     def mesh(self, shape: Clutch, gap_layers: int, size_factor: float) -> SectionMesh:
         """See `GeometrySection.mesh`."""

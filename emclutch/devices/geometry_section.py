@@ -111,8 +111,10 @@ class GeometrySection(Section):
         """Where images of dipoles in its walls are mirrored in what is no steel; empty where nowhere."""
         return ""
 
-    def faults_of_the_others(self, unknown: set[str], own: Mapping[str, Material]) -> list[GeometryFault]:
-        """Faults between its sizes where the keys `unknown` have faults of their own."""
+    def faults_of_the_others(
+        self, unknown: set[str], own: Mapping[str, Material], diameter: float | None
+    ) -> list[GeometryFault]:
+        """Faults between its sizes and the largest grain [m] where the keys `unknown` have faults of their own."""
         return []
 
     # what it is built of

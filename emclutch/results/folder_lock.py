@@ -10,6 +10,7 @@ host, time - is for the message alone.
 from __future__ import annotations
 
 import datetime
+import errno
 import fcntl
 import json
 import os
@@ -46,6 +47,12 @@ def locked_folder(folder: str | Path) -> Iterator[None]:
         path.parent.mkdir(parents=True, exist_ok=True)
         descriptor = _take(path)
     except OSError as error:
+        if error.errno == errno.ELOOP:  # of O_NOFOLLOW: what it points to belongs to somebody else
+            raise OutputError(f"{path} is a symbolic link; remove it, then continue") from error
+        if error.errno in (errno.ENOLCK, errno.ENOTSUP):
+            raise OutputError(
+                f"the file system of {folder} has no locks (flock); write to a local disk with --out"
+            ) from error
         raise OutputError(
             f"cannot write to {folder}: {error.strerror or error}; write elsewhere with --out, or make room or "
             "permissions there"
@@ -68,7 +75,7 @@ def has_files(folder: str | Path) -> bool:
 def _take(path: Path) -> int:
     """Return the descriptor of the lock's file, held."""
     while True:
-        descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+        descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o644)
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
             if _is_still(path, descriptor):

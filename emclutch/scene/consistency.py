@@ -81,7 +81,7 @@ def _faults_of_shape(draft: Draft, diameter: float | None) -> list[GeometryFault
     if "geometry" not in draft.broken:
         return draft.scene.shape().faults(diameter)
     unknown = {key.split(".")[1] for key in draft.of_geometry}
-    return draft.scene.geometry.faults_of_the_others(unknown, draft.scene.materials or {})
+    return draft.scene.geometry.faults_of_the_others(unknown, draft.scene.materials or {}, diameter)
 
 
 def _region(draft: Draft) -> Iterator[Fault]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable
+from math import sqrt
 from typing import TYPE_CHECKING
 
 from emclutch.simulation.forecast.cost import Cost, spoken
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 SHARES = (0.01, 0.1)  # of the run, after which the time left is announced; the second corrects the first
 WINDOWS, MIN_S = 6, 5.0  # and seconds, that must have passed
 LONG, BEHIND = 60.0, 2.0  # s: less is not worth a line; times as long as estimated, from which on it is a warning
-BUSY = 0.7  # cores that this process had, or fewer: other programs take them
+BUSY = 0.7  # of the cores that its threads use, or fewer: other programs take them
 
 
 class RunPace:
@@ -63,7 +64,7 @@ class RunPace:
         text = f"about {spoken(seconds)} left, by the pace of the windows so far"
         if slow:
             text += f": {seconds / max(estimated, 1e-9):.1f} times as long as estimated before the run"
-            text += "; other programs take the cores" if cores < BUSY else ""
+            text += "; other programs take the cores" if cores < BUSY * sqrt(self._cost.threads) else ""
         self._announce(text, logging.WARNING if slow else logging.INFO)
 
 

@@ -93,6 +93,8 @@ def test_a_lock_and_soft_grains_are_reported_last():
     # the words of the plan decide nothing
     rigid = {"contact": {"compliant": False}, "plan": {"stiffness": "none"}, "max_overlap": 0.05}
     assert closing_lines(SimpleNamespace(summary=rigid, history=last)) == []
+    (line,) = closing_lines(SimpleNamespace(summary={"max_overlap": 0.05}, history=last))  # cut short by hand
+    assert "grains too soft" in line
 
 
 @pytest.mark.parametrize(

@@ -160,7 +160,7 @@ def test_pairs_that_touch_attract_as_at_the_smallest_gap():
     assert felt - dem.contact_force[0, 0] == pytest.approx(pull(0.0, 1.7, 0.03)[0], rel=1e-9)
 
 
-def test_drives_are_renewed_on_demand_and_the_list_is_as_it_is_reported():
+def test_drives_are_renewed_on_demand_and_the_list_keeps_its_order():
     grains = Grains.create([[0.0, 0.0, 0.0], [2.0 * RADIUS, 0.0, 0.0]], [RADIUS, 0.9 * RADIUS], DENSITY)
     dem = DEM(grains, [], [], LAW, dt=1e-9, skin=0.01 * RADIUS)
     asked = []

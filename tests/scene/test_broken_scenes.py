@@ -182,6 +182,11 @@ def test_faults_between_sections_come_with_those_within():
     assert "contact.friction" in output and "geometry.gap" in output
 
 
+def test_grains_are_compared_with_the_sizes_that_are_right():
+    output = refused(["check", str(GOOD), "--set", "particles.diameter=20 mm", "--set", "geometry.yoke=3 kg"])
+    assert "geometry.yoke" in output and "geometry.gap" in output
+
+
 # name: (values in the good scene, what must be reported of the geometry, what else)
 HIDDEN = {
     "a size hides sizes": ({"geometry.gap": "3 kg", "geometry.shaft_radius": "60 mm"},

@@ -16,7 +16,9 @@ from emclutch.device_model.device import build_device
 from emclutch.results import OutputError
 from emclutch.results.checkpoint import read_checkpoint, write_checkpoint
 from emclutch.results.errors import RunError
+from emclutch.results.folder_lock import LOCK, locked_folder
 from emclutch.results.record import Record
+from emclutch.results.vtk.series import PvdSeries
 from emclutch.scene.case import DEEPEST, MAX_FILE, case_from, load_case, read_toml
 from emclutch.scene.errors import SceneError
 from emclutch.simulation.check import check
@@ -262,6 +264,25 @@ def test_paths_that_lead_out_of_the_scenes_folder_are_reported(tmp_path, monkeyp
         assert f"{key}{elsewhere.resolve()}" in words
     (home / "grains.csv").write_text((elsewhere / "grains.csv").read_text())
     assert reported("grains.csv", "own.csv", "runs/one") == ""
+
+
+def test_a_folder_of_a_run_reaches_no_file_outside_it(tmp_path):
+    precious = tmp_path / "precious"
+    precious.write_text("mine")
+    folder = tmp_path / "run"
+    folder.mkdir()
+    for file in ("../precious", str(precious)):
+        (folder / "walls.pvd").write_text(
+            f'<VTKFile><Collection><DataSet timestep="9" file="{file}"/></Collection></VTKFile>'
+        )
+        with pytest.raises(OutputError, match="is outside its folder"):
+            PvdSeries(folder, "walls", resume_time=1.0)
+    for target in (precious, tmp_path / "not there"):
+        (folder / LOCK).symlink_to(target)
+        with pytest.raises(OutputError, match="is a symbolic link; remove it"), locked_folder(folder):
+            pass
+        (folder / LOCK).unlink()
+    assert precious.read_text() == "mine" and not (tmp_path / "not there").exists()
 
 
 # -- words

@@ -33,7 +33,7 @@ replicas = 1
 """
 
 
-def test_the_first_ctrl_c_waits_for_the_window_unless_reported_otherwise():
+def test_the_first_ctrl_c_waits_for_the_window_unless_asked_otherwise():
     stop, compiling = threading.Event(), [False]
     with interruptible(stop, lambda: compiling[0]):
         signal.raise_signal(signal.SIGINT)

@@ -60,7 +60,7 @@ def test_the_largest_load_sets_the_stiffness(changes, source, cause):
     assert not stiffness.is_soft and "too soft" not in words["stiffness"]
 
 
-def test_a_stiffness_that_is_asked_for_may_be_soft_and_is_reported_so():
+def test_a_stiffness_that_is_asked_for_may_be_soft_and_says_so():
     follows, _ = planned()
     # under a load overlaps go as 1/k, in impacts as 1/sqrt(k): about 5 % of the diameter under both
     softer = follows.stiffness * (follows.contact.stiffness.overlap / 0.05) ** 1.4

@@ -254,6 +254,9 @@ def test_a_run_on_a_busy_machine_says_that(clock):
     clock.share = 0.4
     ((level, text),) = announced(clock, 3.0, 60)
     assert level == logging.WARNING and "3.0 times as long" in text and "other programs" in text
+    clock.share = 0.9  # of one core, by two threads
+    ((_, text),) = announced(clock, 3.0, 60, cost=replace(estimated(1000.0), threads=2))
+    assert "other programs" in text
 
 
 def test_a_run_that_goes_on_late_is_measured_from_there(clock):

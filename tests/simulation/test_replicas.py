@@ -147,7 +147,7 @@ def test_a_replica_that_dies_ends_the_run_with_its_name(tmp_path):
     assert (tmp_path / "run" / "checkpoint.h5").exists()
 
 
-def test_a_replica_that_fails_for_its_scene_is_reported_from_one_that_was_killed(tmp_path):
+def test_a_replica_that_fails_for_its_scene_is_distinguished_from_one_that_was_killed(tmp_path):
     class Ended:
         def poll(self):
             return 1

@@ -64,7 +64,8 @@ def closing_lines(result: Result) -> list[str]:
 def soft_grains(summary: dict[str, Any]) -> str:
     """Return a warning where grains that press in overlapped too much; else empty."""
     overlap = summary.get("max_overlap") or 0.0
-    if overlap <= SOFT or not summary["contact"]["compliant"]:
+    compliant = (summary.get("contact") or {}).get("compliant", "solver" not in summary)
+    if overlap <= SOFT or not compliant:
         return ""
     return (
         f"the largest overlap is {100 * overlap:.2g} % of the diameter: grains too soft; torque peaks are not to be "

@@ -164,13 +164,23 @@ class PvdSeries:
 
 
 def read_pvd(path: str | Path) -> list[tuple[float, Path]]:
-    """Return times [s] and files of a series, in time order as written; OutputError where the file is damaged."""
+    """Return times [s] and files of a series, in time order as written.
+
+    Raises
+    ------
+    OutputError
+        The file is damaged, or names a file outside its folder: a run that is resumed removes later files.
+    """
     path = Path(path)
     try:
         data_sets = ElementTree.parse(path).getroot().iter("DataSet")
-        return [(float(entry.attrib["timestep"]), path.parent / entry.attrib["file"]) for entry in data_sets]
+        found = [(float(entry.attrib["timestep"]), path.parent / entry.attrib["file"]) for entry in data_sets]
+        for _, file in found:
+            if not file.resolve().is_relative_to(path.parent.resolve()):
+                raise ValueError(f"{file} is outside its folder")
     except (ElementTree.ParseError, KeyError, ValueError) as error:
         raise OutputError(f"{path} is not a series of a run ({error}); move it elsewhere, then continue") from error
+    return found
 
 
 def _meridional(values: np.ndarray) -> np.ndarray:
