@@ -10,8 +10,8 @@ What a step must resolve, for the lightest grains in each kind of contact (with 
   springs; between spheres rolling adds nothing to the stiffest mode, and twisting is softer than sliding);
 * **damping**: gamma_n dt < m_eff, or a step turns the closing speed round and gains energy; half of that is chosen;
 * **the Rayleigh time** of Hertz-Mindlin grains: 20 % of it, at most 40 % (usual for coordinations above and below 4);
-* **attraction**: of near grains (`particles.dem.attraction`), the growth sqrt(m_eff/S) of a distance on its negative
-  stiffness S, taken as a half period pi sqrt(m_eff/S) is of a positive one;
+* **attraction**, where the caller gives one (a scene enters it as a load): the growth sqrt(m_eff/S) of a distance on
+  its negative stiffness S, taken as a half period pi sqrt(m_eff/S) is of a positive one;
 * **travel**: no grain moves more than a tenth of its radius in a step, or it would tunnel into its neighbour.
 
 The stiffness of Hertzian laws grows with the overlap: without a speed and a load, a step is chosen for an overlap of

@@ -1,4 +1,4 @@
-"""One contact by itself: tangential spring, slider, rolling of the history, and where the energy goes."""
+"""Coulomb's law of sliding friction in one DEM contact: tangential spring, cap, history, and where the energy goes."""
 
 import math
 from typing import NamedTuple

@@ -1,4 +1,4 @@
-"""One rigid contact alone: both friction laws against their definition and against a search that knows no algebra."""
+"""Coulomb's and Signorini's laws of one rigid contact alone, against their definition and an independent search."""
 
 import numpy as np
 import pytest
