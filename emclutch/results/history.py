@@ -62,7 +62,7 @@ class HistoryWriter:
         if self.columns is None:
             unknown = [name for name in row if name not in COLUMNS]
             if unknown:
-                raise OutputError(f"no column {', '.join(unknown)} in a history; add it to COLUMNS")
+                raise OutputError(f"no column {', '.join(unknown)} in a history; declare it in its effect's columns")
             self.columns = [name for name in COLUMNS if name in row]
             self._writer.writerow(self.columns)
         if row.keys() != set(self.columns):
