@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from typing import Any, ClassVar
 
@@ -48,7 +49,7 @@ def array_of(state: dict[str, np.ndarray], name: str) -> np.ndarray | None:
     return None if value is None else value.copy()
 
 
-class GrainMotion:
+class GrainMotion(ABC):
     """Grains moving between walls on turning bodies.
 
     What moves grains need not know which of the engines does; these differ in how they find contact forces.
@@ -133,22 +134,22 @@ class GrainMotion:
         return self.skin
 
     @property
+    @abstractmethod
     def contact_force(self) -> np.ndarray:
         """Sum of the contact forces on each grain in the last step [N], shape (n, 3)."""
-        raise NotImplementedError
 
+    @abstractmethod
     def run(self, n_steps: int) -> StepTotals:
         """Advance by ``n_steps`` steps; raises `particles.DemError` where a grain is in trouble."""
-        raise NotImplementedError
 
+    @abstractmethod
     def contacts(self) -> ContactTable:
         """The contacts with their forces; changes nothing."""
-        raise NotImplementedError
 
+    @abstractmethod
     def begin_with(self, state: dict[str, np.ndarray]) -> None:
         """Begin at time 0 with the grains of a `state` and the angles of its bodies, under this engine's own step,
         contact and speeds; a ValueError where contacts of the state remember something else."""
-        raise NotImplementedError
 
     def invalidate(self) -> None:
         """Say that positions were changed from outside: the list is rebuilt before the next step."""
@@ -188,25 +189,26 @@ class GrainMotion:
     # -- for the engines
 
     @property
+    @abstractmethod
     def _list(self) -> SlotList:
-        raise NotImplementedError
+        """The present list, with what contacts remember."""
 
     @property
     def _outdated(self) -> bool:
         """True if the list must be rebuilt before the next step."""
         return self._stale
 
+    @abstractmethod
     def _rebuild(self) -> None:
         """Sort the grains by cells, list their neighbours again, and carry over what contacts remember."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _restore_list(self, arrays: dict[str, np.ndarray]) -> None:
         """Take over the list of a state, by its ``arrays``."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _raise_stopped(self, answer: int, totals: np.ndarray) -> None:
         """Raise the error that explains the ``answer`` of a step, or what its ``totals`` show."""
-        raise NotImplementedError
 
     def _body_state(self) -> tuple[np.ndarray, np.ndarray]:
         """Angles [rad] and speeds [rad/s] of the bodies, shapes (n_bodies,)."""

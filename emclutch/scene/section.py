@@ -7,6 +7,7 @@ by a key of their table and have a name of their own.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -29,7 +30,7 @@ class Section(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", hide_input_in_errors=True)
 
 
-class Entry:
+class Entry(ABC):
     """Mark on the type of a key: reads the user's entry and describes what may stand there.
 
     Errors, the reference of all keys and commented scenes ask it; they know none of its kinds by name.
@@ -39,9 +40,9 @@ class Entry:
     """Type of the value as it is stored."""
 
     @property
+    @abstractmethod
     def kind_text(self) -> str:
         """Kind of entry, for the reference: ``length [m]``."""
-        raise NotImplementedError
 
     @property
     def range_text(self) -> str:
@@ -49,14 +50,15 @@ class Entry:
         return ""
 
     @property
+    @abstractmethod
     def sample(self) -> Any:
         """A valid entry, as TOML reads it."""
-        raise NotImplementedError
 
+    @abstractmethod
     def needed_for(self, key: str) -> str:
         """Return what to write where the key is missing."""
-        raise NotImplementedError
 
+    @abstractmethod
     def read(self, given: object) -> Any:
         """Return an entry as it is stored.
 
@@ -66,7 +68,6 @@ class Entry:
             It is not allowed. The message follows on the key and the entry, as in ``geometry.gap = '3 kg' is a mass;
             a length is needed, e.g. '1 mm'``.
         """
-        raise NotImplementedError
 
     def _validate(self, given: object) -> Any:
         try:

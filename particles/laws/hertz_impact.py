@@ -10,6 +10,7 @@ Energy gives the depth x_0 = (5 m v^2/(4 k))^(2/5) of an impact at speed v, and 
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 
 IMPACT = 2.0 * math.sqrt(math.pi) * math.gamma(1.4) / math.gamma(0.9)  # 2.94328
 
@@ -51,14 +52,14 @@ def loaded_depth(k: float, force: float, m_eff: float, speed: float) -> float:
     return rest + float(brentq(surplus, 0.0, alone * (1.0 + 1e-9), xtol=1e-15 * (rest + alone), rtol=1e-12))
 
 
-class HertzianImpact:
+class HertzianImpact(ABC):
     """Scales of a law whose normal spring is F = k delta^1.5; the law gives k [N/m^1.5] at an effective radius [m]."""
 
     __slots__ = ()
 
+    @abstractmethod
     def hertzian_stiffness(self, r_eff: float) -> float:
         """Return k [N/m^1.5]."""
-        raise NotImplementedError
 
     def contact_time(self, m_eff: float, r_eff: float, speed: float) -> float:
         """Duration [s] of an undamped impact at ``speed`` [m/s]."""
