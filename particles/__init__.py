@@ -35,7 +35,9 @@ from particles.packing.random_packing import pack, random_packing
 from particles.packing.settling import NotAtRestError, Settling, before_the_start, settle
 from particles.packing.sizes import EqualSizes, ListedSizes, LogNormalSizes, NormalSizes, UniformSizes, read_sizes
 from particles.packing.space import Space
+from particles.periodicity import Periodicity
 from particles.sector import CyclicSector
+from particles.sheared_box import ShearedBox
 from particles.step_totals import EnergyTotals, StepTotals
 
 __all__ = [
@@ -69,8 +71,10 @@ __all__ = [
     "PairLaws",
     "PairList",
     "ParticleError",
+    "Periodicity",
     "RollingFriction",
     "Settling",
+    "ShearedBox",
     "Space",
     "StepTotals",
     "ThesisContact",

@@ -13,9 +13,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from particles.periodicity import COS, N_IMAGE, SIN, Images, Periodicity
+
 
 @dataclass(frozen=True, slots=True)
-class CyclicSector:
+class CyclicSector(Periodicity):
     """Grains live in 0 <= theta < ``angle`` [rad] about z; ``angle`` divides the full turn in two or more."""
 
     angle: float
@@ -46,9 +48,34 @@ class CyclicSector:
         c, s, o, e = np.cos(turn), np.sin(turn), np.zeros_like(turn), np.ones_like(turn)
         return np.stack([np.stack([c, -s, o], -1), np.stack([s, c, o], -1), np.stack([o, o, e], -1)], -2)
 
+    @property
+    def images(self) -> np.ndarray:
+        """See `Periodicity`: turns by -angle, 0 and angle, (3, 6)."""
+        turn, table = self.angle * np.array([-1.0, 0.0, 1.0]), np.zeros((3, N_IMAGE))
+        table[:, COS], table[:, SIN] = np.cos(turn), np.sin(turn)
+        return table
+
     def turn(self, vectors: np.ndarray, shift: np.ndarray) -> np.ndarray:
         """R^shift applied row by row; ``vectors`` shape (n, 3), ``shift`` shape (n,)."""
         return np.einsum("nij,nj->ni", self.rotation(shift), vectors)
+
+    def place(self, position: np.ndarray, shift: np.ndarray) -> np.ndarray:
+        """As `turn`."""
+        return self.turn(position, shift)
+
+    def sweep(self, velocity: np.ndarray, shift: np.ndarray) -> np.ndarray:
+        """As `turn`."""
+        return self.turn(velocity, shift)
+
+    def images_near(self, position: np.ndarray, margin: float) -> Images:
+        """See `Periodicity`: beyond either face those of the grains beside the other one."""
+        x, y = position[:, 0], position[:, 1]
+        c, s = np.cos(self.angle), np.sin(self.angle)
+        low = (y < margin) & (x > 0.0)
+        high = (c * y - s * x > -margin) & (c * x + s * y > 0.0)
+        grain = np.concatenate([np.flatnonzero(low), np.flatnonzero(high)])
+        shift = np.repeat([1, -1], [np.count_nonzero(low), np.count_nonzero(high)])
+        return Images(grain, shift, self.turn(position[grain], shift), low | high)
 
     def wraps(self, position: np.ndarray) -> np.ndarray:
         """Turns, in sectors, that bring each position back into the wedge: int64, shape (n,), mostly 0."""
@@ -78,3 +105,13 @@ class CyclicSector:
                 f"innermost grain (r = {inner * 1e3:.4g} mm); allowed: at least two cut-offs = "
                 f"{2e3 * cutoff:.4g} mm; use a wider sector, smaller grains, or a shorter cut-off"
             )
+
+    def begin_list(self) -> None:
+        """See `Periodicity`: nothing to do."""
+
+    def state(self) -> dict[str, np.ndarray]:
+        """See `Periodicity`: nothing changes."""
+        return {}
+
+    def restore(self, state: dict[str, np.ndarray]) -> None:
+        """See `Periodicity`."""

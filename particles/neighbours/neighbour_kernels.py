@@ -7,7 +7,7 @@ from numba import njit, prange
 
 from geometry.kernels.device_functions import device_function
 from particles.neighbours.cells import AXIS, BEGIN, COUNT, END, INVERSE, LOW, MARGIN, NUMBER, REACH, TABLE
-from particles.neighbours.search import Search, heap_sort, longer, make_search
+from particles.neighbours.search import MIDDLE, SHIFT_BITS, SHIFTS, Search, heap_sort, longer, make_search
 
 SAMPLE = 8  # rows of a block that are looked at to know how many pairs a row has
 FEW = 8  # grains on a line of cells: rarely more at two to the cell
@@ -22,7 +22,7 @@ def find(points, ghosts, ghost_code, beside_face, limit, most, start):
     Parameters
     ----------
     points, ghosts : ndarray, shapes (n, 4), (g, 4)
-        Position and reach [m] of grains and of their images beyond the faces of a sector.
+        Position and reach [m] of grains and of their images where space repeats.
     ghost_code, beside_face : ndarray, shapes (g,) int32, (n,) or (0,) bool
         As in `Search`.
     limit : float
@@ -97,9 +97,9 @@ def fill_rows(search, row, stop, start, pairs, begin, room):
     found = np.int64(0)
     after = 0  # first entry of the ordered grid that has a higher number than i
     if ordered >= 0:
-        after = _first_from(4 * row, code, grids[ordered, BEGIN], grids[ordered, END])
+        after = _first_from(SHIFTS * row, code, grids[ordered, BEGIN], grids[ordered, END])
     for i in range(row, stop):
-        me, last_code = slot[i], 4 * i + 3
+        me, last_code = slot[i], SHIFTS * i + SHIFTS - 1
         x, y, z, r = entry[me, 0], entry[me, 1], entry[me, 2], entry[me, 3]
         m = 0
         for g in range(n_grids):
@@ -182,9 +182,9 @@ def fill_rows(search, row, stop, start, pairs, begin, room):
                 other[place + rank[k]] = near[k]
         if beside_face.shape[0] > 0:
             for k in range(place, place + partners):
-                shift[k] = (other[k] & 3) - 1
+                shift[k] = (other[k] & (SHIFTS - 1)) - MIDDLE
         for k in range(place, place + partners):
-            other[k] >>= 2
+            other[k] >>= SHIFT_BITS
     return found
 
 

@@ -1,9 +1,9 @@
 """Pairs of grains near each other, by a hierarchy of cell grids.
 
 The list is a half list in compressed rows (CSR): row i holds its partners j > i in
-``other[start[i]:start[i+1]]``, nearest first. Every pair stands in one row only, also across the faces of a
-cyclic sector: there grains near a face get a ghost beyond the other one, turned by +angle (shift = 1) or
--angle (shift = -1), and only a grain of lower number sees it.
+``other[start[i]:start[i+1]]``, nearest first. Every pair stands in one row only, also across the faces where
+space repeats (`particles.periodicity`): there grains near a face get ghosts beyond the other one, and only a grain
+of lower number sees these.
 
 Grains of like size, to a factor of two of their reach, share a grid with cells as long as their largest
 interaction (V. Ogarko, S. Luding, Comput. Phys. Commun. 183 (2012) 931, with levels of fixed ratio). Grain i
@@ -24,8 +24,8 @@ import numpy as np
 
 from particles.neighbours import neighbour_kernels as kernels
 from particles.neighbours.cells import cell_order, not_finite
-from particles.neighbours.search import LEVELS
-from particles.sector import CyclicSector
+from particles.neighbours.search import LEVELS, MIDDLE, MOST_GRAINS, SHIFTS
+from particles.periodicity import Periodicity
 from particles.threads import at_most
 
 __all__ = ["PairList", "cell_order", "find_pairs", "finest_cell"]
@@ -46,7 +46,7 @@ class PairList:
     other : ndarray of int32, shape (p,)
         The partner j > i; within a row sorted by distance, equal ones by j.
     shift : ndarray of int8, shape (p,)
-        The partner's position is R(shift*angle) x_j; all zero without a sector, otherwise 0, 1 or -1.
+        Which image of the partner it is (`particles.periodicity`); all zero where space does not repeat.
     """
 
     start: np.ndarray
@@ -72,7 +72,7 @@ class PairList:
 def find_pairs(
     position: np.ndarray,
     cutoff: float | None = None,
-    sector: CyclicSector | None = None,
+    periodicity: Periodicity | None = None,
     reach: np.ndarray | None = None,
 ) -> PairList:
     """Every pair nearer than ``cutoff`` and than the sum of the two reaches, once.
@@ -80,34 +80,36 @@ def find_pairs(
     Parameters
     ----------
     position : ndarray, shape (n, 3)
-        Centres [m], in any order and memory layout; in a sector inside the wedge, or not further than a fifth of
-        the largest interaction distance outside.
+        Centres [m], in any order and memory layout; where space repeats inside its copy, or not further than a
+        fifth of the largest interaction distance outside.
     cutoff : float, optional
         Largest distance of centres [m].
-    sector : CyclicSector, optional
-        Adds the pairs across its faces.
+    periodicity : Periodicity, optional
+        Adds the pairs across the faces of its copy.
     reach : ndarray, shape (n,), optional
         Keeps only pairs nearer than ``reach[i] + reach[j]`` [m] (grains of different size).
 
     Raises
     ------
     ValueError
-        If there is neither cut-off nor reach, one of them is out of range, a position is not finite, or the
-        sector is too narrow.
+        If there is neither cut-off nor reach, one of them is out of range, a position is not finite, the copy of
+        space is too narrow, or it has more grains than can be numbered.
     """
     position = np.asarray(position, dtype=float)
     limit, near = _limits(len(position), cutoff, reach)
     start = np.zeros(len(position) + 1, dtype=np.int64)
-    if sector is not None and len(position):
-        sector.require_width(position, limit)
+    if periodicity is not None and len(position):
+        periodicity.require_width(position, limit)
+    if len(position) > MOST_GRAINS:
+        raise ValueError(f"{len(position)} grains; allowed: at most {MOST_GRAINS}")
     if len(position) < 2 or limit == 0.0:
         return PairList(start, np.zeros(0, dtype=np.int32), np.zeros(0, dtype=np.int8))
     points = np.empty((len(position), 4))
     points[:, :3], points[:, 3] = position, near
-    ordered, other, shift = _rows(points, limit, sector, start)
+    ordered, other, shift = _rows(points, limit, periodicity, start)
     if ordered == kernels.NOT_FINITE:
         raise not_finite(points)
-    return PairList(start, other, np.zeros(len(other), dtype=np.int8) if sector is None else shift)
+    return PairList(start, other, np.zeros(len(other), dtype=np.int8) if periodicity is None else shift)
 
 
 def finest_cell(reach: np.ndarray, cutoff: float | None = None) -> float:
@@ -141,26 +143,21 @@ def _limits(n: int, cutoff: float | None, reach: np.ndarray | None) -> tuple[flo
 
 
 def _rows(
-    points: np.ndarray, limit: float, sector: CyclicSector | None, start: np.ndarray
+    points: np.ndarray, limit: float, periodicity: Periodicity | None, start: np.ndarray
 ) -> tuple[int, np.ndarray, np.ndarray]:
     """Answer, partners and shifts of `neighbour_kernels.find` for points and reaches (n, 4) [m]; fills ``start``."""
-    images = _ghosts(points, BESIDE_FACE * limit, sector)
+    images = _ghosts(points, BESIDE_FACE * limit, periodicity)
     with at_most(numba.get_num_threads() if len(points) >= WORTH_SHARING else 1):
         return kernels.find(points, *images, limit, BLOCK, start)
 
 
 def _ghosts(
-    points: np.ndarray, margin: float, sector: CyclicSector | None
+    points: np.ndarray, margin: float, periodicity: Periodicity | None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Images of the grains within ``margin`` [m] of a face: points (g, 4), codes (g,), which grains these are (n,)."""
-    if sector is None:
+    if periodicity is None:
         return np.zeros((0, 4)), np.zeros(0, dtype=np.int32), np.zeros(0, dtype=bool)
-    x, y = points[:, 0], points[:, 1]
-    c, s = np.cos(sector.angle), np.sin(sector.angle)
-    low = (y < margin) & (x > 0.0)
-    high = (c * y - s * x > -margin) & (c * x + s * y > 0.0)
-    grain = np.concatenate([np.flatnonzero(low), np.flatnonzero(high)])
-    shift = np.repeat([1, -1], [np.count_nonzero(low), np.count_nonzero(high)])
-    ghosts = points[grain]
-    ghosts[:, :3] = sector.turn(ghosts[:, :3], shift)
-    return ghosts, (4 * grain + 1 + shift).astype(np.int32), low | high
+    found = periodicity.images_near(points[:, :3], margin)
+    ghosts = points[found.grain]
+    ghosts[:, :3] = found.position
+    return ghosts, (SHIFTS * found.grain + MIDDLE + found.shift).astype(np.int32), found.beside_face

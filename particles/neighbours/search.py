@@ -24,6 +24,10 @@ from particles.neighbours.cells import (
 )
 
 LEVELS = 31  # of size; grains smaller than 1e-9 of the largest share the last one
+# an image of grain j has the code SHIFTS j + MIDDLE + shift
+SHIFT_BITS = 6
+SHIFTS, MIDDLE = 1 << SHIFT_BITS, 1 << (SHIFT_BITS - 1)
+MOST_GRAINS = 2 ** (31 - SHIFT_BITS)
 
 
 class Search(NamedTuple):
@@ -34,7 +38,7 @@ class Search(NamedTuple):
     limit : float
         Largest interaction distance [m].
     beside_face : ndarray of bool, shape (n,) or (0,)
-        Which grains stand near a face of the sector: only these see ghosts.
+        Which grains stand near a face where space repeats: only these see ghosts.
     n_grids, own : int
         Number of grids, and of those with grains in them.
     ordered : int
@@ -44,7 +48,7 @@ class Search(NamedTuple):
     slot : ndarray of int32, shape (n,)
         Entry of each grain.
     entry, code : ndarray, shapes (m, 4) float64, (m,) int32
-        x, y, z and reach [m] of grains and ghosts, cell by cell; whose image it is: 4 j + 1 + shift.
+        x, y, z and reach [m] of grains and ghosts, cell by cell; whose image it is, see SHIFTS.
     table, number : ndarray, shapes (c,) int32, (e,) int64
         Tables of starts one behind the other; cell numbers of the entries of grids that have none.
     """
@@ -104,14 +108,14 @@ def make_search(points, ghosts, ghost_code, limit):
             for k in range(b - a):
                 e, i = begin + k, place[a + k]
                 entry[e, 0], entry[e, 1], entry[e, 2], entry[e, 3] = x[i, 0], x[i, 1], x[i, 2], x[i, 3]
-                code[e] = 4 * member[i] + 1 if cloud == 0 else ghost_code[member[i]]
+                code[e] = SHIFTS * member[i] + MIDDLE if cloud == 0 else ghost_code[member[i]]
                 if grid[NUMBER] >= 0:
                     number[e] = here[i]
             n_grids, begin = n_grids + 1, begin + b - a
         if cloud == 0:
             own = n_grids
             for k in range(n):
-                slot[code[k] >> 2] = k
+                slot[code[k] >> SHIFT_BITS] = k
             # the last level is the finest: do all grains stand in the order of its cells?
             if ascends and (own == 1 or number_grains(points, 0, n, grid, length, here)):
                 ordered = own - 1

@@ -1,0 +1,90 @@
+"""Space that repeats: grains live in one copy of it, and meet the images of one another beyond its faces.
+
+An image by the shift s of what stands at x, moves with v and carries the vector a stands at R x + d, moves with
+R v + du e_x and carries R a, with R a turn about z, d a translation and du a jump of the velocity along x. The shift
+of a pair (i, j, s) says which image of j the grain i meets; seen from j it is -s. `CyclicSector` turns, `ShearedBox`
+moves.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import NamedTuple
+
+import numpy as np
+
+COS, SIN, DX, DY, DZ, DU, N_IMAGE = range(7)
+"""Columns of the table of images."""
+
+
+class Images(NamedTuple):
+    """Images near a copy's faces, g in all.
+
+    Attributes
+    ----------
+    grain, shift : ndarray of int64, shape (g,)
+        Whose they are, and by which shift.
+    position : ndarray, shape (g, 3)
+        [m].
+    beside_face : ndarray of bool, shape (n,)
+        Which grains stand near enough to a face to meet any of them.
+    """
+
+    grain: np.ndarray
+    shift: np.ndarray
+    position: np.ndarray
+    beside_face: np.ndarray
+
+
+class Periodicity(ABC):
+    """What lists, steps and fields need to know of the copies of space."""
+
+    __slots__ = ()
+
+    @property
+    @abstractmethod
+    def images(self) -> np.ndarray:
+        """The table (2 m + 1, 6) of the images at the present time; row s + m holds those of the shift s.
+
+        Its columns are cosine and sine of R, d [m] (3) and du [m/s].
+        """
+
+    @abstractmethod
+    def wraps(self, position: np.ndarray) -> np.ndarray:
+        """The shift, a row a grain, that brings each position (n, 3) [m] back into the copy; mostly 0."""
+
+    @abstractmethod
+    def turn(self, vectors: np.ndarray, shift: np.ndarray) -> np.ndarray:
+        """Vectors (n, 3) as the images by ``shift`` (n,) carry them: R a."""
+
+    @abstractmethod
+    def place(self, position: np.ndarray, shift: np.ndarray) -> np.ndarray:
+        """Positions (n, 3) [m] of the images by ``shift`` (n,): R x + d."""
+
+    @abstractmethod
+    def sweep(self, velocity: np.ndarray, shift: np.ndarray) -> np.ndarray:
+        """Velocities (n, 3) [m/s] of the images by ``shift`` (n,): R v + du e_x."""
+
+    @abstractmethod
+    def images_near(self, position: np.ndarray, margin: float) -> Images:
+        """The images of ``position`` (n, 3) [m] that stand within ``margin`` [m] of the copy."""
+
+    @abstractmethod
+    def widest_cutoff(self, position: np.ndarray) -> float:
+        """Largest cut-off [m] that `require_width` accepts at positions (n, 3) [m]."""
+
+    @abstractmethod
+    def require_width(self, position: np.ndarray, cutoff: float) -> None:
+        """Raise a ValueError where a grain could meet its own image or two of one partner within ``cutoff`` [m]."""
+
+    @abstractmethod
+    def begin_list(self) -> None:
+        """Hear that grains are about to be wrapped and their neighbours listed."""
+
+    @abstractmethod
+    def state(self) -> dict[str, np.ndarray]:
+        """What changes while grains move, for a checkpoint."""
+
+    @abstractmethod
+    def restore(self, state: dict[str, np.ndarray]) -> None:
+        """The inverse of `state`."""
