@@ -1,13 +1,18 @@
 """Images of grains in steel walls, in SIMD vectors of eight: their influence on grains, and their forces.
 
 A grain's image acts on itself and on its neighbours. Of a pair and a wall both halves of the energy of
-`coupling.mirror` are found at once, for both grains: they are the same two pairs of dipoles, j* with i and j with i*.
+`coupling.mirror` are found at once, for both grains: they are the same two pairs of grains, j* with i and j with i*.
 
-Influence: blocks (3, 4), the part of S_x, S_y, S_z [1/m^3] and P [1/m^2] that each component of the moment makes, in
-the neighbour's own frame. With T = (c1 n n - c2 1)/(4 pi) and P = k (2 u u - 1) the mirror at a wall's normal u, an
-image adds (T P_j + P_i T)/2 to the field, the one T from the image of j to i, the other from j to the image of i, and
-p n . P_j to the potential. The field's part seen from j is the transposed one, because both are derivatives of one
-energy.
+Influence: blocks (4, 4), rows S_x, S_y, S_z [A/m] and phi [A] at i that the columns m_x, m_y, m_z [A m^2] and Q [A m]
+of the neighbour j make, in j's own frame. With d_1 = x_i - x_j*, d_2 = x_i* - x_j and their unit vectors n_1, n_2,
+T = c1 n n - c2 and P = k (2 u u - 1) the mirror at a wall's normal u, they are, over 8 pi,
+
+    [ T_1 P_j + P_i T_2              P_i p_2 n_2 - k p_1 n_1 ]
+    [ (P_j p_1 n_1 - k p_2 n_2)^T    -k (psi_1 + psi_2)      ].
+
+The block [[A, b], [c^T, d]] seen from j is [[A^T, -c], [-b^T, d]], because both are derivatives of one energy. With a
+model of dipoles alone (`coupling.kernel_state.PairModel.near` is False) there are no charges, and of the blocks the
+field that moments make is found alone.
 
 Pairs and walls whose images may be within reach are listed, a few hundred at a time, and found eight at a time
 (`geometry.kernels.simd`). A last group that is not full repeats its last image, which adds nothing then.
@@ -19,8 +24,14 @@ import numpy as np
 
 from coupling.kernel_state import ENTRY, FIRST, N_PAIR, SECOND, SHIFT, TWIN
 from coupling.mirror import FACES_NO_WALL, mirror_height, mirror_moment
-from coupling.pair_fields import MU_0_OVER_4PI, OVER_4PI, field_factors, field_slopes
-from coupling.row_lanes import first_present
+from coupling.pair_fields import MU_0_OVER_4PI, OVER_4PI, charge_factors, field_factors, field_slopes
+from coupling.row_lanes import (
+    first_present,
+    motion_of_partners,
+    place_of_partner,
+    vector_of_partner,
+    vector_to_partner,
+)
 from geometry.kernels.device_functions import device_function
 from geometry.kernels.simd import LANES, from_integers, mask_of_first, select, splat
 from geometry.kernels.simd_math import sqrt
@@ -97,15 +108,6 @@ def _fill_up(count, seen, heights):
             heights[a, c] = heights[a, count - 1]
 
 
-@device_function(forceinline=True)
-def _of_walls(i, w, n_walls):
-    """Rows of eight grains and walls in a table (n w, ...)."""
-    return (
-        i[0] * n_walls + w[0], i[1] * n_walls + w[1], i[2] * n_walls + w[2], i[3] * n_walls + w[3],
-        i[4] * n_walls + w[4], i[5] * n_walls + w[5], i[6] * n_walls + w[6], i[7] * n_walls + w[7],
-    )  # fmt: skip
-
-
 @device_function(error_model="numpy", fastmath={"contract"}, forceinline=True)
 def normal_over(x, y, h, tangent_r, tangent_z):
     """Normal of a wall over a place, which it does not have on the axis; and the vector (3) from there to the image."""
@@ -117,119 +119,133 @@ def normal_over(x, y, h, tangent_r, tangent_z):
 
 @device_function(error_model="numpy", fastmath={"contract"}, forceinline=True)
 def _block(dx, dy, dz, reach, smear):
-    """4 pi T (xx, yy, zz, xy, xz, yz) and 4 pi p n at the distance vector d from a moment; 0 beyond reach."""
+    """4 pi T (xx, yy, zz, xy, xz, yz), 4 pi p n and 4 pi psi at the distance vector d from a grain; 0 beyond reach."""
     r2 = dx * dx + dy * dy + dz * dz
     r = sqrt(r2)
     per_r = 1.0 / r
     nx, ny, nz = dx * per_r, dy * per_r, dz * per_r
     c1, c2, p = field_factors(r, reach, smear)
+    psi, _ = charge_factors(r, reach, smear)
     within = select(r2 < reach * reach, 1.0, 0.0)
-    c1, c2, p = c1 * within, c2 * within, p * within
+    c1, c2, p, psi = c1 * within, c2 * within, p * within, psi * within
     ax, ay, az = c1 * nx, c1 * ny, c1 * nz
-    return ax * nx - c2, ay * ny - c2, az * nz - c2, ax * ny, ax * nz, ay * nz, p * nx, p * ny, p * nz
+    return (ax * nx - c2, ay * ny - c2, az * nz - c2, ax * ny, ax * nz, ay * nz), (p * nx, p * ny, p * nz), psi
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def _load_images(c, seen, heights, place, rows, walls):
-    """Of eight images from c on: turn of the partner, strength; of both grains centre [m] and `normal_over` it."""
-    crossed = from_integers(load(seen, SHIFT, c))
-    turn = select(crossed * crossed > 0.0, rows.turn_cos[1], 1.0), rows.turn_sin[1] * crossed
+    """Of eight images from c on: motion of the partner, strength; of both grains centre [m] and `normal_over` it."""
+    motion = motion_of_partners(rows, load(seen, SHIFT, c))
     tangent_r, tangent_z, _, k = gather_columns(walls, load(seen, WALL, c), 2)
     xi, yi, zi, _ = gather_columns(place, load(seen, FIRST, c), 0)
     xj, yj, zj, _ = gather_columns(place, load(seen, SECOND, c), 0)
-    xj, yj = turn[0] * xj - turn[1] * yj, turn[1] * xj + turn[0] * yj
+    xj, yj, zj = place_of_partner(motion, xj, yj, zj)
     over_i = normal_over(xi, yi, load(heights, HEIGHT_I, c), tangent_r, tangent_z)
     over_j = normal_over(xj, yj, load(heights, HEIGHT_J, c), tangent_r, tangent_z)
-    return turn, k, (xi, yi, zi), over_i, (xj, yj, zj), over_j
+    return motion, k, (xi, yi, zi), over_i, (xj, yj, zj), over_j
 
 
 @device_function(error_model="numpy", fastmath={"contract"}, forceinline=True)
-def _influence(images, there, reach, smear):
-    """Block of the image of j, and what the image of i makes of the potential at j; none where not ``there``."""
-    (c, s), k, (xi, yi, zi), (wx, wy, wz, ox, oy, oz), (jx, jy, jz), (ux, uy, uz, qx, qy, qz) = images
-    k = OVER_4PI * select(there, k, 0.0)
+def _influence(images, there, reach, smear, charged):
+    """Rows of the block of a pair's images at i; 0 where not ``there``, and beside moments if not ``charged``."""
+    motion, k, (xi, yi, zi), (wx, wy, wz, ox, oy, oz), (jx, jy, jz), (ux, uy, uz, qx, qy, qz) = images
+    k = 0.5 * OVER_4PI * select(there, k, 0.0)
     # at i of the image of j: T P
-    axx, ayy, azz, axy, axz, ayz, fx, fy, fz = _block(xi - (jx + qx), yi - (jy + qy), zi - (jz + qz), reach, smear)
+    t, f, psi = _block(xi - (jx + qx), yi - (jy + qy), zi - (jz + qz), reach, smear)
+    axx, ayy, azz, axy, axz, ayz = t
     vx, vy, vz = axx * ux + axy * uy + axz * uz, axy * ux + ayy * uy + ayz * uz, axz * ux + ayz * uy + azz * uz
     # at the image of i of j: P T
-    bxx, byy, bzz, bxy, bxz, byz, gx, gy, gz = _block((xi + ox) - jx, (yi + oy) - jy, (zi + oz) - jz, reach, smear)
+    t, g, more = _block((xi + ox) - jx, (yi + oy) - jy, (zi + oz) - jz, reach, smear)
+    bxx, byy, bzz, bxy, bxz, byz = t
     tx, ty, tz = bxx * wx + bxy * wy + bxz * wz, bxy * wx + byy * wy + byz * wz, bxz * wx + byz * wy + bzz * wz
-    xx = k * (vx * ux + wx * tx - 0.5 * (axx + bxx))
-    yy = k * (vy * uy + wy * ty - 0.5 * (ayy + byy))
-    zz = k * (vz * uz + wz * tz - 0.5 * (azz + bzz))
-    axy, axz, ayz = 0.5 * (axy + bxy), 0.5 * (axz + bxz), 0.5 * (ayz + byz)
+    twice = 2.0 * k
+    xx = twice * (vx * ux + wx * tx) - k * (axx + bxx)
+    yy = twice * (vy * uy + wy * ty) - k * (ayy + byy)
+    zz = twice * (vz * uz + wz * tz) - k * (azz + bzz)
+    axy, axz, ayz = k * (axy + bxy), k * (axz + bxz), k * (ayz + byz)
     # xy: along x, of a moment along y
-    xy, yx = k * (vx * uy + wx * ty - axy), k * (vy * ux + wy * tx - axy)
-    xz, zx = k * (vx * uz + wx * tz - axz), k * (vz * ux + wz * tx - axz)
-    yz, zy = k * (vy * uz + wy * tz - ayz), k * (vz * uy + wz * ty - ayz)
-    px, py, pz = mirror_moment(k, fx, fy, fz, ux, uy, uz)
-    qx, qy, qz = mirror_moment(-k, gx, gy, gz, wx, wy, wz)  # seen from j: against the distance vector
-    return (  # to the frame of j
-        (c * xx + s * xy, c * yx + s * yy, c * zx + s * zy, c * px + s * py),
-        (c * xy - s * xx, c * yy - s * yx, c * zy - s * zx, c * py - s * px),
-        (xz, yz, zz, pz),
-        (qx, qy, qz),
-    )
+    xy, yx = twice * (vx * uy + wx * ty) - axy, twice * (vy * ux + wy * tx) - axy
+    xz, zx = twice * (vx * uz + wx * tz) - axz, twice * (vz * ux + wz * tx) - axz
+    yz, zy = twice * (vy * uz + wy * tz) - ayz, twice * (vz * uy + wz * ty) - ayz
+    px = py = pz = sx = sy = sz = both = splat(0.0)
+    if charged:
+        px, py, pz = mirror_moment(k, f[0], f[1], f[2], ux, uy, uz)
+        px, py, pz = px - k * g[0], py - k * g[1], pz - k * g[2]
+        sx, sy, sz = mirror_moment(k, g[0], g[1], g[2], wx, wy, wz)
+        sx, sy, sz = sx - k * f[0], sy - k * f[1], sz - k * f[2]
+        both = -k * (psi + more)
+    xx, xy, xz = vector_to_partner(motion, xx, xy, xz)
+    yx, yy, yz = vector_to_partner(motion, yx, yy, yz)
+    zx, zy, zz = vector_to_partner(motion, zx, zy, zz)
+    px, py, pz = vector_to_partner(motion, px, py, pz)
+    return (xx, xy, xz, sx), (yx, yy, yz, sy), (zx, zy, zz, sz), (px, py, pz, both)
 
 
 @device_function(without_refcounts=True, error_model="numpy", forceinline=True)
 def clear_blocks(h, until, imaged, image):
-    """Put 0 into the blocks (k, 12) of the pairs h to ``until``."""
+    """Put 0 into the blocks (k, 16) of the pairs h to ``until``."""
     for g in range(h, until):
         e, t = imaged.once[g // LANES, ENTRY, g % LANES], imaged.once[g // LANES, TWIN, g % LANES]
         t = t if t >= 0 else e
-        for m in range(12):
+        for m in range(16):
             image[e, m] = 0.0
-        for m in range(12):
+        for m in range(16):
             image[t, m] = 0.0
+
+
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+def _add_block(blocks, rows, x, y, z, potential, charged):
+    """Add eight blocks to ``rows`` of a table (n, 16)."""
+    scatter_add(blocks, rows, 0, None, None, x)
+    scatter_add(blocks, rows, 4, None, None, y)
+    scatter_add(blocks, rows, 8, None, None, z)
+    if charged:
+        scatter_add(blocks, rows, 12, None, None, potential)
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def influences_of_pairs(count, model, place, rows, walls, seen, heights, image):
-    """Blocks (k, 12) of the first ``count`` images listed, of pairs: of both entries."""
+    """Blocks (k, 16) of the first ``count`` images listed, of pairs: of both entries."""
+    charged = model.near
     for c in range(0, count, LANES):
         there = mask_of_first(count - c)
-        x, y, z, back = _influence(_load_images(c, seen, heights, place, rows, walls), there, model.reach, model.smear)
+        images = _load_images(c, seen, heights, place, rows, walls)
+        x, y, z, v = _influence(images, there, model.reach, model.smear, charged)
         e, t = load(seen, ENTRY, c), load(seen, TWIN, c)
-        scatter_add(image, e, 0, None, None, x)
-        scatter_add(image, e, 4, None, None, y)
-        scatter_add(image, e, 8, None, None, z)
-        weight = select(from_integers(t) >= 0.0, 1.0, 0.0)
-        back = back[0] * weight, back[1] * weight, back[2] * weight
-        to = first_present(t, e)
-        scatter_add(image, to, 0, None, None, (x[0] * weight, y[0] * weight, z[0] * weight, back[0]))
-        scatter_add(image, to, 4, None, None, (x[1] * weight, y[1] * weight, z[1] * weight, back[1]))
-        scatter_add(image, to, 8, None, None, (x[2] * weight, y[2] * weight, z[2] * weight, back[2]))
+        _add_block(image, e, x, y, z, v, charged)
+        w = select(from_integers(t) >= 0.0, 1.0, 0.0)
+        _add_block(
+            image, first_present(t, e),
+            (w * x[0], w * y[0], w * z[0], -w * v[0]),
+            (w * x[1], w * y[1], w * z[1], -w * v[1]),
+            (w * x[2], w * y[2], w * z[2], -w * v[2]),
+            (-w * x[3], -w * y[3], -w * z[3], w * v[3]),
+            charged,
+        )  # fmt: skip
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
-def influences_of_grains(count, model, place, rows, walls, seen, heights, itself, own_image):
-    """Add the first ``count`` images listed, of grains themselves, to blocks (n, 12); and what they make of the
-    potential: rows (n w, 4)."""
-    n_walls = walls.shape[0]
+def influences_of_grains(count, model, place, rows, walls, seen, heights, itself):
+    """Add the first ``count`` images listed, of grains themselves, to blocks (n, 16)."""
+    charged = model.near
     for c in range(0, count, LANES):
         there = mask_of_first(count - c)
-        x, y, z, _ = _influence(_load_images(c, seen, heights, place, rows, walls), there, model.reach, model.smear)
-        i = load(seen, ENTRY, c)
-        scatter_add(itself, i, 0, None, None, x)
-        scatter_add(itself, i, 4, None, None, y)
-        scatter_add(itself, i, 8, None, None, z)
-        scatter_add(
-            own_image, _of_walls(i, load(seen, WALL, c), n_walls), 0, None, None, (x[3], y[3], z[3], 0.0 * z[3])
-        )
+        images = _load_images(c, seen, heights, place, rows, walls)
+        x, y, z, v = _influence(images, there, model.reach, model.smear, charged)
+        _add_block(itself, load(seen, ENTRY, c), x, y, z, v, charged)
 
 
 @device_function(error_model="numpy", fastmath={"contract"}, forceinline=True)
-def _pull(ax, ay, az, bx, by, bz, dx, dy, dz, reach, smear):
-    """Force on moment a at d from moment b, over mu_0/(4 pi); at a the field of b, at b that of a, on 4 pi.
+def _pull(ax, ay, az, qa, bx, by, bz, qb, dx, dy, dz, reach, smear, charged):
+    """Force on a at d from b, of moments and charges, over mu_0/(4 pi); at a the field of b, at b that of a, on 4 pi.
 
-    As `coupling.pair_fields.pair_force`; 0 beyond reach.
+    As `coupling.pair_fields.pair_force` and `coupling.pair_fields.charge_force`; 0 beyond reach.
     """
     r2 = dx * dx + dy * dy + dz * dz
     r = sqrt(r2)
     per_r = 1.0 / r
     nx, ny, nz = dx * per_r, dy * per_r, dz * per_r
-    c1, c2, _ = field_factors(r, reach, smear)
+    c1, c2, p = field_factors(r, reach, smear)
     c1_r, c2_r = field_slopes(r, reach, smear)
     within = select(r2 < reach * reach, 1.0, 0.0)
     c1, c2, c1_r, c2_r = c1 * within, c2 * within, c1_r * within, c2_r * within
@@ -238,6 +254,13 @@ def _pull(ax, ay, az, bx, by, bz, dx, dy, dz, reach, smear):
     along = (c1_r - 2.0 * turning) * an * bn - c2_r * (ax * bx + ay * by + az * bz)
     u, v = turning * bn, turning * an
     at_a, at_b = c1 * bn, c1 * an
+    if charged:
+        _, p_r = charge_factors(r, reach, smear)
+        p = p * within
+        away = p * per_r
+        along = along + (p_r * within - away) * (qb * an - qa * bn) + p * qa * qb
+        u, v = u + away * qb, v - away * qa
+        at_a, at_b = at_a + p * qb, at_b - p * qa
     return (
         (along * nx + u * ax + v * bx, along * ny + u * ay + v * by, along * nz + u * az + v * bz),
         (at_a * nx - c2 * bx, at_a * ny - c2 * by, at_a * nz - c2 * bz),
@@ -250,7 +273,7 @@ def _moving_along(x, y, image, k, m, turned, n, g, field):
     """Force on the grain at x, y itself from the force g on its image, because the image moves with it.
 
     ``image`` (2), ``n`` (3): its place and the wall's normal; ``m`` and ``turned``: the grain's moment and that of its
-    image; ``field`` (3): at the image.
+    image; ``field`` (3): at the image. A charge does not turn.
     """
     along = 2.0 * (g[0] * n[0] + g[1] * n[1] + g[2] * n[2])  # in the section it moves mirrored
     gx, gy, gz = g[0] - along * n[0], g[1] - along * n[1], g[2] - along * n[2]
@@ -266,29 +289,31 @@ def _moving_along(x, y, image, k, m, turned, n, g, field):
 
 
 @device_function(error_model="numpy", fastmath={"contract"}, forceinline=True)
-def _forces(images, there, a, b, reach, smear):
-    """Forces of images on i and on j [N], of the moments a and b: -dU/dx, see `coupling.mirror`; 0 if not there."""
-    (c, s), k, (xi, yi, zi), (wx, wy, wz, ox, oy, oz), (jx, jy, jz), (ux, uy, uz, qx, qy, qz) = images
-    (ax, ay, az), (bx, by, bz) = a, b
-    bx, by = c * bx - s * by, s * bx + c * by
+def _forces(images, there, a, b, reach, smear, charged):
+    """Forces of images on i and on j [N], of the moments and charges a and b: -dU/dx, see `coupling.mirror`.
+
+    0 if not ``there``.
+    """
+    motion, k, (xi, yi, zi), (wx, wy, wz, ox, oy, oz), (jx, jy, jz), (ux, uy, uz, qx, qy, qz) = images
+    (ax, ay, az, qa), (bx, by, bz, qb) = a, b
+    bx, by, bz = vector_of_partner(motion, bx, by, bz)
     own, others = mirror_moment(k, ax, ay, az, wx, wy, wz), mirror_moment(k, bx, by, bz, ux, uy, uz)
     ox, oy, oz, qx, qy, qz = xi + ox, yi + oy, zi + oz, jx + qx, jy + qy, jz + qz
     # the image of j with i
     f, _, at_image_j = _pull(
-        ax, ay, az, others[0], others[1], others[2], xi - qx, yi - qy, zi - qz, reach, smear
+        ax, ay, az, qa, others[0], others[1], others[2], -k * qb, xi - qx, yi - qy, zi - qz, reach, smear, charged
     )  # fmt: skip
     # j with the image of i
-    g, at_image_i, _ = _pull(own[0], own[1], own[2], bx, by, bz, ox - jx, oy - jy, oz - jz, reach, smear)
+    g, at_image_i, _ = _pull(
+        own[0], own[1], own[2], -k * qa, bx, by, bz, qb, ox - jx, oy - jy, oz - jz, reach, smear, charged
+    )  # fmt: skip
     p = _moving_along(xi, yi, (ox, oy), k, (ax, ay), own, (wx, wy, wz), g, at_image_i)
     f_on_image = (-f[0], -f[1], -f[2])
     q = _moving_along(jx, jy, (qx, qy), k, (bx, by), others, (ux, uy, uz), f_on_image, at_image_j)
     half = select(there, 0.5 * MU_0_OVER_4PI, 0.0)
-    x, y, z = half * (q[0] - g[0]), half * (q[1] - g[1]), half * (q[2] - g[2])
+    x, y, z = vector_to_partner(motion, half * (q[0] - g[0]), half * (q[1] - g[1]), half * (q[2] - g[2]))
     none = splat(0.0)
-    return (
-        (half * (f[0] + p[0]), half * (f[1] + p[1]), half * (f[2] + p[2]), none),
-        (c * x + s * y, c * y - s * x, z, none),  # in the frame of j
-    )
+    return (half * (f[0] + p[0]), half * (f[1] + p[1]), half * (f[2] + p[2]), none), (x, y, z, none)
 
 
 @device_function(without_refcounts=True, error_model="numpy", forceinline=True)
@@ -305,14 +330,14 @@ def clear_forces(h, until, imaged, force):
 def find_forces(count, model, place, source, rows, walls, seen, heights, force):
     """Add the forces of the first ``count`` images listed to rows (k, 4) [N]: of their entries, or of their grains.
 
-    ``source`` (n, 4): moments [A m^2].
+    ``source`` (n, 4): moments [A m^2] and charges [A m].
     """
     for c in range(0, count, LANES):
         images = _load_images(c, seen, heights, place, rows, walls)
-        ax, ay, az, _ = gather_columns(source, load(seen, FIRST, c), 0)
-        bx, by, bz, _ = gather_columns(source, load(seen, SECOND, c), 0)
+        a = gather_columns(source, load(seen, FIRST, c), 0)
+        b = gather_columns(source, load(seen, SECOND, c), 0)
         there = mask_of_first(count - c)
-        here, back = _forces(images, there, (ax, ay, az), (bx, by, bz), model.reach, model.smear)
+        here, back = _forces(images, there, a, b, model.reach, model.smear, model.near)
         e, t = load(seen, ENTRY, c), load(seen, TWIN, c)
         scatter_add(force, e, 0, None, None, here)
         weight = select(from_integers(t) >= 0.0, 1.0, 0.0)

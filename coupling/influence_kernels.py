@@ -1,7 +1,7 @@
 """Compiled influence of grains on each other: all that positions alone determine, computed once an update.
 
 Field and potential of a moment are linear in it. Those of a neighbour follow from its distance in every sweep
-(`coupling.row_lanes`). A grain's own images, and those of its neighbours in steel, are blocks (3, 4), see
+(`coupling.row_lanes`). A grain's own images, and those of its neighbours in steel, are blocks (4, 4), see
 `coupling.image_lanes`; of near pairs, what gives their drive is kept.
 
 Eight pairs are computed at a time (`geometry.kernels.simd`).
@@ -25,6 +25,7 @@ from coupling.image_lanes import (
     wall_sides,
 )
 from coupling.kernel_state import ENTRY, FIRST, SECOND, SHIFT, TWIN
+from coupling.mirror import normal_at
 from coupling.pair_fields import OVER_4PI, field_factors
 from coupling.row_lanes import columns_of, kinds_of_row, turn_of
 from geometry.kernels.device_functions import device_function
@@ -83,7 +84,7 @@ def pair_kinds(model, grains, rows, kind):
 
 @njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
 def image_influences(model, grains, rows, imaged, walls, image, itself, own_image):
-    """Blocks (k, 12) of images of all entries that see some, and (n, 12) of each grain on itself (added).
+    """Blocks (k, 16) of images of all entries that see some, and (n, 16) of each grain on itself (added).
 
     ``own_image`` (n w, 4) [1/m^2] is the part of a grain's own image in its potential, 0 beforehand.
     """
@@ -99,7 +100,17 @@ def image_influences(model, grains, rows, imaged, walls, image, itself, own_imag
     for b in prange((n + IMAGED_CHUNK - 1) // IMAGED_CHUNK if n_walls else 0):
         first, seen, heights = b * IMAGED_CHUNK, np.empty((N_SEEN, room), np.int32), np.empty((N_HEIGHTS, room))
         m = list_grain_images(first, min(first + IMAGED_CHUNK, n), model.reach, faces, seen, heights)
-        influences_of_grains(m, model, place, rows, walls, seen, heights, itself, own_image)
+        influences_of_grains(m, model, place, rows, walls, seen, heights, itself)
+    for i in prange(n):
+        for w in range(n_walls):
+            h = faces[0][i, w]
+            if 2.0 * abs(h) >= model.reach:
+                continue
+            _, _, p = field_factors(2.0 * abs(h), model.reach, model.smear)
+            p *= OVER_4PI * walls[w, 5] * (1.0 if h > 0.0 else -1.0)
+            nx, ny, nz = normal_at(walls, w, place[i, 0], place[i, 1])
+            row = own_image[i * n_walls + w]
+            row[0], row[1], row[2] = p * nx, p * ny, p * nz
 
 
 @device_function(error_model="numpy", fastmath={"contract"}, forceinline=True)

@@ -2,15 +2,17 @@
 
 A wall is a line in the (r, z) section: row (r0, z0, tangent r, tangent z, length, k). Its normal n is the tangent
 turned by +90 degrees; a grain at the signed height h over it has its image at x* = x - 2 h n, in a cylinder at r -> 2 R
-- r, with the moment P m = k (2 (m.n) n - m), n in the grain's own half plane. `coupling.image_lanes` sums them.
+- r, n in the grain's own half plane. The image of a moment m [A m^2] is P m = k (2 (m.n) n - m), that of a charge Q
+[A m] is -k Q (J. D. Jackson, Classical Electrodynamics, 4.4). `coupling.image_lanes` sums them.
 
-Between two grains and a wall there is one energy, whichever of the two is mirrored,
+Between two grains and a wall there is one energy, whichever of the two is mirrored. With
+E(a, b) = mu_0 [Q_a phi_b(x_a) - m_a . H_b(x_a)], phi_b and H_b of moment and charge of b (`coupling.pair_fields`),
 
-    U_ij* = -(mu_0/2) [m_i . T(x_i - x_j*) P_j m_j + m_j . T(x_j - x_i*) P_i m_i],
-    U_ii* = -(mu_0/2) m_i . T(x_i - x_i*) P_i m_i;
+    U_ij* = [E(i, j*) + E(i*, j)]/2,        U_ii* = E(i, i*)/2;
 
-fields are H = -(1/mu_0) dU/dm, forces F = -dU/dx with the images moving along. At a plane both halves are equal. At a
-cylinder they are not, and a force from one of them alone would turn the powder by itself: a spurious torque of d/R.
+fields are H = -(1/mu_0) dU/dm, potentials phi = (1/mu_0) dU/dQ, forces F = -dU/dx with the images moving along. At a
+plane both halves are equal. At a cylinder they are not, and a force from one of them alone would turn the powder by
+itself: a spurious torque of d/R.
 """
 
 from __future__ import annotations

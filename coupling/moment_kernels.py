@@ -57,19 +57,19 @@ def gather_fields(model, grains, rows, known, field, potential, own_image):
     place, source = columns_of(grains.position, grains.radius), columns_of(moment, grains.potential)
     for i in prange(moment.shape[0]):
         mx, my, mz = moment[i, 0], moment[i, 1], moment[i, 2]
-        sx = applied[i, 0] + itself[i, 0, 0] * mx + itself[i, 1, 0] * my + itself[i, 2, 0] * mz
-        sy = applied[i, 1] + itself[i, 0, 1] * mx + itself[i, 1, 1] * my + itself[i, 2, 1] * mz
-        sz = applied[i, 2] + itself[i, 0, 2] * mx + itself[i, 1, 2] * my + itself[i, 2, 2] * mz
-        total = itself[i, 0, 3] * mx + itself[i, 1, 3] * my + itself[i, 2, 3] * mz
+        sx = applied[i, 0] + itself[i, 0, 0] * mx + itself[i, 0, 1] * my + itself[i, 0, 2] * mz
+        sy = applied[i, 1] + itself[i, 1, 0] * mx + itself[i, 1, 1] * my + itself[i, 1, 2] * mz
+        sz = applied[i, 2] + itself[i, 2, 0] * mx + itself[i, 2, 1] * my + itself[i, 2, 2] * mz
+        total = itself[i, 3, 0] * mx + itself[i, 3, 1] * my + itself[i, 3, 2] * mz
         qx, qy, qz, u = field_of_row(i, place, source, model, rows)
         sx, sy, sz, total = sx + qx, sy + qy, sz + qz, total + u
         for b in range(image_start[i], image_start[i + 1]):
             j = np.int64(other[image_entry[b]])
             ax, ay, az = moment[j, 0], moment[j, 1], moment[j, 2]
-            sx += image[b, 0, 0] * ax + image[b, 1, 0] * ay + image[b, 2, 0] * az
-            sy += image[b, 0, 1] * ax + image[b, 1, 1] * ay + image[b, 2, 1] * az
-            sz += image[b, 0, 2] * ax + image[b, 1, 2] * ay + image[b, 2, 2] * az
-            total += image[b, 0, 3] * ax + image[b, 1, 3] * ay + image[b, 2, 3] * az
+            sx += image[b, 0, 0] * ax + image[b, 0, 1] * ay + image[b, 0, 2] * az
+            sy += image[b, 1, 0] * ax + image[b, 1, 1] * ay + image[b, 1, 2] * az
+            sz += image[b, 2, 0] * ax + image[b, 2, 1] * ay + image[b, 2, 2] * az
+            total += image[b, 3, 0] * ax + image[b, 3, 1] * ay + image[b, 3, 2] * az
         field[i, 0], field[i, 1], field[i, 2], potential[i] = sx, sy, sz, total
         for w in range(own_image.shape[1]):
             own_image[i, w] = (
@@ -187,6 +187,7 @@ def contact_forces(table, model, grains, rows, walls, known, attraction, velocit
     near_start, image_start = known.near_start, known.image_start
     n, n_near = position.shape[0], known.near_entry.shape[0]
     place, source = columns_of(position, radius), columns_of(grains.moment, grains.potential)
+    charged = columns_of(grains.moment, np.zeros(n))
     tables = source, columns_of(field, grains.contrast), columns_of(velocity, volume * fraction), place
     for b in prange((known.near_once.shape[0] + BLOCKS - 1) // BLOCKS):
         scratch = np.empty((N_SCRATCH, LANES))
@@ -200,11 +201,11 @@ def contact_forces(table, model, grains, rows, walls, known, attraction, velocit
         first, seen, heights = b * IMAGED_CHUNK, np.empty((N_SEEN, room), np.int32), np.empty((N_HEIGHTS, room))
         clear_forces(first, min(first + IMAGED_CHUNK, count), imaged, image)
         m = list_pair_images(first, min(first + IMAGED_CHUNK, count), model.reach, faces, imaged, seen, heights)
-        find_forces(m, model, place, source, rows, walls, seen, heights, image)
+        find_forces(m, model, place, charged, rows, walls, seen, heights, image)
     for b in prange((n + IMAGED_CHUNK - 1) // IMAGED_CHUNK if walls.shape[0] else 0):
         first, seen, heights = b * IMAGED_CHUNK, np.empty((N_SEEN, room), np.int32), np.empty((N_HEIGHTS, room))
         m = list_grain_images(first, min(first + IMAGED_CHUNK, n), model.reach, faces, seen, heights)
-        find_forces(m, model, place, source, rows, walls, seen, heights, own_image)
+        find_forces(m, model, place, charged, rows, walls, seen, heights, own_image)
     for i in prange(position.shape[0]):
         fx, fy, fz, tz = dipole_force(i, place, source, model, rows)
         for k in range(near_start[i], near_start[i + 1]):

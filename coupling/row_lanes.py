@@ -63,6 +63,32 @@ def _turn(rows, crossed):
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+def motion_of_partners(rows, shift):
+    """How eight partners stand to the grains that see them, of the shifts of their pairs: cosine and sine of a turn."""
+    return _turn(rows, from_integers(shift))
+
+
+@device_function(error_model="numpy", fastmath={"contract"}, forceinline=True)
+def place_of_partner(motion, x, y, z):
+    """Place [m] at which a grain sees its partner, which stands at x, y, z."""
+    return vector_of_partner(motion, x, y, z)
+
+
+@device_function(error_model="numpy", fastmath={"contract"}, forceinline=True)
+def vector_of_partner(motion, x, y, z):
+    """Vector that a grain sees at its partner, which has x, y, z itself."""
+    c, s = motion
+    return c * x - s * y, s * x + c * y, z
+
+
+@device_function(error_model="numpy", fastmath={"contract"}, forceinline=True)
+def vector_to_partner(motion, x, y, z):
+    """Vector that the partner has itself, of what a grain sees there; and components on it as on columns."""
+    c, s = motion
+    return c * x + s * y, c * y - s * x, z
+
+
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def kinds_of_row(i, place, height, model, rows, kind):
     """Mark the neighbours of grain i that are a near pair with it, and those with an image that may be within reach.
 
