@@ -56,6 +56,7 @@ _SHIPPED_NAME = "froehlich_{:g}.npz"
 # (the worst is 14, with 0.1 % from 240 on; measured at 15 susceptibilities, 6 gaps and 28 fields).
 _SHIPPED_CHI = (10.0, 20.0, 50.0, 100.0, 300.0, 999.0, 5000.0)
 _CHI_POWER = -0.25
+_SAME_CHI = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,6 +134,11 @@ class PairTable:
         g, h = self._check_arguments(g, h)
         return self._of(g, h)[1]
 
+    def force_log_slope(self, g: np.ndarray | float, h: np.ndarray | float) -> np.ndarray:
+        """d ln F_2/d ln h [-] of the spline, at gaps and fields of the table; see `force_of`."""
+        g, h = self._check_arguments(g, h)
+        return 2.0 + self._log_force.ev(np.log(self._gap_in_table(g)), np.log(h), dy=1)
+
     def excess_force(self, g: np.ndarray | float, h: np.ndarray | float) -> np.ndarray:
         """dF >= 0 [mu_0 Ms^2 a^2]: what dipoles of the pair's own moments do not give, see `force_of`."""
         g, h = self._check_arguments(g, h)
@@ -185,6 +191,12 @@ def fade(g: np.ndarray) -> np.ndarray:
     """1 up to `FADE_FROM`, 0 from `FADE_TO`, a cubic with level ends between."""
     t = np.clip((g - FADE_FROM) / (FADE_TO - FADE_FROM), 0.0, 1.0)
     return 1.0 - t**2 * (3.0 - 2.0 * t)
+
+
+def fade_slope(g: np.ndarray) -> np.ndarray:
+    """d fade/dg."""
+    t = np.clip((g - FADE_FROM) / (FADE_TO - FADE_FROM), 0.0, 1.0)
+    return -6.0 * t * (1.0 - t) / (FADE_TO - FADE_FROM)
 
 
 def build_table(
@@ -289,29 +301,48 @@ def _columns(table: PairTable) -> dict[str, np.ndarray]:
     return {"gap": table.gap, "field": table.field, "force": table.force, "moment": table.moment}
 
 
-def _shipped_table(law: Law, digest: str) -> PairTable | None:
-    """The table of a Froehlich law from those that ship; None for another law, a chi beyond theirs, or without them."""
+def shipped_neighbours(law: Law | GrainLaw) -> list[tuple[FroehlichLaw, float]] | None:
+    """Froehlich laws with shipped tables between which one is interpolated, with their shares; None: nothing is.
+
+    The shares, of the logarithm of a quantity, are those of a cubic in chi^(-1/4).
+
+    Raises
+    ------
+    ValueError
+        The law of the thesis.
+    """
+    law = bulk_law(law)
     if not isinstance(law, FroehlichLaw) or not _SHIPPED_CHI[0] <= law.chi <= _SHIPPED_CHI[-1]:
         return None
     nodes = np.array(_SHIPPED_CHI)
-    near = np.flatnonzero(np.abs(law.chi / nodes - 1.0) < 1e-9)
-    if near.size == 0:
-        first = min(max(int(np.searchsorted(nodes, law.chi)) - 2, 0), nodes.size - 4)
-        near = np.arange(first, first + 4)
-    found = [_read_shipped_table(float(chi)) for chi in nodes[near]]
+    if np.any(np.abs(law.chi / nodes - 1.0) < _SAME_CHI):
+        return None
+    first = min(max(int(np.searchsorted(nodes, law.chi)) - 2, 0), nodes.size - 4)
+    nodes = nodes[first : first + 4]
+    x, at = nodes**_CHI_POWER, law.chi**_CHI_POWER
+    share = [float(np.prod([(at - x[k]) / (x[i] - x[k]) for k in range(4) if k != i])) for i in range(4)]
+    return [(FroehlichLaw(float(chi), law.Ms), part) for chi, part in zip(nodes, share, strict=True)]
+
+
+def _shipped_table(law: Law, digest: str) -> PairTable | None:
+    """The table of a Froehlich law from those that ship; None for another law, a chi beyond theirs, or without them."""
+    if not isinstance(law, FroehlichLaw):
+        return None
+    neighbours = shipped_neighbours(law)
+    if neighbours is None:
+        near = [chi for chi in _SHIPPED_CHI if abs(law.chi / chi - 1.0) < _SAME_CHI]
+        columns = _read_shipped_table(near[0]) if near else None
+        source = f"finite elements, shipped for Froehlich's law at chi = {law.chi:g}"
+        return None if columns is None else PairTable(**columns, law=law, source=source, digest=digest)
+    found = [_read_shipped_table(node.chi) for node, _ in neighbours]
     tables = [columns for columns in found if columns is not None]
     if len(tables) < len(found):
         return None
-    if near.size == 1:
-        source = f"finite elements, shipped for Froehlich's law at chi = {law.chi:g}"
-        return PairTable(**tables[0], law=law, source=source, digest=digest)
-    x, at = nodes[near] ** _CHI_POWER, law.chi**_CHI_POWER
-    fraction = [np.prod([(at - x[k]) / (x[i] - x[k]) for k in range(4) if k != i]) for i in range(4)]
     force, moment = (
-        np.exp(sum(part * np.log(table[name]) for part, table in zip(fraction, tables, strict=True)))
+        np.exp(sum(part * np.log(table[name]) for (_, part), table in zip(neighbours, tables, strict=True)))
         for name in ("force", "moment")
     )
-    between = ", ".join(f"{chi:g}" for chi in nodes[near])
+    between = ", ".join(f"{node.chi:g}" for node, _ in neighbours)
     source = f"finite elements, interpolated to chi = {law.chi:g} between those shipped at {between}"
     return PairTable(tables[0]["gap"], tables[0]["field"], force, moment, law, source, digest)
 
