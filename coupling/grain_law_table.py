@@ -1,17 +1,31 @@
-"""Tables of two magnetised spheres for kernels: magnetisation of a lone sphere, and the excess of a near pair over it.
+"""Tables of magnetised spheres for kernels: magnetisation of a lone sphere, and the energy of the neck of a near pair.
 
-Both on grids that are even in the logarithms, fine enough to be read linearly (the pair) and by cubics (the sphere).
-Lengths in grain radii, fields and magnetisations in `scale` [A/m] (the saturation of the material; infinite for a
-linear one), forces in mu_0 scale^2 radius^2. The excess is what two equal spheres in a field h along their axis do
-beyond mutual dipoles (`field.spheres.pair_table`): dF of their attraction, dM of each one's magnetisation; both end at
-a gap of 1.2. Across their axis only the force is corrected (`field.spheres.transverse_pair`), by what linear spheres of
-high permeability have and, for others, (beta_s beta_d)^1.2 of that, with beta = M/(3 h) of the lone sphere by secant
-and by tangent: within 6 % of the multipoles from a permeability of 4 on, and nothing far in saturation.
+All grids are even in the logarithms. Fields and magnetisations are in `scale` [A/m] (the saturation of the material;
+infinite for a linear one). Of the lone sphere in a field h, over ln h: M/h and its slope, the coenergy integral of
+M dh over h^2, and the contrast c = (beta_s beta_d)^0.6 with beta = M/(3 h) by secant and by tangent: what saturation
+leaves of the answer across the line of centres of a near pair (1 for a high permeability, 0 far in saturation).
+
+The neck of two spheres over which the potential drops by D [A], with a gap of g radii between their surfaces, has the
+energy
+
+    w = mu_0 a D^2 y(ln g, ln z),    z = |D|/(s Ms a),
+
+with s the capacity that the magnetisation of both leaves (`coupling.mutual_moments`) and a the radius, of unequal
+spheres 2 a_i a_j/(a_i + a_j). ``neck`` holds y and its derivatives at the nodes (`field.spheres.neck_energy`), read as
+bicubic Hermite polynomials, so that the flux, the answer of the capacity and the force,
+
+    q = -(dw/dD)/mu_0 = -a D (2 y + y'),    (dw/ds)/mu_0 = -a D^2 y'/s,    F = dw/d(g a) = mu_0 D^2 dy/dg,
+
+(' = d/d ln z) are exact derivatives of one function. Below the grid a neck is linear (y constant), beyond it the flux
+has reached the capacity (y ~ 1/z). Below the smallest gap g_s of a powder w goes on along its tangent, w(g_s) +
+(g - g_s) dw/dg, as far as g = -g_s; the force there is that at g_s. From a gap of 1.2 on there is no neck.
+
+Across the line of centres two near spheres have less than the energy of their dipoles by ``across`` (g): kappa(g) of
+`field.spheres.transverse_pair`, read linearly in ln g, see `coupling.mutual_moments`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -20,86 +34,116 @@ import numpy as np
 from field.laws.powder_law import GrainLaw, ThesisLaw
 from field.laws.reluctivity import Law
 from field.spheres.lone_sphere import saturation, sphere_magnetisation
-from field.spheres.pair_table import FADE_TO, fade, pair_table
-from field.spheres.transverse_pair import transverse_excess
+from field.spheres.neck_energy import NeckEnergy, neck_energy
+from field.spheres.pair_table import FADE_TO
+from field.spheres.transverse_pair import transverse_coupling
 from geometry.kernels.device_functions import device_function
 from geometry.kernels.simd import from_integers, maximum, select, to_integers
 from geometry.kernels.simd_math import log
+from geometry.kernels.simd_tables import gather_columns
 
-GAUSS_PLACES = (0.2386191860831969, 0.6612093864662645, 0.9324695142031521)  # of six points on -1 .. 1
-GAUSS_WEIGHTS = (0.46791393457269104, 0.3607615730481386, 0.17132449237917036)
 FARTHEST_GAP = FADE_TO  # radii: beyond it two spheres are mutual dipoles
-# first, last and number of the excess' grid: gaps in radii, fields in the saturation
-GAPS, FIELDS = (3e-4, FARTHEST_GAP, 97), (3e-4, 3.0, 201)
 MODELS = ("mutual", "near_field")
+CONTRAST_POWER = 0.6
+SMALLEST_DROP = 1e-200  # A: of a logarithm
+SMALLEST_CAPACITY = 1e-6
+RATIO, RATIO_SLOPE, COENERGY, COENERGY_SLOPE, CONTRAST, CONTRAST_SLOPE, N_SPHERE = range(7)
 
 
 class GrainLawTable(NamedTuple):
-    """Arrays for the kernels; see the module. `sphere_*` over ln h, `pair_*` over (ln g, ln h)."""
+    """Arrays for the kernels; see the module.
 
-    scale: float  # A/m
+    Attributes
+    ----------
+    scale : float
+        [A/m].
+    sphere_start, sphere_step : float
+        Grid in ln h of the lone sphere.
+    sphere : ndarray, shape (s, N_SPHERE)
+        M/h, coenergy over h^2 and contrast, each with its derivative over the index.
+    gap_start, gap_step, drop_start, drop_step : float
+        Grids of the neck in ln g and ln z.
+    drop_end : float
+        The last z.
+    n_gap, n_drop : int
+    neck : ndarray, shape (n_gap n_drop, 4)
+        y, dy/di, dy/dj, d2y/didj by the indices i of the gap and j of the drop.
+    pull : ndarray, shape (n_gap, n_drop)
+        dy/dg at the nodes.
+    across : ndarray, shape (n_gap, 2)
+        kappa and dkappa/dg at the nodes.
+    """
+
+    scale: float
     sphere_start: float
     sphere_step: float
-    sphere_ratio: np.ndarray  # (s,) M/h
-    sphere_slope: np.ndarray  # (s,) its derivative over the index
+    sphere: np.ndarray
     gap_start: float
     gap_step: float
-    field_start: float
-    field_step: float
-    force: np.ndarray  # (g, h) dF/h^2
-    moment: np.ndarray  # (g, h) dM/h
-    across: np.ndarray  # (g,) weakening of the repulsion across, over h_t^2, for spheres of high permeability
+    drop_start: float
+    drop_step: float
+    drop_end: float
+    n_gap: int
+    n_drop: int
+    neck: np.ndarray
+    pull: np.ndarray
+    across: np.ndarray
 
 
-def _tabulate(
-    magnetisation: Callable[[np.ndarray], np.ndarray],
-    Ms: float | None,
-    excess: tuple[Callable, Callable] | None = None,
-) -> GrainLawTable:
-    """Put a grain's law on the grids.
-
-    Parameters
-    ----------
-    magnetisation : callable h [A/m] -> M [A/m]
-        Of a lone sphere in a uniform field.
-    Ms : float or None
-        Saturation [A/m]; None: linear.
-    excess : (force, moment), optional
-        Functions of (g, h), g in radii and h in ``Ms``, of `PairTable`; None: mutual dipoles only.
-    """
-    if Ms is None and excess is not None:
-        raise ValueError("a linear material has no table of pairs; give the grains a saturation, or model 'mutual'")
+def _tabulate(law: Law | GrainLaw, Ms: float | None, necks: NeckEnergy | None) -> GrainLawTable:
+    """Put a grain's law on the grids; ``Ms`` [A/m] None: linear, ``necks`` None: mutual dipoles only."""
     scale = np.inf if Ms is None else float(Ms)  # every field is weak to a linear one
-    h = np.exp(np.linspace(np.log(1e-6), np.log(1e3), 801))
-    H = h if Ms is None else scale * h
-    ratio = magnetisation(H) / H
-    slope = np.gradient(ratio, edge_order=2)
-    slope[2:-2] = (8.0 * (ratio[3:-1] - ratio[1:-3]) - (ratio[4:] - ratio[:-4])) / 12.0
-    x, y = (np.linspace(np.log(first), np.log(last), number) for first, last, number in (GAPS, FIELDS))
-    force = moment = np.zeros((2, 2))
-    across = np.zeros(2)
-    if excess is not None:
-        across = np.array([transverse_excess(np.inf, gap) for gap in np.exp(x)]) * fade(np.exp(x))
-        g, k = np.meshgrid(np.exp(x), np.exp(y), indexing="ij")
-        force, moment = excess[0](g, k) / k**2, excess[1](g, k) / k
-    return GrainLawTable(
-        scale,
-        float(np.log(h[0])),
-        float(np.log(h[1] / h[0])),
-        ratio,
-        slope,
-        float(x[0]),
-        float(x[1] - x[0]),
-        float(y[0]),
-        float(y[1] - y[0]),
-        np.ascontiguousarray(force),
-        np.ascontiguousarray(moment),
-        across,
+    log_h = np.linspace(np.log(1e-6), np.log(1e3), 801)
+    step = log_h[1] - log_h[0]
+    H = np.exp(log_h) if Ms is None else scale * np.exp(log_h)
+    M = sphere_magnetisation(law, H)
+    ratio = M / H
+    ratio_slope = _slopes(ratio)
+    tangent = np.maximum(ratio + ratio_slope / step, 0.0)
+    coenergy = _coenergy(H, ratio, ratio_slope, step)
+    contrast = np.maximum(ratio * tangent / 9.0, 0.0) ** CONTRAST_POWER
+    sphere = np.stack(
+        (ratio, ratio_slope, coenergy, step * (ratio - 2.0 * coenergy), contrast, _slopes(contrast)), axis=1
     )
+    start = float(log_h[0]), float(step)
+    if necks is None:
+        none = np.zeros((2, 2))
+        return GrainLawTable(scale, *start, sphere, 0.0, 1.0, 0.0, 1.0, 1.0, 2, 2, np.zeros((4, 4)), none, none)
+    x, z = necks.log_gap, necks.log_drop
+    gap = np.exp(x)
+    pull = necks.patch[:, :, 1] / ((x[1] - x[0]) * gap)[:, None]
+    return GrainLawTable(
+        scale, *start, sphere, float(x[0]), float(x[1] - x[0]), float(z[0]), float(z[1] - z[0]),
+        float(np.exp(z[-1])), len(x), len(z),
+        np.ascontiguousarray(necks.patch.reshape(-1, 4)), np.ascontiguousarray(pull),
+        np.ascontiguousarray(np.stack(transverse_coupling(gap), axis=1)),
+    )  # fmt: skip
+
+
+def _slopes(values: np.ndarray) -> np.ndarray:
+    """Derivatives over the index, of fourth order inside."""
+    slope = np.gradient(values, edge_order=2)
+    slope[2:-2] = (8.0 * (values[3:-1] - values[1:-3]) - (values[4:] - values[:-4])) / 12.0
+    return slope
+
+
+def _coenergy(H: np.ndarray, ratio: np.ndarray, slope: np.ndarray, step: float) -> np.ndarray:
+    """Integral of M dH from 0 over H^2, of the cubics that `sphere_ratio` reads, by four points of Gauss an interval."""
+    points, weights = np.polynomial.legendre.leggauss(4)
+    total = np.empty(len(H))
+    total[0] = 0.5 * ratio[0] * H[0] ** 2
+    part = np.zeros(len(H) - 1)
+    for point, weight in zip(0.5 + 0.5 * points, 0.5 * weights, strict=True):
+        rise = ratio[1:] - ratio[:-1]
+        second, third = 3.0 * rise - 2.0 * slope[:-1] - slope[1:], slope[:-1] + slope[1:] - 2.0 * rise
+        here = ratio[:-1] + point * (slope[:-1] + point * (second + point * third))
+        part += weight * step * here * (H[:-1] * np.exp(point * step)) ** 2  # M dH = (M/H) H^2 dlnH
+    total[1:] = total[0] + np.cumsum(part)
+    return total / H**2
 
 
 def grain_table(law: Law | GrainLaw, model: str) -> GrainLawTable:
-    """The table that the kernels read for a grain's law: bulk law, or `GrainLaw`; the near pairs' with near_field.
+    """The table that the kernels read for a grain's law: bulk law, or `GrainLaw`; with necks for near_field.
 
     Raises
     ------
@@ -119,155 +163,197 @@ def _make_table(law: Law | GrainLaw, model: str) -> GrainLawTable:
         raise ValueError(
             "the law of the thesis, M = chi H, has no material behind it: it goes with effects.magnetic_force alone"
         )
-
-    def sphere(h):
-        return sphere_magnetisation(law, h)
-
     try:
         Ms = saturation(law)
     except ValueError:
         if model == "near_field":
             raise
-        return _tabulate(sphere, None)
-    excess = None
-    if model == "near_field":
-        pair = pair_table(law)
-        excess = (pair.excess_force, pair.excess_moment)
-    return _tabulate(sphere, Ms, excess)
+        return _tabulate(law, None, None)
+    return _tabulate(law, Ms, neck_energy(law) if model == "near_field" else None)
 
 
 _kept_table = lru_cache(maxsize=8)(_make_table)
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def sphere_ratio(table, H):
-    """M/H and dM/dH of a lone sphere in H [A/m]; their limit at 0; beyond the grid M is what it was at its end."""
-    last = table.sphere_ratio.shape[0] - 1
-    if H <= 0.0:
-        return table.sphere_ratio[0], table.sphere_ratio[0]
-    t = (np.log(H / table.scale) - table.sphere_start) / table.sphere_step
-    if t <= 0.0:
-        return table.sphere_ratio[0], table.sphere_ratio[0]
-    if not t < last:  # also of NaN, which stays one and is no index
-        return table.sphere_ratio[last] * np.exp((last - t) * table.sphere_step), 0.0
-    k = np.int64(t)
-    t -= k
-    a, b = table.sphere_ratio[k], table.sphere_ratio[k + 1]
-    p, q = table.sphere_slope[k], table.sphere_slope[k + 1]
+def _cubic(table, k, t, column):
+    """Value and derivative over the index of a column of ``sphere``, between nodes k and k + 1 at t in [0, 1]."""
+    a, b = table.sphere[k, column], table.sphere[k + 1, column]
+    p, q = table.sphere[k, column + 1], table.sphere[k + 1, column + 1]
     rise = b - a
     second, third = 3.0 * rise - 2.0 * p - q, p + q - 2.0 * rise
-    ratio = a + t * (p + t * (second + t * third))
-    return ratio, ratio + (p + t * (2.0 * second + 3.0 * t * third)) / table.sphere_step
+    return a + t * (p + t * (second + t * third)), p + t * (2.0 * second + 3.0 * t * third)
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def gap_index(table, gap):
-    """Fractional row of the tables at a gap in radii; at least 0, not limited above."""
-    return maximum((log(gap) - table.gap_start) * (1.0 / table.gap_step), 0.0)
+def _sphere_place(table, H):
+    """Node below and remainder of a field H > 0 [A/m] on the sphere's grid; the node is the last one beyond it."""
+    last = table.sphere.shape[0] - 1
+    t = (np.log(H / table.scale) - table.sphere_start) / table.sphere_step
+    if t <= 0.0:
+        return np.int64(0), 0.0
+    if not t < last:  # also of NaN, which stays one and is no index
+        return np.int64(last), t - last
+    k = np.int64(t)
+    return k, t - k
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def field_index(table, H):
-    """Fractional column of the tables at a field H [A/m] of either sign; at least 0, not limited above."""
-    h = abs(H) * (1.0 / table.scale)
-    return maximum((log(h) - table.field_start) * (1.0 / table.field_step), 0.0)
+def sphere_ratio(table, H):
+    """M/H and dM/dH of a lone sphere in H [A/m]; their limit at 0; beyond the grid M is what it was at its end."""
+    if H <= 0.0:
+        return table.sphere[0, RATIO], table.sphere[0, RATIO]
+    k, t = _sphere_place(table, H)
+    if k == table.sphere.shape[0] - 1:
+        return table.sphere[k, RATIO] * np.exp(-t * table.sphere_step), 0.0
+    ratio, slope = _cubic(table, k, t, RATIO)
+    return ratio, ratio + slope / table.sphere_step
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def clamp_field(table, y, H):
-    """Column j, remainder y, |H| limited to the last field, and the factor 1/h beyond it, of a `field_index`."""
-    h, fraction = abs(H), 1.0
-    last = table.force.shape[1] - 1
-    if not y <= last:  # also of NaN, which stays one and is no index
-        end = table.scale * np.exp(table.field_start + last * table.field_step)
-        y, h, fraction = float(last), end, end / h
-    j = min(np.int64(y), last - 1)
-    return j, y - j, h, fraction
+def sphere_coenergy(table, H):
+    """Integral of M dH from 0 to H [A^2/m^2] of a lone sphere; M constant beyond the grid."""
+    if H <= 0.0:
+        return 0.0
+    k, t = _sphere_place(table, H)
+    if k == table.sphere.shape[0] - 1:
+        end = H * np.exp(-t * table.sphere_step)
+        return table.sphere[k, COENERGY] * end * end + table.sphere[k, RATIO] * end * (H - end)
+    value, _ = _cubic(table, k, t, COENERGY)
+    return value * H * H
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def locate(table, gap, H):
-    """Row i and its remainder x at a gap in radii, and `clamp_field` at a field H [A/m].
+def sphere_contrast(table, H):
+    """Contrast c [-] of a lone sphere in H [A/m] and dc/dM [m/A]."""
+    if H <= 0.0:
+        return table.sphere[0, CONTRAST], 0.0
+    k, t = _sphere_place(table, H)
+    if k == table.sphere.shape[0] - 1:
+        return 0.0, 0.0
+    value, slope = _cubic(table, k, t, CONTRAST)
+    ratio, rise = _cubic(table, k, t, RATIO)
+    tangent = ratio * table.sphere_step + rise  # dM/di = H tangent
+    return value, slope / (H * tangent) if tangent > 1e-9 * ratio else 0.0
 
-    i < 0 beyond the farthest gap, where there is no excess.
+
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+def gap_place(table, gap, smallest_gap):
+    """Place of a gap [radii] on the grid, not below the smallest gap or the grid; and how far the gap is below that.
+
+    The second number is (g - g_s)/(g_s step), g not below -g_s: by it times dy/di the energy goes on below.
     """
-    x = gap_index(table, gap)
-    if not x < table.across.shape[0] - 1:
-        return np.int64(-1), 0.0, np.int64(0), 0.0, 0.0, 0.0
-    i = np.int64(x)
-    j, y, h, fraction = clamp_field(table, field_index(table, H), H)
-    return i, x - i, j, y, h, fraction
+    low = maximum(gap, smallest_gap)
+    below = (maximum(gap, -smallest_gap) - low) * (1.0 / (smallest_gap * table.gap_step))
+    return maximum((log(low) - table.gap_start) * (1.0 / table.gap_step), 0.0), below
+
+
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+def drop_place(table, drop, capacity, radius):
+    """Place of z on the grid of a drop [A], a capacity [-] and a radius [m]; and the last z over z, 1 within the grid.
+
+    Scalars or SIMD vectors.
+    """
+    z = maximum(abs(drop), SMALLEST_DROP) / (maximum(capacity, SMALLEST_CAPACITY) * radius * table.scale)
+    last = table.n_drop - 1.0
+    place = maximum((log(z) - table.drop_start) * (1.0 / table.drop_step), 0.0)
+    beyond = place > last
+    return select(beyond, last, place), select(beyond, table.drop_end / z, 1.0)
+
+
+@device_function(error_model="numpy", fastmath={"contract"}, forceinline=True)
+def _hermite(x):
+    """Hermite's cubics at x in [0, 1], of both values and both slopes, and their derivatives."""
+    x2, left = x * x, 1.0 - x
+    h1, d1 = x2 * (3.0 - 2.0 * x), 6.0 * x * left
+    return 1.0 - h1, h1, x * left * left, -x2 * left, -d1, d1, left * (1.0 - 3.0 * x), x * (3.0 * x - 2.0)
+
+
+@device_function(error_model="numpy", fastmath={"contract"}, forceinline=True)
+def _between_gaps(low, high, x, below):
+    """Of two nodes in a column, each (y, dy/di, dy/dj, d2y/didj): y and dy/dj at x, and both derivatives over i.
+
+    y and dy/dj are continued along their tangent by ``below`` steps.
+    """
+    h0, h1, g0, g1, d0, d1, e0, e1 = _hermite(x)
+    y_i = d0 * low[0] + d1 * high[0] + e0 * low[1] + e1 * high[1]
+    y_ij = d0 * low[2] + d1 * high[2] + e0 * low[3] + e1 * high[3]
+    y = h0 * low[0] + h1 * high[0] + g0 * low[1] + g1 * high[1] + below * y_i
+    y_j = h0 * low[2] + h1 * high[2] + g0 * low[3] + g1 * high[3] + below * y_ij
+    return y, y_j, y_i, y_ij
+
+
+@device_function(error_model="numpy", fastmath={"contract"}, forceinline=True)
+def _between_drops(table, low, high, t, fraction, within):
+    """y, dy/dln z, d2y/d(ln z)2 and dy/di of what `_between_gaps` gives at two columns, at t between them.
+
+    ``fraction``: the last z over z beyond the grid, 1.0 within it; ``within``: 0.0 from the farthest gap on.
+    """
+    h0, h1, g0, g1, d0, d1, e0, e1 = _hermite(t)
+    per_step = 1.0 / table.drop_step
+    y = h0 * low[0] + h1 * high[0] + g0 * low[1] + g1 * high[1]
+    y_i = h0 * low[2] + h1 * high[2] + g0 * low[3] + g1 * high[3]
+    first = (d0 * low[0] + d1 * high[0] + e0 * low[1] + e1 * high[1]) * per_step
+    c = 6.0 - 12.0 * t
+    second = (c * (high[0] - low[0]) + (6.0 * t - 4.0) * low[1] + (6.0 * t - 2.0) * high[1]) * (per_step * per_step)
+    beyond = fraction < 1.0
+    y, y_i = within * fraction * y, within * fraction * y_i
+    return y, select(beyond, -y, within * first), select(beyond, y, within * second), y_i
+
+
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+def necks_of_eight(table, x, below, place, fraction):
+    """y, its first and second derivative over ln z, and dy/di, of eight necks at their `gap_place` and `drop_place`."""
+    last_row, last_column = table.n_gap - 2.0, table.n_drop - 2.0
+    row = from_integers(to_integers(select(x < last_row, x, last_row)))
+    column = from_integers(to_integers(select(place < last_column, place, last_column)))
+    at = row * float(table.n_drop) + column
+    here, above = to_integers(at), to_integers(at + float(table.n_drop))
+    after, beyond = to_integers(at + 1.0), to_integers(at + (table.n_drop + 1.0))
+    x, t, within = x - row, place - column, select(x < last_row + 1.0, 1.0, 0.0)
+    x = select(x < 1.0, x, 1.0)
+    neck = table.neck
+    low = _between_gaps(gather_columns(neck, here, 0), gather_columns(neck, above, 0), x, below)
+    high = _between_gaps(gather_columns(neck, after, 0), gather_columns(neck, beyond, 0), x, below)
+    return _between_drops(table, low, high, t, fraction, within)
+
+
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+def _node(table, i, j):
+    k = i * table.n_drop + j
+    return table.neck[k, 0], table.neck[k, 1], table.neck[k, 2], table.neck[k, 3]
+
+
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
+def neck_of_one(table, x, below, place, fraction):
+    """As `necks_of_eight`, of one neck."""
+    if not x < table.n_gap - 1.0:  # also of NaN, which is no index
+        return 0.0 * x, 0.0 * x, 0.0 * x, 0.0 * x
+    if not place >= 0.0:
+        return place, place, place, place
+    i, j = np.int64(x), min(np.int64(place), np.int64(table.n_drop - 2))
+    x, t = x - i, place - j
+    low = _between_gaps(_node(table, i, j), _node(table, i + 1, j), x, below)
+    high = _between_gaps(_node(table, i, j + 1), _node(table, i + 1, j + 1), x, below)
+    return _between_drops(table, low, high, t, fraction, 1.0)
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def bilinear(values, i, x, j, y):
-    """Interpolate a table at a place of `locate`."""
+    """Interpolate a table between nodes i, i + 1 and j, j + 1."""
     low = values[i, j] + y * (values[i, j + 1] - values[i, j])
     high = values[i + 1, j] + y * (values[i + 1, j + 1] - values[i + 1, j])
     return low + x * (high - low)
 
 
-@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def moment_at(table, x, y, H):
-    """dM [A/m] at places of `gap_index` and `field_index`, of the field H [A/m]; odd in H."""
-    if not x < table.across.shape[0] - 1:
-        return 0.0
-    i = np.int64(x)
-    j, y, h, fraction = clamp_field(table, y, H)
-    return np.copysign(h, H) * fraction * bilinear(table.moment, i, x - i, j, y)
-
-
-@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def locate_eight(table, x, H):
-    """Of eight near pairs at places ``x`` of `gap_index` in fields H [A/m], as `near_excess`: rows of the tables and
-    how far behind them, the same of columns; |H| limited to the last field, the factor beyond it, 1.0 (0.0 beyond the
-    last gap)."""
-    last_row, last_column = table.across.shape[0] - 1.0, table.force.shape[1] - 1.0
-    y, h = field_index(table, H), abs(H)
-    end = table.scale * np.exp(table.field_start + last_column * table.field_step)
-    beyond = y > last_column
-    y, size, fraction = select(beyond, last_column, y), select(beyond, end, h), select(beyond, end / h, 1.0)
-    row = to_integers(select(x < last_row - 1.0, x, last_row - 1.0))
-    column = to_integers(select(y < last_column - 1.0, y, last_column - 1.0))
-    within = select(x < last_row, 1.0, 0.0)
-    return row, x - from_integers(row), column, y - from_integers(column), size, fraction, within
-
-
-@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def excess_moment(table, gap, H):
-    """dM [A/m] at a gap in radii and a field H [A/m]; odd in H."""
-    return moment_at(table, gap_index(table, gap), field_index(table, H), H)
-
-
-@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def excess_force(table, gap, H):
-    """dF [mu_0 A^2/m^2 a^2] >= 0 at a gap in radii and a field H [A/m] of either sign."""
-    i, x, j, y, h, fraction = locate(table, gap, H)
-    return 0.0 if i < 0 else bilinear(table.force, i, x, j, y) * h * h * fraction
-
-
-@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def near_excess(table, x, y, H):
-    """dF [mu_0 A^2/m^2 a^2], dM [A/m] and `across` [-] at places of `gap_index` and `field_index`, of the field H."""
-    if not x < table.across.shape[0] - 1:
-        return 0.0, 0.0, 0.0
-    i = np.int64(x)
-    x -= i
-    j, y, h, fraction = clamp_field(table, y, H)
-    force = bilinear(table.force, i, x, j, y) * h * h * fraction
-    moment = bilinear(table.moment, i, x, j, y) * h * fraction
-    across = table.across[i] + x * (table.across[i + 1] - table.across[i])
-    return force, moment if H > 0.0 else -moment, across
-
-
-@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def mean_force(table, gap, end, y, H):
-    """dF as `near_excess`, its mean over a step that takes the gap to ``end``: by six points of Gauss in ln g."""
-    force = 0.0
-    middle, half = 0.5 * np.log(gap * end), 0.5 * np.log(end / gap)
-    for k in range(3):
-        for sign in (-1.0, 1.0):
-            at = np.exp(middle + sign * GAUSS_PLACES[k] * half)
-            dF, _, _ = near_excess(table, gap_index(table, at), y, H)
-            force += GAUSS_WEIGHTS[k] * half * at * dF
-    return force / (end - gap)
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
+def mean_pull(table, gap, end, smallest_gap, place, fraction):
+    """Mean of dy/dg over a step that takes the gap to ``end`` [radii], at a constant drop and capacity."""
+    x, below = gap_place(table, gap, smallest_gap)
+    x_end, below_end = gap_place(table, end, smallest_gap)
+    before, _, _, slope = neck_of_one(table, x, below, place, fraction)
+    after, _, _, _ = neck_of_one(table, x_end, below_end, place, fraction)
+    way = max(end, -smallest_gap) - max(gap, -smallest_gap)
+    if abs(way) > 1e-6 * max(gap, smallest_gap):
+        return (after - before) / way
+    return slope / (table.gap_step * max(gap, smallest_gap))

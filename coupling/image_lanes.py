@@ -22,12 +22,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from coupling.kernel_state import ENTRY, FIRST, N_PAIR, SECOND, SHIFT, TWIN
+from coupling.kernel_state import ENTRY, FIRST, IMAGE, N_PAIR, SECOND, TWIN
 from coupling.mirror import FACES_NO_WALL, mirror_height, mirror_moment
 from coupling.pair_fields import MU_0_OVER_4PI, OVER_4PI, charge_factors, field_factors, field_slopes
 from coupling.row_lanes import (
     first_present,
-    motion_of_partners,
+    images_of_partners,
     place_of_partner,
     vector_of_partner,
     vector_to_partner,
@@ -59,13 +59,13 @@ def wall_sides(grains):
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def _list_seen(i, j, shift, e, t, reach, faces, count, seen, heights):
+def _list_seen(i, j, seen_in, e, t, reach, faces, count, seen, heights):
     """List the walls in which grain i may be within reach of the image of j; how many are listed then."""
     mirrored_at, sides = faces
     common, w = sides[i] & sides[j], 0
     while common != 0:
         here, there = mirrored_at[i, w], mirrored_at[j, w]
-        seen[FIRST, count], seen[SECOND, count], seen[SHIFT, count] = i, j, shift
+        seen[FIRST, count], seen[SECOND, count], seen[IMAGE, count] = i, j, seen_in
         seen[ENTRY, count], seen[TWIN, count], seen[WALL, count] = e, t, w
         heights[HEIGHT_I, count], heights[HEIGHT_J, count] = here, there
         # an image is never nearer than both heights
@@ -82,7 +82,7 @@ def list_pair_images(h, until, reach, faces, imaged, seen, heights):
         b, a = g // LANES, g % LANES
         once = imaged.once[b]
         count = _list_seen(
-            once[FIRST, a], once[SECOND, a], once[SHIFT, a], once[ENTRY, a], once[TWIN, a], reach, faces, count, seen,
+            once[FIRST, a], once[SECOND, a], once[IMAGE, a], once[ENTRY, a], once[TWIN, a], reach, faces, count, seen,
             heights,
         )  # fmt: skip
     _fill_up(count, seen, heights)
@@ -90,11 +90,11 @@ def list_pair_images(h, until, reach, faces, imaged, seen, heights):
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
-def list_grain_images(i, until, reach, faces, seen, heights):
+def list_grain_images(i, until, reach, faces, rows, seen, heights):
     """List the images that the grains i to ``until`` have of themselves; how many."""
     count = 0
     for g in range(i, until):
-        count = _list_seen(g, g, 0, g, -1, reach, faces, count, seen, heights)
+        count = _list_seen(g, g, rows.images.shape[0] // 2, g, -1, reach, faces, count, seen, heights)
     _fill_up(count, seen, heights)
     return count
 
@@ -135,7 +135,7 @@ def _block(dx, dy, dz, reach, smear):
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def _load_images(c, seen, heights, place, rows, walls):
     """Of eight images from c on: motion of the partner, strength; of both grains centre [m] and `normal_over` it."""
-    motion = motion_of_partners(rows, load(seen, SHIFT, c))
+    motion = images_of_partners(rows, load(seen, IMAGE, c))
     tangent_r, tangent_z, _, k = gather_columns(walls, load(seen, WALL, c), 2)
     xi, yi, zi, _ = gather_columns(place, load(seen, FIRST, c), 0)
     xj, yj, zj, _ = gather_columns(place, load(seen, SECOND, c), 0)

@@ -13,6 +13,7 @@ from coupling.influence_kernels import (
     pair_kinds,
 )
 from coupling.kernel_state import N_PAIR, Chosen, Influence, MagneticGrains, PairModel, Rows
+from coupling.pair_fields import OVER_4PI, self_field_factor, self_potential_factor
 from coupling.row_lanes import IMAGED, NEAR
 from geometry.kernels.simd import LANES
 
@@ -24,13 +25,10 @@ def find_influence(
     rows: Rows,
     walls: np.ndarray,
     *,
-    own: float,
     room: Influence | None = None,
     twin: np.ndarray | None = None,
 ) -> Influence:
-    """The influence of ``grains`` on each other; ``own`` [1/m^3]: on itself, of the mean field.
-
-    Of the grains their places, the applied field and its slope, which drive the near pairs, are read.
+    """The influence of ``grains`` on each other: of them their places, the applied field and its slope are read.
 
     ``room`` may be an earlier one, whose largest arrays are written over where they are large enough: to fetch them
     from the system again takes as long as to fill them. ``twin`` (p,) is where each entry's pair stands in the row of
@@ -42,14 +40,14 @@ def find_influence(
     pair_kinds(model, grains, rows, kind)
     imaged, near = (choose_entries(rows, twin, kind, bit) for bit in (IMAGED, NEAR))
     image = reuse_or_allocate(len(imaged.entry), (4, 4), None if room is None else room.image)
-    itself, own_image = np.zeros((n, 4, 4)), np.zeros((n, len(walls), 4))
-    itself[:, range(3), range(3)] = own
-    image_influences(
-        model, grains, rows, imaged, walls, image.reshape(-1, 16), itself.reshape(-1, 16), own_image.reshape(-1, 4)
-    )
+    itself = np.zeros((n, 4, 4))
+    itself[:, range(3), range(3)] = self_field_factor(model.reach, model.smear)
+    if model.near:
+        itself[:, 3, 3] = OVER_4PI / grains.radius + self_potential_factor(model.reach, model.smear)
+    image_influences(model, grains, rows, imaged, walls, image.reshape(-1, 16), itself.reshape(-1, 16))
     near_pair = reuse_or_allocate(len(near.once), (N_NEAR, LANES), None if room is None else room.near_pair)
     near_pairs(table, model, grains, rows, near, near_pair)
-    return Influence(itself, *imaged, image, own_image, *near, near_pair)
+    return Influence(itself, *imaged, image, *near, near_pair)
 
 
 def choose_entries(rows: Rows, twin: np.ndarray, kind: np.ndarray, bit: int) -> Chosen:

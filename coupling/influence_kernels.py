@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
-from coupling.grain_law_table import gap_index
+from coupling.grain_law_table import gap_place
 from coupling.image_lanes import (
     IMAGED_CHUNK,
     N_HEIGHTS,
@@ -24,17 +24,24 @@ from coupling.image_lanes import (
     list_pair_images,
     wall_sides,
 )
-from coupling.kernel_state import ENTRY, FIRST, SECOND, SHIFT, TWIN
-from coupling.mirror import normal_at
-from coupling.pair_fields import OVER_4PI, field_factors
-from coupling.row_lanes import columns_of, kinds_of_row, turn_of
+from coupling.kernel_state import ENTRY, FIRST, IMAGE, SECOND, TWIN
+from coupling.pair_fields import OVER_4PI
+from coupling.row_lanes import (
+    columns_of,
+    images_of_partners,
+    kinds_of_row,
+    place_of_partner,
+    vector_of_partner,
+    vector_to_partner,
+)
 from geometry.kernels.device_functions import device_function
-from geometry.kernels.simd import LANES, maximum, select
+from geometry.kernels.simd import LANES, from_integers, maximum, select, to_integers
 from geometry.kernels.simd_math import sqrt
-from geometry.kernels.simd_tables import gather_columns, load, store
+from geometry.kernels.simd_tables import gather_columns, gather_two_columns, load, store
 
-# columns of a near pair; PER_TRUE: one over the distance, PER_R: where grains that overlap touch
-NX, NY, NZ, PER_R, MUTUAL, MEAN, PLACE, PER_TRUE, N_NEAR = range(9)
+# columns of a near pair: n; 1/r [1/m]; drop of the applied field [A]; gap [radii], its place in the table and how far
+# below (`gap_place`); radius [m]; kappa/(4 pi r^3) of the part across and its derivative over r
+NX, NY, NZ, PER_TRUE, APPLIED, GAP, PLACE, BELOW, SIZE, ACROSS, ACROSS_SLOPE, N_NEAR = range(12)
 
 
 @njit(cache=True, error_model="numpy")
@@ -65,7 +72,7 @@ def choose(rows, twin, kind, bit, place, start, entry, chosen_twin, once):
             t = np.int64(place[np.uint64(twin[here])]) if twin[here] >= 0 else np.int64(-1)
             chosen_twin[e] = t
             b, a = m >> np.uint64(3), m & np.uint64(7)
-            once[b, FIRST, a], once[b, SECOND, a], once[b, SHIFT, a] = i, rows.other[here], rows.shift[here]
+            once[b, FIRST, a], once[b, SECOND, a], once[b, IMAGE, a] = i, rows.other[here], rows.image[here]
             once[b, ENTRY, a], once[b, TWIN, a] = e, t
             m += np.uint64(0 if 0 <= t < o else 1)
     pairs = np.int64(m)
@@ -83,11 +90,8 @@ def pair_kinds(model, grains, rows, kind):
 
 
 @njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
-def image_influences(model, grains, rows, imaged, walls, image, itself, own_image):
-    """Blocks (k, 16) of images of all entries that see some, and (n, 16) of each grain on itself (added).
-
-    ``own_image`` (n w, 4) [1/m^2] is the part of a grain's own image in its potential, 0 beforehand.
-    """
+def image_influences(model, grains, rows, imaged, walls, image, itself):
+    """Blocks (k, 16) of images of all entries that see some, and (n, 16) of each grain on itself (added)."""
     place, n, n_walls = columns_of(grains.position, grains.radius), grains.position.shape[0], walls.shape[0]
     count, room = imaged.pairs, n_walls * IMAGED_CHUNK + LANES
     faces = wall_sides(grains)
@@ -99,18 +103,8 @@ def image_influences(model, grains, rows, imaged, walls, image, itself, own_imag
         influences_of_pairs(m, model, place, rows, walls, seen, heights, image)
     for b in prange((n + IMAGED_CHUNK - 1) // IMAGED_CHUNK if n_walls else 0):
         first, seen, heights = b * IMAGED_CHUNK, np.empty((N_SEEN, room), np.int32), np.empty((N_HEIGHTS, room))
-        m = list_grain_images(first, min(first + IMAGED_CHUNK, n), model.reach, faces, seen, heights)
+        m = list_grain_images(first, min(first + IMAGED_CHUNK, n), model.reach, faces, rows, seen, heights)
         influences_of_grains(m, model, place, rows, walls, seen, heights, itself)
-    for i in prange(n):
-        for w in range(n_walls):
-            h = faces[0][i, w]
-            if 2.0 * abs(h) >= model.reach:
-                continue
-            _, _, p = field_factors(2.0 * abs(h), model.reach, model.smear)
-            p *= OVER_4PI * walls[w, 5] * (1.0 if h > 0.0 else -1.0)
-            nx, ny, nz = normal_at(walls, w, place[i, 0], place[i, 1])
-            row = own_image[i * n_walls + w]
-            row[0], row[1], row[2] = p * nx, p * ny, p * nz
 
 
 @device_function(error_model="numpy", fastmath={"contract"}, forceinline=True)
@@ -134,47 +128,54 @@ def slope_along(i, nx, ny, nz, grains):
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def _near_eight(b, table, model, place, drive, slope, rows, near, near_pair):
     i, j = load(near.once, b, FIRST), load(near.once, b, SECOND)
-    c, s = turn_of(rows, near.once, b)
+    image = images_of_partners(rows, load(near.once, b, IMAGE))
     xi, yi, zi, ri = gather_columns(place, i, 0)
     xj, yj, zj, rj = gather_columns(place, j, 0)
     hx, hy, hz, _ = gather_columns(drive, i, 0)
     gx, gy, gz, _ = gather_columns(drive, j, 0)
-    hx, hy, hz = hx + (c * gx - s * gy), hy + (s * gx + c * gy), hz + gz
-    dx, dy, dz = xi - (c * xj - s * yj), yi - (s * xj + c * yj), zi - zj
+    gx, gy, gz = vector_of_partner(image, gx, gy, gz)
+    x, y, z = place_of_partner(image, xj, yj, zj)
+    dx, dy, dz = xi - x, yi - y, zi - z
     both = ri + rj
-    true_r = sqrt(dx * dx + dy * dy + dz * dz)
-    per_true = 1.0 / true_r
-    nx, ny, nz = dx * per_true, dy * per_true, dz * per_true
-    r = maximum(true_r, both)
+    r = sqrt(dx * dx + dy * dy + dz * dz)
     per_r = 1.0 / r
-    gap = maximum((true_r - both) * both / (2.0 * ri * rj), model.smallest_gap)
-    mean = 0.5 * (hx * nx + hy * ny + hz * nz)
-    _, _, p = field_factors(r, model.reach, model.smear)
-    if model.smear:  # the partner's smear, which the applied field holds, is not its drive: Q/(4 pi r^3)
-        p = per_r * per_r
-        # the mean of the cubic, see `coupling.moment_kernels.drive_of_pair`
+    nx, ny, nz = dx * per_r, dy * per_r, dz * per_r
+    size = 2.0 * ri * rj / both
+    gap = (r - both) / size
+    # the applied field between the centres: the cubic through its values and slopes at both
+    mean = 0.5 * ((hx + gx) * nx + (hy + gy) * ny + (hz + gz) * nz)
+    if model.smear:  # only then it holds the near grains, spread out, and bends
         radial, hoop, axial, mixed = gather_columns(slope, i, 0)
         bend = bend_along(xi, yi, radial, hoop, axial, mixed, nx, ny, nz)
         radial, hoop, axial, mixed = gather_columns(slope, j, 0)
-        bend = bend - bend_along(xj, yj, radial, hoop, axial, mixed, c * nx + s * ny, c * ny - s * nx, nz)
+        there_x, there_y, _ = vector_to_partner(image, nx, ny, nz)
+        bend = bend - bend_along(xj, yj, radial, hoop, axial, mixed, there_x, there_y, nz)
         mean = mean - r * (1.0 / 12.0) * bend
+    at, below = gap_place(table, gap, model.smallest_gap)
+    row = to_integers(select(at < table.n_gap - 2.0, at, table.n_gap - 2.0))
+    part = select(at < table.n_gap - 1.0, at - from_integers(row), 1.0)
+    k, k_slope = gather_two_columns(table.across, row, 0)
+    k_next, k_slope_next = gather_two_columns(table.across[1:], row, 0)
+    touching = maximum(r, both)
+    per_cube = OVER_4PI / (touching * touching * touching)
+    kappa, rise = k + part * (k_next - k), k_slope + part * (k_slope_next - k_slope)
     store(near_pair, b, NX, nx)
     store(near_pair, b, NY, ny)
     store(near_pair, b, NZ, nz)
-    store(near_pair, b, PER_R, per_r)
-    store(near_pair, b, PER_TRUE, per_true)
-    store(near_pair, b, MUTUAL, OVER_4PI * p * per_r)
-    store(near_pair, b, MEAN, mean)
-    store(near_pair, b, PLACE, gap_index(table, gap))
+    store(near_pair, b, PER_TRUE, per_r)
+    store(near_pair, b, APPLIED, r * mean)
+    store(near_pair, b, GAP, gap)
+    store(near_pair, b, PLACE, at)
+    store(near_pair, b, BELOW, below)
+    store(near_pair, b, SIZE, size)
+    store(near_pair, b, ACROSS, per_cube * kappa)
+    store(near_pair, b, ACROSS_SLOPE, per_cube * (rise / size - 3.0 * kappa / touching))
 
 
 @njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
 def near_pairs(table, model, grains, rows, near, near_pair):
-    """Near pairs (blocks, 8, 8), eight of `Chosen.once` each: what gives h_ij,
-
-    h = ``MEAN`` - (P_i - P_j) ``PER_R`` + (m_i + m_j).n ``MUTUAL``, at the ``PLACE`` of their gap in the table. Seen
-    from j both n and h are the opposite.
-    """
+    """Near pairs (blocks, N_NEAR, 8), eight of `Chosen.once` each. Seen from the other grain n and the drop are the
+    opposite."""
     slope = grains.slope
     place, drive = columns_of(grains.position, grains.radius), columns_of(grains.applied, grains.radius)
     for b in prange(near.once.shape[0]):

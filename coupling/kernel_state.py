@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-FIRST, SECOND, SHIFT, ENTRY, TWIN, N_PAIR = range(6)  # of a pair: its grains, and see `Chosen`
+FIRST, SECOND, IMAGE, ENTRY, TWIN, N_PAIR = range(6)  # of a pair: its grains, and see `Chosen`
 
 
 class PairModel(NamedTuple):
@@ -35,13 +35,12 @@ class PairModel(NamedTuple):
 
 
 class Rows(NamedTuple):
-    """The arrays of `coupling.neighbour_rows.NeighbourRows`, or of a half list with the same turns."""
+    """The arrays of `coupling.neighbour_rows.NeighbourRows`, or of a half list with the same images."""
 
     start: np.ndarray
     other: np.ndarray
-    shift: np.ndarray
-    turn_cos: np.ndarray
-    turn_sin: np.ndarray
+    image: np.ndarray
+    images: np.ndarray
 
 
 class MagneticGrains(NamedTuple):
@@ -49,34 +48,37 @@ class MagneticGrains(NamedTuple):
 
     Attributes
     ----------
-    position, moment : ndarray, shape (n, 3)
-        Centres [m], moments [A m^2].
+    position : ndarray, shape (n, 3)
+        Centres [m].
     radius, volume : ndarray, shape (n,)
-        [m], [m^3]; ``volume`` and ``fraction`` (0,) where only drives are found.
+        [m], [m^3].
+    dipole : ndarray, shape (n, 3)
+        Dipole parts of the moments [A m^2].
+    charge : ndarray, shape (n,)
+        Excess flux that leaves through the necks, over mu_0 [A m].
     applied, field : ndarray, shape (n, 3)
         Field without grains and with the others' [A/m].
     slope : ndarray, shape (n, 4)
         Of the applied field [A/m^2].
     potential : ndarray, shape (n,)
-        Of the others [A].
-    fraction, contrast : ndarray, shape (n,)
-        What a grain takes of its pairs' excess moments; what saturation leaves of its answer across.
-    height, own_image : ndarray, shape (n, w)
-        Over the walls [m] (`coupling.mirror`); the part of the potential that a grain's own image makes [A].
+        Of all grains, at the centre [A].
+    contrast : ndarray, shape (n, 2)
+        c [-] and dc/dM [m/A], what saturation leaves of the answer across (`coupling.grain_law_table`).
+    height : ndarray, shape (n, w)
+        Over the walls [m] (`coupling.mirror`).
     """
 
     position: np.ndarray
     radius: np.ndarray
     volume: np.ndarray
-    moment: np.ndarray
+    dipole: np.ndarray
+    charge: np.ndarray
     applied: np.ndarray
     slope: np.ndarray
     field: np.ndarray
     potential: np.ndarray
-    fraction: np.ndarray
     contrast: np.ndarray
     height: np.ndarray
-    own_image: np.ndarray
 
 
 class Chosen(NamedTuple):
@@ -89,7 +91,7 @@ class Chosen(NamedTuple):
     entry, twin : ndarray of int32, shape (k,)
         Of the rows; and where the pair stands here seen from the other grain (-1: nowhere).
     once : ndarray of int32, shape (blocks, N_PAIR, 8)
-        Every pair once, eight in a block: both grains, the shift of the second, where it stands here, and its twin;
+        Every pair once, eight in a block: both grains, the image of the second, where it stands here, and its twin;
         the last pair fills the last block.
     pairs : int
         How many.
@@ -110,17 +112,15 @@ class Influence(NamedTuple):
     Attributes
     ----------
     itself : ndarray, shape (n, 4, 4)
-        A grain's own contribution and its own images: rows field [A/m] and potential [A], columns moment [A m^2] and
-        charge [A m].
+        Field (3) [A/m] and potential [A] at a grain of its own moment (3) [A m^2] and charge [A m], by its spread
+        contribution to the mean field and by its images.
     image_start, image_entry, image_twin, image_once, image_pairs
         Entries that also see their partner's images, see `Chosen`.
     image : ndarray, shape (those or more, 4, 4)
         Those images, as `itself`.
-    own_image : ndarray, shape (n, w, 4)
-        [1/m^2], the last unused.
     near_start, near_entry, near_twin, near_once, near_pairs
         Near pairs, see `Chosen`.
-    near_pair : ndarray, shape (blocks of ``near_once`` or more, 8, 8)
+    near_pair : ndarray, shape (blocks of ``near_once`` or more, N_NEAR, 8)
     """
 
     itself: np.ndarray
@@ -130,7 +130,6 @@ class Influence(NamedTuple):
     image_once: np.ndarray
     image_pairs: int
     image: np.ndarray
-    own_image: np.ndarray
     near_start: np.ndarray
     near_entry: np.ndarray
     near_twin: np.ndarray

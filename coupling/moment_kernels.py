@@ -1,9 +1,10 @@
 """Compiled sweeps that find the moments of grains which magnetise one another, and the forces of their contacts.
 
-The model is that of `coupling.mutual_moments`. A sweep has two stages, because a near pair must know the potentials
-of both its grains: first every grain's field S and potential P of all others, then its magnetisation. Each grain
-gathers from its row alone (Jacobi); what is found once for a pair is put at an entry of each of its grains. So no bit
-depends on the number of threads.
+The model is that of `coupling.mutual_moments`. A sweep evaluates all equations at one state, dipoles and drops: fluxes
+of the necks from the drops, charges of the grains from the fluxes, field S and potential of every grain from the
+others' dipoles and charges, then what the equations ask of dipoles and drops. Each grain gathers from its row alone
+(Jacobi); what is found once for a pair is put at an entry of each of its grains. So no bit depends on the number of
+threads.
 """
 
 from __future__ import annotations
@@ -11,7 +12,16 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
-from coupling.grain_law_table import excess_moment, field_index, gap_index, mean_force, near_excess, sphere_ratio
+from coupling.grain_law_table import (
+    SMALLEST_CAPACITY,
+    drop_place,
+    gap_place,
+    mean_pull,
+    neck_of_one,
+    sphere_coenergy,
+    sphere_contrast,
+    sphere_ratio,
+)
 from coupling.image_lanes import (
     IMAGED_CHUNK,
     N_HEIGHTS,
@@ -24,16 +34,27 @@ from coupling.image_lanes import (
 )
 from coupling.influence_kernels import slope_along
 from coupling.kernel_state import Chosen
-from coupling.mirror import FACES_NO_WALL, height_over, mirror_height, normal_at
-from coupling.pair_fields import OVER_4PI, field_factors
-from coupling.pair_lanes import MU_0, N_SCRATCH, excess_of_eight, near_forces_of_eight
-from coupling.row_lanes import columns_of, dipole_force, field_of_row
+from coupling.mirror import FACES_NO_WALL, height_over, normal_at
+from coupling.pair_fields import OVER_4PI
+from coupling.pair_lanes import (
+    CHARGE,
+    FIELD,
+    MU_0,
+    N_SCRATCH,
+    charge_moments_of_eight,
+    fluxes_of_eight,
+    near_forces_of_eight,
+    steps_of_eight,
+)
+from coupling.row_lanes import columns_of, field_of_row, force_of_row
 from geometry.kernels.device_functions import device_function
 from geometry.kernels.simd import LANES
 from geometry.kernels.simd_math import sqrt
 
-CONTRAST_POWER = 1.2
 BLOCKS = 32  # of near pairs that one thread takes at once
+# columns of what the necks do to a grain: field (3) [A/m], transverse energy over the contrast [A^2 m], and the sum of
+# dq/dD/(4 pi a) [-]
+ADDED, TRANSVERSE, ANSWER, N_ANSWER = 0, 3, 4, 5
 
 
 @njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
@@ -44,156 +65,251 @@ def wall_heights(position, walls, reach, height):
             height[i, w] = height_over(walls, w, position[i, 0], position[i, 1], position[i, 2], reach)
 
 
-@njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
-def gather_fields(model, grains, rows, known, field, potential, own_image):
-    """Stage 1: field S (n, 3) [A/m], applied + own + that of all others within reach, and potential P (n,) [A].
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+def is_near_wall(i, w, grains):
+    """True if a grain has a neck with its own image in a wall: their surfaces are less than 1.2 radii apart."""
+    h = abs(grains.height[i, w])
+    return h < FACES_NO_WALL and h < 1.6 * grains.radius[i]
 
-    Images in the walls included; ``own_image`` (n, w) [A]: the part of the potential that a grain's own image makes.
+
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+def neck_at_wall(i, w, drop, walls, table, model, grains):
+    """Of the neck between a grain and its image, over which the potential drops by ``drop`` [A].
+
+    Normal (3) from the wall to the grain, the gap [radii] between grain and image, y, its derivatives over ln z and
+    over the gap's place, place and factor of `drop_place`, and -w_s ds/d(M.n)/V over mu_0 [A/m].
     """
-    moment, applied = grains.moment, grains.applied
+    nx, ny, nz = normal_at(walls, w, grains.position[i, 0], grains.position[i, 1])
+    side = 1.0 if grains.height[i, w] > 0.0 else -1.0
+    nx, ny, nz = side * nx, side * ny, side * nz
+    a = grains.radius[i]
+    gap = 2.0 * (abs(grains.height[i, w]) / a - 1.0)
+    sign = -1.0 if drop < 0.0 else 1.0
+    m_n = grains.dipole[i, 0] * nx + grains.dipole[i, 1] * ny + grains.dipole[i, 2] * nz
+    capacity = max(1.0 - sign * m_n / (grains.volume[i] * table.scale), SMALLEST_CAPACITY)
+    place, fraction = drop_place(table, drop, capacity, a)
+    x, below = gap_place(table, gap, model.smallest_gap)
+    neck = neck_of_one(table, x, below, place, fraction)
+    filling = -0.5 * a * drop * drop * neck[1] * sign / (capacity * table.scale * grains.volume[i])
+    return (nx, ny, nz), gap, neck, (place, fraction), filling
+
+
+@njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
+def find_fluxes(table, model, grains, rows, walls, known, drop, wall_drop, neck, wall_neck, charge, answer, extra):
+    """Fluxes of all necks at their drops, the charges (n,) [A m] and what the necks do to grains (n, N_ANSWER).
+
+    ``drop`` (blocks, 8), ``wall_drop`` (n, w) [A]; ``neck`` (blocks, N_NECK, 8), ``wall_neck`` (n, w, 2): flux [A m] and
+    energy w + q D over mu_0 [A^2 m], of a wall half of the mirrored pair's, times the wall's strength. ``extra`` (k, 8) is
+    scratch, with room for all near entries.
+    """
+    source = columns_of(grains.dipole, grains.volume)
+    contrast = grains.contrast
+    near_start, radius, near = known.near_start, grains.radius, model.near
+    for b in prange(known.near_once.shape[0]):
+        fluxes_of_eight(b, table, source, contrast, rows, known, drop, neck, extra)
+    for i in prange(radius.shape[0]):
+        hx = hy = hz = across = total = stiffness = 0.0
+        for k in range(near_start[i], near_start[i + 1]):
+            hx, hy, hz = hx + extra[k, FIELD], hy + extra[k, FIELD + 1], hz + extra[k, FIELD + 2]
+            across += extra[k, FIELD + 3]
+            total += extra[k, CHARGE]
+            stiffness += extra[k, CHARGE + 1]
+        for w in range(walls.shape[0]):
+            wall_neck[i, w, 0] = wall_neck[i, w, 1] = 0.0
+            if near and is_near_wall(i, w, grains):
+                D, strength, a = wall_drop[i, w], walls[w, 5], radius[i]
+                (nx, ny, nz), _, (y, y1, y2, _), _, filling = neck_at_wall(i, w, D, walls, table, model, grains)
+                q = -a * D * (2.0 * y + y1)
+                wall_neck[i, w, 0] = strength * q
+                wall_neck[i, w, 1] = 0.5 * strength * (a * D * D * y + q * D)
+                hx, hy, hz = hx + strength * filling * nx, hy + strength * filling * ny, hz + strength * filling * nz
+                total += strength * q
+                stiffness -= strength * a * (2.0 * y + 3.0 * y1 + y2)
+        charge[i] = total
+        answer[i, ADDED], answer[i, ADDED + 1], answer[i, ADDED + 2] = hx, hy, hz
+        answer[i, TRANSVERSE] = across
+        answer[i, ANSWER] = stiffness * OVER_4PI / radius[i]
+
+
+@njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
+def gather_fields(model, grains, rows, known, field, potential):
+    """Field S (n, 3) [A/m], applied + own + that of all others within reach, and potential (n,) [A]; with images."""
+    dipole, charge, applied = grains.dipole, grains.charge, grains.applied
     itself, image, image_start, image_entry, other = (
         known.itself, known.image, known.image_start, known.image_entry, rows.other,
     )  # fmt: skip
-    place, source = columns_of(grains.position, grains.radius), columns_of(moment, grains.potential)
-    for i in prange(moment.shape[0]):
-        mx, my, mz = moment[i, 0], moment[i, 1], moment[i, 2]
-        sx = applied[i, 0] + itself[i, 0, 0] * mx + itself[i, 0, 1] * my + itself[i, 0, 2] * mz
-        sy = applied[i, 1] + itself[i, 1, 0] * mx + itself[i, 1, 1] * my + itself[i, 1, 2] * mz
-        sz = applied[i, 2] + itself[i, 2, 0] * mx + itself[i, 2, 1] * my + itself[i, 2, 2] * mz
-        total = itself[i, 3, 0] * mx + itself[i, 3, 1] * my + itself[i, 3, 2] * mz
+    place, source = columns_of(grains.position, grains.radius), columns_of(dipole, charge)
+    for i in prange(dipole.shape[0]):
+        mx, my, mz, q = source[i, 0], source[i, 1], source[i, 2], source[i, 3]
+        own = itself[i]
+        sx = applied[i, 0] + own[0, 0] * mx + own[0, 1] * my + own[0, 2] * mz + own[0, 3] * q
+        sy = applied[i, 1] + own[1, 0] * mx + own[1, 1] * my + own[1, 2] * mz + own[1, 3] * q
+        sz = applied[i, 2] + own[2, 0] * mx + own[2, 1] * my + own[2, 2] * mz + own[2, 3] * q
+        total = own[3, 0] * mx + own[3, 1] * my + own[3, 2] * mz + own[3, 3] * q
         qx, qy, qz, u = field_of_row(i, place, source, model, rows)
         sx, sy, sz, total = sx + qx, sy + qy, sz + qz, total + u
         for b in range(image_start[i], image_start[i + 1]):
             j = np.int64(other[image_entry[b]])
-            ax, ay, az = moment[j, 0], moment[j, 1], moment[j, 2]
-            sx += image[b, 0, 0] * ax + image[b, 0, 1] * ay + image[b, 0, 2] * az
-            sy += image[b, 1, 0] * ax + image[b, 1, 1] * ay + image[b, 1, 2] * az
-            sz += image[b, 2, 0] * ax + image[b, 2, 1] * ay + image[b, 2, 2] * az
-            total += image[b, 3, 0] * ax + image[b, 3, 1] * ay + image[b, 3, 2] * az
+            ax, ay, az, q = source[j, 0], source[j, 1], source[j, 2], source[j, 3]
+            sx += image[b, 0, 0] * ax + image[b, 0, 1] * ay + image[b, 0, 2] * az + image[b, 0, 3] * q
+            sy += image[b, 1, 0] * ax + image[b, 1, 1] * ay + image[b, 1, 2] * az + image[b, 1, 3] * q
+            sz += image[b, 2, 0] * ax + image[b, 2, 1] * ay + image[b, 2, 2] * az + image[b, 2, 3] * q
+            total += image[b, 3, 0] * ax + image[b, 3, 1] * ay + image[b, 3, 2] * az + image[b, 3, 3] * q
         field[i, 0], field[i, 1], field[i, 2], potential[i] = sx, sy, sz, total
-        for w in range(own_image.shape[1]):
-            own_image[i, w] = (
-                known.own_image[i, w, 0] * mx + known.own_image[i, w, 1] * my + known.own_image[i, w, 2] * mz
-            )
-
-
-@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def drive_of_pair(i, j, c, s, nx, ny, nz, r, model, grains):
-    """Mean field h [A/m] along n between the centres of i and j, without what each makes at the other.
-
-    The applied field's mean is that of the cubic through its values and slopes at both ends: with `smear` it holds the
-    near grains spread out, and bends between two centres.
-    """
-    moment, applied, potential, reach, smear = (
-        grains.moment, grains.applied, grains.potential, model.reach, model.smear,
-    )  # fmt: skip
-    bx, by = c * moment[j, 0] - s * moment[j, 1], s * moment[j, 0] + c * moment[j, 1]
-    a_n = moment[i, 0] * nx + moment[i, 1] * ny + moment[i, 2] * nz
-    b_n = bx * nx + by * ny + moment[j, 2] * nz
-    hx, hy = c * applied[j, 0] - s * applied[j, 1], s * applied[j, 0] + c * applied[j, 1]
-    mean = 0.5 * ((applied[i, 0] + hx) * nx + (applied[i, 1] + hy) * ny + (applied[i, 2] + applied[j, 2]) * nz)
-    _, _, p = field_factors(r, reach, smear)
-    p *= OVER_4PI
-    h = mean - ((potential[i] - p * b_n) - (potential[j] + p * a_n)) / r
-    if smear:  # the partner's smear, which the applied field holds, is not its drive: Q/(4 pi r^3)
-        bend = slope_along(i, nx, ny, nz, grains)
-        bend -= slope_along(j, c * nx + s * ny, c * ny - s * nx, nz, grains)
-        h -= r / 12.0 * bend
-        h += (OVER_4PI / (r * r) - p) / r * (a_n + b_n)
-    return h
-
-
-@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def drive_at_wall(i, w, nx, ny, nz, h, walls, model, grains):
-    """Mean field [A/m] along the wall's normal between a grain and its image, without what each makes at the other."""
-    moment, applied, potential, own_image = grains.moment, grains.applied, grains.potential, grains.own_image
-    reach, smear = model.reach, model.smear
-    drive = applied[i, 0] * nx + applied[i, 1] * ny + applied[i, 2] * nz - (potential[i] - own_image[i, w]) / h
-    if smear and 2.0 * abs(h) < reach:
-        r = 2.0 * abs(h)
-        drive -= h / 3.0 * slope_along(i, nx, ny, nz, grains)  # the image's side is the mirrored one
-        _, _, p = field_factors(r, reach, smear)
-        m_n = moment[i, 0] * nx + moment[i, 1] * ny + moment[i, 2] * nz
-        drive += OVER_4PI * (1.0 / (r * r) - p) / r * (1.0 + walls[w, 5]) * m_n
-    return drive
 
 
 @njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
-def magnetise(table, model, grains, rows, walls, known, damping, fraction, contrast, new, squares, extra):
-    """Stage 2: moments ``new`` (n, 3) [A m^2] after a damped step towards the law in ``field`` and ``potential``.
+def ask_dipoles(table, grains, answer, step, squares, contrast):
+    """Steps (n, 3) [A m^2] that the law asks of the dipoles in ``field`` and in what the necks add to it.
 
-    Near pairs are those of `near_pairs` (with ``near``).
-    ``fraction`` (n,) [-]: the part of the plain sum of its pairs' excesses that a grain takes; ``contrast`` (n,) [-]:
-    what saturation leaves of its answer across (`coupling.grain_law_table`). ``squares`` (n, 2): of the
-    undamped step and of the magnetisation [A^2/m^2]. ``extra`` (k, 4) is scratch, with room for all near entries.
+    ``squares`` (n, 2): of the step and of the magnetisation asked for [A^2/m^2]; ``contrast`` (n, 2): new ones.
     """
-    position, radius, volume, moment = grains.position, grains.radius, grains.volume, grains.moment
-    field, height = grains.field, grains.height
-    near_start, near, smallest_gap = known.near_start, model.near, model.smallest_gap
-    source = columns_of(moment, grains.potential)
-    for b in prange(known.near_once.shape[0]):
-        excess_of_eight(b, table, source, rows, known, extra)
-    for i in prange(position.shape[0]):
-        strength = sqrt(field[i, 0] ** 2 + field[i, 1] ** 2 + field[i, 2] ** 2)
-        ratio, steepness = sphere_ratio(table, strength)
-        contrast[i] = max(ratio * steepness / 9.0, 0.0) ** CONTRAST_POWER  # the slope's rounding may be negative
-        vx = vy = vz = square = sum_v = 0.0
-        if near:
-            for k in range(near_start[i], near_start[i + 1]):
-                vx, vy, vz, v = vx + extra[k, 0], vy + extra[k, 1], vz + extra[k, 2], extra[k, 3]
-                square += v * v
-                sum_v += abs(v)
-            for w in range(walls.shape[0]):
-                if height[i, w] >= FACES_NO_WALL or abs(height[i, w]) >= 1.6 * radius[i]:
-                    continue
-                nx, ny, nz = normal_at(walls, w, position[i, 0], position[i, 1])
-                gap = max(2.0 * (abs(height[i, w]) / radius[i] - 1.0), smallest_gap)
-                at = mirror_height(height[i, w], radius[i])
-                h = drive_at_wall(i, w, nx, ny, nz, at, walls, model, grains)
-                v = walls[w, 5] * excess_moment(table, gap, h)
-                vx, vy, vz = vx + v * nx, vy + v * ny, vz + v * nz
-                square += v * v
-                sum_v += abs(v)
-        part = sqrt(square) / sum_v if sum_v > 0.0 else 0.0
-        mx = ratio * field[i, 0] + part * vx
-        my = ratio * field[i, 1] + part * vy
-        mz = ratio * field[i, 2] + part * vz
-        most = sqrt(mx * mx + my * my + mz * mz)
-        if near and most > table.scale:
-            cut = table.scale / most
-            mx, my, mz, part = cut * mx, cut * my, cut * mz, cut * part
+    field, dipole, volume = grains.field, grains.dipole, grains.volume
+    before = grains.contrast
+    for i in prange(dipole.shape[0]):
         V = volume[i]
-        ox, oy, oz = moment[i, 0] / V, moment[i, 1] / V, moment[i, 2] / V
-        squares[i, 0] = (mx - ox) ** 2 + (my - oy) ** 2 + (mz - oz) ** 2
-        squares[i, 1] = mx * mx + my * my + mz * mz
-        new[i, 0] = V * (ox + damping * (mx - ox))
-        new[i, 1] = V * (oy + damping * (my - oy))
-        new[i, 2] = V * (oz + damping * (mz - oz))
-        fraction[i] = part
+        ox, oy, oz = dipole[i, 0] / V, dipole[i, 1] / V, dipole[i, 2] / V
+        size = sqrt(ox * ox + oy * oy + oz * oz)
+        # energy across depends on how far the grain is saturated
+        more = answer[i, TRANSVERSE] * before[i, 1] / (V * size) if size > 0.0 else 0.0
+        hx = field[i, 0] + answer[i, ADDED] + more * ox
+        hy = field[i, 1] + answer[i, ADDED + 1] + more * oy
+        hz = field[i, 2] + answer[i, ADDED + 2] + more * oz
+        strength = sqrt(hx * hx + hy * hy + hz * hz)
+        ratio, _ = sphere_ratio(table, strength)
+        contrast[i, 0], contrast[i, 1] = sphere_contrast(table, strength)
+        dx, dy, dz = ratio * hx - ox, ratio * hy - oy, ratio * hz - oz
+        squares[i, 0] = dx * dx + dy * dy + dz * dz
+        squares[i, 1] = ratio * ratio * strength * strength
+        step[i, 0], step[i, 1], step[i, 2] = V * dx, V * dy, V * dz
 
 
 @njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
-def contact_forces(table, model, grains, rows, walls, known, attraction, velocity, ahead, force, torque, extra):
-    """Forces (n, 3) [N], added: of the dipoles, of the near excess (if ``attraction``) and of its torque.
+def ask_drops(model, grains, walls, known, answer, drop, wall_drop, step, wall_step, squares, wall_squares):
+    """Steps [A] that the potentials ask of the drops, see `coupling.pair_lanes.steps_of_eight`.
 
-    With ``ahead`` > 0 [s] the near excess is its mean over that time at the present ``velocity`` (n, 3) [m/s]: a step
-    of rigid grains is longer than its range. Images in the walls (w, 6) included. For the balance, z-components [N m]:
-    ``torque`` (n, 2) of the field on each grain that its neighbours make, and of the forces of images and walls about
-    the axis. ``extra`` (k, 4) is scratch, with room for all near entries and all that see images.
+    ``squares`` (blocks, 2), ``wall_squares`` (n, 2): of the step and of the drops [A^2].
     """
-    position, radius, volume = grains.position, grains.radius, grains.volume
-    field, fraction, height = grains.field, grains.fraction, grains.height
-    near, smallest_gap = model.near, model.smallest_gap
+    potential = np.empty((grains.potential.shape[0], 2))
+    for i in range(grains.potential.shape[0]):
+        potential[i, 0], potential[i, 1] = grains.potential[i], answer[i, ANSWER]
+    applied, near = grains.applied, model.near
+    for b in prange(known.near_once.shape[0]):
+        squares[b, 0], squares[b, 1] = steps_of_eight(b, potential, known, drop, step)
+    for i in prange(wall_drop.shape[0]):
+        asked_2 = drop_2 = 0.0
+        for w in range(walls.shape[0]):
+            wall_step[i, w] = 0.0
+            if near and is_near_wall(i, w, grains):
+                asked = (drop_at_wall(i, w, walls, model, grains) - wall_drop[i, w]) / (1.0 + answer[i, ANSWER])
+                wall_step[i, w] = asked
+                asked_2 += asked * asked
+                drop_2 += wall_drop[i, w] ** 2
+        wall_squares[i, 0], wall_squares[i, 1] = asked_2, drop_2
+
+
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+def drop_at_wall(i, w, walls, model, grains):
+    """Drop [A] of the potential between a grain and its image, twice that between grain and wall."""
+    applied, h = grains.applied, grains.height[i, w]
+    nx, ny, nz = normal_at(walls, w, grains.position[i, 0], grains.position[i, 1])
+    mean = applied[i, 0] * nx + applied[i, 1] * ny + applied[i, 2] * nz
+    if model.smear:
+        mean -= h / 3.0 * slope_along(i, nx, ny, nz, grains)  # the cubic; the image's side is the mirrored one
+    return 2.0 * (h * mean - grains.potential[i])
+
+
+@njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
+def add_charge_moments(rows, grains, walls, known, neck, wall_neck, moment, extra):
+    """Add the moments of the necks' charges, q r n/2 of a pair to each grain, to ``moment`` (n, 3) [A m^2]."""
+    near_start = known.near_start
+    position, height = grains.position, grains.height
+    for b in prange(known.near_once.shape[0]):
+        charge_moments_of_eight(b, rows, known, neck, extra)
+    for i in prange(position.shape[0]):
+        mx = my = mz = 0.0
+        for k in range(near_start[i], near_start[i + 1]):
+            mx, my, mz = mx + extra[k, 0], my + extra[k, 1], mz + extra[k, 2]
+        for w in range(walls.shape[0]):
+            if wall_neck[i, w, 0] != 0.0:
+                nx, ny, nz = normal_at(walls, w, position[i, 0], position[i, 1])
+                arm = wall_neck[i, w, 0] * height[i, w]
+                mx, my, mz = mx + arm * nx, my + arm * ny, mz + arm * nz
+        moment[i, 0] += mx
+        moment[i, 1] += my
+        moment[i, 2] += mz
+
+
+@njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
+def grain_energies(table, grains, energy):
+    """Energy of each grain over mu_0 (n,) [A^2 m]: V u(M) - m.(H + S)/2 + Q phi/2, at the law's own M.
+
+    u(M) is the work of magnetising a lone sphere, dM against its field.
+    """
+    for i in prange(grains.radius.shape[0]):
+        mx, my, mz = grains.dipole[i, 0], grains.dipole[i, 1], grains.dipole[i, 2]
+        V = grains.volume[i]
+        M = sqrt(mx * mx + my * my + mz * mz) / V
+        energy[i] = V * sphere_energy(table, M)
+        energy[i] -= 0.5 * (
+            mx * (grains.applied[i, 0] + grains.field[i, 0])
+            + my * (grains.applied[i, 1] + grains.field[i, 1])
+            + mz * (grains.applied[i, 2] + grains.field[i, 2])
+        )
+        energy[i] += 0.5 * grains.charge[i] * grains.potential[i]
+
+
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+def sphere_energy(table, M):
+    """Integral of the field of a lone sphere over dM from 0 to M [A/m], in A^2/m^2."""
+    if M <= 0.0:
+        return 0.0
+    first = table.sphere[0, 0]
+    low, high = M / first, M / first
+    for _ in range(200):  # the field that has this M: bracketed, then halved in the logarithm
+        ratio, _ = sphere_ratio(table, high)
+        if ratio * high >= M or high > 1e6 * table.scale:
+            break
+        low, high = high, 1.5 * high
+    for _ in range(60):
+        middle = sqrt(low * high)
+        ratio, _ = sphere_ratio(table, middle)
+        if ratio * middle < M:
+            low = middle
+        else:
+            high = middle
+    h = sqrt(low * high)
+    return h * M - sphere_coenergy(table, h)
+
+
+@njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
+def contact_forces(
+    table, model, grains, rows, walls, known, drop, wall_drop, attraction, velocity, ahead, force, torque, extra,
+    virial, near_virial,
+):  # fmt: skip
+    """Forces (n, 3) [N], added: of dipoles, charges and necks at constant dipoles, charges and drops.
+
+    The pull of necks along the lines of centres only with ``attraction``; with ``ahead`` > 0 [s] it is its mean over that
+    time at the present ``velocity`` (n, 3) [m/s]: a step of rigid grains is longer than its range. Images in the walls
+    (w, 6) included, and the applied field's force on the charges. ``torque`` (n, 2): z-components [N m] of x x F of
+    the pairs, and of images and walls; without the applied field's. ``extra`` (k, 8) is scratch, with room for all near
+    entries and all that see images. ``virial`` (n, 9) and ``near_virial`` (blocks, 9, 8): r_a F_b [N m], of half of each
+    grain's pairs and of each neck; or None.
+    """
+    position, radius = grains.position, grains.radius
+    near, height = model.near, grains.height
     near_start, image_start = known.near_start, known.image_start
     n, n_near = position.shape[0], known.near_entry.shape[0]
-    place, source = columns_of(position, radius), columns_of(grains.moment, grains.potential)
-    charged = columns_of(grains.moment, np.zeros(n))
-    tables = source, columns_of(field, grains.contrast), columns_of(velocity, volume * fraction), place
+    place, source = columns_of(position, radius), columns_of(grains.dipole, grains.charge)
+    tables = columns_of(grains.dipole, grains.volume), grains.contrast, columns_of(velocity, radius)
+    charge, applied = grains.charge, grains.applied
     for b in prange((known.near_once.shape[0] + BLOCKS - 1) // BLOCKS):
         scratch = np.empty((N_SCRATCH, LANES))
         for k in range(b * BLOCKS, min((b + 1) * BLOCKS, known.near_once.shape[0])):
-            near_forces_of_eight(k, table, model, tables, rows, known, attraction, ahead, scratch, extra)
-    image, own_image = extra[n_near:], np.zeros((n, 4))
+            near_forces_of_eight(
+                k, table, model, tables, rows, known, drop, attraction, ahead, scratch, extra, near_virial
+            )
+    image, own_image = extra[n_near:], np.zeros((n, 8))
     imaged = Chosen(known.image_start, known.image_entry, known.image_twin, known.image_once, known.image_pairs)
     count, room = known.image_pairs, walls.shape[0] * IMAGED_CHUNK + LANES
     faces = wall_sides(grains)
@@ -201,49 +317,39 @@ def contact_forces(table, model, grains, rows, walls, known, attraction, velocit
         first, seen, heights = b * IMAGED_CHUNK, np.empty((N_SEEN, room), np.int32), np.empty((N_HEIGHTS, room))
         clear_forces(first, min(first + IMAGED_CHUNK, count), imaged, image)
         m = list_pair_images(first, min(first + IMAGED_CHUNK, count), model.reach, faces, imaged, seen, heights)
-        find_forces(m, model, place, charged, rows, walls, seen, heights, image)
+        find_forces(m, model, place, source, rows, walls, seen, heights, image)
     for b in prange((n + IMAGED_CHUNK - 1) // IMAGED_CHUNK if walls.shape[0] else 0):
         first, seen, heights = b * IMAGED_CHUNK, np.empty((N_SEEN, room), np.int32), np.empty((N_HEIGHTS, room))
-        m = list_grain_images(first, min(first + IMAGED_CHUNK, n), model.reach, faces, seen, heights)
-        find_forces(m, model, place, charged, rows, walls, seen, heights, own_image)
-    for i in prange(position.shape[0]):
-        fx, fy, fz, tz = dipole_force(i, place, source, model, rows)
-        for k in range(near_start[i], near_start[i + 1]):
-            fx, fy, fz, tz = fx + extra[k, 0], fy + extra[k, 1], fz + extra[k, 2], tz + extra[k, 3]
-        force[i, 0] += fx
-        force[i, 1] += fy
-        force[i, 2] += fz
-        torque[i, 0] = tz
-        fx, fy, fz = own_image[i, 0], own_image[i, 1], own_image[i, 2]
-        for b in range(image_start[i], image_start[i + 1]):
-            fx, fy, fz = fx + image[b, 0], fy + image[b, 1], fz + image[b, 2]
+        m = list_grain_images(first, min(first + IMAGED_CHUNK, n), model.reach, faces, rows, seen, heights)
+        find_forces(m, model, place, source, rows, walls, seen, heights, own_image)
+    for i in prange(n):
         xi, yi = position[i, 0], position[i, 1]
+        fx, fy, fz = force_of_row(i, place, source, model, rows, virial)
+        for k in range(near_start[i], near_start[i + 1]):
+            fx, fy, fz = fx + extra[k, 0], fy + extra[k, 1], fz + extra[k, 2]
+        torque[i, 0] = xi * fy - yi * fx
+        gx, gy, gz = own_image[i, 0], own_image[i, 1], own_image[i, 2]
+        for b in range(image_start[i], image_start[i + 1]):
+            gx, gy, gz = gx + image[b, 0], gy + image[b, 1], gz + image[b, 2]
         for w in range(walls.shape[0]):
-            if height[i, w] >= FACES_NO_WALL:
+            if not (near and is_near_wall(i, w, grains)):
                 continue
-            hi = mirror_height(height[i, w], radius[i])
-            nx, ny, nz = normal_at(walls, w, xi, yi)
-            if near and abs(height[i, w]) < 1.6 * radius[i]:
-                gap = max(2.0 * (abs(height[i, w]) / radius[i] - 1.0), smallest_gap)
-                h = drive_at_wall(i, w, nx, ny, nz, hi, walls, model, grains)
-                end = gap
+            D, strength, a = wall_drop[i, w], walls[w, 5], radius[i]
+            (nx, ny, nz), gap, (_, _, _, y_i), at, filling = neck_at_wall(i, w, D, walls, table, model, grains)
+            if attraction:
+                rise = y_i / (max(gap, model.smallest_gap) * table.gap_step)
                 if ahead > 0.0:
                     opening = velocity[i, 0] * nx + velocity[i, 1] * ny + velocity[i, 2] * nz
-                    end = max(gap + (2.0 if hi > 0.0 else -2.0) * ahead * opening / radius[i], smallest_gap)
-                at = field_index(table, h)
-                pull, v, _ = near_excess(table, gap_index(table, gap), at, h)
-                if end != gap:
-                    pull = mean_force(table, gap, end, at, h)
-                if attraction:
-                    pull *= MU_0 * walls[w, 5]
-                    pull *= radius[i] ** 2 if hi > 0.0 else -(radius[i] ** 2)
-                    fx, fy, fz = fx - pull * nx, fy - pull * ny, fz - pull * nz
-                # the near moment lies along n, which turns with the grain's place about the axis
-                turn = MU_0 * walls[w, 5] * v * volume[i] * fraction[i] * (nx * field[i, 1] - ny * field[i, 0])
-                rho2 = xi * xi + yi * yi
-                if rho2 > 0.0:
-                    fx, fy = fx - turn * yi / rho2, fy + turn * xi / rho2
-        force[i, 0] += fx
-        force[i, 1] += fy
-        force[i, 2] += fz
-        torque[i, 1] = xi * fy - yi * fx
+                    rise = mean_pull(table, gap, gap + 2.0 * ahead * opening / a, model.smallest_gap, at[0], at[1])
+                pull = MU_0 * strength * D * D * rise
+                gx, gy, gz = gx - pull * nx, gy - pull * ny, gz - pull * nz
+            # the normal turns with the grain's place about the axis, and with it the capacity for its moment
+            rho2 = xi * xi + yi * yi
+            if rho2 > 0.0:
+                turn = MU_0 * strength * filling * (nx * grains.dipole[i, 1] - ny * grains.dipole[i, 0]) / rho2
+                gx, gy = gx - turn * yi, gy + turn * xi
+        torque[i, 1] = xi * gy - yi * gx
+        q = MU_0 * charge[i]
+        force[i, 0] += fx + gx + q * applied[i, 0]
+        force[i, 1] += fy + gy + q * applied[i, 1]
+        force[i, 2] += fz + gz + q * applied[i, 2]

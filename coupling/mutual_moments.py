@@ -1,30 +1,48 @@
-"""Moments of grains that magnetise one another and saturate where they touch, and the forces of their contacts.
+"""Moments of grains that magnetise one another and whose flux gathers where they touch, and their forces, of one energy.
 
 Two models. **mutual**: every grain is a dipole in the field of all others, M_i = M_sph(|S_i|) S_i/|S_i| with S_i the
 applied field and that of the others (and, where the applied field is the mean one of an even powder, the grain's own
-contribution; `coupling.pair_fields`). **near_field** adds what finite elements give beyond that for two spheres that
-nearly touch (`field.spheres.pair_table`), whose flux gathers in their neck:
+contribution; `coupling.pair_fields`).
 
-- a near pair is driven by the field h_ij along its line of centres n without what each makes at the other: the mean of
-  the applied field and the drop of the others' potential P between the centres,
-  h_ij = (H_i + H_j).n/2 - [(P_i - p_ij) - (P_j - p_ji)]/r;
-- each of the two gains v_ij = sign(h) dM(g, |h|) n; over its pairs a grain gains D_i = (sum v) sqrt(sum |v|^2)/sum |v|,
-  because plain adding overshoots by 50 to 100 % in chains; |M| stays below saturation;
-- they attract with dF(g, |h|) a^2 (a = 2 a_i a_j/(a_i + a_j)) in addition to the force of their dipoles, and repel each
-  other less where the field lies across (`field.spheres.transverse_pair`);
-- their near moments, which lie along n and not along S, make the torque r x F = mu_0 (V_i D_ij x S_i + V_j D_ji x S_j).
-  So sum r x F = sum V M x B_applied at the fixed point, to round-off.
+**near_field** adds the excess flux through the necks of near pairs, whose gap g is less than 1.2 radii. Unknown are, of
+every grain, the dipole part M_i of its magnetisation and, of every near pair k = (i, j), the drop D_k of the potential over
+the neck, from j to i along n; the flux q_k follows from the drop. It leaves grain i and enters grain j as charges +q_k
+and -q_k at their centres, Q_i = sum of +-q_k. The state is the stationary point of
 
-Gaps are counted between surfaces, in radii, and never below `smallest_gap`: oxide and roughness of the grains, a stated
-property of the powder. The overlap of elastic contacts does not enter.
+    W/mu_0 = sum_i [V_i u(M_i) - m_i.H_i + Q_i^2/(8 pi a_i)] + W_dd + W_qd + W_qq
+             + sum_k [w(g_k, D_k, s_k) + q_k D_k - q_k r_k n_k.H_k] + W_t
 
-Source: the excess over dipoles and the rule of adding up are this project's; against finite elements from 18 to 500
-kA/m (`tests/coupling/test_magnetised_contact.py`): pairs along the field within 0.2 %, oblique ones 2 %, chains 0.97
-to 1.16 of the force, triangles 22 to 24 % too strong; six and more contacts of a grain are not verified.
+with u(M) the work of magnetising a lone sphere, W_dd, W_qd and W_qq the energies of all pairs of dipoles and charges
+(`coupling.pair_fields`), w that of a neck (`coupling.grain_law_table`), s = 1 - sign(D) (M_i + M_j).n/(2 Ms) the capacity
+that the dipole parts leave it, and
 
-The moments are a fixed point of a map that is neither linear nor symmetric. It is approached by damped sweeps that
-start from the last moments, mixed with the sweep before as the secant through both asks (`mix_by_secant`); every sweep
-updates all grains from the same state, so no bit depends on the threads.
+    W_t = - sum_k kappa(g_k)/(4 pi r_k^3) c_i c_j m_i,t.m_j,t
+
+what two spheres have less than two dipoles across their line of centres (`field.spheres.transverse_pair`), for which
+saturation leaves the contrasts c. So
+
+    u'(M_i) M_i/|M_i| = S_i + sum_k of the necks' and of W_t's derivatives by m_i,
+    D_k = r_k n_k.H_k - (phi_i - phi_j),
+
+where S_i and phi_i count all grains, the partner included. Forces are -dW/dx at constant M and D: sums over pairs
+that obey the third law, conserve angular momentum, and do no work in a closed loop. The moment of a grain, which makes
+the field outside and is what files hold, is m_i + sum_k q_k r_k n_k/2.
+
+A steel wall is the mirrored pair: neck and energy are half of those of the grain and its image, times the wall's strength.
+
+Gaps are counted between surfaces, in radii a = 2 a_i a_j/(a_i + a_j). Below `smallest_gap`, which stands for oxide and
+roughness of the grains, a stated property of the powder, the neck is that of the smallest gap, its energy goes on along
+the tangent.
+
+Source: the functional is this project's; its table is made of finite elements for two spheres. Against finite elements
+(`tests/coupling/test_magnetised_contact.py`, `tests/coupling/test_one_energy.py`) it is valid from one to six contacts of a
+grain and up to 200 kA/m in iron; in bcc and fcc lattices its forces are off by up to a third, and far beyond 200 kA/m
+too strong where contacts are many.
+
+Dipoles and drops are the fixed point of a map that is neither linear nor symmetric, and a saddle of W. It is approached
+by damped sweeps from the last state, mixed with the sweep before as the secant through both asks (`mix_by_secant`); the
+step of a drop is divided by 1 + (k_i + k_j)/2, k = sum over a grain's necks of (dq/dD)/(4 pi a). Every sweep updates all
+from the same state, so no bit depends on the threads.
 """
 
 from __future__ import annotations
@@ -32,23 +50,60 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import NoConvergence, newton_krylov
 
 from coupling.finite_grains import NotFiniteGrains, refuse_not_finite
 from coupling.grain_law_table import GrainLawTable
 from coupling.image_lanes import MAX_WALLS
 from coupling.influence import find_influence, reuse_or_allocate
-from coupling.kernel_state import Influence, MagneticGrains, PairModel
-from coupling.moment_kernels import contact_forces, gather_fields, magnetise, wall_heights
+from coupling.influence_kernels import APPLIED
+from coupling.kernel_state import FIRST, SECOND, Influence, MagneticGrains, PairModel
+from coupling.moment_kernels import (
+    N_ANSWER,
+    add_charge_moments,
+    ask_dipoles,
+    ask_drops,
+    contact_forces,
+    find_fluxes,
+    gather_fields,
+    grain_energies,
+    wall_heights,
+)
+from coupling.mirror import FACES_NO_WALL
 from coupling.neighbour_rows import NeighbourRows
-from coupling.pair_fields import self_field_factor
+from coupling.pair_lanes import ENERGY, FLUX, N_NECK
+from geometry.kernels.simd import LANES
 
 MIN_GAP = 3e-3
 """Default of the gap between surfaces that touch [radii]."""
 
 # Of an undamped step: where sweeps of this fraction do not shrink the residual it is lowered.
-FIRST_DAMPING, MIN_DAMPING = 0.5, 0.05
+FIRST_DAMPING, MIN_DAMPING = 0.7, 0.05
 # Moments so many times those of lone grains are of an earlier field: begin again.
 FAR_START = 10.0
+NEWTON_ROUNDS, NEWTON_STEPS = 3, 20
+MU_0 = 4e-7 * np.pi
+
+
+@dataclass(slots=True)
+class Necks:
+    """Drops of near pairs, to begin the next solve with.
+
+    Attributes
+    ----------
+    pair : (k, 2) int64
+        Numbers of the grains, the lower one first.
+    drop : (k,) float64
+        From the second to the first [A].
+    wall_number, wall, wall_drop : (l,) int64, int64, float64
+        Number of the grain, wall, and drop from its image to it [A].
+    """
+
+    pair: np.ndarray
+    drop: np.ndarray
+    wall_number: np.ndarray
+    wall: np.ndarray
+    wall_drop: np.ndarray
 
 
 @dataclass(slots=True)
@@ -58,38 +113,69 @@ class Magnetisation:
     Attributes
     ----------
     moment : (n, 3) float64
-        [A m^2].
+        Dipole part and the charges' part [A m^2].
+    dipole : (n, 3) float64
+        Dipole part [A m^2].
+    charge : (n,) float64
+        Of the necks [A m].
     applied, field : (n, 3) float64
         Field without grains and field with the others' [A/m].
     slope : (n, 4) float64
         Of the applied field [A/m^2], see `field_slope`; zeros where none was given.
     potential : (n,) float64
-        Scalar potential of the others [A].
+        Scalar potential of all grains at the centre [A].
     height : (n, w) float64
         Over the walls [m], see `coupling.mirror`.
-    own_image : (n, w) float64
-        Part of the potential that a grain's own image makes [A].
-    fraction, contrast : (n,) float64
-        What a grain takes of the sum of its pairs' excess moments, and what saturation leaves of its answer across.
+    contrast : (n, 2) float64
+        What saturation leaves of a grain's answer across [-], and its derivative over M [m/A].
+    drop, neck : (blocks, 8), (blocks, N_NECK, 8) float64
+        Of near pairs as `known` lists them: drops [A], fluxes [A m] and energies.
+    wall_drop, wall_neck : (n, w), (n, w, 2) float64
+        The same at walls.
     residual : float
-        Root mean square of an undamped step over that of the magnetisation [-].
+        Root mean square of an undamped step over that of the magnetisation, or of the drops where that is more [-].
     sweeps : int
     known : Influence or None
         With which they were found, until the next solve; None: without a field, nothing pulls.
     """
 
     moment: np.ndarray
+    dipole: np.ndarray
+    charge: np.ndarray
     applied: np.ndarray
     slope: np.ndarray
     field: np.ndarray
     potential: np.ndarray
     height: np.ndarray
-    own_image: np.ndarray
-    fraction: np.ndarray
     contrast: np.ndarray
+    drop: np.ndarray
+    neck: np.ndarray
+    wall_drop: np.ndarray
+    wall_neck: np.ndarray
     residual: float = np.inf
     sweeps: int = 0
     known: Influence | None = None
+
+
+@dataclass(slots=True)
+class HeldForces:
+    """Forces of one evaluation.
+
+    Attributes
+    ----------
+    force : (n, 3) float64
+        [N].
+    torque_pairs, torque_walls : float
+        Sums of x x F about z of the pairs, and of images and walls [N m].
+    virial : (3, 3) float64 or None
+        Sum over pairs of r_a F_b, r from the second grain to the first and F on the first [N m]; with the applied field's
+        force on the charges.
+    """
+
+    force: np.ndarray
+    torque_pairs: float
+    torque_walls: float
+    virial: np.ndarray | None = None
 
 
 class MutualMoments:
@@ -131,7 +217,6 @@ class MutualMoments:
         self.smallest_gap = float(smallest_gap)
         self.walls = np.zeros((0, 6)) if walls is None else np.ascontiguousarray(walls, dtype=float).reshape(-1, 6)
         self.model = PairModel(self.reach, self.smear, self.near, self.smallest_gap)
-        self._own = self_field_factor(reach, smear)
         self._room: Influence | None = None
         self._extra: np.ndarray | None = None
 
@@ -144,6 +229,8 @@ class MutualMoments:
         *,
         gradient: np.ndarray | None = None,
         start: np.ndarray | None = None,
+        necks: Necks | None = None,
+        number: np.ndarray | None = None,
         tolerance: float = 1e-3,
         most_sweeps: int = 200,
     ) -> Magnetisation:
@@ -161,7 +248,12 @@ class MutualMoments:
             grad H [A/m^2] of an applied field of revolution that was solved with the smear in it: the drives of near
             pairs then know how it bends between their centres. Default: it does not.
         start : (n, 3) float64, optional
-            Moments to begin with [A m^2]; default: those of lone spheres.
+            Dipole parts to begin with [A m^2]; default: those of lone spheres.
+        necks : Necks, optional
+            Drops to begin with, of `necks_of` the last solve; pairs that are not among them begin with the applied
+            field's.
+        number : (n,) int64, optional
+            Numbers by which grains are known in `necks`; default: their rows.
         tolerance : float
             Residual that is asked for; 0: continue for `most_sweeps`.
 
@@ -179,63 +271,111 @@ class MutualMoments:
         """
         if len(self.walls) > MAX_WALLS:
             raise ValueError(f"{len(self.walls)} steel walls; grains are mirrored in {MAX_WALLS} at most")
-        n = len(position)
+        n, w = len(position), len(self.walls)
         volume = 4.0 / 3.0 * np.pi * radius**3
         applied = np.ascontiguousarray(applied, dtype=float)
         refuse_not_finite(position, applied)
-        moment = np.zeros((n, 3)) if start is None else np.array(start, dtype=float)
-        field, potential, fraction, contrast = np.zeros((n, 3)), np.zeros(n), np.zeros(n), np.zeros(n)
-        height, own_image = np.empty((n, len(self.walls))), np.zeros((n, len(self.walls)))
-        wall_heights(position, self.walls, self.reach, height)
-        new, squares = np.empty((n, 3)), np.zeros((n, 2))
+        dipole = np.zeros((n, 3)) if start is None else np.array(start, dtype=float)
         slope = np.zeros((n, 4)) if gradient is None else field_slope(position, gradient)
-        result = Magnetisation(moment, applied, slope, field, potential, height, own_image, fraction, contrast, 0.0)
+        height = np.empty((n, w))
+        wall_heights(position, self.walls, self.reach, height)
+        found = Magnetisation(
+            dipole, dipole, np.zeros(n), applied, slope, np.zeros((n, 3)), np.zeros(n), height, np.ones((n, 2)),
+            np.zeros((0, LANES)), np.zeros((0, N_NECK, LANES)), np.zeros((n, w)), np.zeros((n, w, 2)), 0.0,
+        )  # fmt: skip
         if n == 0 or not applied.any():  # without a field soft grains have no moment
-            moment[:] = 0.0
-            return result
-        if start is not None and self._is_far(moment, volume, applied):
-            moment[:] = 0.0
-            start = None
-        grains = MagneticGrains(
-            position, radius, volume, moment, applied, slope, field, potential, fraction, contrast, height, own_image
+            dipole[:] = 0.0
+            return found
+        if start is not None and self._is_far(dipole, volume, applied):
+            dipole[:] = 0.0
+            start = necks = None
+        grains = self._grains(position, radius, volume, found)
+        found.known = known = find_influence(
+            self.table, self.model, grains, rows.arrays, self.walls, room=self._room, twin=rows.twin
+        )
+        self._room = known
+        number = np.arange(n) if number is None else number
+        found.drop, found.wall_drop = self._first_drops(grains, known, necks, number, found.wall_drop)
+        found.neck = np.zeros((len(found.drop), N_NECK, LANES))
+        sweep = _Sweep(self, grains, rows, found)
+        sweep.run(tolerance, most_sweeps, start is None)
+        if found.residual > tolerance and self.near and tolerance > 0.0:
+            sweep.newton(tolerance)
+        found.moment = found.dipole.copy()
+        if self.near:
+            grains = self._grains(position, radius, volume, found)
+            add_charge_moments(
+                rows.arrays, grains, self.walls, known, found.neck, found.wall_neck, found.moment, self._scratch(known)
+            )
+        return found
+
+    def necks_of(self, found: Magnetisation, number: np.ndarray | None = None) -> Necks:
+        """Drops of a solve, by the grains' `number` (n,); default: their rows."""
+        known = found.known
+        none = np.zeros(0, dtype=np.int64)
+        if known is None or not self.near:
+            return Necks(np.zeros((0, 2), dtype=np.int64), np.zeros(0), none, none, np.zeros(0))
+        number = np.arange(len(found.moment)) if number is None else number
+        first, second, sign = self._numbers(known, number)
+        row, wall = np.nonzero(found.wall_drop)
+        return Necks(
+            np.stack((first, second), axis=1), sign * found.drop.reshape(-1)[: known.near_pairs], number[row], wall,
+            found.wall_drop[row, wall],
         )  # fmt: skip
-        near_by = rows.arrays
-        known = find_influence(
-            self.table, self.model, grains, near_by, self.walls, own=self._own, room=self._room, twin=rows.twin
+
+    def _numbers(self, known: Influence, number: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Of near pairs the lower number, the higher one, and 1.0 where the first grain has the lower."""
+        once = known.near_once
+        i = number[once[:, FIRST].reshape(-1)[: known.near_pairs]].astype(np.int64)
+        j = number[once[:, SECOND].reshape(-1)[: known.near_pairs]].astype(np.int64)
+        return np.minimum(i, j), np.maximum(i, j), np.where(i < j, 1.0, -1.0)
+
+    def _first_drops(
+        self, grains: MagneticGrains, known: Influence, necks: Necks | None, number: np.ndarray, wall_drop: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Drops to begin with: of `necks`, else those of the applied field."""
+        blocks = len(known.near_once)
+        drop = known.near_pair[:blocks, APPLIED].copy()
+        if self.near and len(self.walls):
+            normal = _wall_drives(self.walls, grains)
+            near = np.abs(grains.height) < 1.6 * grains.radius[:, None]
+            wall_drop[near] = normal[near]
+        if necks is None:
+            return drop, wall_drop
+        flat = drop.reshape(-1)
+        if len(necks.drop) and known.near_pairs:
+            first, second, sign = self._numbers(known, number)
+            most = int(max(second.max(), necks.pair.max())) + 1
+            key, asked = necks.pair[:, 0] * most + necks.pair[:, 1], first * most + second
+            order = np.argsort(key, kind="stable")
+            at = np.minimum(np.searchsorted(key[order], asked), len(key) - 1)
+            here = key[order][at] == asked
+            flat[: known.near_pairs][here] = (sign * necks.drop[order][at])[here]
+            flat[known.near_pairs :] = flat[known.near_pairs - 1]  # what fills the last block
+        if len(necks.wall_drop):
+            row = {int(k): i for i, k in enumerate(number)}
+            for k, w, value in zip(necks.wall_number, necks.wall, necks.wall_drop, strict=True):
+                i = row.get(int(k), -1)
+                if i >= 0 and w < wall_drop.shape[1] and wall_drop[i, w] != 0.0:
+                    wall_drop[i, w] = value
+        return drop, wall_drop
+
+    def _grains(
+        self, position: np.ndarray, radius: np.ndarray, volume: np.ndarray, found: Magnetisation
+    ) -> MagneticGrains:
+        return MagneticGrains(
+            position, radius, volume, found.dipole, found.charge, found.applied, found.slope, found.field,
+            found.potential, found.contrast, found.height,
         )  # fmt: skip
-        self._room = result.known = known
+
+    def _scratch(self, known: Influence) -> np.ndarray:
         many = len(known.near_entry) + len(known.image_entry)
-        self._extra = extra = reuse_or_allocate(many, (4,), self._extra)
-        damping = 1.0 if start is None else FIRST_DAMPING
-        before, last = np.inf, None
-        for sweep in range(1, most_sweeps + 1):
-            gather_fields(self.model, grains, near_by, known, field, potential, own_image)
-            magnetise(
-                self.table, self.model, grains, near_by, self.walls, known, damping, fraction, contrast, new, squares,
-                extra,
-            )  # fmt: skip
-            step, total = (float(x) for x in squares.sum(axis=0))
-            residual = 0.0 if total == 0.0 else float(np.sqrt(step / total))  # a NaN stays one
-            result.residual, result.sweeps = residual, sweep
-            if not np.isfinite(residual):
-                raise NotFiniteGrains(f"the moments of the grains are not finite after {sweep} sweeps")
-            if residual <= tolerance or sweep == most_sweeps:
-                break  # `field`, `potential` and `fraction` are those of `moment`
-            asked = (new - moment) / damping
-            mixed = mix_by_secant(moment, asked, damping, last)
-            last = moment, asked
-            moment = result.moment = mixed
-            grains = grains._replace(moment=moment)
-            if sweep > 1 and step > 0.96 * before:
-                damping, last = max(0.7 * damping, MIN_DAMPING), None
-            elif sweep == 1 and start is None:
-                damping = FIRST_DAMPING
-            before = step
-        return result
+        self._extra = reuse_or_allocate(many, (8,), self._extra)
+        return self._extra
 
     def _is_far(self, moment: np.ndarray, volume: np.ndarray, applied: np.ndarray) -> bool:
         """True if the initial moments are of another scale than the field, as after its fast fall."""
-        ratio = self.table.sphere_ratio[0]
+        ratio = self.table.sphere[0, 0]
         lone = np.minimum(ratio * np.sqrt((applied**2).sum(axis=1)), self.table.scale)
         return float((moment**2).sum()) > FAR_START**2 * float(((volume * lone) ** 2).sum())
 
@@ -249,44 +389,205 @@ class MutualMoments:
         attraction: bool = True,
         velocity: np.ndarray | None = None,
         ahead: float = 0.0,
-    ) -> tuple[np.ndarray, float, float]:
-        """Forces (n, 3) [N], and sums of x x F about z [N m]: of the pairs, from moments and fields, and of the walls.
+        virial: bool = False,
+    ) -> HeldForces:
+        """Forces at the solved dipoles and drops.
 
-        Without `attraction` the near excess dF is left out, for those who take it from the gap of every step; with
-        `ahead` > 0 [s] it is its mean over that time at the present `velocity` (n, 3) [m/s].
+        Without `attraction` the pull of the necks along their lines of centres is left out, for those who take it from
+        the gap of every step; with `ahead` > 0 [s] it is its mean over that time at the present `velocity` (n, 3)
+        [m/s]. With `virial` the sum over pairs of r_a F_b is found too.
         """
         n = len(position)
         force, torque = np.zeros((n, 3)), np.zeros((n, 2))
         if found.known is None:
-            return force, 0.0, 0.0
+            return HeldForces(force, 0.0, 0.0, np.zeros((3, 3)) if virial else None)
+        known = found.known
         moving = np.zeros((n, 3)) if velocity is None else velocity
-        grains = MagneticGrains(
-            position, radius, 4.0 / 3.0 * np.pi * radius**3, found.moment, found.applied, found.slope, found.field,
-            found.potential, found.fraction, found.contrast, found.height, found.own_image,
-        )  # fmt: skip
-        many = len(found.known.near_entry) + len(found.known.image_entry)
-        self._extra = extra = reuse_or_allocate(many, (4,), self._extra)
+        grains = self._grains(position, radius, 4.0 / 3.0 * np.pi * radius**3, found)
+        sums = np.zeros((n, 9)) if virial else None
+        necks = np.zeros((len(known.near_once), 9, LANES)) if virial else None
         contact_forces(
-            self.table, self.model, grains, rows.arrays, self.walls, found.known, attraction, moving, float(ahead),
-            force, torque, extra,
+            self.table, self.model, grains, rows.arrays, self.walls, known, found.drop, found.wall_drop, attraction,
+            moving, float(ahead), force, torque, self._scratch(known), sums, necks,
         )  # fmt: skip
-        return force, -float(torque[:, 0].sum()), float(torque[:, 1].sum())
+        total = None
+        if sums is not None and necks is not None:
+            each = necks.transpose(1, 0, 2).reshape(9, -1)[:, : known.near_pairs]
+            total = (sums.sum(axis=0) + each.sum(axis=1)).reshape(3, 3)
+            total += MU_0 * (found.moment - found.dipole).T @ found.applied
+        return HeldForces(force, float(torque[:, 0].sum()), float(torque[:, 1].sum()), total)
+
+    def energy(self, position: np.ndarray, radius: np.ndarray, found: Magnetisation) -> float:
+        """W [J] of the solved state, see the module."""
+        if found.known is None:
+            return 0.0
+        grains, known = self._grains(position, radius, 4.0 / 3.0 * np.pi * radius**3, found), found.known
+        each = np.empty(len(position))
+        grain_energies(self.table, grains, each)
+        near = found.neck[:, ENERGY] - found.neck[:, FLUX] * known.near_pair[: len(found.neck), APPLIED]
+        total = each.sum() + near.reshape(-1)[: known.near_pairs].sum()
+        if len(self.walls):
+            total += found.wall_neck[:, :, 1].sum()
+            total -= 0.5 * (found.wall_neck[:, :, 0] * _wall_drives(self.walls, grains)).sum()
+        return MU_0 * float(total)
+
+
+class _Sweep:
+    """Sweeps of one solve; the state of `found` is advanced, and always belongs together when a call returns."""
+
+    def __init__(self, solver: MutualMoments, grains: MagneticGrains, rows: NeighbourRows, found: Magnetisation) -> None:
+        self.solver, self.grains, self.rows, self.found = solver, grains, rows.arrays, found
+        self.known = found.known
+        n, w, blocks = len(found.dipole), found.wall_drop.shape[1], len(found.drop)
+        self.step, self.drop_step, self.wall_step = np.empty((n, 3)), np.zeros((blocks, LANES)), np.zeros((n, w))
+        self.answer, self.squares = np.zeros((n, N_ANSWER)), np.zeros((n, 2))
+        self.drop_squares, self.wall_squares = np.zeros((blocks, 2)), np.zeros((n, 2))
+        self.extra = solver._scratch(found.known)
+        self.sums = np.ones(4)
+
+    def evaluate(self) -> float:
+        """Fluxes, fields and the steps asked at the present dipoles and drops; their residual."""
+        s, f = self.solver, self.found
+        grains = self.grains = self.grains._replace(dipole=f.dipole, contrast=f.contrast)
+        if s.near:
+            find_fluxes(
+                s.table, s.model, grains, self.rows, s.walls, self.known, f.drop, f.wall_drop, f.neck, f.wall_neck,
+                f.charge, self.answer, self.extra,
+            )  # fmt: skip
+        gather_fields(s.model, grains, self.rows, self.known, f.field, f.potential)
+        contrast = np.empty_like(f.contrast)
+        ask_dipoles(s.table, grains, self.answer, self.step, self.squares, contrast)
+        self.contrast = contrast
+        sums = self.squares.sum(axis=0)
+        residual = 0.0 if sums[1] == 0.0 else np.sqrt(sums[0] / sums[1])  # a NaN stays one
+        if s.near:
+            ask_drops(
+                s.model, grains, s.walls, self.known, self.answer, f.drop, f.wall_drop, self.drop_step, self.wall_step,
+                self.drop_squares, self.wall_squares,
+            )  # fmt: skip
+            drops = self.drop_squares.sum(axis=0) + self.wall_squares.sum(axis=0)
+            more = 0.0 if drops[0] == 0.0 else np.sqrt(drops[0] / max(drops[1], 1e-300))
+            residual = max(residual, more) if np.isfinite(more) else more
+            self.sums = np.array([sums[0], sums[1], drops[0], drops[1]])
+        else:
+            self.sums = np.array([sums[0], sums[1], 0.0, 1.0])
+        if not np.isfinite(residual):
+            raise NotFiniteGrains(f"the moments of the grains are not finite after {f.sweeps + 1} sweeps")
+        f.residual = float(residual)
+        f.sweeps += 1
+        return f.residual
+
+    def run(self, tolerance: float, most_sweeps: int, cold: bool) -> None:
+        """Sweep until the residual is at most the tolerance, `most_sweeps` times at most."""
+        damping, before, last = (1.0 if cold else FIRST_DAMPING), np.inf, None
+        self.scale = np.ones(2)
+        for sweep in range(1, most_sweeps + 1):
+            residual = self.evaluate()
+            if residual <= tolerance or sweep == most_sweeps:
+                return
+            if sweep <= 2:  # of both parts of the state, for the secant
+                self.scale = 1.0 / np.sqrt(np.maximum(self.sums[[1, 3]], 1e-300)) * [1.0 / self._mean_volume, 1.0]
+                last = None
+            state, asked = self._state(), self._asked()
+            self._take(mix_by_secant(state, asked, damping, last))
+            last = state, asked
+            if sweep > 1 and residual > 0.98 * before:
+                damping, last = max(0.7 * damping, MIN_DAMPING), None
+            elif sweep == 1 and cold:
+                damping = FIRST_DAMPING
+            before = residual
+
+    def newton(self, tolerance: float) -> None:
+        """Newton's method with Krylov's subspaces (scipy) where the sweeps have stalled, from the best state of theirs.
+
+        The contrasts across are constant in it, and follow between rounds. Where it fails the state is that of the
+        smaller residual.
+        """
+        best = self.found.residual, self._state(), self.found.contrast
+        for _ in range(NEWTON_ROUNDS):
+            try:
+                found = newton_krylov(
+                    self._residual_of, self._state(), f_tol=0.1 * tolerance, maxiter=NEWTON_STEPS, method="lgmres",
+                    tol_norm=lambda x: float(np.sqrt((x**2).sum())),
+                )  # fmt: skip
+            except (NoConvergence, NotFiniteGrains, ValueError, np.linalg.LinAlgError) as failed:
+                found = failed.args[0] if isinstance(failed, NoConvergence) else best[1]
+            self._take(np.asarray(found), follow=False)
+            try:
+                self.evaluate()
+            except NotFiniteGrains:
+                break
+            if self.found.residual < best[0]:
+                best = self.found.residual, self._state(), self.found.contrast
+            if self.found.residual <= tolerance:
+                return
+            self.found.contrast = self.contrast
+        self._take(best[1], follow=False)
+        self.found.contrast = best[2]
+        self.evaluate()
+
+    def _residual_of(self, state: np.ndarray) -> np.ndarray:
+        self._take(state, follow=False)
+        self.evaluate()
+        return self._asked()
+
+    @property
+    def _mean_volume(self) -> float:
+        return float(np.sqrt((self.grains.volume**2).mean()))
+
+    def _join(self, dipole: np.ndarray, drop: np.ndarray, wall_drop: np.ndarray) -> np.ndarray:
+        per_m, per_D = self.scale
+        if not self.solver.near:
+            return per_m * dipole.reshape(-1)
+        return np.concatenate((per_m * dipole.reshape(-1), per_D * drop.reshape(-1), per_D * wall_drop.reshape(-1)))
+
+    def _state(self) -> np.ndarray:
+        return self._join(self.found.dipole, self.found.drop, self.found.wall_drop)
+
+    def _asked(self) -> np.ndarray:
+        return self._join(self.step, self.drop_step, self.wall_step)
+
+    def _take(self, state: np.ndarray, follow: bool = True) -> None:
+        """Set dipoles and drops; the contrasts ``follow`` what the last sweep found."""
+        f = self.found
+        a = f.dipole.size
+        b = a + f.drop.size
+        f.dipole = (state[:a] / self.scale[0]).reshape(f.dipole.shape)
+        if self.solver.near:
+            f.drop = (state[a:b] / self.scale[1]).reshape(f.drop.shape)
+            f.wall_drop = (state[b:] / self.scale[1]).reshape(f.wall_drop.shape)
+        if follow:
+            f.contrast = self.contrast
+
+
+def _wall_drives(walls: np.ndarray, grains: MagneticGrains) -> np.ndarray:
+    """Drops (n, w) [A] of the applied field between each grain's image in a wall and the grain, see `drop_at_wall`."""
+    x = grains.position
+    rho = np.hypot(x[:, 0], x[:, 1])
+    drop = np.zeros_like(grains.height)
+    for w, (_, _, t_r, t_z, _, _) in enumerate(walls):
+        per_rho = np.divide(1.0, rho, out=np.zeros_like(rho), where=rho > 0.0)
+        normal = np.stack((-t_z * x[:, 0] * per_rho, -t_z * x[:, 1] * per_rho, np.full(len(x), t_r)), axis=1)
+        h = grains.height[:, w]
+        here = np.abs(h) < FACES_NO_WALL
+        drop[here, w] = 2.0 * h[here] * (grains.applied[here] * normal[here]).sum(axis=1)
+    return drop
 
 
 def mix_by_secant(
-    moment: np.ndarray, asked: np.ndarray, damping: float, last: tuple[np.ndarray, np.ndarray] | None
+    state: np.ndarray, asked: np.ndarray, damping: float, last: tuple[np.ndarray, np.ndarray] | None
 ) -> np.ndarray:
-    """The next moments (n, 3) [A m^2] of a damped fixed-point iteration that remembers one sweep.
+    """The next state (k,) of a damped fixed-point iteration that remembers one sweep.
 
-    `asked` is what an undamped step would change, `last` the moments and the step asked of the sweep before (None:
-    nothing is remembered, the damped step alone). Of all moments on the line through both sweeps those are taken for
-    which the step asked is smallest, and the damped step is made from there: Anderson's acceleration of depth one
-    (D. G. Anderson, J. ACM 12 (1965) 547). It follows an iteration that alternates as well as one that creeps.
+    `asked` is what an undamped step would change, `last` state and step asked of the sweep before (None: nothing is
+    remembered, the damped step alone). Of all states on the line through both sweeps that one is taken for which the
+    step asked is smallest, and the damped step is made from there: Anderson's acceleration of depth one (D. G. Anderson,
+    J. ACM 12 (1965) 547). It follows an iteration that alternates as well as one that creeps.
     """
-    plain = moment + damping * asked
+    plain = state + damping * asked
     if last is None:
         return plain
-    moved, changed = moment - last[0], asked - last[1]
+    moved, changed = state - last[0], asked - last[1]
     size = float((changed**2).sum())
     if size == 0.0:
         return plain

@@ -18,18 +18,17 @@ from particles import find_pairs
 
 @dataclass(frozen=True, slots=True)
 class NeighbourRows:
-    """CSR rows: grain i sees the grains `other[start[i]:start[i+1]]`, each turned about z by `shift` sectors.
+    """CSR rows: grain i sees the grains `other[start[i]:start[i+1]]`, each in one of its periodic images.
 
-    `turn_cos[shift]`, `turn_sin[shift]` hold the turn's cosine and sine for shift 0, 1 and -1.
-    `position` (n, 3) [m] is where the grains were when the rows were made out to `reach` [m]. `twin` is where each
+    Row `image[q]` of `images` holds cosine and sine of an image's turn about z and its translation [m]; the middle one
+    is the grain itself. `position` (n, 3) [m] is where the grains were when the rows were made out to `reach` [m]. `twin` is where each
     entry's pair stands in the other grain's row; None: not every pair does.
     """
 
     start: np.ndarray  # (n+1,) int64
     other: np.ndarray  # (p,) int32
-    shift: np.ndarray  # (p,) int8: 0, 1 or -1
-    turn_cos: np.ndarray  # (3,) float64
-    turn_sin: np.ndarray  # (3,) float64
+    image: np.ndarray  # (p,) uint8
+    images: np.ndarray  # (k, 6) float64
     position: np.ndarray  # (n, 3) float64
     reach: float
     twin: np.ndarray | None = None  # (p,) int32
@@ -37,7 +36,7 @@ class NeighbourRows:
     @property
     def arrays(self) -> Rows:
         """The arrays that kernels read."""
-        return Rows(self.start, self.other, self.shift, self.turn_cos, self.turn_sin)
+        return Rows(self.start, self.other, self.image, self.images)
 
     def is_complete(self, position: np.ndarray, cutoff: float) -> bool:
         """True if no pair of grains at `position` (n, 3) [m] that is closer than `cutoff` [m] can be missing.
@@ -49,12 +48,12 @@ class NeighbourRows:
         return farthest <= (0.5 * max(self.reach - cutoff, 0.0)) ** 2
 
 
-def neighbour_rows(position: np.ndarray, reach: float, sector=None) -> NeighbourRows:
-    """All neighbours of all grains closer than `reach` [m]; positions (n, 3) [m]; cyclic images included.
+def neighbour_rows(position: np.ndarray, reach: float, periodicity=None) -> NeighbourRows:
+    """All neighbours of all grains closer than `reach` [m]; positions (n, 3) [m]; periodic images included.
 
     The order within a row is fixed by the grains' order alone, so that sums over it are reproducible.
     """
-    pairs = find_pairs(position, reach, sector)
+    pairs = find_pairs(position, reach, periodicity)
     incoming, pair = pairs.incoming()
     own, back = np.diff(pairs.start), np.diff(incoming)
     start = np.zeros(len(position) + 1, dtype=np.int64)
@@ -62,10 +61,18 @@ def neighbour_rows(position: np.ndarray, reach: float, sector=None) -> Neighbour
     here = np.repeat(start[:-1] - pairs.start[:-1], own) + np.arange(pairs.count)
     there = np.repeat(start[:-1] + own - incoming[:-1], back) + np.arange(pairs.count)
     other, twin = np.empty((2, start[-1]), dtype=np.int32)
-    shift = np.empty(start[-1], dtype=np.int8)
+    images = images_of(periodicity)
+    none = len(images) // 2
+    image = np.empty(start[-1], dtype=np.uint8)
     other[here], other[there] = pairs.other, pairs.rows()[pair]
-    shift[here], shift[there] = pairs.shift, -pairs.shift[pair]
+    image[here], image[there] = none + pairs.shift, none - pairs.shift[pair]
     twin[there], twin[here[pair]] = here[pair], there
-    angle = 0.0 if sector is None else sector.angle
-    turn = angle * np.array([0.0, 1.0, -1.0])
-    return NeighbourRows(start, other, shift, np.cos(turn), np.sin(turn), position.copy(), reach, twin)
+    return NeighbourRows(start, other, image, images, position.copy(), reach, twin)
+
+
+def images_of(periodicity) -> np.ndarray:
+    """Images (2 m + 1, 6) by the shift of a pair, of a sector or a periodic box (`particles`); None: one row.
+
+    Columns are cosine and sine of the turn about z, translation (3) [m], and jump of the velocity along x [m/s].
+    """
+    return np.array([[1.0, 0.0, 0.0, 0.0, 0.0, 0.0]]) if periodicity is None else periodicity.images

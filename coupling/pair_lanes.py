@@ -1,129 +1,199 @@
-"""Near pairs, in SIMD vectors of eight: their excess over dipoles, and its forces.
+"""Near pairs, in SIMD vectors of eight: the flux through their necks, what it answers to, and their forces.
 
-Inner functions of `coupling.moment_kernels`. A near pair is found once, for both grains, and put where it stands in
-the rows of both (``extra``): no two write to the same place.
+Inner functions of `coupling.moment_kernels`; the model is that of `coupling.mutual_moments`. A near pair is found
+once, for both grains, and put where it stands in the rows of both (``extra``): no two write to the same place.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from coupling.grain_law_table import field_index, locate_eight, mean_force
-from coupling.influence_kernels import MEAN, MUTUAL, NX, NY, NZ, PER_R, PER_TRUE, PLACE
-from coupling.kernel_state import ENTRY, FIRST, SECOND, TWIN
-from coupling.pair_fields import OVER_4PI
-from coupling.row_lanes import first_present, turn_of
-from geometry.kernels.device_functions import device_function
-from geometry.kernels.simd import LANES, maximum, select
-from geometry.kernels.simd_math import sqrt
-from geometry.kernels.simd_tables import (
-    gather_columns,
-    interpolate_bilinear,
-    interpolate_linear,
-    load,
-    scatter_columns,
-    store,
+from coupling.grain_law_table import SMALLEST_CAPACITY, drop_place, mean_pull, necks_of_eight
+from coupling.influence_kernels import (
+    ACROSS,
+    ACROSS_SLOPE,
+    APPLIED,
+    BELOW,
+    GAP,
+    NX,
+    NY,
+    NZ,
+    PER_TRUE,
+    PLACE,
+    SIZE,
 )
+from coupling.kernel_state import ENTRY, FIRST, IMAGE, SECOND, TWIN
+from coupling.row_lanes import first_present, images_of_partners, vector_of_partner, vector_to_partner
+from geometry.kernels.device_functions import device_function
+from geometry.kernels.simd import LANES, mask_of_first, maximum, reduce_add, select
+from geometry.kernels.simd_tables import gather_columns, gather_two_columns, load, scatter_columns, store
 
 MU_0 = 4e-7 * np.pi
-# numbers that are needed one by one, for the mean over a step: drive, gap, its end, pull
-DRIVE, GAP, END, PULL, N_SCRATCH = range(5)
+# columns of what is found of a pair: flux [A m], energy w + q D and that across [A^2 m]
+FLUX, ENERGY, N_NECK = range(3)
+# columns of ``extra``: field on the grain (3) [A/m] and transverse energy over its contrast; charge and dq/dD
+FIELD, CHARGE = 0, 4
+# numbers that are needed one by one, for the mean over a step
+GAP_THEN, GAP_END, PLACE_OF_DROP, FRACTION, PULL, N_SCRATCH = range(6)
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def _drive(b, source, rows, known):
-    """Of block b: h_ij, cosine and sine of the turn from j to i, n, and the sum of the moments.
+def _ends_of_pair(b, source, rows, known):
+    """Of block b: both grains, the image that the second is seen in, and n; of both dipole, volume and m.n.
 
-    ``source`` (n, 4): moments [A m^2] and potentials [A].
+    ``source`` (n, 4): dipoles [A m^2] and volumes [m^3]; all in the place of the first grain.
     """
-    c, s = turn_of(rows, known.near_once, b)
-    mx, my, mz, p = gather_columns(source, load(known.near_once, b, FIRST), 0)
-    bx, by, bz, q = gather_columns(source, load(known.near_once, b, SECOND), 0)
-    mx, my, mz = mx + (c * bx - s * by), my + (s * bx + c * by), mz + bz
+    i, j = load(known.near_once, b, FIRST), load(known.near_once, b, SECOND)
+    turn = images_of_partners(rows, load(known.near_once, b, IMAGE))
+    ax, ay, az, V_i = gather_columns(source, i, 0)
+    bx, by, bz, V_j = gather_columns(source, j, 0)
+    bx, by, bz = vector_of_partner(turn, bx, by, bz)
+    nx, ny, nz = load(known.near_pair, b, NX), load(known.near_pair, b, NY), load(known.near_pair, b, NZ)
+    a_n, b_n = ax * nx + ay * ny + az * nz, bx * nx + by * ny + bz * nz
+    return (i, j), turn, (nx, ny, nz), (ax, ay, az), (bx, by, bz), (a_n, b_n), (V_i, V_j)
+
+
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+def _place_of_drop(table, D, along, volumes, size):
+    """Sign of the drop [A], capacity s = 1 - sign (M_i + M_j).n/(2 Ms), and `drop_place`."""
+    sign = select(D < 0.0, -1.0, 1.0)
+    filled = along[0] / volumes[0] + along[1] / volumes[1]
+    capacity = maximum(1.0 - 0.5 * sign * filled * (1.0 / table.scale), SMALLEST_CAPACITY)
+    place, fraction = drop_place(table, D, capacity, size)
+    return sign, capacity, place, fraction
+
+
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+def fluxes_of_eight(b, table, source, contrast, rows, known, drop, neck, extra):
+    """Fluxes through the near pairs of block b, and what they do to both grains, into ``extra`` (k, 8).
+
+    ``source``: see `_ends_of_pair`; ``contrast`` (n, 2); ``drop`` (blocks, 8) [A]; ``neck`` (blocks, N_NECK, 8).
+    """
+    (i, j), turn, (nx, ny, nz), (ax, ay, az), (bx, by, bz), along, (V_i, V_j) = _ends_of_pair(b, source, rows, known)
     pair = known.near_pair
-    nx, ny, nz = load(pair, b, NX), load(pair, b, NY), load(pair, b, NZ)
-    along = mx * nx + my * ny + mz * nz
-    h = load(pair, b, MEAN) - (p - q) * load(pair, b, PER_R) + along * load(pair, b, MUTUAL)
-    return h, (c, s), (nx, ny, nz), (mx, my, mz)
-
-
-@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def _scatter_pair(b, known, turn, sign, x, y, z, both, extra):
-    """Put a vector of the first grain, ``sign`` times it of the second, and a number of both into ``extra``."""
+    D, size = load(drop, b, 0), load(pair, b, SIZE)
+    sign, capacity, place, fraction = _place_of_drop(table, D, along, (V_i, V_j), size)
+    y, y1, y2, _ = necks_of_eight(table, load(pair, b, PLACE), load(pair, b, BELOW), place, fraction)
+    q = -size * D * (2.0 * y + y1)
+    stiffness = -size * (2.0 * y + 3.0 * y1 + y2)
+    filling = -0.5 * size * D * D * y1 * sign / (capacity * table.scale)  # -w_s ds/dM.n
+    c_i, _ = gather_two_columns(contrast, i, 0)
+    c_j, _ = gather_two_columns(contrast, j, 0)
+    across = load(pair, b, ACROSS)
+    both = across * c_i * c_j
+    product = ax * bx + ay * by + az * bz - along[0] * along[1]
+    store(neck, b, FLUX, q)
+    store(neck, b, ENERGY, size * D * D * y + q * D - both * product)
+    # the second grain first: a pair without a twin has one place
     e, t = load(known.near_once, b, ENTRY), load(known.near_once, b, TWIN)
-    c, s = turn
-    scatter_columns(extra, first_present(t, e), 0, sign * (c * x + s * y), sign * (c * y - s * x), sign * z, both)
-    scatter_columns(extra, e, 0, x, y, z, both)  # after it: a pair without a twin has one place
+    there = first_present(t, e)
+    along_n = filling / V_j - both * along[0]
+    x, y, z = vector_to_partner(turn, both * ax + along_n * nx, both * ay + along_n * ny, both * az + along_n * nz)
+    scatter_columns(extra, there, FIELD, x, y, z, across * c_i * product)
+    scatter_columns(extra, there, CHARGE, -q, stiffness, 0.0 * q, 0.0 * q)
+    along_n = filling / V_i - both * along[1]
+    scatter_columns(
+        extra, e, FIELD, both * bx + along_n * nx, both * by + along_n * ny, both * bz + along_n * nz,
+        across * c_j * product,
+    )  # fmt: skip
+    scatter_columns(extra, e, CHARGE, q, stiffness, 0.0 * q, 0.0 * q)
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def excess_of_eight(b, table, source, rows, known, extra):
-    """Excess of the near pairs in block b: vector and size [A/m] into ``extra`` (k, 4)."""
-    h, turn, (nx, ny, nz), _ = _drive(b, source, rows, known)
-    row, x, column, y, held, fraction, within = locate_eight(table, load(known.near_pair, b, PLACE), h)
-    v = held * fraction * within * interpolate_bilinear(table.moment, row, x, column, y)
-    v = select(h < 0.0, -v, v)
-    _scatter_pair(b, known, turn, 1.0, v * nx, v * ny, v * nz, v, extra)
+def steps_of_eight(b, potential, known, drop, step):
+    """Steps (blocks, 8) [A] that the potentials ask of the drops of block b, and their squares over the drops'.
+
+    ``potential`` (n, 2): [A], and the sum of dq/dD/(4 pi a) over the grain's necks, by which the step is divided:
+    what a drop moves comes back through the charges of both grains.
+    """
+    p, answer = gather_two_columns(potential, load(known.near_once, b, FIRST), 0)
+    p_other, answer_other = gather_two_columns(potential, load(known.near_once, b, SECOND), 0)
+    D = load(drop, b, 0)
+    asked = load(known.near_pair, b, APPLIED) - (p - p_other) - D
+    asked = asked / (1.0 + 0.5 * (answer + answer_other))
+    store(step, b, 0, asked)
+    valid = mask_of_first(known.near_pairs - LANES * b)
+    return reduce_add(select(valid, asked * asked, 0.0)), reduce_add(select(valid, D * D, 0.0))
+
+
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+def charge_moments_of_eight(b, rows, known, neck, extra):
+    """Moments q r n/2 [A m^2] that the near pairs of block b add to each of both grains, into ``extra`` (k, 8)."""
+    pair = known.near_pair
+    half = 0.5 * load(neck, b, FLUX) / load(pair, b, PER_TRUE)
+    x, y, z = half * load(pair, b, NX), half * load(pair, b, NY), half * load(pair, b, NZ)
+    e, t = load(known.near_once, b, ENTRY), load(known.near_once, b, TWIN)
+    other = vector_to_partner(images_of_partners(rows, load(known.near_once, b, IMAGE)), x, y, z)
+    scatter_columns(extra, first_present(t, e), 0, other[0], other[1], other[2], 0.0 * z)
+    scatter_columns(extra, e, 0, x, y, z, 0.0 * z)
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
-def _mean_pull(b, table, h, pull, radii, opening, ahead, smallest_gap, known, scratch):
-    """Pull over the coming time ``ahead`` [s] where the gap changes in it."""
-    ri, rj = radii
-    both = ri + rj
-    per_a = 0.5 * both / (ri * rj)
-    gap = maximum((1.0 / load(known.near_pair, b, PER_TRUE) - both) * per_a, smallest_gap)
-    store(scratch, DRIVE, 0, h)
-    store(scratch, GAP, 0, gap)
-    store(scratch, END, 0, maximum(gap + ahead * opening * per_a, smallest_gap))
-    store(scratch, PULL, 0, pull)
+def _mean_of_step(b, table, model, gap, opening, ahead, place, fraction, scratch):
+    """dy/dg over the coming time ``ahead`` [s] in which gaps open by ``opening`` [radii/s]."""
+    store(scratch, GAP_THEN, 0, gap)
+    store(scratch, GAP_END, 0, gap + ahead * opening)
+    store(scratch, PLACE_OF_DROP, 0, place)
+    store(scratch, FRACTION, 0, fraction)
     for a in range(LANES):
-        h_a, gap_a, end = scratch[DRIVE, a], scratch[GAP, a], scratch[END, a]
-        if end != gap_a:
-            scratch[PULL, a] = mean_force(table, gap_a, end, field_index(table, h_a), h_a)
+        scratch[PULL, a] = mean_pull(
+            table, scratch[GAP_THEN, a], scratch[GAP_END, a], model.smallest_gap, scratch[PLACE_OF_DROP, a],
+            scratch[FRACTION, a],
+        )  # fmt: skip
     return load(scratch, PULL, 0)
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def near_forces_of_eight(b, table, model, tables, rows, known, attraction, ahead, scratch, extra):
-    """Forces [N] and torque of the field about z [N m] of the near pairs in block b, see `contact_forces`.
+def near_forces_of_eight(
+    b, table, model, tables, rows, known, drop, attraction, ahead, scratch, extra, virial
+):  # fmt: skip
+    """Forces [N] on the near pairs in block b at constant drops and moments, into ``extra`` (k, 8).
 
-    ``tables`` (n, 4): moments and potentials; fields and contrasts; velocities and V times fraction; centres and radii.
+    ``tables``: `_ends_of_pair`'s; contrasts (n, 2); velocities (n, 4). Without ``attraction`` what lies along the line
+    of centres is left out. ``virial`` (blocks, 9, 8): r_a F_b [N m], or None.
     """
-    source, seen, moving, place = tables
-    i, j = load(known.near_once, b, FIRST), load(known.near_once, b, SECOND)
-    h, turn, (nx, ny, nz), (mx, my, mz) = _drive(b, source, rows, known)
-    c, s = turn
-    row, x, column, y, held, fraction, within = locate_eight(table, load(known.near_pair, b, PLACE), h)
-    fraction = held * fraction * within
-    excess = fraction * interpolate_bilinear(table.moment, row, x, column, y)
-    excess = select(h > 0.0, excess, -excess)
-    ix, iy, iz, contrast = gather_columns(seen, i, 0)
-    ex, ey, ez, other_contrast = gather_columns(seen, j, 0)
-    ex, ey = c * ex - s * ey, s * ex + c * ey
-    ux, uy, uz, taken = gather_columns(moving, i, 0)
-    wx, wy, wz, other_taken = gather_columns(moving, j, 0)
-    per_r, per_true = load(known.near_pair, b, PER_R), load(known.near_pair, b, PER_TRUE)
-    pull = 0.0 * h
+    source, contrast, moving = tables
+    (i, j), turn, (nx, ny, nz), (ax, ay, az), (bx, by, bz), along, volumes = _ends_of_pair(b, source, rows, known)
+    pair = known.near_pair
+    D, size, gap, per_r = load(drop, b, 0), load(pair, b, SIZE), load(pair, b, GAP), load(pair, b, PER_TRUE)
+    sign, capacity, place, fraction = _place_of_drop(table, D, along, volumes, size)
+    x, below = load(pair, b, PLACE), load(pair, b, BELOW)
+    _, y1, _, y_i = necks_of_eight(table, x, below, place, fraction)
+    c_i, _ = gather_two_columns(contrast, i, 0)
+    c_j, _ = gather_two_columns(contrast, j, 0)
+    both = c_i * c_j
+    pull = 0.0 * D
     if attraction:
-        _, _, _, ri = gather_columns(place, i, 0)
-        _, _, _, rj = gather_columns(place, j, 0)
-        pull = held * fraction * interpolate_bilinear(table.force, row, x, column, y)
+        rise = y_i / (maximum(gap, model.smallest_gap) * table.gap_step)
         if ahead > 0.0:
-            opening = (ux - (c * wx - s * wy)) * nx + (uy - (s * wx + c * wy)) * ny + (uz - wz) * nz
-            pull = _mean_pull(b, table, h, pull, (ri, rj), opening, ahead, model.smallest_gap, known, scratch)
-        # across: the mean of both fields, less what each makes at the other; at itself each makes nothing
-        w3 = OVER_4PI * per_r * per_r * per_r
-        hx, hy, hz = 0.5 * (ix + ex + w3 * mx), 0.5 * (iy + ey + w3 * my), 0.5 * (iz + ez + w3 * mz)
-        along = hx * nx + hy * ny + hz * nz
-        h_t2 = hx * hx + hy * hy + hz * hz - along * along
-        size = 2.0 * ri * rj / (ri + rj)
-        across = within * interpolate_linear(table.across, row, x)
-        pull = MU_0 * size * size * (pull + sqrt(contrast * other_contrast) * h_t2 * across)
-    # the near moments lie along n: the field's torque on them acts as opposite forces T/r on the pair
-    u, w = MU_0 * excess * taken, MU_0 * excess * other_taken
-    ex, ey, ez = u * ix + w * ex, u * iy + w * ey, u * iz + w * ez
-    along = ex * nx + ey * ny + ez * nz
-    ex, ey, ez = ex - along * nx, ey - along * ny, ez - along * nz
-    fx, fy, fz = ex * per_true - pull * nx, ey * per_true - pull * ny, ez * per_true - pull * nz
-    _scatter_pair(b, known, turn, -1.0, fx, fy, fz, -0.5 * (nx * ey - ny * ex), extra)
+            ux, uy, uz, _ = gather_columns(moving, i, 0)
+            wx, wy, wz, _ = gather_columns(moving, j, 0)
+            wx, wy, wz = vector_of_partner(turn, wx, wy, wz)
+            opening = ((ux - wx) * nx + (uy - wy) * ny + (uz - wz) * nz) / size
+            rise = _mean_of_step(b, table, model, gap, opening, ahead, place, fraction, scratch)
+        product = ax * bx + ay * by + az * bz - along[0] * along[1]
+        pull = D * D * rise - both * load(pair, b, ACROSS_SLOPE) * product
+    # the line of centres turns: capacity and transverse part
+    filling = -0.5 * size * D * D * y1 * sign / (capacity * table.scale) * per_r
+    turning = both * load(pair, b, ACROSS) * per_r
+    u, v = filling / volumes[0] - turning * along[1], filling / volumes[1] - turning * along[0]
+    back = -pull - u * along[0] - v * along[1]
+    fx, fy, fz = MU_0 * (u * ax + v * bx + back * nx), MU_0 * (u * ay + v * by + back * ny), MU_0 * (
+        u * az + v * bz + back * nz
+    )  # fmt: skip
+    if virial is not None:
+        r = 1.0 / per_r
+        rx, ry, rz = r * nx, r * ny, r * nz
+        store(virial, b, 0, rx * fx)
+        store(virial, b, 1, rx * fy)
+        store(virial, b, 2, rx * fz)
+        store(virial, b, 3, ry * fx)
+        store(virial, b, 4, ry * fy)
+        store(virial, b, 5, ry * fz)
+        store(virial, b, 6, rz * fx)
+        store(virial, b, 7, rz * fy)
+        store(virial, b, 8, rz * fz)
+    e, t = load(known.near_once, b, ENTRY), load(known.near_once, b, TWIN)
+    gx, gy, gz = vector_to_partner(turn, -fx, -fy, -fz)
+    scatter_columns(extra, first_present(t, e), 0, gx, gy, gz, 0.0 * fz)
+    scatter_columns(extra, e, 0, fx, fy, fz, 0.0 * fz)

@@ -12,11 +12,10 @@ from __future__ import annotations
 import numpy as np
 
 from coupling.grain_law_table import FARTHEST_GAP
-from coupling.kernel_state import SHIFT
 from coupling.mirror import FACES_NO_WALL
-from coupling.pair_fields import MU_0_OVER_4PI, OVER_4PI, field_factors, pair_force
+from coupling.pair_fields import MU_0_OVER_4PI, OVER_4PI, charge_factors, charge_force, field_factors, pair_force
 from geometry.kernels.device_functions import device_function
-from geometry.kernels.simd import LANES, from_integers, mask_of_first, maximum, movemask, reduce_add, select, splat
+from geometry.kernels.simd import LANES, mask_of_first, maximum, movemask, reduce_add, select, splat
 from geometry.kernels.simd_math import sqrt
 from geometry.kernels.simd_tables import eight_indices, gather, gather_column, gather_columns, load
 
@@ -44,47 +43,38 @@ def first_present(t, e):
 
 @device_function(without_refcounts=True, error_model="numpy", forceinline=True)
 def any_crossing(rows, i):
-    """True if a neighbour of grain i stands beyond a face of the sector."""
-    found = 0
+    """True if a neighbour of grain i stands beyond a periodic face."""
+    none, found = rows.images.shape[0] // 2, 0
     for q in range(rows.start[i], rows.start[i + 1]):
-        found |= rows.shift[q]
+        found |= np.int64(rows.image[q]) ^ none
     return found != 0
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def turn_of(rows, once, b):
-    """Cosine and sine of the turns from the second grains to the first of the pairs in a block of `Chosen.once`."""
-    return _turn(rows, from_integers(load(once, b, SHIFT)))
-
-
-@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def _turn(rows, crossed):
-    return select(crossed * crossed > 0.0, rows.turn_cos[1], 1.0), rows.turn_sin[1] * crossed
-
-
-@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def motion_of_partners(rows, shift):
-    """How eight partners stand to the grains that see them, of the shifts of their pairs: cosine and sine of a turn."""
-    return _turn(rows, from_integers(shift))
+def images_of_partners(rows, image):
+    """How eight partners stand to the grains that see them: cosine and sine of a turn about z, translation (3) [m]."""
+    c, s, dx, dy = gather_columns(rows.images, image, 0)
+    return c, s, dx, dy, gather_column(rows.images, image, 4)
 
 
 @device_function(error_model="numpy", fastmath={"contract"}, forceinline=True)
-def place_of_partner(motion, x, y, z):
+def place_of_partner(image, x, y, z):
     """Place [m] at which a grain sees its partner, which stands at x, y, z."""
-    return vector_of_partner(motion, x, y, z)
+    c, s, dx, dy, dz = image
+    return c * x - s * y + dx, s * x + c * y + dy, z + dz
 
 
 @device_function(error_model="numpy", fastmath={"contract"}, forceinline=True)
-def vector_of_partner(motion, x, y, z):
+def vector_of_partner(image, x, y, z):
     """Vector that a grain sees at its partner, which has x, y, z itself."""
-    c, s = motion
+    c, s, _, _, _ = image
     return c * x - s * y, s * x + c * y, z
 
 
 @device_function(error_model="numpy", fastmath={"contract"}, forceinline=True)
-def vector_to_partner(motion, x, y, z):
+def vector_to_partner(image, x, y, z):
     """Vector that the partner has itself, of what a grain sees there; and components on it as on columns."""
-    c, s = motion
+    c, s, _, _, _ = image
     return c * x + s * y, c * y - s * x, z
 
 
@@ -103,8 +93,7 @@ def kinds_of_row(i, place, height, model, rows, kind):
         near = imaged = 0
         if model.near:
             if crossing:
-                c, s = _turn(rows, from_integers(gather(rows.shift, slot)))
-                dx, dy = c * dx - s * dy, s * dx + c * dy
+                dx, dy, dz = place_of_partner(images_of_partners(rows, gather(rows.image, slot)), dx, dy, dz)
             dx, dy, dz = x - dx, y - dy, z - dz
             both = ri + rj
             farthest = both + FARTHEST_GAP * 2.0 * ri * rj / both
@@ -121,69 +110,90 @@ def kinds_of_row(i, place, height, model, rows, kind):
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def _eight_neighbours(i, first, stop, crossing, place, source, rows):
-    """Grain i from eight neighbours (3) [m], their radii [m] and moments (3) [A m^2], as grain i sees them."""
+    """Grain i from eight neighbours (3) [m], their radii [m], dipoles (3) [A m^2] as grain i sees them, charges [A m].
+    """
     slot = eight_indices(first, stop - 1)
     j = gather(rows.other, slot)
     x, y, z, radius = gather_columns(place, j, 0)
-    mx, my, mz, _ = gather_columns(source, j, 0)
+    mx, my, mz, q = gather_columns(source, j, 0)
     if crossing:
-        c, s = _turn(rows, from_integers(gather(rows.shift, slot)))
-        x, y, mx, my = c * x - s * y, s * x + c * y, c * mx - s * my, s * mx + c * my
-    return (place[i, 0] - x, place[i, 1] - y, place[i, 2] - z), radius, (mx, my, mz)
+        image = images_of_partners(rows, gather(rows.image, slot))
+        x, y, z = place_of_partner(image, x, y, z)
+        mx, my, mz = vector_of_partner(image, mx, my, mz)
+    return (place[i, 0] - x, place[i, 1] - y, place[i, 2] - z), radius, (mx, my, mz), q
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def field_of_row(i, place, source, model, rows):
-    """Field (3) [A/m] and potential [A] at grain i of its neighbours' moments.
+    """Field (3) [A/m] and potential [A] at grain i of its neighbours' dipoles and charges.
 
-    ``place`` (n, 4): centres and radii [m]; ``source`` (n, 4): moments [A m^2].
+    ``place`` (n, 4): centres and radii [m]; ``source`` (n, 4): dipoles [A m^2] and charges [A m].
     """
     reach, smear = model.reach, model.smear
     ri = place[i, 3]
     sx = sy = sz = total = splat(0.0)
     stop, crossing = rows.start[i + 1], any_crossing(rows, i)
     for first in range(rows.start[i], stop, LANES):
-        (dx, dy, dz), rj, (ax, ay, az) = _eight_neighbours(i, first, stop, crossing, place, source, rows)
+        (dx, dy, dz), rj, (ax, ay, az), q = _eight_neighbours(i, first, stop, crossing, place, source, rows)
         r2 = dx * dx + dy * dy + dz * dz
-        r = sqrt(r2)
-        per_r = 1.0 / r
-        c1, c2, p = field_factors(maximum(r, ri + rj), reach, smear)
+        true_r = sqrt(r2)
+        per_r = 1.0 / true_r
+        r = maximum(true_r, ri + rj)
+        c1, c2, p = field_factors(r, reach, smear)
         within = select(mask_of_first(stop - first), select(r2 < reach * reach, OVER_4PI, 0.0), 0.0)
         nx, ny, nz, c2 = dx * per_r, dy * per_r, dz * per_r, c2 * within
         along = (nx * ax + ny * ay + nz * az) * within
         total = total + p * along
         along = c1 * along
+        if model.near:
+            q = q * within
+            psi, _ = charge_factors(r, reach, smear)
+            total = total + psi * q
+            along = along + p * q
         sx, sy, sz = sx + (along * nx - c2 * ax), sy + (along * ny - c2 * ay), sz + (along * nz - c2 * az)
     return reduce_add(sx), reduce_add(sy), reduce_add(sz), reduce_add(total)
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def dipole_force(i, place, source, model, rows):
-    """Force (3) [N] of the neighbours' dipoles on grain i, and the torque of their field about z [N m].
+def force_of_row(i, place, source, model, rows, virial):
+    """Force (3) [N] of the neighbours' dipoles and charges on dipole and charge of grain i.
 
-    As `field_of_row`.
+    As `field_of_row`. ``virial`` (n, 9), or None: sums of r_a F_b/2 [N m].
     """
     reach, smear = model.reach, model.smear
     ri = place[i, 3]
-    ax, ay, az = source[i, 0], source[i, 1], source[i, 2]
-    total_x = total_y = total_z = total_t = splat(0.0)
+    ax, ay, az, qi = source[i, 0], source[i, 1], source[i, 2], source[i, 3]
+    total_x = total_y = total_z = splat(0.0)
+    xx = xy = xz = yx = yy = yz = zx = zy = zz = splat(0.0)
     stop, crossing = rows.start[i + 1], any_crossing(rows, i)
     for first in range(rows.start[i], stop, LANES):
-        (dx, dy, dz), rj, (bx, by, bz) = _eight_neighbours(i, first, stop, crossing, place, source, rows)
+        (dx, dy, dz), rj, (bx, by, bz), qj = _eight_neighbours(i, first, stop, crossing, place, source, rows)
         r2 = dx * dx + dy * dy + dz * dz
         true_r = sqrt(r2)
         per_r = 1.0 / true_r
         nx, ny, nz = dx * per_r, dy * per_r, dz * per_r
         r = maximum(true_r, ri + rj)
         fx, fy, fz = pair_force(ax, ay, az, bx, by, bz, nx, ny, nz, r, reach, smear)
-        # grains that overlap: dipoles at touching, and their torque at the true distance
+        if model.near:
+            gx, gy, gz = charge_force(ax, ay, az, qi, bx, by, bz, qj, nx, ny, nz, r, reach, smear)
+            fx, fy, fz = fx + gx, fy + gy, fz + gz
+        # grains that overlap: as at touching, and the torque at the true distance
         lever = select(true_r < r, r * per_r, 1.0)
         along = (1.0 - lever) * (fx * nx + fy * ny + fz * nz)
         within = select(mask_of_first(stop - first), select(r2 < reach * reach, MU_0_OVER_4PI, 0.0), 0.0)
-        total_x = total_x + within * (along * nx + lever * fx)
-        total_y = total_y + within * (along * ny + lever * fy)
-        total_z = total_z + within * (along * nz + lever * fz)
-        c1, c2, _ = field_factors(r, reach, smear)  # m x B of the neighbour
-        turning = c1 * (bx * nx + by * ny + bz * nz) * (ax * ny - ay * nx) - c2 * (ax * by - ay * bx)
-        total_t = total_t + within * turning
-    return reduce_add(total_x), reduce_add(total_y), reduce_add(total_z), reduce_add(total_t)
+        fx, fy, fz = within * (along * nx + lever * fx), within * (along * ny + lever * fy), within * (
+            along * nz + lever * fz
+        )  # fmt: skip
+        total_x, total_y, total_z = total_x + fx, total_y + fy, total_z + fz
+        if virial is not None:
+            xx, xy, xz = xx + dx * fx, xy + dx * fy, xz + dx * fz
+            yx, yy, yz = yx + dy * fx, yy + dy * fy, yz + dy * fz
+            zx, zy, zz = zx + dz * fx, zy + dz * fy, zz + dz * fz
+    if virial is not None:
+        sums = (
+            reduce_add(xx), reduce_add(xy), reduce_add(xz), reduce_add(yx), reduce_add(yy), reduce_add(yz),
+            reduce_add(zx), reduce_add(zy), reduce_add(zz),
+        )  # fmt: skip
+        for a in range(9):
+            virial[i, a] = 0.5 * sums[a]
+    return reduce_add(total_x), reduce_add(total_y), reduce_add(total_z)
