@@ -30,11 +30,11 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+from field.spheres.neck_energy import NeckEnergy, neck_energy
 
 from field.laws.powder_law import GrainLaw, ThesisLaw
 from field.laws.reluctivity import Law
 from field.spheres.lone_sphere import saturation, sphere_magnetisation
-from field.spheres.neck_energy import NeckEnergy, neck_energy
 from field.spheres.pair_table import FADE_TO
 from field.spheres.transverse_pair import transverse_coupling
 from geometry.kernels.device_functions import device_function
@@ -71,7 +71,7 @@ class GrainLawTable(NamedTuple):
     pull : ndarray, shape (n_gap, n_drop)
         dy/dg at the nodes.
     across : ndarray, shape (n_gap, 2)
-        kappa and dkappa/dg at the nodes.
+        kappa and its derivative over the index.
     """
 
     scale: float
@@ -111,12 +111,13 @@ def _tabulate(law: Law | GrainLaw, Ms: float | None, necks: NeckEnergy | None) -
         return GrainLawTable(scale, *start, sphere, 0.0, 1.0, 0.0, 1.0, 1.0, 2, 2, np.zeros((4, 4)), none, none)
     x, z = necks.log_gap, necks.log_drop
     gap = np.exp(x)
+    kappa, slope = transverse_coupling(gap)
     pull = necks.patch[:, :, 1] / ((x[1] - x[0]) * gap)[:, None]
     return GrainLawTable(
         scale, *start, sphere, float(x[0]), float(x[1] - x[0]), float(z[0]), float(z[1] - z[0]),
         float(np.exp(z[-1])), len(x), len(z),
         np.ascontiguousarray(necks.patch.reshape(-1, 4)), np.ascontiguousarray(pull),
-        np.ascontiguousarray(np.stack(transverse_coupling(gap), axis=1)),
+        np.stack((kappa, slope * gap * (x[1] - x[0])), axis=1),
     )  # fmt: skip
 
 
@@ -267,6 +268,13 @@ def _hermite(x):
     x2, left = x * x, 1.0 - x
     h1, d1 = x2 * (3.0 - 2.0 * x), 6.0 * x * left
     return 1.0 - h1, h1, x * left * left, -x2 * left, -d1, d1, left * (1.0 - 3.0 * x), x * (3.0 * x - 2.0)
+
+
+@device_function(error_model="numpy", fastmath={"contract"}, forceinline=True)
+def cubic_between(low, high, slope, slope_high, x):
+    """Hermite's cubic between two values with slopes at x in [0, 1], and its derivative."""
+    h0, h1, g0, g1, d0, d1, e0, e1 = _hermite(x)
+    return h0 * low + h1 * high + g0 * slope + g1 * slope_high, d0 * low + d1 * high + e0 * slope + e1 * slope_high
 
 
 @device_function(error_model="numpy", fastmath={"contract"}, forceinline=True)

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
-from coupling.grain_law_table import gap_place
+from coupling.grain_law_table import cubic_between, gap_place
 from coupling.image_lanes import (
     IMAGED_CHUNK,
     N_HEIGHTS,
@@ -154,11 +154,12 @@ def _near_eight(b, table, model, place, drive, slope, rows, near, near_pair):
     at, below = gap_place(table, gap, model.smallest_gap)
     row = to_integers(select(at < table.n_gap - 2.0, at, table.n_gap - 2.0))
     part = select(at < table.n_gap - 1.0, at - from_integers(row), 1.0)
-    k, k_slope = gather_two_columns(table.across, row, 0)
-    k_next, k_slope_next = gather_two_columns(table.across[1:], row, 0)
+    k, k_i = gather_two_columns(table.across, row, 0)
+    k_next, k_i_next = gather_two_columns(table.across[1:], row, 0)
+    kappa, rise = cubic_between(k, k_next, k_i, k_i_next, part)
     touching = maximum(r, both)
     per_cube = OVER_4PI / (touching * touching * touching)
-    kappa, rise = k + part * (k_next - k), k_slope + part * (k_slope_next - k_slope)
+    rise = rise / (table.gap_step * maximum(gap, model.smallest_gap) * size)
     store(near_pair, b, NX, nx)
     store(near_pair, b, NY, ny)
     store(near_pair, b, NZ, nz)
@@ -169,7 +170,7 @@ def _near_eight(b, table, model, place, drive, slope, rows, near, near_pair):
     store(near_pair, b, BELOW, below)
     store(near_pair, b, SIZE, size)
     store(near_pair, b, ACROSS, per_cube * kappa)
-    store(near_pair, b, ACROSS_SLOPE, per_cube * (rise / size - 3.0 * kappa / touching))
+    store(near_pair, b, ACROSS_SLOPE, per_cube * (rise - 3.0 * kappa / touching))
 
 
 @njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})

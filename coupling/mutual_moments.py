@@ -58,6 +58,7 @@ from coupling.image_lanes import MAX_WALLS
 from coupling.influence import find_influence, reuse_or_allocate
 from coupling.influence_kernels import APPLIED
 from coupling.kernel_state import FIRST, SECOND, Influence, MagneticGrains, PairModel
+from coupling.mirror import FACES_NO_WALL
 from coupling.moment_kernels import (
     N_ANSWER,
     add_charge_moments,
@@ -69,7 +70,6 @@ from coupling.moment_kernels import (
     grain_energies,
     wall_heights,
 )
-from coupling.mirror import FACES_NO_WALL
 from coupling.neighbour_rows import NeighbourRows
 from coupling.pair_lanes import ENERGY, FLUX, N_NECK
 from geometry.kernels.simd import LANES

@@ -12,9 +12,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from coupling.grain_law_table import GrainLawTable
 from coupling.kernel_state import MagneticGrains, Rows
-from coupling.mutual_moments import MutualMoments
+from coupling.mutual_moments import Magnetisation, MutualMoments
 from coupling.near_drive_kernels import drive_pairs, drive_walls
+from coupling.neighbour_rows import images_of
 from geometry import RevolvedWall
 from particles import DEM
 from particles.dem.attraction import Attraction
@@ -40,25 +42,24 @@ class NearAttraction:
         rows = np.cumsum(magnetic) - 1
         self._steel = np.where(magnetic, rows, -1).astype(np.int64).reshape(-1)
         table = solver.table
+        self._across = _pull_across(table)
         self.attraction = Attraction(
-            table.gap_start, table.gap_step, table.force, table.across, solver.smallest_gap, self.drives, NEAR_GAP
+            table.gap_start, table.gap_step, table.pull, self._across, solver.smallest_gap, self.drives, NEAR_GAP
         )
 
-    def hold(self, dem: DEM, found, whole: np.ndarray) -> None:
+    def hold(self, dem: DEM, found: Magnetisation, whole: np.ndarray) -> None:
         """Take an update: moments and fields `found` and all forces of it, `whole` (n, 3) [N]."""
         own = self.attraction
         own.per_grain = {
             "position": np.array(dem.grains.position),
-            "moment": np.array(found.moment),
+            "dipole": np.array(found.dipole),
             "applied": np.array(found.applied),
             # of three dimensions: no vectors to be turned
             "slope": np.array(found.slope)[:, :, None],
-            "field": np.array(found.field),
             "whole": np.array(whole),
             "potential": np.array(found.potential),
-            "contrast": np.array(found.contrast),
+            "contrast": np.array(found.contrast)[:, :, None],
             "height": np.array(found.height)[:, :, None],
-            "own_image": np.array(found.own_image)[:, :, None],
         }
         own.renew()
         dem.attraction = own
@@ -66,20 +67,31 @@ class NearAttraction:
     def drives(self, dem: DEM) -> tuple[np.ndarray, np.ndarray]:
         """See `Attraction.drives`; sets the DEM's held forces to what its list does not hold."""
         of, solver, pairs, slots = self.attraction.per_grain, self.solver, dem.listed_pairs, dem.listed_walls
-        angle = 0.0 if dem.sector is None else dem.sector.angle
-        turn = angle * np.array([0.0, 1.0, -1.0])
+        images = images_of(dem.periodicity)
+        none = len(images) // 2
         pair, wall = np.zeros((pairs.count, 3)), np.zeros((len(slots.wall), 2))
-        rest, none = of["whole"].copy(), np.zeros(0)
-        shift = np.zeros(pairs.count, dtype=np.int8) if pairs.shift is None else pairs.shift.astype(np.int8)
-        slope, height, own_image = (np.ascontiguousarray(of[k][:, :, 0]) for k in ("slope", "height", "own_image"))
+        rest = of["whole"].copy()
+        image = np.full(pairs.count, none, dtype=np.uint8)
+        if pairs.shift is not None:
+            image += pairs.shift.astype(np.uint8)
+        slope, height, contrast = (np.ascontiguousarray(of[k][:, :, 0]) for k in ("slope", "height", "contrast"))
         grains = MagneticGrains(
-            of["position"], np.ascontiguousarray(dem.grains.radius), none, of["moment"], of["applied"], slope,
-            of["field"], of["potential"], none, of["contrast"], height, own_image,
+            of["position"], np.ascontiguousarray(dem.grains.radius), dem.grains.volume, of["dipole"], np.zeros(0),
+            of["applied"], slope, np.zeros((0, 3)), of["potential"], contrast, height,
         )  # fmt: skip
-        rows = Rows(pairs.start, pairs.other, shift, np.cos(turn), np.sin(turn))
-        drive_pairs(solver.table, solver.model, grains, rows, pair, rest)
+        rows = Rows(pairs.start, pairs.other, image, images)
+        drive_pairs(solver.table, self._across, solver.model, grains, rows, pair, rest)
         if len(solver.walls):
             steel = np.where(slots.smooth, self._steel[slots.wall], -1)
-            drive_walls(solver.table, solver.model, grains, slots.start, steel, solver.walls, wall, rest)
+            drive_walls(
+                solver.table, self._across, solver.model, grains, slots.start, steel, solver.walls, wall, rest
+            )
         dem.external_force = rest
         return pair, wall
+
+
+def _pull_across(table: GrainLawTable) -> np.ndarray:
+    """-d/dg of kappa/(2 + g)^3 at the nodes (n_gap,): pull across of equal spheres, over c_i c_j m_i.m_j/(4 pi a^4)."""
+    gap = np.exp(table.gap_start + table.gap_step * np.arange(table.n_gap))
+    kappa, slope = table.across[:, 0], table.across[:, 1] / (table.gap_step * gap)
+    return 3.0 * kappa / (2.0 + gap) ** 4 - slope / (2.0 + gap) ** 3

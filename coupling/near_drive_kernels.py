@@ -9,58 +9,74 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from coupling.grain_law_table import bilinear, locate
-from coupling.mirror import FACES_NO_WALL, mirror_height, normal_at
-from coupling.moment_kernels import MU_0, drive_at_wall, drive_of_pair
-from coupling.pair_fields import OVER_4PI
+from coupling.grain_law_table import SMALLEST_CAPACITY, bilinear, drop_place, gap_place
+from coupling.influence_kernels import slope_along
+from coupling.mirror import normal_at
+from coupling.moment_kernels import MU_0, drop_at_wall, is_near_wall
+from geometry.kernels.device_functions import device_function
 
 COLUMN, AMPLITUDE, ACROSS = 0, 1, 2
+SHORTEST = 1e-9  # of what lies across: below it nothing is followed
+
+
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+def _pull_at(table, across, gap, smallest_gap, place):
+    """Pull over its amplitude at a gap [radii] and a place of the drop, and that across."""
+    x, _ = gap_place(table, gap, smallest_gap)
+    i, j = min(np.int64(x), table.n_gap - 2), min(np.int64(place), table.n_drop - 2)
+    x -= i
+    return bilinear(table.pull, i, x, j, place - j), across[i] + x * (across[i + 1] - across[i])
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
-def drive_pairs(table, model, grains, pairs, drive, force):
+def drive_pairs(table, across, model, grains, pairs, drive, force):
     """Drives (p, 3) of the pairs of a half list: column, amplitude [N], amplitude across [N]; their pull out of force.
 
-    Fields and ``force`` (n, 3) [N] were found where the grains are.
+    Fields and ``force`` (n, 3) [N] were found where the grains are. ``across`` (g,) is the table of the pull across.
     """
-    position, radius, moment, field, contrast = (
-        grains.position, grains.radius, grains.moment, grains.field, grains.contrast,
+    position, radius, dipole, applied, contrast = (
+        grains.position, grains.radius, grains.dipole, grains.applied, grains.contrast,
     )  # fmt: skip
-    start, other, shift, turn_cos, turn_sin = pairs
-    reach, smallest_gap = model.reach, model.smallest_gap
+    volume, potential, slope = grains.volume, grains.potential, grains.slope
+    start, other, image, images = pairs
     for i in range(position.shape[0]):
         for q in range(start[i], start[i + 1]):
             j = np.int64(other[q])
             drive[q, COLUMN] = drive[q, AMPLITUDE] = drive[q, ACROSS] = 0.0
-            c, s = turn_cos[shift[q]], turn_sin[shift[q]]
-            dx = position[i, 0] - (c * position[j, 0] - s * position[j, 1])
-            dy = position[i, 1] - (s * position[j, 0] + c * position[j, 1])
-            dz = position[i, 2] - position[j, 2]
-            true_r = np.sqrt(dx * dx + dy * dy + dz * dz)
+            seen = images[image[q]]
+            c, s = seen[0], seen[1]
+            dx = position[i, 0] - (c * position[j, 0] - s * position[j, 1] + seen[2])
+            dy = position[i, 1] - (s * position[j, 0] + c * position[j, 1] + seen[3])
+            dz = position[i, 2] - position[j, 2] - seen[4]
+            r = np.sqrt(dx * dx + dy * dy + dz * dz)
             both = radius[i] + radius[j]
-            if true_r >= reach or true_r >= 1.6 * both:
-                continue
             a = 2.0 * radius[i] * radius[j] / both
-            gap = max((true_r - both) / a, smallest_gap)
-            nx, ny, nz = dx / true_r, dy / true_r, dz / true_r
-            r = max(true_r, both)
-            h = drive_of_pair(i, j, c, s, nx, ny, nz, r, model, grains)
-            k, x, l, y, size, fraction = locate(table, gap, h)
-            if k < 0:
+            gap = (r - both) / a
+            x, _ = gap_place(table, gap, model.smallest_gap)
+            if r >= model.reach or not x < table.n_gap - 1.0:
                 continue
-            w3 = OVER_4PI / (r * r * r)
-            bx, by = c * moment[j, 0] - s * moment[j, 1], s * moment[j, 0] + c * moment[j, 1]
-            ex, ey = c * field[j, 0] - s * field[j, 1], s * field[j, 0] + c * field[j, 1]
-            hx = 0.5 * (field[i, 0] + ex + w3 * (moment[i, 0] + bx))
-            hy = 0.5 * (field[i, 1] + ey + w3 * (moment[i, 1] + by))
-            hz = 0.5 * (field[i, 2] + field[j, 2] + w3 * (moment[i, 2] + moment[j, 2]))
-            along = hx * nx + hy * ny + hz * nz
-            across = np.sqrt(contrast[i] * contrast[j]) * (hx * hx + hy * hy + hz * hz - along * along)
-            drive[q, COLUMN] = l + y
-            drive[q, AMPLITUDE] = MU_0 * a * a * size * size * fraction
-            drive[q, ACROSS] = MU_0 * a * a * across
-            pull = drive[q, AMPLITUDE] * bilinear(table.force, k, x, l, y)
-            pull += drive[q, ACROSS] * (table.across[k] + x * (table.across[k + 1] - table.across[k]))
+            nx, ny, nz = dx / r, dy / r, dz / r
+            hx, hy = c * applied[j, 0] - s * applied[j, 1], s * applied[j, 0] + c * applied[j, 1]
+            mean = 0.5 * ((applied[i, 0] + hx) * nx + (applied[i, 1] + hy) * ny + (applied[i, 2] + applied[j, 2]) * nz)
+            if model.smear:
+                bend = slope_along(i, nx, ny, nz, grains)
+                bend -= slope_along(j, c * nx + s * ny, c * ny - s * nx, nz, grains)
+                mean -= r / 12.0 * bend
+            drop = r * mean - (potential[i] - potential[j])
+            ax, ay, az = dipole[i, 0], dipole[i, 1], dipole[i, 2]
+            bx, by, bz = c * dipole[j, 0] - s * dipole[j, 1], s * dipole[j, 0] + c * dipole[j, 1], dipole[j, 2]
+            a_n, b_n = ax * nx + ay * ny + az * nz, bx * nx + by * ny + bz * nz
+            sign = -1.0 if drop < 0.0 else 1.0
+            capacity = max(1.0 - 0.5 * sign * (a_n / volume[i] + b_n / volume[j]) / table.scale, SMALLEST_CAPACITY)
+            place, fraction = drop_place(table, drop, capacity, a)
+            along, sideways = _pull_at(table, across, gap, model.smallest_gap, place)
+            drive[q, COLUMN] = place
+            drive[q, AMPLITUDE] = MU_0 * drop * drop * fraction
+            product = (ax * bx + ay * by + az * bz - a_n * b_n) * contrast[i, 0] * contrast[j, 0]
+            # of equal spheres the table's own; of others what they have at this gap
+            per_a4 = 1.0 / (4.0 * np.pi * a**4) * ((2.0 + gap) * a / r) ** 4
+            drive[q, ACROSS] = MU_0 * per_a4 * product
+            pull = drive[q, AMPLITUDE] * along + drive[q, ACROSS] * sideways
             fx, fy, fz = pull * nx, pull * ny, pull * nz
             force[i, 0] += fx
             force[i, 1] += fy
@@ -71,26 +87,27 @@ def drive_pairs(table, model, grains, pairs, drive, force):
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
-def drive_walls(table, model, grains, start, steel, walls, drive, force):
+def drive_walls(table, across, model, grains, start, steel, walls, drive, force):
     """Drives (s, 2) of wall slots: column, amplitude [N]; ``steel`` (s,) is the row of ``walls`` (w, 6) or -1."""
     position, radius, height = grains.position, grains.radius, grains.height
     for i in range(position.shape[0]):
         for q in range(start[i], start[i + 1]):
             drive[q, COLUMN] = drive[q, AMPLITUDE] = 0.0
             w = steel[q]
-            if w < 0 or height[i, w] >= FACES_NO_WALL or abs(height[i, w]) >= 1.6 * radius[i]:
+            if w < 0 or not is_near_wall(i, w, grains):
                 continue
             nx, ny, nz = normal_at(walls, w, position[i, 0], position[i, 1])
-            gap = max(2.0 * (abs(height[i, w]) / radius[i] - 1.0), model.smallest_gap)
-            at = mirror_height(height[i, w], radius[i])
-            h = drive_at_wall(i, w, nx, ny, nz, at, walls, model, grains)
-            k, x, l, y, size, fraction = locate(table, gap, h)
-            if k < 0:
-                continue
-            drive[q, COLUMN] = l + y
-            drive[q, AMPLITUDE] = MU_0 * walls[w, 5] * radius[i] * radius[i] * size * size * fraction
-            pull = drive[q, AMPLITUDE] * bilinear(table.force, k, x, l, y)
-            pull = pull if at > 0.0 else -pull
+            side = 1.0 if height[i, w] > 0.0 else -1.0
+            nx, ny, nz = side * nx, side * ny, side * nz
+            gap = 2.0 * (abs(height[i, w]) / radius[i] - 1.0)
+            drop = drop_at_wall(i, w, walls, model, grains)
+            m_n = grains.dipole[i, 0] * nx + grains.dipole[i, 1] * ny + grains.dipole[i, 2] * nz
+            sign = -1.0 if drop < 0.0 else 1.0
+            capacity = max(1.0 - sign * m_n / (grains.volume[i] * table.scale), SMALLEST_CAPACITY)
+            place, fraction = drop_place(table, drop, capacity, radius[i])
+            drive[q, COLUMN] = place
+            drive[q, AMPLITUDE] = MU_0 * walls[w, 5] * drop * drop * fraction
+            pull = drive[q, AMPLITUDE] * _pull_at(table, across, gap, model.smallest_gap, place)[0]
             force[i, 0] += pull * nx
             force[i, 1] += pull * ny
             force[i, 2] += pull * nz

@@ -17,7 +17,7 @@ from coupling.pair_fields import MU_0_OVER_4PI, OVER_4PI, charge_factors, charge
 from geometry.kernels.device_functions import device_function
 from geometry.kernels.simd import LANES, mask_of_first, maximum, movemask, reduce_add, select, splat
 from geometry.kernels.simd_math import sqrt
-from geometry.kernels.simd_tables import eight_indices, gather, gather_column, gather_columns, load
+from geometry.kernels.simd_tables import eight_indices, gather, gather_column, gather_columns
 
 NEAR, IMAGED = 1, 2  # bits of an entry's kind
 
