@@ -1,4 +1,4 @@
-"""A finite cluster of spheres that magnetise one another in a uniform field, every pair counted whole."""
+"""Spheres that magnetise one another in a uniform field: a finite cluster, or a cell that repeats in all directions."""
 
 from __future__ import annotations
 
@@ -7,21 +7,53 @@ from dataclasses import dataclass
 import numpy as np
 
 from coupling.grain_law_table import grain_table
-from coupling.mutual_moments import MIN_GAP, MutualMoments
+from coupling.mutual_moments import MIN_GAP, HeldForces, Magnetisation, MutualMoments
 from coupling.neighbour_rows import neighbour_rows
+from field import MU_0
 from field.laws.powder_law import GrainLaw
 from field.laws.reluctivity import Law
+from particles import ShearedBox
 
 
 @dataclass(frozen=True, slots=True)
 class Cluster:
-    """A finite cluster of magnetised spheres: moments (n, 3) [A m^2], forces (n, 3) [N], residual [-], sweeps."""
+    """Magnetised spheres.
+
+    Attributes
+    ----------
+    moment : ndarray (n, 3)
+        [A m^2].
+    magnetisation : ndarray (n, 3)
+        Moment over volume [A/m].
+    force : ndarray (n, 3)
+        [N].
+    energy : float
+        Of the spheres in the field, see `coupling.mutual_moments` [J].
+    residual : float
+        Of the moments [-].
+    sweeps : int
+    """
 
     moment: np.ndarray
     magnetisation: np.ndarray
     force: np.ndarray
+    energy: float
     residual: float
     sweeps: int
+
+
+@dataclass(frozen=True, slots=True)
+class Cell(Cluster):
+    """Magnetised spheres of a cell that repeats; moments, forces and energy are those of one cell.
+
+    Attributes
+    ----------
+    stress : ndarray (3, 3)
+        Force along the second axis on a plane across the first one over its area, of the spheres alone, positive where
+        they pull [Pa]: -(sum of r_a F_b over pairs)/volume - mu_0 P_a P_b/2 with P the mean magnetisation of the cell.
+    """
+
+    stress: np.ndarray
 
 
 def magnetised_cluster(
@@ -53,11 +85,6 @@ def magnetised_cluster(
     tolerance, most_sweeps : float, int
         Of the moments' residual.
 
-    Returns
-    -------
-    Cluster
-        With `magnetisation` (n, 3) = moment over volume [A/m].
-
     Raises
     ------
     ValueError
@@ -65,22 +92,97 @@ def magnetised_cluster(
     RuntimeError
         The moments did not converge.
     """
+    x, a, H = _spheres(centre, radius, field)
+    # twice beyond the farthest pair: no pair comes near the switch
+    span = float(np.linalg.norm(np.ptp(x, axis=0))) if len(x) > 1 else 0.0
+    reach = 2.0 * span + 8.0 * float(a.max(initial=1.0))
+    solver = MutualMoments(grain_table(law, model), near=model == "near_field", reach=reach, smallest_gap=smallest_gap)
+    found, held = _solve(solver, x, a, H, None, tolerance, most_sweeps)
+    moment = found.moment
+    volume = 4.0 / 3.0 * np.pi * a**3
+    energy = solver.energy(x, a, found)
+    return Cluster(moment, moment / volume[:, None], held.force, energy, found.residual, found.sweeps)
+
+
+def magnetised_cell(
+    centre: np.ndarray,
+    radius: np.ndarray | float,
+    box: np.ndarray,
+    law: Law | GrainLaw,
+    field: np.ndarray,
+    *,
+    model: str = "near_field",
+    reach: float = 8.0,
+    smallest_gap: float = MIN_GAP,
+    tolerance: float = 1e-10,
+    most_sweeps: int = 2000,
+) -> Cell:
+    """Moments, forces and stress of spheres that repeat in all directions, in a macroscopic field.
+
+    Pairs within ``reach`` are counted one by one, the rest as an even powder (`coupling.pair_fields`).
+
+    Parameters
+    ----------
+    centre, radius, law, model, smallest_gap, tolerance, most_sweeps
+        See `magnetised_cluster`.
+    box : array_like (3,)
+        Edges of the cell [m]; a cell smaller than two reaches is repeated.
+    field : array_like (3,)
+        Macroscopic field H, the mean over all space [A/m].
+    reach : float
+        [largest radii], at least 5.
+
+    Raises
+    ------
+    ValueError
+        As `magnetised_cluster`; edges that are not above 0, a reach below 5.
+    RuntimeError
+        The moments did not converge.
+    """
+    x, a, H = _spheres(centre, radius, np.asarray(field, dtype=float).reshape(3))
+    edges = np.asarray(box, dtype=float).reshape(-1)
+    if edges.shape != (3,) or not (np.isfinite(edges).all() and edges.min() > 0.0):
+        raise ValueError(f"`box` = {edges.tolist()}; allowed: three edges above 0 [m]")
+    if not (np.isfinite(reach) and reach >= 5.0):
+        raise ValueError(f"`reach` = {reach}; allowed: 5 largest radii or more")
+    n, far = len(x), reach * float(a.max(initial=1e-300))
+    times = np.maximum(np.ceil(2.0 * far / edges), 1).astype(int)
+    copies = np.stack(np.meshgrid(*(np.arange(k) for k in times), indexing="ij"), axis=-1).reshape(-1, 3) * edges
+    many = len(copies)
+    everywhere = (np.mod(x, edges)[None, :, :] + copies[:, None, :]).reshape(-1, 3)
+    solver = MutualMoments(
+        grain_table(law, model), near=model == "near_field", reach=far, smear=True, smallest_gap=smallest_gap
+    )
+    radii = np.tile(a, many)
+    found, held = _solve(
+        solver, everywhere, radii, np.tile(H, (many, 1)), ShearedBox(edges * times), tolerance, most_sweeps
+    )
+    moment, volume = found.moment[:n], 4.0 / 3.0 * np.pi * a**3
+    mean = moment.sum(axis=0) / np.prod(edges)
+    assert held.virial is not None
+    stress = -held.virial / (many * np.prod(edges)) - 0.5 * MU_0 * np.outer(mean, mean)
+    energy = solver.energy(everywhere, radii, found) / many
+    return Cell(moment, moment / volume[:, None], held.force[:n], energy, found.residual, found.sweeps, stress)
+
+
+def _spheres(centre, radius, field) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     x = np.array(centre, dtype=float).reshape(-1, 3)
     a = np.array(np.broadcast_to(np.asarray(radius, dtype=float), (len(x),)))
     H = np.array(np.broadcast_to(np.asarray(field, dtype=float), x.shape))
     if not (np.all(np.isfinite(x)) and np.all(np.isfinite(H)) and np.all(np.isfinite(a) & (a > 0.0))):
         raise ValueError("`centre`, `radius` and `field` must be finite numbers, radii above 0 [m]")
-    # twice beyond the farthest pair: no pair comes near the switch
-    span = float(np.linalg.norm(np.ptp(x, axis=0))) if len(x) > 1 else 0.0
-    reach = 2.0 * span + 8.0 * float(a.max(initial=1.0))
-    solver = MutualMoments(grain_table(law, model), near=model == "near_field", reach=reach, smallest_gap=smallest_gap)
-    rows = neighbour_rows(x, reach)
+    return x, a, H
+
+
+def _solve(
+    solver: MutualMoments, x: np.ndarray, a: np.ndarray, H: np.ndarray, box: ShearedBox | None, tolerance: float,
+    most_sweeps: int,
+) -> tuple[Magnetisation, HeldForces]:  # fmt: skip
+    rows = neighbour_rows(x, solver.reach, box)
     found = solver.solve(x, a, H, rows, tolerance=tolerance, most_sweeps=most_sweeps)
     if found.residual > tolerance:
         raise RuntimeError(
             f"the moments of {len(x)} spheres did not converge: residual {found.residual:.2g} after {found.sweeps} "
             f"sweeps, asked for {tolerance:g}; raise `tolerance` or `most_sweeps`"
         )
-    force, _, _ = solver.forces(x, a, rows, found)
-    volume = 4.0 / 3.0 * np.pi * a**3
-    return Cluster(found.moment, found.moment / volume[:, None], force, found.residual, found.sweeps)
+    return found, solver.forces(x, a, rows, found, virial=box is not None)

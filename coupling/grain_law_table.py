@@ -35,8 +35,8 @@ from field.spheres.neck_energy import NeckEnergy, neck_energy
 from field.laws.powder_law import GrainLaw, ThesisLaw
 from field.laws.reluctivity import Law
 from field.spheres.lone_sphere import saturation, sphere_magnetisation
-from field.spheres.pair_table import FADE_TO
-from field.spheres.transverse_pair import transverse_coupling
+from field.spheres.pair_table import FADE_TO, fade, fade_slope
+from field.spheres.transverse_pair import transverse_share
 from geometry.kernels.device_functions import device_function
 from geometry.kernels.simd import from_integers, maximum, select, to_integers
 from geometry.kernels.simd_math import log
@@ -110,15 +110,23 @@ def _tabulate(law: Law | GrainLaw, Ms: float | None, necks: NeckEnergy | None) -
         none = np.zeros((2, 2))
         return GrainLawTable(scale, *start, sphere, 0.0, 1.0, 0.0, 1.0, 1.0, 2, 2, np.zeros((4, 4)), none, none)
     x, z = necks.log_gap, necks.log_drop
-    gap = np.exp(x)
-    kappa, slope = transverse_coupling(gap)
-    pull = necks.patch[:, :, 1] / ((x[1] - x[0]) * gap)[:, None]
+    gap, per_index = np.exp(x), float(x[1] - x[0]) * np.exp(x)
+    kappa, slope = transverse_share(gap)
+    patch = _faded(necks.patch, fade(gap), fade_slope(gap) * per_index)
+    pull = patch[:, :, 1] / per_index[:, None]
     return GrainLawTable(
         scale, *start, sphere, float(x[0]), float(x[1] - x[0]), float(z[0]), float(z[1] - z[0]),
         float(np.exp(z[-1])), len(x), len(z),
-        np.ascontiguousarray(necks.patch.reshape(-1, 4)), np.ascontiguousarray(pull),
-        np.stack((kappa, slope * gap * (x[1] - x[0])), axis=1),
+        np.ascontiguousarray(patch.reshape(-1, 4)), np.ascontiguousarray(pull),
+        np.stack((kappa, slope * per_index), axis=1),
     )  # fmt: skip
+
+
+def _faded(patch: np.ndarray, faded: np.ndarray, slope: np.ndarray) -> np.ndarray:
+    """Values and derivatives (g, z, 4) times a function of the gap (g,), with its derivative over the index."""
+    f, f_i = faded[:, None], slope[:, None]
+    y, y_i, y_j, y_ij = (patch[:, :, k] for k in range(4))
+    return np.stack((f * y, f * y_i + f_i * y, f * y_j, f * y_ij + f_i * y_j), axis=-1)
 
 
 def _slopes(values: np.ndarray) -> np.ndarray:
