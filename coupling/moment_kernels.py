@@ -193,7 +193,7 @@ def ask_drops(model, grains, walls, known, answer, drop, wall_drop, step, wall_s
     potential = np.empty((grains.potential.shape[0], 2))
     for i in range(grains.potential.shape[0]):
         potential[i, 0], potential[i, 1] = grains.potential[i], answer[i, ANSWER]
-    applied, near = grains.applied, model.near
+    near = model.near
     for b in prange(known.near_once.shape[0]):
         squares[b, 0], squares[b, 1] = steps_of_eight(b, potential, known, drop, step)
     for i in prange(wall_drop.shape[0]):
@@ -297,7 +297,7 @@ def contact_forces(
     grain's pairs and of each neck; or None.
     """
     position, radius = grains.position, grains.radius
-    near, height = model.near, grains.height
+    near = model.near
     near_start, image_start = known.near_start, known.image_start
     n, n_near = position.shape[0], known.near_entry.shape[0]
     place, source = columns_of(position, radius), columns_of(grains.dipole, grains.charge)
@@ -335,7 +335,11 @@ def contact_forces(
             if not (near and is_near_wall(i, w, grains)):
                 continue
             D, strength, a = wall_drop[i, w], walls[w, 5], radius[i]
-            (nx, ny, nz), gap, (_, _, _, y_i), at, filling = neck_at_wall(i, w, D, walls, table, model, grains)
+            (nx, ny, nz), gap, (y, y1, _, y_i), at, filling = neck_at_wall(i, w, D, walls, table, model, grains)
+            # the flux into a wall sees the applied field across it alone
+            hx, hy, hz = applied[i, 0], applied[i, 1], applied[i, 2]
+            across, q = hx * nx + hy * ny + hz * nz, MU_0 * strength * a * D * (2.0 * y + y1)
+            gx, gy, gz = gx + q * (hx - across * nx), gy + q * (hy - across * ny), gz + q * (hz - across * nz)
             if attraction:
                 rise = y_i / (max(gap, model.smallest_gap) * table.gap_step)
                 if ahead > 0.0:
