@@ -7,6 +7,7 @@ The moment is that of a lone sphere in the field, M(H, phi = 0) of `field.laws.p
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -60,6 +61,13 @@ class MagnetisedGrains:
 
     def resume(self, motion: GrainMotion) -> None:
         """Give the motion what the state of a checkpoint refers to, before it is restored: nothing."""
+
+    def state(self) -> dict[str, Any] | None:
+        """Return what a checkpoint needs beside the grains' own moments: nothing."""
+        return None
+
+    def restore(self, saved: dict[str, Any] | None) -> None:
+        """Take up the state of a checkpoint."""
 
     def window_part(self) -> MomentRow | None:
         """Convergence of the moments, once a window; None where they follow from the field."""

@@ -1,6 +1,7 @@
 """The grains' moments where they magnetise one another: models `mutual` and `near_field` of the effect `dipoles`.
 
-The moments of the last evaluation are the start of the next one: a few sweeps follow the powder while it is sheared.
+Dipoles and drops of the last evaluation are the start of the next one: a few sweeps follow the powder while it is
+sheared. The dipoles are sorted and turned with the grains, the drops known by the numbers of the grains.
 A field of layers (`coupling.layered_field`) is that of the last moments; where these have left it by more than the
 moments' tolerance, both are found again.
 """
@@ -8,14 +9,15 @@ moments' tolerance, both are found again.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 
 from coupling.finite_grains import refuse_not_finite
 from coupling.layered_field import LayeredField
 from coupling.magnetised_grains import MagnetisedGrains, MomentRow
-from coupling.mutual_moments import Magnetisation, MutualMoments
+from coupling.mutual_moments import Magnetisation, MutualMoments, Necks
 from coupling.near_attraction import NearAttraction
 from coupling.wall_reflection import steel_walls
 from field import ConvergenceError, MagneticField
@@ -39,6 +41,8 @@ class MutuallyMagnetisedGrains(MagnetisedGrains):
         Walls whose steel mirrors the grains, as strongly as the field's solution says; None: none does.
     near : NearAttraction or None
         Hands the near pull to the DEM's own step; None: it is held like the rest.
+    necks : Necks or None
+        Drops of the last evaluation; None before the first one, and in model `mutual`.
     """
 
     solver: MutualMoments
@@ -46,6 +50,7 @@ class MutuallyMagnetisedGrains(MagnetisedGrains):
     mirrors: Sequence | None = None
     near: NearAttraction | None = None
     found: Magnetisation | None = None
+    necks: Necks | None = None
     _walls_of: object = None
     _worst: float = 0.0
     _sweeps: int = 0
@@ -62,11 +67,14 @@ class MutuallyMagnetisedGrains(MagnetisedGrains):
             refuse_not_finite(grains.position, self.H, grains.particle_id)
             found = self.solver.solve(
                 grains.position, grains.radius, self.H, rows, gradient=self.grad_H if self.solver.smear else None,
-                start=grains.magnetic_moment, tolerance=self.tolerance, most_sweeps=MAX_SWEEPS,
+                start=grains.magnetic_moment if grains.dipole is None else grains.dipole, necks=self.necks,
+                number=grains.particle_id, tolerance=self.tolerance, most_sweeps=MAX_SWEEPS,
             )  # fmt: skip
             if found.residual > LOST:
                 raise MomentError(found.residual, found.sweeps)
             self.found, grains.magnetic_moment = found, found.moment
+            if self.solver.near:
+                grains.dipole, self.necks = found.dipole, self.solver.necks_of(found, grains.particle_id)
             self._sweeps += found.sweeps
             left = 0.0 if layers is None else layers.follow(grains.position, found.moment)
             if left <= self.tolerance:
@@ -84,6 +92,14 @@ class MutuallyMagnetisedGrains(MagnetisedGrains):
         """Give a DEM the attraction that its saved drives belong to."""
         if self.near is not None and isinstance(motion, DEM):
             motion.attraction = self.near.attraction
+
+    def state(self) -> dict[str, Any] | None:
+        """Return the drops for a checkpoint."""
+        return None if self.necks is None else asdict(self.necks)
+
+    def restore(self, saved: dict[str, Any] | None) -> None:
+        """Take up the drops of a checkpoint."""
+        self.necks = None if saved is None else Necks(**saved)
 
     def window_part(self) -> MomentRow:
         """Return the worst residual and the sweeps since the last call."""

@@ -89,9 +89,8 @@ class Simulation:
             "cutoff": self._rows_key[0],
             "start": self._rows.start,
             "other": self._rows.other,
-            "shift": self._rows.shift,
-            "turn_cos": self._rows.turn_cos,
-            "turn_sin": self._rows.turn_sin,
+            "image": self._rows.image,
+            "images": self._rows.images,
             "position": self._rows.position,
             "reach": self._rows.reach,
             "twin": self._rows.twin,
@@ -181,10 +180,19 @@ def refresh_field(simulation: Simulation) -> None:
 
 
 def held_forces(simulation: Simulation, budget: WindowBudget) -> np.ndarray:
-    """Return the sum of all effects' forces (n, 3) [N] at the present positions, with the present moments."""
+    """Return the sum of all effects' forces (n, 3) [N] at the present positions, with the present moments.
+
+    A body that carries the field round takes the reaction of the torques that are booked under its name.
+    """
+    carrier, on_carrier = simulation.field_carrier, 0.0
     if simulation.magnetised is not None:
         simulation.magnetised.update(simulation)
     force = np.zeros_like(simulation.motion.grains.position)
     for effect in simulation.effects:
-        budget.record(effect.add_forces(simulation, force), effect.of_the_field)
+        torques = effect.add_forces(simulation, force)
+        budget.record(torques, effect.of_the_field)
+        if carrier is not None:
+            on_carrier += torques.get(carrier.name, 0.0)
+    if carrier is not None:
+        carrier.external_torque = -simulation.n_sectors * on_carrier
     return force

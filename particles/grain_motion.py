@@ -11,7 +11,7 @@ import numpy as np
 from geometry.walls import Wall
 from particles import run_errors
 from particles.bodies import Body
-from particles.grains import RECORDS, Grains
+from particles.grains import MOMENTS, RECORDS, Grains
 from particles.neighbours.contact_table import ContactTable
 from particles.neighbours.slot_list import SlotList
 from particles.sector import CyclicSector
@@ -159,7 +159,8 @@ class GrainMotion(ABC):
         """Everything that `restore` needs to continue bit for bit."""
         arrays = {name: getattr(self.grains, name).copy() for name in RECORDS}
         held = {name.lstrip("_"): getattr(self, name) for name in self.PER_GRAIN}
-        for name, value in ({"magnetic_moment": self.grains.magnetic_moment} | held).items():
+        moments = {name: getattr(self.grains, name) for name in MOMENTS}
+        for name, value in (moments | held).items():
             if value is not None:
                 arrays[name] = value.copy()
         arrays |= {f"{LIST}{name}": value.copy() for name, value in self._list.arrays().items()}
@@ -260,4 +261,5 @@ class GrainMotion(ABC):
             )
         for name in RECORDS:
             setattr(self.grains, name, state[name].copy())
-        self.grains.magnetic_moment = array_of(state, "magnetic_moment")
+        for name in MOMENTS:
+            setattr(self.grains, name, array_of(state, name))

@@ -13,6 +13,9 @@ from geometry.kernels.aligned_arrays import aligned_zeros
 RECORDS = ("position_radius", "velocity_force", "mass", "particle_id")
 """The arrays of `Grains` that are always there."""
 
+MOMENTS = ("magnetic_moment", "dipole")
+"""Vectors of `Grains` that may be there: sorted with the grains, and turned where one is wrapped."""
+
 
 class Grains:
     """Spheres, in the order in which they lie in memory.
@@ -28,10 +31,13 @@ class Grains:
     particle_id : ndarray of int64, shape (n,)
         Number of each grain; it stays with the grain when the arrays are sorted.
     magnetic_moment : ndarray, shape (n, 3), or None
-        Dipole moment [A m^2]; None in a scene without magnetism.
+        Whole moment [A m^2]; None in a scene without magnetism.
+    dipole : ndarray, shape (n, 3), or None
+        What a dipole at the centre has of it [A m^2]; the rest is that of charges, of flux that leaves through contacts.
+        None: all of it.
     """
 
-    __slots__ = ("magnetic_moment", "mass", "particle_id", "position_radius", "velocity_force")
+    __slots__ = ("dipole", "magnetic_moment", "mass", "particle_id", "position_radius", "velocity_force")
 
     def __init__(
         self,
@@ -49,6 +55,7 @@ class Grains:
         self.velocity_force = aligned_zeros((len(radius), 12))
         self.velocity_force[:, :3], self.velocity_force[:, 3:6] = velocity, angular_velocity
         self.mass, self.particle_id, self.magnetic_moment = mass, particle_id, magnetic_moment
+        self.dipole: np.ndarray | None = None
 
     @classmethod
     def of_records(cls, records: dict[str, np.ndarray]) -> Grains:
@@ -169,5 +176,6 @@ class Grains:
             old = getattr(self, name)
             new = aligned_zeros(old.shape) if old.ndim > 1 else np.empty_like(old)
             setattr(self, name, old.take(order, axis=0, out=new, mode="clip"))  # else numpy takes a copy besides
-        if self.magnetic_moment is not None:
-            self.magnetic_moment = self.magnetic_moment.take(order, axis=0)
+        for name in MOMENTS:
+            if (vectors := getattr(self, name)) is not None:
+                setattr(self, name, vectors.take(order, axis=0))

@@ -1,10 +1,17 @@
-"""Effect `dipoles`: magnetised grains attract one another (`coupling.mutual_moments`)."""
+"""Effect `dipoles`: magnetised grains attract one another (`coupling.mutual_moments`).
+
+The forces hold that of the applied field on the charges of the necks, mu_0 Q H: they are half of a pair's own couple. A
+field of revolution turns no charge about its axis. Where a slotted body carries the field round, grains and field turn
+nothing but that body: sum x x F of pairs, images and charges is then what the field turns the moments with, mu_0 m x H,
+and has its reaction there.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
 from coupling.effects.effect import Effect
+from field import MU_0
 from particles import DVI
 
 
@@ -15,15 +22,21 @@ class Dipoles(Effect):
     of_the_field = True
 
     def add_forces(self, simulation, force):
-        grains, magnetised = simulation.motion.grains, simulation.magnetised
-        solver = magnetised.solver
-        motion = simulation.motion
-        if not magnetised.found.moment.any():  # without a current: nothing pulls
-            return {"dipoles": 0.0} if magnetised.mirrors is None else {"dipoles": 0.0, "images": 0.0}
-        ahead = motion.dt * simulation.steps_per_update if isinstance(motion, DVI) else 0.0
-        found, pairs, walls = solver.forces(
-            grains.position, grains.radius, simulation.rows(solver.reach), magnetised.found,
-            velocity=np.ascontiguousarray(grains.velocity), ahead=ahead,
-        )  # fmt: skip
-        force += found
-        return {"dipoles": pairs} if magnetised.mirrors is None else {"dipoles": pairs, "images": walls}
+        grains, magnetised, motion = simulation.motion.grains, simulation.magnetised, simulation.motion
+        solver, found = magnetised.solver, magnetised.found
+        pairs = images = charges = 0.0
+        if found.moment.any():  # without a current: nothing pulls
+            ahead = motion.dt * simulation.steps_per_update if isinstance(motion, DVI) else 0.0
+            held = solver.forces(
+                grains.position, grains.radius, simulation.rows(solver.reach), found,
+                velocity=np.ascontiguousarray(grains.velocity), ahead=ahead,
+            )  # fmt: skip
+            force += held.force
+            pairs, images = held.torque_pairs, held.torque_walls
+            x, H = grains.position, found.applied
+            charges = MU_0 * float(found.charge @ (x[:, 0] * H[:, 1] - x[:, 1] * H[:, 0]))
+        carrier = simulation.field_carrier
+        if carrier is not None:
+            return {carrier.name: pairs + images + charges}
+        booked = {"dipoles": pairs + charges}
+        return booked if magnetised.mirrors is None else booked | {"images": images}

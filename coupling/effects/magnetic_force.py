@@ -1,6 +1,7 @@
-"""Effect `magnetic_force`: the field's pull on each grain, F = mu_0 (m . grad) H and T = mu_0 m x H.
+"""Effect `magnetic_force`: the field's pull on the dipole of each grain, F = mu_0 (m . grad) H and T = mu_0 m x H.
 
-Jackson §5.7 with B = mu_0 H outside the grain; (m . grad) H equals grad(m . H) at fixed m because curl H = 0 in the
+Where flux leaves a grain through its contacts m is the dipole part of its moment alone; the field's force on the charges
+of that flux belongs to effect `dipoles` (`coupling.mutual_moments`). Jackson §5.7 with B = mu_0 H outside the grain; (m . grad) H equals grad(m . H) at fixed m because curl H = 0 in the
 powder. The sampler's gradient is Cartesian and holds the hoop terms of an axisymmetric field
 (-M_phi H_phi/r in F_r, M_phi H_r/r in F_phi).
 
@@ -37,12 +38,10 @@ class MagneticForce(Effect):
 
     def add_forces(self, simulation, force):
         grains = simulation.motion.grains
-        pull = gradient_force(grains.magnetic_moment, simulation.magnetised.grad_H)
+        dipole = grains.magnetic_moment if grains.dipole is None else grains.dipole
+        pull = gradient_force(dipole, simulation.magnetised.grad_H)
         force += pull
         x = grains.position
         torque = float((x[:, 0] * pull[:, 1] - x[:, 1] * pull[:, 0]).sum())
         carrier = simulation.field_carrier
-        if carrier is None:
-            return {"gradient": torque}
-        carrier.external_torque = -simulation.n_sectors * torque
-        return {carrier.name: torque}
+        return {"gradient" if carrier is None else carrier.name: torque}

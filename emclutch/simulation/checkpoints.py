@@ -67,6 +67,7 @@ def save_checkpoint(path: Path, simulation: Simulation, case_text: str, profiles
         "updates": simulation.updates,
         "dem": simulation.motion.state(),  # of DEM or DVI
         "rows": simulation.rows_state(),
+        "magnetised": None if simulation.magnetised is None else simulation.magnetised.state(),
         "source": None if simulation.source is None else simulation.source.state(),
     }
     if profiles is not None:

@@ -18,7 +18,7 @@ from emclutch.scene.input_files import hashed_input_files
 log = logging.getLogger(__name__)
 MAY_CHANGE = ("time.end", "time.until", "time.average_from", "output.", "accuracy.", "scene.title", "scene.description")
 MUST_STAY = ("output.energy_budget",)  # what a contact remembers has a place for it
-_OF_A_RUN = ("case", "window", "steps_per_update", "updates", "dem", "rows", "source")
+_OF_A_RUN = ("case", "window", "steps_per_update", "updates", "dem", "rows", "magnetised", "source")
 
 
 def run_checkpoint(path: str | Path) -> dict[str, Any]:

@@ -74,6 +74,8 @@ def restored(case: Case, device: Device, plan: Plan, state: dict[str, Any]) -> S
     simulation.motion.restore(of_the_grains)
     simulation.window = state["window"]
     simulation.restore_rows(state["rows"])
+    if simulation.magnetised is not None:
+        simulation.magnetised.restore(state["magnetised"])
     if simulation.source is not None and state["source"] is not None:
         simulation.source.restore(state["source"])
     return simulation

@@ -35,7 +35,7 @@ from particles.dem.stored_energy import law_table, stored_at_rest
 from particles.dem.time_step import choose_time_step
 from particles.dem.wall_contacts import wall_scratch
 from particles.grain_motion import Gravity, held_force
-from particles.grains import Grains
+from particles.grains import MOMENTS, Grains
 from particles.laws.cohesion import Cohesion
 from particles.laws.contact_law import ContactLaw
 from particles.laws.pair_table import PairLaws, species_of, wall_rows
@@ -266,7 +266,7 @@ class DEM(ListedGrains):
             As `restore`.
         """
         own, speeds = (self.dt, self.skin), [body.speed for body in self.bodies]
-        of_the_run = ("external_force", "magnetic_moment")
+        of_the_run = ("external_force", *MOMENTS)
         self.restore({k: v for k, v in state.items() if k not in of_the_run and not k.startswith(ATTRACTION)})
         self.dt, self.skin = own
         for body, speed in zip(self.bodies, speeds, strict=True):

@@ -201,7 +201,7 @@ class ListedGrains(GrainMotion):
         g, wraps = self.grains, sector.wraps(self.grains.position)
         moved = np.flatnonzero(wraps)
         held = [getattr(self, name) for name, turns in self.PER_GRAIN.items() if turns]
-        for array in (g.position, g.velocity, g.angular_velocity, g.magnetic_moment, *held):
+        for array in (g.position, g.velocity, g.angular_velocity, g.magnetic_moment, g.dipole, *held):
             if array is not None:
                 array[moved] = sector.turn(array[moved], wraps[moved])
         if self.attraction is not None:

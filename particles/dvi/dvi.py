@@ -254,7 +254,7 @@ class DVI(GrainMotion):
             If the state has another number of grains or bodies.
         """
         self._restore_grains(state)
-        self.grains.magnetic_moment = self.external_force = self._impulses = None
+        self.grains.magnetic_moment = self.grains.dipole = self.external_force = self._impulses = None
         for body, (angle, _, _) in zip(self.bodies, state["bodies"], strict=True):
             body.angle, body.external_torque = float(angle), 0.0
         self._body[:, gs.BRAKE], self.step_count = 0.0, 0
