@@ -57,7 +57,7 @@ from coupling.grain_law_table import GrainLawTable
 from coupling.image_lanes import MAX_WALLS
 from coupling.influence import find_influence, reuse_or_allocate
 from coupling.influence_kernels import APPLIED
-from coupling.kernel_state import FIRST, SECOND, Influence, MagneticGrains, PairModel
+from coupling.kernel_state import ENTRY, FIRST, SECOND, Influence, MagneticGrains, PairModel
 from coupling.mirror import FACES_NO_WALL
 from coupling.moment_kernels import (
     N_ANSWER,
@@ -81,6 +81,7 @@ MIN_GAP = 3e-3
 FIRST_DAMPING, MIN_DAMPING = 0.7, 0.05
 # Moments so many times those of lone grains are of an earlier field: begin again.
 FAR_START = 10.0
+STALLED = 60  # sweeps in which the residual was not halved: Newton is tried
 NEWTON_ROUNDS, NEWTON_STEPS = 3, 20
 MU_0 = 4e-7 * np.pi
 
@@ -137,6 +138,8 @@ class Magnetisation:
     sweeps : int
     known : Influence or None
         With which they were found, until the next solve; None: without a field, nothing pulls.
+    rows : NeighbourRows or None
+        Of the solve.
     """
 
     moment: np.ndarray
@@ -155,6 +158,7 @@ class Magnetisation:
     residual: float = np.inf
     sweeps: int = 0
     known: Influence | None = None
+    rows: NeighbourRows | None = None
 
 
 @dataclass(slots=True)
@@ -219,6 +223,8 @@ class MutualMoments:
         self.model = PairModel(self.reach, self.smear, self.near, self.smallest_gap)
         self._room: Influence | None = None
         self._extra: np.ndarray | None = None
+        self._last: tuple[Necks, NeighbourRows | None, np.ndarray, np.ndarray] | None = None
+        self._by_entry: np.ndarray | None = None
 
     def solve(
         self,
@@ -293,9 +299,9 @@ class MutualMoments:
         found.known = known = find_influence(
             self.table, self.model, grains, rows.arrays, self.walls, room=self._room, twin=rows.twin
         )
-        self._room = known
+        self._room, found.rows = known, rows
         number = np.arange(n) if number is None else number
-        found.drop, found.wall_drop = self._first_drops(grains, known, necks, number, found.wall_drop)
+        found.drop, found.wall_drop = self._first_drops(grains, known, necks, number, rows, found.wall_drop)
         found.neck = np.zeros((len(found.drop), N_NECK, LANES))
         sweep = _Sweep(self, grains, rows, found)
         sweep.run(tolerance, most_sweeps, start is None)
@@ -318,20 +324,26 @@ class MutualMoments:
         number = np.arange(len(found.moment)) if number is None else number
         first, second, sign = self._numbers(known, number)
         row, wall = np.nonzero(found.wall_drop)
-        return Necks(
+        necks = Necks(
             np.stack((first, second), axis=1), sign * found.drop.reshape(-1)[: known.near_pairs], number[row], wall,
             found.wall_drop[row, wall],
         )  # fmt: skip
+        self._last = necks, found.rows, known.near_entry[_once(known, ENTRY)], found.drop.reshape(-1)
+        return necks
 
     def _numbers(self, known: Influence, number: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Of near pairs the lower number, the higher one, and 1.0 where the first grain has the lower."""
-        once = known.near_once
-        i = number[once[:, FIRST].reshape(-1)[: known.near_pairs]].astype(np.int64)
-        j = number[once[:, SECOND].reshape(-1)[: known.near_pairs]].astype(np.int64)
+        i, j = number[_once(known, FIRST)].astype(np.int64), number[_once(known, SECOND)].astype(np.int64)
         return np.minimum(i, j), np.maximum(i, j), np.where(i < j, 1.0, -1.0)
 
     def _first_drops(
-        self, grains: MagneticGrains, known: Influence, necks: Necks | None, number: np.ndarray, wall_drop: np.ndarray
+        self,
+        grains: MagneticGrains,
+        known: Influence,
+        necks: Necks | None,
+        number: np.ndarray,
+        rows: NeighbourRows,
+        wall_drop: np.ndarray,
     ) -> tuple[np.ndarray, np.ndarray]:
         """Drops to begin with: of `necks`, else those of the applied field."""
         blocks = len(known.near_once)
@@ -343,7 +355,16 @@ class MutualMoments:
         if necks is None:
             return drop, wall_drop
         flat = drop.reshape(-1)
-        if len(necks.drop) and known.near_pairs:
+        if self._last is not None and self._last[0] is necks and self._last[1] is rows:
+            # the same rows: a pair is known by its entry
+            if self._by_entry is None or len(self._by_entry) != len(rows.other):
+                self._by_entry = np.empty(len(rows.other))
+            self._by_entry.fill(np.nan)
+            before = self._last[2]
+            self._by_entry[before] = self._last[3][: len(before)]
+            drops = self._by_entry[known.near_entry[_once(known, ENTRY)]]
+            flat[: known.near_pairs] = np.where(np.isnan(drops), flat[: known.near_pairs], drops)
+        elif len(necks.drop) and known.near_pairs:
             first, second, sign = self._numbers(known, number)
             most = int(max(second.max(), necks.pair.max())) + 1
             key, asked = necks.pair[:, 0] * most + necks.pair[:, 1], first * most + second
@@ -351,6 +372,7 @@ class MutualMoments:
             at = np.minimum(np.searchsorted(key[order], asked), len(key) - 1)
             here = key[order][at] == asked
             flat[: known.near_pairs][here] = (sign * necks.drop[order][at])[here]
+        if known.near_pairs:
             flat[known.near_pairs :] = flat[known.near_pairs - 1]  # what fills the last block
         if len(necks.wall_drop):
             row = {int(k): i for i, k in enumerate(number)}
@@ -432,6 +454,11 @@ class MutualMoments:
         return MU_0 * float(total)
 
 
+def _once(known: Influence, column: int) -> np.ndarray:
+    """A column of the near pairs (near_pairs,), each once."""
+    return known.near_once[:, column].reshape(-1)[: known.near_pairs]
+
+
 class _Sweep:
     """Sweeps of one solve; the state of `found` is advanced, and always belongs together when a call returns."""
 
@@ -481,9 +508,14 @@ class _Sweep:
         """Sweep until the residual is at most the tolerance, `most_sweeps` times at most."""
         damping, before, last = (1.0 if cold else FIRST_DAMPING), np.inf, None
         self.scale = np.ones(2)
+        best, best_at = np.inf, 0
         for sweep in range(1, most_sweeps + 1):
             residual = self.evaluate()
             if residual <= tolerance or sweep == most_sweeps:
+                return
+            if residual < 0.5 * best:
+                best, best_at = residual, sweep
+            elif sweep - best_at > STALLED and tolerance > 0.0 and self.solver.near:
                 return
             if sweep <= 2:  # of both parts of the state, for the secant
                 self.scale = 1.0 / np.sqrt(np.maximum(self.sums[[1, 3]], 1e-300)) * [1.0 / self._mean_volume, 1.0]
