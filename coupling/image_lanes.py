@@ -11,8 +11,8 @@ T = c1 n n - c2 and P = k (2 u u - 1) the mirror at a wall's normal u, they are,
     [ (P_j p_1 n_1 - k p_2 n_2)^T    -k (psi_1 + psi_2)      ].
 
 The block [[A, b], [c^T, d]] seen from j is [[A^T, -c], [-b^T, d]], because both are derivatives of one energy. With a
-model of dipoles alone (`coupling.kernel_state.PairModel.near` is False) there are no charges, and of the blocks the
-field that moments make is found alone.
+model of dipoles alone (`coupling.kernel_state.PairModel.near` is False) there are no charges: its blocks are (3, 4),
+without the last row and with zeros in the last column.
 
 Pairs and walls whose images may be within reach are listed, a few hundred at a time, and found eight at a time
 (`geometry.kernels.simd`). A last group that is not full repeats its last image, which adds nothing then.
@@ -183,19 +183,19 @@ def _influence(images, there, reach, smear, charged):
 
 @device_function(without_refcounts=True, error_model="numpy", forceinline=True)
 def clear_blocks(h, until, imaged, image):
-    """Put 0 into the blocks (k, 16) of the pairs h to ``until``."""
+    """Put 0 into the blocks (k, 16), or (k, 12), of the pairs h to ``until``."""
     for g in range(h, until):
         e, t = imaged.once[g // LANES, ENTRY, g % LANES], imaged.once[g // LANES, TWIN, g % LANES]
         t = t if t >= 0 else e
-        for m in range(16):
+        for m in range(image.shape[1]):
             image[e, m] = 0.0
-        for m in range(16):
+        for m in range(image.shape[1]):
             image[t, m] = 0.0
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def _add_block(blocks, rows, x, y, z, potential, charged):
-    """Add eight blocks to ``rows`` of a table (n, 16)."""
+    """Add eight blocks to ``rows`` of a table (n, 16), or (n, 12) if not ``charged``."""
     scatter_add(blocks, rows, 0, None, None, x)
     scatter_add(blocks, rows, 4, None, None, y)
     scatter_add(blocks, rows, 8, None, None, z)
@@ -205,7 +205,7 @@ def _add_block(blocks, rows, x, y, z, potential, charged):
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def influences_of_pairs(count, model, place, rows, walls, seen, heights, image):
-    """Blocks (k, 16) of the first ``count`` images listed, of pairs: of both entries."""
+    """Blocks (k, 16), or (k, 12), of the first ``count`` images listed, of pairs: of both entries."""
     charged = model.near
     for c in range(0, count, LANES):
         there = mask_of_first(count - c)
@@ -226,7 +226,7 @@ def influences_of_pairs(count, model, place, rows, walls, seen, heights, image):
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def influences_of_grains(count, model, place, rows, walls, seen, heights, itself):
-    """Add the first ``count`` images listed, of grains themselves, to blocks (n, 16)."""
+    """Add the first ``count`` images listed, of grains themselves, to blocks (n, 16), or (n, 12)."""
     charged = model.near
     for c in range(0, count, LANES):
         there = mask_of_first(count - c)

@@ -41,11 +41,19 @@ def find_influence(
     kind = np.empty(p, dtype=np.uint8)
     pair_kinds(model, grains, rows, kind)
     imaged, near = (choose_entries(rows, twin, kind, bit) for bit in (IMAGED, NEAR))
-    image = reuse_or_allocate(len(imaged.entry), (4, 4), None if room is None else room.image)
-    itself, own_image = np.zeros((n, 4, 4)), np.zeros((n, len(walls), 4))
+    many = 4 if model.near else 3  # rows of a block
+    image = reuse_or_allocate(len(imaged.entry), (many, 4), None if room is None else room.image)
+    itself, own_image = np.zeros((n, many, 4)), np.zeros((n, len(walls), 4))
     itself[:, range(3), range(3)] = own
     image_influences(
-        model, grains, rows, imaged, walls, image.reshape(-1, 16), itself.reshape(-1, 16), own_image.reshape(-1, 4)
+        model,
+        grains,
+        rows,
+        imaged,
+        walls,
+        image.reshape(-1, 4 * many),
+        itself.reshape(-1, 4 * many),
+        own_image.reshape(-1, 4),
     )
     near_pair = reuse_or_allocate(len(near.once), (N_NEAR, LANES), None if room is None else room.near_pair)
     near_pairs(table, model, grains, rows, near, near_pair)

@@ -84,7 +84,7 @@ def pair_kinds(model, grains, rows, kind):
 
 @njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
 def image_influences(model, grains, rows, imaged, walls, image, itself, own_image):
-    """Blocks (k, 16) of images of all entries that see some, and (n, 16) of each grain on itself (added).
+    """Blocks (k, 16) of images of all entries that see some, and (n, 16) of each grain on itself (added); or 12.
 
     ``own_image`` (n w, 4) [1/m^2] is the part of a grain's own image in its potential, 0 beforehand.
     """

@@ -109,12 +109,12 @@ class Influence(NamedTuple):
 
     Attributes
     ----------
-    itself : ndarray, shape (n, 4, 4)
+    itself : ndarray, shape (n, 4, 4), of dipoles alone (n, 3, 4)
         A grain's own contribution and its own images: rows field [A/m] and potential [A], columns moment [A m^2] and
         charge [A m].
     image_start, image_entry, image_twin, image_once, image_pairs
         Entries that also see their partner's images, see `Chosen`.
-    image : ndarray, shape (those or more, 4, 4)
+    image : ndarray, shape (those or more, 4 or 3, 4)
         Those images, as `itself`.
     own_image : ndarray, shape (n, w, 4)
         [1/m^2], the last unused.

@@ -60,7 +60,7 @@ def gather_fields(model, grains, rows, known, field, potential, own_image):
         sx = applied[i, 0] + itself[i, 0, 0] * mx + itself[i, 0, 1] * my + itself[i, 0, 2] * mz
         sy = applied[i, 1] + itself[i, 1, 0] * mx + itself[i, 1, 1] * my + itself[i, 1, 2] * mz
         sz = applied[i, 2] + itself[i, 2, 0] * mx + itself[i, 2, 1] * my + itself[i, 2, 2] * mz
-        total = itself[i, 3, 0] * mx + itself[i, 3, 1] * my + itself[i, 3, 2] * mz
+        total = itself[i, 3, 0] * mx + itself[i, 3, 1] * my + itself[i, 3, 2] * mz if model.near else 0.0
         qx, qy, qz, u = field_of_row(i, place, source, model, rows)
         sx, sy, sz, total = sx + qx, sy + qy, sz + qz, total + u
         for b in range(image_start[i], image_start[i + 1]):
@@ -69,7 +69,8 @@ def gather_fields(model, grains, rows, known, field, potential, own_image):
             sx += image[b, 0, 0] * ax + image[b, 0, 1] * ay + image[b, 0, 2] * az
             sy += image[b, 1, 0] * ax + image[b, 1, 1] * ay + image[b, 1, 2] * az
             sz += image[b, 2, 0] * ax + image[b, 2, 1] * ay + image[b, 2, 2] * az
-            total += image[b, 3, 0] * ax + image[b, 3, 1] * ay + image[b, 3, 2] * az
+            if model.near:
+                total += image[b, 3, 0] * ax + image[b, 3, 1] * ay + image[b, 3, 2] * az
         field[i, 0], field[i, 1], field[i, 2], potential[i] = sx, sy, sz, total
         for w in range(own_image.shape[1]):
             own_image[i, w] = (
