@@ -33,7 +33,7 @@ from coupling.row_lanes import (
     vector_to_partner,
 )
 from geometry.kernels.device_functions import device_function
-from geometry.kernels.simd import LANES, from_integers, mask_of_first, select, splat
+from geometry.kernels.simd import LANES, from_integers, mask_of_first, select, splat, to_tuple
 from geometry.kernels.simd_math import sqrt
 from geometry.kernels.simd_tables import gather_columns, load, scatter_add
 
@@ -233,6 +233,33 @@ def influences_of_grains(count, model, place, rows, walls, seen, heights, itself
         images = _load_images(c, seen, heights, place, rows, walls)
         x, y, z, v = _influence(images, there, model.reach, model.smear, charged)
         _add_block(itself, load(seen, ENTRY, c), x, y, z, v, charged)
+
+
+@device_function(error_model="numpy")
+def columns_twice(vector, last):
+    """Table (n, 8): every row of `coupling.row_lanes.columns_of` twice, for two rows of a block."""
+    table = np.empty((vector.shape[0], LANES))
+    for i in range(vector.shape[0]):
+        table[i, 0], table[i, 1], table[i, 2], table[i, 3] = vector[i, 0], vector[i, 1], vector[i, 2], last[i]
+        table[i, 4], table[i, 5], table[i, 6], table[i, 7] = vector[i, 0], vector[i, 1], vector[i, 2], last[i]
+    return table
+
+
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+def field_of_images(i, start, entry, other, blocks, source):
+    """Field (3) [A/m] and potential [A] at grain i of its neighbours' images; of dipoles alone no potential.
+
+    ``blocks`` (k + 1 or more, 16), or (k + 1, 12): of the k entries ``start[i]`` to ``start[i + 1]`` those of grain i,
+    whose place in the rows ``entry`` says; ``source`` (n, 8): `columns_twice` of moments [A m^2] and charges [A m].
+    """
+    upper = lower = splat(0.0)
+    for b in range(start[i], start[i + 1]):
+        seen = load(source, np.int64(other[entry[b]]), 0)
+        upper = upper + load(blocks, b, 0) * seen
+        lower = lower + load(blocks, b, LANES) * seen  # of 12 numbers it reads on into the next block, for nothing
+    u, v = to_tuple(upper), to_tuple(lower)
+    total = (v[4] + v[5]) + (v[6] + v[7]) if blocks.shape[1] > 12 else 0.0
+    return (u[0] + u[1]) + (u[2] + u[3]), (u[4] + u[5]) + (u[6] + u[7]), (v[0] + v[1]) + (v[2] + v[3]), total
 
 
 @device_function(error_model="numpy", fastmath={"contract"}, forceinline=True)

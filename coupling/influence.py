@@ -42,7 +42,7 @@ def find_influence(
     pair_kinds(model, grains, rows, kind)
     imaged, near = (choose_entries(rows, twin, kind, bit) for bit in (IMAGED, NEAR))
     many = 4 if model.near else 3  # rows of a block
-    image = reuse_or_allocate(len(imaged.entry), (many, 4), None if room is None else room.image)
+    image = reuse_or_allocate(len(imaged.entry) + 1, (many, 4), None if room is None else room.image)
     itself, own_image = np.zeros((n, many, 4)), np.zeros((n, len(walls), 4))
     itself[:, range(3), range(3)] = own
     image_influences(

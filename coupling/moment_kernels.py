@@ -17,6 +17,8 @@ from coupling.image_lanes import (
     N_HEIGHTS,
     N_SEEN,
     clear_forces,
+    columns_twice,
+    field_of_images,
     find_forces,
     list_grain_images,
     list_pair_images,
@@ -55,6 +57,8 @@ def gather_fields(model, grains, rows, known, field, potential, own_image):
         known.itself, known.image, known.image_start, known.image_entry, rows.other,
     )  # fmt: skip
     place, source = columns_of(grains.position, grains.radius), columns_of(moment, grains.potential)
+    twice = columns_twice(moment, np.zeros(moment.shape[0]))
+    blocks = image.reshape(image.shape[0], 4 * image.shape[1])
     for i in prange(moment.shape[0]):
         mx, my, mz = moment[i, 0], moment[i, 1], moment[i, 2]
         sx = applied[i, 0] + itself[i, 0, 0] * mx + itself[i, 0, 1] * my + itself[i, 0, 2] * mz
@@ -63,14 +67,8 @@ def gather_fields(model, grains, rows, known, field, potential, own_image):
         total = itself[i, 3, 0] * mx + itself[i, 3, 1] * my + itself[i, 3, 2] * mz if model.near else 0.0
         qx, qy, qz, u = field_of_row(i, place, source, model, rows)
         sx, sy, sz, total = sx + qx, sy + qy, sz + qz, total + u
-        for b in range(image_start[i], image_start[i + 1]):
-            j = np.int64(other[image_entry[b]])
-            ax, ay, az = moment[j, 0], moment[j, 1], moment[j, 2]
-            sx += image[b, 0, 0] * ax + image[b, 0, 1] * ay + image[b, 0, 2] * az
-            sy += image[b, 1, 0] * ax + image[b, 1, 1] * ay + image[b, 1, 2] * az
-            sz += image[b, 2, 0] * ax + image[b, 2, 1] * ay + image[b, 2, 2] * az
-            if model.near:
-                total += image[b, 3, 0] * ax + image[b, 3, 1] * ay + image[b, 3, 2] * az
+        qx, qy, qz, u = field_of_images(i, image_start, image_entry, other, blocks, twice)
+        sx, sy, sz, total = sx + qx, sy + qy, sz + qz, total + u
         field[i, 0], field[i, 1], field[i, 2], potential[i] = sx, sy, sz, total
         for w in range(own_image.shape[1]):
             own_image[i, w] = (
