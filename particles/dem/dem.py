@@ -223,6 +223,31 @@ class DEM(ListedGrains):
             )  # fmt: skip
         return run_summary.summary(n_steps, self.dt, ring, self.bodies, totals, body_totals, energy, rebuilds, stress)
 
+    def stretch(self, factor: float) -> None:
+        """Make the sheared box higher by ``factor``: centres move with it, velocities beside its flow stay.
+
+        Raises
+        ------
+        ValueError
+            The grains are in no sheared box, or a factor that is not above 0.
+        """
+        if self.box is None or not 0.0 < factor < np.inf:
+            raise ValueError(f"factor = {factor} of a box; allowed: above 0, for grains in a sheared box")
+        g, box, reference = self.grains, self.box, self._list.reference
+        g.velocity[:, 0] += box.rate * (factor - 1.0) * g.position[:, 2]
+        g.position[:, 2] *= factor
+        reference[:, 2] *= factor
+        if self.attraction is not None and "position" in self.attraction.per_grain:
+            self.attraction.per_grain["position"][:, 2] *= factor
+        box.stretch(factor)
+        moved = g.position - reference
+        moved[:, 0] -= (box.strain - box.list_strain) * (reference[:, 2] + 0.5 * moved[:, 2])
+        farthest = float(np.sqrt(np.einsum("ij,ij->i", moved, moved).max()))
+        flow = box_kernel.flow_of(box, self.skin, self._reaches()[1] - self.skin)
+        deformed = abs(box.strain - box.list_strain) + box.stretched
+        if 2.0 * farthest + deformed * flow[box_kernel.REACH] > self.skin:
+            self.invalidate()
+
     def _raise_stopped(self, answer: int, totals: np.ndarray) -> None:
         g, dt = self.grains, self.dt
         if answer == OVERLAP:
