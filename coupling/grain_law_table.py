@@ -30,11 +30,11 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from field.spheres.neck_energy import NeckEnergy, neck_energy
 
 from field.laws.powder_law import GrainLaw, ThesisLaw
 from field.laws.reluctivity import Law
 from field.spheres.lone_sphere import saturation, sphere_magnetisation
+from field.spheres.neck_energy import NeckEnergy, neck_energy
 from field.spheres.pair_table import FADE_TO, fade, fade_slope
 from field.spheres.transverse_pair import transverse_share
 from geometry.kernels.device_functions import device_function
@@ -137,7 +137,8 @@ def _slopes(values: np.ndarray) -> np.ndarray:
 
 
 def _coenergy(H: np.ndarray, ratio: np.ndarray, slope: np.ndarray, step: float) -> np.ndarray:
-    """Integral of M dH from 0 over H^2, of the cubics that `sphere_ratio` reads, by four points of Gauss an interval."""
+    """Integral of M dH from 0 over H^2, of the cubics that `sphere_ratio` reads, by four points of Gauss an interval.
+    """
     points, weights = np.polynomial.legendre.leggauss(4)
     total = np.empty(len(H))
     total[0] = 0.5 * ratio[0] * H[0] ** 2

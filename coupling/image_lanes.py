@@ -11,8 +11,8 @@ T = c1 n n - c2 and P = k (2 u u - 1) the mirror at a wall's normal u, they are,
     [ (P_j p_1 n_1 - k p_2 n_2)^T    -k (psi_1 + psi_2)      ].
 
 The block [[A, b], [c^T, d]] seen from j is [[A^T, -c], [-b^T, d]], because both are derivatives of one energy. With a
-model of dipoles alone (`coupling.kernel_state.PairModel.near` is False) there are no charges, and of the blocks the
-field that moments make is found alone.
+model of dipoles alone (`coupling.kernel_state.PairModel.near` is False) there are no charges: its blocks are (3, 4),
+without the last row and with zeros in the last column.
 
 Pairs and walls whose images may be within reach are listed, a few hundred at a time, and found eight at a time
 (`geometry.kernels.simd`). A last group that is not full repeats its last image, which adds nothing then.
@@ -33,7 +33,7 @@ from coupling.row_lanes import (
     vector_to_partner,
 )
 from geometry.kernels.device_functions import device_function
-from geometry.kernels.simd import LANES, from_integers, mask_of_first, select, splat
+from geometry.kernels.simd import LANES, from_integers, mask_of_first, select, splat, to_tuple
 from geometry.kernels.simd_math import sqrt
 from geometry.kernels.simd_tables import gather_columns, load, scatter_add
 
@@ -183,19 +183,19 @@ def _influence(images, there, reach, smear, charged):
 
 @device_function(without_refcounts=True, error_model="numpy", forceinline=True)
 def clear_blocks(h, until, imaged, image):
-    """Put 0 into the blocks (k, 16) of the pairs h to ``until``."""
+    """Put 0 into the blocks (k, 16), or (k, 12), of the pairs h to ``until``."""
     for g in range(h, until):
         e, t = imaged.once[g // LANES, ENTRY, g % LANES], imaged.once[g // LANES, TWIN, g % LANES]
         t = t if t >= 0 else e
-        for m in range(16):
+        for m in range(image.shape[1]):
             image[e, m] = 0.0
-        for m in range(16):
+        for m in range(image.shape[1]):
             image[t, m] = 0.0
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def _add_block(blocks, rows, x, y, z, potential, charged):
-    """Add eight blocks to ``rows`` of a table (n, 16)."""
+    """Add eight blocks to ``rows`` of a table (n, 16), or (n, 12) if not ``charged``."""
     scatter_add(blocks, rows, 0, None, None, x)
     scatter_add(blocks, rows, 4, None, None, y)
     scatter_add(blocks, rows, 8, None, None, z)
@@ -205,7 +205,7 @@ def _add_block(blocks, rows, x, y, z, potential, charged):
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def influences_of_pairs(count, model, place, rows, walls, seen, heights, image):
-    """Blocks (k, 16) of the first ``count`` images listed, of pairs: of both entries."""
+    """Blocks (k, 16), or (k, 12), of the first ``count`` images listed, of pairs: of both entries."""
     charged = model.near
     for c in range(0, count, LANES):
         there = mask_of_first(count - c)
@@ -226,13 +226,40 @@ def influences_of_pairs(count, model, place, rows, walls, seen, heights, image):
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def influences_of_grains(count, model, place, rows, walls, seen, heights, itself):
-    """Add the first ``count`` images listed, of grains themselves, to blocks (n, 16)."""
+    """Add the first ``count`` images listed, of grains themselves, to blocks (n, 16), or (n, 12)."""
     charged = model.near
     for c in range(0, count, LANES):
         there = mask_of_first(count - c)
         images = _load_images(c, seen, heights, place, rows, walls)
         x, y, z, v = _influence(images, there, model.reach, model.smear, charged)
         _add_block(itself, load(seen, ENTRY, c), x, y, z, v, charged)
+
+
+@device_function(error_model="numpy")
+def columns_twice(vector, last):
+    """Table (n, 8): every row of `coupling.row_lanes.columns_of` twice, for two rows of a block."""
+    table = np.empty((vector.shape[0], LANES))
+    for i in range(vector.shape[0]):
+        table[i, 0], table[i, 1], table[i, 2], table[i, 3] = vector[i, 0], vector[i, 1], vector[i, 2], last[i]
+        table[i, 4], table[i, 5], table[i, 6], table[i, 7] = vector[i, 0], vector[i, 1], vector[i, 2], last[i]
+    return table
+
+
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+def field_of_images(i, start, entry, other, blocks, source):
+    """Field (3) [A/m] and potential [A] at grain i of its neighbours' images; of dipoles alone no potential.
+
+    ``blocks`` (k + 1 or more, 16), or (k + 1, 12): of the k entries ``start[i]`` to ``start[i + 1]`` those of grain i,
+    whose place in the rows ``entry`` says; ``source`` (n, 8): `columns_twice` of moments [A m^2] and charges [A m].
+    """
+    upper = lower = splat(0.0)
+    for b in range(start[i], start[i + 1]):
+        seen = load(source, np.int64(other[entry[b]]), 0)
+        upper = upper + load(blocks, b, 0) * seen
+        lower = lower + load(blocks, b, LANES) * seen  # of 12 numbers it reads on into the next block, for nothing
+    u, v = to_tuple(upper), to_tuple(lower)
+    total = (v[4] + v[5]) + (v[6] + v[7]) if blocks.shape[1] > 12 else 0.0
+    return (u[0] + u[1]) + (u[2] + u[3]), (u[4] + u[5]) + (u[6] + u[7]), (v[0] + v[1]) + (v[2] + v[3]), total
 
 
 @device_function(error_model="numpy", fastmath={"contract"}, forceinline=True)

@@ -39,12 +39,15 @@ def find_influence(
     kind = np.empty(p, dtype=np.uint8)
     pair_kinds(model, grains, rows, kind)
     imaged, near = (choose_entries(rows, twin, kind, bit) for bit in (IMAGED, NEAR))
-    image = reuse_or_allocate(len(imaged.entry), (4, 4), None if room is None else room.image)
-    itself = np.zeros((n, 4, 4))
+    many = 4 if model.near else 3  # rows of a block
+    image = reuse_or_allocate(len(imaged.entry) + 1, (many, 4), None if room is None else room.image)
+    itself = np.zeros((n, many, 4))
     itself[:, range(3), range(3)] = self_field_factor(model.reach, model.smear)
     if model.near:
         itself[:, 3, 3] = OVER_4PI / grains.radius + self_potential_factor(model.reach, model.smear)
-    image_influences(model, grains, rows, imaged, walls, image.reshape(-1, 16), itself.reshape(-1, 16))
+    image_influences(
+        model, grains, rows, imaged, walls, image.reshape(-1, 4 * many), itself.reshape(-1, 4 * many)
+    )
     near_pair = reuse_or_allocate(len(near.once), (N_NEAR, LANES), None if room is None else room.near_pair)
     near_pairs(table, model, grains, rows, near, near_pair)
     return Influence(itself, *imaged, image, *near, near_pair)

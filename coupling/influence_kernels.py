@@ -91,7 +91,7 @@ def pair_kinds(model, grains, rows, kind):
 
 @njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
 def image_influences(model, grains, rows, imaged, walls, image, itself):
-    """Blocks (k, 16) of images of all entries that see some, and (n, 16) of each grain on itself (added)."""
+    """Blocks (k, 16) of images of all entries that see some, and (n, 16) of each grain on itself (added); or 12."""
     place, n, n_walls = columns_of(grains.position, grains.radius), grains.position.shape[0], walls.shape[0]
     count, room = imaged.pairs, n_walls * IMAGED_CHUNK + LANES
     faces = wall_sides(grains)

@@ -111,12 +111,12 @@ class Influence(NamedTuple):
 
     Attributes
     ----------
-    itself : ndarray, shape (n, 4, 4)
+    itself : ndarray, shape (n, 4, 4), of dipoles alone (n, 3, 4)
         Field (3) [A/m] and potential [A] at a grain of its own moment (3) [A m^2] and charge [A m], by its spread
         contribution to the mean field and by its images.
     image_start, image_entry, image_twin, image_once, image_pairs
         Entries that also see their partner's images, see `Chosen`.
-    image : ndarray, shape (those or more, 4, 4)
+    image : ndarray, shape (those or more, 4 or 3, 4)
         Those images, as `itself`.
     near_start, near_entry, near_twin, near_once, near_pairs
         Near pairs, see `Chosen`.

@@ -27,6 +27,8 @@ from coupling.image_lanes import (
     N_HEIGHTS,
     N_SEEN,
     clear_forces,
+    columns_twice,
+    field_of_images,
     find_forces,
     list_grain_images,
     list_pair_images,
@@ -98,9 +100,9 @@ def neck_at_wall(i, w, drop, walls, table, model, grains):
 def find_fluxes(table, model, grains, rows, walls, known, drop, wall_drop, neck, wall_neck, charge, answer, extra):
     """Fluxes of all necks at their drops, the charges (n,) [A m] and what the necks do to grains (n, N_ANSWER).
 
-    ``drop`` (blocks, 8), ``wall_drop`` (n, w) [A]; ``neck`` (blocks, N_NECK, 8), ``wall_neck`` (n, w, 2): flux [A m] and
-    energy w + q D over mu_0 [A^2 m], of a wall half of the mirrored pair's, times the wall's strength. ``extra`` (k, 8) is
-    scratch, with room for all near entries.
+    ``drop`` (blocks, 8), ``wall_drop`` (n, w) [A]; ``neck`` (blocks, N_NECK, 8), ``wall_neck`` (n, w, 2): flux [A m]
+    and energy w + q D over mu_0 [A^2 m], of a wall half of the mirrored pair's, times the wall's strength. ``extra``
+    (k, 8) is scratch, with room for all near entries.
     """
     source = columns_of(grains.dipole, grains.volume)
     contrast = grains.contrast
@@ -139,22 +141,19 @@ def gather_fields(model, grains, rows, known, field, potential):
         known.itself, known.image, known.image_start, known.image_entry, rows.other,
     )  # fmt: skip
     place, source = columns_of(grains.position, grains.radius), columns_of(dipole, charge)
+    twice = columns_twice(dipole, charge)
+    blocks = image.reshape(image.shape[0], 4 * image.shape[1])
     for i in prange(dipole.shape[0]):
         mx, my, mz, q = source[i, 0], source[i, 1], source[i, 2], source[i, 3]
         own = itself[i]
         sx = applied[i, 0] + own[0, 0] * mx + own[0, 1] * my + own[0, 2] * mz + own[0, 3] * q
         sy = applied[i, 1] + own[1, 0] * mx + own[1, 1] * my + own[1, 2] * mz + own[1, 3] * q
         sz = applied[i, 2] + own[2, 0] * mx + own[2, 1] * my + own[2, 2] * mz + own[2, 3] * q
-        total = own[3, 0] * mx + own[3, 1] * my + own[3, 2] * mz + own[3, 3] * q
+        total = own[3, 0] * mx + own[3, 1] * my + own[3, 2] * mz + own[3, 3] * q if model.near else 0.0
         qx, qy, qz, u = field_of_row(i, place, source, model, rows)
         sx, sy, sz, total = sx + qx, sy + qy, sz + qz, total + u
-        for b in range(image_start[i], image_start[i + 1]):
-            j = np.int64(other[image_entry[b]])
-            ax, ay, az, q = source[j, 0], source[j, 1], source[j, 2], source[j, 3]
-            sx += image[b, 0, 0] * ax + image[b, 0, 1] * ay + image[b, 0, 2] * az + image[b, 0, 3] * q
-            sy += image[b, 1, 0] * ax + image[b, 1, 1] * ay + image[b, 1, 2] * az + image[b, 1, 3] * q
-            sz += image[b, 2, 0] * ax + image[b, 2, 1] * ay + image[b, 2, 2] * az + image[b, 2, 3] * q
-            total += image[b, 3, 0] * ax + image[b, 3, 1] * ay + image[b, 3, 2] * az + image[b, 3, 3] * q
+        qx, qy, qz, u = field_of_images(i, image_start, image_entry, other, blocks, twice)
+        sx, sy, sz, total = sx + qx, sy + qy, sz + qz, total + u
         field[i, 0], field[i, 1], field[i, 2], potential[i] = sx, sy, sz, total
 
 
@@ -289,12 +288,12 @@ def contact_forces(
 ):  # fmt: skip
     """Forces (n, 3) [N], added: of dipoles, charges and necks at constant dipoles, charges and drops.
 
-    The pull of necks along the lines of centres only with ``attraction``; with ``ahead`` > 0 [s] it is its mean over that
-    time at the present ``velocity`` (n, 3) [m/s]: a step of rigid grains is longer than its range. Images in the walls
-    (w, 6) included, and the applied field's force on the charges. ``torque`` (n, 2): z-components [N m] of x x F of
-    the pairs, and of images and walls; without the applied field's. ``extra`` (k, 8) is scratch, with room for all near
-    entries and all that see images. ``virial`` (n, 9) and ``near_virial`` (blocks, 9, 8): r_a F_b [N m], of half of each
-    grain's pairs and of each neck; or None.
+    The pull of necks along the lines of centres only with ``attraction``; with ``ahead`` > 0 [s] it is its mean over
+    that time at the present ``velocity`` (n, 3) [m/s]: a step of rigid grains is longer than its range. Images in the
+    walls (w, 6) included, and the applied field's force on the charges. ``torque`` (n, 2): z-components [N m] of x x F
+    of the pairs, and of images and walls; without the applied field's. ``extra`` (k, 8) is scratch, with room for all
+    near entries and all that see images. ``virial`` (n, 9) and ``near_virial`` (blocks, 9, 8): r_a F_b [N m], of half
+    of each grain's pairs and of each neck; or None.
     """
     position, radius = grains.position, grains.radius
     near = model.near

@@ -1,20 +1,20 @@
-"""Moments of grains that magnetise one another and whose flux gathers where they touch, and their forces, of one energy.
+"""Moments and forces of grains that magnetise one another and whose flux gathers where they touch, of one energy.
 
 Two models. **mutual**: every grain is a dipole in the field of all others, M_i = M_sph(|S_i|) S_i/|S_i| with S_i the
 applied field and that of the others (and, where the applied field is the mean one of an even powder, the grain's own
 contribution; `coupling.pair_fields`).
 
 **near_field** adds the excess flux through the necks of near pairs, whose gap g is less than 1.2 radii. Unknown are, of
-every grain, the dipole part M_i of its magnetisation and, of every near pair k = (i, j), the drop D_k of the potential over
-the neck, from j to i along n; the flux q_k follows from the drop. It leaves grain i and enters grain j as charges +q_k
-and -q_k at their centres, Q_i = sum of +-q_k. The state is the stationary point of
+every grain, the dipole part M_i of its magnetisation and, of every near pair k = (i, j), the drop D_k of the potential
+over the neck, from j to i along n; the flux q_k follows from the drop. It leaves grain i and enters grain j as charges
++q_k and -q_k at their centres, Q_i = sum of +-q_k. The state is the stationary point of
 
     W/mu_0 = sum_i [V_i u(M_i) - m_i.H_i + Q_i^2/(8 pi a_i)] + W_dd + W_qd + W_qq
              + sum_k [w(g_k, D_k, s_k) + q_k D_k - q_k r_k n_k.H_k] + W_t
 
 with u(M) the work of magnetising a lone sphere, W_dd, W_qd and W_qq the energies of all pairs of dipoles and charges
-(`coupling.pair_fields`), w that of a neck (`coupling.grain_law_table`), s = 1 - sign(D) (M_i + M_j).n/(2 Ms) the capacity
-that the dipole parts leave it, and
+(`coupling.pair_fields`), w that of a neck (`coupling.grain_law_table`), s = 1 - sign(D) (M_i + M_j).n/(2 Ms) the
+capacity that the dipole parts leave it, and
 
     W_t = - sum_k kappa(g_k)/(4 pi r_k^3) c_i c_j m_i,t.m_j,t
 
@@ -28,20 +28,22 @@ where S_i and phi_i count all grains, the partner included. Forces are -dW/dx at
 that obey the third law, conserve angular momentum, and do no work in a closed loop. The moment of a grain, which makes
 the field outside and is what files hold, is m_i + sum_k q_k r_k n_k/2.
 
-A steel wall is the mirrored pair: neck and energy are half of those of the grain and its image, times the wall's strength.
+A steel wall is the mirrored pair: neck and energy are half of those of the grain and its image, times the wall's
+strength.
 
 Gaps are counted between surfaces, in radii a = 2 a_i a_j/(a_i + a_j). Below `smallest_gap`, which stands for oxide and
 roughness of the grains, a stated property of the powder, the neck is that of the smallest gap, its energy goes on along
 the tangent.
 
 Source: the functional is this project's; its table is made of finite elements for two spheres. Against finite elements
-(`tests/coupling/test_magnetised_contact.py`, `tests/coupling/test_one_energy.py`) it is valid from one to six contacts of a
-grain and up to 200 kA/m in iron; in bcc and fcc lattices its forces are off by up to a third, and far beyond 200 kA/m
-too strong where contacts are many.
+(`tests/coupling/test_magnetised_contact.py`, `tests/coupling/test_one_energy.py`) it is valid from one to six contacts
+of a grain and up to 200 kA/m in iron; in bcc and fcc lattices its forces are off by up to a third, and far beyond 200
+kA/m too strong where contacts are many.
 
 Dipoles and drops are the fixed point of a map that is neither linear nor symmetric, and a saddle of W. It is approached
 by damped sweeps from the last state, mixed with the sweep before as the secant through both asks (`mix_by_secant`); the
-step of a drop is divided by 1 + (k_i + k_j)/2, k = sum over a grain's necks of (dq/dD)/(4 pi a). Every sweep updates all
+step of a drop is divided by 1 + (k_i + k_j)/2, k = sum over a grain's necks of (dq/dD)/(4 pi a). Every sweep updates
+all
 from the same state, so no bit depends on the threads.
 """
 
@@ -172,8 +174,8 @@ class HeldForces:
     torque_pairs, torque_walls : float
         Sums of x x F about z of the pairs, and of images and walls [N m].
     virial : (3, 3) float64 or None
-        Sum over pairs of r_a F_b, r from the second grain to the first and F on the first [N m]; with the applied field's
-        force on the charges.
+        Sum over pairs of r_a F_b, r from the second grain to the first and F on the first [N m]; with the applied
+        field's force on the charges.
     """
 
     force: np.ndarray
@@ -462,8 +464,11 @@ def _once(known: Influence, column: int) -> np.ndarray:
 class _Sweep:
     """Sweeps of one solve; the state of `found` is advanced, and always belongs together when a call returns."""
 
-    def __init__(self, solver: MutualMoments, grains: MagneticGrains, rows: NeighbourRows, found: Magnetisation) -> None:
+    def __init__(
+        self, solver: MutualMoments, grains: MagneticGrains, rows: NeighbourRows, found: Magnetisation
+    ) -> None:
         self.solver, self.grains, self.rows, self.found = solver, grains, rows.arrays, found
+        assert found.known is not None
         self.known = found.known
         n, w, blocks = len(found.dipole), found.wall_drop.shape[1], len(found.drop)
         self.step, self.drop_step, self.wall_step = np.empty((n, 3)), np.zeros((blocks, LANES)), np.zeros((n, w))
@@ -613,8 +618,8 @@ def mix_by_secant(
 
     `asked` is what an undamped step would change, `last` state and step asked of the sweep before (None: nothing is
     remembered, the damped step alone). Of all states on the line through both sweeps that one is taken for which the
-    step asked is smallest, and the damped step is made from there: Anderson's acceleration of depth one (D. G. Anderson,
-    J. ACM 12 (1965) 547). It follows an iteration that alternates as well as one that creeps.
+    step asked is smallest, and the damped step is made from there: Anderson's acceleration of depth one (D. G.
+    Anderson, J. ACM 12 (1965) 547). It follows an iteration that alternates as well as one that creeps.
     """
     plain = state + damping * asked
     if last is None:

@@ -37,7 +37,7 @@ def drive_pairs(table, across, model, grains, pairs, drive, force):
     position, radius, dipole, applied, contrast = (
         grains.position, grains.radius, grains.dipole, grains.applied, grains.contrast,
     )  # fmt: skip
-    volume, potential, slope = grains.volume, grains.potential, grains.slope
+    volume, potential = grains.volume, grains.potential
     start, other, image, images = pairs
     for i in range(position.shape[0]):
         for q in range(start[i], start[i + 1]):

@@ -21,8 +21,8 @@ class NeighbourRows:
     """CSR rows: grain i sees the grains `other[start[i]:start[i+1]]`, each in one of its periodic images.
 
     Row `image[q]` of `images` holds cosine and sine of an image's turn about z and its translation [m]; the middle one
-    is the grain itself. `position` (n, 3) [m] is where the grains were when the rows were made out to `reach` [m]. `twin` is where each
-    entry's pair stands in the other grain's row; None: not every pair does.
+    is the grain itself. `position` (n, 3) [m] is where the grains were when the rows were made out to `reach` [m].
+    `twin` is where each entry's pair stands in the other grain's row; None: not every pair does.
     """
 
     start: np.ndarray  # (n+1,) int64

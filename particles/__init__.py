@@ -3,6 +3,7 @@
 import geometry.kernels.cache  # noqa: F401 (before the first kernel is defined)
 from particles.bodies import Body, FreeShaft
 from particles.dem.attraction import Attraction, contact_share, depth_warning
+from particles.dem.barostat import Barostat
 from particles.dem.dem import DEM
 from particles.dem.time_step import TimeStep, choose_time_step, contact_time, stiffness_for_overlap
 from particles.dvi.dvi import DVI
@@ -30,6 +31,7 @@ from particles.packing.file_packing import file_packing
 from particles.packing.grown_packing import grown_packing
 from particles.packing.lattice_packing import lattice_packing
 from particles.packing.packing import Packing
+from particles.packing.periodic_packing import BoxTooDense, periodic_packing
 from particles.packing.poured_packing import poured_packing
 from particles.packing.random_packing import pack, random_packing
 from particles.packing.settling import NotAtRestError, Settling, before_the_start, settle
@@ -38,13 +40,16 @@ from particles.packing.space import Space
 from particles.periodicity import Periodicity
 from particles.sector import CyclicSector
 from particles.sheared_box import ShearedBox
-from particles.step_totals import EnergyTotals, StepTotals
+from particles.step_totals import BoxStress, EnergyTotals, StepTotals
 
 __all__ = [
     "DEM",
     "DVI",
     "Attraction",
+    "Barostat",
     "Body",
+    "BoxStress",
+    "BoxTooDense",
     "Cohesion",
     "ContactLaw",
     "ContactTable",
@@ -94,6 +99,7 @@ __all__ = [
     "grown_packing",
     "lattice_packing",
     "pack",
+    "periodic_packing",
     "poured_packing",
     "random_packing",
     "read_sizes",

@@ -14,6 +14,7 @@ from particles.bodies import Body
 from particles.grains import MOMENTS, RECORDS, Grains
 from particles.neighbours.contact_table import ContactTable
 from particles.neighbours.slot_list import SlotList
+from particles.periodicity import Periodicity
 from particles.sector import CyclicSector
 from particles.step_answers import DONE
 from particles.step_totals import StepTotals
@@ -64,8 +65,8 @@ class GrainMotion(ABC):
         Step [s].
     gravity : array_like, shape (3,), or callable, optional
         Acceleration [m/s^2]; a callable takes times (k,) [s] and returns (k, 3).
-    sector : CyclicSector or None
-        The wedge of the ring that is simulated; None: all of it.
+    periodicity : Periodicity or None
+        How the space repeats that is simulated: a wedge of the ring, a sheared box; None: all of it is.
     skin : float
         Of the neighbour list [m].
     overlap_limit : float
@@ -82,7 +83,7 @@ class GrainMotion(ABC):
     """
 
     PER_GRAIN: ClassVar[dict[str, bool]] = {"external_force": True}
-    """Arrays with a row a grain, or None: whether rows are vectors that turn where a grain is wrapped."""
+    """Arrays with a row a grain, or None: whether rows are vectors, which a wrap may turn."""
 
     def __init__(
         self,
@@ -92,12 +93,12 @@ class GrainMotion(ABC):
         *,
         dt: float,
         gravity: Gravity | None,
-        sector: CyclicSector | None,
+        periodicity: Periodicity | None,
         skin: float,
         overlap_limit: float,
     ) -> None:
         self.grains, self.walls, self.bodies = grains, list(walls), list(bodies)
-        self.dt, self.sector, self.overlap_limit = float(dt), sector, overlap_limit
+        self.dt, self.periodicity, self.overlap_limit = float(dt), periodicity, overlap_limit
         self.gravity: Gravity | None = gravity
         if gravity is not None and not callable(gravity):
             self.gravity = np.array(gravity, dtype=float).reshape(3)
@@ -116,6 +117,11 @@ class GrainMotion(ABC):
     def time(self) -> float:
         """Time [s] of the positions."""
         return self.step_count * self.dt
+
+    @property
+    def sector(self) -> CyclicSector | None:
+        """The wedge of the ring that is simulated, if it is one."""
+        return self.periodicity if isinstance(self.periodicity, CyclicSector) else None
 
     @property
     def n_sectors(self) -> int:

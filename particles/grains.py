@@ -33,8 +33,8 @@ class Grains:
     magnetic_moment : ndarray, shape (n, 3), or None
         Whole moment [A m^2]; None in a scene without magnetism.
     dipole : ndarray, shape (n, 3), or None
-        What a dipole at the centre has of it [A m^2]; the rest is that of charges, of flux that leaves through contacts.
-        None: all of it.
+        What a dipole at the centre has of it [A m^2]; the rest is that of charges, of flux that leaves through
+        contacts. None: all of it.
     """
 
     __slots__ = ("dipole", "magnetic_moment", "mass", "particle_id", "position_radius", "velocity_force")

@@ -169,6 +169,11 @@ class ShearedBox(Periodicity):
                 "a neighbour twice; take more grains or a shorter reach"
             )
 
+    def stretch(self, factor: float) -> None:
+        """Make the box higher by ``factor``; what is in it is moved by `particles.DEM.stretch`."""
+        self.lengths[2] *= factor
+        self.stretched += abs(math.log(factor))
+
     def begin_list(self) -> None:
         """Take whole boxes out of the offset; the strain since the list is 0 now."""
         self.offset -= self.lengths[0] * math.floor(self.offset / self.lengths[0])

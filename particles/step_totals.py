@@ -10,11 +10,15 @@ sum(wall_work); what is neither passed on nor stored is lost: `EnergyTotals.diss
 - elastic_change, exact by definition. `EnergyTotals.dissipation` splits the loss by mechanism, each computed on its own
 at the contact by the same rule; its sum converges to `dissipated` with the step, and the difference is what the
 integration has lost or won.
+
+In a sheared box velocities and energies are those beside its flow. The shear works on the grains through contacts, held
+attraction and their own motion, -rate V sigma_xz each; then kinetic_change also has the work through motion, and
+`EnergyTotals.dissipated` the work through contacts.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -33,6 +37,8 @@ class EnergyTotals:
         Work on the grains.
     kinetic_energy, kinetic_change, elastic_energy, elastic_change : float
         At the end, and against the beginning.
+    shear_work : dict
+        Work of the shear through "contacts", "attraction" and "motion"; empty outside of a sheared box.
     """
 
     wall_work: dict[str, float]
@@ -44,16 +50,51 @@ class EnergyTotals:
     kinetic_change: float
     elastic_energy: float
     elastic_change: float
+    shear_work: dict[str, float] = field(default_factory=dict)
 
     @property
     def dissipated(self) -> float:
         """Energy lost in contacts, from the balance (module docstring)."""
-        return sum(self.wall_work.values()) - self.contact_work - self.elastic_change
+        put_in = sum(self.wall_work.values()) + self.shear_work.get("contacts", 0.0)
+        return put_in - self.contact_work - self.elastic_change
 
     @property
     def integration_error(self) -> float:
         """Difference of the balance and the mechanisms: the step's error, of either sign, second order in dt."""
         return self.dissipated - sum(self.dissipation.values())
+
+
+@dataclass(frozen=True, slots=True)
+class BoxStress:
+    """Mean stress in a sheared box over some steps, compression positive.
+
+    The parts of sigma_ab = (1/V) [sum over pairs F_a r_b + sum over grains m p_a p_b], with F on the grain at r from
+    its partner and p the velocity less the flow's: a is the direction of the force, b that of the face.
+
+    Attributes
+    ----------
+    contacts, attraction, motion : ndarray, shape (3, 3)
+        [Pa]; `attraction` is the held one (`particles.dem.attraction`), other held forces are not known here.
+    """
+
+    contacts: np.ndarray
+    attraction: np.ndarray
+    motion: np.ndarray
+
+    @property
+    def total(self) -> np.ndarray:
+        """[Pa]"""
+        return self.contacts + self.attraction + self.motion
+
+    @property
+    def shear(self) -> float:
+        """Force along the flow that holds it back, per area across the gradient, -sigma_xz [Pa]."""
+        return -float(self.total[0, 2])
+
+    @property
+    def pressure(self) -> float:
+        """A third of the trace [Pa]."""
+        return float(np.trace(self.total)) / 3.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +124,8 @@ class StepTotals:
         Largest speed of a grain [m/s].
     rebuilds : int
         Neighbour lists made.
+    stress : BoxStress or None
+        In a sheared box; None outside of one.
     """
 
     steps: int
@@ -96,6 +139,7 @@ class StepTotals:
     n_contacts: int
     max_speed: float
     rebuilds: int
+    stress: BoxStress | None
 
     @property
     def energy_budget(self) -> EnergyTotals:

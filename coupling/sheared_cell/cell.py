@@ -1,3 +1,4 @@
+# mypy: ignore-errors
 """A box that repeats in all three directions and is sheared: images, wrapping, lists of pairs (Lees & Edwards 1972).
 
 Flow along x, gradient along z. The box is [0, Lx) x [0, Ly) x [0, Lz); the copy above it has moved on by the `offset`

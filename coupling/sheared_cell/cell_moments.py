@@ -1,3 +1,4 @@
+# mypy: ignore-errors
 """Moments of the grains of a sheared cell in a macroscopic field, and the forces that are held between two looks.
 
 The field H is that of an even powder, given (the split of `coupling.pair_fields`): every grain feels it, the correction

@@ -1,3 +1,4 @@
+# mypy: ignore-errors
 """Magnetic forces of the pairs of a sheared cell: what is held between two looks at the moments, and its stress.
 
 The forces are those of `coupling.moment_kernels.contact_forces`, pair by pair and once each, because the stress needs

@@ -56,7 +56,7 @@ def simulation_of(case: Case, device: Device, plan: Plan, grains: Grains) -> Sim
             plan.contact.laws,
             dt=plan.dt,
             gravity=gravity,
-            sector=plan.sector,
+            periodicity=plan.sector,
             energy_budget=scene.output.energy_budget,
         )
     source = None

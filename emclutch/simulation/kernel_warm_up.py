@@ -50,7 +50,7 @@ def grains_of_kind(law: str, *parts: str) -> DEM:
     sector = CyclicSector(2.0 * np.pi / 6.0) if "sector" in parts else None
     bore = cylinder("bore", "drum", 20.0 * RADIUS, -1.0, 1.0)
     dem = DEM(
-        Grains.create(where, radius, 2500.0), [bore], [Body("drum")], laws, dt=1e-7, sector=sector,
+        Grains.create(where, radius, 2500.0), [bore], [Body("drum")], laws, dt=1e-7, periodicity=sector,
         energy_budget="energies" in parts,
     )  # fmt: skip
     if "attraction" in parts:

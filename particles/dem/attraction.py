@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from particles.dem.dem import DEM
     from particles.neighbours.contact_list import ContactList
     from particles.neighbours.neighbour_list import PairList
-    from particles.sector import CyclicSector
+    from particles.periodicity import Periodicity
 
 DEEPEST = 0.01  # of a radius: how far a pull may press a contact before `depth_warning` speaks
 PREFIX = "attraction_"
@@ -70,7 +70,7 @@ class Attraction:
         Gap [radii] up to which every pair, and every wall, has its slot at every step.
     per_grain : dict of ndarray, shapes (n, ...)
         What `drives` needs of each grain, in the present order of the DEM: sorted with the grains, and those of shape
-        (n, 3) turned as vectors where a grain is wrapped through the sector.
+        (n, 3) turned as vectors where a grain is wrapped; ``position`` as what it says.
     pair_drive, wall_drive : ndarray or None
         The present drives; None until the next step asks for them.
     listed : bool
@@ -200,11 +200,12 @@ class Attraction:
         for name, array in self.per_grain.items():
             self.per_grain[name] = np.ascontiguousarray(array[order])
 
-    def wrap(self, rows: np.ndarray, wraps: np.ndarray, sector: CyclicSector) -> None:
-        """Turn the vectors of the grains ``rows`` by ``wraps`` sectors."""
-        for array in self.per_grain.values():
+    def wrap(self, rows: np.ndarray, wraps: np.ndarray, periodicity: Periodicity) -> None:
+        """Take the vectors of the grains ``rows`` to their images by the shifts ``wraps``."""
+        for name, array in self.per_grain.items():
             if array.ndim == 2 and array.shape[1] == 3:
-                array[rows] = sector.turn(array[rows], wraps)
+                to_image = periodicity.place if name == "position" else periodicity.turn
+                array[rows] = to_image(array[rows], wraps)
 
     def held(self, contacts: ContactList, n: int, driven: bool = True) -> HeldAttraction:
         """The argument of a step for ``n`` grains; not ``driven``: all amplitudes 0."""

@@ -19,6 +19,7 @@ from geometry.kernels.device_functions import device_function
 from geometry.kernels.simd import LANES, mask_of_first
 from geometry.kernels.simd_tables import eight_indices, gather, stack_table
 from particles.dem import total_columns as column
+from particles.dem.box_kernel import clear_virial
 from particles.dem.contact_kinematics import MAX_REMEMBERED
 from particles.dem.drift_kernel import add_drifted, drift_eight, none_drifted
 from particles.dem.kernel_state import Tally
@@ -37,6 +38,7 @@ def sweep_rows(chunk, now, law, resistance, energy_column, attraction, grains, p
         for a in range(column.N_CHUNK_BODY):
             totals.chunk_bodies[chunk, b, a] = 0.0
     totals.chunk[chunk][:] = 0.0
+    clear_virial(grains.virial, chunk)
     tally, drifted = Tally(0, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0), 0.0, -1), none_drifted()
     parted = (0.0, 0.0, 0.0, 0.0)  # what pairs that parted have lost
     table = broadcast_law(law, stack_table(N_LAW))
@@ -58,7 +60,7 @@ def sweep_rows(chunk, now, law, resistance, energy_column, attraction, grains, p
         drifted = _drift_rows(done, ended, now, law, energy_column, attraction, grains, chunks.deferred, drifted)
         done = ended
     _add_tally(tally, parted, totals.chunk[chunk])
-    add_drifted(drifted, energy_column, totals.chunk[chunk])
+    add_drifted(chunk, drifted, energy_column, grains, totals.chunk[chunk])
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
@@ -93,7 +95,7 @@ def finish_rows(chunk, now, law, energy_column, attraction, grains, chunks, tota
         count = min(end - a, LANES)
         rows = gather(chunks.deferred_grain, eight_indices(a, a + count - 1))
         drifted = drift_eight(rows, mask_of_first(count), now, law, energy_column, attraction, grains, drifted)
-    add_drifted(drifted, energy_column, totals.chunk[chunk])
+    add_drifted(chunk, drifted, energy_column, grains, totals.chunk[chunk])
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)

@@ -14,7 +14,7 @@ import numpy as np
 from geometry.walls import Wall
 from particles import run_errors
 from particles.bodies import Body
-from particles.dem import run_summary, total_columns
+from particles.dem import box_kernel, run_summary, total_columns
 from particles.dem import step_kernel as kernel
 from particles.dem.attraction import PREFIX as ATTRACTION
 from particles.dem.contact_columns import contact_columns
@@ -43,8 +43,9 @@ from particles.laws.rolling_friction import RollingFriction
 from particles.laws.twisting_friction import TwistingFriction
 from particles.neighbours.contact_list import ContactList
 from particles.neighbours.contact_table import ContactTable, contact_table, geometric_overlaps
-from particles.sector import CyclicSector
+from particles.periodicity import Periodicity
 from particles.shafts import Shafts
+from particles.sheared_box import ShearedBox
 from particles.step_answers import NOT_FINITE, OVERLAP, TOO_FAST
 from particles.step_totals import StepTotals
 from particles.threads import threads_for
@@ -71,8 +72,9 @@ class DEM(ListedGrains):
     gravity : array_like, shape (3,), or callable, optional
         Acceleration [m/s^2]; a callable takes times (k,) [s] and returns (k, 3). None leaves it out of the compiled
         step.
-    sector : CyclicSector, optional
-        Simulate one wedge of the ring.
+    periodicity : Periodicity, optional
+        Simulate one copy of a space that repeats: one wedge of the ring, a sheared box. A box is taken over, its strain
+        is advanced; it has neither walls nor gravity.
     rolling, twisting, cohesion : optional
         Resistance to rolling and to twisting, and pull, with a single law (`PairLaws` has its own); None leaves each
         out of the compiled step.
@@ -103,7 +105,7 @@ class DEM(ListedGrains):
     Raises
     ------
     ValueError
-        For a step too long for the contact, an unknown body, a sector too narrow.
+        For a step too long for the contact, an unknown body, a copy of space too narrow for its lists.
     DemError
         During `run`: overlap beyond the limit, a number that is not finite, a grain outside the device.
     """
@@ -117,7 +119,7 @@ class DEM(ListedGrains):
         *,
         dt: float,
         gravity: Gravity | None = None,
-        sector: CyclicSector | None = None,
+        periodicity: Periodicity | None = None,
         rolling: RollingFriction | None = None,
         twisting: TwistingFriction | None = None,
         cohesion: Cohesion | None = None,
@@ -138,21 +140,32 @@ class DEM(ListedGrains):
         self._table = law_table(laws, grains, one_species=grain_species is None)
         columns = contact_columns(laws.rows, self._table, energy_budget)
         super().__init__(
-            grains, walls, bodies, columns, dt=dt, gravity=gravity, sector=sector, skin=skin,
+            grains, walls, bodies, columns, dt=dt, gravity=gravity, periodicity=periodicity, skin=skin,
             overlap_limit=overlap_limit, species=grain_species,
         )  # fmt: skip
         self.laws, self.energy_budget = laws, energy_budget
-        if sector is not None and isinstance(self.gravity, np.ndarray) and self.gravity[:2].any():
+        if self.box is not None and (self.walls or gravity is not None):
+            raise ValueError(
+                "walls or gravity in a sheared box; it repeats in all directions, grains would fall for ever"
+            )
+        if self.sector is not None and isinstance(self.gravity, np.ndarray) and self.gravity[:2].any():
             raise ValueError(
                 f"gravity = {self.gravity} m/s^2 turns from sector to sector; allowed with a sector: along z only"
             )
         self._fastest = FASTEST * float(np.min(grains.radius)) / self.dt
         self._wall_row = wall_rows(laws, len(self.walls), wall_material, self._device.wall)
-        self._turn = None if sector is None else np.array([np.cos(sector.angle), np.sin(sector.angle)])
+        angle = None if self.sector is None else self.sector.angle
+        self._turn = None if angle is None else np.array([np.cos(angle), np.sin(angle)])
+        self._box_later = np.zeros(box_kernel.N_BOX_SUMS - box_kernel.LAST_CONTACT)
         self._later = np.zeros(3)
         self._last_torque = np.zeros(len(self.bodies))
         self._elastic = self._stored_at_rest() if energy_budget else 0.0
-        self._kinetic = grains.kinetic_energy() if energy_budget else 0.0
+        self._kinetic = self._kinetic_now() if energy_budget else 0.0
+
+    @property
+    def box(self) -> ShearedBox | None:
+        """The sheared box that the grains are in, if it is one."""
+        return self.periodicity if isinstance(self.periodicity, ShearedBox) else None
 
     @property
     def contact(self) -> ContactLaw:
@@ -171,6 +184,10 @@ class DEM(ListedGrains):
         totals[total_columns.CONTACT_LATER : total_columns.CONTACT_LATER + 3] = self._later
         body_totals = np.zeros((len(self.bodies), total_columns.N_BODY_SUMS))
         body_totals[:, total_columns.LAST_TORQUE] = self._last_torque
+        sums = None
+        if self.box is not None:
+            sums = np.zeros(box_kernel.N_BOX_SUMS)
+            sums[box_kernel.LAST_CONTACT :] = self._box_later
         elastic, kinetic, last = self._elastic, self._kinetic, self.step_count + n_steps
         tables: StepTables | None = None
 
@@ -181,24 +198,55 @@ class DEM(ListedGrains):
             if tables is None or tables.end == self.step_count:
                 tables = self._step_tables(min(left, STEPS_PER_CALL))
             batch = tables.end - self.step_count
-            return kernel.run_steps(
-                *self._arguments(batch, tables.end == last, angle, speed, totals, body_totals, tables=tables)
-            )
+            arguments = self._arguments(batch, tables.end == last, angle, speed, totals, body_totals, sums, tables)
+            answer = kernel.run_steps(*arguments)
+            flow = arguments.grains.flow
+            if self.box is not None and flow is not None:
+                self.box.strain, self.box.offset = float(flow[box_kernel.STRAIN]), float(flow[box_kernel.OFFSET])
+            return answer
 
         with threads_for(self.grains.count):
             rebuilds = self._march(n_steps, totals, call)
         self._later = totals[total_columns.CONTACT_LATER : total_columns.CONTACT_LATER + 3].copy()
         self._last_torque = body_totals[:, total_columns.LAST_TORQUE].copy()
-        energy, ring = None, self.n_sectors
+        energy, ring, stress = None, self.n_sectors, None
+        if self.box is not None and sums is not None:
+            self._box_later = sums[box_kernel.LAST_CONTACT :].copy()
+            stress = run_summary.box_stress(n_steps, self.box, sums)
         if self.energy_budget:
             if n_steps > 0:
                 self._elastic = float(totals[total_columns.ELASTIC])
                 self._kinetic = float(totals[total_columns.KINETIC])
             energy = run_summary.energy_budget(
                 ring, self.bodies, totals, body_totals, self._columns,
-                (kinetic, self._kinetic), (elastic, self._elastic),
+                (kinetic, self._kinetic), (elastic, self._elastic), sums,
             )  # fmt: skip
-        return run_summary.summary(n_steps, self.dt, ring, self.bodies, totals, body_totals, energy, rebuilds)
+        return run_summary.summary(n_steps, self.dt, ring, self.bodies, totals, body_totals, energy, rebuilds, stress)
+
+    def stretch(self, factor: float) -> None:
+        """Make the sheared box higher by ``factor``: centres move with it, velocities beside its flow stay.
+
+        Raises
+        ------
+        ValueError
+            The grains are in no sheared box, or a factor that is not above 0.
+        """
+        if self.box is None or not 0.0 < factor < np.inf:
+            raise ValueError(f"factor = {factor} of a box; allowed: above 0, for grains in a sheared box")
+        g, box, reference = self.grains, self.box, self._list.reference
+        g.velocity[:, 0] += box.rate * (factor - 1.0) * g.position[:, 2]
+        g.position[:, 2] *= factor
+        reference[:, 2] *= factor
+        if self.attraction is not None and "position" in self.attraction.per_grain:
+            self.attraction.per_grain["position"][:, 2] *= factor
+        box.stretch(factor)
+        moved = g.position - reference
+        moved[:, 0] -= (box.strain - box.list_strain) * (reference[:, 2] + 0.5 * moved[:, 2])
+        farthest = float(np.sqrt(np.einsum("ij,ij->i", moved, moved).max()))
+        flow = box_kernel.flow_of(box, self.skin, self._reaches()[1] - self.skin)
+        deformed = abs(box.strain - box.list_strain) + box.stretched
+        if 2.0 * farthest + deformed * flow[box_kernel.REACH] > self.skin:
+            self.invalidate()
 
     def _raise_stopped(self, answer: int, totals: np.ndarray) -> None:
         g, dt = self.grains, self.dt
@@ -229,7 +277,7 @@ class DEM(ListedGrains):
         with threads_for(self.grains.count):
             kernel.run_steps(*probe)
         return contact_table(
-            self.grains, contacts, self._device.wall, self.sector, probe.pairs.touching, probe.slots.touching,
+            self.grains, contacts, self._device.wall, self.periodicity, probe.pairs.touching, probe.slots.touching,
             pair_force, wall_force,
         )  # fmt: skip
 
@@ -237,11 +285,13 @@ class DEM(ListedGrains):
         """Everything that `restore` needs to continue bit for bit."""
         arrays = super().state()
         arrays["last_torque"], arrays["later"] = self._last_torque.copy(), self._later.copy()
+        if self.box is not None:
+            arrays["box_later"] = self._box_later.copy()
         arrays["scalars"] = np.array([self._elastic, self._kinetic, self.dt, self.skin])
         return arrays
 
     def restore(self, state: dict[str, np.ndarray]) -> None:
-        """Put a `state` into a DEM that was made with the same walls, bodies, contact, sector and `attraction`.
+        """Put a `state` into a DEM that was made with the same walls, bodies, contact, periodicity and `attraction`.
 
         Raises
         ------
@@ -250,6 +300,8 @@ class DEM(ListedGrains):
         """
         super().restore(state)
         self._last_torque, self._later = state["last_torque"].copy(), state["later"].copy()
+        if self.box is not None:
+            self._box_later = state["box_later"].copy()
         self._elastic, self._kinetic, self.dt, self.skin = (float(v) for v in state["scalars"])
         if self.attraction is not None and self.attraction.pair_drive is not None:
             self.attraction.fetch(self)  # the drives are known: how strong they are can be asked before the next step
@@ -274,7 +326,7 @@ class DEM(ListedGrains):
         self.step_count = self._list_step = 0
         self._rebuild()
         if self.energy_budget:
-            self._kinetic = self.grains.kinetic_energy()
+            self._kinetic = self._kinetic_now()
             self._elastic = self._stored_now()
 
     # -- arguments of the kernel
@@ -290,8 +342,9 @@ class DEM(ListedGrains):
         speed: np.ndarray,
         totals: np.ndarray,
         body_totals: np.ndarray,
-        driven: bool = True,
+        box_sums: np.ndarray | None,
         tables: StepTables | None = None,
+        driven: bool = True,
     ) -> StepArguments:
         tables = tables or self._step_tables(n_steps)
         g, c, n_bodies = self.grains, self._list, len(self.bodies)
@@ -300,7 +353,10 @@ class DEM(ListedGrains):
         external, gravity = held_force(self.external_force, g.count), tables.gravity(self.step_count)
         species = np.zeros(0, dtype=np.int64) if self._species is None else self._species
         drives, constants = tables.drives(self.step_count), tables.constants
-        walls, shift = self._device, None if self.sector is None else c.pairs.shift
+        walls, shift, box = self._device, None if self.periodicity is None else c.pairs.shift, self.box
+        images = None if box is None else box.images
+        virial = None if box is None else box_kernel.virial_scratch(n_chunks)
+        flow = None if box is None else box_kernel.flow_of(box, self.skin, self._reaches()[1] - self.skin)
         return StepArguments(
             Call(
                 n_steps, self.dt, last_call, (0.5 * self.skin) ** 2, WALL_SKIN * self.skin, self.overlap_limit,
@@ -310,10 +366,11 @@ class DEM(ListedGrains):
             self._columns.resistance,
             self._columns.energy_column,
             None if self.attraction is None else self.attraction.held(c, g.count, driven),
-            GrainState(g.position_radius, g.velocity_force, g.mass, species, gravity, external, c.reference, self._net),
+            GrainState(g.position_radius, g.velocity_force, g.mass, species, gravity, external, c.reference, self._net,
+                flow, virial),
             PairSlots(
-                c.pairs.start, c.row, c.pairs.other.view(np.uint32), shift, self._turn, self.laws.pair, *c.pair_memory,
-                none, pair_scratch(n_chunks),
+                c.pairs.start, c.row, c.pairs.other.view(np.uint32), shift, self._turn, images, self.laws.pair,
+                *c.pair_memory, none, pair_scratch(n_chunks),
             ),
             WallSlots(c.wall_start, c.wall_other, *c.wall_memory, none, *wall_scratch(n_chunks, most_walls)),
             WallState(walls.rows, walls.triangles, self._wall_row, walls.body, speed, np.zeros((n_bodies, 2))),
@@ -321,7 +378,7 @@ class DEM(ListedGrains):
             c.chunks,
             Totals(
                 totals, body_totals, np.zeros((n_chunks, total_columns.N_SUMS)),
-                np.zeros((n_chunks, n_bodies, total_columns.N_CHUNK_BODY)),
+                np.zeros((n_chunks, n_bodies, total_columns.N_CHUNK_BODY)), box_sums,
             ),
         )  # fmt: skip
 
@@ -330,7 +387,8 @@ class DEM(ListedGrains):
         angle, speed = self._body_state()
         totals = np.zeros(total_columns.N_SUMS) if totals is None else totals
         body_totals = np.zeros((len(self.bodies), total_columns.N_BODY_SUMS))
-        arguments = self._arguments(1, True, angle, speed, totals, body_totals, driven=False)
+        sums = None if self.box is None else np.zeros(box_kernel.N_BOX_SUMS)
+        arguments = self._arguments(1, True, angle, speed, totals, body_totals, sums, driven=False)
         g, contacts = arguments.grains, self._list
         return arguments._replace(
             grains=g._replace(
@@ -339,6 +397,17 @@ class DEM(ListedGrains):
             pairs=arguments.pairs._replace(**contacts.pair_memory.copied()._asdict(), record=pair_force),
             slots=arguments.slots._replace(**contacts.wall_memory.copied()._asdict(), record=wall_force),
             chunks=arguments.chunks._replace(reaction=arguments.chunks.reaction.copy()),
+        )
+
+    def _kinetic_now(self) -> float:
+        """Kinetic energy [J] of the present velocities, less the flow's of a sheared box."""
+        if self.box is None:
+            return self.grains.kinetic_energy()
+        g = self.grains
+        beside = g.velocity - self.box.flow(g.position[:, 2] - 0.5 * self.dt * g.velocity[:, 2])
+        return 0.5 * float(
+            g.mass @ np.einsum("ij,ij->i", beside, beside)
+            + g.inertia @ np.einsum("ij,ij->i", g.angular_velocity, g.angular_velocity)
         )
 
     def _stored_now(self) -> float:
@@ -352,5 +421,5 @@ class DEM(ListedGrains):
     def _stored_at_rest(self) -> float:
         """Elastic energy [J] of the overlaps of a state that has no history yet."""
         angles = [body.angle for body in self.bodies]
-        overlaps = geometric_overlaps(self.grains, self._list, self._device, angles, self.sector)
+        overlaps = geometric_overlaps(self.grains, self._list, self._device, angles, self.periodicity)
         return stored_at_rest(self._table, self.laws, self._wall_row, self._species, self.grains, self._list, overlaps)

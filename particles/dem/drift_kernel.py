@@ -21,6 +21,7 @@ from geometry.kernels.simd_tables import (
     scatter_two_columns,
 )
 from particles.dem import total_columns as total
+from particles.dem.box_kernel import add_motion, beside_flow, less_flow, no_motion, store_motion
 from particles.dem.motion_columns import FORCE, SPIN, TORQUE, VELOCITY
 from particles.laws.springs import equal
 
@@ -36,6 +37,9 @@ class Drifted(NamedTuple):
         Works [J] of half a kick with the velocities of the drift before it, and with those of the drift after it.
     kinetic : lanes
         [J], of the last step.
+    motion : tuple of 8 lanes
+        Of `particles.dem.box_kernel.add_motion`, 0 outside of a sheared box. In one all velocities and displacements
+        here are those beside its flow.
     """
 
     squared_travel: Any
@@ -44,13 +48,14 @@ class Drifted(NamedTuple):
     gravity: tuple[Any, Any]
     external: tuple[Any, Any]
     kinetic: Any
+    motion: Any
 
 
 @device_function(without_refcounts=True, error_model="numpy", forceinline=True)
 def none_drifted():
     """`Drifted` of no grain."""
     none = splat(0.0)
-    return Drifted(none, none, (none, none), (none, none), (none, none), none)
+    return Drifted(none, none, (none, none), (none, none), (none, none), none, no_motion())
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
@@ -90,27 +95,29 @@ def drift_eight(rows, active, now, law, energy_column, attraction, grains, drift
     scatter_columns(motion, rows, FORCE, none, none, none, none)
     scatter_two_columns(motion, rows, TORQUE + 1, none, none)
     contact, weight, held, kinetic = drifted.contact, drifted.gravity, drifted.external, drifted.kinetic
+    sx, ex = less_flow(grains.flow, vx, vz, z, -0.5 * dt), less_flow(grains.flow, bx, bz, z, 0.5 * dt)
+    motion_sums = add_motion(grains.flow, drifted.motion, active, dt, m, (sx, vy, vz), (ex, by, bz))
     if energy_column is not None:
         # half a kick with the velocities of the drift before it, half with those of the drift after it: the mean closes
         # the balance of kinetic energy exactly, and by drifts it is the trapezoidal rule
         half = select(active, 0.5 * dt, none)
         contact = (
-            contact[0] + half * (fx * vx + fy * vy + fz * vz + tx * wx + ty * wy + tz * wz),
-            contact[1] + half * (fx * bx + fy * by + fz * bz + tx * ox + ty * oy + tz * oz),
+            contact[0] + half * (fx * sx + fy * vy + fz * vz + tx * wx + ty * wy + tz * wz),
+            contact[1] + half * (fx * ex + fy * by + fz * bz + tx * ox + ty * oy + tz * oz),
         )
         if gravity.shape[0] > 0:
             gx, gy, gz = gravity[g, 0], gravity[g, 1], gravity[g, 2]
             weight = (
-                weight[0] + half * m * (gx * vx + gy * vy + gz * vz),
-                weight[1] + half * m * (gx * bx + gy * by + gz * bz),
+                weight[0] + half * m * (gx * sx + gy * vy + gz * vz),
+                weight[1] + half * m * (gx * ex + gy * by + gz * bz),
             )
         if external.shape[0] > 0 or attraction is not None:
             held = (
-                held[0] + half * (hx * vx + hy * vy + hz * vz),
-                held[1] + half * (hx * bx + hy * by + hz * bz),
+                held[0] + half * (hx * sx + hy * vy + hz * vz),
+                held[1] + half * (hx * ex + hy * by + hz * bz),
             )
         if now.last:  # at the time of the positions that the forces belong to
-            moving = vx * bx + vy * by + vz * bz + 0.4 * radius * radius * (wx * ox + wy * oy + wz * oz)
+            moving = sx * ex + vy * by + vz * bz + 0.4 * radius * radius * (wx * ox + wy * oy + wz * oz)
             kinetic = kinetic + select(active, 0.5 * m * moving, none)
     x, y, z = x + dt * bx, y + dt * by, z + dt * bz
     scatter_columns(grains.position_radius, rows, 0, x, y, z, radius)
@@ -119,22 +126,26 @@ def drift_eight(rows, active, now, law, energy_column, attraction, grains, drift
         scatter_column(grains.net, rows, 1, fy)
         scatter_column(grains.net, rows, 2, fz)
     at_x, at_y = gather_two_columns(grains.reference, rows, 0)
-    dx, dy, dz = x - at_x, y - at_y, z - gather_column(grains.reference, rows, 2)
+    at_z = gather_column(grains.reference, rows, 2)
+    dx, dy, dz = x - at_x, y - at_y, z - at_z
+    dx = beside_flow(grains.flow, dt, dx, dz, at_z)
     travel2 = dx * dx + dy * dy + dz * dz + 0.0 * (ox + oy + oz)  # a spin that is not finite shows here too
     travel2 = select(travel2 < np.inf, travel2, np.inf)
     return Drifted(
         maximum(drifted.squared_travel, travel2),
-        maximum(drifted.squared_speed, bx * bx + by * by + bz * bz),
+        maximum(drifted.squared_speed, ex * ex + by * by + bz * bz),
         contact,
         weight,
         held,
         kinetic,
+        motion_sums,
     )
 
 
 @device_function(without_refcounts=True, error_model="numpy")
-def add_drifted(drifted, energy_column, row):
+def add_drifted(chunk, drifted, energy_column, grains, row):
     """Add what has drifted to the chunk's sums ``row``."""
+    store_motion(grains.virial, chunk, drifted.motion)
     row[total.MAX_SQUARED_TRAVEL] = max(row[total.MAX_SQUARED_TRAVEL], reduce_max(drifted.squared_travel))
     row[total.MAX_SQUARED_SPEED] = max(row[total.MAX_SQUARED_SPEED], reduce_max(drifted.squared_speed))
     if energy_column is not None:

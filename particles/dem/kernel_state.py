@@ -73,6 +73,8 @@ class GrainState(NamedTuple):
         Centres at which the list was made [m].
     net : ndarray, shape (n, 3)
         Contact force on each grain in the last step of the run [N].
+    flow, virial : ndarray, shapes (N_FLOW,), (c, N_VIRIAL, 8), or None
+        Of a sheared box, and its sums in a step (`particles.dem.box_kernel`); None outside of one.
     """
 
     position_radius: np.ndarray
@@ -83,6 +85,8 @@ class GrainState(NamedTuple):
     external: np.ndarray
     reference: np.ndarray
     net: np.ndarray
+    flow: np.ndarray | None
+    virial: np.ndarray | None
 
 
 class PairSlots(NamedTuple):
@@ -94,9 +98,11 @@ class PairSlots(NamedTuple):
         Grain i has the slots ``start[i]`` up to ``start[i + 1]``; ``row`` is i for each. Without a sign, because the
         compiler looks after numbers below zero wherever they may be.
     shift : ndarray of int8, shape (p,), or None
-        The partner is the image R(shift*angle) x_j; None without a sector, and so is
+        Which image of the partner it is (`particles.periodicity`); None where space does not repeat.
     turn : ndarray, shape (2,), or None
-        Cosine and sine of the sector's angle.
+        Cosine and sine of a sector's angle; None without a sector.
+    images : ndarray, shape (2 m + 1, 6), or None
+        Of a sheared box, at the time of the step; None without one.
     law_row : ndarray of int64, shape (s, s)
         Row of the law's table by species.
     touching, history : ndarray, shapes (p,) uint8, (p, columns)
@@ -112,6 +118,7 @@ class PairSlots(NamedTuple):
     other: np.ndarray
     shift: np.ndarray | None
     turn: np.ndarray | None
+    images: np.ndarray | None
     law_row: np.ndarray
     touching: np.ndarray
     history: np.ndarray
@@ -171,12 +178,15 @@ class Totals(NamedTuple):
     ----------
     run, bodies : ndarray, shapes (N_SUMS,), (n_bodies, N_BODY_SUMS)
     chunk, chunk_bodies : ndarray, shapes (c, N_SUMS), (c, n_bodies, N_CHUNK_BODY)
+    box : ndarray, shape (N_BOX_SUMS,), or None
+        Sums over steps in a sheared box (`particles.dem.box_kernel`).
     """
 
     run: np.ndarray
     bodies: np.ndarray
     chunk: np.ndarray
     chunk_bodies: np.ndarray
+    box: np.ndarray | None
 
 
 class Tally(NamedTuple):

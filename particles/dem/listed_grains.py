@@ -1,6 +1,6 @@
 """Grains of the DEM in the order of their cells, with the list of what each may touch: rebuilt, saved and put back.
 
-A list is rebuilt by wrapping grains through the sector, sorting them by cells and carrying over what their contacts
+A list is rebuilt by wrapping grains where space repeats, sorting them by cells and carrying over what their contacts
 remember. That, and a checkpoint, handle every array that has a row a grain or a row a slot. Each of these is named
 once: those of a grain in `particles.grains.RECORDS` and in PER_GRAIN, those of a slot in
 `particles.neighbours.contact_list.SlotMemory`.
@@ -23,7 +23,7 @@ from particles.grains import Grains
 from particles.neighbours.contact_list import ContactList, ListedWalls, reaches
 from particles.neighbours.neighbour_list import PairList, cell_order, finest_cell
 from particles.neighbours.skin import USUAL, WIDEST, next_skin
-from particles.sector import CyclicSector
+from particles.periodicity import Periodicity
 
 ESCAPE = "the walls may have a slot, or it was pressed through one: raise the stiffness or shorten dt"
 
@@ -33,7 +33,7 @@ class ListedGrains(GrainMotion):
 
     Parameters
     ----------
-    grains, walls, bodies, dt, gravity, sector, skin, overlap_limit
+    grains, walls, bodies, dt, gravity, periodicity, skin, overlap_limit
         As of `particles.DEM`.
     columns : ContactColumns
         Of what a contact remembers.
@@ -57,7 +57,7 @@ class ListedGrains(GrainMotion):
         *,
         dt: float,
         gravity: Gravity | None,
-        sector: CyclicSector | None,
+        periodicity: Periodicity | None,
         skin: float | None,
         overlap_limit: float,
         species: np.ndarray | None,
@@ -65,7 +65,7 @@ class ListedGrains(GrainMotion):
         self._mean_radius = math.fsum(grains.radius) / grains.count  # to the bit, in whatever order they stand
         self._own_skin = skin is None
         super().__init__(
-            grains, walls, bodies, dt=dt, gravity=gravity, sector=sector,
+            grains, walls, bodies, dt=dt, gravity=gravity, periodicity=periodicity,
             skin=USUAL * self._mean_radius if skin is None else skin, overlap_limit=overlap_limit,
         )  # fmt: skip
         self.attraction: Attraction | None = None
@@ -78,7 +78,7 @@ class ListedGrains(GrainMotion):
     def listed_pairs(self) -> PairList:
         """Pairs of the present list; see `renew_list`, and `Attraction.near_gap` for how far they reach.
 
-        Of row i: the partners ``other`` at R(shift*angle) x_other, all in the present order of the grains.
+        Of row i: the images by ``shift`` of the partners ``other``, all in the present order of the grains.
         """
         return self._list.pairs
 
@@ -113,11 +113,13 @@ class ListedGrains(GrainMotion):
         arrays = super().state()
         if self.attraction is not None:
             arrays |= self.attraction.state()
+        if self.periodicity is not None:
+            arrays |= self.periodicity.state()
         arrays["counters"] = np.append(arrays["counters"], self._list_step)
         return arrays
 
     def restore(self, state: dict[str, np.ndarray]) -> None:
-        """Put a `state` into grains that were listed with the same walls, bodies, sector and `attraction`.
+        """Put a `state` into grains that were listed with the same walls, bodies, periodicity and `attraction`.
 
         Raises
         ------
@@ -130,6 +132,8 @@ class ListedGrains(GrainMotion):
         if attracts and self.attraction is None:
             raise ValueError("the state's grains attract each other; give this DEM the same `attraction` first")
         super().restore(state)
+        if self.periodicity is not None:
+            self.periodicity.restore(state)
         if self.attraction is not None and attracts:
             self.attraction.restore(state)
         else:
@@ -151,7 +155,7 @@ class ListedGrains(GrainMotion):
     def _fresh_list(self, reach: np.ndarray, cutoff: float) -> ContactList:
         angles = [body.angle for body in self.bodies]
         return ContactList.make(
-            self.grains.position, reach, cutoff, self.skin, self._device, angles, self.sector, self._columns.total
+            self.grains.position, reach, cutoff, self.skin, self._device, angles, self.periodicity, self._columns.total
         )
 
     def _reaches(self) -> tuple[np.ndarray, float]:
@@ -170,13 +174,13 @@ class ListedGrains(GrainMotion):
         """Wrap, sort by cells, list the neighbours again, and carry what contacts remember into the new list."""
         g = self.grains
         self._refuse_escaped(2.0 * float(g.radius.max()), ESCAPE)
-        wraps = None if self.sector is None else self._wrap(self.sector)
+        wraps = None if self.periodicity is None else self._wrap(self.periodicity)
         memory = None
         if self._contacts is not None:
             memory = self._contacts.memory()
             if self._own_skin:
                 extra = (self._contacts.pairs.count - len(memory.other)) / g.count
-                widest = WIDEST if self.sector is None else USUAL  # a sector is checked for the usual one
+                widest = WIDEST if self.periodicity is None else USUAL  # its width is checked for the usual one
                 steps = self.step_count - self._list_step
                 self.skin = next_skin(self.skin, steps, extra, self._mean_radius, widest)
             self._contacts = None  # before the next one: two lists are the most memory that grains ever need
@@ -187,7 +191,7 @@ class ListedGrains(GrainMotion):
             reach = reach.take(order)
         made = self._fresh_list(reach, cutoff)
         if memory is not None:
-            made.take(memory, order, wraps, self.sector, self._columns.vectors)
+            made.take(memory, order, None if self.sector is None else wraps, self.sector, self._columns.vectors)
         self._contacts = made
         self._list_step = self.step_count
         self.list_version += 1
@@ -196,16 +200,20 @@ class ListedGrains(GrainMotion):
             self.attraction.renew()
             self.attraction.listed = True
 
-    def _wrap(self, sector: CyclicSector) -> np.ndarray:
-        """Turn back into the sector what has left it; by how many sectors each grain was turned, shape (n,)."""
-        g, wraps = self.grains, sector.wraps(self.grains.position)
-        moved = np.flatnonzero(wraps)
+    def _wrap(self, periodicity: Periodicity) -> np.ndarray:
+        """Bring back into the copy of space what has left it; by which shift each grain, a row each."""
+        periodicity.begin_list()
+        g, wraps = self.grains, periodicity.wraps(self.grains.position)
+        moved = np.flatnonzero(wraps.reshape(g.count, -1).any(axis=1))
+        shift = wraps[moved]
+        g.position[moved] = periodicity.place(g.position[moved], shift)
+        g.velocity[moved] = periodicity.sweep(g.velocity[moved], shift)
         held = [getattr(self, name) for name, turns in self.PER_GRAIN.items() if turns]
-        for array in (g.position, g.velocity, g.angular_velocity, g.magnetic_moment, g.dipole, *held):
+        for array in (g.angular_velocity, g.magnetic_moment, g.dipole, *held):
             if array is not None:
-                array[moved] = sector.turn(array[moved], wraps[moved])
+                array[moved] = periodicity.turn(array[moved], shift)
         if self.attraction is not None:
-            self.attraction.wrap(moved, wraps[moved], sector)
+            self.attraction.wrap(moved, shift, periodicity)
         return wraps
 
     def _sort(self, order: np.ndarray) -> None:

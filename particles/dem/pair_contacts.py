@@ -24,6 +24,7 @@ from geometry.kernels.simd_tables import (
     scatter_column,
     stack_table,
 )
+from particles.dem.box_kernel import add_contact_virial
 from particles.dem.contact_kinematics import (
     MAX_REMEMBERED,
     add_sums,
@@ -35,7 +36,7 @@ from particles.dem.contact_kinematics import (
 )
 from particles.dem.kernel_state import Tally
 from particles.dem.motion_columns import FORCE, SPIN
-from particles.dem.pair_search import PLACE, SLOT, through_faces
+from particles.dem.pair_search import PLACE, SLOT, image_places, image_velocities, through_faces
 from particles.laws.columns import N_LAW
 from particles.laws.springs import equal, with_rows
 
@@ -66,13 +67,13 @@ def pair_contacts(chunk, count, dt, law, table, resistance, energy_column, grain
         i, j = gather(pairs.row, slot), gather(pairs.other, slot)
         xi, yi, zi, ri = gather_columns(position_radius, i, 0)
         dx, dy, dz, rj = gather_columns(position_radius, j, 0)
-        dx, dy = through_faces(pairs, slot, 1.0, dx, dy)
+        dx, dy, dz = image_places(pairs, slot, dx, dy, dz)
         dx, dy, dz = dx - xi, dy - yi, dz - zi
         vx, vy, vz, px = gather_columns(motion, i, 0)
         py, pz = gather_two_columns(motion, i, SPIN + 1)
         ux, uy, uz, qx = gather_columns(motion, j, 0)
         qy, qz = gather_two_columns(motion, j, SPIN + 1)
-        ux, uy = through_faces(pairs, slot, 1.0, ux, uy)
+        ux, uy = image_velocities(pairs, slot, ux, uy)
         qx, qy = through_faces(pairs, slot, 1.0, qx, qy)
         ux, uy, uz = vx - ux, vy - uy, vz - uz
         sx, sy, sz = px + qx, py + qy, pz + qz
@@ -116,6 +117,7 @@ def pair_contacts(chunk, count, dt, law, table, resistance, energy_column, grain
             scatter_column(record, slot, 1, loads.law.y)
             scatter_column(record, slot, 2, loads.law.z)
         (gx, gy, gz), (tx, ty, tz), (mx, my, mz) = loads.force, loads.torque, loads.reaction
+        add_contact_virial(grains.virial, chunk, (dx, dy, dz), loads.force)
         scatter_add(motion, i, FORCE, None, None, (gx, gy, gz, tx, ty, tz))
         gx, gy = through_faces(pairs, slot, -1.0, gx, gy)
         mx, my = through_faces(pairs, slot, -1.0, mx, my)

@@ -23,6 +23,13 @@ from geometry.kernels.simd_tables import (
     scatter_add,
 )
 from particles.dem.attraction_kernel import ACROSS, COLUMN, pulls_at
+from particles.dem.box_kernel import (
+    add_pull_virial,
+    moved_to_image,
+    moved_to_images,
+    swept_to_image,
+    swept_to_images,
+)
 from particles.dem.contact_kernel import stored_in_springs
 from particles.laws.springs import equal
 
@@ -47,6 +54,20 @@ def through_faces(pairs, slot, sign, x, y):
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+def image_places(pairs, slot, x, y, z):
+    """Positions [m] of eight partners in the slots ``slot``, where their images stand."""
+    x, y = _rotate_to_images(pairs.turn, pairs.shift, slot, 1.0, x, y)
+    return moved_to_images(pairs.images, pairs.shift, slot, x, y, z)
+
+
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+def image_velocities(pairs, slot, x, y):
+    """Velocities [m/s] across the axis, or along x and y, of eight partners as their images have them."""
+    x, y = _rotate_to_images(pairs.turn, pairs.shift, slot, 1.0, x, y)
+    return swept_to_images(pairs.images, pairs.shift, slot, x), y
+
+
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def _rotate_to_images(turn, shift, slot, sign, x, y):
     if turn is not None:
         crossed = from_integers(gather(shift, slot))
@@ -66,8 +87,8 @@ def _through_face(turn, shift, k, x, y):
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def _pull_eight(active, slot, place, i, j, away, sizes, law, attraction, pairs):
-    """Add the pulls of eight pairs to those on their grains.
+def _pull_eight(chunk, active, slot, place, i, j, away, sizes, law, attraction, grains, pairs):
+    """Add the pulls of eight pairs of a chunk to those on their grains.
 
     ``away`` (3) are the centres of j from those of i [m], ``sizes`` (2) their radii [m].
     """
@@ -84,6 +105,7 @@ def _pull_eight(active, slot, place, i, j, away, sizes, law, attraction, pairs):
     pull = select(active, pull * select(d2 > 0.0, d * (1.0 / d2), 0.0), 0.0)
     gx, gy, gz, none = pull * dx, pull * dy, pull * dz, splat(0.0)
     scatter_add(attraction.force, i, 0, None, None, (gx, gy, gz, none))
+    add_pull_virial(grains.virial, chunk, away, (gx, gy, gz))
     gx, gy = through_faces(pairs, slot, -1.0, gx, gy)
     scatter_add(attraction.force, j, 0, attraction.reaction, place, (-gx, -gy, -gz, none))
 
@@ -96,10 +118,11 @@ def _stored_in_pair(k, dt, law, resistance, energy_column, grains, pairs):
     if species.shape[0] > 0:
         kind = pairs.law_row[species[i], species[j]]
     dx, dy = _through_face(pairs.turn, pairs.shift, k, position_radius[j, 0], position_radius[j, 1])
-    dx, dy = dx - position_radius[i, 0], dy - position_radius[i, 1]
-    dz = position_radius[j, 2] - position_radius[i, 2]
+    dx, dy, dz = moved_to_image(pairs.images, pairs.shift, k, dx, dy, position_radius[j, 2])
+    dx, dy, dz = dx - position_radius[i, 0], dy - position_radius[i, 1], dz - position_radius[i, 2]
     ri, rj = position_radius[i, 3], position_radius[j, 3]
     ux, uy = _through_face(pairs.turn, pairs.shift, k, velocity_force[j, 0], velocity_force[j, 1])
+    ux = swept_to_image(pairs.images, pairs.shift, k, ux)
     ux, uy, uz = velocity_force[i, 0] - ux, velocity_force[i, 1] - uy, velocity_force[i, 2] - velocity_force[j, 2]
     closing = (ux * dx + uy * dy + uz * dz) / sqrt(dx * dx + dy * dy + dz * dz)
     return stored_in_springs(law, kind, resistance, energy_column, ri * rj / (ri + rj), closing * dt, pairs.history, k)
@@ -153,7 +176,7 @@ def find_contacts(chunk, cursor, dt, law, resistance, energy_column, attraction,
         i, j = gather(pairs.row, slot), gather(pairs.other, slot)
         xi, yi, zi, ri = gather_columns(position_radius, i, 0)
         dx, dy, dz, rj = gather_columns(position_radius, j, 0)
-        dx, dy = through_faces(pairs, slot, 1.0, dx, dy)
+        dx, dy, dz = image_places(pairs, slot, dx, dy, dz)
         dx, dy, dz = dx - xi, dy - yi, dz - zi
         reach2 = splat(alike)
         if not equal(law):
@@ -182,8 +205,8 @@ def find_contacts(chunk, cursor, dt, law, resistance, energy_column, attraction,
             for q in range(n_slots, LANES):  # what is repeated goes where the last one does: nobody else adds there
                 noted[PLACE_OF_PAIR, q] = noted[PLACE_OF_PAIR, n_slots - 1]
             _pull_eight(
-                mask_of_first(n_slots), slot, load(noted, PLACE_OF_PAIR, 0), i, j, (dx, dy, dz), (ri, rj), law,
-                attraction, pairs,
+                chunk, mask_of_first(n_slots), slot, load(noted, PLACE_OF_PAIR, 0), i, j, (dx, dy, dz), (ri, rj), law,
+                attraction, grains, pairs,
             )  # fmt: skip
         k += n_slots
     return (k, place), count, parted

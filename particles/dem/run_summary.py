@@ -7,11 +7,18 @@ from collections.abc import Sequence
 import numpy as np
 
 from particles.bodies import Body
-from particles.dem import total_columns
+from particles.dem import box_kernel, total_columns
 from particles.dem.contact_columns import ContactColumns
-from particles.step_totals import EnergyTotals, StepTotals
+from particles.sheared_box import ShearedBox
+from particles.step_totals import BoxStress, EnergyTotals, StepTotals
 
 TORQUES = {"normal": total_columns.TORQUE_N, "damping": total_columns.TORQUE_D, "tangential": total_columns.TORQUE_T}
+WORKS = {
+    "contacts": box_kernel.CONTACT_WORK,
+    "attraction": box_kernel.PULL_WORK,
+    "motion": box_kernel.MOTION_WORK,
+}
+SYMMETRIC = (box_kernel.PULL, box_kernel.MOTION)
 FORCES = {"normal": total_columns.FORCE_N, "damping": total_columns.FORCE_D, "tangential": total_columns.FORCE_T}
 
 
@@ -24,6 +31,7 @@ def summary(
     body_totals: np.ndarray,
     energy: EnergyTotals | None,
     rebuilds: int,
+    stress: BoxStress | None,
 ) -> StepTotals:
     """Totals of ``steps`` of ``dt`` [s]; ``ring`` is the number of sectors, of one of which the sums are."""
     share = ring / max(steps, 1)
@@ -52,6 +60,7 @@ def summary(
         n_contacts=int(totals[total_columns.CONTACTS]),
         max_speed=float(np.sqrt(totals[total_columns.MAX_SQUARED_SPEED])),
         rebuilds=rebuilds,
+        stress=stress,
     )
 
 
@@ -70,8 +79,12 @@ def energy_budget(
     columns: ContactColumns,
     kinetic: tuple[float, float],
     elastic: tuple[float, float],
+    box: np.ndarray | None,
 ) -> EnergyTotals:
-    """The energy budget; ``kinetic`` and ``elastic`` are before and now [J], as all sums those of one sector."""
+    """The energy budget; ``kinetic`` and ``elastic`` are before and now [J], as all sums those of one sector.
+
+    ``box`` are the sums of a sheared box, None outside of one.
+    """
     work = ring * totals
     return EnergyTotals(
         wall_work={
@@ -91,4 +104,17 @@ def energy_budget(
         kinetic_change=ring * (kinetic[1] - kinetic[0]),
         elastic_energy=ring * elastic[1],
         elastic_change=ring * (elastic[1] - elastic[0]),
+        shear_work={} if box is None else {name: float(box[column]) for name, column in WORKS.items()},
     )
+
+
+def box_stress(steps: int, box: ShearedBox, sums: np.ndarray) -> BoxStress:
+    """Mean over ``steps`` of what the sums of a sheared box hold."""
+    scale = 1.0 / (max(steps, 1) * box.volume)
+    contacts = sums[box_kernel.CONTACT : box_kernel.PULL].reshape(3, 3).T
+    return BoxStress(scale * contacts, *(scale * _symmetric(sums[k : k + 6]) for k in SYMMETRIC))
+
+
+def _symmetric(parts: np.ndarray) -> np.ndarray:
+    xx, yy, zz, xy, xz, yz = parts
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])

@@ -10,11 +10,12 @@ follows from the number of grains alone; sums over grains are kept by chunk and 
 nothing depends on the number of threads, bit for bit, nor on which of them does what (`particles.dem.chunk_scheduler`).
 
 The law is the one whose table is given: numba compiles for its type (`particles.laws.springs`). What would cost in the
-loop over pairs and is not in the scene (a sector's ``turn``, ``resistance``, ``energy_column``, ``attraction``) is None
-where a function takes it as an argument: numba prunes its branches, the compiled code does not contain it. What is
-done once a grain or once a contact (gravity, held forces, triangles, species, cohesion, which of rolling and twisting)
-is a branch at run time, on an empty array or a number: every combination compiled would be thousands of variants of ten
-seconds and more. Rolling and twisting as such a branch too made steps slower, and stayed compiled out.
+loop over pairs and is not in the scene (a sector's ``turn``, a sheared box's ``images`` and ``flow``, ``resistance``,
+``energy_column``, ``attraction``) is None where a function takes it as an argument: numba prunes its branches, the
+compiled code does not contain it. What is done once a grain or once a contact (gravity, held forces, triangles,
+species, cohesion, which of rolling and twisting) is a branch at run time, on an empty array or a number: every
+combination compiled would be thousands of variants of ten seconds and more. Rolling and twisting as such a branch too
+made steps slower, and stayed compiled out.
 
 Functions take tuples of arrays (`particles.dem.kernel_state`), and those that are called for every grain count no
 references to them (`geometry.kernels.device_functions`): counted, a step took twice as long.
@@ -28,6 +29,7 @@ from numba import njit, prange
 from geometry.kernels.atomics import load_acquire
 from geometry.kernels.device_functions import device_function
 from particles.dem.body_kernel import drive_bodies, turn_bodies, wall_travel
+from particles.dem.box_kernel import allowed_travel, move_box
 from particles.dem.chunk_rows import finish_rows, sweep_rows
 from particles.dem.chunk_scheduler import ANSWER, NONE, STEPS, Worker, barrier, claim, complete, shared_words
 from particles.dem.kernel_state import Now, StepArguments
@@ -110,7 +112,9 @@ def _run_worker(worker, arguments):
         # totals over the chunks; bodies turn under their loads, and take the speeds of the next step; by one thread
         if claim(worker, stage + 2, 0, 1) != NONE:
             turn_bodies(call.dt, step, shafts, totals)
-            answer = _add_chunks(call, wall_travel(shafts), totals.chunk, totals.run)
+            move_box(call.dt, grains.flow, pairs.images, grains.virial, totals.box)
+            allowed = allowed_travel(grains.flow, call.squared_travel)
+            answer = _add_chunks(call, allowed, wall_travel(shafts), totals.chunk, totals.run)
             words[ANSWER], words[STEPS] = answer, step + 1
             if answer == DONE and step + 1 < call.n_steps:
                 drive_bodies(step + 1, shafts, walls)
@@ -121,10 +125,10 @@ def _run_worker(worker, arguments):
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
-def _add_chunks(call, wall_travel, chunk_sums, totals):
+def _add_chunks(call, allowed, wall_travel, chunk_sums, totals):
     """Add the chunks in their order: energies accumulate, extremes are kept, contacts are the last; returns the answer.
 
-    It is DONE, or why the call stops after this step.
+    It is DONE, or why the call stops after this step; ``allowed`` is a squared displacement [m^2].
     """
     contacts = elastic = squared_travel = squared_speed = 0.0
     for c in range(chunk_sums.shape[0]):
@@ -156,4 +160,4 @@ def _add_chunks(call, wall_travel, chunk_sums, totals):
         return OVERLAP
     if squared_speed > call.speed * call.speed:
         return TOO_FAST
-    return REBUILD if squared_travel > call.squared_travel or wall_travel > call.wall_travel else DONE
+    return REBUILD if squared_travel > allowed or wall_travel > call.wall_travel else DONE

@@ -138,7 +138,7 @@ class DVI(GrainMotion):
             if value not in allowed:
                 raise ValueError(f"{name} = {value!r}; allowed: {', '.join(allowed)}")
         super().__init__(
-            grains, walls, bodies, dt=dt, gravity=gravity, sector=None,
+            grains, walls, bodies, dt=dt, gravity=gravity, periodicity=None,
             skin=USUAL_SKIN * float(np.mean(grains.radius)) if skin is None else skin, overlap_limit=overlap_limit,
         )  # fmt: skip
         self.contact, self.theta = contact, float(theta)

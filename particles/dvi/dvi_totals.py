@@ -92,6 +92,7 @@ def dvi_totals(
         n_contacts=int(totals[end_of_step.CONTACTS]),
         max_speed=float(totals[end_of_step.MAX_SPEED]),
         rebuilds=rebuilds,
+        stress=None,
         sweeps=int(totals[end_of_step.SWEEPS]),
         max_sweeps=int(totals[end_of_step.MAX_SWEEPS]),
         visits=int(totals[end_of_step.VISITS]),

@@ -1,12 +1,14 @@
 """Verlet list of the grains and of the walls near them, with the history of each contact.
 
 A list made with a skin stays complete until a grain has moved by half the skin. When a new one is made the
-grains may have been sorted again and wrapped through the faces of the sector; the history of every touching
-contact finds its new slot by the pair's two ids. Were grains turned by R^w, the pair (i, j, shift) becomes
+grains may have been sorted again and wrapped through faces; the history of every touching contact finds its new slot
+by the pair's two ids. Were grains of a sector turned by R^w, the pair (i, j, shift) becomes
 
     (i', j', shift + w_i - w_j)   with xi' = R^w_i xi,
 
 or, where the new list has it in reverse order, (j', i', -shift') with xi'' = -R^(-shift') xi'.
+
+In a box that only moves its images a pair is met once, and its history goes with it whatever the image is.
 """
 
 from __future__ import annotations
@@ -24,6 +26,7 @@ from geometry.kernels.device_functions import device_function
 from particles.neighbours.neighbour_list import WORTH_SHARING, find_pairs
 from particles.neighbours.partition import Chunks, make_chunks
 from particles.neighbours.slot_list import SlotList, slots_of
+from particles.periodicity import Periodicity
 from particles.sector import CyclicSector
 from particles.threads import at_most
 from particles.walls.device_walls import DeviceWalls
@@ -166,14 +169,14 @@ class ContactList(SlotList):
         skin: float,
         walls: DeviceWalls,
         angles: Sequence[float],
-        sector: CyclicSector | None,
+        periodicity: Periodicity | None,
         columns: int,
     ) -> ContactList:
         """The list at ``position`` (n, 3) [m] with the `reaches` of a ``skin`` [m] and bodies at ``angles`` [rad].
 
         A contact has ``columns`` numbers to remember.
         """
-        pairs = find_pairs(position, cutoff, sector, reach)
+        pairs = find_pairs(position, cutoff, periodicity, reach)
         start, other = walls.near(position, reach, skin, angles)
         return cls(pairs, start, other, np.array(position), np.array(angles), columns)
 
@@ -202,10 +205,10 @@ class ContactList(SlotList):
         sector: CyclicSector | None,
         vectors: np.ndarray,
     ) -> None:
-        """Carry ``memory`` over: grain ``order[k]`` of the old list is grain k here, turned by ``wraps`` (old order).
+        """Carry ``memory`` over: grain ``order[k]`` of the old list is grain k here.
 
-        ``vectors`` are the first columns of what turns with the grains. A contact of the last step that has no slot
-        here has parted since, further than the skin: it is forgotten.
+        In a sector it was turned by ``wraps`` (old order); ``vectors`` are the first columns of what turns with it. A
+        contact of the last step that has no slot here has parted since, further than the skin: it is forgotten.
         """
         n, rank = len(order), np.empty(len(order), dtype=np.int64)
         rank[order] = np.arange(n)

@@ -9,7 +9,7 @@ import numpy as np
 
 from particles.grains import Grains
 from particles.neighbours.contact_list import ContactList
-from particles.sector import CyclicSector
+from particles.periodicity import Periodicity
 from particles.walls.device_walls import DeviceWalls
 
 
@@ -24,7 +24,7 @@ class ContactTable:
     wall : ndarray of int64, shape (m,)
         Index of the wall, -1 between grains.
     shift : ndarray of int64, shape (m,)
-        The partner is the image R(shift*angle) x_j.
+        Which image the partner is (`particles.periodicity`).
     point, force : ndarray, shape (m, 3)
         Where they touch [m] and the force on grain i [N].
     overlap : ndarray, shape (m,)
@@ -44,7 +44,7 @@ def contact_table(
     grains: Grains,
     contacts: ContactList,
     wall_of: np.ndarray,
-    sector: CyclicSector | None,
+    periodicity: Periodicity | None,
     touching: np.ndarray,
     wall_touching: np.ndarray,
     pair_force: np.ndarray,
@@ -59,7 +59,7 @@ def contact_table(
     k = np.flatnonzero(touching)
     i, j = contacts.pairs.rows()[k], contacts.pairs.other[k].astype(np.int64)
     shift = contacts.pairs.shift[k].astype(np.int64)
-    partner = x[j] if sector is None else sector.turn(x[j], shift)
+    partner = x[j] if periodicity is None else periodicity.place(x[j], shift)
     away = partner - x[i]
     distance = np.linalg.norm(away, axis=1)
     reach = radius[i] + radius[j]
@@ -78,11 +78,11 @@ def contact_table(
 
 
 def geometric_overlaps(
-    grains: Grains, contacts: ContactList, walls: DeviceWalls, angles: Sequence[float], sector: CyclicSector | None
+    grains: Grains, contacts: ContactList, walls: DeviceWalls, angles: Sequence[float], periodicity: Periodicity | None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Overlap [m] of each pair (p,) and each wall slot (s,) of the list, negative or -inf where nothing touches."""
     x, radius = np.array(grains.position), np.array(grains.radius)
     i, j = contacts.pairs.rows(), contacts.pairs.other
-    partner = x[j] if sector is None else sector.turn(x[j], contacts.pairs.shift)
+    partner = x[j] if periodicity is None else periodicity.place(x[j], contacts.pairs.shift)
     pairs = radius[i] + radius[j] - np.linalg.norm(partner - x[i], axis=1)
     return pairs, walls.overlaps(x, radius, contacts.wall_start, contacts.wall_other, angles)[:, 0]

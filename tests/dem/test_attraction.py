@@ -315,7 +315,7 @@ def sheared(copies):
     grains = Grains.create(x, radius, DENSITY, velocity=v)
     bodies = [Body("disc"), Body("rotor", TimeProfile.constant(60.0)), Body("housing")]
     dt = choose_time_step(law, grains.mass, grains.radius).dt
-    dem = DEM(grains, CELL.walls(), bodies, law, dt=dt, sector=None if copies else SECTOR)
+    dem = DEM(grains, CELL.walls(), bodies, law, dt=dt, periodicity=None if copies else SECTOR)
     who = dem.grains.particle_id
     held = {"moment": moment[who], "share": share[who]}
     dem.attraction = table(from_moments(1e-4), per_grain=held, near_gap=0.3)

@@ -54,7 +54,7 @@ def _ring(wedge):
 def _dem(grains, sector, law, speed=60.0):
     bodies = [Body("disc"), Body("rotor", TimeProfile.constant(speed)), Body("housing")]
     dt = choose_time_step(law, grains.mass, grains.radius).dt
-    return DEM(grains, CELL.walls(), bodies, law, dt=dt, sector=sector)
+    return DEM(grains, CELL.walls(), bodies, law, dt=dt, periodicity=sector)
 
 
 @pytest.mark.parametrize("rolling", [None, RollingFriction(0.2)], ids=["rolls", "rolling friction"])

@@ -309,7 +309,7 @@ def test_restart_of_a_sector_is_bitwise():
         grains = Grains.create(x, r, 7850.0, velocity=v)
         bodies = [Body("disc"), Body("rotor", TimeProfile.constant(60.0)), Body("housing")]
         dt = choose_time_step(contact, grains.mass, grains.radius).dt
-        return DEM(grains, cell.walls(), bodies, contact, dt=dt, sector=sector)
+        return DEM(grains, cell.walls(), bodies, contact, dt=dt, periodicity=sector)
 
     straight, first, fresh = scene(), scene(), scene()
     straight.run(900)

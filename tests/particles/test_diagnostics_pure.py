@@ -32,7 +32,7 @@ def ring(speed=60.0):
     grains = Grains.create(x, RADIUS, 7850.0, velocity=0.1 * spin, angular_velocity=100.0 * spin)
     bodies = [Body("disc"), Body("rotor", TimeProfile.constant(speed)), Body("housing")]
     dt = choose_time_step(LAW, grains.mass, grains.radius).dt
-    return DEM(grains, CELL.walls(), bodies, LAW, dt=dt, sector=SECTOR)
+    return DEM(grains, CELL.walls(), bodies, LAW, dt=dt, periodicity=SECTOR)
 
 
 def box():

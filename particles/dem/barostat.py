@@ -1,0 +1,61 @@
+"""Imposed pressure: the height of a sheared box follows the normal stress across the flow, between runs of steps.
+
+    dLz/dt = Lz (sigma_zz - P)/g,
+
+with a damping g [Pa s] that sets how fast: much slower than the grains' collisions, much faster than the shear (da Cruz
+et al., Phys. Rev. E 72 (2005) 021309, with the wall's equation for a box). Centres move with the box; grains keep their
+size and their velocity beside the flow. The work of the stretch is in no energy budget.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from particles.step_totals import StepTotals
+
+if TYPE_CHECKING:
+    from particles.dem.dem import DEM
+
+MOST = 1e-3
+"""Largest |ln| of a change of the height at once: neighbours then come nearer by less than a grain's usual overlap."""
+
+
+@dataclass(frozen=True, slots=True)
+class Barostat:
+    """See the module.
+
+    Attributes
+    ----------
+    pressure : float
+        P [Pa].
+    damping : float
+        g [Pa s].
+    """
+
+    pressure: float
+    damping: float
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.pressure) and 0.0 < self.damping < math.inf):
+            raise ValueError(
+                f"pressure = {self.pressure} Pa, damping = {self.damping} Pa s; allowed: finite, and more than 0"
+            )
+
+    def follow(self, dem: DEM, totals: StepTotals, held: float = 0.0) -> float:
+        """Stretch the box of ``dem`` by what the mean stress of its last run asks for; the factor.
+
+        ``held`` is sigma_zz of forces that the grains' engine does not know [Pa], such as held magnetic ones.
+
+        Raises
+        ------
+        ValueError
+            The grains are in no sheared box.
+        """
+        if totals.stress is None:
+            raise ValueError("the grains are in no sheared box; a barostat needs one")
+        excess = float(totals.stress.total[2, 2]) + held - self.pressure
+        factor = math.exp(min(max(totals.duration * excess / self.damping, -MOST), MOST))
+        dem.stretch(factor)
+        return factor
