@@ -18,7 +18,6 @@ def read_cad(path, **options):
     return cad_section(path, **options).parts
 
 
-
 def test_names_and_areas_survive_the_file(tmp_path):
     parts = read_cad(write_polygons(tmp_path / "clutch.step", CLUTCH.section_polygons()))
     drawn = [(name, polygon) for name, polygons in CLUTCH.section_polygons().items() for polygon in polygons]
