@@ -74,7 +74,7 @@ class Solution:
     ----------
     state : State
     moment : ndarray (n, 3)
-        m and half of each neck's q r.
+        m and of each neck's q r the part a_i/(a_i + a_j), from the centre to the neck.
     force : ndarray (n, 3)
     virial : ndarray (3, 3)
         -sum of F r over all pairs; over the volume of a cell it is the stress, tension > 0, without that of the smear.
@@ -274,7 +274,8 @@ class DenseEnergy:
         M, _, q = state
         moment = self.V[:, None] * M
         for here in (self.ni, self.nj):
-            np.add.at(moment, here, 0.5 * (q * self.nd)[:, None] * self.nn)
+            share = self.a[here] / (self.a[self.ni] + self.a[self.nj])
+            np.add.at(moment, here, (share * q * self.nd)[:, None] * self.nn)
         pair = self.pair_forces(state)
         force = np.zeros_like(M)
         np.add.at(force, self.i, pair)

@@ -5,6 +5,7 @@ cells, from `SOLVERS`; the numbers of finite elements are those of `sphere_truth
 and to 200 for packings, from where on the model is too strong.
 """
 
+from pathlib import Path
 from typing import NamedTuple, Protocol
 
 import dense_energy
@@ -26,18 +27,18 @@ class Found(NamedTuple):
 class Solver(Protocol):
     """What solves for a cluster in open space, or for a cell (`box`) in a macroscopic field."""
 
-    def __call__(self, centre, chi, H, box=None) -> Found: ...
+    def __call__(self, centre, chi, H, box=None, radius=1.0) -> Found: ...
 
 
 REACH = 8.0  # of the smear in cells
 
 
-def by_dense_energy(centre, chi, H, box=None) -> Found:
+def by_dense_energy(centre, chi, H, box=None, radius=1.0) -> Found:
     """The functional in plain numpy; a residual of 1e-9 of a moment."""
     if box is None:
-        energy, cell = dense_energy.cluster(centre, 1.0, chi, H), 1.0
+        energy, cell = dense_energy.cluster(centre, radius, chi, H), 1.0
     else:
-        energy, cell = dense_energy.periodic_cell(centre, 1.0, box, chi, H, reach=REACH), float(np.prod(box))
+        energy, cell = dense_energy.periodic_cell(centre, radius, box, chi, H, reach=REACH), float(np.prod(box))
     found = energy.solve(tolerance=1e-9)
     assert found.residual <= 1e-9
     return Found(found.moment / energy.V[:, None], found.force, found.virial / cell)
@@ -68,8 +69,11 @@ HEAP = np.array([[0.0, 0, 0], [2.03, 0, 0.1], [1.0, 1.8, 0.2], [0.9, 0.55, 1.95]
 ASKEW = np.array([0.03, -0.02, 0.05])
 
 
+RADII = np.array([1.0, 0.8, 1.0, 0.9, 1.0, 0.7])
+
+
 def heap(x=HEAP, **options):
-    return dense_energy.cluster(x, 1.0, 999.0, ASKEW, **options)
+    return dense_energy.cluster(x, RADII, 999.0, ASKEW, **options)
 
 
 def difference(function, step):
@@ -140,11 +144,11 @@ def test_the_stress_is_the_strain_derivative_of_the_energy():
 
 def test_forces_and_angular_momentum_balance(solve):
     """sum F = 0, and sum x x F = sum V M x H: the field turns a cluster that may not turn its moments."""
-    found = solve(HEAP, 999.0, ASKEW)
+    found = solve(HEAP, 999.0, ASKEW, radius=RADII)
     scale = np.abs(found.force).max()
     assert np.abs(found.force.sum(axis=0)).max() < 1e-12 * scale
     on_grains = np.cross(HEAP, found.force).sum(axis=0)
-    by_field = 4.0 / 3.0 * np.pi * np.cross(found.M, ASKEW).sum(axis=0)
+    by_field = 4.0 / 3.0 * np.pi * (RADII**3 @ np.cross(found.M, ASKEW))
     assert np.abs(on_grains - by_field).max() < 1e-7 * scale
 
 
@@ -212,6 +216,21 @@ def test_oblique_pairs(solve, angle, h, along, across, moment):
     found = solve([[0.0, 0, 0], [0.0, 0, 2.03]], truth.CHI, field)
     assert found.force[1, [0, 2]] == pytest.approx((across, along), rel=0.06)
     assert found.M[1, [0, 2]] == pytest.approx(moment, rel=0.02)
+
+
+@pytest.mark.parametrize("radius", [1.5, 2.0])
+def test_pairs_of_different_radii(solve, radius):
+    """Force 3 % and both moments 1 %, with the length 2 a_i a_j/(a_i + a_j) of the neck and what else follows.
+
+    Each sphere is charged at its own radius, their magnetisations count alike in the neck's capacity, and each has of
+    q r the part up to the neck.
+    """
+    rows = np.loadtxt(Path(__file__).parent / "unequal_spheres.csv", delimiter=",", skiprows=1)
+    for _, gap, h, force, small, large in rows[rows[:, 0] == radius]:
+        distance = 1.0 + radius + gap * 2.0 * radius / (1.0 + radius)
+        found = solve([[0.0, 0, 0], [0.0, 0, distance]], truth.CHI, along_z(h), radius=np.array([1.0, radius]))
+        assert found.force[0, 2] == pytest.approx(force, rel=0.03)
+        assert found.M[:, 2] == pytest.approx((small, large), rel=0.01)
 
 
 def test_a_pair_across_the_field_repels_itself_too_strongly():
