@@ -307,8 +307,8 @@ class MutualMoments:
         found.neck = np.zeros((len(found.drop), N_NECK, LANES))
         sweep = _Sweep(self, grains, rows, found)
         sweep.run(tolerance, most_sweeps, start is None)
-        if found.residual > tolerance and self.near and tolerance > 0.0:
-            sweep.newton(tolerance)
+        if found.residual > tolerance and found.sweeps < most_sweeps:
+            sweep.newton(tolerance, most_sweeps)
         found.moment = found.dipole.copy()
         if self.near:
             grains = self._grains(position, radius, volume, found)
@@ -534,25 +534,33 @@ class _Sweep:
                 damping = FIRST_DAMPING
             before = residual
 
-    def newton(self, tolerance: float) -> None:
+    def newton(self, tolerance: float, most_sweeps: int) -> None:
         """Newton's method with Krylov's subspaces (scipy) where the sweeps have stalled, from the best state of theirs.
 
         The contrasts across are constant in it, and follow between rounds. Where it fails the state is that of the
         smaller residual.
         """
         best = self.found.residual, self._state(), self.found.contrast
+
+        def asked(state: np.ndarray) -> np.ndarray:
+            if self.found.sweeps >= most_sweeps:
+                raise NoConvergence(best[1])
+            self._take(state, follow=False)
+            self.evaluate()
+            return self._asked()
+
         for _ in range(NEWTON_ROUNDS):
             try:
                 found = newton_krylov(
-                    self._residual_of, self._state(), f_tol=0.1 * tolerance, maxiter=NEWTON_STEPS, method="lgmres",
+                    asked, self._state(), f_tol=0.1 * tolerance, maxiter=NEWTON_STEPS, method="lgmres",
                     tol_norm=lambda x: float(np.sqrt((x**2).sum())),
                 )  # fmt: skip
-            except (NoConvergence, NotFiniteGrains, ValueError, np.linalg.LinAlgError) as failed:
-                found = failed.args[0] if isinstance(failed, NoConvergence) else best[1]
-            self._take(np.asarray(found), follow=False)
-            try:
+                self._take(np.asarray(found), follow=False)
                 self.evaluate()
-            except NotFiniteGrains:
+            except NoConvergence as failed:
+                self._take(np.asarray(failed.args[0]), follow=False)
+                self.evaluate()
+            except (NotFiniteGrains, ValueError, np.linalg.LinAlgError):
                 break
             if self.found.residual < best[0]:
                 best = self.found.residual, self._state(), self.found.contrast
@@ -562,11 +570,6 @@ class _Sweep:
         self._take(best[1], follow=False)
         self.found.contrast = best[2]
         self.evaluate()
-
-    def _residual_of(self, state: np.ndarray) -> np.ndarray:
-        self._take(state, follow=False)
-        self.evaluate()
-        return self._asked()
 
     @property
     def _mean_volume(self) -> float:
