@@ -1,9 +1,9 @@
 """Tables of magnetised spheres for kernels: magnetisation of a lone sphere, and the energy of the neck of a near pair.
 
 All grids are even in the logarithms. Fields and magnetisations are in `scale` [A/m] (the saturation of the material;
-infinite for a linear one). Of the lone sphere in a field h, over ln h: M/h and its slope, the coenergy integral of
-M dh over h^2, and the contrast c = (beta_s beta_d)^0.6 with beta = M/(3 h) by secant and by tangent: what saturation
-leaves of the answer across the line of centres of a near pair (1 for a high permeability, 0 far in saturation).
+infinite for a linear one). Of the lone sphere in a field h, over ln h: M/h and its slope, and the coenergy integral of
+M dh over h^2. Over M, evenly: the contrast c = (beta_s beta_d)^0.6 with beta = M/(3 h) by secant and by tangent, what
+saturation leaves of the answer across the line of centres of a near pair (1 for a high permeability, 0 in saturation).
 
 The neck of two spheres over which the potential drops by D [A], with a gap of g radii between their surfaces, has the
 energy
@@ -30,10 +30,11 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+from scipy.interpolate import PchipInterpolator
 
 from field.laws.powder_law import GrainLaw, ThesisLaw
-from field.laws.reluctivity import Law
-from field.spheres.lone_sphere import saturation, sphere_magnetisation
+from field.laws.reluctivity import MU_0, Law
+from field.spheres.lone_sphere import bulk_law, saturation, sphere_magnetisation
 from field.spheres.neck_energy import NeckEnergy, neck_energy
 from field.spheres.pair_table import FADE_TO, fade, fade_slope
 from field.spheres.transverse_pair import transverse_share
@@ -47,7 +48,8 @@ MODELS = ("mutual", "near_field")
 CONTRAST_POWER = 0.6
 SMALLEST_DROP = 1e-200  # A: of a logarithm
 SMALLEST_CAPACITY = 1e-6
-RATIO, RATIO_SLOPE, COENERGY, COENERGY_SLOPE, CONTRAST, CONTRAST_SLOPE, N_SPHERE = range(7)
+RATIO, RATIO_SLOPE, COENERGY, COENERGY_SLOPE, N_SPHERE = range(5)
+CONTRASTS = 1024  # intervals of the contrast's grid, over M up to the saturation
 
 
 class GrainLawTable(NamedTuple):
@@ -60,7 +62,9 @@ class GrainLawTable(NamedTuple):
     sphere_start, sphere_step : float
         Grid in ln h of the lone sphere.
     sphere : ndarray, shape (s, N_SPHERE)
-        M/h, coenergy over h^2 and contrast, each with its derivative over the index.
+        M/h and coenergy over h^2, each with its derivative over the index.
+    contrast : ndarray, shape (CONTRASTS + 1, 2)
+        c and its derivative over the index, at even steps of M from 0 to the saturation.
     gap_start, gap_step, drop_start, drop_step : float
         Grids of the neck in ln g and ln z.
     drop_end : float
@@ -78,6 +82,7 @@ class GrainLawTable(NamedTuple):
     sphere_start: float
     sphere_step: float
     sphere: np.ndarray
+    contrast: np.ndarray
     gap_start: float
     gap_step: float
     drop_start: float
@@ -99,23 +104,22 @@ def _tabulate(law: Law | GrainLaw, Ms: float | None, necks: NeckEnergy | None) -
     M = sphere_magnetisation(law, H)
     ratio = M / H
     ratio_slope = _slopes(ratio)
-    tangent = np.maximum(ratio + ratio_slope / step, 0.0)
     coenergy = _coenergy(H, ratio, ratio_slope, step)
-    contrast = np.maximum(ratio * tangent / 9.0, 0.0) ** CONTRAST_POWER
-    sphere = np.stack(
-        (ratio, ratio_slope, coenergy, step * (ratio - 2.0 * coenergy), contrast, _slopes(contrast)), axis=1
-    )
+    sphere = np.stack((ratio, ratio_slope, coenergy, step * (ratio - 2.0 * coenergy)), axis=1)
+    contrast = _contrast(law, Ms)
     start = float(log_h[0]), float(step)
     if necks is None:
         none = np.zeros((2, 2))
-        return GrainLawTable(scale, *start, sphere, 0.0, 1.0, 0.0, 1.0, 1.0, 2, 2, np.zeros((4, 4)), none, none)
+        return GrainLawTable(
+            scale, *start, sphere, contrast, 0.0, 1.0, 0.0, 1.0, 1.0, 2, 2, np.zeros((4, 4)), none, none
+        )
     x, z = necks.log_gap, necks.log_drop
     gap, per_index = np.exp(x), float(x[1] - x[0]) * np.exp(x)
     kappa, slope = transverse_share(gap)
     patch = _faded(necks.patch, fade(gap), fade_slope(gap) * per_index)
     pull = patch[:, :, 1] / per_index[:, None]
     return GrainLawTable(
-        scale, *start, sphere, float(x[0]), float(x[1] - x[0]), float(z[0]), float(z[1] - z[0]),
+        scale, *start, sphere, contrast, float(x[0]), float(x[1] - x[0]), float(z[0]), float(z[1] - z[0]),
         float(np.exp(z[-1])), len(x), len(z),
         np.ascontiguousarray(patch.reshape(-1, 4)), np.ascontiguousarray(pull),
         np.stack((kappa, slope * per_index), axis=1),
@@ -134,6 +138,30 @@ def _slopes(values: np.ndarray) -> np.ndarray:
     slope = np.gradient(values, edge_order=2)
     slope[2:-2] = (8.0 * (values[3:-1] - values[1:-3]) - (values[4:] - values[:-4])) / 12.0
     return slope
+
+
+def _contrast(law: Law | GrainLaw, Ms: float | None) -> np.ndarray:
+    """The contrast (CONTRASTS + 1, 2) over M; of a linear sphere that of every field.
+
+    Along the flux density B inside the sphere, h = (2 H(B) + B/mu_0)/3 and M = 3/2 (B/mu_0 - h)
+    (`field.spheres.lone_sphere`), and dM/dh = 3/2 (dB/dh/mu_0 - 1).
+    """
+    bulk = bulk_law(law)
+    b = np.geomspace(1e-6, 1e4, 4001) * (1.0 if Ms is None else MU_0 * Ms)
+    H, H_b = bulk.H_of_B(b)
+    h = (2.0 * H + b / MU_0) / 3.0
+    M = 1.5 * (b / MU_0 - h)
+    tangent = 1.5 * (3.0 / (2.0 * MU_0 * H_b + 1.0) - 1.0)
+    c = np.maximum(M / h * tangent / 9.0, 0.0) ** CONTRAST_POWER
+    table = np.zeros((CONTRASTS + 1, 2))
+    if Ms is None:
+        table[:, 0] = c[0]
+        return table
+    rising = np.concatenate(([True], M[1:] > np.maximum.accumulate(M)[:-1])) & (M < Ms)
+    table[:, 0] = np.interp(np.linspace(0.0, 1.0, CONTRASTS + 1), M[rising] / Ms, c[rising])
+    table[-1, 0] = 0.0
+    table[:, 1] = PchipInterpolator(np.arange(CONTRASTS + 1.0), table[:, 0])(np.arange(CONTRASTS + 1.0), 1)
+    return table
 
 
 def _coenergy(H: np.ndarray, ratio: np.ndarray, slope: np.ndarray, step: float) -> np.ndarray:
@@ -234,17 +262,15 @@ def sphere_coenergy(table, H):
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def sphere_contrast(table, H):
-    """Contrast c [-] of a lone sphere in H [A/m] and dc/dM [m/A]."""
-    if H <= 0.0:
-        return table.sphere[0, CONTRAST], 0.0
-    k, t = _sphere_place(table, H)
-    if k == table.sphere.shape[0] - 1:
+def contrast_of(table, M):
+    """Contrast c [-] of a grain of magnetisation M >= 0 [A/m] and dc/dM [m/A]; 0 from the saturation on."""
+    u = CONTRASTS * (M / table.scale)
+    if not u < CONTRASTS:  # also of NaN, which is no index
         return 0.0, 0.0
-    value, slope = _cubic(table, k, t, CONTRAST)
-    ratio, rise = _cubic(table, k, t, RATIO)
-    tangent = ratio * table.sphere_step + rise  # dM/di = H tangent
-    return value, slope / (H * tangent) if tangent > 1e-9 * ratio else 0.0
+    k = np.int64(u)
+    low, high = table.contrast[k], table.contrast[k + 1]
+    c, slope = cubic_between(low[0], high[0], low[1], high[1], u - k)
+    return c, slope * (CONTRASTS / table.scale)
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)

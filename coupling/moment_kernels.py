@@ -14,12 +14,12 @@ from numba import njit, prange
 
 from coupling.grain_law_table import (
     SMALLEST_CAPACITY,
+    contrast_of,
     drop_place,
     gap_place,
     mean_pull,
     neck_of_one,
     sphere_coenergy,
-    sphere_contrast,
     sphere_ratio,
 )
 from coupling.image_lanes import (
@@ -158,25 +158,33 @@ def gather_fields(model, grains, rows, known, field, potential):
 
 
 @njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
-def ask_dipoles(table, grains, answer, step, squares, contrast):
+def find_contrasts(table, grains, contrast):
+    """Contrasts (n, 2) of all grains, see `coupling.grain_law_table.contrast_of`."""
+    dipole = grains.dipole
+    for i in prange(dipole.shape[0]):
+        size = sqrt(dipole[i, 0] ** 2 + dipole[i, 1] ** 2 + dipole[i, 2] ** 2)
+        contrast[i, 0], contrast[i, 1] = contrast_of(table, size / grains.volume[i])
+
+
+@njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
+def ask_dipoles(table, grains, answer, step, squares):
     """Steps (n, 3) [A m^2] that the law asks of the dipoles in ``field`` and in what the necks add to it.
 
-    ``squares`` (n, 2): of the step and of the magnetisation asked for [A^2/m^2]; ``contrast`` (n, 2): new ones.
+    ``squares`` (n, 2): of the step and of the magnetisation asked for [A^2/m^2].
     """
     field, dipole, volume = grains.field, grains.dipole, grains.volume
-    before = grains.contrast
+    contrast = grains.contrast
     for i in prange(dipole.shape[0]):
         V = volume[i]
         ox, oy, oz = dipole[i, 0] / V, dipole[i, 1] / V, dipole[i, 2] / V
         size = sqrt(ox * ox + oy * oy + oz * oz)
         # energy across depends on how far the grain is saturated
-        more = answer[i, TRANSVERSE] * before[i, 1] / (V * size) if size > 0.0 else 0.0
+        more = answer[i, TRANSVERSE] * contrast[i, 1] / (V * size) if size > 0.0 else 0.0
         hx = field[i, 0] + answer[i, ADDED] + more * ox
         hy = field[i, 1] + answer[i, ADDED + 1] + more * oy
         hz = field[i, 2] + answer[i, ADDED + 2] + more * oz
         strength = sqrt(hx * hx + hy * hy + hz * hz)
         ratio, _ = sphere_ratio(table, strength)
-        contrast[i, 0], contrast[i, 1] = sphere_contrast(table, strength)
         dx, dy, dz = ratio * hx - ox, ratio * hy - oy, ratio * hz - oz
         squares[i, 0] = dx * dx + dy * dy + dz * dz
         squares[i, 1] = ratio * ratio * strength * strength

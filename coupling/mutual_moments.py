@@ -41,7 +41,7 @@ of a grain and up to 200 kA/m in iron; in bcc and fcc lattices its forces are of
 kA/m too strong where contacts are many.
 
 Dipoles and drops are the fixed point of a map that is neither linear nor symmetric, and a saddle of W. It is approached
-by damped sweeps from the last state, mixed with the sweep before as the secant through both asks (`mix_by_secant`); the
+by damped sweeps from the last state, mixed with the sweeps before (`AndersonMixing`); the
 step of a drop is divided by 1 + (k_i + k_j)/2, k = sum over a grain's necks of (dq/dD)/(4 pi a). Every sweep updates
 all
 from the same state, so no bit depends on the threads.
@@ -67,6 +67,7 @@ from coupling.moment_kernels import (
     ask_dipoles,
     ask_drops,
     contact_forces,
+    find_contrasts,
     find_fluxes,
     gather_fields,
     grain_energies,
@@ -79,12 +80,13 @@ from geometry.kernels.simd import LANES
 MIN_GAP = 3e-3
 """Default of the gap between surfaces that touch [radii]."""
 
-# Of an undamped step: where sweeps of this fraction do not shrink the residual it is lowered.
+# Of an undamped step: where sweeps of this fraction let the residual grow it is lowered.
 FIRST_DAMPING, MIN_DAMPING = 0.7, 0.05
 # Moments so many times those of lone grains are of an earlier field: begin again.
 FAR_START = 10.0
 STALLED = 60  # sweeps in which the residual was not halved: Newton is tried
 NEWTON_ROUNDS, NEWTON_STEPS = 3, 20
+DEPTH = 5  # sweeps that are remembered
 MU_0 = 4e-7 * np.pi
 
 
@@ -480,16 +482,15 @@ class _Sweep:
     def evaluate(self) -> float:
         """Fluxes, fields and the steps asked at the present dipoles and drops; their residual."""
         s, f = self.solver, self.found
-        grains = self.grains = self.grains._replace(dipole=f.dipole, contrast=f.contrast)
+        grains = self.grains = self.grains._replace(dipole=f.dipole)
         if s.near:
+            find_contrasts(s.table, grains, f.contrast)
             find_fluxes(
                 s.table, s.model, grains, self.rows, s.walls, self.known, f.drop, f.wall_drop, f.neck, f.wall_neck,
                 f.charge, self.answer, self.extra,
             )  # fmt: skip
         gather_fields(s.model, grains, self.rows, self.known, f.field, f.potential)
-        contrast = np.empty_like(f.contrast)
-        ask_dipoles(s.table, grains, self.answer, self.step, self.squares, contrast)
-        self.contrast = contrast
+        ask_dipoles(s.table, grains, self.answer, self.step, self.squares)
         sums = self.squares.sum(axis=0)
         residual = 0.0 if sums[1] == 0.0 else np.sqrt(sums[0] / sums[1])  # a NaN stays one
         if s.near:
@@ -511,7 +512,7 @@ class _Sweep:
 
     def run(self, tolerance: float, most_sweeps: int, cold: bool) -> None:
         """Sweep until the residual is at most the tolerance, `most_sweeps` times at most."""
-        damping, before, last = (1.0 if cold else FIRST_DAMPING), np.inf, None
+        damping, before, mixing = (1.0 if cold else FIRST_DAMPING), np.inf, AndersonMixing()
         self.scale = np.ones(2)
         best, best_at = np.inf, 0
         for sweep in range(1, most_sweeps + 1):
@@ -524,12 +525,11 @@ class _Sweep:
                 return
             if sweep <= 2:  # of both parts of the state, for the secant
                 self.scale = 1.0 / np.sqrt(np.maximum(self.sums[[1, 3]], 1e-300)) * [1.0 / self._mean_volume, 1.0]
-                last = None
-            state, asked = self._state(), self._asked()
-            self._take(mix_by_secant(state, asked, damping, last))
-            last = state, asked
-            if sweep > 1 and residual > 0.98 * before:
-                damping, last = max(0.7 * damping, MIN_DAMPING), None
+                mixing.forget()
+            self._take(mixing.next(self._state(), self._asked(), damping))
+            if sweep > 1 and residual > 1.5 * before:
+                damping = max(0.7 * damping, MIN_DAMPING)
+                mixing.forget()
             elif sweep == 1 and cold:
                 damping = FIRST_DAMPING
             before = residual
@@ -537,15 +537,14 @@ class _Sweep:
     def newton(self, tolerance: float, most_sweeps: int) -> None:
         """Newton's method with Krylov's subspaces (scipy) where the sweeps have stalled, from the best state of theirs.
 
-        The contrasts across are constant in it, and follow between rounds. Where it fails the state is that of the
-        smaller residual.
+        Where it fails the state is that of the smallest residual.
         """
-        best = self.found.residual, self._state(), self.found.contrast
+        best = self.found.residual, self._state()
 
         def asked(state: np.ndarray) -> np.ndarray:
             if self.found.sweeps >= most_sweeps:
                 raise NoConvergence(best[1])
-            self._take(state, follow=False)
+            self._take(state)
             self.evaluate()
             return self._asked()
 
@@ -555,20 +554,18 @@ class _Sweep:
                     asked, self._state(), f_tol=0.1 * tolerance, maxiter=NEWTON_STEPS, method="lgmres",
                     tol_norm=lambda x: float(np.sqrt((x**2).sum())),
                 )  # fmt: skip
-                self._take(np.asarray(found), follow=False)
+                self._take(np.asarray(found))
                 self.evaluate()
             except NoConvergence as failed:
-                self._take(np.asarray(failed.args[0]), follow=False)
+                self._take(np.asarray(failed.args[0]))
                 self.evaluate()
             except (NotFiniteGrains, ValueError, np.linalg.LinAlgError):
                 break
             if self.found.residual < best[0]:
-                best = self.found.residual, self._state(), self.found.contrast
+                best = self.found.residual, self._state()
             if self.found.residual <= tolerance:
                 return
-            self.found.contrast = self.contrast
-        self._take(best[1], follow=False)
-        self.found.contrast = best[2]
+        self._take(best[1])
         self.evaluate()
 
     @property
@@ -587,8 +584,8 @@ class _Sweep:
     def _asked(self) -> np.ndarray:
         return self._join(self.step, self.drop_step, self.wall_step)
 
-    def _take(self, state: np.ndarray, follow: bool = True) -> None:
-        """Set dipoles and drops; the contrasts ``follow`` what the last sweep found."""
+    def _take(self, state: np.ndarray) -> None:
+        """Set dipoles and drops."""
         f = self.found
         a = f.dipole.size
         b = a + f.drop.size
@@ -596,8 +593,6 @@ class _Sweep:
         if self.solver.near:
             f.drop = (state[a:b] / self.scale[1]).reshape(f.drop.shape)
             f.wall_drop = (state[b:] / self.scale[1]).reshape(f.wall_drop.shape)
-        if follow:
-            f.contrast = self.contrast
 
 
 def _wall_drives(walls: np.ndarray, grains: MagneticGrains) -> np.ndarray:
@@ -614,25 +609,46 @@ def _wall_drives(walls: np.ndarray, grains: MagneticGrains) -> np.ndarray:
     return drop
 
 
-def mix_by_secant(
-    state: np.ndarray, asked: np.ndarray, damping: float, last: tuple[np.ndarray, np.ndarray] | None
-) -> np.ndarray:
-    """The next state (k,) of a damped fixed-point iteration that remembers one sweep.
+class AndersonMixing:
+    """The next state (k,) of a damped fixed-point iteration that remembers the last sweeps.
 
-    `asked` is what an undamped step would change, `last` state and step asked of the sweep before (None: nothing is
-    remembered, the damped step alone). Of all states on the line through both sweeps that one is taken for which the
-    step asked is smallest, and the damped step is made from there: Anderson's acceleration of depth one (D. G.
-    Anderson, J. ACM 12 (1965) 547). It follows an iteration that alternates as well as one that creeps.
+    Of all states in the plane through the sweeps that it remembers that one is taken for which the step asked is
+    smallest, and the damped step is made from there (D. G. Anderson, J. ACM 12 (1965) 547; H. F. Walker, P. Ni, SIAM J.
+    Numer. Anal. 49 (2011) 1715). It follows an iteration that alternates as well as one that creeps.
+
+    Parameters
+    ----------
+    depth : int
+        Differences of sweeps that are remembered.
     """
-    plain = state + damping * asked
-    if last is None:
-        return plain
-    moved, changed = state - last[0], asked - last[1]
-    size = float((changed**2).sum())
-    if size == 0.0:
-        return plain
-    back = float((changed * asked).sum()) / size
-    return plain - back * (moved + damping * changed)
+
+    def __init__(self, depth: int = DEPTH) -> None:
+        self.depth = depth
+        self.forget()
+
+    def forget(self) -> None:
+        """Begin again."""
+        self._last: tuple[np.ndarray, np.ndarray] | None = None
+        self._moved: list[np.ndarray] = []
+        self._changed: list[np.ndarray] = []
+
+    def next(self, state: np.ndarray, asked: np.ndarray, damping: float) -> np.ndarray:
+        """The next state, of a `state` (k,) and what an undamped step would change, `asked` (k,)."""
+        if self._last is not None:
+            self._moved.append(state - self._last[0])
+            self._changed.append(asked - self._last[1])
+            del self._moved[: -self.depth], self._changed[: -self.depth]
+        self._last = state, asked
+        found = state + damping * asked
+        if not self._changed:
+            return found
+        products = np.array([[float(a @ b) for b in self._changed] for a in self._changed])
+        right = np.array([float(a @ asked) for a in self._changed])
+        size = np.sqrt(np.maximum(np.diag(products), 1e-300))
+        back = np.linalg.lstsq(products / np.outer(size, size), right / size, rcond=1e-10)[0] / size
+        for part, moved, changed in zip(back, self._moved, self._changed, strict=True):
+            found -= part * (moved + damping * changed)
+        return found
 
 
 def field_slope(position: np.ndarray, gradient: np.ndarray) -> np.ndarray:
