@@ -32,6 +32,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
+from coupling.isolated_pair import isolated_pull
 from field.laws.powder_law import GrainLaw, ThesisLaw
 from field.laws.reluctivity import MU_0, Law
 from field.spheres.lone_sphere import bulk_law, saturation, sphere_magnetisation
@@ -72,8 +73,8 @@ class GrainLawTable(NamedTuple):
     n_gap, n_drop : int
     neck : ndarray, shape (n_gap n_drop, 4)
         y, dy/di, dy/dj, d2y/didj by the indices i of the gap and j of the drop.
-    pull : ndarray, shape (n_gap, n_drop)
-        dy/dg at the nodes.
+    drive, pull, work : ndarray, shape (n_gap, n_drop)
+        Of an isolated pair, see `coupling.isolated_pair`.
     across : ndarray, shape (n_gap, 2)
         kappa and its derivative over the index.
     """
@@ -91,7 +92,9 @@ class GrainLawTable(NamedTuple):
     n_gap: int
     n_drop: int
     neck: np.ndarray
+    drive: np.ndarray
     pull: np.ndarray
+    work: np.ndarray
     across: np.ndarray
 
 
@@ -110,18 +113,20 @@ def _tabulate(law: Law | GrainLaw, Ms: float | None, necks: NeckEnergy | None) -
     start = float(log_h[0]), float(step)
     if necks is None:
         none = np.zeros((2, 2))
+        empty = np.zeros((4, 4))
         return GrainLawTable(
-            scale, *start, sphere, contrast, 0.0, 1.0, 0.0, 1.0, 1.0, 2, 2, np.zeros((4, 4)), none, none
+            scale, *start, sphere, contrast, 0.0, 1.0, 0.0, 1.0, 1.0, 2, 2, empty, none, none, none
         )
     x, z = necks.log_gap, necks.log_drop
     gap, per_index = np.exp(x), float(x[1] - x[0]) * np.exp(x)
     kappa, slope = transverse_share(gap)
     patch = _faded(necks.patch, fade(gap), fade_slope(gap) * per_index)
-    pull = patch[:, :, 1] / per_index[:, None]
+    y, rise, slope_z = patch[:, :, 0], patch[:, :, 1] / per_index[:, None], patch[:, :, 2] / (z[1] - z[0])
+    pair = isolated_pull(np.exp(log_h), np.exp(log_h) * ratio, x, z, y, slope_z, rise)
     return GrainLawTable(
         scale, *start, sphere, contrast, float(x[0]), float(x[1] - x[0]), float(z[0]), float(z[1] - z[0]),
         float(np.exp(z[-1])), len(x), len(z),
-        np.ascontiguousarray(patch.reshape(-1, 4)), np.ascontiguousarray(pull),
+        np.ascontiguousarray(patch.reshape(-1, 4)), *pair,
         np.stack((kappa, slope * per_index), axis=1),
     )  # fmt: skip
 
@@ -391,12 +396,45 @@ def bilinear(values, i, x, j, y):
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def mean_pull(table, gap, end, smallest_gap, place, fraction):
-    """Mean of dy/dg over a step that takes the gap to ``end`` [radii], at a constant drop and capacity."""
+    """Mean of the pull D^2 dy/dg over a step that takes the gap to ``end`` [radii], over D^2 at its start.
+
+    The drive is constant meanwhile (`coupling.isolated_pair`).
+    """
     x, below = gap_place(table, gap, smallest_gap)
-    x_end, below_end = gap_place(table, end, smallest_gap)
-    before, _, _, slope = neck_of_one(table, x, below, place, fraction)
-    after, _, _, _ = neck_of_one(table, x_end, below_end, place, fraction)
+    rise = neck_of_one(table, x, below, place, fraction)[3] / (table.gap_step * max(gap, smallest_gap))
     way = max(end, -smallest_gap) - max(gap, -smallest_gap)
-    if abs(way) > 1e-6 * max(gap, smallest_gap):
-        return (after - before) / way
-    return slope / (table.gap_step * max(gap, smallest_gap))
+    if not abs(way) > 1e-6 * max(gap, smallest_gap) or not x < table.n_gap - 1.0:
+        return rise
+    column = drive_column(table, x, place)
+    before, pull = work_and_pull(table, gap, smallest_gap, column)
+    after, _ = work_and_pull(table, end, smallest_gap, column)
+    return rise * (after - before) / (way * pull) if pull > 0.0 else 0.0
+
+
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+def drive_column(table, x, place):
+    """Column of ``pull`` for a neck at the place of its gap and of its drop."""
+    i, j = min(np.int64(x), table.n_gap - 2), min(np.int64(place), table.n_drop - 2)
+    return min(max(bilinear(table.drive, i, x - i, j, place - j), 0.0), table.n_drop - 1.0)
+
+
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
+def work_and_pull(table, gap, smallest_gap, column):
+    """Work and pull of an isolated pair, see `coupling.isolated_pair`, at a gap [radii]."""
+    x, _ = gap_place(table, gap, smallest_gap)
+    last = table.n_gap - 1
+    j = min(np.int64(column), table.n_drop - 2)
+    y = column - j
+    if not x < last:
+        return table.work[last, j] + y * (table.work[last, j + 1] - table.work[last, j]), 0.0
+    i = np.int64(x)
+    work, low, high = (
+        table.work[i, j] + y * (table.work[i, j + 1] - table.work[i, j]),
+        table.pull[i, j] + y * (table.pull[i, j + 1] - table.pull[i, j]),
+        table.pull[i + 1, j] + y * (table.pull[i + 1, j + 1] - table.pull[i + 1, j]),
+    )
+    t = (x - i) * table.gap_step
+    pull = low + (x - i) * (high - low)
+    rise, factor = (high - low) / table.gap_step, np.exp(t)
+    work += np.exp(table.gap_start + i * table.gap_step) * (low * (factor - 1.0) + rise * (factor * (t - 1.0) + 1.0))
+    return work + pull * (max(gap, -smallest_gap) - max(gap, smallest_gap)), pull

@@ -228,11 +228,12 @@ def drop_at_wall(i, w, walls, model, grains):
 
 @njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
 def add_charge_moments(rows, grains, walls, known, neck, wall_neck, moment, extra):
-    """Add the moments of the necks' charges, q r n/2 of a pair to each grain, to ``moment`` (n, 3) [A m^2]."""
+    """Add the moments of the necks' charges, of q r n the part up to the neck, to ``moment`` (n, 3) [A m^2]."""
     near_start = known.near_start
     position, height = grains.position, grains.height
+    place = columns_of(position, grains.radius)
     for b in prange(known.near_once.shape[0]):
-        charge_moments_of_eight(b, rows, known, neck, extra)
+        charge_moments_of_eight(b, place, rows, known, neck, extra)
     for i in prange(position.shape[0]):
         mx = my = mz = 0.0
         for k in range(near_start[i], near_start[i + 1]):

@@ -26,7 +26,7 @@ saturation leaves the contrasts c. So
 
 where S_i and phi_i count all grains, the partner included. Forces are -dW/dx at constant M and D: sums over pairs
 that obey the third law, conserve angular momentum, and do no work in a closed loop. The moment of a grain, which makes
-the field outside and is what files hold, is m_i + sum_k q_k r_k n_k/2.
+the field outside and is what files hold, is m_i + sum_k q_k r_k n_k a_i/(a_i + a_j).
 
 A steel wall is the mirrored pair: neck and energy are half of those of the grain and its image, times the wall's
 strength.

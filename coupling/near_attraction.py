@@ -83,9 +83,7 @@ class NearAttraction:
         drive_pairs(solver.table, self._across, solver.model, grains, rows, pair, rest)
         if len(solver.walls):
             steel = np.where(slots.smooth, self._steel[slots.wall], -1)
-            drive_walls(
-                solver.table, self._across, solver.model, grains, slots.start, steel, solver.walls, wall, rest
-            )
+            drive_walls(solver.table, solver.model, grains, slots.start, steel, solver.walls, wall, rest)
         dem.external_force = rest
         return pair, wall
 

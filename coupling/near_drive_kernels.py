@@ -1,7 +1,8 @@
 """Compiled drives of near pairs and walls for the DEM's own list, which computes their pull at every gap.
 
-The pull is that of `coupling.moment_kernels.contact_forces` with everything but the gap constant. It is
-subtracted from the held forces, at the places where these were found, so that every near pair counts once.
+The pull is that of `coupling.moment_kernels.contact_forces` at the places where moments and drops were found, and goes
+from there on with the gap alone, as that of an isolated pair in a constant field (`coupling.isolated_pair`). It is
+subtracted from the held forces, at those places, so that every near pair counts once.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from coupling.grain_law_table import SMALLEST_CAPACITY, bilinear, drop_place, gap_place
+from coupling.grain_law_table import SMALLEST_CAPACITY, bilinear, drive_column, drop_place, gap_place, neck_of_one
 from coupling.influence_kernels import slope_along
 from coupling.mirror import normal_at
 from coupling.moment_kernels import MU_0, drop_at_wall, is_near_wall
@@ -19,13 +20,19 @@ COLUMN, AMPLITUDE, ACROSS = 0, 1, 2
 SHORTEST = 1e-9  # of what lies across: below it nothing is followed
 
 
-@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def _pull_at(table, across, gap, smallest_gap, place):
-    """Pull over its amplitude at a gap [radii] and a place of the drop, and that across."""
-    x, _ = gap_place(table, gap, smallest_gap)
-    i, j = min(np.int64(x), table.n_gap - 2), min(np.int64(place), table.n_drop - 2)
-    x -= i
-    return bilinear(table.pull, i, x, j, place - j), across[i] + x * (across[i + 1] - across[i])
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
+def _drive_of_neck(table, gap, smallest_gap, drop, capacity, radius):
+    """Column of a neck, its amplitude over mu_0 [A^2], and its pull over mu_0 [A^2] at the present gap [radii]."""
+    x, below = gap_place(table, gap, smallest_gap)
+    place, fraction = drop_place(table, drop, capacity, radius)
+    rise = neck_of_one(table, x, below, place, fraction)[3] / (table.gap_step * max(gap, smallest_gap))
+    pull = drop * drop * rise
+    column = drive_column(table, x, place)
+    i, j = min(np.int64(x), table.n_gap - 2), min(np.int64(column), table.n_drop - 2)
+    shape = bilinear(table.pull, i, x - i, j, column - j)
+    if not (shape > 0.0 and pull > 0.0):
+        return 0.0, 0.0, 0.0
+    return column, pull / shape, pull
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
@@ -68,15 +75,16 @@ def drive_pairs(table, across, model, grains, pairs, drive, force):
             a_n, b_n = ax * nx + ay * ny + az * nz, bx * nx + by * ny + bz * nz
             sign = -1.0 if drop < 0.0 else 1.0
             capacity = max(1.0 - 0.5 * sign * (a_n / volume[i] + b_n / volume[j]) / table.scale, SMALLEST_CAPACITY)
-            place, fraction = drop_place(table, drop, capacity, a)
-            along, sideways = _pull_at(table, across, gap, model.smallest_gap, place)
-            drive[q, COLUMN] = place
-            drive[q, AMPLITUDE] = MU_0 * drop * drop * fraction
+            column, amplitude, along = _drive_of_neck(table, gap, model.smallest_gap, drop, capacity, a)
+            drive[q, COLUMN] = column
+            drive[q, AMPLITUDE] = MU_0 * amplitude
             product = (ax * bx + ay * by + az * bz - a_n * b_n) * contrast[i, 0] * contrast[j, 0]
             # of equal spheres the table's own; of others what they have at this gap
             per_a4 = 1.0 / (4.0 * np.pi * a**4) * ((2.0 + gap) * a / r) ** 4
             drive[q, ACROSS] = MU_0 * per_a4 * product
-            pull = drive[q, AMPLITUDE] * along + drive[q, ACROSS] * sideways
+            k = min(np.int64(x), table.n_gap - 2)
+            sideways = across[k] + (x - k) * (across[k + 1] - across[k])
+            pull = MU_0 * along + drive[q, ACROSS] * sideways
             fx, fy, fz = pull * nx, pull * ny, pull * nz
             force[i, 0] += fx
             force[i, 1] += fy
@@ -87,7 +95,7 @@ def drive_pairs(table, across, model, grains, pairs, drive, force):
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
-def drive_walls(table, across, model, grains, start, steel, walls, drive, force):
+def drive_walls(table, model, grains, start, steel, walls, drive, force):
     """Drives (s, 2) of wall slots: column, amplitude [N]; ``steel`` (s,) is the row of ``walls`` (w, 6) or -1."""
     position, radius, height = grains.position, grains.radius, grains.height
     for i in range(position.shape[0]):
@@ -104,10 +112,10 @@ def drive_walls(table, across, model, grains, start, steel, walls, drive, force)
             m_n = grains.dipole[i, 0] * nx + grains.dipole[i, 1] * ny + grains.dipole[i, 2] * nz
             sign = -1.0 if drop < 0.0 else 1.0
             capacity = max(1.0 - sign * m_n / (grains.volume[i] * table.scale), SMALLEST_CAPACITY)
-            place, fraction = drop_place(table, drop, capacity, radius[i])
-            drive[q, COLUMN] = place
-            drive[q, AMPLITUDE] = MU_0 * walls[w, 5] * drop * drop * fraction
-            pull = drive[q, AMPLITUDE] * _pull_at(table, across, gap, model.smallest_gap, place)[0]
+            column, amplitude, along = _drive_of_neck(table, gap, model.smallest_gap, drop, capacity, radius[i])
+            drive[q, COLUMN] = column
+            drive[q, AMPLITUDE] = MU_0 * walls[w, 5] * amplitude
+            pull = MU_0 * walls[w, 5] * along
             force[i, 0] += pull * nx
             force[i, 1] += pull * ny
             force[i, 2] += pull * nz

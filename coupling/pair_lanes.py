@@ -117,15 +117,22 @@ def steps_of_eight(b, potential, known, drop, step):
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def charge_moments_of_eight(b, rows, known, neck, extra):
-    """Moments q r n/2 [A m^2] that the near pairs of block b add to each of both grains, into ``extra`` (k, 8)."""
+def charge_moments_of_eight(b, place, rows, known, neck, extra):
+    """Moments [A m^2] that the near pairs of block b add to both grains, into ``extra`` (k, 8).
+
+    Of q r n each grain has the part up to the neck, by its radius. ``place`` (n, 4): centres and radii [m].
+    """
     pair = known.near_pair
-    half = 0.5 * load(neck, b, FLUX) / load(pair, b, PER_TRUE)
-    x, y, z = half * load(pair, b, NX), half * load(pair, b, NY), half * load(pair, b, NZ)
+    _, _, _, ri = gather_columns(place, load(known.near_once, b, FIRST), 0)
+    _, _, _, rj = gather_columns(place, load(known.near_once, b, SECOND), 0)
+    per_radius = load(neck, b, FLUX) / (load(pair, b, PER_TRUE) * (ri + rj))
+    nx, ny, nz = load(pair, b, NX), load(pair, b, NY), load(pair, b, NZ)
+    own, others = per_radius * ri, per_radius * rj
     e, t = load(known.near_once, b, ENTRY), load(known.near_once, b, TWIN)
-    other = vector_to_partner(images_of_partners(rows, load(known.near_once, b, IMAGE)), x, y, z)
-    scatter_columns(extra, first_present(t, e), 0, other[0], other[1], other[2], 0.0 * z)
-    scatter_columns(extra, e, 0, x, y, z, 0.0 * z)
+    image = images_of_partners(rows, load(known.near_once, b, IMAGE))
+    x, y, z = vector_to_partner(image, others * nx, others * ny, others * nz)
+    scatter_columns(extra, first_present(t, e), 0, x, y, z, 0.0 * z)
+    scatter_columns(extra, e, 0, own * nx, own * ny, own * nz, 0.0 * nz)
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})

@@ -121,7 +121,7 @@ def test_how_the_moments_did_is_in_the_summary(tmp_path):
 def test_moments_that_do_not_converge_stop_the_run(tmp_path, monkeypatch):
     monkeypatch.setattr("coupling.mutually_magnetised_grains.MAX_SWEEPS", 1)
     monkeypatch.setattr("coupling.mutually_magnetised_grains.LOST", 1e-9)
-    with pytest.raises(RunError, match=r"moments of the grains did not converge: residual .* after 1 sweeps"):
+    with pytest.raises(RunError, match=r"moments of the grains did not converge: residual .* after \d+ sweeps"):
         run(tmp_path, "lost", NEAR)
 
 
