@@ -113,9 +113,8 @@ def _tabulate(law: Law | GrainLaw, Ms: float | None, necks: NeckEnergy | None) -
     start = float(log_h[0]), float(step)
     if necks is None:
         none = np.zeros((2, 2))
-        empty = np.zeros((4, 4))
         return GrainLawTable(
-            scale, *start, sphere, contrast, 0.0, 1.0, 0.0, 1.0, 1.0, 2, 2, empty, none, none, none
+            scale, *start, sphere, contrast, 0.0, 1.0, 0.0, 1.0, 1.0, 2, 2, np.zeros((4, 4)), none, none, none, none
         )
     x, z = necks.log_gap, necks.log_drop
     gap, per_index = np.exp(x), float(x[1] - x[0]) * np.exp(x)

@@ -7,14 +7,14 @@ the last evaluation has the neck's drop, over its capacity. From there on the pu
 isolated pair in this field. Measured where an evaluation's gap of 0.1 radii closes to 0.003: the force of a pair, of
 pairs in chains and beside side grains is within 7 % at 18 to 200 kA/m (1.1 to 2.1 times at a constant drop).
 
-The pair is the stationary point of the functional of `coupling.mutual_moments`. In units of radius, saturation and mu_0,
-with R = 2 + g, z = D/(1 - M) and the neck's energy w = D^2 y(g, z),
+The pair is the stationary point of the functional of `coupling.mutual_moments`. In units of radius, saturation and
+mu_0, with R = 2 + g, z = D/(1 - M) and the neck's energy w = D^2 y(g, z),
 
     q = -D (2 y + y'),    D = h R - 2 M/(3 R^2) - (1 - 1/R) q/(2 pi),
     H_s(M) = h + 2 M/(3 R^3) - q/(4 pi R^2) - D^2 y'/(2 V (1 - M)),
 
-H_s the field in which a lone sphere has M, ' = d/d ln z. At every node of the neck's table these are two equations for M
-and h; the pull is z^2 (1 - M)^2 dy/dg.
+H_s the field in which a lone sphere has M, ' = d/d ln z. At every node of the neck's table these are two equations for
+M and h; the pull is z^2 (1 - M)^2 dy/dg.
 """
 
 from __future__ import annotations
