@@ -14,7 +14,6 @@ from coupling.mutual_moments import AndersonMixing, MutualMoments
 from coupling.neighbour_rows import neighbour_rows
 from field import MU_0, GrainLaw, LangevinLaw
 from field.spheres.lone_sphere import sphere_magnetisation
-from field.spheres.neck_energy import neck_energy
 from particles import CyclicSector
 
 pytestmark = pytest.mark.physics
@@ -289,7 +288,7 @@ def test_a_sector_is_part_of_the_ring():
 
 @pytest.mark.parametrize("first", [2.5, 2.3, 2.05])
 def test_the_mean_force_of_a_long_step_does_the_work_of_short_ones(first):
-    """Two grains on their way to each other: the step's force is the mean over the gaps that it passes, drop held."""
+    """Two grains on their way to each other: the neck's pull is its mean over the gaps that the step passes."""
     solver = MutualMoments(grain_table(IRON, "near_field"), near=True, reach=8.0 * A)
     x, radius = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, first * A]]), np.full(2, A)
     H, speed, dt = np.tile([0.0, 0.0, 4e4], (2, 1)), 0.4, 1e-3
@@ -299,11 +298,23 @@ def test_the_mean_force_of_a_long_step_does_the_work_of_short_ones(first):
     ahead = solver.forces(x, radius, rows, found, velocity=velocity, ahead=dt).force
     rest = solver.forces(x, radius, rows, found, attraction=False).force
     gap, end = first - 2.0, max(first - 2.0 - speed * dt / A, -3e-3)
-    necks, capacity = neck_energy(IRON), 1.0 - found.dipole[:, 2].sum() / (2.0 * VOLUME * MS)
-    drop = found.drop[0, 0] / (MS * A)
-    parts = np.maximum(end + (gap - end) * (np.arange(400) + 0.5) / 400, 3e-3)
-    pull = np.mean(necks.at(parts, drop, capacity).w_g)
-    assert (rest - ahead)[1, 2] == pytest.approx(UNIT * pull, rel=2e-3)
+    points, weights = np.polynomial.legendre.leggauss(24)
+    # even in ln g above the smallest gap, constant below
+    low, high = np.log(max(end, 3e-3)), np.log(gap)
+    parts = np.exp(0.5 * (low + high) + 0.5 * (high - low) * points)
+    pull = [pull_of_neck(solver, g) for g in parts]
+    work = 0.5 * (high - low) * weights @ (parts * pull) + pull_of_neck(solver, 3e-3) * max(3e-3 - end, 0.0)
+    assert (rest - ahead)[1, 2] == pytest.approx(work / (gap - end), rel=5e-3)
+
+
+def pull_of_neck(solver, gap):
+    """What the neck of a pair in 40 kA/m adds to the attraction [N]."""
+    x, radius = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, (2.0 + gap) * A]]), np.full(2, A)
+    H = np.tile([0.0, 0.0, 4e4], (2, 1))
+    rows = neighbour_rows(x, 8.0 * A)
+    found = solver.solve(x, radius, H, rows, tolerance=1e-10, most_sweeps=500)
+    parts = [solver.forces(x, radius, rows, found, attraction=on).force[1, 2] for on in (False, True)]
+    return parts[0] - parts[1]
 
 
 def test_bad_input_is_reported():
