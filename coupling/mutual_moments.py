@@ -523,9 +523,8 @@ class _Sweep:
                 best, best_at = residual, sweep
             elif sweep - best_at > STALLED and tolerance > 0.0 and self.solver.near:
                 return
-            if sweep <= 2:  # of both parts of the state, for the secant
+            if sweep == 1:  # both parts of the state count alike in the mixing
                 self.scale = 1.0 / np.sqrt(np.maximum(self.sums[[1, 3]], 1e-300)) * [1.0 / self._mean_volume, 1.0]
-                mixing.forget()
             self._take(mixing.next(self._state(), self._asked(), damping))
             if sweep > 1 and residual > 1.5 * before:
                 damping = max(0.7 * damping, MIN_DAMPING)
