@@ -67,17 +67,17 @@ class Simulation:
         return self.magnetised is not None or any(effect.holds_forces for effect in self.effects)
 
     def rows(self, cutoff: float) -> NeighbourRows:
-        """Return neighbour rows out to `cutoff` [m], one list's skin wider where a sector leaves room for it.
+        """Return neighbour rows out to `cutoff` [m], one list's skin wider where repeated space leaves room for it.
 
         They are rebuilt with the grains' list, which sorts the grains, and when grains have moved too far for them.
         """
         key = (cutoff, self.motion.list_version)
         position = self.motion.grains.position
         if self._rows is None or key != self._rows_key or not self._rows.is_complete(position, cutoff):
-            reach, sector = cutoff + self.motion.list_skin, self.motion.sector
-            if sector is not None:  # in a narrow one with less to spare: the rows are rebuilt more often
-                reach = max(cutoff, min(reach, sector.widest_cutoff(position)))
-            self._rows = neighbour_rows(position, reach, sector)
+            reach, periodicity = cutoff + self.motion.list_skin, self.motion.periodicity
+            if periodicity is not None:  # in narrow space with less to spare: the rows are rebuilt more often
+                reach = max(cutoff, min(reach, periodicity.widest_cutoff(position)))
+            self._rows = neighbour_rows(position, reach, periodicity)
             self._rows_key = key
         return self._rows
 

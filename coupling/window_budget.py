@@ -3,9 +3,9 @@
 Torque about z, whole device:  torque on rotor + disc + housing + field + dL/dt - gravity = residual
 
 - on the bodies: contact forces times levers, accumulated step by step as the grains move;
-- on the field (poles and coil): minus the magnetic torque on the grains, from m and B for the pairs of dipoles
-  (-sum m_i x B_j, see `coupling.mutual_moments`), from x x F for the gradient force and the images; where the field
-  turns with a slotted body, the gradient force's part is booked on that body;
+- on the field (poles and coil): minus the magnetic torque on the grains, x x F of the gradient force on dipoles, of the
+  field on charges, of the pairs and of the images (`coupling.mutual_moments`); where the field turns with a slotted body,
+  all of it is booked on that body;
 - on what else holds forces (a fluid, say): minus the torque that its effect books, each in its own column;
 - dL/dt: from positions and velocities at the window's ends, spins included;
 - gravity: weight times lever of the centre of mass, mean of the window's ends: the only term that is not an exact sum.
@@ -17,8 +17,6 @@ where every mechanism's loss is its own sum over contacts: the residual is the e
 from __future__ import annotations
 
 from time import perf_counter
-
-import numpy as np
 
 from coupling.window_row import BodyRow, EnergyRow, SolverRow, WallClock, WindowRow
 from geometry.kernels.cache import compile_seconds
@@ -33,8 +31,8 @@ class WindowBudget:
         self._begin = perf_counter()
         self._part: tuple[str, float, float] | None = None
         self._seconds = dict.fromkeys(("field", "magnetic", "contact"), 0.0)
-        self._recorded: dict[str, list[float]] = {}  # of the field
-        self._beside: dict[str, list[float]] = {}  # of other effects
+        self._recorded: dict[str, float] = {}  # of the field, summed over sub-cycles
+        self._beside: dict[str, float] = {}  # of other effects
         holding = [effect for effect in simulation.effects if effect.holds_forces]
         self._held_is_magnetic = all(effect.of_the_field for effect in holding)
         self._steps: list = []
@@ -54,7 +52,7 @@ class WindowBudget:
         """Book torques of held forces on the sector's grains [N m], which hold during the next sub-cycle."""
         booked = self._recorded if of_the_field else self._beside
         for name, torque in torques.items():
-            booked.setdefault(name, []).append(torque)
+            booked[name] = booked.get(name, 0.0) + torque
 
     def add_steps(self, totals) -> None:
         """Add the totals of a sub-cycle of the grains."""
@@ -65,6 +63,7 @@ class WindowBudget:
         self.clock(None)
         simulation = self._simulation
         motion, n, steps = simulation.motion, simulation.n_sectors, self._steps
+        per_cycle = n / len(steps)
         duration = sum(s.duration for s in steps)
         residual = 0.0
         bodies: dict[str, BodyRow] = {}
@@ -76,11 +75,11 @@ class WindowBudget:
             bodies[body.name] = row = BodyRow(speed=body.speed, **parts)
             if body is simulation.field_carrier:
                 # the field turns with this body: the grains' torque in it has its reaction here
-                row.field = -n * float(np.mean(self._recorded.pop(body.name, [0.0])))
+                row.field = -per_cycle * self._recorded.pop(body.name, 0.0)
             residual += row.torque
-        field_torque = {name: n * float(np.mean(values)) for name, values in self._recorded.items()}
+        field_torque = {name: per_cycle * total for name, total in self._recorded.items()}
         residual -= sum(field_torque.values())
-        other_torque = {name: n * float(np.mean(values)) for name, values in self._beside.items()}
+        other_torque = {name: per_cycle * total for name, total in self._beside.items()}
         for torque in other_torque.values():
             residual -= torque
         angular_momentum = n * motion.grains.angular_momentum_z()

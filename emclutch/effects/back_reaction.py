@@ -158,7 +158,8 @@ class BackReactionSection(EffectSection):
             )
             yield (
                 f"[effects.back_reaction] spreads a grain over {width:.3g} diameters: below {TRUE_WIDTH:g} forces "
-                f"on grains next to steel are wrong by up to 3 %, on single ones in loose powder by 12 %; {remedy}"
+                "on grains next to steel are wrong by up to 3 %, on grains that nearly touch by 5 %, on single ones in "
+                f"loose powder by 12 %; {remedy}"
             )
 
     def summarise(self, history, simulation):

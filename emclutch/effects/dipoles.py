@@ -15,6 +15,7 @@ from emclutch.scene.draft import Draft, size_key
 from emclutch.scene.errors import Fault
 from emclutch.scene.grain_smear import (
     MIN_WIDTH,
+    TRUE_WIDTH,
     layers_change_the_field,
     moments_are_fed_back,
     narrowest_gap,
@@ -28,9 +29,6 @@ if TYPE_CHECKING:
     from emclutch.scene.model import Scene
     from geometry.walls import Wall
     from particles import GrainMotion
-
-_NEAR_REACH = 1.8
-"""Grain diameters: two radii and the farthest gap of a near pair, 1.2 radii, beyond which dipoles are exact."""
 
 SKIN = 0.25
 """Grain diameters beyond the cut-off: how far rows of neighbours reach."""
@@ -56,17 +54,17 @@ def _valid_moments(draft: Draft) -> Iterator[Fault]:
             f"needs grains that saturate, their necks do so first; add {effects.tables(saturates=True)}, or take "
             "model = 'mutual'",
         )
-    if prescribed is not None and prescribed.is_macroscopic and attraction.cutoff < 2.0:
+    if attraction.has_necks and attraction.cutoff < TRUE_WIDTH:
         yield draft.fault(
             "effects.dipoles.cutoff",
-            "is the width over which field.means = 'macroscopic' spreads a grain; allowed: at least 2 diameters "
-            "(2.5 to 3 are usual)",
+            "ends where the charges of necks still act, whose field falls more slowly than that of dipoles; allowed with "
+            f"model = 'near_field': at least {TRUE_WIDTH:g} diameters",
         )
-    elif attraction.has_necks and attraction.cutoff < _NEAR_REACH:
+    elif prescribed is not None and prescribed.is_macroscopic and attraction.cutoff < MIN_WIDTH:
         yield draft.fault(
             "effects.dipoles.cutoff",
-            f"ends inside the range of near grains; allowed with model = 'near_field': at least {_NEAR_REACH:g} "
-            "diameters",
+            f"is the width over which field.means = 'macroscopic' spreads a grain; allowed: at least {MIN_WIDTH:g} "
+            "diameters (2.5 to 3 are usual)",
         )
 
 
@@ -172,6 +170,17 @@ class DipolesSection(EffectSection):
         return MutuallyMagnetisedGrains(
             sampler, law, solver=solver, tolerance=self.tolerance, mirrors=mirrors, near=near
         )
+
+    def warnings(self, scene):
+        """Yield a gap between steel faces that is too narrow for the width that charges of necks need."""
+        if scene.particles is None or not (self.has_necks and layers_change_the_field(scene)):
+            return
+        width = smear_width(scene) / scene.particles.largest_diameter
+        if width < TRUE_WIDTH - 1e-9:
+            yield (
+                f"field.means = 'macroscopic' spreads a grain over {width:.3g} diameters, as much as the gap allows: "
+                f"below {TRUE_WIDTH:g} forces on grains that nearly touch are wrong by 5 %; smaller grains have the room"
+            )
 
     def magnetisation_in_chains(self, scene: Scene, M_max: float) -> float:
         """Magnetisation of grains in chains of dipoles [A/m], from that of single ones; that of necks stays."""

@@ -46,8 +46,8 @@ class FedBack:
     @property
     def force(self):
         """Near fields, images and the solved field [N]."""
-        near = self.solver.forces(self.position, self.radius, self.rows, self.found)[0]
-        return near + gradient_force(self.found.moment, self.grad_H)
+        near = self.solver.forces(self.position, self.radius, self.rows, self.found).force
+        return near + gradient_force(self.found.dipole, self.grad_H)
 
 
 def powder_problem(mesh, law, width, laws=None, order=2, **more):
@@ -61,14 +61,17 @@ def fed_back(
     problem, law, position, radius, width, *, model="mutual", sector=None, walls=(), ampere_turns=0.0,
     boundary_field=0.0, solves=40, agree=1e-7, tolerance=1e-9, start=None,
 ):  # fmt: skip
-    """Field and moments in turns until the deposited magnetisation is the solved one to `agree`."""
+    """Field and moments in turns until the deposited magnetisation is the solved one to `agree`.
+
+    `start` (n, 3): moments of lone dipoles to begin with [A m^2].
+    """
     radius = np.broadcast_to(np.asarray(radius, dtype=float), (len(position),)).copy()
     volume = 4.0 / 3.0 * np.pi * radius**3
     angle = 2.0 * np.pi if sector is None else sector.angle
     feedback = PowderFeedback(problem, law, width, angle, walls)
     solver = MutualMoments(grain_table(law, model), near=model == "near_field", reach=width, smear=True)
     rows = neighbour_rows(position, width, sector)
-    moment, solution, found, residuals = start, None, None, []
+    moment, dipole, necks, solution, found, residuals = start, start, None, None, None, []
     for _ in range(solves):
         feedback.deposit(position, volume, moment, solution)
         if solution is not None:
@@ -82,9 +85,9 @@ def fed_back(
         H, grad_H = feedback.sampler_after_solve(solution).sample(position)
         solver.walls = steel_walls(walls, solution)
         found = solver.solve(
-            position, radius, H, rows, gradient=grad_H, start=moment, tolerance=tolerance, most_sweeps=3000
+            position, radius, H, rows, gradient=grad_H, start=dipole, necks=necks, tolerance=tolerance, most_sweeps=3000
         )  # fmt: skip
-        moment = found.moment
+        moment, dipole, necks = found.moment, found.dipole, solver.necks_of(found)
     assert found is not None and solution is not None
     return FedBack(feedback, solver, solution, found, rows, position, radius, H, grad_H, residuals)
 

@@ -135,7 +135,7 @@ def test_an_attraction_that_is_off_is_no_argument_of_the_step():
     dem[1].attraction = None
     for one in dem:
         one.run(50)
-        given = one._arguments(1, True, np.zeros(1), np.zeros(1), np.zeros(N_SUMS), np.zeros((1, N_BODY_SUMS)))
+        given = one._arguments(1, True, np.zeros(1), np.zeros(1), np.zeros(N_SUMS), np.zeros((1, N_BODY_SUMS)), None)
         assert given.attraction is None and not any("attraction" in name for name in one.state())
     states = [one.state() for one in dem]
     assert [name for name in states[0] if not np.array_equal(states[0][name], states[1][name])] == []

@@ -113,13 +113,20 @@ def test_a_run_goes_on_where_nothing_asks_for_a_new_field(tmp_path):
 
 @pytest.mark.hard
 def test_saturated_poles(tmp_path):
-    """50 A: moments at saturation and not above it; a field of revolution takes no more torque than their residual."""
+    """50 A: dipoles at saturation and not above it; a field of revolution takes no more torque than their residual.
+
+    What leaves through the contacts is in addition: the largest moments are 7 % above saturation.
+    """
     values = {"coil.current": "50 A", "effects.dipoles.tolerance": 1e-8, "effects.dipoles.update_every": 1}
     history = run(tmp_path, "run", values | {"time.end": "2 us"}).history
     assert sound(history)
     law = grain_law(emclutch.load_case(QUICKSTART).scene)
-    M = np.linalg.norm(moments(tmp_path, "run"), axis=1) / (np.pi / 6.0 * 0.25e-3**3)
-    assert M.max() <= law.Ms * (1.0 + 1e-9) and M.mean() > 0.8 * law.Ms
+    whole, dipole = (
+        np.linalg.norm(state(tmp_path, "run")[name], axis=1) / (np.pi / 6.0 * 0.25e-3**3)
+        for name in ("magnetic_moment", "dipole")
+    )
+    assert dipole.max() <= law.Ms * (1.0 + 1e-9) and dipole.mean() > 0.8 * law.Ms
+    assert law.Ms < whole.max() < 1.1 * law.Ms and np.mean(whole >= dipole) > 0.9
     assert history["torque_field"].abs().max() < 1e-6 * history["torque_field_gradient"].abs().max()
     assert history["torque_residual"].abs().max() < 1e-9 * history["torque_field_gradient"].abs().max()
 

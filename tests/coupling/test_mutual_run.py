@@ -83,6 +83,12 @@ def test_without_images_or_steel_the_macroscopic_field_is_even():
         assert isinstance(case.scene.field.build(case.scene, build_device(case.scene), [], [], None), ImposedField), off
 
 
+def test_layers_in_a_gap_too_narrow_for_the_charges_of_necks_are_reported():
+    narrow = {"geometry.outer_radius": 10.65e-3}  # 2.2 diameters
+    assert any("as much as the gap allows" in line for line in case_from(CELL, LAYERS | narrow).warnings)
+    assert not any("as much as the gap allows" in line for line in case_from(CELL, LAYERS).warnings)
+
+
 def test_where_layers_are_left_out_it_is_reported():
     left_out = "what layers of grains there change in it"
     assert not any(left_out in line for line in case_from(CELL, LAYERS).warnings)
@@ -161,8 +167,11 @@ def test_near_contacts_carry_more_than_dipoles(tmp_path):
 @pytest.mark.parametrize(
     ("values", "words"),
     [
-        ({"effects.dipoles.cutoff": 1.5}, "at least 1.8 diameters"),
-        ({"field.means": "macroscopic", "effects.dipoles.cutoff": 1.8}, "at least 2 diameters"),
+        ({"effects.dipoles.cutoff": 2.4}, "at least 2.5 diameters"),
+        (
+            {"effects.dipoles.model": "mutual", "field.means": "macroscopic", "effects.dipoles.cutoff": 1.8},
+            "at least 2 diameters",
+        ),
         (LAYERS | {"geometry.outer_radius": 10.55e-3}, "at least 2 diameters between steel faces"),
         ({"particles.law": "thesis"}, "M = chi H has no material"),
         ({"effects.dipoles.surface_gap": 0.0}, "surface_gap"),

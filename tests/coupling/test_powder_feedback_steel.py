@@ -196,7 +196,7 @@ class BesideIron:
     def forces(self):
         """Axial: on the iron, on the coil, on the grains by the solved field, by images; and what does not close."""
         found = self.found
-        near = found.solver.forces(found.position, found.radius, found.rows, found.found)[0][:, 2].sum()
+        near = found.solver.forces(found.position, found.radius, found.rows, found.found).force[:, 2].sum()
         iron, coil = self.force_on_iron(found.solution), lorentz_force(found.solution)
         grains = found.force[:, 2].sum() - near
         empty = self.force_on_iron(self.bare, grains=False) + lorentz_force(self.bare)
