@@ -50,18 +50,19 @@ def test_an_isolated_pair_has_force_and_moment_of_its_table(chi):
         for h in FIELDS:
             force, moment = isolated_pair(table, chi, g, h)
             assert force == pytest.approx(float(pair.force_of(g, h)), rel=1e-3), (g, h)
-            assert moment == pytest.approx(float(pair.moment_of(g, h)), rel=1e-3), (g, h)
+            # far apart at the knee the moments of the pair's table are 2e-4 off themselves
+            assert moment == pytest.approx(float(pair.moment_of(g, h)), rel=1e-3 if g < 1.0 else 1.2e-3), (g, h)
 
 
 def test_a_susceptibility_between_those_that_ship():
-    """As good as the pair table between its nodes, 0.7 % of force and 0.05 % of moment."""
+    """Near the pair table that is interpolated there itself: 0.8 % of force, 0.05 % of moment."""
     law = GrainLaw(35.0, 1.7e6)
     table, pair = neck_energy(law), pair_table(law)
     for g in (1e-3, 0.03, 0.3):
         for h in FIELDS:
             force, moment = isolated_pair(table, 35.0, g, h)
-            assert force == pytest.approx(float(pair.force_of(g, h)), rel=1.2e-2), (g, h)
-            assert moment == pytest.approx(float(pair.moment_of(g, h)), rel=2e-3), (g, h)
+            assert force == pytest.approx(float(pair.force_of(g, h)), rel=8e-3), (g, h)
+            assert moment == pytest.approx(float(pair.moment_of(g, h)), rel=5e-4), (g, h)
 
 
 @pytest.fixture(scope="module")
