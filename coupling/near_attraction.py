@@ -67,7 +67,7 @@ class NearAttraction:
     def drives(self, dem: DEM) -> tuple[np.ndarray, np.ndarray]:
         """See `Attraction.drives`; sets the DEM's held forces to what its list does not hold."""
         of, solver, pairs, slots = self.attraction.per_grain, self.solver, dem.listed_pairs, dem.listed_walls
-        images = images_of(dem.sector)
+        images = images_of(dem.periodicity)
         none = len(images) // 2
         pair, wall = np.zeros((pairs.count, 3)), np.zeros((len(slots.wall), 2))
         rest = of["whole"].copy()
