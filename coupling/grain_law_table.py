@@ -412,6 +412,7 @@ def mean_pull(table, gap, end, smallest_gap, place, fraction):
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def drive_column(table, x, place):
     """Column of ``pull`` for a neck at the place of its gap and of its drop."""
+    place = place if place >= 0.0 else 0.0  # NaN is no index
     i, j = min(np.int64(x), table.n_gap - 2), min(np.int64(place), table.n_drop - 2)
     return min(max(bilinear(table.drive, i, x - i, j, place - j), 0.0), table.n_drop - 1.0)
 
