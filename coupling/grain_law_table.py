@@ -38,7 +38,7 @@ from field.laws.reluctivity import MU_0, Law
 from field.spheres.lone_sphere import bulk_law, saturation, sphere_magnetisation
 from field.spheres.neck_energy import NeckEnergy, neck_energy
 from field.spheres.pair_table import FADE_TO, fade, fade_slope
-from field.spheres.transverse_pair import transverse_share
+from field.spheres.transverse_pair import transverse_response, transverse_share
 from geometry.kernels.device_functions import device_function
 from geometry.kernels.simd import from_integers, maximum, select, to_integers
 from geometry.kernels.simd_math import log
@@ -46,7 +46,6 @@ from geometry.kernels.simd_tables import gather_columns
 
 FARTHEST_GAP = FADE_TO  # radii: beyond it two spheres are mutual dipoles
 MODELS = ("mutual", "near_field")
-CONTRAST_POWER = 0.6
 SMALLEST_DROP = 1e-200  # A: of a logarithm
 SMALLEST_CAPACITY = 1e-6
 RATIO, RATIO_SLOPE, COENERGY, COENERGY_SLOPE, N_SPHERE = range(5)
@@ -156,7 +155,7 @@ def _contrast(law: Law | GrainLaw, Ms: float | None) -> np.ndarray:
     h = (2.0 * H + b / MU_0) / 3.0
     M = 1.5 * (b / MU_0 - h)
     tangent = 1.5 * (3.0 / (2.0 * MU_0 * H_b + 1.0) - 1.0)
-    c = np.maximum(M / h * tangent / 9.0, 0.0) ** CONTRAST_POWER
+    c = transverse_response(M / h, np.maximum(tangent, 0.0))
     table = np.zeros((CONTRASTS + 1, 2))
     if Ms is None:
         table[:, 0] = c[0]
@@ -413,6 +412,7 @@ def mean_pull(table, gap, end, smallest_gap, place, fraction):
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def drive_column(table, x, place):
     """Column of ``pull`` for a neck at the place of its gap and of its drop."""
+    place = place if place >= 0.0 else 0.0  # NaN is no index
     i, j = min(np.int64(x), table.n_gap - 2), min(np.int64(place), table.n_drop - 2)
     return min(max(bilinear(table.drive, i, x - i, j, place - j), 0.0), table.n_drop - 1.0)
 

@@ -216,14 +216,28 @@ def ask_drops(model, grains, walls, known, answer, drop, wall_drop, step, wall_s
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def drop_at_wall(i, w, walls, model, grains):
-    """Drop [A] of the potential between a grain and its image, twice that between grain and wall."""
+def applied_at_wall(i, w, walls, model, grains):
+    """Drop [A] of the applied field between a grain and its image, twice that between grain and wall."""
     applied, h = grains.applied, grains.height[i, w]
     nx, ny, nz = normal_at(walls, w, grains.position[i, 0], grains.position[i, 1])
     mean = applied[i, 0] * nx + applied[i, 1] * ny + applied[i, 2] * nz
     if model.smear:
         mean -= h / 3.0 * slope_along(i, nx, ny, nz, grains)  # the cubic; the image's side is the mirrored one
-    return 2.0 * (h * mean - grains.potential[i])
+    return 2.0 * h * mean
+
+
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+def drop_at_wall(i, w, walls, model, grains):
+    """Drop [A] of the potential between a grain and its image."""
+    return applied_at_wall(i, w, walls, model, grains) - 2.0 * grains.potential[i]
+
+
+@njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
+def wall_drives(model, grains, walls, drop):
+    """Drops (n, w) [A] of the applied field over the necks of grains at walls; 0 where there is none."""
+    for i in prange(drop.shape[0]):
+        for w in range(walls.shape[0]):
+            drop[i, w] = applied_at_wall(i, w, walls, model, grains) if is_near_wall(i, w, grains) else 0.0
 
 
 @njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
@@ -355,10 +369,11 @@ def contact_forces(
                     rise = mean_pull(table, gap, gap + 2.0 * ahead * opening / a, model.smallest_gap, at[0], at[1])
                 pull = MU_0 * strength * D * D * rise
                 gx, gy, gz = gx - pull * nx, gy - pull * ny, gz - pull * nz
-            # the normal turns with the grain's place about the axis, and with it the capacity for its moment
+            # the normal turns with the grain's place about the axis: the capacity for its moment, the applied drop
             rho2 = xi * xi + yi * yi
             if rho2 > 0.0:
-                turn = MU_0 * strength * filling * (nx * grains.dipole[i, 1] - ny * grains.dipole[i, 0]) / rho2
+                turn = MU_0 * strength * filling * (nx * grains.dipole[i, 1] - ny * grains.dipole[i, 0])
+                turn = (turn - q * abs(grains.height[i, w]) * (nx * hy - ny * hx)) / rho2
                 gx, gy = gx - turn * yi, gy + turn * xi
         torque[i, 1] = xi * gy - yi * gx
         q = MU_0 * charge[i]

@@ -60,7 +60,6 @@ from coupling.image_lanes import MAX_WALLS
 from coupling.influence import find_influence, reuse_or_allocate
 from coupling.influence_kernels import APPLIED
 from coupling.kernel_state import ENTRY, FIRST, SECOND, Influence, MagneticGrains, PairModel
-from coupling.mirror import FACES_NO_WALL
 from coupling.moment_kernels import (
     N_ANSWER,
     add_charge_moments,
@@ -71,6 +70,7 @@ from coupling.moment_kernels import (
     find_fluxes,
     gather_fields,
     grain_energies,
+    wall_drives,
     wall_heights,
 )
 from coupling.neighbour_rows import NeighbourRows
@@ -352,10 +352,8 @@ class MutualMoments:
         """Drops to begin with: of `necks`, else those of the applied field."""
         blocks = len(known.near_once)
         drop = known.near_pair[:blocks, APPLIED].copy()
-        if self.near and len(self.walls):
-            normal = _wall_drives(self.walls, grains)
-            near = np.abs(grains.height) < 1.6 * grains.radius[:, None]
-            wall_drop[near] = normal[near]
+        if self.near:
+            wall_drives(self.model, grains, self.walls, wall_drop)
         if necks is None:
             return drop, wall_drop
         flat = drop.reshape(-1)
@@ -452,9 +450,10 @@ class MutualMoments:
         grain_energies(self.table, grains, each)
         near = found.neck[:, ENERGY] - found.neck[:, FLUX] * known.near_pair[: len(found.neck), APPLIED]
         total = each.sum() + near.reshape(-1)[: known.near_pairs].sum()
-        if len(self.walls):
-            total += found.wall_neck[:, :, 1].sum()
-            total -= 0.5 * (found.wall_neck[:, :, 0] * _wall_drives(self.walls, grains)).sum()
+        if self.near:
+            drive = np.empty_like(found.wall_drop)
+            wall_drives(self.model, grains, self.walls, drive)
+            total += found.wall_neck[:, :, 1].sum() - 0.5 * (found.wall_neck[:, :, 0] * drive).sum()
         return MU_0 * float(total)
 
 
@@ -592,20 +591,6 @@ class _Sweep:
         if self.solver.near:
             f.drop = (state[a:b] / self.scale[1]).reshape(f.drop.shape)
             f.wall_drop = (state[b:] / self.scale[1]).reshape(f.wall_drop.shape)
-
-
-def _wall_drives(walls: np.ndarray, grains: MagneticGrains) -> np.ndarray:
-    """Drops (n, w) [A] of the applied field between each grain's image in a wall and the grain, see `drop_at_wall`."""
-    x = grains.position
-    rho = np.hypot(x[:, 0], x[:, 1])
-    drop = np.zeros_like(grains.height)
-    for w, (_, _, t_r, t_z, _, _) in enumerate(walls):
-        per_rho = np.divide(1.0, rho, out=np.zeros_like(rho), where=rho > 0.0)
-        normal = np.stack((-t_z * x[:, 0] * per_rho, -t_z * x[:, 1] * per_rho, np.full(len(x), t_r)), axis=1)
-        h = grains.height[:, w]
-        here = np.abs(h) < FACES_NO_WALL
-        drop[here, w] = 2.0 * h[here] * (grains.applied[here] * normal[here]).sum(axis=1)
-    return drop
 
 
 class AndersonMixing:

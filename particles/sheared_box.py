@@ -169,6 +169,15 @@ class ShearedBox(Periodicity):
                 "a neighbour twice; take more grains or a shorter reach"
             )
 
+    def approach(self, position: np.ndarray, before: np.ndarray, strain: float, reach: float) -> float:
+        """By how much [m] two grains within ``reach`` [m] may have come nearer at most: 2 max u + gamma reach.
+
+        Since they stood at ``before`` (n, 3) [m] and the box had sheared by ``strain``; a stretch is not counted.
+        """
+        sheared, moved = self.strain - strain, position - before
+        moved[:, 0] -= sheared * (before[:, 2] + 0.5 * moved[:, 2])
+        return 2.0 * float(np.sqrt(np.einsum("ij,ij->i", moved, moved).max())) + abs(sheared) * reach
+
     def stretch(self, factor: float) -> None:
         """Make the box higher by ``factor``; what is in it is moved by `particles.DEM.stretch`."""
         self.lengths[2] *= factor

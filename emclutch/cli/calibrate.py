@@ -28,7 +28,7 @@ from emclutch.simulation.forecast.calibration import (
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from coupling.sheared_cell import ShearParameters
+    from coupling.powder_cell import ShearParameters
     from field.laws.powder_law import GrainLaw
 
 _FIELD = Quantity("a field strength", "A/m", "80 kA/m", 0.0, 1e7, open_minimum=True)
@@ -68,11 +68,12 @@ def points_of(
     grains: int,
     strain: float,
     friction: float,
+    rolling: float,
     model: str,
 ) -> list[ShearParameters]:
     """Every fill with every field with every seed; SceneError where one cannot be read or is out of range."""
     from coupling.grain_law_table import MODELS
-    from coupling.sheared_cell import ShearParameters
+    from coupling.powder_cell import ShearParameters
 
     if model not in MODELS:
         raise SceneError([Fault("--model", model, f"is not known; choose one of {', '.join(MODELS)}")], "command line")
@@ -81,7 +82,17 @@ def points_of(
         sorted(set(read_list(field_strength, _FIELD, "--field"))),
     )
     return [
-        ShearParameters(law=law, fill=phi, H=H, model=model, count=grains, seed=seed, strain=strain, friction=friction)
+        ShearParameters(
+            law=law,
+            fill=phi,
+            H=H,
+            model=model,
+            count=grains,
+            seed=seed,
+            strain=strain,
+            friction=friction,
+            rolling=rolling,
+        )
         for phi in fills
         for H in strengths
         for seed in range(1, seeds + 1)
@@ -139,7 +150,7 @@ def _tell(progress: Progress, number: int, of: int, part: float) -> None:
 
 def _check(points: list[ShearParameters]) -> None:
     """Refuse cells that are too small before the first is sheared."""
-    from coupling.sheared_cell.shear import least_count
+    from coupling.powder_cell import least_count
 
     short = sorted({(p.fill, least_count(p)) for p in points if p.count < least_count(p)})
     if short:

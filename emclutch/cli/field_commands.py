@@ -92,6 +92,7 @@ def calibrate(
     grains: opt.GrainCount = 600,
     strain: opt.Strain = 2.5,
     friction: opt.FrictionAsked = FRICTION,
+    rolling_friction: opt.RollingFrictionAsked = 0.0,
     model: opt.DipoleModel = "near_field",
     out: opt.Out = None,
     as_json: opt.AsJson = False,
@@ -102,8 +103,9 @@ def calibrate(
 
         name, law = command.grains_of(material, chi, ms)
         points = command.points_of(
-            law, fill, field_strength, seeds=seeds, grains=grains, strain=strain, friction=friction, model=model
-        )
+            law, fill, field_strength, seeds=seeds, grains=grains, strain=strain, friction=friction,
+            rolling=rolling_friction, model=model,
+        )  # fmt: skip
         folder, rows = command.calibrate(name, points, out, quiet=as_json)
         if as_json:
             print_json(command.as_data(name, folder, rows))

@@ -96,6 +96,10 @@ Seeds = Annotated[int, typer.Option("--seeds", min=1, max=99, help="cells that a
 GrainCount = Annotated[int, typer.Option("--grains", min=1, max=1_000_000, help="grains in a cell")]
 Strain = Annotated[float, typer.Option("--strain", min=1e-3, max=1e3, help="how far each cell is sheared")]
 FrictionAsked = Annotated[float, typer.Option("--friction", min=0.0, max=10.0, help="Coulomb friction of the grains")]
+RollingFrictionAsked = Annotated[
+    float,
+    typer.Option("--rolling-friction", min=0.0, max=10.0, help="Rolling friction of the grains; 0: they roll freely"),
+]
 DipoleModel = Annotated[str, typer.Option("--model", help="moments of the grains: near_field or mutual")]
 DesignSource = Annotated[
     Path,

@@ -28,9 +28,10 @@ sphere, below the root that it has without its right side.
 
 **Limits.** Between gaps of 1 and 1.2 the energy fades to zero (`pair_table.fade`). Below the first drop y is held;
 beyond the last one the flux is. The table meets both with the same slope, so that q, w_s, w_g are continuous. In
-fields of several Ms, where both spheres are saturated and q is a small difference, it need not be exact. Between the
-susceptibilities of the shipped tables ln(-y) is interpolated: force within 0.8 % and moment within 0.05 % of the
-pair table that is interpolated there itself (1.6 % of force at a susceptibility of 14).
+fields of several Ms, where both spheres are saturated and q is a small difference, it need not be exact; at the knee of
+a sharp law, h = Ms/3, moments are 1e-3 off with a susceptibility of 999 and 1e-2 with 1e6. Between the
+susceptibilities of the shipped tables ln(-y) is interpolated: against finite elements at 14, 35, 200 and 2000 force is
+within 0.1 %, at a gap of 0.001 within 0.9 % (14) and 0.4 % (35), the moment within 0.03 %.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from field.laws.powder_law import GrainLaw
 from field.laws.reluctivity import MU_0, Law
@@ -290,8 +291,20 @@ def _bisect(function, high: np.ndarray) -> np.ndarray:
 
 
 def _resample(z: np.ndarray, y: np.ndarray, solved: np.ndarray) -> np.ndarray:
-    """One gap's y at `LOG_DROP`: held below the first drop, with a flux that is held beyond the last."""
-    forwards = solved & np.concatenate(([True], z[1:] > np.maximum.accumulate(z)[:-1]))
-    z, y = z[forwards], y[forwards]
+    """One gap's y at `LOG_DROP`: held below the first drop, with a flux that is held beyond the last.
+
+    Points at which y would fall or the flux turn round are left out, and no overshoot is put between the others: at the
+    knee of a sharp law the pair's table, with a field every 12 %, is not good enough.
+    """
+    z, y = z[solved], y[solved]
+    z, y = _where_rising(z, z, y)
+    z, y = _where_rising(y, z, y)
+    z, y = _where_rising(2.0 * z + np.log(-y), z, y)
     inside = np.clip(LOG_DROP, z[0], z[-1])
-    return CubicSpline(z, y)(inside) * np.exp(-np.maximum(LOG_DROP - z[-1], 0.0))
+    return PchipInterpolator(z, y)(inside) * np.exp(-np.maximum(LOG_DROP - z[-1], 0.0))
+
+
+def _where_rising(values: np.ndarray, z: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Points of a curve at which `values` are above all those before."""
+    kept = np.concatenate(([True], values[1:] > np.maximum.accumulate(values)[:-1]))
+    return z[kept], y[kept]

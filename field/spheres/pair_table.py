@@ -1,4 +1,4 @@
-"""Force and moment of two equal magnetised spheres over gap and field, and what of them dipoles do not give.
+"""Force and moment of two equal magnetised spheres over gap and field.
 
 Two spheres of radius a on the axis of a uniform field h attract each other with F_2(g, h) and have the mean
 magnetisation M_2(g, h); lengths in a, F in mu_0 Ms^2 a^2, M and h in Ms.  A table of both is made by finite elements
@@ -12,12 +12,7 @@ Below the lowest field F goes as h^2 and M as h; beyond the highest both go to t
 F -> (pi/6) (2/R)^4 and M -> 1 with R = 2 + g, like 1/h, as Froehlich's law does.  Below the smallest gap the gap is
 held; beyond the largest two dipoles that magnetise each other stand for the spheres.
 
-Mutual dipoles are left out of the excess, for those who add them up over all pairs:
-
-    dF = F_2 - (pi/6) M_2^2 (2/R)^4 >= 0,        dM = M_2 - M_sph(h + (2/3) M_2/R^3),
-
-taken smoothly (a cubic, C1) to zero between g = 1 and g = 1.2; the dipole force is that between the moments that the
-pair really has, M_sph is the lone sphere's law.  dM changes its sign near saturation.
+What spheres have beyond dipoles (`neck_energy`) goes smoothly (a cubic, C1) to zero between g = 1 and g = 1.2.
 
 Tables ship for Froehlich's law at several susceptibilities; `python -m field.spheres.pair_table` makes them again.
 """
@@ -138,18 +133,6 @@ class PairTable:
         """d ln F_2/d ln h [-] of the spline, at gaps and fields of the table; see `force_of`."""
         g, h = self._check_arguments(g, h)
         return 2.0 + self._log_force.ev(np.log(self._gap_in_table(g)), np.log(h), dy=1)
-
-    def excess_force(self, g: np.ndarray | float, h: np.ndarray | float) -> np.ndarray:
-        """dF >= 0 [mu_0 Ms^2 a^2]: what dipoles of the pair's own moments do not give, see `force_of`."""
-        g, h = self._check_arguments(g, h)
-        F, M = self._of(g, h)
-        return np.maximum(F - _dipole_force(M, self._gap_in_table(g)), 0.0) * fade(g)
-
-    def excess_moment(self, g: np.ndarray | float, h: np.ndarray | float) -> np.ndarray:
-        """dM [Ms] of either sign: what the law of a lone sphere in the other's dipole field does not give."""
-        g, h = self._check_arguments(g, h)
-        M = self._of(g, h)[1]
-        return (M - self.lone_sphere(h + 2.0 / 3.0 * M / (2.0 + self._gap_in_table(g)) ** 3)) * fade(g)
 
     def _check_arguments(self, g: np.ndarray | float, h: np.ndarray | float) -> tuple[np.ndarray, np.ndarray]:
         g, h = np.broadcast_arrays(np.asarray(g, dtype=float), np.asarray(h, dtype=float))

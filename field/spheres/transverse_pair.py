@@ -35,10 +35,6 @@ from field.spheres.pair_table import fade, fade_slope
 
 ORDERS = 60
 """Multipoles: forces to 1e-5 for touching spheres of any permeability."""
-
-_STEP = 1e-4  # of the derivative of the moment, radii: central, fourth order
-
-
 _RESPONSE_POWER = 0.6
 _GAPS = np.geomspace(1e-4, 1.3, 200)
 
@@ -62,23 +58,6 @@ def transverse_moment(permeability: float, gap: float, *, odd: bool = False) -> 
     source = np.zeros(k.size)
     source[0] = answer[0]
     return 3.0 * float(np.linalg.solve(matrix, source)[0])
-
-
-def transverse_force(permeability: float, gap: float) -> float:
-    """Repulsion over mu_0 H0^2 a^2 [-], see `transverse_moment`."""
-    near, far = (
-        transverse_moment(permeability, gap + s * _STEP) - transverse_moment(permeability, gap - s * _STEP)
-        for s in (1, 2)
-    )
-    return 4.0 / 3.0 * np.pi * (8.0 * near - far) / (12.0 * _STEP)
-
-
-def transverse_excess(permeability: float, gap: float) -> float:
-    """By how much the repulsion is weaker than that of mutual dipoles, over mu_0 H0^2 a^2 [-], at least 0."""
-    beta = 1.0 if np.isinf(permeability) else (permeability - 1.0) / (permeability + 2.0)
-    R = 2.0 + gap
-    mutual = 3.0 * beta / (1.0 + beta / R**3)
-    return np.pi / 12.0 * mutual**2 * (2.0 / R) ** 4 - transverse_force(permeability, gap)
 
 
 def transverse_share(gap: np.ndarray | float, *, odd: bool = True) -> tuple[np.ndarray, np.ndarray]:

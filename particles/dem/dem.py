@@ -240,12 +240,9 @@ class DEM(ListedGrains):
         if self.attraction is not None and "position" in self.attraction.per_grain:
             self.attraction.per_grain["position"][:, 2] *= factor
         box.stretch(factor)
-        moved = g.position - reference
-        moved[:, 0] -= (box.strain - box.list_strain) * (reference[:, 2] + 0.5 * moved[:, 2])
-        farthest = float(np.sqrt(np.einsum("ij,ij->i", moved, moved).max()))
-        flow = box_kernel.flow_of(box, self.skin, self._reaches()[1] - self.skin)
-        deformed = abs(box.strain - box.list_strain) + box.stretched
-        if 2.0 * farthest + deformed * flow[box_kernel.REACH] > self.skin:
+        reach = self._reaches()[1] - 0.5 * self.skin
+        nearer = box.approach(g.position, reference, box.list_strain, reach) + box.stretched * reach
+        if nearer > self.skin:
             self.invalidate()
 
     def _raise_stopped(self, answer: int, totals: np.ndarray) -> None:

@@ -56,7 +56,7 @@ def test_what_is_done_is_taken_from_the_cache(calibrated, monkeypatch):
     """The same points again, in JSON, without a step; a damaged file is none; another strain is another point."""
     folder, _ = calibrated
     done = json.loads((folder / "first" / "calibration.json").read_text())
-    monkeypatch.setattr("coupling.sheared_cell.Shear", None)
+    monkeypatch.setattr("coupling.powder_cell.PowderCell", None)
     again = invoke("--chi", 999, "--ms", "1.7e6", *TOY, "--out", folder / "again", "--json")
     assert again.exit_code == 0, again.output
     assert json.loads(again.output)["table"] == done["table"]
@@ -80,7 +80,7 @@ def test_an_interrupted_calibration_keeps_what_is_done(calibrated, monkeypatch):
 
 
 def test_points_that_are_not_of_these_parameters_are_not_taken(tmp_path, monkeypatch):
-    from coupling.sheared_cell import ShearParameters
+    from coupling.powder_cell import ShearParameters
 
     monkeypatch.setenv("EMCLUTCH_CACHE", str(tmp_path))
     point = ShearParameters(law=None, fill=0.3, H=0.0, friction=0.3)
@@ -117,8 +117,9 @@ def test_carlson_as_tabulated():
 def test_lists_of_fields():
     assert read_list("80 kA/m, 18 kA/m,80000", FIELD, "--field") == [80e3, 18e3, 80e3]
     points = points_of(
-        None, "0.3", "80 kA/m, 18 kA/m,80000", seeds=1, grains=600, strain=1.0, friction=0.3, model="near_field"
-    )
+        None, "0.3", "80 kA/m, 18 kA/m,80000", seeds=1, grains=600, strain=1.0, friction=0.3, rolling=0.1,
+        model="near_field",
+    )  # fmt: skip
     assert [point.H for point in points] == [18e3, 80e3]  # ascending, each once
     assert read_list("10 kA/m : 30 kA/m : 3", FIELD, "--field") == [10e3, 20e3, 30e3]
     for wrong in ("10 : 20", "a : b : 1", "3 kg", "", "0 A/m"):

@@ -115,5 +115,7 @@ def test_each_entry_knows_where_its_pair_stands_in_the_other_grains_row():
     rows = neighbour_rows(position, CUTOFF, sector)
     row = np.repeat(np.arange(200), np.diff(rows.start))
     assert np.array_equal(row[rows.twin], rows.other) and np.array_equal(rows.other[rows.twin], row)
-    assert np.array_equal(rows.shift[rows.twin], -rows.shift) and rows.shift.any()
+    none = len(rows.images) // 2
+    assert np.array_equal(rows.image[rows.twin], 2 * none - rows.image) and (rows.image != none).any()
+    assert rows.images[none].tolist() == [1.0, 0.0, 0.0, 0.0, 0.0, 0.0]
     assert np.array_equal(rows.twin[rows.twin], np.arange(len(row)))

@@ -7,7 +7,15 @@ import pytest
 from numba import njit
 
 from coupling.finite_grains import NotFiniteGrains, refuse_not_finite
-from coupling.grain_law_table import clamp_field, excess_force, excess_moment, grain_table, near_excess, sphere_ratio
+from coupling.grain_law_table import (
+    contrast_of,
+    drop_place,
+    gap_place,
+    grain_table,
+    mean_pull,
+    neck_of_one,
+    sphere_ratio,
+)
 from coupling.magnetised_grains import MagnetisedGrains
 from coupling.mutual_moments import MutualMoments
 from coupling.mutually_magnetised_grains import MutuallyMagnetisedGrains
@@ -65,20 +73,28 @@ def test_large_finite_numbers_are_no_fault():
 
 
 @njit
-def looked_up(table, gap, H):
+def sphere_of(table, H):
     """What kernels read: these functions have no machine code of their own."""
-    return (
-        sphere_ratio(table, H)[0], clamp_field(table, H, H)[3], excess_force(table, gap, H),
-        excess_moment(table, gap, H), near_excess(table, gap, 0.0, H)[0],
-    )  # fmt: skip
+    return sphere_ratio(table, H)[0], contrast_of(table, H)[0]
+
+
+@njit
+def neck_at(table, gap, drop):
+    x, below = gap_place(table, gap, 3e-3)
+    place, fraction = drop_place(table, drop, 1.0, 1e-4)
+    y, y1, y2, y_i = neck_of_one(table, x, below, place, fraction)
+    return y, y1, y2, y_i, mean_pull(table, gap, gap + 1e-3, 3e-3, place, fraction)
 
 
 def test_tables_have_no_place_for_nan():
-    """As an index it would be undefined: of a field it stays NaN, and beyond the last gap there is no excess."""
-    table = grain_table(LAW, "near_field")
-    assert np.isfinite(looked_up(table, 1e-2, 1e5)).all()
-    assert np.isnan(looked_up(table, 1e-2, float("nan"))[:2]).all()
-    assert looked_up(table, 1e9, 1e5)[2:] == (0.0, 0.0, 0.0)
-    for gap, H in ((float("nan"), 1e5), (1e-2, float("nan")), (float("nan"), float("nan"))):
-        for value in looked_up(table, gap, H)[2:]:
-            assert np.isnan(value) or 0.0 <= abs(value) < 1e9  # a number of the table, or NaN: no memory beside it
+    """As an index it would be undefined: of a field it stays NaN, and beyond the last gap there is no neck."""
+    table, nan = grain_table(LAW, "near_field"), float("nan")
+    assert np.isfinite(sphere_of(table, 1e5)).all() and np.isfinite(neck_at(table, 1e-2, 10.0)).all()
+    assert np.isnan(sphere_of(table, nan)[0]) and sphere_of(table, nan)[1] == 0.0
+    assert neck_at(table, 1e9, 10.0) == (0.0, 0.0, 0.0, 0.0, 0.0)
+    most = max(abs(value) for value in neck_at(table, 3e-3, 1e-3))
+    for gap, drop in ((nan, 10.0), (1e-2, nan), (nan, nan)):
+        for value in neck_at(table, gap, drop):
+            assert np.isnan(value) or abs(value) <= most  # a number of the table, or NaN: no memory beside it
+    for drop in (0.0, -0.0, 1e-300, 1e300):
+        assert np.isfinite(neck_at(table, 1e-2, drop)).all()

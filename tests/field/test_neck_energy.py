@@ -9,8 +9,6 @@ from field.spheres import pair_table as pair_module
 from field.spheres.neck_energy import LOG_DROP, LOG_GAP, neck_energy
 from field.spheres.pair_table import pair_table
 from field.spheres.transverse_pair import (
-    transverse_excess,
-    transverse_force,
     transverse_moment,
     transverse_response,
     transverse_share,
@@ -50,18 +48,19 @@ def test_an_isolated_pair_has_force_and_moment_of_its_table(chi):
         for h in FIELDS:
             force, moment = isolated_pair(table, chi, g, h)
             assert force == pytest.approx(float(pair.force_of(g, h)), rel=1e-3), (g, h)
-            assert moment == pytest.approx(float(pair.moment_of(g, h)), rel=1e-3), (g, h)
+            # far apart at the knee the moments of the pair's table are 2e-4 off themselves
+            assert moment == pytest.approx(float(pair.moment_of(g, h)), rel=1e-3 if g < 1.0 else 1.2e-3), (g, h)
 
 
 def test_a_susceptibility_between_those_that_ship():
-    """As good as the pair table between its nodes, 0.7 % of force and 0.05 % of moment."""
+    """Near the pair table that is interpolated there itself: 0.8 % of force, 0.05 % of moment."""
     law = GrainLaw(35.0, 1.7e6)
     table, pair = neck_energy(law), pair_table(law)
     for g in (1e-3, 0.03, 0.3):
         for h in FIELDS:
             force, moment = isolated_pair(table, 35.0, g, h)
-            assert force == pytest.approx(float(pair.force_of(g, h)), rel=1.2e-2), (g, h)
-            assert moment == pytest.approx(float(pair.moment_of(g, h)), rel=2e-3), (g, h)
+            assert force == pytest.approx(float(pair.force_of(g, h)), rel=8e-3), (g, h)
+            assert moment == pytest.approx(float(pair.moment_of(g, h)), rel=5e-4), (g, h)
 
 
 @pytest.fixture(scope="module")
@@ -153,8 +152,10 @@ def test_the_whole_transverse_share_is_what_multipoles_leave_of_the_repulsion():
         M = transverse_moment(np.inf, g)
         energy = VOLUME**2 / (4.0 * np.pi) * M**2
         force = energy * (3.0 * (1.0 - share) / R**4 + slope / R**3)
-        assert force == pytest.approx(transverse_force(np.inf, g), rel=1e-4)
-        assert transverse_excess(np.inf, g) > 0.0
+        e = 1e-4
+        slope = (transverse_moment(np.inf, g + e) - transverse_moment(np.inf, g - e)) / (2.0 * e)
+        assert force == pytest.approx(VOLUME * slope, rel=1e-4)  # of two in H0: F = mu_0 H0 dm/dR
+        assert force < 3.0 * energy / R**4  # less than two dipoles repel each other
 
 
 def test_the_odd_share():

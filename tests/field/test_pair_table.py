@@ -1,4 +1,4 @@
-"""The table of two spheres: interpolation, its limits, the excess over dipoles, and where tables are kept."""
+"""The table of two spheres: interpolation, its limits, and where tables are kept."""
 
 import itertools
 import warnings
@@ -6,7 +6,6 @@ import warnings
 import numpy as np
 import pytest
 
-from coupling.grain_law_table import grain_table
 from field import FroehlichLaw, GrainLaw, LangevinLaw, LinearLaw, ThesisLaw
 from field.spheres import pair_table as module
 from field.spheres.neck_estimate import neck_potential, two_zone_force
@@ -19,16 +18,6 @@ IRON = GrainLaw(999.0, 1.7e6)
 @pytest.fixture(scope="module")
 def iron():
     return pair_table(IRON, cache="no folder is needed for a shipped table")
-
-
-def bilinear(values, tables, g, h):
-    """What kernels do, in numpy."""
-    u = np.clip((np.log(g) - tables.gap_start) / tables.gap_step, 0.0, values.shape[0] - 1.000001)
-    v = np.clip((np.log(h) - tables.field_start) / tables.field_step, 0.0, values.shape[1] - 1.000001)
-    i, j = u.astype(int), v.astype(int)
-    u, v = u - i, v - j
-    below = (1.0 - v) * values[i, j] + v * values[i, j + 1]
-    return (1.0 - u) * below + u * ((1.0 - v) * values[i + 1, j] + v * values[i + 1, j + 1])
 
 
 def dipoles(M, g):
@@ -48,12 +37,11 @@ def test_below_the_lowest_field_all_is_linear(iron):
     for f in (0.0, 1e-9, 0.3):
         assert np.allclose(iron.force_of(g, f * low), f**2 * iron.force_of(g, low), rtol=1e-12)
         assert np.allclose(iron.moment_of(g, f * low), f * iron.moment_of(g, low), rtol=1e-12)
-        assert np.allclose(iron.excess_force(g, f * low), f**2 * iron.excess_force(g, low), rtol=1e-9)
 
 
 def test_beyond_the_highest_field_the_spheres_saturate(iron):
     g, high = np.array([1e-3, 0.1, 1.0]), iron.field[-1]
-    for function in (iron.force_of, iron.moment_of, iron.excess_force):
+    for function in (iron.force_of, iron.moment_of):
         assert np.allclose(function(g, 1.0001 * high), function(g, high), rtol=1e-3)
     assert np.allclose(iron.force_of(g, 1e4), dipoles(1.0, g), rtol=1e-4)
     assert np.allclose(iron.moment_of(g, 1e4), 1.0, atol=1e-6)
@@ -63,7 +51,7 @@ def test_beyond_the_highest_field_the_spheres_saturate(iron):
 def test_below_the_smallest_gap_the_gap_is_held(iron):
     h, least = np.array([1e-3, 0.05, 0.5]), iron.gap[0]
     assert np.array_equal(iron.force_of(0.0, h), iron.force_of(least, h))
-    assert np.array_equal(iron.excess_force(-0.01, h), iron.excess_force(least, h))
+    assert np.array_equal(iron.moment_of(-0.01, h), iron.moment_of(least, h))
 
 
 def test_beyond_the_largest_gap_two_dipoles_stand_for_the_spheres(iron):
@@ -74,53 +62,6 @@ def test_beyond_the_largest_gap_two_dipoles_stand_for_the_spheres(iron):
     assert np.allclose(iron.moment_of(outside, h), iron.moment_of(inside, h), rtol=3e-3)
     far = iron.moment_of(50.0, h)
     assert np.allclose(far, iron.lone_sphere(h), rtol=1e-4)
-
-
-def test_the_excess_is_not_negative_and_ends(iron):
-    g, h = np.geomspace(1e-4, 2.0, 61)[:, None], np.geomspace(1e-5, 50.0, 50)
-    dF = iron.excess_force(g, h)
-    assert np.all(dF >= 0.0) and np.all(dF <= iron.force_of(g, h))
-    ended = g[:, 0] >= 1.2
-    for function in (iron.excess_force, iron.excess_moment):
-        assert np.all(function(g, h)[ended] == 0.0)
-    dM = iron.excess_moment(g, h)
-    assert dM.max() > 0.0 > dM.min()  # it changes its sign: no logarithm of it
-
-
-def test_the_excess_is_what_dipoles_leave(iron):
-    g, h = np.array([1e-3, 0.02, 0.4, 1.0])[:, None], np.array([1e-3, 0.03, 0.2])
-    F, M = iron.force_of(g, h), iron.moment_of(g, h)
-    assert np.allclose(iron.excess_force(g, h), F - dipoles(M, g), rtol=1e-12)
-    alone = iron.lone_sphere(h + 2.0 / 3.0 * M / (2.0 + g) ** 3)
-    assert np.allclose(iron.excess_moment(g, h), M - alone, atol=1e-12)
-
-
-@pytest.mark.parametrize("quantity", ["excess_force", "excess_moment"])
-def test_the_excess_fades_without_a_bend(iron, quantity):
-    """C1: at both ends of the fade the slope is the same on both sides."""
-    function, h, d = getattr(iron, quantity), 0.05, 1e-5
-    scale = abs(float(function(0.95, h))) / 0.2
-    for end in (1.0, 1.2):
-        left, here, right = (float(function(end + side * d, h)) for side in (-1.0, 0.0, 1.0))
-        assert abs((right - here) - (here - left)) < 2e-2 * scale * d
-
-
-def test_kernels_grids_are_as_good_as_the_table(iron):
-    """Bilinear in log gap and log field, half-way between all their nodes: 0.4 % of force, 0.1 % of moment."""
-    tables = grain_table(IRON, "near_field")
-    for values in (tables.force, tables.moment):
-        assert values.dtype == np.float64 and values.flags.c_contiguous
-    log_g = tables.gap_start + tables.gap_step * np.arange(tables.force.shape[0])
-    log_h = tables.field_start + tables.field_step * np.arange(tables.force.shape[1])
-    assert np.allclose(np.exp(log_g[[0, -1]]), GAPS[[0, -1]]) and np.allclose(np.exp(log_h[[0, -1]]), FIELDS[[0, -1]])
-    g, h = np.meshgrid(np.exp(log_g[:-1] + np.diff(log_g) / 2), np.exp(log_h[:-1] + np.diff(log_h) / 2), indexing="ij")
-    F, M = iron.force_of(g, h), iron.moment_of(g, h)
-    near = g < 1.0
-    off = (bilinear(tables.force, tables, g, h) * h**2 - iron.excess_force(g, h)) / F
-    assert np.abs(off[near]).max() < 4e-3
-    assert np.abs(off).max() < 1.5e-2  # of the fade, two nodes wide
-    off = (bilinear(tables.moment, tables, g, h) * h - iron.excess_moment(g, h)) / M
-    assert np.abs(off[near]).max() < 1e-3
 
 
 def test_one_table_serves_every_saturation(iron):

@@ -1,6 +1,6 @@
 """Shear stress and permeability of a magnetised powder from sheared cells, point by point, kept in the user's cache.
 
-A point is one cell (`coupling.sheared_cell`): material, fill, field, seed and how it is run. Its digest names its file
+A point is one cell (`coupling.powder_cell`): material, fill, field, seed and how it is run. Its digest names its file
 in the cache folder (`field.spheres.table_files.cache_folder`), which is written in one step when the point is done: who
 is interrupted loses the point at work and no other, and who asks again gets the same numbers at once.
 """
@@ -23,9 +23,9 @@ from field.laws.reluctivity import MU_0
 from field.spheres.table_files import cache_folder
 
 if TYPE_CHECKING:
-    from coupling.sheared_cell import ShearParameters
+    from coupling.powder_cell import ShearParameters
 
-VERSION = 2
+VERSION = 3
 """Of the cell's physics: raised with each change that moves the stress."""
 
 LEFT_OUT = 0.2
@@ -64,14 +64,14 @@ def sheared_point(parameters: ShearParameters, progress: Callable[[float], None]
         `inertial_number` with the measured stress, `deepest` overlap over the diameter, `steps`, `dt`, `seconds`,
         `series`.
     """
-    from coupling.sheared_cell import Shear
+    from coupling.powder_cell import PowderCell
 
     kept = kept_point(parameters)
     if kept is not None:
         return kept
     began = perf_counter()
-    shear = Shear(parameters)
-    series = asdict(shear.run(progress))
+    cell = PowderCell(parameters)
+    series = asdict(cell.run(progress))
     tau, mu_r = (estimate(series, name) for name in ("tau", "mu_r"))
     late = np.array(series["strain"]) > LEFT_OUT * parameters.strain
     stress = max(tau.mean or 0.0, 1e-3)
@@ -82,14 +82,14 @@ def sheared_point(parameters: ShearParameters, progress: Callable[[float], None]
         "seed": parameters.seed,
         "tau": tau.as_dict(),
         "mu_r": mu_r.as_dict(),
-        "mu_r_at_rest": shear.mu_r_at_rest,
+        "mu_r_at_rest": cell.mu_r_at_rest,
         "power": float(np.mean(np.array(series["power"])[late])),
-        "inertial_number": shear.rate * parameters.diameter * float(np.sqrt(parameters.density / stress)),
-        "rate": shear.rate,
-        "dt": shear.dt,
-        "steps": shear.steps,
-        "deepest": shear.deepest,
-        "residual": shear.worst_residual,
+        "inertial_number": cell.rate * parameters.diameter * float(np.sqrt(parameters.density / stress)),
+        "rate": cell.rate,
+        "dt": cell.dem.dt,
+        "steps": cell.dem.step_count,
+        "deepest": cell.deepest,
+        "residual": cell.worst_residual,
         "seconds": perf_counter() - began,
         "series": series,
     }

@@ -1,0 +1,185 @@
+"""Laws of a sheared cell of magnetised powder: images, momentum, torques, an even powder in a given field.
+
+Those of the box itself, without magnetism, are in `tests/dem/test_sheared_box.py`.
+"""
+
+import dataclasses
+
+import numba
+import numpy as np
+import pytest
+
+from coupling.grain_law_table import grain_table
+from coupling.mutual_moments import MutualMoments
+from coupling.neighbour_rows import neighbour_rows
+from coupling.powder_cell import CellMagnetism, PowderCell, ShearParameters, least_count
+from field.laws.powder_law import GrainLaw
+from particles import DEM, Grains, LinearContact, ShearedBox
+
+pytestmark = pytest.mark.physics
+
+D = 1e-4
+MU_0 = 4e-7 * np.pi
+IRON = GrainLaw(999.0, 1.7e6)
+POWDER = ShearParameters(law=IRON, fill=0.30, H=40e3, friction=0.3, count=70, width=2.0)  # edges of 4.96 diameters
+DRY = dataclasses.replace(POWDER, law=None, H=0.0)
+RATE = 300.0
+CONTACT = LinearContact.from_restitution(2e4, 0.5, 0.3)
+EXACT = 1e-13, 3000  # tolerance, sweeps
+
+
+def magnetised(x, box, reach=2.0 * D, near=True, H=POWDER.H):
+    """Grains at ``x`` in a box, their moments settled and their forces held."""
+    grains = Grains.create(x, 0.5 * D, 7800.0, velocity=box.flow(x[:, 2]))
+    dem = DEM(grains, [], [], CONTACT, dt=1e-8, periodicity=box, skin=0.3 * D)
+    solver = MutualMoments(grain_table(IRON, "near_field" if near else "mutual"), near=near, reach=reach, smear=True)
+    magnetism = CellMagnetism(dem, solver, np.array([0.0, 0.0, H]))
+    magnetism.look(*EXACT)
+    return dem, magnetism
+
+
+def one_step(dem):
+    """Forces on all grains (n, 3) [N], from what a step does to their velocities less the flow's; the totals."""
+    order, before = dem.grains.particle_id.copy(), dem.grains.velocity.copy()
+    totals = dem.run(1)
+    assert (dem.grains.particle_id == order).all()
+    return ((dem.grains.velocity - before) * dem.grains.mass[:, None] / dem.dt)[np.argsort(order)], totals
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize("apart", [0.99, 1.03, 1.5, 1.9])
+def test_a_pair_through_a_face_is_a_pair(axis, apart):
+    """In contact, near and far: across each face, sheared by 0.37, forces and stress are those inside the box."""
+    direction, found = np.array([0.48, 0.6, 0.64]), []
+    for middle in (0.5, 0.0):
+        box = ShearedBox([9.0 * D, 8.0 * D, 8.5 * D], RATE)
+        box.offset = 0.37 * box.lengths[2]
+        centre = 0.5 * box.lengths
+        centre[axis] = middle * box.lengths[axis]
+        dem, magnetism = magnetised(centre + np.array([[-0.5], [0.5]]) * apart * D * direction, box)
+        dem.renew_list()
+        force, totals = one_step(dem)
+        found.append((force, totals.stress.contacts, totals.stress.attraction, magnetism.stress.copy()))
+    size = np.abs(found[0][0]).max()
+    assert size > 0.0
+    for inside, through, unit in zip(*found, (size, *3 * [size * D / 6e2 / D**3]), strict=True):
+        assert through == pytest.approx(inside, rel=1e-8, abs=1e-10 * unit)
+
+
+def test_momentum_stays():
+    """Beside the flow, which a wrap takes along: contacts, held forces and pulls, lists rebuilt."""
+    cell = PowderCell(POWDER)
+    grains = cell.dem.grains
+
+    def momentum():
+        return (grains.velocity - cell.box.flow(grains.position[:, 2])).sum(axis=0)
+
+    before = momentum()
+    cell.window(200)
+    assert cell.dem.list_version > 3 and cell.series.contacts[0] > 0.1
+    assert np.abs(momentum() - before).max() < 1e-11 * np.abs(grains.velocity).sum()
+
+
+def test_an_open_cluster_in_a_large_box_is_the_clusters():
+    """A heap in the middle: moments and forces of rows without images, with the same split."""
+    x = np.array(
+        [[0.0, 0, 0], [1.01, 0, 0.1], [0.5, 0.9, 0.1], [0.45, 0.25, 0.96], [1.6, 0.95, 0.15], [0.5, 0.75, 2.4]]
+    )
+    box = ShearedBox(np.full(3, 12.0 * D), RATE)
+    dem, magnetism = magnetised(x * D + 4.0 * D, box)
+    order = np.argsort(dem.grains.particle_id)
+    n, radius, x = 6, np.full(6, 0.5 * D), np.array(dem.grains.position)[order]
+    solver = MutualMoments(grain_table(IRON, "near_field"), near=True, reach=2.0 * D, smear=True)
+    rows = neighbour_rows(x, 2.0 * D)
+    found = solver.solve(
+        x, radius, np.tile([0.0, 0.0, POWDER.H], (n, 1)), rows, tolerance=EXACT[0], most_sweeps=EXACT[1]
+    )  # fmt: skip
+    moment = magnetism.found.moment[order]
+    assert moment == pytest.approx(found.moment, rel=1e-9, abs=1e-12 * np.abs(found.moment).max())
+    whole = solver.forces(x, radius, rows, found).force
+    dem.renew_list()
+    force, totals = one_step(dem)
+    assert totals.n_contacts == 0
+    assert force == pytest.approx(whole, rel=1e-7, abs=1e-9 * np.abs(whole).max())
+
+
+def test_the_stresses_differ_by_the_torque_of_the_field():
+    """sum (r_z F_x - r_x F_z) = sum (r x F)_y = sum mu_0 (m x H)_y, of held forces: near pulls are central."""
+    cell = PowderCell(POWDER)
+    cell.window(5)
+    magnetism = cell.magnetism
+    magnetism.look(*EXACT)
+    virial = magnetism.stress.T * cell.box.volume
+    torque = MU_0 * np.cross(magnetism.found.moment, [0.0, 0.0, POWDER.H]).sum(axis=0)
+    turned = [virial[1, 2] - virial[2, 1], virial[2, 0] - virial[0, 2], virial[0, 1] - virial[1, 0]]
+    assert magnetism.found.residual < 1e-12
+    assert np.abs(torque).max() > 1e-6 * np.abs(virial).max()
+    assert np.abs(turned - torque).max() < 1e-9 * np.abs(virial).max()
+
+
+def test_lorentz_field_of_a_cubic_lattice():
+    """Correction and own part of an even lattice are phi M/3; the wider the split, the smaller the error.
+
+    The error is the smear's at the lattice's wave numbers, of alternating sign: 2.1, -1.6, 0.8, -0.3 % here.
+    """
+    n, spacing, applied = 7, 1.2 * D, np.full((343, 3), 4e5)
+    box = ShearedBox(np.full(3, n * spacing))
+    x = (np.indices((n, n, n)).reshape(3, -1).T + 0.5) * spacing
+    M = np.array([3e5, 2e5, 1e6])
+    volume, errors = np.pi / 6.0 * D**3, []
+    for width in (2.5, 3.0, 3.5, 4.0):
+        solver = MutualMoments(grain_table(IRON, "mutual"), near=False, reach=width * D, smear=True)
+        rows = neighbour_rows(x, 4.1 * D, box)
+        start = np.tile(volume * M, (n**3, 1))
+        found = solver.solve(x, np.full(n**3, 0.5 * D), applied, rows, start=start, most_sweeps=1)
+        lorentz = np.pi / 6.0 / 1.2**3 / 3.0 * M
+        errors.append(np.abs((found.field - applied) / lorentz - 1.0).max())
+    assert errors == pytest.approx([0.0214, 0.0159, 0.0076, 0.0028], rel=0.05)
+
+
+def test_bits_do_not_depend_on_threads():
+    ends = []
+    for threads in (1, min(2, numba.config.NUMBA_NUM_THREADS)):
+        numba.set_num_threads(threads)
+        cell = PowderCell(POWDER)
+        cell.window(5)
+        ends.append((cell.dem.grains.position.tobytes(), cell.magnetism.found.moment.tobytes(), cell.series.tau[0]))
+    assert ends[0] == ends[1]
+
+
+def test_rows_hold_every_neighbour_while_the_cell_is_sheared():
+    """At every look against all images, in a cell whose lists are made again now and then."""
+    cell, seen = PowderCell(dataclasses.replace(POWDER, inertial_number=0.3)), set()
+    dem, magnetism = cell.dem, cell.magnetism
+    for _ in range(60):
+        cell.window(4)
+        dem.renew_list()
+        rows, x = magnetism.rows(), np.array(dem.grains.position)
+        seen.add(dem.list_version)
+        fresh = neighbour_rows(x, 2.0 * D, cell.box)
+        assert np.array_equal(rows.images, fresh.images)
+        listed = {
+            (int(i), int(j)) for i, j in zip(np.repeat(np.arange(70), np.diff(rows.start)), rows.other, strict=True)
+        }
+        wanted = zip(np.repeat(np.arange(70), np.diff(fresh.start)).tolist(), fresh.other.tolist(), strict=True)
+        assert set(wanted) <= listed
+    assert len(seen) > 3
+
+
+def test_rolling_friction_works_on_the_grains():
+    """Contacts of chains lose energy to it; a cell without it has none of its springs."""
+    lost = []
+    for rolling in (0.0, 0.3):
+        cell = PowderCell(dataclasses.replace(POWDER, rolling=rolling))
+        cell.window(60)
+        lost.append(cell.dem.run(100).energy_budget.dissipation)
+        assert cell.series.power[0] > 0.0
+    assert "rolling" not in lost[0] and lost[1]["rolling"] > 0.0
+
+
+def test_a_cell_that_is_too_small_is_refused():
+    needed = least_count(POWDER)
+    assert needed <= 70
+    with pytest.raises(ValueError, match="a neighbour twice"):
+        PowderCell(dataclasses.replace(POWDER, count=needed - 5))
+    assert PowderCell(DRY).mu_r == 1.0
