@@ -46,11 +46,11 @@ from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from field.laws.powder_law import GrainLaw
 from field.laws.reluctivity import MU_0, Law
-from field.spheres.pair_table import FADE_TO, PairTable, fade, fade_slope, pair_table, shipped_neighbours
+from field.spheres.pair_table import FADE_FROM, FADE_TO, PairTable, fade, fade_slope, pair_table, shipped_neighbours
 
-LOG_GAP = np.linspace(math.log(3e-4), math.log(FADE_TO), 120)
-"""Logarithms of the gaps [radii] of the table."""
-LOG_DROP = np.linspace(math.log(1e-4), 6.0, 240)
+LOG_GAP = math.log(FADE_TO / FADE_FROM) / 3.0 * np.arange(-134, 4) + math.log(FADE_FROM)
+"""Logarithms of the gaps [radii] of the table, from 2.9e-4; both ends of the fade are among them."""
+LOG_DROP = np.linspace(math.log(1e-4), 6.0, 210)
 """Logarithms of the drops over the capacity [a]: iron is linear at the first, its flux the capacity at the last."""
 
 _VOLUME = 4.0 / 3.0 * math.pi

@@ -77,7 +77,7 @@ def test_shape_and_grids(iron):
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_derivatives_are_those_of_the_energy(iron, sign):
     rng = np.random.default_rng(3)
-    g, s = np.exp(rng.uniform(np.log(4e-4), np.log(1.19), 400)), rng.uniform(0.005, 1.0, 400)
+    g, s = np.exp(rng.uniform(np.log(3e-4), np.log(1.19), 400)), rng.uniform(0.005, 1.0, 400)
     D = sign * np.exp(rng.uniform(np.log(1e-6), np.log(5.0), 400))
     here = iron.at(g, D, s)
 
@@ -109,7 +109,7 @@ def test_the_neck_is_linear_below_and_carries_its_capacity_beyond(iron):
     g = np.array([4e-4, 0.03, 0.9])
     small = [iron.at(g, f * low, 1.0) for f in (1e-6, 1.0)]
     assert np.allclose(small[0].q / (1e-6 * low), small[1].q / low, rtol=1e-12)
-    assert np.all(small[0].w_s == 0.0) and np.allclose(iron.at(g, 0.0, 0.5).q, 0.0)
+    assert np.all(np.abs(small[0].w_s) < 1e-12 * np.abs(small[0].q)) and np.allclose(iron.at(g, 0.0, 0.5).q, 0.0)
     large = [iron.at(g, f * high * 0.1, 0.1) for f in (1.0, 100.0)]
     assert np.allclose(large[0].q, large[1].q, rtol=1e-12)
     assert np.allclose(iron.at(g, high, 0.2).q, 2.0 * iron.at(g, high * 10.0, 0.1).q, rtol=1e-12)
@@ -132,7 +132,7 @@ def test_the_energy_fades_without_a_bend(iron):
 
 def test_wrong_arguments_are_refused(iron):
     with pytest.raises(ValueError, match="first of the table"):
-        iron.at(1e-4, 0.1, 1.0)
+        iron.at(2e-4, 0.1, 1.0)
     with pytest.raises(ValueError, match="above 0"):
         iron.at(0.1, 0.1, 0.0)
     with pytest.raises(ValueError, match="saturat"):
