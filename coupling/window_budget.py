@@ -4,8 +4,8 @@ Torque about z, whole device:  torque on rotor + disc + housing + field + dL/dt 
 
 - on the bodies: contact forces times levers, accumulated step by step as the grains move;
 - on the field (poles and coil): minus the magnetic torque on the grains, x x F of the gradient force on dipoles, of the
-  field on charges, of the pairs and of the images (`coupling.mutual_moments`); where the field turns with a slotted body,
-  all of it is booked on that body;
+  field on charges, of the pairs and of the images (`coupling.mutual_moments`); where the field turns with a slotted
+  body, all of it is booked on that body;
 - on what else holds forces (a fluid, say): minus the torque that its effect books, each in its own column;
 - dL/dt: from positions and velocities at the window's ends, spins included;
 - gravity: weight times lever of the centre of mass, mean of the window's ends: the only term that is not an exact sum.

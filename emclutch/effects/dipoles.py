@@ -57,7 +57,7 @@ def _valid_moments(draft: Draft) -> Iterator[Fault]:
     if attraction.has_necks and attraction.cutoff < TRUE_WIDTH:
         yield draft.fault(
             "effects.dipoles.cutoff",
-            "ends where the charges of necks still act, whose field falls more slowly than that of dipoles; allowed with "
+            "ends where the charges of necks still act, whose field falls more slowly than a dipole's; allowed with "
             f"model = 'near_field': at least {TRUE_WIDTH:g} diameters",
         )
     elif prescribed is not None and prescribed.is_macroscopic and attraction.cutoff < MIN_WIDTH:
