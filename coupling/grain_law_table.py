@@ -63,8 +63,8 @@ class GrainLawTable(NamedTuple):
         Grid in ln h of the lone sphere.
     sphere : ndarray, shape (s, N_SPHERE)
         M/h and coenergy over h^2, each with its derivative over the index.
-    contrast : ndarray, shape (CONTRASTS + 1, 2)
-        c and its derivative over the index, at even steps of M from 0 to the saturation.
+    contrast : ndarray, shape (CONTRASTS + 1, 3)
+        c, its derivative over the index, and dM/dh, at even steps of M from 0 to the saturation.
     gap_start, gap_step, drop_start, drop_step : float
         Grids of the neck in ln g and ln z.
     drop_end : float
@@ -144,7 +144,7 @@ def _slopes(values: np.ndarray) -> np.ndarray:
 
 
 def _contrast(law: Law | GrainLaw, Ms: float | None) -> np.ndarray:
-    """The contrast (CONTRASTS + 1, 2) over M; of a linear sphere that of every field.
+    """Contrast, its derivative and dM/dh (CONTRASTS + 1, 3) over M; of a linear sphere those of every field.
 
     Along the flux density B inside the sphere, h = (2 H(B) + B/mu_0)/3 and M = 3/2 (B/mu_0 - h)
     (`field.spheres.lone_sphere`), and dM/dh = 3/2 (dB/dh/mu_0 - 1).
@@ -156,12 +156,14 @@ def _contrast(law: Law | GrainLaw, Ms: float | None) -> np.ndarray:
     M = 1.5 * (b / MU_0 - h)
     tangent = 1.5 * (3.0 / (2.0 * MU_0 * H_b + 1.0) - 1.0)
     c = transverse_response(M / h, np.maximum(tangent, 0.0))
-    table = np.zeros((CONTRASTS + 1, 2))
+    table = np.zeros((CONTRASTS + 1, 3))
     if Ms is None:
-        table[:, 0] = c[0]
+        table[:, 0], table[:, 2] = c[0], tangent[0]
         return table
     rising = np.concatenate(([True], M[1:] > np.maximum.accumulate(M)[:-1])) & (M < Ms)
-    table[:, 0] = np.interp(np.linspace(0.0, 1.0, CONTRASTS + 1), M[rising] / Ms, c[rising])
+    even = np.linspace(0.0, 1.0, CONTRASTS + 1)
+    table[:, 0] = np.interp(even, M[rising] / Ms, c[rising])
+    table[:, 2] = np.interp(even, M[rising] / Ms, tangent[rising])
     table[-1, 0] = 0.0
     table[:, 1] = PchipInterpolator(np.arange(CONTRASTS + 1.0), table[:, 0])(np.arange(CONTRASTS + 1.0), 1)
     return table
@@ -266,14 +268,15 @@ def sphere_coenergy(table, H):
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def contrast_of(table, M):
-    """Contrast c [-] of a grain of magnetisation M >= 0 [A/m] and dc/dM [m/A]; 0 from the saturation on."""
+    """Contrast c [-] of a grain of magnetisation M >= 0 [A/m], dc/dM [m/A] and dM/dh [-]; 0 from the saturation on."""
     u = CONTRASTS * (M / table.scale)
     if not u < CONTRASTS:  # also of NaN, which is no index
-        return 0.0, 0.0
+        return 0.0, 0.0, 0.0
     k = np.int64(u)
     low, high = table.contrast[k], table.contrast[k + 1]
     c, slope = cubic_between(low[0], high[0], low[1], high[1], u - k)
-    return c, slope * (CONTRASTS / table.scale)
+    tangent = low[2] + (u - k) * (high[2] - low[2])
+    return c, slope * (CONTRASTS / table.scale), tangent
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)

@@ -62,8 +62,9 @@ class MagneticGrains(NamedTuple):
         Of the applied field [A/m^2].
     potential : ndarray, shape (n,)
         Of all grains, at the centre [A].
-    contrast : ndarray, shape (n, 2)
-        c [-] and dc/dM [m/A], what saturation leaves of the answer across (`coupling.grain_law_table`).
+    contrast : ndarray, shape (n, 3)
+        c [-] and dc/dM [m/A], what saturation leaves of the answer across, and dM/dh [-] of a lone sphere
+        (`coupling.grain_law_table`).
     height : ndarray, shape (n, w)
         Over the walls [m] (`coupling.mirror`).
     """

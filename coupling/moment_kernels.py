@@ -54,9 +54,9 @@ from geometry.kernels.simd import LANES
 from geometry.kernels.simd_math import sqrt
 
 BLOCKS = 32  # of near pairs that one thread takes at once
-# columns of what the necks do to a grain: field (3) [A/m], transverse energy over the contrast [A^2 m], and the sum of
-# dq/dD/(4 pi a) [-]
-ADDED, TRANSVERSE, ANSWER, N_ANSWER = 0, 3, 4, 5
+# columns of what the necks do to a grain: field (3) [A/m], transverse energy over the contrast [A^2 m], and the sums of
+# dq/dD/(4 pi a) [-] and of |w_ss|/(2 Ms^2 V) [-], the answer of the necks to its drops and to its magnetisation
+ADDED, TRANSVERSE, ANSWER, BEND, N_ANSWER = 0, 3, 4, 5, 6
 
 
 @njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
@@ -110,12 +110,13 @@ def find_fluxes(table, model, grains, rows, walls, known, drop, wall_drop, neck,
     for b in prange(known.near_once.shape[0]):
         fluxes_of_eight(b, table, source, contrast, rows, known, drop, neck, extra)
     for i in prange(radius.shape[0]):
-        hx = hy = hz = across = total = stiffness = 0.0
+        hx = hy = hz = across = total = stiffness = bend = 0.0
         for k in range(near_start[i], near_start[i + 1]):
             hx, hy, hz = hx + extra[k, FIELD], hy + extra[k, FIELD + 1], hz + extra[k, FIELD + 2]
             across += extra[k, FIELD + 3]
             total += extra[k, CHARGE]
             stiffness += extra[k, CHARGE + 1]
+            bend += extra[k, CHARGE + 2]
         for w in range(walls.shape[0]):
             wall_neck[i, w, 0] = wall_neck[i, w, 1] = 0.0
             if near and is_near_wall(i, w, grains):
@@ -131,6 +132,7 @@ def find_fluxes(table, model, grains, rows, walls, known, drop, wall_drop, neck,
         answer[i, ADDED], answer[i, ADDED + 1], answer[i, ADDED + 2] = hx, hy, hz
         answer[i, TRANSVERSE] = across
         answer[i, ANSWER] = stiffness * OVER_4PI / radius[i]
+        answer[i, BEND] = bend
 
 
 @njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
@@ -159,18 +161,19 @@ def gather_fields(model, grains, rows, known, field, potential):
 
 @njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
 def find_contrasts(table, grains, contrast):
-    """Contrasts (n, 2) of all grains, see `coupling.grain_law_table.contrast_of`."""
+    """Contrasts (n, 3) of all grains, see `coupling.grain_law_table.contrast_of`."""
     dipole = grains.dipole
     for i in prange(dipole.shape[0]):
         size = sqrt(dipole[i, 0] ** 2 + dipole[i, 1] ** 2 + dipole[i, 2] ** 2)
-        contrast[i, 0], contrast[i, 1] = contrast_of(table, size / grains.volume[i])
+        contrast[i, 0], contrast[i, 1], contrast[i, 2] = contrast_of(table, size / grains.volume[i])
 
 
 @njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
 def ask_dipoles(table, grains, answer, step, squares):
     """Steps (n, 3) [A m^2] that the law asks of the dipoles in ``field`` and in what the necks add to it.
 
-    ``squares`` (n, 2): of the step and of the magnetisation asked for [A^2/m^2].
+    A step is divided by what the necks answer to it (``BEND``). ``squares`` (n, 2): of the whole step and of the
+    magnetisation asked for [A^2/m^2].
     """
     field, dipole, volume = grains.field, grains.dipole, grains.volume
     contrast = grains.contrast
@@ -184,11 +187,13 @@ def ask_dipoles(table, grains, answer, step, squares):
         hy = field[i, 1] + answer[i, ADDED + 1] + more * oy
         hz = field[i, 2] + answer[i, ADDED + 2] + more * oz
         strength = sqrt(hx * hx + hy * hy + hz * hz)
-        ratio, _ = sphere_ratio(table, strength)
+        ratio, tangent = sphere_ratio(table, strength)
         dx, dy, dz = ratio * hx - ox, ratio * hy - oy, ratio * hz - oz
         squares[i, 0] = dx * dx + dy * dy + dz * dz
         squares[i, 1] = ratio * ratio * strength * strength
-        step[i, 0], step[i, 1], step[i, 2] = V * dx, V * dy, V * dz
+        # what a capacity takes from a magnetisation comes back through the necks
+        part = V / (1.0 + max(tangent, contrast[i, 2]) * answer[i, BEND])
+        step[i, 0], step[i, 1], step[i, 2] = part * dx, part * dy, part * dz
 
 
 @njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})

@@ -42,7 +42,8 @@ kA/m too strong where contacts are many.
 
 Dipoles and drops are the fixed point of a map that is neither linear nor symmetric, and a saddle of W. It is approached
 by damped sweeps from the last state, mixed with the sweeps before (`AndersonMixing`); the
-step of a drop is divided by 1 + (k_i + k_j)/2, k = sum over a grain's necks of (dq/dD)/(4 pi a). Every sweep updates
+step of a drop is divided by 1 + (k_i + k_j)/2, k = sum over a grain's necks of (dq/dD)/(4 pi a), that of a dipole by
+1 + (dM/dh) times the sum of |d2w/ds2|/(2 mu_0 Ms^2 V). Every sweep updates
 all
 from the same state, so no bit depends on the threads.
 """
@@ -80,11 +81,10 @@ from geometry.kernels.simd import LANES
 MIN_GAP = 3e-3
 """Default of the gap between surfaces that touch [radii]."""
 
-# Of an undamped step: where sweeps of this fraction let the residual grow it is lowered.
-FIRST_DAMPING, MIN_DAMPING = 0.7, 0.05
+FIRST_DAMPING, LEAST_DAMPING = 0.7, 0.1  # of an undamped step
 # Moments so many times those of lone grains are of an earlier field: begin again.
 FAR_START = 10.0
-STALLED = 60  # sweeps in which the residual was not halved: Newton is tried
+PATIENCE = 20  # sweeps in which the residual has not fallen by a tenth: the damping is halved, at last Newton is tried
 NEWTON_ROUNDS, NEWTON_STEPS = 3, 20
 DEPTH = 5  # sweeps that are remembered
 MU_0 = 4e-7 * np.pi
@@ -131,8 +131,8 @@ class Magnetisation:
         Scalar potential of all grains at the centre [A].
     height : (n, w) float64
         Over the walls [m], see `coupling.mirror`.
-    contrast : (n, 2) float64
-        What saturation leaves of a grain's answer across [-], and its derivative over M [m/A].
+    contrast : (n, 3) float64
+        What saturation leaves of a grain's answer across [-], its derivative over M [m/A], and dM/dh of a lone sphere.
     drop, neck : (blocks, 8), (blocks, N_NECK, 8) float64
         Of near pairs as `known` lists them: drops [A], fluxes [A m] and energies.
     wall_drop, wall_neck : (n, w), (n, w, 2) float64
@@ -290,7 +290,7 @@ class MutualMoments:
         height = np.empty((n, w))
         wall_heights(position, self.walls, self.reach, height)
         found = Magnetisation(
-            dipole, dipole, np.zeros(n), applied, slope, np.zeros((n, 3)), np.zeros(n), height, np.ones((n, 2)),
+            dipole, dipole, np.zeros(n), applied, slope, np.zeros((n, 3)), np.zeros(n), height, np.ones((n, 3)),
             np.zeros((0, LANES)), np.zeros((0, N_NECK, LANES)), np.zeros((n, w)), np.zeros((n, w, 2)), 0.0,
         )  # fmt: skip
         if n == 0 or not applied.any():  # without a field soft grains have no moment
@@ -518,15 +518,17 @@ class _Sweep:
             residual = self.evaluate()
             if residual <= tolerance or sweep == most_sweeps:
                 return
-            if residual < 0.5 * best:
+            if residual < 0.9 * best:
                 best, best_at = residual, sweep
-            elif sweep - best_at > STALLED and tolerance > 0.0 and self.solver.near:
-                return
+            elif sweep - best_at > PATIENCE:
+                if damping <= LEAST_DAMPING:
+                    return
+                damping, best, best_at = 0.6 * damping, residual, sweep
+                mixing = AndersonMixing(depth=0)  # in saturation the map bends within a step: plain sweeps
             if sweep == 1:  # both parts of the state count alike in the mixing
                 self.scale = 1.0 / np.sqrt(np.maximum(self.sums[[1, 3]], 1e-300)) * [1.0 / self._mean_volume, 1.0]
             self._take(mixing.next(self._state(), self._asked(), damping))
             if sweep > 1 and residual > 1.5 * before:
-                damping = max(0.7 * damping, MIN_DAMPING)
                 mixing.forget()
             elif sweep == 1 and cold:
                 damping = FIRST_DAMPING
@@ -603,7 +605,7 @@ class AndersonMixing:
     Parameters
     ----------
     depth : int
-        Differences of sweeps that are remembered.
+        Differences of sweeps that are remembered; 0: none, the damped step alone.
     """
 
     def __init__(self, depth: int = DEPTH) -> None:
@@ -618,7 +620,7 @@ class AndersonMixing:
 
     def next(self, state: np.ndarray, asked: np.ndarray, damping: float) -> np.ndarray:
         """The next state, of a `state` (k,) and what an undamped step would change, `asked` (k,)."""
-        if self._last is not None:
+        if self._last is not None and self.depth:
             self._moved.append(state - self._last[0])
             self._changed.append(asked - self._last[1])
             del self._moved[: -self.depth], self._changed[: -self.depth]

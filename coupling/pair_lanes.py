@@ -31,7 +31,8 @@ from geometry.kernels.simd_tables import gather_columns, gather_two_columns, loa
 MU_0 = 4e-7 * np.pi
 # columns of what is found of a pair: flux [A m], energy w + q D and that across [A^2 m]
 FLUX, ENERGY, N_NECK = range(3)
-# columns of ``extra``: field on the grain (3) [A/m] and transverse energy over its contrast; charge and dq/dD
+# columns of ``extra``: field on the grain (3) [A/m] and transverse energy over its contrast; charge, dq/dD, and
+# |w_ss|/(2 Ms^2 V), of the capacity's answer to the magnetisation
 FIELD, CHARGE = 0, 4
 # numbers that are needed one by one, for the mean over a step
 GAP_THEN, GAP_END, PLACE_OF_DROP, FRACTION, PULL, N_SCRATCH = range(6)
@@ -76,7 +77,9 @@ def fluxes_of_eight(b, table, source, contrast, rows, known, drop, neck, extra):
     y, y1, y2, _ = necks_of_eight(table, load(pair, b, PLACE), load(pair, b, BELOW), place, fraction)
     q = -size * D * (2.0 * y + y1)
     stiffness = -size * (2.0 * y + 3.0 * y1 + y2)
-    filling = -0.5 * size * D * D * y1 * sign / (capacity * table.scale)  # -w_s ds/dM.n
+    per_s = 1.0 / (capacity * table.scale)
+    filling = -0.5 * size * D * D * y1 * sign * per_s  # -w_s ds/dM.n
+    bend = 0.5 * size * abs(D * D * (y1 + y2)) * per_s * per_s  # |w_ss|/2 over Ms^2
     c_i, _ = gather_two_columns(contrast, i, 0)
     c_j, _ = gather_two_columns(contrast, j, 0)
     across = load(pair, b, ACROSS)
@@ -90,13 +93,13 @@ def fluxes_of_eight(b, table, source, contrast, rows, known, drop, neck, extra):
     along_n = filling / V_j - both * along[0]
     x, y, z = vector_to_partner(turn, both * ax + along_n * nx, both * ay + along_n * ny, both * az + along_n * nz)
     scatter_columns(extra, there, FIELD, x, y, z, across * c_i * product)
-    scatter_columns(extra, there, CHARGE, -q, stiffness, 0.0 * q, 0.0 * q)
+    scatter_columns(extra, there, CHARGE, -q, stiffness, bend / V_j, 0.0 * q)
     along_n = filling / V_i - both * along[1]
     scatter_columns(
         extra, e, FIELD, both * bx + along_n * nx, both * by + along_n * ny, both * bz + along_n * nz,
         across * c_j * product,
     )  # fmt: skip
-    scatter_columns(extra, e, CHARGE, q, stiffness, 0.0 * q, 0.0 * q)
+    scatter_columns(extra, e, CHARGE, q, stiffness, bend / V_i, 0.0 * q)
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
