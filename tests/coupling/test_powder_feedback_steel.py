@@ -72,8 +72,8 @@ def test_at_two_diameters_it_is_the_ring_that_is_not_even():
 def test_a_steel_face_is_half_of_a_ring_of_pairs():
     """Near excess at the face, driven by the solved field: grains and their mirror images, all pairs one by one.
 
-    18 kA/m, two grains in a row on the face, gaps of 0.03 radii. Measured at 2.5, 3 and 3.5 d: forces 1.3, 1.2 and 0.6 %
-    of the largest, moments 0.2, 0.1 and 0.1 %; at 200 kA/m forces 1.0, 0.8 and 0.5 %.
+    18 kA/m, two grains in a row on the face, gaps of 0.03 radii. Measured at 2.5, 3 and 3.5 d: forces 1.3, 1.2 and
+    0.6 % of the largest, moments 0.2, 0.1 and 0.1 %; at 200 kA/m forces 1.0, 0.8 and 0.5 %.
     """
     x, H = np.array([[R, 0.0, 0.515 * D], [R, 0.0, 1.535 * D]]), 18e3
     ring, n = ring_of(x, 1.05 * D)
