@@ -404,7 +404,7 @@ def mean_pull(table, gap, end, smallest_gap, place, fraction):
     x, below = gap_place(table, gap, smallest_gap)
     rise = neck_of_one(table, x, below, place, fraction)[3] / (table.gap_step * max(gap, smallest_gap))
     way = max(end, -smallest_gap) - max(gap, -smallest_gap)
-    if not abs(way) > 1e-6 * max(gap, smallest_gap) or not x < table.n_gap - 1.0:
+    if not (abs(way) > 1e-6 * max(gap, smallest_gap) and rise > 0.0):  # also of NaN, which is no index
         return rise
     column = drive_column(table, x, place)
     before, pull = work_and_pull(table, gap, smallest_gap, column)

@@ -69,6 +69,10 @@ class MagnetisedGrains:
     def restore(self, saved: dict[str, Any] | None) -> None:
         """Take up the state of a checkpoint."""
 
+    def energy(self) -> float | None:
+        """Return the energy of the grains in the field at the last evaluation [J]; None where it is not known."""
+        return None
+
     def window_part(self) -> MomentRow | None:
         """Convergence of the moments, once a window; None where they follow from the field."""
         return None

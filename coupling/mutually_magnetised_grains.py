@@ -52,6 +52,7 @@ class MutuallyMagnetisedGrains(MagnetisedGrains):
     found: Magnetisation | None = None
     necks: Necks | None = None
     _walls_of: object = None
+    _stood: tuple[np.ndarray, np.ndarray] | None = None
     _worst: float = 0.0
     _sweeps: int = 0
 
@@ -82,6 +83,8 @@ class MutuallyMagnetisedGrains(MagnetisedGrains):
         if left > LOST:
             raise MomentError(left, self._sweeps)
         self._worst = max(self._worst, found.residual, left)
+        budget = simulation.motion.energy_budget
+        self._stood = (np.array(grains.position), np.array(grains.radius)) if budget else None
 
     def hold(self, dem: DEM, force: np.ndarray) -> None:
         """Take the sum of all held forces (n, 3) [N] of this update, and let the DEM follow the near gaps."""
@@ -100,6 +103,10 @@ class MutuallyMagnetisedGrains(MagnetisedGrains):
     def restore(self, saved: dict[str, Any] | None) -> None:
         """Take up the drops of a checkpoint."""
         self.necks = None if saved is None else Necks(**saved)
+
+    def energy(self) -> float | None:
+        """Return W of `coupling.mutual_moments` at the last evaluation [J]; None without a budget of energy."""
+        return None if self._stood is None or self.found is None else self.solver.energy(*self._stood, self.found)
 
     def window_part(self) -> MomentRow:
         """Return the worst residual and the sweeps since the last call."""

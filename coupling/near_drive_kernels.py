@@ -27,12 +27,12 @@ def _drive_of_neck(table, gap, smallest_gap, drop, capacity, radius):
     place, fraction = drop_place(table, drop, capacity, radius)
     rise = neck_of_one(table, x, below, place, fraction)[3] / (table.gap_step * max(gap, smallest_gap))
     pull = drop * drop * rise
+    if not pull > 0.0:  # also of NaN, which is no index
+        return 0.0, 0.0, 0.0
     column = drive_column(table, x, place)
     i, j = min(np.int64(x), table.n_gap - 2), min(np.int64(column), table.n_drop - 2)
     shape = bilinear(table.pull, i, x - i, j, column - j)
-    if not (shape > 0.0 and pull > 0.0):
-        return 0.0, 0.0, 0.0
-    return column, pull / shape, pull
+    return (column, pull / shape, pull) if shape > 0.0 else (0.0, 0.0, 0.0)
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})

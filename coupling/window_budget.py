@@ -12,6 +12,9 @@ Torque about z, whole device:  torque on rotor + disc + housing + field + dL/dt 
 
 Energy of the grains:  work of walls + held forces + gravity - dissipated - d(kinetic + elastic) = residual,
 where every mechanism's loss is its own sum over contacts: the residual is the error of the grains' step, second order.
+The work of the magnetic forces, part of that of the held ones, is what the grains' energy W in the field falls by where
+that field stands still and moments follow at every step: nothing in the mean of a steady run. What is left of it comes
+from moments and drops held between their evaluations, and from the field that changes.
 """
 
 from __future__ import annotations
@@ -119,6 +122,11 @@ class WindowBudget:
                 window.add(source.feedback.window_part())
         return window
 
+    def _magnetic_energy(self) -> float | None:
+        magnetised = self._simulation.magnetised
+        energy = None if magnetised is None else magnetised.energy()
+        return None if energy is None else self._simulation.n_sectors * energy
+
     def _energy(self) -> EnergyRow:
         steps, simulation = self._steps, self._simulation
         budgets = [s.energy_budget for s in steps]
@@ -126,6 +134,7 @@ class WindowBudget:
         return EnergyRow(
             kinetic_energy=budgets[-1].kinetic_energy,
             elastic_energy=budgets[-1].elastic_energy,
+            magnetic_energy=self._magnetic_energy(),
             work_walls=sum(sum(each.wall_work.values()) for each in budgets),
             work_held=sum(each.external_work for each in budgets) if simulation.holds_forces else None,
             work_gravity=sum(each.gravity_work for each in budgets) if has_weight else None,

@@ -45,6 +45,8 @@ class EnergyRow:
     Attributes
     ----------
     kinetic_energy, elastic_energy : float
+    magnetic_energy : float or None
+        Of the grains in the field, at the window's last evaluation of it; None where it is not known.
     work_walls : float
     work_held : float or None
         Of the held forces; None: there are none.
@@ -59,6 +61,7 @@ class EnergyRow:
 
     kinetic_energy: float
     elastic_energy: float
+    magnetic_energy: float | None
     work_walls: float
     work_held: float | None
     work_gravity: float | None

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from math import pi
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
+import numpy as np
 from pydantic import Field
 
 from emclutch.effects.column import Column
@@ -26,9 +27,17 @@ from emclutch.scene.units import number
 
 if TYPE_CHECKING:
     from coupling import MagnetisedGrains
+    from coupling.mutual_moments import Magnetisation
     from emclutch.scene.model import Scene
     from geometry.walls import Wall
     from particles import GrainMotion
+
+STRONGEST_FIELD, MOST_CONTACTS = 200e3, 6
+"""Of near_field against finite elements: H [A/m] in the powder up to which, and contacts of a grain up to which its
+forces are within 15 % (`coupling.mutual_moments`)."""
+
+CROWDED = 0.05
+"""Fraction of the grains with more contacts that is reported."""
 
 SKIN = 0.25
 """Grain diameters beyond the cut-off: how far rows of neighbours reach."""
@@ -57,8 +66,8 @@ def _valid_moments(draft: Draft) -> Iterator[Fault]:
     if attraction.has_necks and attraction.cutoff < TRUE_WIDTH:
         yield draft.fault(
             "effects.dipoles.cutoff",
-            "ends where the charges of necks still act, whose field falls more slowly than a dipole's; allowed with "
-            f"model = 'near_field': at least {TRUE_WIDTH:g} diameters",
+            "ends where the charges of necks still act, whose field falls more slowly than that of dipoles; allowed "
+            f"with model = 'near_field': at least {TRUE_WIDTH:g} diameters",
         )
     elif prescribed is not None and prescribed.is_macroscopic and attraction.cutoff < MIN_WIDTH:
         yield draft.fault(
@@ -179,7 +188,7 @@ class DipolesSection(EffectSection):
         if width < TRUE_WIDTH - 1e-9:
             yield (
                 f"field.means = 'macroscopic' spreads a grain over {width:.3g} diameters, as much as the gap allows: "
-                f"below {TRUE_WIDTH:g} forces on grains that nearly touch are wrong by 5 %; smaller grains have the room"
+                f"below {TRUE_WIDTH:g} forces on grains that nearly touch are wrong by 5 %; smaller grains have room"
             )
 
     def magnetisation_in_chains(self, scene: Scene, M_max: float) -> float:
@@ -198,6 +207,15 @@ class DipolesSection(EffectSection):
             return 0.0
         at_walls = scene.effects.images is not None
         return neck_stiffness(grain_law(scene), scene.grains.largest_diameter, at_walls=at_walls)
+
+    def limits(self, scene, M_max):
+        """Yield a field in which the forces of necks are too strong."""
+        from emclutch.device_model.materials import grain_law
+
+        if not self.has_necks:
+            return
+        if M_max > float(grain_law(scene).magnetisation(np.array([STRONGEST_FIELD]), np.zeros(1))[0]):
+            yield _too_strong(f"grains are magnetised up to {M_max / 1e3:.3g} kA/m")
 
     def loads(self, scene, device, M_max):
         """Yield the force of necks, and the stiffness that keeps them from closing by themselves."""
@@ -231,6 +249,7 @@ class DipolesSection(EffectSection):
 
     def summarise(self, history, simulation):
         """Convergence of the moments, and strength of necks relative to the contact's stiffness."""
+        from coupling import MutuallyMagnetisedGrains
         from emclutch.results.columns import STEPS
         from particles import DEM, contact_share, depth_warning
 
@@ -243,15 +262,20 @@ class DipolesSection(EffectSection):
             "worst_residual": float(history[MOMENT_RESIDUAL].max()),
             "sweeps_per_update": sweeps * simulation.steps_per_update / history[STEPS].sum(),
         }
+        warnings: list[str | None] = []
         motion = simulation.motion
         if isinstance(motion, DEM) and motion.attraction is not None:
             moments["strongest_near_pull"] = motion.attraction.strongest
             moments["necks_over_contact_stiffness"] = contact_share(
                 motion.attraction, motion.laws, motion.grains.radius
             )
-            warning = depth_warning(motion.attraction, motion.laws, motion.grains.radius)
-            if warning is not None:
-                moments["warnings"] = [warning]
+            warnings += [depth_warning(motion.attraction, motion.laws, motion.grains.radius)]
+        magnetised = simulation.magnetised
+        if isinstance(magnetised, MutuallyMagnetisedGrains) and magnetised.found is not None:
+            moments |= _extremes(motion, magnetised.found, magnetised.solver.table.scale)
+            warnings += _outside(moments) if self.has_necks else []
+        if any(warnings):
+            moments["warnings"] = [text for text in warnings if text is not None]
         return {"moments": moments}
 
     @classmethod
@@ -259,3 +283,38 @@ class DipolesSection(EffectSection):
         """Yield the pull of touching grains over their weight."""
         if at.M > 0.0:
             yield LeftOut(cls.name, OFF, "pull of touching grains over weight", at.pull / at.weight, 0.1)
+
+
+def _extremes(motion: GrainMotion, found: Magnetisation, saturation: float) -> dict[str, float]:
+    """Largest moment over ``saturation`` [A/m], mean field [A/m] and fraction of crowded grains at the end of a run."""
+    table, moments = motion.contacts(), motion.grains.magnetic_moment
+    assert moments is not None  # of the last evaluation
+    touched = np.concatenate((table.i, table.j[table.j >= 0]))
+    contacts = np.bincount(touched, minlength=motion.grains.count)
+    moment = np.linalg.norm(moments, axis=1) / motion.grains.volume
+    return {
+        "largest_moment_over_saturation": float(moment.max(initial=0.0) / saturation),
+        "field_strength": float(np.sqrt((found.applied**2).sum(axis=1).mean())),
+        "grains_of_more_than_six_contacts": float(np.mean(contacts > MOST_CONTACTS)),
+    }
+
+
+def _outside(moments: dict[str, float]) -> list[str]:
+    """Warnings where the grains at the end are outside of what near_field holds for."""
+    warnings = []
+    if moments["field_strength"] > STRONGEST_FIELD:
+        warnings.append(_too_strong(f"the grains are in {moments['field_strength'] / 1e3:.3g} kA/m"))
+    crowded = moments["grains_of_more_than_six_contacts"]
+    if crowded > CROWDED:
+        warnings.append(
+            f"{100.0 * crowded:.2g} % of the grains have more than {MOST_CONTACTS} contacts: forces of necks there are "
+            "off by up to a third"
+        )
+    return warnings
+
+
+def _too_strong(why: str) -> str:
+    return (
+        f"{why}: beyond {STRONGEST_FIELD / 1e3:g} kA/m in the powder model = 'near_field' makes grains with several "
+        "contacts attract each other too strongly, by 12 % there and the more the stronger the field"
+    )

@@ -44,6 +44,9 @@ TORQUE_RESIDUAL = Column(
 )
 KINETIC_ENERGY = Column("kinetic_energy", "J", "of the grains, spin included")
 ELASTIC_ENERGY = Column("elastic_energy", "J", "stored in the contacts")
+MAGNETIC_ENERGY = Column(
+    "magnetic_energy", "J", "of the grains' moments in the present field, at the last evaluation of the window"
+)
 FIELD_ENERGY = Column("field_energy", "J", "magnetic field energy")
 FLUX_LINKAGE = Column("flux_linkage", "Wb", "of the coil, all turns")
 GAP_FLUX_DENSITY = Column("gap_flux_density", "T", "mean |B| in the gap")
@@ -133,6 +136,7 @@ def columns_of(row: WindowRow) -> dict[str, float | None]:
     values |= {ANGULAR_MOMENTUM: row.angular_momentum, TORQUE_RESIDUAL: row.torque_residual}
     if (energy := row.energy) is not None:
         values |= {KINETIC_ENERGY: energy.kinetic_energy, ELASTIC_ENERGY: energy.elastic_energy}
+        values |= _present({MAGNETIC_ENERGY: energy.magnetic_energy})
         values |= {f"{DISSIPATED}_{name}": loss for name, loss in energy.losses.items()}
         values |= {WORK_WALLS: energy.work_walls, DISSIPATED: energy.dissipated, ENERGY_RESIDUAL: energy.residual}
         held = WORK_MAGNETIC if row.held_is_magnetic else WORK_HELD

@@ -106,8 +106,9 @@ def _check(case: Case, threads: int | None) -> Checked:
     if size is not None:
         words["grain size"] = size.in_words()
     words |= paths_in_words(case)
+    warnings = (*case.warnings, *(text for one in scene.effects.present for text in one.limits(scene, made.M_max)))
     title, effects, missing = scene.scene.title, scene.effects.active, left_out(scene, device, made, expected)
-    return Checked(title, effects, case.warnings, words, tuple(missing), expected)
+    return Checked(title, effects, warnings, words, tuple(missing), expected)
 
 
 def left_out_of(result: Result) -> list[LeftOut]:

@@ -33,6 +33,7 @@ from emclutch.results.columns import (
     WALL_FIELD,
     WALL_MAGNETIC,
     WALL_TOTAL,
+    WORK_MAGNETIC,
     WORK_WALLS,
     torque_on,
 )
@@ -97,6 +98,8 @@ def summarise(
         late = history[INERTIAL_NUMBER].iloc[len(history) // 2 :].dropna()
         summary["inertial_number"] = float(late.median()) if len(late) else None
     summary["structure"] = structure_summary(simulation.motion)
+    if WORK_MAGNETIC in history:
+        summary["work_magnetic_over_slip"] = work_over_slip(history, None if torque is None else torque.start)
     summary |= {"grains": plan.count, "sectors": simulation.n_sectors, "dt": plan.dt} | numerics_summary(history)
     measured = {"field": WALL_FIELD, "magnetic": WALL_MAGNETIC, "contact": WALL_CONTACT, "total": WALL_TOTAL}
     summary["seconds"] = {part: float(history[name].sum()) for part, name in measured.items() if name in history}
@@ -116,6 +119,17 @@ def coil_summary(coil, source, history) -> dict[str, Any]:
         **rise_times(history, coil.currents.values[-1]),
         "field_error_estimate": source.solution.estimated_errors(),
     }
+
+
+def work_over_slip(history, begin: float | None) -> float | None:
+    """Work of the magnetic forces over that of the walls, the slip's, from the steady part's beginning on [s].
+
+    Nothing in the mean of a steady run, but for what moments and the field lag; without a steady part of the second
+    half of the windows. None where nothing slips.
+    """
+    late = history[history[TIME] > begin] if begin is not None else history.iloc[len(history) // 2 :]
+    slip = float(late[WORK_WALLS].sum())
+    return float(late[WORK_MAGNETIC].sum()) / slip if slip else None
 
 
 def numerics_summary(history) -> dict[str, float | str | None]:

@@ -62,7 +62,7 @@ def test_a_field_turns_with_its_body():
 
 
 def test_torque_of_the_slots_field_comes_back_to_the_slotted_body(tmp_path):
-    """Balance of disc + rotor + dL/dt: all that the field turns grains with, by forces and by moments, is the disc's."""
+    """Balance of disc + rotor + dL/dt: all that the field turns grains with, forces and moments, is the disc's."""
     result = emclutch.run(slotted(), out=tmp_path / "run")
     history = result.history
     terms = history[["torque_disc", "torque_rotor"]]

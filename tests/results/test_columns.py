@@ -1,7 +1,7 @@
 """Columns of a history: each quantity of a window's row has one, with a unit, and only what the scene has is there."""
 
 import pickle
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import pandas
 import pytest
@@ -48,9 +48,11 @@ def test_torque_of_the_field_is_that_on_the_grains_reversed_and_reported_apart_w
 
 
 def test_energies_balance_with_the_terms_that_there_are():
-    energy = EnergyRow(1.0, 0.5, 3.0, 0.25, None, {"sliding": 1.0}, 1.0, 2.0)
+    energy = EnergyRow(1.0, 0.5, -0.1, 3.0, 0.25, None, {"sliding": 1.0}, 1.0, 2.0)
     found = columns_of(row(energy=energy))
     assert (found["work_magnetic"], found["energy_residual"], found["dissipated_sliding"]) == (0.25, 0.25, 1.0)
+    assert found["magnetic_energy"] == -0.1
+    assert "magnetic_energy" not in columns_of(row(energy=replace(energy, magnetic_energy=None)))
     assert "work_held" in columns_of(row(energy=energy, held_is_magnetic=False)) and "work_gravity" not in found
 
 

@@ -58,6 +58,7 @@ NUMBERS = (
     ("typical_overlap", "the same, median over the windows of the second half", ""),
     ("torque_residual_rms", "torque balance, RMS of what is left", "N m"),
     ("energy_residual_relative", "energy balance, what is left over throughput", ""),
+    ("work_magnetic_over_slip", "work of the magnetic forces over that of the walls, when steady", ""),
 )
 """Of a summary: key, label and unit."""
 STRUCTURE = {
@@ -364,7 +365,7 @@ def _balances(result: Result) -> list[tuple[str, str]]:
     ]
     rows += [
         (f"energy: change of {name.replace('_', ' ')}", f"{history[name].iloc[-1] - history[name].iloc[0]:.4g} J")
-        for name in ("kinetic_energy", "elastic_energy")
+        for name in ("kinetic_energy", "elastic_energy", "magnetic_energy")
         if name in history
     ]
     for part, label in (("feedback", "moments in the field's solve"), ("moments", "moments of the grains")):
