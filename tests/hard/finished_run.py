@@ -28,8 +28,8 @@ class FinishedRun:
         A row a coupling window, SI units.
     summary : dict
         ``summary.json``.
-    position, velocity, moment : ndarray, shape (n, 3)
-        At the end [m], [m/s] and [A m^2], by id; zero moments where there is no field.
+    position, velocity, moment, dipole : ndarray, shape (n, 3)
+        At the end [m], [m/s] and [A m^2], by id, the moment and its dipole part; zero where there is no field.
     radius : ndarray, shape (n,)
         [m]
     ids : ndarray, shape (n,)
@@ -42,6 +42,7 @@ class FinishedRun:
     position: np.ndarray
     velocity: np.ndarray
     moment: np.ndarray
+    dipole: np.ndarray
     radius: np.ndarray
     ids: np.ndarray
 
@@ -51,11 +52,12 @@ class FinishedRun:
         result = load_result(folder)
         state = read_checkpoint(folder / "checkpoint.h5")["dem"]
         order = np.argsort(state["particle_id"])
-        where, moment = state["position_radius"][order], state.get("magnetic_moment")
-        moments = np.zeros((len(order), 3)) if moment is None or len(moment) != len(order) else moment[order]
+        where, none = state["position_radius"][order], np.zeros((len(order), 3))
+        moment = state["magnetic_moment"][order] if "magnetic_moment" in state else none
+        dipole = state["dipole"][order] if "dipole" in state else moment.copy()
         return cls(
             case, result.history, result.summary, where[:, :3].copy(), state["velocity_force"][order, :3].copy(),
-            moments, where[:, 3].copy(), state["particle_id"][order],
+            moment, dipole, where[:, 3].copy(), state["particle_id"][order],
         )  # fmt: skip
 
     def sum_of(self, *columns: str) -> np.ndarray:

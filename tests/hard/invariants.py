@@ -93,10 +93,13 @@ def residuals(run: FinishedRun, factor: float) -> float:
 
 
 def magnetisation(run: FinishedRun, most: float) -> float:
-    """The largest magnetisation of a grain over its saturation, which moments exceed by their tolerance at most."""
+    """The largest dipole part of a grain over its saturation, which it exceeds by the moments' tolerance at most.
+
+    The flux that leaves through contacts is in addition to it.
+    """
     volume, dipoles = 4.0 / 3.0 * pi * run.radius**3, run.case.scene.effects.dipoles
     allowed = most * run.case.scene.particles.saturation * (1.0 + (0.0 if dipoles is None else dipoles.tolerance))
-    return float((np.linalg.norm(run.moment, axis=1) / volume).max()) / allowed
+    return float((np.linalg.norm(run.dipole, axis=1) / volume).max()) / allowed
 
 
 def magnetised(run: FinishedRun, least: float) -> float:

@@ -70,7 +70,7 @@ def _tolerances_missed(run: FinishedRun) -> None:
 
 def _beyond_saturation(run: FinishedRun) -> None:
     volume = 4.0 / 3.0 * pi * run.radius[0] ** 3
-    run.moment[0] = (0.0, 0.0, 2.0 * run.case.scene.particles.saturation * volume)
+    run.dipole[0] = (0.0, 0.0, 2.0 * run.case.scene.particles.saturation * volume)
 
 
 def _no_moments(run: FinishedRun) -> None:
