@@ -75,7 +75,7 @@ def test_work_on_an_open_path_is_what_the_energy_falls_by(model):
     """Beside side grains in a field with a gradient, whose force is on dipoles and on charges."""
     others, middle = SIDES
     grains = Moved(others, 80e3, (0.3, 0.1, 1.0), gradient=0.5, model=model)
-    begin, end = np.array(middle) + [-0.5, 0.1, 0.6], np.array(middle) + [0.1, 0.0, -0.22]
+    begin, end = np.add(middle, [-0.5, 0.1, 0.6]), np.add(middle, [0.1, 0.0, -0.22])
     nodes, weights = np.polynomial.legendre.leggauss(24)
     work = 0.0
     for node, weight in zip(0.5 + 0.5 * nodes, 0.5 * weights, strict=True):

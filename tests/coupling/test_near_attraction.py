@@ -66,7 +66,7 @@ def test_a_pair_that_is_pulled_together_gains_the_work_of_its_pull(strength):
     """
     g0 = 0.1
     x = A * np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 2.0 + g0]])
-    dem, solver, found, force = magnetised(x, [0.0, 0.0, strength], dt=2e-9)
+    dem, solver, found, _ = magnetised(x, [0.0, 0.0, strength], dt=2e-9)
     dem.run(1)
     column, amplitude, _ = dem.attraction.pair_drive[0]
     held = dem.external_force.copy()
