@@ -40,12 +40,9 @@ Source: the functional is this project's; its table is made of finite elements f
 of a grain and up to 200 kA/m in iron; in bcc and fcc lattices its forces are off by up to a third, and far beyond 200
 kA/m too strong where contacts are many.
 
-Dipoles and drops are the fixed point of a map that is neither linear nor symmetric, and a saddle of W. It is approached
-by damped sweeps from the last state, mixed with the sweeps before (`AndersonMixing`); the
-step of a drop is divided by 1 + (k_i + k_j)/2, k = sum over a grain's necks of (dq/dD)/(4 pi a), that of a dipole by
-1 + (dM/dh) times the sum of |d2w/ds2|/(2 mu_0 Ms^2 V). Every sweep updates
-all
-from the same state, so no bit depends on the threads.
+Dipoles and drops are the fixed point of a map that is neither linear nor symmetric, and a saddle of W
+(`coupling.moment_sweeps`). The step of a drop is divided by 1 + (k_i + k_j)/2, k = sum over a grain's necks of
+(dq/dD)/(4 pi a), that of a dipole by 1 + (dM/dh) times the sum of |d2w/ds2|/(2 mu_0 Ms^2 V).
 """
 
 from __future__ import annotations
@@ -53,27 +50,21 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import NoConvergence, newton_krylov
 
-from coupling.finite_grains import NotFiniteGrains, refuse_not_finite
+from coupling.finite_grains import refuse_not_finite
 from coupling.grain_law_table import GrainLawTable
 from coupling.image_lanes import MAX_WALLS
 from coupling.influence import find_influence, reuse_or_allocate
 from coupling.influence_kernels import APPLIED
 from coupling.kernel_state import ENTRY, FIRST, SECOND, Influence, MagneticGrains, PairModel
 from coupling.moment_kernels import (
-    N_ANSWER,
     add_charge_moments,
-    ask_dipoles,
-    ask_drops,
     contact_forces,
-    find_contrasts,
-    find_fluxes,
-    gather_fields,
     grain_energies,
     wall_drives,
     wall_heights,
 )
+from coupling.moment_sweeps import MomentSweeps
 from coupling.neighbour_rows import NeighbourRows
 from coupling.pair_lanes import ENERGY, FLUX, N_NECK
 from geometry.kernels.simd import LANES
@@ -81,12 +72,8 @@ from geometry.kernels.simd import LANES
 MIN_GAP = 3e-3
 """Default of the gap between surfaces that touch [radii]."""
 
-FIRST_DAMPING, LEAST_DAMPING = 0.7, 0.1  # of an undamped step
 # Moments so many times those of lone grains are of an earlier field: begin again.
 FAR_START = 10.0
-PATIENCE = 20  # sweeps in which the residual has not fallen by a tenth: the damping is halved, at last Newton is tried
-NEWTON_ROUNDS, NEWTON_STEPS = 3, 20
-DEPTH = 5  # sweeps that are remembered
 MU_0 = 4e-7 * np.pi
 
 
@@ -307,10 +294,12 @@ class MutualMoments:
         number = np.arange(n) if number is None else number
         found.drop, found.wall_drop = self._first_drops(grains, known, necks, number, rows, found.wall_drop)
         found.neck = np.zeros((len(found.drop), N_NECK, LANES))
-        sweep = _Sweep(self, grains, rows, found)
-        sweep.run(tolerance, most_sweeps, start is None)
+        sweeps = MomentSweeps(
+            self.table, self.model, self.walls, grains, rows.arrays, found, self._scratch(known)
+        )
+        sweeps.run(tolerance, most_sweeps, start is None)
         if found.residual > tolerance and found.sweeps < most_sweeps:
-            sweep.newton(tolerance, most_sweeps)
+            sweeps.newton(tolerance, most_sweeps)
         found.moment = found.dipole.copy()
         if self.near:
             grains = self._grains(position, radius, volume, found)
@@ -460,181 +449,6 @@ class MutualMoments:
 def _once(known: Influence, column: int) -> np.ndarray:
     """A column of the near pairs (near_pairs,), each once."""
     return known.near_once[:, column].reshape(-1)[: known.near_pairs]
-
-
-class _Sweep:
-    """Sweeps of one solve; the state of `found` is advanced, and always belongs together when a call returns."""
-
-    def __init__(
-        self, solver: MutualMoments, grains: MagneticGrains, rows: NeighbourRows, found: Magnetisation
-    ) -> None:
-        self.solver, self.grains, self.rows, self.found = solver, grains, rows.arrays, found
-        assert found.known is not None
-        self.known = found.known
-        n, w, blocks = len(found.dipole), found.wall_drop.shape[1], len(found.drop)
-        self.step, self.drop_step, self.wall_step = np.empty((n, 3)), np.zeros((blocks, LANES)), np.zeros((n, w))
-        self.answer, self.squares = np.zeros((n, N_ANSWER)), np.zeros((n, 2))
-        self.drop_squares, self.wall_squares = np.zeros((blocks, 2)), np.zeros((n, 2))
-        self.extra = solver._scratch(found.known)
-        self.sums = np.ones(4)
-
-    def evaluate(self) -> float:
-        """Fluxes, fields and the steps asked at the present dipoles and drops; their residual."""
-        s, f = self.solver, self.found
-        grains = self.grains = self.grains._replace(dipole=f.dipole)
-        if s.near:
-            find_contrasts(s.table, grains, f.contrast)
-            find_fluxes(
-                s.table, s.model, grains, self.rows, s.walls, self.known, f.drop, f.wall_drop, f.neck, f.wall_neck,
-                f.charge, self.answer, self.extra,
-            )  # fmt: skip
-        gather_fields(s.model, grains, self.rows, self.known, f.field, f.potential)
-        ask_dipoles(s.table, grains, self.answer, self.step, self.squares)
-        sums = self.squares.sum(axis=0)
-        residual = 0.0 if sums[1] == 0.0 else np.sqrt(sums[0] / sums[1])  # a NaN stays one
-        if s.near:
-            ask_drops(
-                s.model, grains, s.walls, self.known, self.answer, f.drop, f.wall_drop, self.drop_step, self.wall_step,
-                self.drop_squares, self.wall_squares,
-            )  # fmt: skip
-            drops = self.drop_squares.sum(axis=0) + self.wall_squares.sum(axis=0)
-            more = 0.0 if drops[0] == 0.0 else np.sqrt(drops[0] / max(drops[1], 1e-300))
-            residual = max(residual, more) if np.isfinite(more) else more
-            self.sums = np.array([sums[0], sums[1], drops[0], drops[1]])
-        else:
-            self.sums = np.array([sums[0], sums[1], 0.0, 1.0])
-        if not np.isfinite(residual):
-            raise NotFiniteGrains(f"the moments of the grains are not finite after {f.sweeps + 1} sweeps")
-        f.residual = float(residual)
-        f.sweeps += 1
-        return f.residual
-
-    def run(self, tolerance: float, most_sweeps: int, cold: bool) -> None:
-        """Sweep until the residual is at most the tolerance, `most_sweeps` times at most."""
-        damping, before, mixing = (1.0 if cold else FIRST_DAMPING), np.inf, AndersonMixing()
-        self.scale = np.ones(2)
-        best, best_at = np.inf, 0
-        for sweep in range(1, most_sweeps + 1):
-            residual = self.evaluate()
-            if residual <= tolerance or sweep == most_sweeps:
-                return
-            if residual < 0.9 * best:
-                best, best_at = residual, sweep
-            elif sweep - best_at > PATIENCE:
-                if damping <= LEAST_DAMPING:
-                    return
-                damping, best, best_at = 0.6 * damping, residual, sweep
-                mixing = AndersonMixing(depth=0)  # in saturation the map bends within a step: plain sweeps
-            if sweep == 1:  # both parts of the state count alike in the mixing
-                self.scale = 1.0 / np.sqrt(np.maximum(self.sums[[1, 3]], 1e-300)) * [1.0 / self._mean_volume, 1.0]
-            self._take(mixing.next(self._state(), self._asked(), damping))
-            if sweep > 1 and residual > 1.5 * before:
-                mixing.forget()
-            elif sweep == 1 and cold:
-                damping = FIRST_DAMPING
-            before = residual
-
-    def newton(self, tolerance: float, most_sweeps: int) -> None:
-        """Newton's method with Krylov's subspaces (scipy) where the sweeps have stalled, from the best state of theirs.
-
-        Where it fails the state is that of the smallest residual.
-        """
-        best = self.found.residual, self._state()
-
-        def asked(state: np.ndarray) -> np.ndarray:
-            if self.found.sweeps >= most_sweeps:
-                raise NoConvergence(best[1])
-            self._take(state)
-            self.evaluate()
-            return self._asked()
-
-        for _ in range(NEWTON_ROUNDS):
-            try:
-                found = newton_krylov(
-                    asked, self._state(), f_tol=0.1 * tolerance, maxiter=NEWTON_STEPS, method="lgmres",
-                    tol_norm=lambda x: float(np.sqrt((x**2).sum())),
-                )  # fmt: skip
-                self._take(np.asarray(found))
-                self.evaluate()
-            except NoConvergence as failed:
-                self._take(np.asarray(failed.args[0]))
-                self.evaluate()
-            except (NotFiniteGrains, ValueError, np.linalg.LinAlgError):
-                break
-            if self.found.residual < best[0]:
-                best = self.found.residual, self._state()
-            if self.found.residual <= tolerance:
-                return
-        self._take(best[1])
-        self.evaluate()
-
-    @property
-    def _mean_volume(self) -> float:
-        return float(np.sqrt((self.grains.volume**2).mean()))
-
-    def _join(self, dipole: np.ndarray, drop: np.ndarray, wall_drop: np.ndarray) -> np.ndarray:
-        per_m, per_D = self.scale
-        if not self.solver.near:
-            return per_m * dipole.reshape(-1)
-        return np.concatenate((per_m * dipole.reshape(-1), per_D * drop.reshape(-1), per_D * wall_drop.reshape(-1)))
-
-    def _state(self) -> np.ndarray:
-        return self._join(self.found.dipole, self.found.drop, self.found.wall_drop)
-
-    def _asked(self) -> np.ndarray:
-        return self._join(self.step, self.drop_step, self.wall_step)
-
-    def _take(self, state: np.ndarray) -> None:
-        """Set dipoles and drops."""
-        f = self.found
-        a = f.dipole.size
-        b = a + f.drop.size
-        f.dipole = (state[:a] / self.scale[0]).reshape(f.dipole.shape)
-        if self.solver.near:
-            f.drop = (state[a:b] / self.scale[1]).reshape(f.drop.shape)
-            f.wall_drop = (state[b:] / self.scale[1]).reshape(f.wall_drop.shape)
-
-
-class AndersonMixing:
-    """The next state (k,) of a damped fixed-point iteration that remembers the last sweeps.
-
-    Of all states in the plane through the sweeps that it remembers that one is taken for which the step asked is
-    smallest, and the damped step is made from there (D. G. Anderson, J. ACM 12 (1965) 547; H. F. Walker, P. Ni, SIAM J.
-    Numer. Anal. 49 (2011) 1715). It follows an iteration that alternates as well as one that creeps.
-
-    Parameters
-    ----------
-    depth : int
-        Differences of sweeps that are remembered; 0: none, the damped step alone.
-    """
-
-    def __init__(self, depth: int = DEPTH) -> None:
-        self.depth = depth
-        self.forget()
-
-    def forget(self) -> None:
-        """Begin again."""
-        self._last: tuple[np.ndarray, np.ndarray] | None = None
-        self._moved: list[np.ndarray] = []
-        self._changed: list[np.ndarray] = []
-
-    def next(self, state: np.ndarray, asked: np.ndarray, damping: float) -> np.ndarray:
-        """The next state, of a `state` (k,) and what an undamped step would change, `asked` (k,)."""
-        if self._last is not None and self.depth:
-            self._moved.append(state - self._last[0])
-            self._changed.append(asked - self._last[1])
-            del self._moved[: -self.depth], self._changed[: -self.depth]
-        self._last = state, asked
-        found = state + damping * asked
-        if not self._changed:
-            return found
-        products = np.array([[float(a @ b) for b in self._changed] for a in self._changed])
-        right = np.array([float(a @ asked) for a in self._changed])
-        size = np.sqrt(np.maximum(np.diag(products), 1e-300))
-        back = np.linalg.lstsq(products / np.outer(size, size), right / size, rcond=1e-10)[0] / size
-        for part, moved, changed in zip(back, self._moved, self._changed, strict=True):
-            found -= part * (moved + damping * changed)
-        return found
 
 
 def field_slope(position: np.ndarray, gradient: np.ndarray) -> np.ndarray:

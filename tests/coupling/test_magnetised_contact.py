@@ -10,7 +10,8 @@ import pytest
 
 from coupling.cluster import magnetised_cluster
 from coupling.grain_law_table import grain_table
-from coupling.mutual_moments import AndersonMixing, MutualMoments
+from coupling.moment_sweeps import AndersonMixing
+from coupling.mutual_moments import MutualMoments
 from coupling.neighbour_rows import neighbour_rows
 from field import MU_0, GrainLaw, LangevinLaw
 from field.spheres.lone_sphere import sphere_magnetisation

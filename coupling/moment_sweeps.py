@@ -1,0 +1,244 @@
+"""Sweeps that find dipoles and drops of grains which magnetise one another, a fixed point of `coupling.moment_kernels`.
+
+The map is neither linear nor symmetric. Damped sweeps are mixed with those before (`AndersonMixing`); where they stall,
+plain ones of less damping follow, and at last Newton's method. Every sweep updates all from the same state, so no bit
+depends on the threads.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.optimize import NoConvergence, newton_krylov
+
+from coupling.finite_grains import NotFiniteGrains
+from coupling.grain_law_table import GrainLawTable
+from coupling.kernel_state import MagneticGrains, PairModel, Rows
+from coupling.moment_kernels import (
+    N_ANSWER,
+    ask_dipoles,
+    ask_drops,
+    find_contrasts,
+    find_fluxes,
+    gather_fields,
+)
+from geometry.kernels.simd import LANES
+
+if TYPE_CHECKING:
+    from coupling.mutual_moments import Magnetisation
+
+FIRST_DAMPING, LEAST_DAMPING = 0.7, 0.1  # of an undamped step
+PATIENCE = 20  # sweeps in which the residual has not fallen by a tenth: less damping, at last Newton's method
+NEWTON_ROUNDS, NEWTON_STEPS = 3, 20
+DEPTH = 5  # sweeps that are remembered
+
+
+class MomentSweeps:
+    """Sweeps of one solve; the state of `found` is advanced, and always belongs together when a call returns.
+
+    Parameters
+    ----------
+    table, model, walls : GrainLawTable, PairModel, (w, 6) float64
+        Of `coupling.mutual_moments.MutualMoments`.
+    grains : MagneticGrains
+        Whose arrays, but for `dipole`, are those of `found`.
+    rows : Rows
+    found : Magnetisation
+        With `known`, the drops to begin with, and room for the rest.
+    extra : (k, 8) float64
+        Scratch, with room for all near entries.
+    """
+
+    def __init__(
+        self,
+        table: GrainLawTable,
+        model: PairModel,
+        walls: np.ndarray,
+        grains: MagneticGrains,
+        rows: Rows,
+        found: Magnetisation,
+        extra: np.ndarray,
+    ) -> None:
+        self.table, self.model, self.walls = table, model, walls
+        self.grains, self.rows, self.found, self.extra = grains, rows, found, extra
+        assert found.known is not None
+        self.known = found.known
+        n, w, blocks = len(found.dipole), found.wall_drop.shape[1], len(found.drop)
+        self.step, self.drop_step, self.wall_step = np.empty((n, 3)), np.zeros((blocks, LANES)), np.zeros((n, w))
+        self.answer, self.squares = np.zeros((n, N_ANSWER)), np.zeros((n, 2))
+        self.drop_squares, self.wall_squares = np.zeros((blocks, 2)), np.zeros((n, 2))
+        self.sums = np.ones(4)
+
+    def evaluate(self) -> float:
+        """Fluxes, fields and the steps asked at the present dipoles and drops; their residual."""
+        f = self.found
+        grains = self.grains = self.grains._replace(dipole=f.dipole)
+        if self.model.near:
+            find_contrasts(self.table, grains, f.contrast)
+            find_fluxes(
+                self.table, self.model, grains, self.rows, self.walls, self.known, f.drop, f.wall_drop, f.neck, f.wall_neck,
+                f.charge, self.answer, self.extra,
+            )  # fmt: skip
+        gather_fields(self.model, grains, self.rows, self.known, f.field, f.potential)
+        ask_dipoles(self.table, grains, self.answer, self.step, self.squares)
+        sums = self.squares.sum(axis=0)
+        residual = 0.0 if sums[1] == 0.0 else np.sqrt(sums[0] / sums[1])  # a NaN stays one
+        if self.model.near:
+            ask_drops(
+                self.model, grains, self.walls, self.known, self.answer, f.drop, f.wall_drop, self.drop_step, self.wall_step,
+                self.drop_squares, self.wall_squares,
+            )  # fmt: skip
+            drops = self.drop_squares.sum(axis=0) + self.wall_squares.sum(axis=0)
+            more = 0.0 if drops[0] == 0.0 else np.sqrt(drops[0] / max(drops[1], 1e-300))
+            residual = max(residual, more) if np.isfinite(more) else more
+            self.sums = np.array([sums[0], sums[1], drops[0], drops[1]])
+        else:
+            self.sums = np.array([sums[0], sums[1], 0.0, 1.0])
+        if not np.isfinite(residual):
+            raise NotFiniteGrains(f"the moments of the grains are not finite after {f.sweeps + 1} sweeps")
+        f.residual = float(residual)
+        f.sweeps += 1
+        return f.residual
+
+    def run(self, tolerance: float, most_sweeps: int, cold: bool) -> None:
+        """Sweep until the residual is at most the tolerance, `most_sweeps` times at most."""
+        damping, before, mixing = (1.0 if cold else FIRST_DAMPING), np.inf, AndersonMixing()
+        self.scale = np.ones(2)
+        best, best_at = np.inf, 0
+        for sweep in range(1, most_sweeps + 1):
+            residual = self.evaluate()
+            if residual <= tolerance or sweep == most_sweeps:
+                return
+            if residual < 0.9 * best:
+                best, best_at = residual, sweep
+            elif sweep - best_at > PATIENCE:
+                if damping <= LEAST_DAMPING:
+                    return
+                damping, best, best_at = 0.6 * damping, residual, sweep
+                mixing = AndersonMixing(depth=0)  # in saturation the map bends within a step: plain sweeps
+            if sweep == 1:  # both parts of the state count alike in the mixing
+                self.scale = 1.0 / np.sqrt(np.maximum(self.sums[[1, 3]], 1e-300)) * [1.0 / self._mean_volume, 1.0]
+            self._take(mixing.next(self._state(), self._asked(), damping))
+            if sweep > 1 and residual > 1.5 * before:
+                mixing.forget()
+            elif sweep == 1 and cold:
+                damping = FIRST_DAMPING
+            before = residual
+
+    def newton(self, tolerance: float, most_sweeps: int) -> None:
+        """Newton's method with Krylov's subspaces (scipy) where the sweeps have stalled, from the best state of theirs.
+
+        Where it fails the state is that of the smallest residual.
+        """
+        best = self.found.residual, self._state()
+
+        def asked(state: np.ndarray) -> np.ndarray:
+            if self.found.sweeps >= most_sweeps:
+                raise NoConvergence(best[1])
+            self._take(state)
+            self.evaluate()
+            return self._asked()
+
+        for _ in range(NEWTON_ROUNDS):
+            try:
+                found = newton_krylov(
+                    asked, self._state(), f_tol=0.1 * tolerance, maxiter=NEWTON_STEPS, method="lgmres",
+                    tol_norm=lambda x: float(np.sqrt((x**2).sum())),
+                )  # fmt: skip
+                self._take(np.asarray(found))
+                self.evaluate()
+            except NoConvergence as failed:
+                self._take(np.asarray(failed.args[0]))
+                self.evaluate()
+            except (NotFiniteGrains, ValueError, np.linalg.LinAlgError):
+                break
+            if self.found.residual < best[0]:
+                best = self.found.residual, self._state()
+            if self.found.residual <= tolerance:
+                return
+        self._take(best[1])
+        self.evaluate()
+
+    @property
+    def _mean_volume(self) -> float:
+        return float(np.sqrt((self.grains.volume**2).mean()))
+
+    def _join(self, dipole: np.ndarray, drop: np.ndarray, wall_drop: np.ndarray) -> np.ndarray:
+        per_m, per_D = self.scale
+        if not self.model.near:
+            return per_m * dipole.reshape(-1)
+        return np.concatenate((per_m * dipole.reshape(-1), per_D * drop.reshape(-1), per_D * wall_drop.reshape(-1)))
+
+    def _state(self) -> np.ndarray:
+        return self._join(self.found.dipole, self.found.drop, self.found.wall_drop)
+
+    def _asked(self) -> np.ndarray:
+        return self._join(self.step, self.drop_step, self.wall_step)
+
+    def _take(self, state: np.ndarray) -> None:
+        """Set dipoles and drops."""
+        f = self.found
+        a = f.dipole.size
+        b = a + f.drop.size
+        f.dipole = (state[:a] / self.scale[0]).reshape(f.dipole.shape)
+        if self.model.near:
+            f.drop = (state[a:b] / self.scale[1]).reshape(f.drop.shape)
+            f.wall_drop = (state[b:] / self.scale[1]).reshape(f.wall_drop.shape)
+
+
+class AndersonMixing:
+    """The next state (k,) of a damped fixed-point iteration that remembers the last sweeps.
+
+    Of all states in the plane through the sweeps that it remembers that one is taken for which the step asked is
+    smallest, and the damped step is made from there (D. G. Anderson, J. ACM 12 (1965) 547; H. F. Walker, P. Ni, SIAM J.
+    Numer. Anal. 49 (2011) 1715). It follows an iteration that alternates as well as one that creeps.
+
+    Parameters
+    ----------
+    depth : int
+        Differences of sweeps that are remembered; 0: none, the damped step alone.
+    """
+
+    def __init__(self, depth: int = DEPTH) -> None:
+        self.depth = depth
+        self.forget()
+
+    def forget(self) -> None:
+        """Begin again."""
+        self._last: tuple[np.ndarray, np.ndarray] | None = None
+        self._moved: list[np.ndarray] = []
+        self._changed: list[np.ndarray] = []
+        self._products = np.zeros((0, 0))
+
+    def next(self, state: np.ndarray, asked: np.ndarray, damping: float) -> np.ndarray:
+        """The next state, of a `state` (k,) and what an undamped step would change, `asked` (k,)."""
+        if self._last is not None and self.depth:
+            self._remember(state - self._last[0], asked - self._last[1])
+        self._last = state, asked
+        found = state + damping * asked
+        if not self._changed:
+            return found
+        right = np.array([_product(part, asked) for part in self._changed])
+        size = np.sqrt(np.maximum(np.diag(self._products), 1e-300))
+        back = np.linalg.lstsq(self._products / np.outer(size, size), right / size, rcond=1e-10)[0] / size
+        for part, moved, changed in zip(back, self._moved, self._changed, strict=True):
+            found -= part * (moved + damping * changed)
+        return found
+
+    def _remember(self, moved: np.ndarray, changed: np.ndarray) -> None:
+        if len(self._changed) == self.depth:
+            del self._moved[0], self._changed[0]
+            self._products = self._products[1:, 1:]
+        self._moved.append(moved)
+        self._changed.append(changed)
+        n = len(self._changed)
+        products = np.empty((n, n))
+        products[:-1, :-1] = self._products
+        products[-1] = products[:, -1] = [_product(part, changed) for part in self._changed]
+        self._products = products
+
+
+def _product(a: np.ndarray, b: np.ndarray) -> float:
+    """Inner product, in an order that does not depend on threads."""
+    return float((a * b).sum())
