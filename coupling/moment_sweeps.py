@@ -77,8 +77,8 @@ class MomentSweeps:
         if self.model.near:
             find_contrasts(self.table, grains, f.contrast)
             find_fluxes(
-                self.table, self.model, grains, self.rows, self.walls, self.known, f.drop, f.wall_drop, f.neck, f.wall_neck,
-                f.charge, self.answer, self.extra,
+                self.table, self.model, grains, self.rows, self.walls, self.known, f.drop, f.wall_drop, f.neck,
+                f.wall_neck, f.charge, self.answer, self.extra,
             )  # fmt: skip
         gather_fields(self.model, grains, self.rows, self.known, f.field, f.potential)
         ask_dipoles(self.table, grains, self.answer, self.step, self.squares)
@@ -86,8 +86,8 @@ class MomentSweeps:
         residual = 0.0 if sums[1] == 0.0 else np.sqrt(sums[0] / sums[1])  # a NaN stays one
         if self.model.near:
             ask_drops(
-                self.model, grains, self.walls, self.known, self.answer, f.drop, f.wall_drop, self.drop_step, self.wall_step,
-                self.drop_squares, self.wall_squares,
+                self.model, grains, self.walls, self.known, self.answer, f.drop, f.wall_drop, self.drop_step,
+                self.wall_step, self.drop_squares, self.wall_squares,
             )  # fmt: skip
             drops = self.drop_squares.sum(axis=0) + self.wall_squares.sum(axis=0)
             more = 0.0 if drops[0] == 0.0 else np.sqrt(drops[0] / max(drops[1], 1e-300))
