@@ -1,7 +1,7 @@
 """The staggered loop between field and grains, and the effects that live in it."""
 
 from coupling.circuit_coil_field import CircuitCoilField
-from coupling.cluster import Cluster, magnetised_cluster
+from coupling.cluster import Cell, Cluster, magnetised_cell, magnetised_cluster
 from coupling.coil_field import CoilField, ImposedField, SolvedCoilField
 from coupling.coil_field_3d import CoilField3D
 from coupling.eddy_coil_field import EddyCoilField
@@ -26,6 +26,7 @@ from coupling.staggered import Simulation, run_staggered
 from coupling.window_row import WindowRow
 
 __all__ = [
+    "Cell",
     "CircuitCoilField",
     "Cluster",
     "CoilField",
@@ -48,6 +49,7 @@ __all__ = [
     "chain_magnetisation",
     "grain_table",
     "magnetic_load",
+    "magnetised_cell",
     "magnetised_cluster",
     "moments",
     "neck_load",

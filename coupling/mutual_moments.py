@@ -37,8 +37,9 @@ the tangent.
 
 Source: the functional is this project's; its table is made of finite elements for two spheres. Against finite elements
 (`tests/coupling/test_magnetised_contact.py`, `tests/coupling/test_one_energy.py`) it is valid from one to six contacts
-of a grain and up to 200 kA/m in iron; in bcc and fcc lattices its forces are off by up to a third, and far beyond 200
-kA/m too strong where contacts are many.
+of a grain and up to 200 kA/m in iron; beyond 200 kA/m it is too strong where contacts are many. In bcc and fcc lattices
+moments are 1.14 to 1.33 times too large, and what necks add to the stress is off by up to a third to 120 kA/m and by
+more beyond (docs/explanation/grains_that_magnetise.md).
 
 Dipoles and drops are the fixed point of a map that is neither linear nor symmetric, and a saddle of W
 (`coupling.moment_sweeps`). The step of a drop is divided by 1 + (k_i + k_j)/2, k = sum over a grain's necks of

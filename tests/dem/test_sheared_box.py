@@ -103,6 +103,28 @@ def test_the_work_of_shear_is_dissipated_or_held():
     assert errors[1] < 0.4 * errors[0]
 
 
+def test_balances_close_with_grains_of_several_sizes():
+    """Momentum beside the flow, kinetic energy and the work of the shear to round-off, losses to the step's error."""
+    box, x = periodic_packing(150, D, 0.55, seed=1)
+    box.rate, rng = RATE, np.random.default_rng(1)
+    radius, v = 0.5 * D * rng.choice([0.6, 0.8, 1.0], len(x)), rng.normal(0.0, RATE * D, x.shape)
+    v -= (radius**3) @ v / (radius**3).sum()
+    grains = Grains.create(x, radius, RHO, velocity=v + box.flow(x[:, 2]))
+    dt = LAW.contact_time(0.5 * grains.mass.min(), 0.0, 0.0) / 24.0
+    dem = DEM(grains, [], [], LAW, dt=dt, periodicity=box)
+    dem.run(500)
+    before = by_number(dem, grains.mass) @ beside(dem)
+    totals = dem.run(6000)
+    energy, lost = totals.energy, totals.energy.dissipated
+    drift = by_number(dem, grains.mass) @ beside(dem) - before
+    assert totals.rebuilds > 5 and lost > 0.0
+    assert np.abs(drift).max() < 1e-12 * grains.mass.sum() * RATE * D
+    assert energy.kinetic_change == pytest.approx(energy.contact_work + energy.shear_work["motion"], abs=1e-10 * lost)
+    assert abs(energy.integration_error) < 0.01 * lost
+    work = RATE * totals.duration * box.volume * totals.stress.shear
+    assert sum(energy.shear_work.values()) == pytest.approx(work, rel=2e-3)
+
+
 def test_work_over_strain_is_the_stress():
     """-rate V sigma_xz: of the mean stress of all steps, and the trapezoidal works, which differ at the ends."""
     dem = cell(0.55)
