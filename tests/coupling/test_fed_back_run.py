@@ -126,7 +126,7 @@ def test_saturated_poles(tmp_path):
 
     What leaves through the contacts is in addition: the largest moments are 7 % above saturation.
     """
-    values = {"coil.current": "50 A", "effects.dipoles.tolerance": 1e-8, "effects.dipoles.update_every": 1}
+    values = {"coil.current": "50 A", "effects.dipoles.tolerance": 2e-9, "effects.dipoles.update_every": 1}
     history = run(tmp_path, "run", values | {"time.end": "2 us"}).history
     assert sound(history)
     law = grain_law(emclutch.load_case(QUICKSTART).scene)
