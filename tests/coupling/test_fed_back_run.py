@@ -101,6 +101,15 @@ def test_a_steady_beginning_is_the_fixed_point_of_its_powder(kind):
     assert not source.refresh(0.0)
 
 
+def test_powder_packed_to_sixty_agrees_with_its_field():
+    """Where the iteration swings and grows, it goes half of its way: without that 30 solves do not end, with it 8."""
+    case = emclutch.load_case(QUICKSTART.with_name("hard") / "fill_of_sixty.toml")
+    device, plan = make_plan(case)
+    simulation = assemble(case, device, plan)
+    refresh_field(simulation)
+    assert simulation.source.feedback.residual.total <= 0.02 and simulation.source.solves <= 12
+
+
 def test_a_run_goes_on_where_nothing_asks_for_a_new_field(tmp_path):
     """The field of the checkpoint stands, and its sampler with it."""
     still = {"effects.back_reaction.tolerance": 0.9}
@@ -117,7 +126,7 @@ def test_saturated_poles(tmp_path):
 
     What leaves through the contacts is in addition: the largest moments are 7 % above saturation.
     """
-    values = {"coil.current": "50 A", "effects.dipoles.tolerance": 1e-8, "effects.dipoles.update_every": 1}
+    values = {"coil.current": "50 A", "effects.dipoles.tolerance": 2e-9, "effects.dipoles.update_every": 1}
     history = run(tmp_path, "run", values | {"time.end": "2 us"}).history
     assert sound(history)
     law = grain_law(emclutch.load_case(QUICKSTART).scene)
