@@ -1,6 +1,6 @@
 """Effect `dipoles`: magnetised grains attract one another (`coupling.mutual_moments`).
 
-The forces hold that of the applied field on the charges of the necks, mu_0 Q H: they are half of a pair's own couple. A
+The forces hold that of the applied field on the charges of the necks, mu_0 Q H, which turns a pair oblique to it. A
 field of revolution turns no charge about its axis. Where a slotted body carries the field round, grains and field turn
 nothing but that body: sum x x F of pairs, images and charges is then what the field turns the moments with, mu_0 m x H,
 and has its reaction there.

@@ -45,8 +45,8 @@ def test_rings_of_clusters_are_all_their_pairs_whatever_the_width(name):
 
 
 @pytest.mark.parametrize("name", ["across", "triangle"])
-def test_near_excess_of_rings_of_clusters_does_not_depend_on_the_width(name):
-    """What drives the necks comes out of the solved field, which holds both partners and all others spread out.
+def test_necks_of_rings_of_clusters_do_not_depend_on_the_width(name):
+    """The drops over the necks come out of the solved field, which holds both partners and all others spread out.
 
     At 18 kA/m, where the necks are most of the force. The solved field has the charges of a neck as a dipole at either
     grain, the pair sums take them out as charges, spread out: what is left falls with the fourth power of the width.

@@ -70,7 +70,7 @@ def test_at_two_diameters_it_is_the_ring_that_is_not_even():
 
 
 def test_a_steel_face_is_half_of_a_ring_of_pairs():
-    """Near excess at the face, driven by the solved field: grains and their mirror images, all pairs one by one.
+    """Necks at the face, their drops from the solved field: grains and their mirror images, all pairs one by one.
 
     18 kA/m, two grains in a row on the face, gaps of 0.03 radii. Measured at 2.5, 3 and 3.5 d: forces 1.3, 1.2 and
     0.6 % of the largest, moments 0.2, 0.1 and 0.1 %; at 200 kA/m forces 1.0, 0.8 and 0.5 %.
