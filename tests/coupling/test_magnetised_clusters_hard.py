@@ -134,12 +134,12 @@ def test_lattices_that_repeat(lattice, chi):
         for H in (1e-3, 1e3, 18e3, 80e3, 2e5, 3e5, 5e5, 1e7):
             for direction in (ALONG, OBLIQUE):
                 found = magnetised_cell(
-                    place * a, A, [a] * 3, GrainLaw(chi, MS), H * direction, reach=5.0, tolerance=1e-9,
+                    place * a, A, [a] * 3, GrainLaw(chi, MS), H * direction, reach=5.0, tolerance=1e-8,
                     most_sweeps=MOST_SWEEPS,
                 )  # fmt: skip
                 assert np.isfinite(found.moment).all() and np.isfinite(found.stress).all()
                 most = 4e-7 * np.pi * MS * np.linalg.norm(found.magnetisation[0]) * A**2
-                assert np.abs(found.force).max() < 1e-7 * most
+                assert np.abs(found.force).max() < 1e-6 * most  # of the residual
                 assert np.abs(found.moment - found.moment[0]).max() < 1e-6 * np.abs(found.moment).max()
 
 
