@@ -15,7 +15,7 @@ import numpy as np
 from coupling.grain_law_table import GrainLawTable
 from coupling.kernel_state import MagneticGrains, Rows
 from coupling.mutual_moments import Magnetisation, MutualMoments
-from coupling.near_drive_kernels import drive_pairs, drive_walls
+from coupling.near_drive_kernels import drive_pairs, drive_walls, take_out
 from coupling.neighbour_rows import images_of
 from geometry import RevolvedWall
 from particles import DEM
@@ -69,7 +69,7 @@ class NearAttraction:
         of, solver, pairs, slots = self.attraction.per_grain, self.solver, dem.listed_pairs, dem.listed_walls
         images = images_of(dem.periodicity)
         none = len(images) // 2
-        pair, wall = np.zeros((pairs.count, 3)), np.zeros((len(slots.wall), 2))
+        pair, held, wall = np.zeros((pairs.count, 3)), np.zeros((pairs.count, 3)), np.zeros((len(slots.wall), 2))
         rest = of["whole"].copy()
         image = np.full(pairs.count, none, dtype=np.uint8)
         if pairs.shift is not None:
@@ -80,7 +80,8 @@ class NearAttraction:
             of["applied"], slope, np.zeros((0, 3)), of["potential"], contrast, height,
         )  # fmt: skip
         rows = Rows(pairs.start, pairs.other, image, images)
-        drive_pairs(solver.table, self._across, solver.model, grains, rows, pair, rest)
+        drive_pairs(solver.table, self._across, solver.model, grains, rows, pair, held)
+        take_out(rows, held, rest)
         if len(solver.walls):
             steel = np.where(slots.smooth, self._steel[slots.wall], -1)
             drive_walls(solver.table, solver.model, grains, slots.start, steel, solver.walls, wall, rest)

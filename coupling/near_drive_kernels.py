@@ -8,7 +8,7 @@ subtracted from the held forces, at those places, so that every near pair counts
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+from numba import njit, prange
 
 from coupling.grain_law_table import SMALLEST_CAPACITY, bilinear, drive_column, drop_place, gap_place, neck_of_one
 from coupling.influence_kernels import slope_along
@@ -35,21 +35,23 @@ def _drive_of_neck(table, gap, smallest_gap, drop, capacity, radius):
     return (column, pull / shape, pull) if shape > 0.0 else (0.0, 0.0, 0.0)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
-def drive_pairs(table, across, model, grains, pairs, drive, force):
-    """Drives (p, 3) of the pairs of a half list: column, amplitude [N], amplitude across [N]; their pull out of force.
+@njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
+def drive_pairs(table, across, model, grains, pairs, drive, held):
+    """Drives (p, 3) of the pairs of a half list: column, amplitude [N], amplitude across [N].
 
-    Fields and ``force`` (n, 3) [N] were found where the grains are. ``across`` (g,) is the table of the pull across.
+    ``held`` (p, 3) [N]: the pull on the first grain where the fields were found, against its partner's. ``across`` (g,)
+    is the table of the pull across.
     """
     position, radius, dipole, applied, contrast = (
         grains.position, grains.radius, grains.dipole, grains.applied, grains.contrast,
     )  # fmt: skip
     volume, potential = grains.volume, grains.potential
     start, other, image, images = pairs
-    for i in range(position.shape[0]):
+    for i in prange(position.shape[0]):
         for q in range(start[i], start[i + 1]):
             j = np.int64(other[q])
             drive[q, COLUMN] = drive[q, AMPLITUDE] = drive[q, ACROSS] = 0.0
+            held[q, 0] = held[q, 1] = held[q, 2] = 0.0
             seen = images[image[q]]
             c, s = seen[0], seen[1]
             dx = position[i, 0] - (c * position[j, 0] - s * position[j, 1] + seen[2])
@@ -85,7 +87,18 @@ def drive_pairs(table, across, model, grains, pairs, drive, force):
             k = min(np.int64(x), table.n_gap - 2)
             sideways = across[k] + (x - k) * (across[k + 1] - across[k])
             pull = MU_0 * along + drive[q, ACROSS] * sideways
-            fx, fy, fz = pull * nx, pull * ny, pull * nz
+            held[q, 0], held[q, 1], held[q, 2] = pull * nx, pull * ny, pull * nz
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def take_out(pairs, held, force):
+    """Take the pulls of `drive_pairs` out of ``force`` (n, 3) [N]."""
+    start, other, image, images = pairs
+    for i in range(force.shape[0]):
+        for q in range(start[i], start[i + 1]):
+            j, seen = np.int64(other[q]), images[image[q]]
+            c, s = seen[0], seen[1]
+            fx, fy, fz = held[q, 0], held[q, 1], held[q, 2]
             force[i, 0] += fx
             force[i, 1] += fy
             force[i, 2] += fz

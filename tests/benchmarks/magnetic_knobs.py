@@ -27,7 +27,7 @@ from emclutch.simulation.plan import make_plan
 from emclutch.studies.frozen_state import MOMENTS_TOLERANCE, FrozenState, frozen_state, pull_across
 from particles import DEM, Grains
 
-WIDTHS = (2.0, 2.5, 3.0, 3.5)  # diameters
+WIDTHS = (2.5, 3.0, 3.5)  # diameters
 ROWS = (2.0, 3.0, 4.0, 6.0, 8.0, 12.0)  # of elements, over the width
 REFRESH = (10, 20, 40, 50, 80, 160)  # steps
 

@@ -134,6 +134,19 @@ def test_how_the_moments_did_is_in_the_summary(tmp_path):
     assert moments["model"] == "near_field" and 0.0 < moments["worst_residual"] <= moments["tolerance"]
     assert 1.0 <= moments["sweeps_per_update"] <= 60.0
     assert 0.0 < moments["necks_over_contact_stiffness"] < 0.1 and "warnings" not in moments
+    assert 0.1 < moments["largest_moment_over_saturation"] < 1.0 and moments["grains_of_more_than_six_contacts"] == 0.0
+    assert moments["field_strength"] == pytest.approx(60e3, rel=0.02)
+
+
+def test_beyond_200_kA_m_near_field_says_that_its_necks_are_too_strong(tmp_path):
+    """Before a run by the field given, after it by that of the grains; of mutual dipoles nothing is said."""
+    strong = NEAR | {"field.field_strength": "400 kA/m", "time.end": "5 us", "effects.dipoles.update_every": 10}
+    said = "beyond 200 kA/m in the powder"
+    assert any(said in text for text in emclutch.check(case_from(CELL, strong)).warnings)
+    assert not any(said in text for text in emclutch.check(case_from(CELL, NEAR)).warnings)
+    mutual = emclutch.check(case_from(CELL, strong | {"effects.dipoles.model": "mutual"}))
+    assert not any(said in text for text in mutual.warnings)
+    assert any(said in text for text in run(tmp_path, "strong", strong).summary["moments"]["warnings"])
 
 
 def test_moments_that_do_not_converge_stop_the_run(tmp_path, monkeypatch):

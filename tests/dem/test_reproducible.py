@@ -121,7 +121,7 @@ def test_a_part_that_is_off_is_absent():
     once.run(200)
     assert _same(never, once) == []
     assert "external_force" not in once.state()
-    given = once._arguments(1, True, np.zeros(1), np.zeros(1), np.zeros(N_SUMS), np.zeros((1, N_BODY_SUMS)))
+    given = once._arguments(1, True, np.zeros(1), np.zeros(1), np.zeros(N_SUMS), np.zeros((1, N_BODY_SUMS)), None)
     assert given.grains.external.shape == (0, 3) and given.grains.gravity.shape == (1, 3)
 
 

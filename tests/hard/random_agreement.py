@@ -43,8 +43,9 @@ def _moments(scene: Table, effects: Table, particles: Table, contact: Table) -> 
             effects.pop("saturation", None)
         return
     particles.pop("law", None)
-    dipoles["cutoff"] = max(2.0, dipoles.get("cutoff", 3.0))
-    if dipoles.get("model", "near_field") == "near_field":
+    necks = dipoles.get("model", "near_field") == "near_field"
+    dipoles["cutoff"] = max(2.5 if necks else 2.0, dipoles.get("cutoff", 3.0))
+    if necks:
         effects["saturation"] = {}
         for key in ("susceptibility", "saturation"):  # the table of pairs is there for the default grains only
             particles.pop(key, None)

@@ -76,13 +76,16 @@ def test_current_beyond_the_voltage_is_warned_of(good):
     assert "51 V" in warning and "24 V" in warning
 
 
+DIPOLES_TO_TWO = {"effects.dipoles.model": "mutual", "effects.dipoles.cutoff": 2.0}
+
+
 @pytest.mark.parametrize(
     ("values", "words"),
     [
-        ({"effects.dipoles.cutoff": 2.0}, ("over 2 diameters", "raise effects.dipoles.cutoff")),
+        (DIPOLES_TO_TWO, ("over 2 diameters", "raise effects.dipoles.cutoff")),
         ({"particles.diameter": "0.45 mm", "particles.sector": "9 deg"}, ("over 2.22 diameters", "smaller grains")),
         ({"effects.dipoles.cutoff": 3.0}, ()),
-        ({"effects.dipoles.cutoff": 2.0, "effects.back_reaction": None}, ()),
+        (DIPOLES_TO_TWO | {"effects.back_reaction": None}, ()),
     ],
 )
 def test_a_smear_that_knows_single_grains_is_warned_of(values, words):

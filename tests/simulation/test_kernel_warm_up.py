@@ -31,6 +31,7 @@ def types(dem):
         np.zeros(bodies),
         np.zeros(total_columns.N_SUMS),
         np.zeros((bodies, total_columns.N_BODY_SUMS)),
+        None,
     )
     return [str(typeof(one)) for one in given]
 
@@ -56,7 +57,7 @@ def test_the_second_process_compiles_what_the_run_needs(values):
 def test_the_second_process_knows_that_grains_attract():
     """The pull of near grains is in the step from the first evaluation of the moments on."""
     field = {"source": "uniform", "field_strength": "50 kA/m", "direction": "radial"}
-    effects = {"dipoles": {"model": "near_field", "cutoff": 2.0}, "saturation": {}}
+    effects = {"dipoles": {"model": "near_field", "cutoff": 2.5}, "saturation": {}}
     case = case_from({**CELL, "field": field, "effects": effects}, {})
     simulation = assemble(case, *make_plan(case))
     refresh_field(simulation)

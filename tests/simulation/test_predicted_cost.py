@@ -31,7 +31,7 @@ CELL = {
 }
 MAGNETIC = {
     "field": {"source": "uniform", "field_strength": "50 kA/m", "direction": "radial"},
-    "effects.dipoles": {"model": "near_field", "cutoff": 2.0},
+    "effects.dipoles": {"model": "near_field", "cutoff": 2.5},
     "effects.saturation": {},
 }
 

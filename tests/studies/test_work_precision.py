@@ -23,7 +23,7 @@ def test_price_tag_of_the_quickstart_at_toy_size(tmp_path):
         "field.size_factor": 2.0,
         "accuracy.mesh": [2.0, 1.4, 1.0],
         "accuracy.contact_step": [10.0, 20.0],
-        "accuracy.smear": [2.0, 3.0],
+        "accuracy.smear": [2.5, 3.0],
         "accuracy.refresh": [80, 40],
     }
     folder = emclutch.accuracy(emclutch.load_case(CASES / "quickstart.toml").with_values(toy), out=tmp_path / "price")
@@ -81,7 +81,7 @@ def test_default_smear_widths_fit_the_sector_and_own_ones_are_refused_before_any
     widths = SmearWidth().settings(case)
     assert len(widths) > 1 and all(SmearWidth().turned(case, width) is not None for width in widths)
     assert set(widths) < set(case.scene.accuracy.smear)
-    own = case.with_values({"accuracy.smear": [2.0, 3.5]})
+    own = case.with_values({"accuracy.smear": [2.5, 3.5]})
     with pytest.raises(SceneError, match=r"particles.sector"):
         accuracy(own, out=tmp_path / "out")
     assert not (tmp_path / "out" / "warm-up").exists()
