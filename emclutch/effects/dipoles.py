@@ -32,9 +32,10 @@ if TYPE_CHECKING:
     from geometry.walls import Wall
     from particles import GrainMotion
 
-STRONGEST_FIELD, MOST_CONTACTS = 200e3, 6
-"""Of near_field against finite elements: H [A/m] in the powder up to which, and contacts of a grain up to which its
-forces are within 15 % (`coupling.mutual_moments`)."""
+STRONGEST_FIELD, MOST_CONTACTS = 0.12, 6
+"""Of near_field against finite elements: H in the powder over the saturation up to which (200 kA/m in iron), and
+contacts of a grain up to which its forces are within 15 % (`coupling.mutual_moments`).
+"""
 
 CROWDED = 0.05
 """Fraction of the grains with more contacts that is reported."""
@@ -211,11 +212,14 @@ class DipolesSection(EffectSection):
     def limits(self, scene, M_max):
         """Yield a field in which the forces of necks are too strong."""
         from emclutch.device_model.materials import grain_law
+        from field.spheres.lone_sphere import saturation
 
         if not self.has_necks:
             return
-        if M_max > float(grain_law(scene).magnetisation(np.array([STRONGEST_FIELD]), np.zeros(1))[0]):
-            yield _too_strong(f"grains are magnetised up to {M_max / 1e3:.3g} kA/m")
+        law = grain_law(scene)
+        strongest = STRONGEST_FIELD * saturation(law)
+        if M_max > float(law.magnetisation(np.array([strongest]), np.zeros(1))[0]):
+            yield _too_strong(f"grains are magnetised up to {M_max / 1e3:.3g} kA/m", strongest)
 
     def loads(self, scene, device, M_max):
         """Yield the force of necks, and the stiffness that keeps them from closing by themselves."""
@@ -273,7 +277,7 @@ class DipolesSection(EffectSection):
         magnetised = simulation.magnetised
         if isinstance(magnetised, MutuallyMagnetisedGrains) and magnetised.found is not None:
             moments |= _extremes(motion, magnetised.found, magnetised.solver.table.scale)
-            warnings += _outside(moments) if self.has_necks else []
+            warnings += _outside(moments, magnetised.solver.table.scale) if self.has_necks else []
         if any(warnings):
             moments["warnings"] = [text for text in warnings if text is not None]
         return {"moments": moments}
@@ -299,11 +303,12 @@ def _extremes(motion: GrainMotion, found: Magnetisation, saturation: float) -> d
     }
 
 
-def _outside(moments: dict[str, float]) -> list[str]:
+def _outside(moments: dict[str, float], saturation: float) -> list[str]:
     """Warnings where the grains at the end are outside of what near_field holds for."""
     warnings = []
-    if moments["field_strength"] > STRONGEST_FIELD:
-        warnings.append(_too_strong(f"the grains are in {moments['field_strength'] / 1e3:.3g} kA/m"))
+    strongest = STRONGEST_FIELD * saturation
+    if moments["field_strength"] > strongest:
+        warnings.append(_too_strong(f"the grains are in {moments['field_strength'] / 1e3:.3g} kA/m", strongest))
     crowded = moments["grains_of_more_than_six_contacts"]
     if crowded > CROWDED:
         warnings.append(
@@ -313,8 +318,8 @@ def _outside(moments: dict[str, float]) -> list[str]:
     return warnings
 
 
-def _too_strong(why: str) -> str:
+def _too_strong(why: str, strongest: float) -> str:
     return (
-        f"{why}: beyond {STRONGEST_FIELD / 1e3:g} kA/m in the powder model = 'near_field' makes grains with several "
+        f"{why}: beyond {strongest / 1e3:.3g} kA/m in the powder model = 'near_field' makes grains with several "
         "contacts attract each other too strongly, by 12 % there and the more the stronger the field"
     )
