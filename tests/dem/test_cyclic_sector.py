@@ -127,3 +127,23 @@ def _springs(dem):
         sign = 1.0 if i < j else -1.0
         found[min(i, j), max(i, j)] = np.linalg.norm(history[k]), sign * history[k, 2]
     return found
+
+
+def test_moments_turn_with_the_grains_that_are_wrapped_and_are_sorted_with_them():
+    """The whole moment and its dipole part: radial and around the axis, they still are so in the place wrapped to."""
+    dem = _dem(_wedge(), SECTOR, _law())
+    grains = dem.grains
+    grains.position = grains.position @ SECTOR.rotation(1).T  # all of them into the next sector
+    assert SECTOR.wraps(grains.position).any()
+    grains.magnetic_moment = grains.position * [1.0, 1.0, 0.0]
+    grains.dipole = np.column_stack((-grains.position[:, 1], grains.position[:, 0], grains.particle_id))
+    dem.invalidate()
+    assert dem.renew_list() and not SECTOR.wraps(grains.position).any()
+    np.testing.assert_allclose(grains.magnetic_moment, grains.position * [1.0, 1.0, 0.0], atol=1e-17)
+    around = np.column_stack((-grains.position[:, 1], grains.position[:, 0], grains.particle_id))
+    np.testing.assert_allclose(grains.dipole, around, atol=1e-17)
+    assert not np.array_equal(grains.particle_id, np.sort(grains.particle_id))
+    again = _dem(Grains.of_records(dem.state()), SECTOR, _law())
+    again.restore(dem.state())
+    assert np.array_equal(again.grains.dipole, grains.dipole)
+    assert np.array_equal(again.grains.magnetic_moment, grains.magnetic_moment)
