@@ -17,7 +17,7 @@ CUTOFF = 3e-3
 class KeptList:
     """An engine whose list is never renewed: what the rows then know of motion is their own."""
 
-    list_version, sector = 1, None
+    list_version, periodicity = 1, None
 
     def __init__(self, position: np.ndarray, list_skin: float) -> None:
         self.grains = SimpleNamespace(position=position)
@@ -98,7 +98,7 @@ def test_a_sector_with_room_for_two_cut_offs_but_not_for_the_skin_too():
     sector = CyclicSector(2.0 * np.pi / 90.0)
     position = np.array([[20e-3, 0.2e-3, 0.0], [20.5e-3, 0.7e-3, 0.0], [20e-3, 1.2e-3, 0.0]])
     engine = KeptList(position, 0.2e-3)
-    engine.sector = sector
+    engine.periodicity = sector
     room = sector.widest_cutoff(position)
     rows = Simulation(engine, [], None, None, 1, 1).rows(0.95 * room)
     assert rows.reach == pytest.approx(room) and 1.05 * room < 0.95 * room + engine.list_skin
