@@ -103,7 +103,7 @@ def main() -> None:
     ]
     gap, d = make_plan(case)[0].shear_gap, case.scene.particles.largest_diameter
     own = case.scene.effects.dipoles.cutoff
-    fine = round(4.0 * gap / d)  # layers: eight rows over the narrowest width
+    fine = round(3.2 * gap / d)  # layers: eight rows over the narrowest width
     knobs = {
         "width [d]": [(a, {"effects.dipoles.cutoff": a, "field.gap_layers": fine}) for a in WIDTHS],
         "rows": [(n, {"field.size_factor": 4.0 / n}) for n in ROWS],

@@ -20,7 +20,7 @@ from time import process_time
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
-from numba import njit
+from numba import njit, set_num_threads
 
 from coupling.grain_law_table import grain_table
 from coupling.mutual_moments import MutualMoments
@@ -155,6 +155,7 @@ def main() -> None:
     parser.add_argument("fill", type=float, nargs="?", default=0.45, help="solid fraction")
     parser.add_argument("--run", type=Path, help="folder of a finished run")
     given = parser.parse_args()
+    set_num_threads(int(os.environ["OMP_NUM_THREADS"]))  # waiting threads count as processor time
     print_prices(given.grains, given.fill)
     if given.run is not None:
         print(shares(given.run))
