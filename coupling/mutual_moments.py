@@ -57,7 +57,7 @@ from coupling.grain_law_table import GrainLawTable
 from coupling.image_lanes import MAX_WALLS
 from coupling.influence import find_influence, reuse_or_allocate
 from coupling.influence_kernels import APPLIED
-from coupling.kernel_state import ENTRY, FIRST, SECOND, Influence, MagneticGrains, PairModel
+from coupling.kernel_state import FIRST, SECOND, Influence, MagneticGrains, PairModel
 from coupling.moment_kernels import (
     add_charge_moments,
     contact_forces,
@@ -130,8 +130,6 @@ class Magnetisation:
     sweeps : int
     known : Influence or None
         With which they were found, until the next solve; None: without a field, nothing pulls.
-    rows : NeighbourRows or None
-        Of the solve.
     """
 
     moment: np.ndarray
@@ -150,7 +148,6 @@ class Magnetisation:
     residual: float = np.inf
     sweeps: int = 0
     known: Influence | None = None
-    rows: NeighbourRows | None = None
 
 
 @dataclass(slots=True)
@@ -215,8 +212,6 @@ class MutualMoments:
         self.model = PairModel(self.reach, self.smear, self.near, self.smallest_gap)
         self._room: Influence | None = None
         self._extra: np.ndarray | None = None
-        self._last: tuple[Necks, NeighbourRows | None, np.ndarray, np.ndarray] | None = None
-        self._by_entry: np.ndarray | None = None
 
     def solve(
         self,
@@ -291,9 +286,9 @@ class MutualMoments:
         found.known = known = find_influence(
             self.table, self.model, grains, rows.arrays, self.walls, room=self._room, twin=rows.twin
         )
-        self._room, found.rows = known, rows
+        self._room = known
         number = np.arange(n) if number is None else number
-        found.drop, found.wall_drop = self._first_drops(grains, known, necks, number, rows, found.wall_drop)
+        found.drop, found.wall_drop = self._first_drops(grains, known, necks, number, found.wall_drop)
         found.neck = np.zeros((len(found.drop), N_NECK, LANES))
         sweeps = MomentSweeps(
             self.table, self.model, self.walls, grains, rows.arrays, found, self._scratch(known)
@@ -318,12 +313,10 @@ class MutualMoments:
         number = np.arange(len(found.moment)) if number is None else number
         first, second, sign = self._numbers(known, number)
         row, wall = np.nonzero(found.wall_drop)
-        necks = Necks(
+        return Necks(
             np.stack((first, second), axis=1), sign * found.drop.reshape(-1)[: known.near_pairs], number[row], wall,
             found.wall_drop[row, wall],
         )  # fmt: skip
-        self._last = necks, found.rows, known.near_entry[_once(known, ENTRY)], found.drop.reshape(-1)
-        return necks
 
     def _numbers(self, known: Influence, number: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Of near pairs the lower number, the higher one, and 1.0 where the first grain has the lower."""
@@ -336,7 +329,6 @@ class MutualMoments:
         known: Influence,
         necks: Necks | None,
         number: np.ndarray,
-        rows: NeighbourRows,
         wall_drop: np.ndarray,
     ) -> tuple[np.ndarray, np.ndarray]:
         """Drops to begin with: of `necks`, else those of the applied field."""
@@ -347,31 +339,18 @@ class MutualMoments:
         if necks is None:
             return drop, wall_drop
         flat = drop.reshape(-1)
-        if self._last is not None and self._last[0] is necks and self._last[1] is rows:
-            # the same rows: a pair is known by its entry
-            if self._by_entry is None or len(self._by_entry) != len(rows.other):
-                self._by_entry = np.empty(len(rows.other))
-            self._by_entry.fill(np.nan)
-            before = self._last[2]
-            self._by_entry[before] = self._last[3][: len(before)]
-            drops = self._by_entry[known.near_entry[_once(known, ENTRY)]]
-            flat[: known.near_pairs] = np.where(np.isnan(drops), flat[: known.near_pairs], drops)
-        elif len(necks.drop) and known.near_pairs:
+        if len(necks.drop) and known.near_pairs:
             first, second, sign = self._numbers(known, number)
             most = int(max(second.max(), necks.pair.max())) + 1
-            key, asked = necks.pair[:, 0] * most + necks.pair[:, 1], first * most + second
-            order = np.argsort(key, kind="stable")
-            at = np.minimum(np.searchsorted(key[order], asked), len(key) - 1)
-            here = key[order][at] == asked
-            flat[: known.near_pairs][here] = (sign * necks.drop[order][at])[here]
-        if known.near_pairs:
+            at, here = _find(necks.pair[:, 0] * most + necks.pair[:, 1], first * most + second)
+            flat[: known.near_pairs][here] = sign[here] * necks.drop[at]
             flat[known.near_pairs :] = flat[known.near_pairs - 1]  # what fills the last block
         if len(necks.wall_drop):
-            row = {int(k): i for i, k in enumerate(number)}
-            for k, w, value in zip(necks.wall_number, necks.wall, necks.wall_drop, strict=True):
-                i = row.get(int(k), -1)
-                if i >= 0 and w < wall_drop.shape[1] and wall_drop[i, w] != 0.0:
-                    wall_drop[i, w] = value
+            row, wall = np.nonzero(wall_drop)
+            many = wall_drop.shape[1]
+            kept = necks.wall < many
+            at, here = _find((necks.wall_number * many + necks.wall)[kept], number[row] * many + wall)
+            wall_drop[row[here], wall[here]] = necks.wall_drop[kept][at]
         return drop, wall_drop
 
     def _grains(
@@ -445,6 +424,14 @@ class MutualMoments:
             wall_drives(self.model, grains, self.walls, drive)
             total += found.wall_neck[:, :, 1].sum() - 0.5 * (found.wall_neck[:, :, 0] * drive).sum()
         return MU_0 * float(total)
+
+
+def _find(keys: np.ndarray, asked: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Places among the keys (k,) of those asked for that are there, and which (a,) these are; no key comes twice."""
+    order = np.argsort(keys, kind="stable")
+    at = order[np.minimum(np.searchsorted(keys, asked, sorter=order), len(keys) - 1)]
+    here = keys[at] == asked
+    return at[here], here
 
 
 def _once(known: Influence, column: int) -> np.ndarray:

@@ -36,6 +36,7 @@ PARTS: dict[str, dict] = {
     "linear": {},
     "linear, energy budget": {"energy_budget": True},
     "linear, rolling": {"rolling": RollingFriction(0.1)},
+    "linear, rolling, energy budget": {"rolling": RollingFriction(0.1), "energy_budget": True},
     "linear, rolling and twisting": {"rolling": RollingFriction(0.1), "twisting": TwistingFriction(0.05)},
     "linear, cohesion": {"cohesion": Cohesion.constant(1e-5)},
     "linear, sizes differ by 1e-9": {"spread": 1e-9},
