@@ -90,7 +90,7 @@ class MomentSweeps:
                 self.wall_step, self.drop_squares, self.wall_squares,
             )  # fmt: skip
             drops = self.drop_squares.sum(axis=0) + self.wall_squares.sum(axis=0)
-            more = 0.0 if drops[0] == 0.0 else np.sqrt(drops[0] / max(drops[1], 1e-300))
+            more = 0.0 if drops[0] == 0.0 else np.sqrt(drops[0] / max(drops[1], 1e-30 * drops[0]))
             residual = max(residual, more) if np.isfinite(more) else more
             self.sums = np.array([sums[0], sums[1], drops[0], drops[1]])
         else:
@@ -117,8 +117,8 @@ class MomentSweeps:
                     return
                 damping, best, best_at = 0.6 * damping, residual, sweep
                 mixing = AndersonMixing(depth=0)  # in saturation the map bends within a step: plain sweeps
-            if sweep == 1:  # both parts of the state count alike in the mixing
-                self.scale = 1.0 / np.sqrt(np.maximum(self.sums[[1, 3]], 1e-300)) * [1.0 / self._mean_volume, 1.0]
+            if sweep == 1:
+                self.scale = self._scales()
             self._take(mixing.next(self._state(), self._asked(), damping))
             if sweep > 1 and residual > 1.5 * before:
                 mixing.forget()
@@ -160,9 +160,14 @@ class MomentSweeps:
         self._take(best[1])
         self.evaluate()
 
-    @property
-    def _mean_volume(self) -> float:
-        return float(np.sqrt((self.grains.volume**2).mean()))
+    def _scales(self) -> np.ndarray:
+        """Factors of dipoles and drops with which both parts of the state count alike in the mixing.
+
+        Across the field drops may begin at 0, of which no scale is had: not less than a hundredth of M a.
+        """
+        size, volume = float((self.grains.radius**2).mean()), float(np.sqrt((self.grains.volume**2).mean()))
+        squares = np.maximum(self.sums[[1, 3]], [1e-300, 1e-4 * size * self.sums[1] + 1e-300])
+        return 1.0 / np.sqrt(squares) * [1.0 / volume, 1.0]
 
     def _join(self, dipole: np.ndarray, drop: np.ndarray, wall_drop: np.ndarray) -> np.ndarray:
         per_m, per_D = self.scale

@@ -48,6 +48,7 @@ Dipoles and drops are the fixed point of a map that is neither linear nor symmet
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -185,7 +186,7 @@ class MutualMoments:
     smear : bool
         The applied field is the mean one of an even powder and holds every grain spread out over `reach`.
     smallest_gap : float
-        [radii].
+        [radii]; of necks at least the first of their table, 2.9e-4.
     walls : (w, 6) float64, optional
         Steel walls, see `coupling.mirror`; default: none.
     """
@@ -207,7 +208,7 @@ class MutualMoments:
                 f"`smallest_gap` = {smallest_gap}; allowed: more than 0 (radii of a grain; 0.003 is usual)"
             )
         self.table, self.near, self.reach, self.smear = table, bool(near), float(reach), bool(smear)
-        self.smallest_gap = float(smallest_gap)
+        self.smallest_gap = max(float(smallest_gap), math.exp(table.gap_start)) if near else float(smallest_gap)
         self.walls = np.zeros((0, 6)) if walls is None else np.ascontiguousarray(walls, dtype=float).reshape(-1, 6)
         self.model = PairModel(self.reach, self.smear, self.near, self.smallest_gap)
         self._room: Influence | None = None

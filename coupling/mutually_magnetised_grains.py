@@ -75,7 +75,8 @@ class MutuallyMagnetisedGrains(MagnetisedGrains):
                 raise MomentError(found.residual, found.sweeps)
             self.found, grains.magnetic_moment = found, found.moment
             if self.solver.near:
-                grains.dipole, self.necks = found.dipole, self.solver.necks_of(found, grains.particle_id)
+                # a copy: the grains turn theirs where they cross a face
+                grains.dipole, self.necks = found.dipole.copy(), self.solver.necks_of(found, grains.particle_id)
             self._sweeps += found.sweeps
             left = 0.0 if layers is None else layers.follow(grains.position, found.moment)
             if left <= self.tolerance:

@@ -34,7 +34,8 @@ class Dipoles(Effect):
             force += held.force
             pairs, images = held.torque_pairs, held.torque_walls
             x, H = grains.position, found.applied
-            charges = MU_0 * float(found.charge @ (x[:, 0] * H[:, 1] - x[:, 1] * H[:, 0]))
+            # no inner product of the library's, whose bits depend on threads
+            charges = MU_0 * float((found.charge * (x[:, 0] * H[:, 1] - x[:, 1] * H[:, 0])).sum())
         carrier = simulation.field_carrier
         if carrier is not None:
             return {carrier.name: pairs + images + charges}

@@ -3,13 +3,17 @@
 Moments and drops are at their fixed point at every place, as if the grains were moved quasi-statically.
 """
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
+from coupling import MutuallyMagnetisedGrains
 from coupling.grain_law_table import grain_table
 from coupling.mutual_moments import MutualMoments
 from coupling.neighbour_rows import neighbour_rows
 from field import MU_0, GrainLaw
+from particles import Grains
 
 pytestmark = pytest.mark.physics
 
@@ -83,3 +87,18 @@ def test_work_on_an_open_path_is_what_the_energy_falls_by(model):
     fall = grains.at(begin)[0] - grains.at(end)[0]
     assert work == pytest.approx(fall, rel=2e-4)
     assert abs(fall) > 0.02 * abs(grains.at(end)[0])
+
+
+def test_energy_of_an_evaluation_stays_where_grains_are_turned_afterwards():
+    """Grains that cross a face of a sector are turned with their dipoles; the energy is that of the evaluation."""
+    grains = Grains.create(A * np.array([*SIDES[0], SIDES[1]]), A, 7800.0)
+    rows = neighbour_rows(grains.position, 1.0)
+    field = SimpleNamespace(sample=lambda x: (np.tile([8e4, 0.0, 3e4], (len(x), 1)), np.zeros((len(x), 3, 3))))
+    solver = MutualMoments(grain_table(IRON, "near_field"), near=True, reach=1.0)
+    magnetised = MutuallyMagnetisedGrains(field, IRON, solver=solver)
+    motion = SimpleNamespace(grains=grains, energy_budget=True)
+    magnetised.update(SimpleNamespace(motion=motion, source=None, rows=lambda reach: rows))
+    before = magnetised.energy()
+    for vectors in (grains.dipole, grains.magnetic_moment):
+        vectors[:2] = vectors[:2] @ np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    assert magnetised.energy() == before

@@ -173,3 +173,21 @@ def test_necks_of_other_grains_and_of_a_far_field_are_no_harm():
         assert found.residual <= 1e-10
         assert np.abs(found.moment - moment).max() < 1e-8 * np.abs(moment).max()
         necks.drop /= factor
+
+
+def test_drops_that_begin_at_zero_across_the_field():
+    """Of touching grains across the field a distant third one makes the first drop: the same for grains of any size."""
+    x = np.array([[0.0, 0.0, 0.0], [2.003, 0.0, 0.0], [-1.5, 0.0, 2.9]])
+    found = [magnetised_cluster(x * a, a, GrainLaw(999.0, MS), 3e-1 * MS * ALONG) for a in (1e-6, 1e-3, 10.0)]
+    for one, a in zip(found, (1e-6, 1e-3, 10.0), strict=True):
+        assert one.sweeps < 60
+        np.testing.assert_allclose(one.force / a**2, found[1].force / 1e-6, rtol=1e-7, atol=1e-8)
+
+
+def test_gaps_below_the_table_pull_as_its_first_gap():
+    """A smallest gap that the neck's table does not know is that of the table: no force without its energy."""
+    x = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 2.0]]) * A
+    known, below = (
+        magnetised_cluster(x, A, GrainLaw(999.0, MS), 0.05 * MS * ALONG, smallest_gap=gap) for gap in (3e-4, 1e-6)
+    )
+    assert below.force[0, 2] == pytest.approx(known.force[0, 2], rel=0.01)
