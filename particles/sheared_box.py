@@ -136,9 +136,10 @@ class ShearedBox(Periodicity):
         return swept
 
     def images_near(self, position: np.ndarray, margin: float) -> Images:
-        """See `Periodicity`. Grains that have left the box widen it."""
-        low = np.minimum(position.min(axis=0, initial=0.0), 0.0) - margin
-        high = np.maximum(position.max(axis=0, initial=0.0), self.lengths) + margin
+        """See `Periodicity`. Grains that have left the box widen it, and their images stand as far inside of it."""
+        below = np.minimum(position.min(axis=0, initial=0.0), 0.0)
+        above = np.maximum(position.max(axis=0, initial=0.0) - self.lengths, 0.0)
+        low, high = below - margin, self.lengths + above + margin
         grain, numbers, x = np.arange(len(position)), np.zeros((len(position), 3), dtype=np.int64), position
         for axis, most in ((1, MOST_Y), (2, MOST_Z), (0, MOST_X)):  # x last: layers above and below are offset along it
             parts = []
@@ -152,7 +153,7 @@ class ShearedBox(Periodicity):
                 parts.append((grain[near], numbers[near] + step, at[near]))
             grain, numbers, x = (np.concatenate(part) for part in zip(*parts, strict=True))
         images = numbers.any(axis=1)
-        inside = (position > low + 2.0 * margin) & (position < high - 2.0 * margin)
+        inside = (position > above + margin) & (position < self.lengths + below - margin)
         shift = numbers[images] @ np.array([1, _ROW, _LAYER])
         return Images(grain[images], shift, x[images], ~inside.all(axis=1))
 

@@ -45,6 +45,19 @@ def test_pairs_are_those_of_all_images(strain, outside):
     assert apart == pytest.approx(x[pairs.other] + box.images[pairs.shift + MOST, 2:5] - x[pairs.rows()], abs=1e-12 * D)
 
 
+@pytest.mark.parametrize("strain", [0.17, -0.17])
+def test_grains_that_the_flow_took_far_out_are_found(strain):
+    """In a high box those on top leave it by more than a fifth of the reach before they are wrapped."""
+    box, rng = box_of(0.31, lengths=(7.0, 7.0, 14.0)), np.random.default_rng(4)
+    x = rng.uniform(0.0, 1.0, (700, 3)) * box.lengths
+    box.offset += strain * box.lengths[2]
+    x[:, 0] += strain * x[:, 2]
+    pairs = find_pairs(x, 1.9 * D, box)
+    shift = whole_numbers(pairs.shift)
+    found = {(int(i), int(j), *s) for i, j, s in zip(pairs.rows(), pairs.other, shift.tolist(), strict=True)}
+    assert found == all_pairs(x, 1.9 * D, box)
+
+
 def test_grains_of_two_sizes():
     box, rng = box_of(0.6), np.random.default_rng(2)
     x, reach = rng.uniform(0.0, 1.0, (200, 3)) * box.lengths, rng.choice([0.9, 0.2], 200) * D
