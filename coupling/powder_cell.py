@@ -307,14 +307,14 @@ class PowderCell:
             lost += sum(totals.energy_budget.dissipation.values())
             touching += totals.n_contacts / looks
             self.deepest = max(self.deepest, totals.max_overlap)
-        pairs, s = contacts + near + held, self.series
+        whole, s = contacts + near + held + motion, self.series
         s.strain.append(self.box.strain)
-        s.tau.append(-float(pairs[0, 2] + motion[0, 2]))
+        s.tau.append(-float(whole[0, 2]))
         s.tau_contacts.append(-float(contacts[0, 2]))
         s.tau_near.append(-float(near[0, 2]))
         s.tau_held.append(-float(held[0, 2]))
-        s.tau_across.append(-float(pairs[2, 0]))
-        s.pressure.append(float(np.trace(pairs)) / 3.0)
+        s.tau_across.append(-float(whole[2, 0]))
+        s.pressure.append(float(np.trace(whole)) / 3.0)
         s.power.append(lost / (looks * p.steps_per_look * self.dem.dt * self.rate * volume))
         s.contacts.append(2.0 * touching / p.count)
         s.mu_r.append(mu_r if magnetism is not None else 1.0)

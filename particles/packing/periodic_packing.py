@@ -23,7 +23,7 @@ def periodic_packing(count: int, diameter: float, fill: float, *, seed: int) -> 
     Raises
     ------
     ValueError
-        No grains, or a fill out of range.
+        No grains, or a fill out of range; so few grains that one would meet another twice.
     BoxTooDense
         Overlaps stay.
     """
@@ -38,7 +38,7 @@ def periodic_packing(count: int, diameter: float, fill: float, *, seed: int) -> 
         for turn in range(_ROUNDS):
             if turn % _LISTED == 0:
                 x %= box.lengths
-                pairs = find_pairs(x, min(1.2 * wanted, box.widest_cutoff(x)), box)
+                pairs = find_pairs(x, max(wanted, min(1.2 * wanted, box.widest_cutoff(x))), box)
                 first, second, shift = pairs.rows(), pairs.other, box.place(np.zeros((pairs.count, 3)), pairs.shift)
             apart = x[first] - x[second] - shift
             distance = np.maximum(np.linalg.norm(apart, axis=1), 1e-12 * diameter)

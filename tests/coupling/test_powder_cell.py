@@ -137,6 +137,20 @@ def test_lorentz_field_of_a_cubic_lattice():
     assert errors == pytest.approx([0.0214, 0.0159, 0.0076, 0.0028], rel=0.05)
 
 
+def test_the_cells_stress_is_the_whole_one():
+    """What the grains' own motion carries is in the pressure too."""
+    cells = [PowderCell(DRY) for _ in range(2)]
+    stir = np.random.default_rng(1).normal(0.0, 20.0 * cells[0].rate * D, (DRY.count, 3))
+    for cell in cells:
+        cell.dem.grains.velocity += stir
+    cells[0].window(1)
+    series, stress = cells[0].series, cells[1].dem.run(DRY.steps_per_look).stress
+    assert np.trace(stress.motion) > 0.1 * abs(np.trace(stress.total))
+    assert series.pressure[0] == pytest.approx(stress.pressure, rel=1e-12)
+    assert series.tau[0] == pytest.approx(stress.shear, rel=1e-12)
+    assert series.tau_across[0] == pytest.approx(-stress.total[2, 0], rel=1e-12)
+
+
 def test_bits_do_not_depend_on_threads():
     ends = []
     for threads in (1, min(2, numba.config.NUMBA_NUM_THREADS)):

@@ -279,6 +279,8 @@ def test_what_a_box_cannot_have_is_refused():
     assert np.linalg.norm(apart, axis=1).min(initial=D) > 0.995 * D
     with pytest.raises(ValueError, match="at most"):
         periodic_packing(10, D, 0.7, seed=1)
+    with pytest.raises(ValueError, match="a neighbour twice"):
+        periodic_packing(4, D, 0.5, seed=1)
     assert issubclass(BoxTooDense, RuntimeError)
     with pytest.raises(ValueError, match="fall for ever"):
         dem_of(box, x, gravity=np.array([0.0, 0.0, -9.81]))
