@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.optimize import NoConvergence, newton_krylov
+from scipy.sparse.linalg import LinearOperator
 
 from coupling.finite_grains import NotFiniteGrains
 from coupling.grain_law_table import GrainLawTable
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
 FIRST_DAMPING, LEAST_DAMPING = 0.7, 0.1  # of an undamped step
 PATIENCE = 20  # sweeps in which the residual has not fallen by a tenth: less damping, at last Newton's method
 NEWTON_ROUNDS, NEWTON_STEPS = 3, 20
+KRYLOV = 30  # vectors of a step of Newton's
 DEPTH = 5  # sweeps that are remembered
 
 
@@ -143,8 +145,8 @@ class MomentSweeps:
         for _ in range(NEWTON_ROUNDS):
             try:
                 found = newton_krylov(
-                    asked, self._state(), f_tol=0.1 * tolerance, maxiter=NEWTON_STEPS, method="lgmres",
-                    tol_norm=lambda x: float(np.sqrt((x**2).sum())),
+                    asked, self._state(), f_tol=0.1 * tolerance, maxiter=NEWTON_STEPS, method=_gmres,
+                    inner_maxiter=KRYLOV, tol_norm=lambda x: float(np.sqrt((x**2).sum())),
                 )  # fmt: skip
                 self._take(np.asarray(found))
                 self.evaluate()
@@ -242,6 +244,33 @@ class AndersonMixing:
         products[:-1, :-1] = self._products
         products[-1] = products[:, -1] = [_product(part, changed) for part in self._changed]
         self._products = products
+
+
+def _gmres(
+    operator: LinearOperator, right: np.ndarray, rtol: float = 1e-5, maxiter: int = 30, M: None = None
+) -> tuple[np.ndarray, int]:
+    """GMRES without restarts, without a preconditioner ``M``; scipy's has inner products whose bits go with threads."""
+    size = np.sqrt(_product(right, right))
+    if size == 0.0:
+        return np.zeros_like(right), 0
+    basis, matrix = [right / size], np.zeros((maxiter + 1, maxiter))
+    for k in range(maxiter):
+        new = operator.matvec(basis[k])
+        for i, vector in enumerate(basis):
+            matrix[i, k] = _product(vector, new)
+            new = new - matrix[i, k] * vector
+        matrix[k + 1, k] = np.sqrt(_product(new, new))
+        target = np.zeros(k + 2)
+        target[0] = size
+        part = np.linalg.lstsq(matrix[: k + 2, : k + 1], target, rcond=None)[0]
+        left = matrix[: k + 2, : k + 1] @ part - target
+        if np.sqrt(_product(left, left)) <= rtol * size or matrix[k + 1, k] <= 1e-14 * np.abs(matrix).max():
+            break
+        basis.append(new / matrix[k + 1, k])
+    found = np.zeros_like(right)
+    for share, vector in zip(part, basis, strict=False):
+        found += share * vector
+    return found, 0
 
 
 def _product(a: np.ndarray, b: np.ndarray) -> float:

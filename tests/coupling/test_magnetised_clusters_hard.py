@@ -9,6 +9,7 @@ import pytest
 
 from coupling.cluster import magnetised_cell, magnetised_cluster
 from coupling.grain_law_table import grain_table
+from coupling.moment_sweeps import MomentSweeps
 from coupling.mutual_moments import MutualMoments
 from coupling.neighbour_rows import neighbour_rows
 from field import GrainLaw
@@ -191,3 +192,13 @@ def test_gaps_below_the_table_pull_as_its_first_gap():
         magnetised_cluster(x, A, GrainLaw(999.0, MS), 0.05 * MS * ALONG, smallest_gap=gap) for gap in (3e-4, 1e-6)
     )
     assert below.force[0, 2] == pytest.approx(known.force[0, 2], rel=0.01)
+
+
+@pytest.mark.parametrize("strength", [18e3, 80e3, 200e3])
+def test_newtons_method_alone(monkeypatch, strength):
+    """From three sweeps on it comes to the same moments as sweeps do."""
+    x, law, run = CLUSTERS["star"] * 2.01 * A, GrainLaw(999.0, MS), MomentSweeps.run
+    swept = magnetised_cluster(x, A, law, strength * OBLIQUE, tolerance=1e-10, most_sweeps=MOST_SWEEPS)
+    monkeypatch.setattr(MomentSweeps, "run", lambda self, tolerance, most, cold: run(self, tolerance, 3, cold))
+    found = magnetised_cluster(x, A, law, strength * OBLIQUE, tolerance=1e-10, most_sweeps=MOST_SWEEPS)
+    assert np.abs(found.moment - swept.moment).max() < 1e-8 * np.abs(swept.moment).max()
