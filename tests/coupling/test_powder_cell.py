@@ -117,6 +117,26 @@ def test_the_stresses_differ_by_the_torque_of_the_field():
     assert np.abs(turned - torque).max() < 1e-9 * np.abs(virial).max()
 
 
+def test_the_shear_stress_is_the_strain_derivative_of_the_energy():
+    """dW/dgamma = -sum r_z F_x in an oblique field, charges' mu_0 q H included; grains that do not touch."""
+    cell, a = PowderCell(POWDER), np.full(70, 0.485 * D)
+    cell.window(5)
+    box, x, offset = cell.box, np.array(cell.dem.grains.position), cell.box.offset
+    applied = np.tile([0.7 * POWDER.H, 0.2 * POWDER.H, POWDER.H], (70, 1))
+
+    def solved(strain):
+        box.offset, moved = offset + strain * box.lengths[2], x + strain * np.outer(x[:, 2], [1.0, 0.0, 0.0])
+        solver = MutualMoments(grain_table(IRON, "near_field"), near=True, reach=2.0 * D, smear=True)
+        rows = neighbour_rows(moved, 2.1 * D, box)
+        found = solver.solve(moved, a, applied, rows, tolerance=EXACT[0], most_sweeps=EXACT[1])
+        return solver.energy(moved, a, found), solver.forces(moved, a, rows, found, virial=True).virial
+
+    virial = solved(0.0)[1]
+    slope = (solved(1e-6)[0] - solved(-1e-6)[0]) / 2e-6
+    assert slope == pytest.approx(-virial[2, 0], abs=1e-6 * np.abs(virial).max())
+    assert abs(virial[2, 0] - virial[0, 2]) > 1e-3 * np.abs(virial).max()  # the field's torque is between the two
+
+
 def test_lorentz_field_of_a_cubic_lattice():
     """Correction and own part of an even lattice are phi M/3; the wider the split, the smaller the error.
 
