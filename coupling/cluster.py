@@ -50,7 +50,7 @@ class Cell(Cluster):
     ----------
     stress : ndarray (3, 3)
         Force along the second axis on a plane across the first one over its area, of the spheres alone, positive where
-        they pull [Pa]: -(sum of r_a F_b over pairs)/volume - mu_0 P_a P_b/2 with P the mean magnetisation of the cell.
+        they pull [Pa]: -(sum of r_a F_b over pairs)/volume - mu_0 P_a^2/2 of the normal, with P the mean magnetisation.
     """
 
     stress: np.ndarray
@@ -160,7 +160,7 @@ def magnetised_cell(
     moment, volume = found.moment[:n], 4.0 / 3.0 * np.pi * a**3
     mean = moment.sum(axis=0) / np.prod(edges)
     assert held.virial is not None
-    stress = -held.virial / (many * np.prod(edges)) - 0.5 * MU_0 * np.outer(mean, mean)
+    stress = -held.virial / (many * np.prod(edges)) - 0.5 * MU_0 * np.diag(mean**2)
     energy = solver.energy(everywhere, radii, found) / many
     return Cell(moment, moment / volume[:, None], held.force[:n], energy, found.residual, found.sweeps, stress)
 
