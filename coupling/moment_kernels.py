@@ -97,16 +97,21 @@ def neck_at_wall(i, w, drop, walls, table, model, grains):
 
 
 @njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
-def find_fluxes(table, model, grains, rows, walls, known, drop, wall_drop, neck, wall_neck, charge, answer, extra):
-    """Fluxes of all necks at their drops, the charges (n,) [A m] and what the necks do to grains (n, N_ANSWER).
+def find_fluxes(
+    table, model, grains, rows, walls, known, drop, wall_drop, contrast, neck, wall_neck, charge, answer, extra
+):
+    """Contrasts (n, 3), fluxes of all necks at their drops, charges (n,) [A m], and what necks do to grains.
 
+    This is ``answer`` (n, N_ANSWER).
     ``drop`` (blocks, 8), ``wall_drop`` (n, w) [A]; ``neck`` (blocks, N_NECK, 8), ``wall_neck`` (n, w, 2): flux [A m]
     and energy w + q D over mu_0 [A^2 m], of a wall half of the mirrored pair's, times the wall's strength. ``extra``
     (k, 8) is scratch, with room for all near entries.
     """
     source = columns_of(grains.dipole, grains.volume)
-    contrast = grains.contrast
     near_start, radius, near = known.near_start, grains.radius, model.near
+    for i in prange(radius.shape[0]):
+        size = sqrt(source[i, 0] ** 2 + source[i, 1] ** 2 + source[i, 2] ** 2)
+        contrast[i, 0], contrast[i, 1], contrast[i, 2] = contrast_of(table, size / source[i, 3])
     for b in prange(known.near_once.shape[0]):
         fluxes_of_eight(b, table, source, contrast, rows, known, drop, neck, extra)
     for i in prange(radius.shape[0]):
@@ -157,15 +162,6 @@ def gather_fields(model, grains, rows, known, field, potential):
         qx, qy, qz, u = field_of_images(i, image_start, image_entry, other, blocks, twice)
         sx, sy, sz, total = sx + qx, sy + qy, sz + qz, total + u
         field[i, 0], field[i, 1], field[i, 2], potential[i] = sx, sy, sz, total
-
-
-@njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
-def find_contrasts(table, grains, contrast):
-    """Contrasts (n, 3) of all grains, see `coupling.grain_law_table.contrast_of`."""
-    dipole = grains.dipole
-    for i in prange(dipole.shape[0]):
-        size = sqrt(dipole[i, 0] ** 2 + dipole[i, 1] ** 2 + dipole[i, 2] ** 2)
-        contrast[i, 0], contrast[i, 1], contrast[i, 2] = contrast_of(table, size / grains.volume[i])
 
 
 @njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})

@@ -20,7 +20,6 @@ from coupling.moment_kernels import (
     N_ANSWER,
     ask_dipoles,
     ask_drops,
-    find_contrasts,
     find_fluxes,
     gather_fields,
 )
@@ -77,10 +76,9 @@ class MomentSweeps:
         f = self.found
         grains = self.grains = self.grains._replace(dipole=f.dipole)
         if self.model.near:
-            find_contrasts(self.table, grains, f.contrast)
             find_fluxes(
-                self.table, self.model, grains, self.rows, self.walls, self.known, f.drop, f.wall_drop, f.neck,
-                f.wall_neck, f.charge, self.answer, self.extra,
+                self.table, self.model, grains, self.rows, self.walls, self.known, f.drop, f.wall_drop, f.contrast,
+                f.neck, f.wall_neck, f.charge, self.answer, self.extra,
             )  # fmt: skip
         gather_fields(self.model, grains, self.rows, self.known, f.field, f.potential)
         ask_dipoles(self.table, grains, self.answer, self.step, self.squares)
