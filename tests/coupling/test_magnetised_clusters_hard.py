@@ -144,19 +144,6 @@ def test_lattices_that_repeat(lattice, chi):
                 assert np.abs(found.moment - found.moment[0]).max() < 1e-6 * np.abs(found.moment).max()
 
 
-def test_hardly_magnetic_grains_are_dipoles():
-    """A susceptibility of 0.01, whose table is built by finite elements in a minute and kept: no neck to speak of."""
-    law, H = GrainLaw(0.01, MS), 1e5
-    for overlap in (-0.05, 0.0, 0.05):
-        x = 2.0 * A * (1.0 - overlap) * CLUSTERS["tetrahedron"]
-        near, mutual = (
-            magnetised_cluster(x, A, law, H * OBLIQUE, model=model) for model in ("near_field", "mutual")
-        )
-        assert near.moment == pytest.approx(mutual.moment, rel=1e-4)
-        assert near.force == pytest.approx(mutual.force, rel=0.02, abs=2e-2 * np.abs(mutual.force).max())
-        assert near.sweeps < 10
-
-
 def test_necks_of_other_grains_and_of_a_far_field_are_no_harm():
     """Drops of grains that are gone or renumbered, of a field ten thousand times as strong: the same state."""
     x, radius = 2.0 * A * CLUSTERS["icosahedron"], np.full(12, A)
