@@ -65,7 +65,7 @@ def magnetised_cluster(
     model: str = "near_field",
     smallest_gap: float = MIN_GAP,
     tolerance: float = 1e-12,
-    most_sweeps: int = 2000,
+    max_sweeps: int = 2000,
 ) -> Cluster:
     """Moments and forces of spheres in a uniform applied field, every pair counted whole.
 
@@ -82,7 +82,7 @@ def magnetised_cluster(
     model : 'near_field' or 'mutual'
     smallest_gap : float
         Gap between surfaces that touch [radii].
-    tolerance, most_sweeps : float, int
+    tolerance, max_sweeps : float, int
         Of the moments' residual.
 
     Raises
@@ -97,7 +97,7 @@ def magnetised_cluster(
     span = float(np.linalg.norm(np.ptp(x, axis=0))) if len(x) > 1 else 0.0
     reach = 2.0 * span + 8.0 * float(a.max(initial=1.0))
     solver = MutualMoments(grain_table(law, model), near=model == "near_field", reach=reach, smallest_gap=smallest_gap)
-    found, held = _solve(solver, x, a, H, None, tolerance, most_sweeps)
+    found, held = _solve(solver, x, a, H, None, tolerance, max_sweeps)
     moment = found.moment
     volume = 4.0 / 3.0 * np.pi * a**3
     energy = solver.energy(x, a, found)
@@ -115,7 +115,7 @@ def magnetised_cell(
     reach: float = 8.0,
     smallest_gap: float = MIN_GAP,
     tolerance: float = 1e-10,
-    most_sweeps: int = 2000,
+    max_sweeps: int = 2000,
 ) -> Cell:
     """Moments, forces and stress of spheres that repeat in all directions, in a macroscopic field.
 
@@ -123,7 +123,7 @@ def magnetised_cell(
 
     Parameters
     ----------
-    centre, radius, law, model, smallest_gap, tolerance, most_sweeps
+    centre, radius, law, model, smallest_gap, tolerance, max_sweeps
         See `magnetised_cluster`.
     box : array_like (3,)
         Edges of the cell [m]; a cell smaller than two reaches is repeated.
@@ -155,7 +155,7 @@ def magnetised_cell(
     )
     radii = np.tile(a, many)
     found, held = _solve(
-        solver, everywhere, radii, np.tile(H, (many, 1)), ShearedBox(edges * times), tolerance, most_sweeps
+        solver, everywhere, radii, np.tile(H, (many, 1)), ShearedBox(edges * times), tolerance, max_sweeps
     )
     moment, volume = found.moment[:n], 4.0 / 3.0 * np.pi * a**3
     mean = moment.sum(axis=0) / np.prod(edges)
@@ -176,13 +176,13 @@ def _spheres(centre, radius, field) -> tuple[np.ndarray, np.ndarray, np.ndarray]
 
 def _solve(
     solver: MutualMoments, x: np.ndarray, a: np.ndarray, H: np.ndarray, box: ShearedBox | None, tolerance: float,
-    most_sweeps: int,
+    max_sweeps: int,
 ) -> tuple[Magnetisation, HeldForces]:  # fmt: skip
     rows = neighbour_rows(x, solver.reach, box)
-    found = solver.solve(x, a, H, rows, tolerance=tolerance, most_sweeps=most_sweeps)
+    found = solver.solve(x, a, H, rows, tolerance=tolerance, max_sweeps=max_sweeps)
     if found.residual > tolerance:
         raise RuntimeError(
             f"the moments of {len(x)} spheres did not converge: residual {found.residual:.2g} after {found.sweeps} "
-            f"sweeps, asked for {tolerance:g}; raise `tolerance` or `most_sweeps`"
+            f"sweeps, asked for {tolerance:g}; raise `tolerance` or `max_sweeps`"
         )
     return found, solver.forces(x, a, rows, found, virial=box is not None)

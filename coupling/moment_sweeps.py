@@ -28,7 +28,7 @@ from geometry.kernels.simd import LANES
 if TYPE_CHECKING:
     from coupling.mutual_moments import Magnetisation
 
-FIRST_DAMPING, LEAST_DAMPING = 0.7, 0.1  # of an undamped step
+FIRST_DAMPING, MIN_DAMPING = 0.7, 0.1  # of an undamped step
 PATIENCE = 20  # sweeps in which the residual has not fallen by a tenth: less damping, at last Newton's method
 NEWTON_ROUNDS, NEWTON_STEPS = 3, 20
 KRYLOV = 30  # vectors of a step of Newton's
@@ -101,19 +101,19 @@ class MomentSweeps:
         f.sweeps += 1
         return f.residual
 
-    def run(self, tolerance: float, most_sweeps: int, cold: bool) -> None:
-        """Sweep until the residual is at most the tolerance, `most_sweeps` times at most."""
+    def run(self, tolerance: float, max_sweeps: int, cold: bool) -> None:
+        """Sweep until the residual is at most the tolerance, `max_sweeps` times at most."""
         damping, before, mixing = (1.0 if cold else FIRST_DAMPING), np.inf, AndersonMixing()
         self.scale = np.ones(2)
         best, best_at = np.inf, 0
-        for sweep in range(1, most_sweeps + 1):
+        for sweep in range(1, max_sweeps + 1):
             residual = self.evaluate()
-            if residual <= tolerance or sweep == most_sweeps:
+            if residual <= tolerance or sweep == max_sweeps:
                 return
             if residual < 0.9 * best:
                 best, best_at = residual, sweep
             elif sweep - best_at > PATIENCE:
-                if damping <= LEAST_DAMPING:
+                if damping <= MIN_DAMPING:
                     return
                 damping, best, best_at = 0.6 * damping, residual, sweep
                 mixing = AndersonMixing(depth=0)  # in saturation the map bends within a step: plain sweeps
@@ -126,7 +126,7 @@ class MomentSweeps:
                 damping = FIRST_DAMPING
             before = residual
 
-    def newton(self, tolerance: float, most_sweeps: int) -> None:
+    def newton(self, tolerance: float, max_sweeps: int) -> None:
         """Newton's method with Krylov's subspaces (scipy) where the sweeps have stalled, from the best state of theirs.
 
         Where it fails the state is that of the smallest residual.
@@ -134,7 +134,7 @@ class MomentSweeps:
         best = self.found.residual, self._state()
 
         def asked(state: np.ndarray) -> np.ndarray:
-            if self.found.sweeps >= most_sweeps:
+            if self.found.sweeps >= max_sweeps:
                 raise NoConvergence(best[1])
             self._take(state)
             self.evaluate()

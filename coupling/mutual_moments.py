@@ -226,7 +226,7 @@ class MutualMoments:
         necks: Necks | None = None,
         number: np.ndarray | None = None,
         tolerance: float = 1e-3,
-        most_sweeps: int = 200,
+        max_sweeps: int = 200,
     ) -> Magnetisation:
         """Find the moments.
 
@@ -249,7 +249,7 @@ class MutualMoments:
         number : (n,) int64, optional
             Numbers by which grains are known in `necks`; default: their rows.
         tolerance : float
-            Residual that is asked for; 0: continue for `most_sweeps`.
+            Residual that is asked for; 0: continue for `max_sweeps`.
 
         Returns
         -------
@@ -294,9 +294,9 @@ class MutualMoments:
         sweeps = MomentSweeps(
             self.table, self.model, self.walls, grains, rows.arrays, found, self._scratch(known)
         )
-        sweeps.run(tolerance, most_sweeps, start is None)
-        if found.residual > tolerance and found.sweeps < most_sweeps:
-            sweeps.newton(tolerance, most_sweeps)
+        sweeps.run(tolerance, max_sweeps, start is None)
+        if found.residual > tolerance and found.sweeps < max_sweeps:
+            sweeps.newton(tolerance, max_sweeps)
         found.moment = found.dipole.copy()
         if self.near:
             grains = self._grains(position, radius, volume, found)

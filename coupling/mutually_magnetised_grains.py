@@ -69,7 +69,7 @@ class MutuallyMagnetisedGrains(MagnetisedGrains):
             found = self.solver.solve(
                 grains.position, grains.radius, self.H, rows, gradient=self.grad_H if self.solver.smear else None,
                 start=grains.magnetic_moment if grains.dipole is None else grains.dipole, necks=self.necks,
-                number=grains.particle_id, tolerance=self.tolerance, most_sweeps=MAX_SWEEPS,
+                number=grains.particle_id, tolerance=self.tolerance, max_sweeps=MAX_SWEEPS,
             )  # fmt: skip
             if found.residual > LOST:
                 raise MomentError(found.residual, found.sweeps)

@@ -51,7 +51,7 @@ OVERLAP = 0.005  # of a diameter, under the load of a chain
 NECK = 10.0  # contact stiffness over the neck's negative one
 DIPOLES_SUFFICE = 0.15  # of Ms: the field above which a chain of mutual dipoles holds as strongly as one with necks
 MIN_STRESS = 10.0  # Pa: rate of a cell without a field
-FIRST_TOLERANCE, TOLERANCE, MOST_SWEEPS = 1e-3, 1e-2, 300  # of the moments, at rest and while the cell is sheared
+FIRST_TOLERANCE, TOLERANCE, MAX_SWEEPS = 1e-3, 1e-2, 300  # of the moments, at rest and while the cell is sheared
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -175,14 +175,14 @@ class CellMagnetism:
         self._necks: Necks | None = None
         self._of_list, self._strain = -1, 0.0
 
-    def look(self, tolerance: float, most_sweeps: int) -> None:
+    def look(self, tolerance: float, max_sweeps: int) -> None:
         """Find moments and forces at the present places, beginning with the last ones."""
         dem, grains, solver = self.dem, self.dem.grains, self.solver
         dem.renew_list()
         position, radius, rows = np.array(grains.position), np.array(grains.radius), self.rows()
         found = solver.solve(
             position, radius, self.applied, rows, start=grains.dipole, necks=self._necks, number=grains.particle_id,
-            tolerance=tolerance, most_sweeps=most_sweeps,
+            tolerance=tolerance, max_sweeps=max_sweeps,
         )  # fmt: skip
         self.found, grains.magnetic_moment, grains.dipole = found, found.moment, found.dipole
         self._necks = solver.necks_of(found, grains.particle_id)
@@ -266,7 +266,7 @@ class PowderCell:
                 smallest_gap=p.smallest_gap,
             )  # fmt: skip
             self.magnetism = CellMagnetism(self.dem, solver, np.array([0.0, 0.0, p.H]))
-            self.magnetism.look(FIRST_TOLERANCE, MOST_SWEEPS)
+            self.magnetism.look(FIRST_TOLERANCE, MAX_SWEEPS)
             self.mu_r_at_rest = self.mu_r
 
     @property
@@ -294,7 +294,7 @@ class PowderCell:
         mu_r = M_x = lost = touching = 0.0
         for _ in range(looks):
             if magnetism is not None:
-                magnetism.look(TOLERANCE, MOST_SWEEPS)
+                magnetism.look(TOLERANCE, MAX_SWEEPS)
                 self.worst_residual = max(self.worst_residual, magnetism.found.residual)
                 held += magnetism.stress / looks
                 mu_r += self.mu_r / looks

@@ -121,7 +121,7 @@ def bed_prices(n: int, fill: float, repeats: int = 15) -> list[Price]:
         found = solver.solve(x, radius, H, rows, tolerance=1e-3)
 
         def swept(sweeps: int, solver=solver, start=found.dipole) -> float:
-            more = {"start": start, "tolerance": 0.0, "most_sweeps": sweeps}
+            more = {"start": start, "tolerance": 0.0, "max_sweeps": sweeps}
             return timed(lambda: solver.solve(x, radius, H, rows, **more), (repeats + 1) // 2)
 
         few, many = swept(FEW), swept(MANY)

@@ -252,7 +252,7 @@ class DenseEnergy:
         left = 1.0 - np.linalg.norm(M, axis=1)
         return 1.0 / (1.0 / 3.0 + 1.0 / (self.chi * left**2))
 
-    def solve(self, *, tolerance=1e-12, damping=0.7, most_sweeps=3000, start: State | None = None) -> Solution:
+    def solve(self, *, tolerance=1e-12, damping=0.7, max_sweeps=3000, start: State | None = None) -> Solution:
         """Sweep to the stationary state, with a smaller step where the residual has not fallen for 25 sweeps."""
         M = np.zeros((len(self.a), 3)) if start is None else start.M
         D = self.nd * (self.nn @ self.H) if start is None else start.D
@@ -260,7 +260,7 @@ class DenseEnergy:
         sweeps = 0
         while True:
             new_M, new_D, residual = self.sweep(M, D, damping)
-            if residual <= tolerance or sweeps == most_sweeps:
+            if residual <= tolerance or sweeps == max_sweeps:
                 break
             M, D, since, sweeps = new_M, new_D, since + 1, sweeps + 1
             if residual < 0.9 * least:

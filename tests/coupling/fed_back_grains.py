@@ -85,7 +85,7 @@ def fed_back(
         H, grad_H = feedback.sampler_after_solve(solution).sample(position)
         solver.walls = steel_walls(walls, solution)
         found = solver.solve(
-            position, radius, H, rows, gradient=grad_H, start=dipole, necks=necks, tolerance=tolerance, most_sweeps=3000
+            position, radius, H, rows, gradient=grad_H, start=dipole, necks=necks, tolerance=tolerance, max_sweeps=3000
         )  # fmt: skip
         moment, dipole, necks = found.moment, found.dipole, solver.necks_of(found)
     assert found is not None and solution is not None

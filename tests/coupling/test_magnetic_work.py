@@ -42,7 +42,7 @@ class Moved:
         radius, rows = np.full(len(x), A), neighbour_rows(x, 1.0)
         applied = self.H + x @ self.gradient.T
         found = self.solver.solve(
-            x, radius, applied, rows, start=self.start, necks=self.necks, tolerance=1e-10, most_sweeps=4000
+            x, radius, applied, rows, start=self.start, necks=self.necks, tolerance=1e-10, max_sweeps=4000
         )
         assert found.residual <= 1e-10
         self.start, self.necks = found.dipole, self.solver.necks_of(found)

@@ -39,7 +39,7 @@ CLUSTERS = {
     / (2.0 * np.sin(np.pi / 12)),
 }  # fmt: skip
 EVERY_CLUSTER = pytest.mark.parametrize("name", CLUSTERS)
-MOST_SWEEPS = 1000
+MAX_SWEEPS = 1000
 LATTICES = {
     "sc": (1.0, np.zeros((1, 3))),
     "bcc": (2.0 / np.sqrt(3.0), np.array([[0.0, 0.0, 0.0], [0.5, 0.5, 0.5]])),
@@ -72,7 +72,7 @@ def test_touching_and_overlapping_clusters(name, direction):
         x = 2.0 * A * (1.0 - overlap) * CLUSTERS[name]
         for chi in (10.0, 999.0, 5000.0):
             for H in (1e-3, 1.0, 1e3, 2e4, 1e5, 3e5, 1e6, 1e7):
-                law, more = GrainLaw(chi, MS), {"tolerance": 1e-10, "most_sweeps": MOST_SWEEPS}
+                law, more = GrainLaw(chi, MS), {"tolerance": 1e-10, "max_sweeps": MAX_SWEEPS}
                 try:
                     one, back = (magnetised_cluster(x, A, law, sign * H * direction, **more) for sign in (1.0, -1.0))
                 except RuntimeError as failed:
@@ -81,7 +81,7 @@ def test_touching_and_overlapping_clusters(name, direction):
                     continue
                 if overlap == 0.0:
                     check(x, H * direction, one, back)
-                assert np.isfinite(one.force).all() and one.sweeps <= MOST_SWEEPS
+                assert np.isfinite(one.force).all() and one.sweeps <= MAX_SWEEPS
 
 
 @EVERY_CLUSTER
@@ -94,9 +94,9 @@ def test_a_chain_of_fields_leaves_no_trace(name):
     up, down = np.geomspace(1e3, 5e5, 12), (2e5, 5e3, 10.0, 0.0, 1e3, -1e3, -8e4, 8e4, 3e5, -3e5)
     for H in (*up, *down):
         applied = np.tile(H * OBLIQUE, (len(x), 1))
-        found = warm.solve(x, radius, applied, rows, start=start, necks=necks, tolerance=1e-10, most_sweeps=MOST_SWEEPS)
+        found = warm.solve(x, radius, applied, rows, start=start, necks=necks, tolerance=1e-10, max_sweeps=MAX_SWEEPS)
         cold = MutualMoments(table, near=True, reach=1.0).solve(
-            x, radius, applied, rows, tolerance=1e-10, most_sweeps=MOST_SWEEPS
+            x, radius, applied, rows, tolerance=1e-10, max_sweeps=MAX_SWEEPS
         )
         assert found.residual <= 1e-10 and cold.residual <= 1e-10
         assert np.abs(found.moment - cold.moment).max() <= 1e-7 * np.abs(cold.moment).max()
@@ -114,7 +114,7 @@ def test_chains_of_41_grains(gap, direction):
     for chi in (14.0, 999.0, 5000.0):
         for H in (1e-3, 1e3, 18e3, 80e3, 200e3, 5e5):
             found = magnetised_cluster(
-                x, A, GrainLaw(chi, MS), H * direction, tolerance=1e-8, most_sweeps=MOST_SWEEPS
+                x, A, GrainLaw(chi, MS), H * direction, tolerance=1e-8, max_sweeps=MAX_SWEEPS
             )
             if direction is ALONG:
                 tension = -np.cumsum(found.force[::-1, 2])[:-1]
@@ -136,7 +136,7 @@ def test_lattices_that_repeat(lattice, chi):
             for direction in (ALONG, OBLIQUE):
                 found = magnetised_cell(
                     place * a, A, [a] * 3, GrainLaw(chi, MS), H * direction, reach=5.0, tolerance=1e-8,
-                    most_sweeps=MOST_SWEEPS,
+                    max_sweeps=MAX_SWEEPS,
                 )  # fmt: skip
                 assert np.isfinite(found.moment).all() and np.isfinite(found.stress).all()
                 most = 4e-7 * np.pi * MS * np.linalg.norm(found.magnetisation[0]) * A**2
@@ -149,14 +149,14 @@ def test_necks_of_other_grains_and_of_a_far_field_are_no_harm():
     x, radius = 2.0 * A * CLUSTERS["icosahedron"], np.full(12, A)
     solver = MutualMoments(grain_table(GrainLaw(999.0, MS), "near_field"), near=True, reach=1.0)
     rows, applied = neighbour_rows(x, 1.0), np.tile(5e4 * OBLIQUE, (12, 1))
-    cold = solver.solve(x, radius, applied, rows, tolerance=1e-10, most_sweeps=MOST_SWEEPS)
+    cold = solver.solve(x, radius, applied, rows, tolerance=1e-10, max_sweeps=MAX_SWEEPS)
     moment, number = cold.moment.copy(), np.arange(12) + 7
     necks = solver.necks_of(cold, number)
     for renumbered, factor in ((number[::-1].copy(), 1.0), (number + 1000, 1.0), (number, 1e4), (number, -1.0)):
         necks.drop *= factor
         found = solver.solve(
             x, radius, applied, neighbour_rows(x, 1.0), start=cold.dipole, necks=necks, number=renumbered,
-            tolerance=1e-10, most_sweeps=MOST_SWEEPS,
+            tolerance=1e-10, max_sweeps=MAX_SWEEPS,
         )  # fmt: skip
         assert found.residual <= 1e-10
         assert np.abs(found.moment - moment).max() < 1e-8 * np.abs(moment).max()
@@ -185,7 +185,7 @@ def test_gaps_below_the_table_pull_as_its_first_gap():
 def test_newtons_method_alone(monkeypatch, strength):
     """From three sweeps on it comes to the same moments as sweeps do."""
     x, law, run = CLUSTERS["star"] * 2.01 * A, GrainLaw(999.0, MS), MomentSweeps.run
-    swept = magnetised_cluster(x, A, law, strength * OBLIQUE, tolerance=1e-10, most_sweeps=MOST_SWEEPS)
+    swept = magnetised_cluster(x, A, law, strength * OBLIQUE, tolerance=1e-10, max_sweeps=MAX_SWEEPS)
     monkeypatch.setattr(MomentSweeps, "run", lambda self, tolerance, most, cold: run(self, tolerance, 3, cold))
-    found = magnetised_cluster(x, A, law, strength * OBLIQUE, tolerance=1e-10, most_sweeps=MOST_SWEEPS)
+    found = magnetised_cluster(x, A, law, strength * OBLIQUE, tolerance=1e-10, max_sweeps=MAX_SWEEPS)
     assert np.abs(found.moment - swept.moment).max() < 1e-8 * np.abs(swept.moment).max()

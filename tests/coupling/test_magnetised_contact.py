@@ -7,6 +7,7 @@ made with; none of them was used to make the model.
 
 import numpy as np
 import pytest
+from sphere_truth import CHAIN_FORCE, CHAIN_MOMENT, PAIR_FORCE, PAIR_MOMENT
 
 from coupling.cluster import magnetised_cluster
 from coupling.grain_law_table import grain_table
@@ -26,25 +27,6 @@ UNIT = MU_0 * MS**2 * A**2
 VOLUME = 4.0 / 3.0 * np.pi * A**3
 FIELDS = np.array([1, 5, 18, 46, 80, 120, 200, 300, 500]) * 1e3  # A/m
 
-PAIR_FORCE = {
-    0.001: (2.317e-4, 4.529e-3, 0.02441, 0.07324, 0.1351, 0.2067, 0.3372, 0.4658, 0.5823),
-    0.03: (1.685e-5, 4.209e-4, 5.443e-3, 0.03515, 0.09246, 0.1626, 0.2928, 0.4225, 0.5421),
-    0.1: (6.023e-6, 1.506e-4, 1.950e-3, 0.01271, 0.03834, 0.0856, 0.2053, 0.3349, 0.4599),
-    1.0: (4.010e-7, 1.002e-5, 1.299e-4, 8.479e-4, 2.563e-3, 5.762e-3, 0.01597, 0.03576, 0.09106),
-}
-PAIR_MOMENT = {
-    0.001: (0.003198, 0.01588, 0.05513, 0.1343, 0.2245, 0.3243, 0.5075, 0.7064, 0.9590),
-    0.03: (0.002705, 0.01352, 0.04867, 0.1242, 0.2139, 0.3141, 0.4986, 0.7001, 0.9582),
-}
-CHAIN_FORCE = {
-    0.001: (1.717e-3, 0.01632, 0.06616, 0.1689, 0.2804, 0.3923, 0.5563, 0.6585, 0.6819),
-    0.03: (6.240e-5, 1.557e-3, 0.02003, 0.1076, 0.2171, 0.3300, 0.4993, 0.6093, 0.6377),
-    0.1: (1.610e-5, 4.024e-4, 5.207e-3, 0.03386, 0.1012, 0.2044, 0.3795, 0.5056, 0.5463),
-}
-CHAIN_MOMENT = {
-    0.001: (0.01121, 0.04964, 0.1462, 0.3053, 0.4567, 0.5999, 0.8070, 0.9452, 0.9891),
-    0.03: (0.005984, 0.02990, 0.1074, 0.2647, 0.4207, 0.5697, 0.7881, 0.9387, 0.9891),
-}
 FAR = 3e-4  # a surface gap below every gap here
 
 
@@ -210,7 +192,7 @@ def test_a_dense_bed_converges_in_forty_sweeps():
     rows, radius = neighbour_rows(x, 6.0 * A), np.full(len(x), A)
     for direction in np.eye(3)[[0, 2]]:
         H = np.tile(18e3 * direction, (len(x), 1))
-        found = solver.solve(x, radius, H, rows, tolerance=1e-3, most_sweeps=40)
+        found = solver.solve(x, radius, H, rows, tolerance=1e-3, max_sweeps=40)
         assert found.residual <= 1e-3, found.residual
         warm = solver.solve(x, radius, 1.01 * H, rows, start=found.dipole, necks=solver.necks_of(found), tolerance=1e-3)
         assert warm.sweeps < 0.5 * found.sweeps, (warm.sweeps, found.sweeps)
@@ -224,13 +206,13 @@ def test_a_field_that_falls_or_is_switched_off_takes_the_moments_along(model):
     radius, H = np.full(4, A), np.tile([1e4, 0.0, 6e4], (4, 1))
     solver = MutualMoments(grain_table(IRON, model), near=model == "near_field", reach=8.0 * A)
     rows = neighbour_rows(x, 8.0 * A)
-    high = solver.solve(x, radius, H, rows, tolerance=1e-10, most_sweeps=1000)
+    high = solver.solve(x, radius, H, rows, tolerance=1e-10, max_sweeps=1000)
     off = solver.solve(x, radius, 0.0 * H, rows, start=high.dipole, necks=solver.necks_of(high))
     assert np.all(off.moment == 0.0) and off.residual == 0.0
     assert np.all(solver.forces(x, radius, rows, off).force == 0.0)
     for factor in (1e-2, 1e-4, 1e-6, -1.0):
         warm = solver.solve(x, radius, factor * H, rows, start=high.dipole, necks=solver.necks_of(high), tolerance=1e-6)
-        cold = solver.solve(x, radius, factor * H, rows, tolerance=1e-10, most_sweeps=1000)
+        cold = solver.solve(x, radius, factor * H, rows, tolerance=1e-10, max_sweeps=1000)
         assert warm.residual <= 1e-6, (factor, warm.residual)
         assert warm.moment == pytest.approx(cold.moment, rel=1e-4, abs=1e-5 * np.abs(cold.moment).max())
 
@@ -241,9 +223,9 @@ def test_what_a_solve_returns_belongs_together_when_it_has_not_converged():
     x, radius = dense_bed(100), np.full(100, A)
     solver = MutualMoments(grain_table(IRON, "near_field"), near=True, reach=6.0 * A)
     rows, H = neighbour_rows(x, 6.0 * A), np.tile([0.0, 0.0, 46e3], (100, 1))
-    one_more = {"tolerance": 0.0, "most_sweeps": 1}
+    one_more = {"tolerance": 0.0, "max_sweeps": 1}
     for sweeps in (1, 2, 5):
-        found = solver.solve(x, radius, H, rows, tolerance=0.0, most_sweeps=sweeps)
+        found = solver.solve(x, radius, H, rows, tolerance=0.0, max_sweeps=sweeps)
         again = solver.solve(x, radius, H, rows, start=found.dipole, necks=solver.necks_of(found), **one_more)
         assert found.field == pytest.approx(again.field, rel=1e-12)
         assert found.residual == pytest.approx(again.residual, rel=1e-9)
@@ -281,7 +263,7 @@ def test_a_sector_is_part_of_the_ring():
         H = 4e4 * e_r + [0.0, 0.0, 2e4]
         solver = MutualMoments(grain_table(IRON, "near_field"), near=True, reach=reach)
         rows, radius = neighbour_rows(x, reach, s), np.full(len(x), A)
-        found = solver.solve(x, radius, H, rows, tolerance=1e-13, most_sweeps=1000)
+        found = solver.solve(x, radius, H, rows, tolerance=1e-13, max_sweeps=1000)
         answers.append((found.moment[:4], solver.forces(x, radius, rows, found).force[:4]))
     assert answers[0][0] == pytest.approx(answers[1][0], rel=1e-9, abs=1e-15)
     assert answers[0][1] == pytest.approx(answers[1][1], rel=1e-8, abs=1e-9 * np.abs(answers[1][1]).max())
@@ -294,7 +276,7 @@ def test_the_mean_force_of_a_long_step_does_the_work_of_short_ones(first):
     x, radius = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, first * A]]), np.full(2, A)
     H, speed, dt = np.tile([0.0, 0.0, 4e4], (2, 1)), 0.4, 1e-3
     rows = neighbour_rows(x, 8.0 * A)
-    found = solver.solve(x, radius, H, rows, tolerance=1e-12, most_sweeps=500)
+    found = solver.solve(x, radius, H, rows, tolerance=1e-12, max_sweeps=500)
     velocity = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, -speed]])
     ahead = solver.forces(x, radius, rows, found, velocity=velocity, ahead=dt).force
     rest = solver.forces(x, radius, rows, found, attraction=False).force
@@ -313,7 +295,7 @@ def pull_of_neck(solver, gap):
     x, radius = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, (2.0 + gap) * A]]), np.full(2, A)
     H = np.tile([0.0, 0.0, 4e4], (2, 1))
     rows = neighbour_rows(x, 8.0 * A)
-    found = solver.solve(x, radius, H, rows, tolerance=1e-10, most_sweeps=500)
+    found = solver.solve(x, radius, H, rows, tolerance=1e-10, max_sweeps=500)
     parts = [solver.forces(x, radius, rows, found, attraction=on).force[1, 2] for on in (False, True)]
     return parts[0] - parts[1]
 
@@ -326,7 +308,7 @@ def test_bad_input_is_reported():
     with pytest.raises(ValueError, match="saturat"):
         pair(0.1, [0.0, 0.0, 1.0], law=GrainLaw(100.0))
     with pytest.raises(RuntimeError, match="did not converge: residual"):
-        pair(0.001, [0.0, 0.0, 1e4], most_sweeps=3)
+        pair(0.001, [0.0, 0.0, 1e4], max_sweeps=3)
 
 
 @pytest.mark.parametrize("eigenvalue", [-3.0, -0.9, 0.0, 0.9])

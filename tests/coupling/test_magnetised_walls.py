@@ -38,7 +38,7 @@ class Solved:
             table, near=model == "near_field", reach=1.0, walls=walls, smallest_gap=smallest_gap
         )
         rows = neighbour_rows(x, 1.0)
-        self.found = self.solver.solve(x, radius, H, rows, tolerance=1e-13, most_sweeps=3000, **start)
+        self.found = self.solver.solve(x, radius, H, rows, tolerance=1e-13, max_sweeps=3000, **start)
         assert self.found.residual <= 1e-13
         self.moment, self.held = self.found.moment, self.solver.forces(x, radius, rows, self.found)
         self.force, self.energy = self.held.force, self.solver.energy(x, radius, self.found)
@@ -185,7 +185,7 @@ def test_grains_between_bores_take_no_torque_from_a_field_of_revolution(model):
     x, radius, bores, H, e_r = between_bores()
     solver = MutualMoments(grain_table(IRON, model), near=model == "near_field", reach=1.0, walls=bores)
     rows = neighbour_rows(x, 1.0)
-    found = solver.solve(x, radius, H, rows, tolerance=1e-14, most_sweeps=3000)
+    found = solver.solve(x, radius, H, rows, tolerance=1e-14, max_sweeps=3000)
     held = solver.forces(x, radius, rows, found)
     e_phi = np.column_stack([-e_r[:, 1], e_r[:, 0], np.zeros(5)])
     hoop = MU_0 * float(((found.dipole * e_phi).sum(axis=1) * np.hypot(H[:, 0], H[:, 1])).sum())
@@ -205,7 +205,7 @@ def test_a_pair_that_is_found_once_is_the_same_from_both_sides():
     rows, answers = neighbour_rows(x, 1.0), []
     for own in (rows, replace(rows, twin=None)):
         solver = MutualMoments(grain_table(IRON, "near_field"), near=True, reach=1.0, walls=bores)
-        found = solver.solve(x, radius, H, own, tolerance=1e-13, most_sweeps=3000)
+        found = solver.solve(x, radius, H, own, tolerance=1e-13, max_sweeps=3000)
         held = solver.forces(x, radius, own, found)
         answers.append((found.field, found.potential, held.force, held.torque_pairs, held.torque_walls))
     for one, other in zip(*answers, strict=True):

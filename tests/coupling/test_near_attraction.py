@@ -29,7 +29,7 @@ def magnetised(x, H, walls=(), dt=1e-9):
     rows = neighbour_rows(position, 1.0)
     found = solver.solve(
         position, radius, np.tile(H, (len(x), 1)), rows, number=dem.grains.particle_id, tolerance=1e-11,
-        most_sweeps=5000,
+        max_sweeps=5000,
     )  # fmt: skip
     force = solver.forces(position, radius, rows, found).force
     NearAttraction(solver, walls).hold(dem, found, force)
@@ -87,7 +87,7 @@ def test_a_pair_that_is_pulled_together_gains_the_work_of_its_pull(strength):
     def energy(g):
         place = A * np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 2.0 + g]])
         rows, radius = neighbour_rows(place, 1.0), np.full(2, A)
-        state = solver.solve(place, radius, found.applied, rows, tolerance=1e-11, most_sweeps=5000)
+        state = solver.solve(place, radius, found.applied, rows, tolerance=1e-11, max_sweeps=5000)
         return solver.energy(place, radius, state)
 
     assert kinetic == pytest.approx(energy(g0) - energy(middle), rel=0.08)
@@ -113,7 +113,7 @@ def test_a_long_steps_force_is_its_mean_over_the_way_that_the_gap_goes(strength)
 
         def force_at(x, solver=solver, H=H, radius=radius, **more):
             rows = neighbour_rows(x, 1.0)
-            found = solver.solve(x, radius, H, rows, tolerance=1e-10, most_sweeps=4000)
+            found = solver.solve(x, radius, H, rows, tolerance=1e-10, max_sweeps=4000)
             return solver.forces(x, radius, rows, found, **more).force[1] @ H[1] / strength
 
         ahead = 1e-5

@@ -92,7 +92,7 @@ def test_an_open_cluster_in_a_large_box_is_the_clusters():
     solver = MutualMoments(grain_table(IRON, "near_field"), near=True, reach=2.0 * D, smear=True)
     rows = neighbour_rows(x, 2.0 * D)
     found = solver.solve(
-        x, radius, np.tile([0.0, 0.0, POWDER.H], (n, 1)), rows, tolerance=EXACT[0], most_sweeps=EXACT[1]
+        x, radius, np.tile([0.0, 0.0, POWDER.H], (n, 1)), rows, tolerance=EXACT[0], max_sweeps=EXACT[1]
     )  # fmt: skip
     moment = magnetism.found.moment[order]
     assert moment == pytest.approx(found.moment, rel=1e-9, abs=1e-12 * np.abs(found.moment).max())
@@ -128,7 +128,7 @@ def test_the_shear_stress_is_the_strain_derivative_of_the_energy():
         box.offset, moved = offset + strain * box.lengths[2], x + strain * np.outer(x[:, 2], [1.0, 0.0, 0.0])
         solver = MutualMoments(grain_table(IRON, "near_field"), near=True, reach=2.0 * D, smear=True)
         rows = neighbour_rows(moved, 2.1 * D, box)
-        found = solver.solve(moved, a, applied, rows, tolerance=EXACT[0], most_sweeps=EXACT[1])
+        found = solver.solve(moved, a, applied, rows, tolerance=EXACT[0], max_sweeps=EXACT[1])
         return solver.energy(moved, a, found), solver.forces(moved, a, rows, found, virial=True).virial
 
     virial = solved(0.0)[1]
@@ -151,7 +151,7 @@ def test_lorentz_field_of_a_cubic_lattice():
         solver = MutualMoments(grain_table(IRON, "mutual"), near=False, reach=width * D, smear=True)
         rows = neighbour_rows(x, 4.1 * D, box)
         start = np.tile(volume * M, (n**3, 1))
-        found = solver.solve(x, np.full(n**3, 0.5 * D), applied, rows, start=start, most_sweeps=1)
+        found = solver.solve(x, np.full(n**3, 0.5 * D), applied, rows, start=start, max_sweeps=1)
         lorentz = np.pi / 6.0 / 1.2**3 / 3.0 * M
         errors.append(np.abs((found.field - applied) / lorentz - 1.0).max())
     assert errors == pytest.approx([0.0214, 0.0159, 0.0076, 0.0028], rel=0.05)
