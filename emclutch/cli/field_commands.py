@@ -1,4 +1,4 @@
-"""The commands of the field and of what magnetises in it: field, mesh, materials, calibrate."""
+"""The commands of the field and of what magnetises in it: field, mesh, materials, shear-cell."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def materials(
             materials_command.materials_page(names)
 
 
-def calibrate(
+def shear_cell(
     material: opt.PowderName = None,
     chi: opt.Chi = None,
     ms: opt.Saturation = None,
@@ -99,14 +99,14 @@ def calibrate(
 ) -> None:
     """Shear a powder in a periodic cell: shear stress and permeability against the field; finished points are kept."""
     with explained():
-        from emclutch.cli import calibrate as command
+        from emclutch.cli import shear_cell as command
 
         name, law = command.grains_of(material, chi, ms)
         points = command.points_of(
             law, fill, field_strength, seeds=seeds, grains=grains, strain=strain, friction=friction,
             rolling=rolling_friction, model=model,
         )  # fmt: skip
-        folder, rows = command.calibrate(name, points, out, quiet=as_json)
+        folder, rows = command.shear_cell(name, points, out, quiet=as_json)
         if as_json:
             print_json(command.as_data(name, folder, rows))
         else:

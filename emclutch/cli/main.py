@@ -12,7 +12,7 @@ from typing import Annotated
 import typer
 
 from emclutch import __version__
-from emclutch.cli.field_commands import calibrate, field, materials, mesh
+from emclutch.cli.field_commands import field, materials, mesh, shear_cell
 from emclutch.cli.result_commands import export, plot, report, view
 from emclutch.cli.run_commands import accuracy, check, design, run, sweep
 from emclutch.cli.scene_commands import doctor, new, schema
@@ -58,7 +58,7 @@ for command in (
     report,
     export,
     materials,
-    calibrate,
+    shear_cell,
     design,
     new,
     schema,

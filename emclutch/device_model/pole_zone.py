@@ -1,7 +1,7 @@
 """The powder between pole faces, where nearly all of its torque is made: shear stress, H and fill.
 
 With these three every run is a point on the law tau(H, phi) of its powder, and can be compared with that of another
-device, of a sheared cell (`emclutch calibrate`) or of a rheometer.
+device, of a sheared cell (`emclutch shear-cell`) or of a rheometer.
 """
 
 from __future__ import annotations

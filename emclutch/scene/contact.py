@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from particles.laws.contact_law import ContactLaw
 
 FRICTION = 0.3
-"""Coulomb coefficient where none is given, also of `emclutch calibrate`: rough grains of metal."""
+"""Coulomb coefficient where none is given, also of `emclutch shear-cell`: rough grains of metal."""
 
 _Friction = Annotated[float, number("0.3", 0.0, 10.0)]
 _Restitution = Annotated[float, number("0.5", 0.0, 1.0, above=True)]

@@ -31,7 +31,7 @@ from emclutch.device_model.device import Device
 from emclutch.device_model.materials import grain_law
 from emclutch.device_model.pole_zone import ACROSS, ALONG
 from emclutch.scene.units import two_digits
-from emclutch.simulation.forecast.calibration import carlson_stress
+from emclutch.simulation.forecast.sheared_points import carlson_stress
 from field import MU_0, MagneticField
 from field.three_d import Field3D
 

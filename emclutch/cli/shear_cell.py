@@ -1,4 +1,4 @@
-"""`emclutch calibrate`: shear stress and permeability of a powder against the field, from its grains alone."""
+"""`emclutch shear-cell`: shear stress and permeability of a powder against the field, from its grains alone."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from emclutch.results.atomic_file import json_values, replace_bytes, replace_jso
 from emclutch.results.progress import Progress
 from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.units import Quantity
-from emclutch.simulation.forecast.calibration import (
+from emclutch.simulation.forecast.sheared_points import (
     UNITS,
     StressOfField,
     carlson_stress,
@@ -49,7 +49,7 @@ def grains_of(material: str | None, chi: float | None, Ms: str | None) -> tuple[
 
     if (material is None) == (chi is None and Ms is None) or (chi is None) != (Ms is None):
         message = "needs the name of a powder (`emclutch materials` lists them), or --chi and --ms of the grains"
-        raise SceneError([Fault("calibrate", "", message)], "command line")
+        raise SceneError([Fault("shear-cell", "", message)], "command line")
     try:
         if material is not None:
             return material, grain_material(material)[0]
@@ -99,7 +99,7 @@ def points_of(
     ]
 
 
-def calibrate(
+def shear_cell(
     name: str, points: list[ShearParameters], out: Path | None = None, *, quiet: bool = False
 ) -> tuple[Path, list[StressOfField]]:
     """Shear every point, or take it from the cache, and write table and picture after each.
@@ -110,14 +110,14 @@ def calibrate(
         Of the powder, for title and folder.
     points : list of ShearParameters
     out : Path or None
-        New folder; None: the next runs/<name>-calibration-<nnn>.
+        New folder; None: the next runs/<name>-shear-cell-<nnn>.
     quiet : bool
         No progress is shown.
 
     Returns
     -------
     Path, list of StressOfField
-        The folder, with tau_of_field.csv, tau_of_field.png and calibration.json; the table's rows.
+        The folder, with tau_of_field.csv, tau_of_field.png and shear_cell.json; the table's rows.
 
     Raises
     ------
@@ -127,7 +127,7 @@ def calibrate(
         A cell too small for its fill.
     """
     _check(points)
-    folder = Path(out) if out is not None else RunFolder.next_path(f"{name.replace(' ', '-')}-calibration")
+    folder = Path(out) if out is not None else RunFolder.next_path(f"{name.replace(' ', '-')}-shear-cell")
     if folder.exists():
         raise OutputError(f"{folder} exists; name another folder with --out")
     folder.mkdir(parents=True)
@@ -171,7 +171,7 @@ def _write(folder: Path, name: str, done: list[dict[str, Any]], first: ShearPara
         del run[varied]
     table = [asdict(row) for row in rows]
     replace_json(
-        folder / "calibration.json", {"material": name, "units": UNITS, "run": run, "table": table, "points": done}
+        folder / "shear_cell.json", {"material": name, "units": UNITS, "run": run, "table": table, "points": done}
     )
     return rows
 

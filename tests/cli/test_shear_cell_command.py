@@ -1,4 +1,4 @@
-"""`emclutch calibrate` at toy size: table, files, the cache that is asked first, and what bad input is reported."""
+"""`emclutch shear-cell` at toy size: table, files, the cache that is asked first, and what bad input is reported."""
 
 import json
 
@@ -7,13 +7,13 @@ import pandas
 import pytest
 from typer.testing import CliRunner
 
-from emclutch.cli.calibrate import points_of
 from emclutch.cli.input import read_list
 from emclutch.cli.main import app
+from emclutch.cli.shear_cell import points_of
 from emclutch.scene.errors import SceneError
 from emclutch.scene.units import Quantity
-from emclutch.simulation.forecast import calibration
-from emclutch.simulation.forecast.calibration import (
+from emclutch.simulation.forecast import sheared_points
+from emclutch.simulation.forecast.sheared_points import (
     carlson_flux_density,
     carlson_stress,
     kept_point,
@@ -26,12 +26,12 @@ FIELD = Quantity("a field strength", "A/m", "80 kA/m", 0.0, 1e7, open_minimum=Tr
 
 
 def invoke(*arguments):
-    return CliRunner().invoke(app, ["calibrate", *map(str, arguments)])
+    return CliRunner().invoke(app, ["shear-cell", *map(str, arguments)])
 
 
 @pytest.fixture(scope="module")
-def calibrated(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("calibrate")
+def sheared(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("shear_cell")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("EMCLUTCH_CACHE", str(folder / "cache"))
         # the pair table that ships is of chi 999: no table is made here
@@ -40,10 +40,10 @@ def calibrated(tmp_path_factory):
         yield folder, result.output
 
 
-def test_table_and_files_say_the_same(calibrated):
-    folder, text = calibrated
+def test_table_and_files_say_the_same(sheared):
+    folder, text = sheared
     table = pandas.read_csv(folder / "first" / "tau_of_field.csv")
-    data = json.loads((folder / "first" / "calibration.json").read_text())
+    data = json.loads((folder / "first" / "shear_cell.json").read_text())
     assert list(table["H"]) == [40e3, 80e3]
     assert table["tau"].to_numpy() == pytest.approx([row["tau"] for row in data["table"]], rel=1e-5)
     assert (table["mu_r_at_rest"] > 2.0).all() and (table["mu_r_at_rest"] < 4.0).all()
@@ -52,10 +52,10 @@ def test_table_and_files_say_the_same(calibrated):
     assert "Carlson" in text and "mu_r" in text
 
 
-def test_what_is_done_is_taken_from_the_cache(calibrated, monkeypatch):
+def test_what_is_done_is_taken_from_the_cache(sheared, monkeypatch):
     """The same points again, in JSON, without a step; a damaged file is none; another strain is another point."""
-    folder, _ = calibrated
-    done = json.loads((folder / "first" / "calibration.json").read_text())
+    folder, _ = sheared
+    done = json.loads((folder / "first" / "shear_cell.json").read_text())
     monkeypatch.setattr("coupling.powder_cell.PowderCell", None)
     again = invoke("--chi", 999, "--ms", "1.7e6", *TOY, "--out", folder / "again", "--json")
     assert again.exit_code == 0, again.output
@@ -64,16 +64,16 @@ def test_what_is_done_is_taken_from_the_cache(calibrated, monkeypatch):
     assert len(kept) == 2 and not list((folder / "cache").glob("*.new"))
 
 
-def test_an_interrupted_calibration_keeps_what_is_done(calibrated, monkeypatch):
-    folder, _ = calibrated
-    shear = calibration.sheared_point
+def test_an_interrupted_command_keeps_what_is_done(sheared, monkeypatch):
+    folder, _ = sheared
+    shear = sheared_points.sheared_point
 
     def second_is_stopped(point, progress):
         if point.H > 60e3:
             raise KeyboardInterrupt
         return shear(point, progress)
 
-    monkeypatch.setattr("emclutch.cli.calibrate.sheared_point", second_is_stopped)
+    monkeypatch.setattr("emclutch.cli.shear_cell.sheared_point", second_is_stopped)
     result = invoke("--chi", 999, "--ms", "1.7 MA/m", *TOY, "--out", folder / "stopped")
     assert result.exit_code == 130
     assert list(pandas.read_csv(folder / "stopped" / "tau_of_field.csv")["H"]) == [40e3]
