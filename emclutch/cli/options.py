@@ -20,9 +20,19 @@ RunPaths = Annotated[list[Path], typer.Argument(metavar="RUN...", help="folders 
 SpeedsAsked = Annotated[bool, typer.Option("--speeds", help="speeds of motor and output against time")]
 TorqueSpeedAsked = Annotated[bool, typer.Option("--torque-speed", help="torque on the output over the motor's speed")]
 ExportFormat = Annotated[str, typer.Option("--to", metavar="FORMAT", help="csv, parquet, mat or vtk")]
+TorqueCurrentAsked = Annotated[bool, typer.Option("--torque-current", help="torque over the coil's current")]
+Rated = Annotated[
+    str | None,
+    typer.Option("--rated", metavar="CURRENT", help="--torque-current over a curve's own point at this current"),
+]
 Measured = Annotated[
     Path | None,
-    typer.Option("--measured", metavar="FILE", help="CSV to lay over --speeds: time [s], then speeds [rpm], named"),
+    typer.Option(
+        "--measured",
+        metavar="FILE",
+        help="CSV with named columns to lay over --speeds (time [s], speeds [rpm]) or --torque-current (current [A], "
+        "torques [N m]; with --rated both over the rated ones)",
+    ),
 ]
 Look = Annotated[
     str | None,

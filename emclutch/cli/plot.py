@@ -1,4 +1,4 @@
-"""`emclutch plot`: a picture of finished runs in a new file: torque, speeds, torque against the motor's speed.
+"""`emclutch plot`: a picture of finished runs in a new file: torque, speeds, torque against motor's speed or current.
 
 A study stands for its points. Pictures that a killed run still owes its folder are drawn as well.
 """
@@ -7,21 +7,31 @@ from __future__ import annotations
 
 import itertools
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
+from emclutch.cli.input import number_or_text
 from emclutch.results import OutputError, Result, load_result
+from emclutch.results.measured_table import read_measured
+from emclutch.results.seed_average import averaged_over_seeds
 from emclutch.results.study_folder import is_study, read_study, refresh_in_words
+from emclutch.results.torque_curves import TorqueCurve, torque_curves
 from emclutch.scene.errors import Fault, SceneError
+from emclutch.scene.units import Quantity
 from emclutch.simulation.missing_pictures import draw_missing
+from emclutch.studies.tables import CURRENT, SEED, VOLTAGE
 
-TORQUE, SPEEDS, TORQUE_SPEED = "torque", "speeds", "torque_speed"
+TORQUE, SPEEDS, TORQUE_SPEED, TORQUE_CURRENT = "torque", "speeds", "torque_speed", "torque_current"
+_MEASURED = {SPEEDS: ("time [s]", "speed [rpm]"), TORQUE_CURRENT: ("current [A]", "torque [N m]")}
+_RATED = Quantity("a current", "A", "0.94 A", 0.0, open_minimum=True)
 
 
 def plot_runs(
     folders: Sequence[Path],
     kind: str = TORQUE,
     *,
+    rated: str | None = None,
     measured: Path | None = None,
     out: Path | None = None,
     trust_scripts: bool = False,
@@ -32,8 +42,9 @@ def plot_runs(
     Parameters
     ----------
     folders : of runs, and of studies for all their points that are done. Several runs lie over one another.
-    kind : TORQUE, SPEEDS or TORQUE_SPEED.
-    measured : table of speeds to lay over SPEEDS, as `read_measured_speeds` takes it.
+    kind : TORQUE, SPEEDS, TORQUE_SPEED or TORQUE_CURRENT.
+    rated : current [A] or text with a unit; divides each curve of TORQUE_CURRENT by its own point there.
+    measured : table to lay over SPEEDS or TORQUE_CURRENT, as `read_measured` takes it.
     out : new file; default: the next free <kind>-<n>.png in the first folder.
     trust_scripts : as for `load_case`, of runs whose own pictures are missing.
     log : takes a line for each run whose own pictures were missing.
@@ -45,8 +56,12 @@ def plot_runs(
     OutputError
         A folder holds no run, a run has no shafts, the table is none, or the file exists.
     """
-    if measured is not None and kind != SPEEDS:
-        raise SceneError([Fault("--measured", str(measured), "lies over speeds only; add --speeds")], "command line")
+    if measured is not None and kind not in _MEASURED:
+        message = "lies over speeds or torque against current only; add --speeds or --torque-current"
+        raise SceneError([Fault("--measured", str(measured), message)], "command line")
+    if rated is not None and kind != TORQUE_CURRENT:
+        raise SceneError([Fault("--rated", rated, "divides torque against current only; add --torque-current")],
+                         "command line")  # fmt: skip
     runs = runs_of(folders)
     if not runs:
         raise OutputError(f"no point of the study in {folders[0]} is done: there is nothing to draw")
@@ -60,7 +75,10 @@ def plot_runs(
     for folder in folders:
         if is_study(folder) and (old := refresh_in_words(read_study(folder))):
             log(f"{folder}: {old}")
-    points = None if measured is None else _measured(measured)
+    points = None if measured is None else read_measured(measured, *_MEASURED[kind])
+    curves = (
+        torque_current_curves(folders, None if rated is None else _current(rated)) if kind == TORQUE_CURRENT else []
+    )
     if out is None:
         numbered = (folders[0] / f"{kind}-{number}.png" for number in itertools.count(1))
         out = next(path for path in numbered if not path.exists())
@@ -75,6 +93,10 @@ def plot_runs(
         from emclutch.results.pictures.torque_overlay import torque_overlay_picture
 
         return torque_overlay_picture(out, runs, title=title)
+    if kind == TORQUE_CURRENT:
+        from emclutch.results.pictures.torque_curves import torque_against_current_picture
+
+        return torque_against_current_picture(out, curves, measured=points, over_rated=rated is not None, title=title)
     from emclutch.results.pictures.speeds import speed_picture, torque_speed_picture
 
     histories = {name: result.history for name, result in runs.items()}
@@ -95,10 +117,51 @@ def runs_of(folders: Sequence[Path]) -> dict[str, Result]:
     return runs
 
 
-def _measured(path: Path):
-    from emclutch.results.pictures.speeds import read_measured_speeds
+def torque_current_curves(folders: Sequence[Path], rated: float | None = None) -> list[TorqueCurve]:
+    """Return torque against current: the curves of each study, and one through the runs that are named alone.
 
-    return read_measured_speeds(path)
+    Parameters
+    ----------
+    folders : of runs and studies.
+    rated : current [A] at which each curve is 1, as `TorqueCurve.over_rated` divides it; None: in A and N m.
+
+    Raises
+    ------
+    OutputError
+        A run has no coil current, a curve no torque at the rated current.
+    """
+    curves: list[TorqueCurve] = []
+    alone = []
+    for folder, name in zip(folders, _names(folders), strict=True):
+        if is_study(folder):
+            study = read_study(folder)
+            rows = study.table.to_dict("records")
+            others = [key for key in study.varied if key not in (CURRENT, VOLTAGE, SEED)]
+            if SEED in study.varied:
+                rows = averaged_over_seeds(rows, SEED, [key for key in study.varied if key != SEED])
+            _require_current(rows, name)
+            curves += torque_curves([{"study": name, **row} for row in rows], "current",
+                                    ["study"] * (len(folders) > 1) + others)  # fmt: skip
+        else:
+            result = load_result(folder)
+            low, high = result.torque.interval() or (None, None)
+            row = {"torque": result.torque.mean, "low": low, "high": high, "converged": result.torque.converged}
+            alone.append(row | {key: value for key, value in result.summary.items() if key == "current"})
+            _require_current(alone, name)
+    curves += torque_curves(alone, "current", [])
+    return curves if rated is None else [curve.over_rated(rated) for curve in curves]
+
+
+def _require_current(rows: Sequence[Mapping[str, Any]], name: str) -> None:
+    if any(row.get("current") is None for row in rows):
+        raise OutputError(f"{name} has no coil current: no effect of its scene needs the field")
+
+
+def _current(text: str) -> float:
+    try:
+        return _RATED.read(number_or_text(text))
+    except ValueError as error:
+        raise SceneError([Fault("--rated", text, str(error))], "command line") from None
 
 
 def _names(folders: Sequence[Path]) -> list[str]:

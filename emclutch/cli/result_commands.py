@@ -15,23 +15,27 @@ def plot(
     folders: opt.RunPaths,
     speeds: opt.SpeedsAsked = False,
     torque_speed: opt.TorqueSpeedAsked = False,
+    torque_current: opt.TorqueCurrentAsked = False,
+    rated: opt.Rated = None,
     measured: opt.Measured = None,
     out: opt.NewPicture = None,
     trust_scripts: opt.TrustScripts = False,
 ) -> None:
-    """Draw runs, or a study's points, over one another in a new file: torques with their 95 % bands, or speeds.
+    """Draw runs, or a study's points, over one another in a new file: torques with their 95 % bands, or others.
 
     A finished run that was killed before its own pictures gets them.
     """
     with explained():
         from emclutch.cli import plot as drawn
 
-        if speeds and torque_speed:
-            message = "makes another picture than --speeds; ask for one at a time"
-            raise SceneError([Fault("--torque-speed", "", message)], "command line")
-        kind = drawn.SPEEDS if speeds else drawn.TORQUE_SPEED if torque_speed else drawn.TORQUE
+        pictures = {drawn.SPEEDS: speeds, drawn.TORQUE_SPEED: torque_speed, drawn.TORQUE_CURRENT: torque_current}
+        first, *more = [kind for kind, asked in pictures.items() if asked] or [drawn.TORQUE]
+        if more:
+            option, other = (f"--{kind.replace('_', '-')}" for kind in (more[0], first))
+            message = f"makes another picture than {other}; ask for one at a time"
+            raise SceneError([Fault(option, "", message)], "command line")
         picture = drawn.plot_runs(
-            folders, kind, measured=measured, out=out, trust_scripts=trust_scripts, log=typer.echo
+            folders, first, rated=rated, measured=measured, out=out, trust_scripts=trust_scripts, log=typer.echo
         )
         typer.echo(str(picture))
 

@@ -1,7 +1,8 @@
 """The range of currents in which the torque rises along a straight line: slope, offset, and the knee where it ends.
 
-The torque of a powder clutch begins with a power 1.2 to 2 of the current, is roughly linear in the middle,
-T = slope (I - offset), and saturates.
+The torque of a powder clutch begins with a power 1.5 to 2.1 of the current, follows a straight line in the middle,
+T = slope (I - offset), and saturates. Of measured dry brakes the line begins at 30 to 50 % of the rated current, its
+offset is 13 to 30 % of it (docs/explanation/dry_brakes.md).
 
 **Range.** Of all runs of neighbouring points (three at the least) on a straight line, the one in which the torque rises
 most. Points are on a line when chi^2 of the residuals is what noise alone leaves, and when neither end is farther from

@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from emclutch.results.errors import OutputError
+
 NORMAL = 1.96  # half of a normal distribution's 95 % interval, in standard errors
 
 
@@ -34,6 +36,26 @@ class TorqueCurve:
     def along(self, x: np.ndarray) -> TorqueCurve:
         """Return the same torques over another x, (n,)."""
         return replace(self, x=x)
+
+    def over_rated(self, rated: float) -> TorqueCurve:
+        """Return the curve over its point at a rated current, the errors of both torques of a ratio counted.
+
+        Raises
+        ------
+        OutputError
+            The curve has no torque at that current, or none but zero.
+        """
+        at = np.flatnonzero(np.isclose(self.x, rated, rtol=1e-3) & np.isfinite(self.torque) & (self.torque != 0.0))
+        if not at.size or rated == 0.0:
+            known = ", ".join(f"{x:.4g}" for x in self.x[np.isfinite(self.torque) & (self.torque != 0.0)])
+            raise OutputError(
+                f"{self.label or 'the curve'} has no torque at {rated:.4g} A to divide by; it has: {known} A"
+            )
+        torque, error = self.torque[at[0]], self.error[at[0]]
+        ratio = self.torque / torque
+        of_ratio = np.hypot(self.error, ratio * error) / abs(torque)
+        of_ratio[at[0]] = 0.0
+        return replace(self, x=self.x / self.x[at[0]], torque=ratio, error=of_ratio)
 
     @property
     def label(self) -> str:

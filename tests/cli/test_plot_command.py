@@ -7,10 +7,11 @@ import pandas
 import pytest
 from written_run import written_run, written_study
 
-from emclutch.cli.plot import plot_runs, runs_of
+from emclutch.cli.plot import TORQUE_CURRENT, plot_runs, runs_of, torque_current_curves
 from emclutch.results import OutputError, load_result, pictures
 from emclutch.results.pictures.figure import save_picture
 from emclutch.results.text import format_time, time_unit
+from emclutch.scene.errors import SceneError
 from emclutch.simulation.missing_pictures import draw_missing
 from emclutch.simulation.pictures import moment_in_words, steady_current
 
@@ -61,6 +62,67 @@ def test_one_folder_is_drawn_as_ever_and_an_existing_file_is_kept(tmp_path):
     with pytest.raises(OutputError, match="exists"):
         plot_runs([folder], out=folder / "torque-1.png")
     assert list(runs_of([folder])) == ["run"]
+
+
+def test_torque_against_current_lies_on_what_was_measured(tmp_path, monkeypatch):
+    """In A and N m, and over the point at a rated current, where measured shares are drawn as they are."""
+    from emclutch.results.pictures import torque_curves
+
+    kept = []
+    monkeypatch.setattr(torque_curves, "save_picture", lambda figure, path: kept.append(figure) or Path(path))
+    study = written_study(tmp_path / "study", [1.0, 2.0, 4.0])
+    (tmp_path / "bench.csv").write_text("# my brake\nI,rising,falling\n0,0,\n1,0.5,0.6\n2,1,1\n")
+    asked = {"measured": tmp_path / "bench.csv", "out": tmp_path / "o.png"}
+    plot_runs([study], TORQUE_CURRENT, **asked)
+    plot_runs([study], TORQUE_CURRENT, rated="2 A", **asked)
+    assert [len(figure.axes) for figure in kept] == [1, 2] and kept[1].axes[1].get_xscale() == "log"
+    torques = [load_result(study / f"point-00{number}").torque for number in range(3)]
+    means, errors = (np.array([getattr(one, name) for one in torques]) for name in ("mean", "standard_error"))
+    (absolute,), (shares, logarithmic) = (figure.axes for figure in kept)
+    for axis, x, y in (
+        (absolute, [1.0, 2.0, 3.0], means),
+        (shares, [0.5, 1.0, 1.5], means / means[1]),
+        (logarithmic, [0.5, 1.0, 1.5], means / means[1]),
+    ):
+        curves = {line.get_label(): line.get_xydata().tolist() for line in axis.get_lines()}
+        assert curves["measured: rising"] == [[0.0, 0.0], [1.0, 0.5], [2.0, 1.0]]
+        assert curves["measured: falling"] == [[1.0, 0.6], [2.0, 1.0]]
+        drawn = next(line for line in axis.get_lines() if len(line.get_xdata()) == 3 and line.get_marker() == "None")
+        assert drawn.get_xdata() == pytest.approx(x) and drawn.get_ydata() == pytest.approx(y)
+    (curve,) = torque_current_curves([study], 2.0)
+    of_ratio = means / means[1] * np.hypot(errors / means, errors[1] / means[1])  # of independent torques
+    assert curve.error == pytest.approx([of_ratio[0], 0.0, of_ratio[2]], rel=0.05) and curve.torque[1] == 1.0
+
+
+def test_runs_alone_are_one_curve_and_a_study_is_averaged_over_its_seeds(tmp_path):
+    runs = []
+    for current, mean in ((2.0, 3.0), (1.0, 1.0)):
+        folder = written_run(tmp_path / f"run-{current:g}", mean=mean)
+        folder.write_summary({**folder.read_summary(), "current": current})
+        runs.append(folder.path)
+    study = written_study(tmp_path / "study", [1.0, 2.0, 3.0, 5.0])
+    table = pandas.read_csv(study / "study.csv")
+    table.insert(0, "scene.seed", [1, 2, 1, 2])
+    table["coil.current"], table["current"] = ["1 A", "1 A", "2 A", "2 A"], [1.0, 1.0, 2.0, 2.0]
+    table.to_csv(study / "study.csv", index=False)
+    seeds, alone = torque_current_curves([*runs, study])
+    assert seeds.x.tolist() == [1.0, 2.0] and seeds.torque == pytest.approx([1.5, 4.0], rel=0.02)
+    assert alone.x.tolist() == [1.0, 2.0] and alone.torque == pytest.approx([1.0, 3.0], rel=0.02)
+
+
+def test_what_cannot_be_drawn_over_the_current_is_refused(tmp_path):
+    study, run = written_study(tmp_path / "study", [1.0, 2.0]), written_run(tmp_path / "run").path
+    for given, reason in (
+        ({"rated": "3 A"}, r"no torque at 3 A to divide by; it has: 1, 2 A"),
+        ({"rated": "3 V"}, "--rated = 3 V is a voltage; a current is needed"),
+        ({"rated": "0 A"}, "allowed"),
+        ({"kind": "torque", "rated": "1 A"}, "add --torque-current"),
+        ({"kind": "torque", "measured": tmp_path / "m.csv"}, "add --speeds or --torque-current"),
+    ):
+        with pytest.raises((OutputError, SceneError), match=reason):
+            plot_runs([study], **{"kind": TORQUE_CURRENT, **given})
+    with pytest.raises(OutputError, match="run has no coil current"):
+        plot_runs([run], TORQUE_CURRENT)
 
 
 @pytest.mark.parametrize(("longest", "unit"), [(0.0, "s"), (2.0, "s"), (1.0, "s"), (0.5, "ms"), (2e-4, "µs")])

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from emclutch.results import OutputError
+from emclutch.results.measured_table import read_measured
 from emclutch.results.pictures.speeds import (
     explained_share,
     power_law,
     quadratic_factor,
-    read_measured_speeds,
     speed_picture,
     speeds_vary,
     torque_speed_picture,
@@ -157,13 +157,14 @@ def test_the_parabola_is_the_nearest_one():
     [
         "time,motor,output\n0,0,0\n1.5,500.25,\n1,250,10\n",
         "vrijeme;motor;izlaz\n0;0;0\n1,5;500,25;\n1;250;10\n\n",
+        "# of a test bench\n# twice\nt,motor,output\n0,0,0\n1.5,500.25,\n1,250,10\n",
         "\ufefft [s]\tmotor\toutput\r\n0\t0\t0\r\n1.5\t500.25\t\r\n1\t250\t10\r\n",
     ],
-    ids=["commas", "semicolons and decimal commas", "tabs, byte order mark"],
+    ids=["commas", "semicolons and decimal commas", "comments", "tabs, byte order mark"],
 )
 def test_tables_as_people_write_them(tmp_path, text):
     (tmp_path / "m.csv").write_bytes(text.encode())
-    motor, output = read_measured_speeds(tmp_path / "m.csv").values()
+    motor, output = read_measured(tmp_path / "m.csv", "time [s]", "speed [rpm]").values()
     assert motor.tolist() == [[0.0, 0.0], [1.0, 250.0], [1.5, 500.25]]  # by time
     assert output.tolist() == [[0.0, 0.0], [1.0, 10.0]]  # an empty cell was not measured
 
@@ -177,12 +178,14 @@ def test_tables_as_people_write_them(tmp_path, text):
         ("time,motor\n0,1\n1\n", "line 3"),
         ("time,motor\n0,fast\n", "line 2: 'fast' in column 'motor'"),
         ("time,motor\nnan,1\n", "line 2"),
+        ("# a comment\ntime,motor\n0,fast\n", "line 3: 'fast' in column 'motor'"),
+        ("# a comment alone\n", "must name the columns"),
     ],
 )
 def test_tables_that_are_none_are_refused_with_the_line(tmp_path, text, reason):
     (tmp_path / "m.csv").write_text(text)
     with pytest.raises(OutputError, match=reason):
-        read_measured_speeds(tmp_path / "m.csv")
+        read_measured(tmp_path / "m.csv", "time [s]", "speed [rpm]")
 
 
 def test_speeds_are_drawn_in_rpm(tmp_path, monkeypatch):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from collections.abc import Mapping
 from pathlib import Path
@@ -45,7 +43,7 @@ def speed_picture(
     path : PNG to write.
     runs : name -> history with the columns `time` [s], `rotor_speed` and `disc_speed` [rad/s]; the name is left out
         of the legend where there is one run only. Motors that turn alike are drawn once.
-    measured : name -> (n, 2) time [s] and speed [rpm], as `read_measured_speeds` returns them; drawn as markers.
+    measured : name -> (n, 2) time [s] and speed [rpm], as `read_measured` returns them; drawn as markers.
     """
     figure, (axis,) = new_figure(10.5, 5.0, title)
     longest = max((float(np.max(_column(one, TIME), initial=0.0)) for one in runs.values()), default=0.0)
@@ -152,55 +150,6 @@ def power_law(speed: Any, torque: Any, error: Any = None) -> tuple[float, float,
     scatter = float(np.sum((weight * (y - np.polyval(law, x))) ** 2)) / (len(x) - 2)
     variance = float(covariance[0, 0]) * (max(1.0, scatter) if known else scatter)
     return math.exp(law[1]), float(law[0]), math.sqrt(variance)
-
-
-def read_measured_speeds(path: str | Path) -> dict[str, np.ndarray]:
-    """Measured speeds from a table: the time [s] in the first column, a speed [rpm] in each further one.
-
-    The first line holds the columns' names. Columns are parted by commas, semicolons or tabs; with the latter two a
-    comma may be the decimal sign. An empty cell is a value that was not measured.
-
-    Returns
-    -------
-    dict
-        Name of the column -> (n, 2) time [s] and speed [rpm], by time.
-
-    Raises
-    ------
-    OutputError
-        The table has no names, fewer than two columns, or a cell that is no number; with the line.
-    """
-    text = Path(path).read_text(encoding="utf-8-sig")
-    first = text.partition("\n")[0]
-    separator = next((mark for mark in ";\t" if mark in first), ",")
-    rows = [row for row in csv.reader(io.StringIO(text), delimiter=separator)]
-    names = [name.strip() for name in rows[0]] if rows else []
-    if len(names) < 2 or any(_number(name, separator) is not None for name in names):
-        raise OutputError(
-            f"{path}: the first line is '{first.strip()}'; it must name the columns, e.g. time{separator}motor"
-            f"{separator}output, the time in s and speeds in rpm below"
-        )
-    found: dict[str, list[tuple[float, float]]] = {name: [] for name in names[1:]}
-    for line, row in enumerate(rows[1:], start=2):
-        if not any(cell.strip() for cell in row):
-            continue
-        values = [_number(cell, separator) for cell in row]
-        if len(row) != len(names) or values[0] is None:
-            raise OutputError(f"{path}, line {line}: {separator.join(row)!r} is not a time and {len(names) - 1} speeds")
-        for name, cell, value in zip(names[1:], row[1:], values[1:], strict=True):
-            if value is not None:
-                found[name].append((values[0], value))
-            elif cell.strip():
-                raise OutputError(f"{path}, line {line}: {cell.strip()!r} in column {name!r} is not a number")
-    return {name: np.array(sorted(points)).reshape(-1, 2) for name, points in found.items()}
-
-
-def _number(cell: str, separator: str) -> float | None:
-    try:
-        value = float(cell if separator == "," else cell.replace(",", "."))
-    except ValueError:
-        return None
-    return value if np.isfinite(value) else None
 
 
 def _column(history: Any, name: str) -> np.ndarray:

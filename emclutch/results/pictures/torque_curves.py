@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from emclutch.results.linear_range import LinearRange
-from emclutch.results.pictures.figure import BODY_COLOURS, RPM, legend_below, new_figure, save_picture
+from emclutch.results.pictures.figure import (
+    BODY_COLOURS,
+    MARKERS,
+    RPM,
+    legend_below,
+    legend_beside,
+    new_figure,
+    save_picture,
+)
 from emclutch.results.pictures.speeds import power_law
 from emclutch.results.torque_curves import NORMAL, TorqueCurve
 
@@ -26,6 +34,8 @@ def torque_against_current_picture(
     curves: Sequence[TorqueCurve],
     ranges: Sequence[LinearRange] = (),
     *,
+    measured: Mapping[str, np.ndarray] | None = None,
+    over_rated: bool = False,
     title: str | None = None,
 ) -> Path:
     """Draw the torque that each current transmits, with its 95 % interval.
@@ -37,12 +47,24 @@ def torque_against_current_picture(
         diamonds without a bar.
     ranges : of each curve; a thin line is drawn through a linear range, with a mark at its knee; dashed where some of
         its torques are not converged.
+    measured : name -> (n, 2) current [A] and torque [N m], drawn as markers on a thin line.
+    over_rated : whether curves and measured ones are current and torque over the rated ones, as
+        `TorqueCurve.over_rated` makes them; then a second panel has logarithmic axes, where a power law is a line.
     """
-    figure, axis = _torque_axes(curves, title, joined=True)
-    for curve, found in zip(curves, ranges, strict=False):
-        _draw_range(axis, curve, found)
-    axis.set_xlabel("coil current [A]")
-    legend_below(axis, 2)
+    figure, axes = _torque_axes(curves, title, joined=True, panels=2 if over_rated else 1)
+    for axis in axes:
+        for curve, found in zip(curves, ranges, strict=False):
+            _draw_range(axis, curve, found)
+        for number, (name, points) in enumerate((measured or {}).items()):
+            axis.plot(*points.T, ls=":", lw=0.7, marker=MARKERS[number % len(MARKERS)], ms=4.0, mfc="none",
+                      color="black", zorder=1.5, label=f"measured: {name}")  # fmt: skip
+        axis.set_xlabel("coil current over rated current" if over_rated else "coil current [A]")
+    if over_rated:
+        axes[0].set_ylabel("torque over torque at rated current")
+        axes[1].set(xscale="log", yscale="log")
+        legend_beside(axes[1])
+    else:
+        legend_below(axes[0], 2)
     return save_picture(figure, path)
 
 
@@ -55,7 +77,7 @@ def torque_against_speed_picture(path: str | Path, curves: Sequence[TorqueCurve]
     curves : over the speed [rad/s]; drawn as for currents.
     """
     in_rpm = [curve.along(RPM * np.abs(curve.x)) for curve in curves]
-    figure, axis = _torque_axes(in_rpm, title, joined=False)
+    figure, (axis,) = _torque_axes(in_rpm, title, joined=False)
     for curve in curves:
         speed = np.abs(curve.x)
         law = power_law(speed, np.abs(curve.torque), curve.error)
@@ -91,9 +113,21 @@ def _draw_range(axis: Axes, curve: TorqueCurve, found: LinearRange) -> None:
     axis.plot(sign * along, found.slope * (along - found.offset), color=LAW, lw=0.9, ls=line, label=label)
 
 
-def _torque_axes(curves: Sequence[TorqueCurve], title: str | None, *, joined: bool) -> tuple[Figure, Axes]:
-    """Torques with their error bars; hollow where not converged, without a bar where the error is unknown."""
-    figure, (axis,) = new_figure(7.0, 4.8, title)
+def _torque_axes(
+    curves: Sequence[TorqueCurve], title: str | None, *, joined: bool, panels: int = 1
+) -> tuple[Figure, np.ndarray]:
+    """Return a figure and its panels, in each the torques with their error bars, as `_draw_torques` draws them."""
+    figure, axes = new_figure(7.0 if panels == 1 else 13.0, 4.8, title, columns=panels)
+    for axis in axes:
+        _draw_torques(axis, curves, joined=joined)
+        axis.grid(alpha=0.25)
+    axes[0].axhline(0.0, color="black", lw=0.6)
+    axes[0].set_ylabel("torque on the disc [N m]")
+    return figure, axes
+
+
+def _draw_torques(axis: Axes, curves: Sequence[TorqueCurve], *, joined: bool) -> None:
+    """Draw torques with their error bars; hollow where not converged, without a bar where the error is unknown."""
     labelled: set[str] = set()
 
     def once(label: str) -> str:
@@ -118,7 +152,3 @@ def _torque_axes(curves: Sequence[TorqueCurve], title: str | None, *, joined: bo
         if not known.all():
             axis.plot(curve.x[~known], curve.torque[~known], "D", ms=6, mfc="white", color=colour,
                       label=once("error unknown"))  # fmt: skip
-    axis.axhline(0.0, color="black", lw=0.6)
-    axis.set_ylabel("torque on the disc [N m]")
-    axis.grid(alpha=0.25)
-    return figure, axis

@@ -1,0 +1,68 @@
+"""Tables that users have measured: what was set in the first column, what was measured in each further one."""
+
+from __future__ import annotations
+
+import csv
+import io
+from pathlib import Path
+
+import numpy as np
+
+from emclutch.results.errors import OutputError
+
+
+def read_measured(path: str | Path, along: str, values: str) -> dict[str, np.ndarray]:
+    """Return the curves of a table, each column but the first over the first.
+
+    The first line holds the columns' names; lines before it that begin with # are comments. Columns are parted by
+    commas, semicolons or tabs; with the latter two a comma may be the decimal sign. An empty cell is a value that was
+    not measured.
+
+    Parameters
+    ----------
+    path : of the table.
+    along, values : what the first column and the others hold, with the unit, for errors: "time [s]", "speed [rpm]".
+
+    Returns
+    -------
+    dict
+        Name of the column -> (n, 2) first column and value, by the first column.
+
+    Raises
+    ------
+    OutputError
+        The table has no names, fewer than two columns, or a cell that is no number; with the line.
+    """
+    lines = Path(path).read_text(encoding="utf-8-sig").splitlines()
+    head = next((number for number, line in enumerate(lines) if not line.startswith("#")), len(lines))
+    first = lines[head] if head < len(lines) else ""
+    separator = next((mark for mark in ";\t" if mark in first), ",")
+    rows = list(csv.reader(io.StringIO("\n".join(lines[head:])), delimiter=separator))
+    names = [name.strip() for name in rows[0]] if rows else []
+    if len(names) < 2 or any(_number(name, separator) is not None for name in names):
+        raise OutputError(
+            f"{path}: the first line is '{first.strip()}'; it must name the columns, e.g. {along}{separator}first"
+            f"{separator}second, with each {values} below its name"
+        )
+    found: dict[str, list[tuple[float, float]]] = {name: [] for name in names[1:]}
+    for line, row in enumerate(rows[1:], start=head + 2):
+        if not any(cell.strip() for cell in row):
+            continue
+        numbers = [_number(cell, separator) for cell in row]
+        if len(row) != len(names) or numbers[0] is None:
+            wanted = f"{along} and {len(names) - 1} values of {values}"
+            raise OutputError(f"{path}, line {line}: {separator.join(row)!r} is not a {wanted}")
+        for name, cell, value in zip(names[1:], row[1:], numbers[1:], strict=True):
+            if value is not None:
+                found[name].append((numbers[0], value))
+            elif cell.strip():
+                raise OutputError(f"{path}, line {line}: {cell.strip()!r} in column {name!r} is not a number")
+    return {name: np.array(sorted(points)).reshape(-1, 2) for name, points in found.items()}
+
+
+def _number(cell: str, separator: str) -> float | None:
+    try:
+        value = float(cell if separator == "," else cell.replace(",", "."))
+    except ValueError:
+        return None
+    return value if np.isfinite(value) else None

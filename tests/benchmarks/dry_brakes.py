@@ -1,0 +1,142 @@
+"""Torque against current of measured dry powder brakes and of cases/powder_clutch.toml, all over their rated points.
+
+    python tests/benchmarks/dry_brakes.py docs/dry_brakes.png
+
+draws cases/validation/dry_powder_brakes.csv (its sources are in its head) and the rows of powder_clutch in
+docs/measured.csv, and writes the tables between the marks of docs/explanation/dry_brakes.md. Run it again when rows of
+the table of record have changed.
+
+Exponents d ln T/d ln I are least squares in ln T over ln I, with a standard error from the points' errors or from their
+scatter about the power law, whichever is larger. A point is taken to be known to 2 % (the same curves typed twice) and
+to 0.002 of the rated torque (the last digit of the smallest torques).
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from emclutch.results.linear_range import linear_range
+from emclutch.results.measured_table import read_measured
+from emclutch.results.pictures import torque_against_current_picture
+from emclutch.results.pictures.speeds import power_law
+from emclutch.results.torque_curves import NORMAL, TorqueCurve
+
+sys.path.append(str(Path(__file__).resolve().parents[1] / "project"))  # the table of record
+from measured import ROOT, table
+
+DATA = ROOT / "cases" / "validation" / "dry_powder_brakes.csv"
+PAGE = ROOT / "docs" / "explanation" / "dry_brakes.md"
+RATED = 0.94  # [A] of brakes of 12 N m, tests/REFERENCE.md section 6
+RANGES = ((0.1, 0.4), (0.4, 0.6), (0.6, 0.9))  # of the rated current
+SHARES = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
+FORMER = ("78653e6", "b347a32")  # commits of the contact model before 2026-11-24
+MARKS = "<!-- tables by tests/benchmarks/dry_brakes.py -->", "<!-- end of tables -->"
+ROW = re.compile(r"powder_clutch\.(torque|short)_([\d.]+)A")
+
+
+def brakes() -> dict[str, np.ndarray]:
+    """Branches of the measured brakes: name -> (n, 2) current and torque over the rated ones."""
+    return read_measured(DATA, "current over rated", "torque over rated")
+
+
+def errors(torque: np.ndarray) -> np.ndarray:
+    """Standard errors of measured torques (n,), all over the rated torque."""
+    return np.hypot(0.02 * torque, 0.002)
+
+
+def exponent(branch: np.ndarray, low: float, high: float) -> tuple[float, float] | None:
+    """d ln T/d ln I between two currents with its standard error; None where the points do not span them."""
+    x, torque = branch[(branch[:, 0] > low - 0.011) & (branch[:, 0] < high + 0.011)].T
+    law = power_law(x, torque, errors(torque))
+    return None if law is None or x[-1] < low + 0.6 * (high - low) else law[1:]
+
+
+def ours() -> list[TorqueCurve]:
+    """Curves of the table of record over their points at the rated current, one for each kind of run and model."""
+    groups: dict[str, list[tuple[float, ...]]] = {}
+    for name, row in table().items():
+        if found := ROW.fullmatch(name):
+            kind = "four packings" if found[1] == "torque" else "one packing, 4 to 9 ms"
+            model = "former contact model" if row["commit"] in FORMER else "present contact model"
+            half = 0.5 * (float(row["high"]) - float(row["low"])) / NORMAL
+            groups.setdefault(f"{model}, {kind}", []).append((float(found[2]), float(row["value"]), half))
+    curves = []
+    for label, rows in groups.items():
+        current, torque, error = np.array(sorted(rows)).T
+        if RATED not in current:
+            continue
+        converged = np.full(len(rows), False)  # from 0.4 A on the torque still creeps
+        curves.append(TorqueCurve({"emclutch:": label}, current, torque, error, converged).over_rated(RATED))
+    return sorted(curves, key=lambda curve: curve.label)
+
+
+def tables() -> str:
+    """The page's tables."""
+    measured = brakes()
+    lines = [
+        "Exponent d ln T/d ln I, and the straight part T = slope (I - offset), currents over the rated one "
+        "(± one standard error):",
+        "",
+        "| branch | "
+        + " | ".join(f"{100 * low:.0f} to {100 * high:.0f} %" for low, high in RANGES)
+        + " | straight part | offset |",
+        "|---" * (len(RANGES) + 3) + "|",
+    ]
+    for name, branch in measured.items():
+        found = [exponent(branch, *part) for part in RANGES]
+        cells = ["" if one is None else f"{one[0]:.2f} ± {one[1]:.2f}" for one in found]
+        line = linear_range(*branch.T, errors(branch[:, 1]))
+        cells += [f"{line.first:.2f} to {line.last:.2f}", f"{line.offset:.2f} ± {line.offset_error:.2f}"]
+        lines.append(f"| {name} | {' | '.join(cells)} |")
+    lines += ["", "Torque of the falling branch over that of the rising one:", ""]
+    lines += [
+        "| brake | " + " | ".join(f"{100 * share:.0f} %" for share in SHARES) + " |",
+        "|---" * (len(SHARES) + 1) + "|",
+    ]
+    for brake in ("B15", "B5Z"):
+        rising, falling = (np.interp(SHARES, *measured[f"{brake} {way}"].T) for way in ("rising", "falling"))
+        lines.append(f"| {brake} | " + " | ".join(f"{ratio:.2f}" for ratio in falling / rising) + " |")
+    lines += [
+        "",
+        "Torque over that at the rated current (± half of the 95 % interval; brakes: between their points):",
+        "",
+    ]
+    names = [name for name in measured if not name.startswith("B5ZD")]
+    lines += ["| emclutch | current | torque | " + " | ".join(names) + " |", "|---" * (len(names) + 3) + "|"]
+    for curve in ours():
+        for x, torque, error in zip(curve.x, curve.torque, curve.error, strict=True):
+            if x < 1.0:
+                cells = [f"{np.interp(x, *measured[name].T):.3f}" for name in names]
+                said = curve.label.partition(": ")[2]
+                lines.append(f"| {said} | {x:.3f} | {torque:.3f} ± {NORMAL * error:.3f} | {' | '.join(cells)} |")
+    lines += ["", "Exponent of emclutch between neighbouring currents:", "", "| emclutch | from | to | exponent |",
+              "|---|---|---|---|"]  # fmt: skip
+    for curve in ours():
+        said = curve.label.partition(": ")[2]
+        for i, j in pairwise(range(len(curve.x))):
+            ratio = np.log(curve.torque[j] / curve.torque[i]) / np.log(curve.x[j] / curve.x[i])
+            error = np.hypot(*(curve.error[k] / curve.torque[k] for k in (i, j))) / np.log(curve.x[j] / curve.x[i])
+            lines.append(f"| {said} | {curve.x[i]:.2f} | {curve.x[j]:.2f} | {ratio:.2f} ± {error:.2f} |")
+    return "\n".join(lines)
+
+
+def page_with(text: str, of_tables: str) -> str:
+    """Text of the page with other tables between its marks."""
+    before, _, rest = text.partition(MARKS[0])
+    _, _, after = rest.partition(MARKS[1])
+    return f"{before}{MARKS[0]}\n\n{of_tables}\n\n{MARKS[1]}{after}"
+
+
+if __name__ == "__main__":
+    title = (
+        "Dry powder brakes (B15, B5Z: maker's curves; B5ZD: measured on a bench) and cases/powder_clutch.toml at "
+        f"{RATED:g} A; curves of the former contact model are named as such"
+    )
+    torque_against_current_picture(sys.argv[1], ours(), measured=brakes(), over_rated=True, title=title)
+    PAGE.write_text(page_with(PAGE.read_text(encoding="utf-8"), tables()), encoding="utf-8")
+    print(tables())
