@@ -35,7 +35,15 @@ from particles.packing.periodic_packing import BoxTooDense, periodic_packing
 from particles.packing.poured_packing import poured_packing
 from particles.packing.random_packing import pack, random_packing
 from particles.packing.settling import NotAtRestError, Settling, before_the_start, settle
-from particles.packing.sizes import EqualSizes, ListedSizes, LogNormalSizes, NormalSizes, UniformSizes, read_sizes
+from particles.packing.sizes import (
+    EqualSizes,
+    ListedSizes,
+    LogNormalSizes,
+    NormalSizes,
+    PercentileSizes,
+    UniformSizes,
+    read_sizes,
+)
 from particles.packing.space import Space
 from particles.periodicity import Periodicity
 from particles.sector import CyclicSector
@@ -76,6 +84,7 @@ __all__ = [
     "PairLaws",
     "PairList",
     "ParticleError",
+    "PercentileSizes",
     "Periodicity",
     "RollingFriction",
     "Settling",

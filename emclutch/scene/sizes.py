@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
@@ -117,6 +118,37 @@ class LogNormalDiameters(_Distribution):
         return LogNormalSizes(self.median, self.spread, self.min, self.max)
 
 
+class PercentileDiameters(_Distribution):
+    """The diameters that 10, 50 and 90 % of the powder are finer than, as makers give them."""
+
+    kind: Literal["percentiles"] = "percentiles"
+    d10: Length = Field(description="10 % of the powder are finer")
+    d50: Length = Field(description="half of it is finer")
+    d90: Length = Field(description="90 % are finer")
+    min: Length | None = Field(default=None, description="smallest diameter; default: d10^2 / d50")
+    max: Length | None = Field(default=None, description="largest diameter; default: d90^2 / d50")
+    by: Annotated[str, Choice(("mass", "number"))] = Field(
+        default="mass",
+        description="percentages of what: mass (sieves; volume, as by laser diffraction, is the same) or number",
+    )
+
+    def _check(self) -> None:
+        keys = ("min", "d10", "d50", "d90", "max")
+        given = [(key, value) for key in keys if (value := getattr(self, key)) is not None]
+        for (below, smaller), (key, larger) in pairwise(given):
+            if not smaller < larger:
+                raise refuse(
+                    f"is not above {below} = {1e3 * smaller:.4g} mm; percentiles ascend: min < d10 < d50 < d90 < max",
+                    key=key,
+                )
+
+    def distribution(self) -> GrainSizes:
+        """Return the distribution, in SI."""
+        from particles.packing.sizes import PercentileSizes
+
+        return PercentileSizes(self.d10, self.d50, self.d90, self.min, self.max, by_mass=self.by == "mass")
+
+
 class ListedDiameters(_Distribution):
     """Some diameters with their shares, as sieves give them."""
 
@@ -178,6 +210,11 @@ def from_the_scenes_folder(given: str, context: dict[str, Any] | None) -> str:
 
 
 Sizes = Annotated[
-    UniformDiameters | NormalDiameters | LogNormalDiameters | ListedDiameters | DiametersOfFile,
+    UniformDiameters
+    | NormalDiameters
+    | LogNormalDiameters
+    | PercentileDiameters
+    | ListedDiameters
+    | DiametersOfFile,
     Field(discriminator="kind"),
 ]

@@ -25,6 +25,7 @@ from particles.packing.columns_file import read_columns
 _STREAM = 1  # keeps the sizes' random numbers apart from the positions', which are drawn with the bare seed
 _CUT = 3.0  # standard deviations
 _BLOCK = 4096  # grains sampled at a time until a volume is reached
+_BETWEEN_PERCENTILES = np.array([0.1, 0.4, 0.4, 0.1])  # of the powder, of 0, 10, 50, 90 and 100 %
 
 
 class GrainSizes(ABC):
@@ -246,6 +247,81 @@ def _cut_normal(share: np.ndarray, below: float, above: float) -> np.ndarray:
     """Inverse cumulative standard normal distribution between two limits."""
     low, high = ndtr(below), ndtr(above)
     return ndtri(low + np.asarray(share) * (high - low))
+
+
+@dataclass(frozen=True, slots=True)
+class PercentileSizes(GrainSizes):
+    """The powder of which 10, 50 and 90 % are finer than ``d10``, ``d50``, ``d90`` [m], as makers describe it.
+
+    Between ``smallest``, the three diameters and ``largest`` the cumulative curve is straight over ln d, which is how
+    points of a sieve analysis are joined. Of a powder described by mass (or by volume, the same at one density) the
+    density by number is that by mass over d^3: with q_i the share of section i, in ln d,
+
+        number in ln d ~ q_i/ln(b_i/a_i) d^-3,   a_i < d < b_i.
+
+    Parameters
+    ----------
+    d10, d50, d90 : float
+        [m]
+    smallest, largest : float, optional
+        [m]; by default as far beyond d10 and d90, in ln d, as these are from d50: d10^2/d50 and d90^2/d50.
+    by_mass : bool
+        The percentages are of the mass, as sieves and laser diffraction give them; false: of the number of grains.
+
+    Raises
+    ------
+    ValueError
+        If the diameters are not positive and ascending.
+    """
+
+    d10: float
+    d50: float
+    d90: float
+    smallest: float | None = None
+    largest: float | None = None
+    by_mass: bool = True
+
+    def __post_init__(self) -> None:
+        edges = self._edges
+        if not (0.0 < edges[0] and np.all(np.diff(edges) > 0.0) and edges[-1] < math.inf):
+            listed = ", ".join(f"{1e3 * edge:g}" for edge in edges)
+            raise ValueError(
+                f"smallest, d10, d50, d90, largest = {listed} mm; allowed: more than 0, each above the one before"
+            )
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        smallest = self.d10**2 / self.d50 if self.smallest is None else self.smallest
+        return smallest, self.d90**2 / self.d50 if self.largest is None else self.largest
+
+    def moment(self, power: int) -> float:
+        """Sum over the sections of q/ln(b/a) int d^(power - 3) d(ln d), over that of power 0; 3 is 0 by number."""
+        over = self._sections(power - self._reduction).sum() / self._sections(-self._reduction).sum()
+        return float(self.d50**power * over)
+
+    def at(self, share: np.ndarray) -> np.ndarray:
+        number = self._sections(-self._reduction)
+        upper = np.cumsum(number) / number.sum()
+        k = np.minimum(np.searchsorted(upper, share, side="right"), len(number) - 1)
+        t = np.clip((share - np.append(0.0, upper)[k]) * number.sum() / number[k], 0.0, 1.0)
+        a, b = self._edges[k], self._edges[k + 1]
+        if not self.by_mass:
+            return a * (b / a) ** t
+        return np.clip(a * (1.0 - t * (1.0 - (a / b) ** 3)) ** (-1.0 / 3.0), a, b)
+
+    @property
+    def _edges(self) -> np.ndarray:
+        return np.array([self.limits[0], self.d10, self.d50, self.d90, self.limits[1]])
+
+    @property
+    def _reduction(self) -> int:
+        return 3 if self.by_mass else 0
+
+    def _sections(self, power: int) -> np.ndarray:
+        """q/ln(b/a) int (d/d50)^power d(ln d) of each section."""
+        a, b = self._edges[:-1] / self.d50, self._edges[1:] / self.d50
+        part = np.log(b / a)
+        return _BETWEEN_PERCENTILES * ((b**power - a**power) / (power * part) if power else 1.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -8,7 +8,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
-from particles.packing.sizes import EqualSizes, ListedSizes, LogNormalSizes, NormalSizes, UniformSizes, read_sizes
+from particles.packing.sizes import (
+    EqualSizes,
+    ListedSizes,
+    LogNormalSizes,
+    NormalSizes,
+    PercentileSizes,
+    UniformSizes,
+    read_sizes,
+)
 
 KINDS = {
     "equal": EqualSizes(1e-3),
@@ -17,6 +25,8 @@ KINDS = {
     "normal cut short": NormalSizes(1e-3, 0.4e-3, 0.5e-3, 1.2e-3),
     "log-normal": LogNormalSizes(1e-3, 1.3),
     "log-normal cut short": LogNormalSizes(1e-3, 1.5, 0.8e-3, 2e-3),
+    "percentiles": PercentileSizes(0.8e-3, 1e-3, 1.4e-3),
+    "percentiles by number": PercentileSizes(0.8e-3, 1e-3, 1.4e-3, 0.5e-3, by_mass=False),
     "list": ListedSizes([2e-3, 1e-3, 1.2e-3], [1.0, 2.0, 0.5]),
     "list by mass": ListedSizes([2e-3, 1e-3, 1.2e-3], [1.0, 2.0, 0.5], by_mass=True),
 }
@@ -63,6 +73,26 @@ def test_known_moments():
     assert by_mass.mean == pytest.approx((8.0 * 1.0 + 2.0) / 9.0)
 
 
+def test_a_draw_has_the_percentiles_of_the_maker():
+    """Of what is drawn, 10, 50 and 90 % by mass (by number) are finer than d10, d50, d90.
+
+    Within five standard errors of a share: by mass sum(m_i (1[d_i < d] - q))/sum(m_i) has the variance
+    sum(m_i^2 (1 - q)^2 or q^2)/sum(m_i)^2.
+    """
+    for by_mass in (True, False):
+        sizes = PercentileSizes(45e-6, 60e-6, 100e-6, by_mass=by_mass)
+        d = sizes.draw(40_000, seed=5)
+        weight = d**3 if by_mass else np.ones(len(d))
+        for share, diameter in ((0.1, 45e-6), (0.5, 60e-6), (0.9, 100e-6)):
+            finer = d < diameter
+            error = math.sqrt(np.sum((weight * (finer - share)) ** 2)) / weight.sum()
+            assert error < 0.01
+            assert abs(weight[finer].sum() / weight.sum() - share) < 5.0 * error
+    # symmetrical in ln d at a narrow spread, mass and number agree to the factor exp(3 ln(d/d50)) of the section
+    narrow = [PercentileSizes(0.999, 1.0, 1.0 / 0.999, by_mass=by_mass).mean for by_mass in (True, False)]
+    assert narrow[0] == pytest.approx(narrow[1], rel=1e-5)
+
+
 @kinds
 @pytest.mark.parametrize("grains", [0.3, 1.0, 57.3, 20_000.0])
 def test_volume_is_met_to_half_a_grain(sizes, grains):
@@ -93,6 +123,8 @@ def test_seeds_differ():
         (lambda: NormalSizes(1e-3, 0.4e-3), "three standard deviations below the mean is -0.2 mm"),
         (lambda: NormalSizes(1e-3, 0.1e-3, 1.1e-3), "not between the limits"),
         (lambda: LogNormalSizes(1e-3, 1.0), "geometric standard deviation = 1;"),
+        (lambda: PercentileSizes(2e-3, 1e-3, 3e-3), "d10, d50, d90, largest = 4, 2, 1, 3, 9 mm"),
+        (lambda: PercentileSizes(1e-3, 2e-3, 3e-3, 1e-3), "each above the one before"),
         (lambda: ListedSizes([]), "empty"),
         (lambda: ListedSizes([1e-3], [1.0, 2.0]), "1 diameters but 2 weights"),
         (lambda: ListedSizes([1e-3, -1e-3]), "diameter 2 of the list"),

@@ -28,6 +28,8 @@ SIZES = {
     "normal": ({"kind": "normal", "mean": "1 mm", "deviation": "0.1 mm"}, 1.0e-3, (0.7e-3, 1.3e-3)),
     "log_normal": ({"kind": "log_normal", "median": "1 mm", "spread": 1.2, "min": "0.5 mm", "max": "2 mm"},
                    1e-3 * math.exp(0.5 * math.log(1.2) ** 2), (0.5e-3, 2e-3)),
+    "percentiles": ({"kind": "percentiles", "d10": "0.8 mm", "d50": "1 mm", "d90": "1.25 mm", "by": "number"},
+                    0.22725e-3 / math.log(1.25), (0.64e-3, 1.5625e-3)),
     "list": ({"kind": "list", "diameters": ["1 mm", "2 mm"], "shares": [3, 1]}, 1.25e-3, (1e-3, 2e-3)),
 }  # fmt: skip
 
@@ -92,6 +94,23 @@ def test_every_packing_is_made_from_its_scene(packing):
     assert 4.0 / 3.0 * math.pi * np.sum(made.radius**3) == pytest.approx(fill.mass / scene.particles.density)
 
 
+def test_a_packed_powder_has_its_makers_percentiles():
+    """By mass, of the grains packed, within five standard errors of a share; the fill is reached to half a grain."""
+    sizes = {"kind": "percentiles", "d10": "0.25 mm", "d50": "0.4 mm", "d90": "0.6 mm"}
+    case = _case({"sizes": sizes, "solid_fraction": 0.4}, geometry={"kind": "box", "size": ["6 mm", "6 mm", "8 mm"]})
+    scene, shape = case.scene, case.scene.shape()
+    fill = fill_of(shape, scene.particles, scene.scene.seed)
+    made = packed(scene, shape, shape.walls(), fill.count, None)
+    d, mass = 2.0 * made.radius, made.radius**3
+    half_grain = 0.5 * math.pi / 6.0 * scene.particles.largest_diameter**3
+    assert abs(math.pi / 6.0 * np.sum(d**3) - 0.4 * 288e-9) <= half_grain
+    for share, diameter in ((0.1, 0.25e-3), (0.5, 0.4e-3), (0.9, 0.6e-3)):
+        finer = d < diameter
+        error = math.sqrt(np.sum((mass * (finer - share)) ** 2)) / mass.sum()
+        assert error < 0.02
+        assert abs(mass[finer].sum() / mass.sum() - share) < 5.0 * error
+
+
 def test_a_sector_is_packed():
     case = _case({"sizes": UNIFORM, "solid_fraction": 0.3, "sector": "30 deg"}, **CELL,
                  effects={"gravity": {"direction": [0, 0, -1]}})  # fmt: skip
@@ -149,6 +168,15 @@ EQUAL = {"diameter": "1 mm", "count": 10}
          "particles.sizes.median", "is not between the limits 1.1 and"),
         ({"count": 10, "sizes": {"kind": "list", "diameters": ["1 mm", "2 mm"], "shares": [1]}},
          "particles.sizes.shares", "has 1 entries, but diameters 2"),
+        ({"count": 10, "sizes": {"kind": "percentiles", "d10": "60 um", "d50": "45 um", "d90": "90 um"}},
+         "particles.sizes.d50", "is not above d10 = 0.06 mm; percentiles ascend"),
+        ({"count": 10, "sizes": {"kind": "percentiles", "d10": "45 um", "d50": "60 um", "d90": "90 um",
+                                  "max": "90 um"}},
+         "particles.sizes.max", "is not above d90 = 0.09 mm"),
+        ({"count": 10, "sizes": {"kind": "percentiles", "d10": "45 um", "d50": "60 um"}}, "particles.sizes.d90",
+         "a length is needed"),
+        ({"count": 10, "sizes": {"kind": "percentiles", "d10": "45 um", "d50": "60 um", "d90": "1 mm", "by": "sieve"}},
+         "particles.sizes.by", "available: mass, number"),
         ({"count": 10, "sizes": {"kind": "file", "file": "no.csv"}}, "particles.sizes.file", "does not exist"),
         (EQUAL | {"packing": "file"}, "particles.count", "says how many grains"),
         ({"diameter": "1 mm", "packing": "file"}, "particles.packing_file", "is missing"),
