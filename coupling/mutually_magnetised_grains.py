@@ -43,6 +43,8 @@ class MutuallyMagnetisedGrains(MagnetisedGrains):
         Hands the near pull to the DEM's own step; None: it is held like the rest.
     necks : Necks or None
         Drops of the last evaluation; None before the first one, and in model `mutual`.
+    field_strength : float or None
+        Root mean square of the field without the grains' own [A/m] at the last evaluation; None before the first one.
     """
 
     solver: MutualMoments
@@ -51,6 +53,7 @@ class MutuallyMagnetisedGrains(MagnetisedGrains):
     near: NearAttraction | None = None
     found: Magnetisation | None = None
     necks: Necks | None = None
+    field_strength: float | None = None
     _walls_of: object = None
     _stood: tuple[np.ndarray, np.ndarray] | None = None
     _worst: float = 0.0
@@ -84,6 +87,7 @@ class MutuallyMagnetisedGrains(MagnetisedGrains):
         if left > LOST:
             raise MomentError(left, self._sweeps)
         self._worst = max(self._worst, found.residual, left)
+        self.field_strength = float(np.sqrt((self.H**2).sum(axis=1).mean())) if len(self.H) else 0.0
         budget = simulation.motion.energy_budget
         self._stood = (np.array(grains.position), np.array(grains.radius)) if budget else None
 
@@ -98,12 +102,17 @@ class MutuallyMagnetisedGrains(MagnetisedGrains):
             motion.attraction = self.near.attraction
 
     def state(self) -> dict[str, Any] | None:
-        """Return the drops for a checkpoint."""
-        return None if self.necks is None else asdict(self.necks)
+        """Return the drops and the field's strength for a checkpoint."""
+        if self.field_strength is None:
+            return None
+        drops = {} if self.necks is None else asdict(self.necks)
+        return {"field_strength": self.field_strength} | drops
 
     def restore(self, saved: dict[str, Any] | None) -> None:
-        """Take up the drops of a checkpoint."""
-        self.necks = None if saved is None else Necks(**saved)
+        """Take up the drops and the field's strength of a checkpoint."""
+        drops = dict(saved or {})
+        self.field_strength = drops.pop("field_strength", None)
+        self.necks = Necks(**drops) if drops else None
 
     def energy(self) -> float | None:
         """Return W of `coupling.mutual_moments` at the last evaluation [J]; None without a budget of energy."""

@@ -27,7 +27,6 @@ from emclutch.scene.units import number
 
 if TYPE_CHECKING:
     from coupling import MagnetisedGrains
-    from coupling.mutual_moments import Magnetisation
     from emclutch.scene.model import Scene
     from geometry.walls import Wall
     from particles import GrainMotion
@@ -275,8 +274,8 @@ class DipolesSection(EffectSection):
             )
             warnings += [depth_warning(motion.attraction, motion.laws, motion.grains.radius)]
         magnetised = simulation.magnetised
-        if isinstance(magnetised, MutuallyMagnetisedGrains) and magnetised.found is not None:
-            moments |= _extremes(motion, magnetised.found, magnetised.solver.table.scale)
+        if isinstance(magnetised, MutuallyMagnetisedGrains) and magnetised.field_strength is not None:
+            moments |= _extremes(motion, magnetised.field_strength, magnetised.solver.table.scale)
             warnings += _outside(moments, magnetised.solver.table.scale) if self.has_necks else []
         if any(warnings):
             moments["warnings"] = [text for text in warnings if text is not None]
@@ -289,7 +288,7 @@ class DipolesSection(EffectSection):
             yield LeftOut(cls.name, OFF, "pull of touching grains over weight", at.pull / at.weight, 0.1)
 
 
-def _extremes(motion: GrainMotion, found: Magnetisation, saturation: float) -> dict[str, float]:
+def _extremes(motion: GrainMotion, field_strength: float, saturation: float) -> dict[str, float]:
     """Largest moment over ``saturation`` [A/m], mean field [A/m] and fraction of crowded grains at the end of a run."""
     table, moments = motion.contacts(), motion.grains.magnetic_moment
     assert moments is not None  # of the last evaluation
@@ -298,7 +297,7 @@ def _extremes(motion: GrainMotion, found: Magnetisation, saturation: float) -> d
     moment = np.linalg.norm(moments, axis=1) / motion.grains.volume
     return {
         "largest_moment_over_saturation": float(moment.max(initial=0.0) / saturation),
-        "field_strength": float(np.sqrt((found.applied**2).sum(axis=1).mean())),
+        "field_strength": field_strength,
         "grains_of_more_than_six_contacts": float(np.mean(contacts > MOST_CONTACTS)),
     }
 
