@@ -307,7 +307,9 @@ class DEM(ListedGrains):
         """Begin at time 0 with the grains of a `state` and what their contacts remember.
 
         Law, step, skin and the speeds of the bodies stay this DEM's; the bodies' angles are the state's, so that walls
-        with teeth stand to the grains as they did. Held forces, moments and attraction are left behind.
+        with teeth stand to the grains as they did. Of a sheared box the shear rate stays this DEM's, edges and offset
+        are the state's, and its strain begins at 0; spins and velocities beside the flow are kept. Held forces, moments
+        and attraction are left behind.
 
         Raises
         ------
@@ -315,12 +317,19 @@ class DEM(ListedGrains):
             As `restore`.
         """
         own, speeds = (self.dt, self.skin), [body.speed for body in self.bodies]
+        rate = 0.0 if self.box is None else self.box.rate
         of_the_run = ("external_force", *MOMENTS)
         self.restore({k: v for k, v in state.items() if k not in of_the_run and not k.startswith(ATTRACTION)})
         self.dt, self.skin = own
         for body, speed in zip(self.bodies, speeds, strict=True):
             body.speed, body.external_torque = speed, 0.0
         self.step_count = self._list_step = 0
+        if self.box is not None:
+            velocity, half_step = self.grains.velocity, 0.5 * float(state["scalars"][2])  # velocities lag behind by it
+            z = self.grains.position[:, 2] - half_step * velocity[:, 2]
+            velocity -= self.box.flow(z)
+            self.box.rate, self.box.strain = rate, 0.0
+            velocity += self.box.flow(z)
         self._rebuild()
         if self.energy_budget:
             self._kinetic = self._kinetic_now()

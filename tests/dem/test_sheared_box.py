@@ -263,6 +263,27 @@ def test_a_checkpoint_continues_bit_for_bit():
     assert one.box.strain == other.box.strain > 0.0
 
 
+def test_beginning_with_other_grains_keeps_the_own_shear_rate():
+    """Beside the flow they move as before, images too; at the rate of before they go on as those grains would."""
+    first = cell(0.5)
+    first.run(800)
+    state, moving = first.state(), first._kinetic_now()
+    faster = cell(0.5, seed=2, rate=3.0 * RATE)
+    faster.begin_with(state)
+    box = faster.box
+    assert (box.rate, box.strain, faster.time) == (3.0 * RATE, 0.0, 0.0)
+    assert (box.lengths == first.box.lengths).all() and box.offset == pytest.approx(first.box.offset)
+    assert faster._kinetic_now() == pytest.approx(moving, rel=1e-12)  # less the flow's
+    totals = faster.run(400)
+    assert box.strain == pytest.approx(3.0 * RATE * totals.duration, rel=1e-12)
+    assert abs(totals.energy.integration_error) < 0.02 * totals.energy.dissipated
+    goes_on = cell(0.5, seed=2)
+    goes_on.begin_with(state)
+    for dem in (first, goes_on):
+        dem.run(300)
+    assert beside(goes_on) == pytest.approx(beside(first), abs=1e-6 * RATE * D)
+
+
 def test_how_a_run_is_split_makes_no_difference():
     one, other = cell(), cell()
     one.run(900)
