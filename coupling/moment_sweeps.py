@@ -102,29 +102,41 @@ class MomentSweeps:
         return f.residual
 
     def run(self, tolerance: float, max_sweeps: int, cold: bool) -> None:
-        """Sweep until the residual is at most the tolerance, `max_sweeps` times at most."""
+        """Sweep until the residual is at most the tolerance, `max_sweeps` times at most.
+
+        Where it is not reached the state is that of the smallest residual, evaluated once more.
+        """
         damping, before, mixing = (1.0 if cold else FIRST_DAMPING), np.inf, AndersonMixing()
         self.scale = np.ones(2)
         best, best_at = np.inf, 0
+        lowest, lowest_state = np.inf, self.found.dipole
         for sweep in range(1, max_sweeps + 1):
             residual = self.evaluate()
-            if residual <= tolerance or sweep == max_sweeps:
+            if residual <= tolerance:
                 return
+            if sweep == max_sweeps:
+                break
             if residual < 0.9 * best:
                 best, best_at = residual, sweep
             elif sweep - best_at > PATIENCE:
                 if damping <= MIN_DAMPING:
-                    return
+                    break
                 damping, best, best_at = 0.6 * damping, residual, sweep
                 mixing = AndersonMixing(depth=0)  # in saturation the map bends within a step: plain sweeps
             if sweep == 1:
                 self.scale = self._scales()
-            self._take(mixing.next(self._state(), self._asked(), damping))
+            state = self._state()
+            if residual < lowest:
+                lowest, lowest_state = residual, state
+            self._take(mixing.next(state, self._asked(), damping))
             if sweep > 1 and residual > 1.5 * before:
                 mixing.forget()
             elif sweep == 1 and cold:
                 damping = FIRST_DAMPING
             before = residual
+        if self.found.residual > lowest:
+            self._take(lowest_state)
+            self.evaluate()
 
     def newton(self, tolerance: float, max_sweeps: int) -> None:
         """Newton's method with Krylov's subspaces (scipy) where the sweeps have stalled, from the best state of theirs.

@@ -181,6 +181,26 @@ def test_gaps_below_the_table_pull_as_its_first_gap():
     assert below.force[0, 2] == pytest.approx(known.force[0, 2], rel=0.01)
 
 
+@pytest.mark.parametrize("stalled", [False, True])
+def test_the_best_state_is_kept_where_the_tolerance_is_not_reached(monkeypatch, stalled):
+    """At the largest number of sweeps, and where they stall before Newton's method: the smallest residual of all."""
+    evaluate, residuals, returned = MomentSweeps.evaluate, [], 0
+    monkeypatch.setattr(MomentSweeps, "evaluate", lambda self: residuals.append(evaluate(self)) or residuals[-1])
+    monkeypatch.setattr(MomentSweeps, "newton", lambda self, tolerance, most: None)
+    if stalled:  # as soon as the residual rises
+        monkeypatch.setattr("coupling.moment_sweeps.PATIENCE", 0)
+        monkeypatch.setattr("coupling.moment_sweeps.MIN_DAMPING", 1.0)
+    x, radius, applied = 2.0 * A * CLUSTERS["icosahedron"], np.full(12, A), np.tile(18e3 * OBLIQUE, (12, 1))
+    solver = MutualMoments(grain_table(GrainLaw(5000.0, MS), "near_field"), near=True, reach=1.0)
+    for most in (MAX_SWEEPS,) if stalled else range(2, 16):
+        residuals.clear()
+        found = solver.solve(x, radius, applied, neighbour_rows(x, 1.0), tolerance=1e-13, max_sweeps=most)
+        assert found.sweeps == len(residuals) < most + 2
+        assert found.residual == residuals[-1] == pytest.approx(min(residuals), rel=1e-6)
+        returned += residuals[-1] > 0.999 * min(residuals[:-1])  # the last evaluation was no step further
+    assert returned > 0  # there were worse states to come back from
+
+
 @pytest.mark.parametrize("strength", [18e3, 80e3, 200e3])
 def test_newtons_method_alone(monkeypatch, strength):
     """From three sweeps on it comes to the same moments as sweeps do."""
