@@ -37,6 +37,8 @@ class MutuallyMagnetisedGrains(MagnetisedGrains):
     solver : MutualMoments
     tolerance : float
         Residual of the moments that is asked for.
+    max_sweeps : int
+        Sweeps of an evaluation at most.
     mirrors : sequence of walls, or None
         Walls whose steel mirrors the grains, as strongly as the field's solution says; None: none does.
     near : NearAttraction or None
@@ -49,6 +51,7 @@ class MutuallyMagnetisedGrains(MagnetisedGrains):
 
     solver: MutualMoments
     tolerance: float = 1e-3
+    max_sweeps: int = MAX_SWEEPS
     mirrors: Sequence | None = None
     near: NearAttraction | None = None
     found: Magnetisation | None = None
@@ -72,7 +75,7 @@ class MutuallyMagnetisedGrains(MagnetisedGrains):
             found = self.solver.solve(
                 grains.position, grains.radius, self.H, rows, gradient=self.grad_H if self.solver.smear else None,
                 start=grains.magnetic_moment if grains.dipole is None else grains.dipole, necks=self.necks,
-                number=grains.particle_id, tolerance=self.tolerance, max_sweeps=MAX_SWEEPS,
+                number=grains.particle_id, tolerance=self.tolerance, max_sweeps=self.max_sweeps,
             )  # fmt: skip
             if found.residual > LOST:
                 raise MomentError(found.residual, found.sweeps)
@@ -91,10 +94,19 @@ class MutuallyMagnetisedGrains(MagnetisedGrains):
         budget = simulation.motion.energy_budget
         self._stood = (np.array(grains.position), np.array(grains.radius)) if budget else None
 
-    def hold(self, dem: DEM, force: np.ndarray) -> None:
+    def hold(self, simulation, force: np.ndarray) -> None:
         """Take the sum of all held forces (n, 3) [N] of this update, and let the DEM follow the near gaps."""
-        if self.near is not None and self.found is not None:
-            self.near.hold(dem, self.found, force)
+        motion, grains, found = simulation.motion, simulation.motion.grains, self.found
+        if found is not None and motion.box is not None:
+            rows = simulation.rows(self.solver.reach)
+            followed = self.near is not None  # the pulls of near pairs have their stress from each step
+            held = self.solver.forces(
+                grains.position, grains.radius, rows, found, attraction=not followed, virial=True
+            )  # fmt: skip
+            assert held.virial is not None
+            self.held_stress = held.virial.T / motion.box.volume
+        if self.near is not None and found is not None:
+            self.near.hold(motion, found, force)
 
     def resume(self, motion: GrainMotion) -> None:
         """Give a DEM the attraction that its saved drives belong to."""

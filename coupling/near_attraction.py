@@ -22,7 +22,7 @@ from particles import DEM
 from particles.dem.attraction import Attraction
 
 NEAR_GAP = 0.3
-"""Gap [radii] up to which every pair follows its gap of each step; beyond, the pull changes slowly and may be held."""
+"""Gap [radii] beyond which the pull changes slowly and may be held."""
 
 
 class NearAttraction:
@@ -34,9 +34,12 @@ class NearAttraction:
         With near pairs.
     walls : sequence of walls
         Those of the DEM, in its order.
+    near_gap : float
+        Gap [radii] up to which every pair follows its gap of each step. From `FARTHEST_GAP` on nothing of the pulls is
+        held, as the stress of a sheared box needs it.
     """
 
-    def __init__(self, solver: MutualMoments, walls: Sequence) -> None:
+    def __init__(self, solver: MutualMoments, walls: Sequence, near_gap: float = NEAR_GAP) -> None:
         self.solver = solver
         magnetic = [isinstance(wall, RevolvedWall) and wall.magnetic for wall in walls]
         rows = np.cumsum(magnetic) - 1
@@ -44,7 +47,7 @@ class NearAttraction:
         table = solver.table
         self._across = _pull_across(table)
         self.attraction = Attraction(
-            table.gap_start, table.gap_step, table.pull, self._across, solver.smallest_gap, self.drives, NEAR_GAP
+            table.gap_start, table.gap_step, table.pull, self._across, solver.smallest_gap, self.drives, near_gap
         )
 
     def hold(self, dem: DEM, found: Magnetisation, whole: np.ndarray) -> None:

@@ -8,12 +8,12 @@ have a wider one), it may be older than the rows, and it is renewed only after t
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from coupling.kernel_state import Rows
-from particles import find_pairs
+from particles import Periodicity, find_pairs
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,7 +22,8 @@ class NeighbourRows:
 
     Row `image[q]` of `images` holds cosine and sine of an image's turn about z and its translation [m]; the middle one
     is the grain itself. `position` (n, 3) [m] is where the grains were when the rows were made out to `reach` [m].
-    `twin` is where each entry's pair stands in the other grain's row; None: not every pair does.
+    `strain` is that of the periodic space then. `twin` is where each entry's pair stands in the other grain's row;
+    None: not every pair does.
     """
 
     start: np.ndarray  # (n+1,) int64
@@ -32,23 +33,34 @@ class NeighbourRows:
     position: np.ndarray  # (n, 3) float64
     reach: float
     twin: np.ndarray | None = None  # (p,) int32
+    strain: float = 0.0
 
     @property
     def arrays(self) -> Rows:
         """The arrays that kernels read."""
         return Rows(self.start, self.other, self.image, self.images)
 
-    def is_complete(self, position: np.ndarray, cutoff: float) -> bool:
+    def is_complete(self, position: np.ndarray, cutoff: float, periodicity: Periodicity | None = None) -> bool:
         """True if no pair of grains at `position` (n, 3) [m] that is closer than `cutoff` [m] can be missing.
 
-        The grains must be in the same order, and on the same sides of a sector's faces, as when the rows were made.
+        The grains must be in the same order, and on the same sides of the faces of periodic space, as when the rows
+        were made.
         """
+        spare = max(self.reach - cutoff, 0.0)
+        if periodicity is not None:
+            middle = 0.5 * (self.reach + cutoff)
+            return periodicity.approach(position, self.position, self.strain, middle) <= spare
         moved = position - self.position
         farthest = float(np.einsum("ij,ij->i", moved, moved).max(initial=0.0))
-        return farthest <= (0.5 * max(self.reach - cutoff, 0.0)) ** 2
+        return farthest <= (0.5 * spare) ** 2
+
+    def at_present(self, periodicity: Periodicity | None) -> NeighbourRows:
+        """Return the rows with the images where they stand at the present time, which those of a sheared box leave."""
+        images = images_of(periodicity)
+        return self if np.array_equal(images, self.images) else replace(self, images=images)
 
 
-def neighbour_rows(position: np.ndarray, reach: float, periodicity=None) -> NeighbourRows:
+def neighbour_rows(position: np.ndarray, reach: float, periodicity: Periodicity | None = None) -> NeighbourRows:
     """All neighbours of all grains closer than `reach` [m]; positions (n, 3) [m]; periodic images included.
 
     The order within a row is fixed by the grains' order alone, so that sums over it are reproducible.
@@ -67,10 +79,11 @@ def neighbour_rows(position: np.ndarray, reach: float, periodicity=None) -> Neig
     other[here], other[there] = pairs.other, pairs.rows()[pair]
     image[here], image[there] = none + pairs.shift, none - pairs.shift[pair]
     twin[there], twin[here[pair]] = here[pair], there
-    return NeighbourRows(start, other, image, images, position.copy(), reach, twin)
+    strain = 0.0 if periodicity is None else periodicity.strain
+    return NeighbourRows(start, other, image, images, position.copy(), reach, twin, strain)
 
 
-def images_of(periodicity) -> np.ndarray:
+def images_of(periodicity: Periodicity | None) -> np.ndarray:
     """Images (2 m + 1, 6) by the shift of a pair, of a sector or a periodic box (`particles`); None: one row.
 
     Columns are cosine and sine of the turn about z, translation (3) [m], and jump of the velocity along x [m/s].

@@ -5,19 +5,9 @@ powder, stands along z: chains cross the flow, as in a clutch. `particles.DEM` m
 law, friction and rolling friction; `coupling.mutual_moments` finds moments and magnetic forces from all neighbours
 within the split's width, images included. No weight, no fluid.
 
-**Stress.** The one that a wall feels is the force along x on a plane across z. By momentum balance it is that of all
-pairs whose line crosses the plane,
-
-    tau = -(1/V) [sum over pairs r_z F_x + sum m V_x V_z],
-
-F on the grain at r from its partner: contacts, what is held of the magnetic forces, the attraction of near pairs.
-Contacts alone do not have this stress, and pairs with torques do not have F_x r_z = F_z r_x: the field's torque
-mu_0 M x H stands between tau_zx and tau_xz (`Series.tau` and `Series.tau_across`). Two things do *not* come on top:
-
-- the macroscopic Maxwell stress across z, B_z H_x, is 0: H stands along z (H_x is continuous, and 0 at the steel).
-  Its partner B_x H_z = mu_0 M_x H_z is the force along z on a plane across x; no wall stands there;
-- of the forces of smeared grains on grains: those above a plane are a layer of the even magnetisation M S(z), whose
-  field is H_z(z) only; it has no gradient along x, hence no F_x = mu_0 (m_z dH_x/dz + m_x dH_x/dx) across the plane.
+The loop is that of every run (`coupling.staggered`), and so are the means of its windows: `coupling.sheared_means` says
+what the stress is made of, and what does not come on top of it. A scene of a sheared box runs the same box
+(`coupling.sheared_powder`) with its own contact law.
 
 **Power.** In the steady state tau rate V is what contacts dissipate, `Series.power`; the difference is the error of the
 held forces, of the lagging moments and of the step, and what chains that have not yet broken hold.
@@ -32,26 +22,32 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from typing import cast
 
 import numpy as np
 
+from coupling.coil_field import ImposedField
+from coupling.effects.dipoles import Dipoles
 from coupling.grain_law_table import FARTHEST_GAP, grain_table
-from coupling.mutual_moments import MIN_GAP, Magnetisation, MutualMoments, Necks
+from coupling.magnetised_grains import MomentRow
+from coupling.mutual_moments import MIN_GAP, MutualMoments
+from coupling.mutually_magnetised_grains import MutuallyMagnetisedGrains
 from coupling.near_attraction import NearAttraction
-from coupling.neighbour_rows import NeighbourRows, neighbour_rows
+from coupling.sheared_means import BoxRow, MagnetisedBoxRow
+from coupling.sheared_powder import chain_load, dem_in_box, expected_stress, grains_in_flow, min_edge, rate_of
+from coupling.staggered import Simulation, run_staggered
+from coupling.window_row import WindowRow
+from field import ParticleLaw, UniformField
 from field.laws.powder_law import GrainLaw
 from field.laws.reluctivity import MU_0, Law
 from field.spheres.lone_sphere import saturation
-from particles import DEM, Grains, LinearContact, RollingFriction, periodic_packing
+from particles import DEM, LinearContact, PairLaws, RollingFriction, ShearedBox, periodic_packing
 
-SKIN = 0.3  # of the lists, in diameters
-NEAR = 1.0 + 0.5 * FARTHEST_GAP  # diameters: where two equal spheres become mutual dipoles
 OVERLAP = 0.005  # of a diameter, under the load of a chain
 NECK = 10.0  # contact stiffness over the neck's negative one
-DIPOLES_SUFFICE = 0.15  # of Ms: the field above which a chain of mutual dipoles holds as strongly as one with necks
 MIN_STRESS = 10.0  # Pa: rate of a cell without a field
-FIRST_TOLERANCE, TOLERANCE, MAX_SWEEPS = 1e-3, 1e-2, 300  # of the moments, at rest and while the cell is sheared
+FIRST_TOLERANCE, TOLERANCE = 1e-3, 1e-2  # of the moments, at rest and while the cell is sheared
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -134,83 +130,10 @@ class Series:
     contacts: list[float] = field(default_factory=list)
 
 
-def list_reach(parameters: ShearParameters) -> float:
-    """Reach of the lists of pairs [diameters], without their skin."""
-    magnetic = parameters.law is not None and parameters.H > 0.0
-    return max(parameters.width if magnetic else 0.0, NEAR)
-
-
 def least_count(parameters: ShearParameters) -> int:
     """Grains that a cell of this fill needs so that none meets a neighbour twice."""
-    return math.ceil((2.0 * (list_reach(parameters) + SKIN)) ** 3 * parameters.fill * 6.0 / math.pi)
-
-
-class CellMagnetism:
-    """Moments and magnetic forces of the grains of a DEM in a sheared box, in the macroscopic field (3,) [A/m].
-
-    Forces come from moments and fields that belong together, and are held until the next look at them; the attraction
-    of near pairs follows the gap of each step.
-
-    Attributes
-    ----------
-    stress : ndarray, shape (3, 3)
-        Stress of the held forces [Pa], as `particles.BoxStress` counts it.
-    found : Magnetisation
-        Of the last look.
-    """
-
-    found: Magnetisation
-
-    def __init__(self, dem: DEM, solver: MutualMoments, applied: np.ndarray) -> None:
-        assert dem.box is not None
-        self.dem, self.box, self.solver = dem, dem.box, solver
-        self.applied = np.tile(np.asarray(applied, dtype=float), (dem.grains.count, 1))
-        self.near: NearAttraction | None = None
-        if solver.near:
-            self.near = NearAttraction(solver, [])
-            self.near.attraction.near_gap = FARTHEST_GAP  # every near pair follows its gap: nothing of theirs is held
-            self.near.attraction.listed = False
-        self.stress = np.zeros((3, 3))
-        self._rows: NeighbourRows | None = None
-        self._necks: Necks | None = None
-        self._of_list, self._strain = -1, 0.0
-
-    def look(self, tolerance: float, max_sweeps: int) -> None:
-        """Find moments and forces at the present places, beginning with the last ones."""
-        dem, grains, solver = self.dem, self.dem.grains, self.solver
-        dem.renew_list()
-        position, radius, rows = np.array(grains.position), np.array(grains.radius), self.rows()
-        found = solver.solve(
-            position, radius, self.applied, rows, start=grains.dipole, necks=self._necks, number=grains.particle_id,
-            tolerance=tolerance, max_sweeps=max_sweeps,
-        )  # fmt: skip
-        self.found, grains.magnetic_moment, grains.dipole = found, found.moment, found.dipole
-        self._necks = solver.necks_of(found, grains.particle_id)
-        held = solver.forces(position, radius, rows, found, attraction=False, virial=True)
-        assert held.virial is not None
-        self.stress = held.virial.T / self.box.volume
-        if self.near is None:
-            dem.external_force = held.force
-        else:
-            self.near.hold(dem, found, solver.forces(position, radius, rows, found).force)
-
-    def rows(self) -> NeighbourRows:
-        """Rows of neighbours of the present list of the DEM, made again with it and where they may miss a pair."""
-        dem, box, reach = self.dem, self.box, self.solver.reach
-        skin = dem.list_skin
-        known = self._rows
-        if known is not None and self._of_list == dem.list_version:
-            nearer = box.approach(dem.grains.position, known.position, self._strain, reach + 0.5 * skin)
-            if nearer <= skin:
-                return replace(known, images=box.images)
-        made = neighbour_rows(np.array(dem.grains.position), reach + skin, box)
-        self._rows, self._of_list, self._strain = made, dem.list_version, box.strain
-        return made
-
-    @property
-    def magnetisation(self) -> np.ndarray:
-        """Mean of the grains' (3,) [A/m]."""
-        return self.found.moment.sum(axis=0) / float(self.dem.grains.volume.sum())
+    magnetic = parameters.law is not None and parameters.H > 0.0
+    return math.ceil(min_edge(parameters.width if magnetic else None) ** 3 * parameters.fill * 6.0 / math.pi)
 
 
 class PowderCell:
@@ -218,8 +141,11 @@ class PowderCell:
 
     Attributes
     ----------
+    box : ShearedBox
     dem : DEM
-    magnetism : CellMagnetism or None
+    simulation : Simulation
+        What the loop moves.
+    magnetism : MutuallyMagnetisedGrains or None
     series : Series
     mu_r_at_rest : float
         Of the random packing before it is sheared.
@@ -233,48 +159,50 @@ class PowderCell:
 
     def __init__(self, parameters: ShearParameters) -> None:
         p = self.parameters = parameters
-        radius, mass = 0.5 * p.diameter, p.density * np.pi / 6.0 * p.diameter**3
+        if p.count < least_count(p):
+            raise ValueError(
+                f"{p.count} grains at a fill of {p.fill:g} are too few: a grain would meet a neighbour twice; take at "
+                f"least {least_count(p)}"
+            )
         Ms = saturation(p.law) if p.law is not None and p.H > 0.0 else 0.0
-        unit = MU_0 * Ms**2 * radius  # N/m
         near = p.model == "near_field"
-        load = min(2.0 * np.pi * p.H / Ms, 0.7) * unit * radius if Ms else 0.0
-        if Ms and not near:
-            load *= min(1.0, (p.H / (DIPOLES_SUFFICE * Ms)) ** 1.2)
-        self.stress_estimate = max(0.86 * p.fill * load / p.diameter**2 * 0.3, MIN_STRESS)
+        load = chain_load(Ms, p.H, p.diameter, necks=near)
+        self.stress_estimate = max(expected_stress(load, p.fill, p.diameter), MIN_STRESS)
         soft = p.diameter * self.stress_estimate / OVERLAP
-        stiffness = p.stiffness * max(load / (OVERLAP * p.diameter), NECK * 0.5 * np.pi * unit if near else 0.0, soft)
-        contact = LinearContact.from_restitution(stiffness, p.restitution, p.friction)
-        self.rate = p.inertial_number / (p.diameter * math.sqrt(p.density / self.stress_estimate))
+        neck = NECK * 0.5 * np.pi * MU_0 * Ms**2 * 0.5 * p.diameter if near else 0.0
+        contact = LinearContact.from_restitution(
+            p.stiffness * max(load / (OVERLAP * p.diameter), neck, soft), p.restitution, p.friction
+        )  # fmt: skip
+        self.rate = rate_of(p.inertial_number, self.stress_estimate, p.diameter, p.density)
         box, position = periodic_packing(p.count, p.diameter, p.fill, seed=p.seed)
         box.rate = self.rate
-        spin = np.tile([0.0, 0.5 * self.rate, 0.0], (p.count, 1))  # grains turn with the flow
-        grains = Grains.create(
-            position, radius, p.density, velocity=box.flow(position[:, 2]), angular_velocity=spin
-        )  # fmt: skip
-        self.box = box
-        self.dem = DEM(
-            grains, [], [], contact, dt=contact.contact_time(0.5 * mass, 0.0, 0.0) / p.steps_per_contact,
-            periodicity=box, rolling=RollingFriction(p.rolling) if p.rolling > 0.0 else None, skin=SKIN * p.diameter,
-        )  # fmt: skip
+        grains = grains_in_flow(box, position, 0.5 * p.diameter, p.density)
+        mass = float(grains.mass[0])
+        laws = PairLaws.of_one(contact, rolling=RollingFriction(p.rolling) if p.rolling > 0.0 else None)
+        dt = contact.contact_time(0.5 * mass, 0.0, 0.0) / p.steps_per_contact
+        self.box: ShearedBox = box
+        self.dem: DEM = dem_in_box(box, grains, laws, dt)
+        self.simulation = Simulation(self.dem, [], None, None, p.steps_per_look, 1)
         self.series = Series()
         self.deepest = self.worst_residual = 0.0
-        self.magnetism: CellMagnetism | None = None
+        self.magnetism: MutuallyMagnetisedGrains | None = None
         self.mu_r_at_rest = 1.0
-        if p.law is not None and p.H > 0.0:
+        if Ms and p.law is not None:
             solver = MutualMoments(
                 grain_table(p.law, p.model), near=near, reach=p.width * p.diameter, smear=True,
                 smallest_gap=p.smallest_gap,
             )  # fmt: skip
-            self.magnetism = CellMagnetism(self.dem, solver, np.array([0.0, 0.0, p.H]))
-            self.magnetism.look(FIRST_TOLERANCE, MAX_SWEEPS)
+            self.magnetism = magnetise(self.simulation, solver, (0.0, 0.0, p.H), p.law)
+            self.magnetism.tolerance = TOLERANCE
             self.mu_r_at_rest = self.mu_r
 
     @property
     def mu_r(self) -> float:
         """Relative permeability 1 + phi M_z/H."""
-        if self.magnetism is None:
+        moment = self.dem.grains.magnetic_moment
+        if self.magnetism is None or moment is None:
             return 1.0
-        return 1.0 + self.parameters.fill * float(self.magnetism.magnetisation[2]) / self.parameters.H
+        return 1.0 + float(moment[:, 2].sum()) / (self.box.volume * self.parameters.H)
 
     def run(self, progress: Callable[[float], None] | None = None) -> Series:
         """Shear to the end of `parameters.strain`."""
@@ -289,33 +217,39 @@ class PowderCell:
 
     def window(self, looks: int) -> None:
         """Shear for some looks at the moments; adds a line to the series."""
-        p, magnetism, volume = self.parameters, self.magnetism, self.box.volume
-        contacts, near, held, motion = (np.zeros((3, 3)) for _ in range(4))
-        mu_r = M_x = lost = touching = 0.0
-        for _ in range(looks):
-            if magnetism is not None:
-                magnetism.look(TOLERANCE, MAX_SWEEPS)
-                self.worst_residual = max(self.worst_residual, magnetism.found.residual)
-                held += magnetism.stress / looks
-                mu_r += self.mu_r / looks
-                M_x += float(magnetism.magnetisation[0]) / looks
-            totals = self.dem.run(p.steps_per_look)
-            assert totals.stress is not None
-            contacts += totals.stress.contacts / looks
-            near += totals.stress.attraction / looks
-            motion += totals.stress.motion / looks
-            lost += sum(totals.energy_budget.dissipation.values())
-            touching += totals.n_contacts / looks
-            self.deepest = max(self.deepest, totals.max_overlap)
-        whole, s = contacts + near + held + motion, self.series
-        s.strain.append(self.box.strain)
-        s.tau.append(-float(whole[0, 2]))
-        s.tau_contacts.append(-float(contacts[0, 2]))
-        s.tau_near.append(-float(near[0, 2]))
-        s.tau_held.append(-float(held[0, 2]))
-        s.tau_across.append(-float(whole[2, 0]))
-        s.pressure.append(float(np.trace(whole)) / 3.0)
-        s.power.append(lost / (looks * p.steps_per_look * self.dem.dt * self.rate * volume))
-        s.contacts.append(2.0 * touching / p.count)
-        s.mu_r.append(mu_r if magnetism is not None else 1.0)
-        s.M_x.append(M_x)
+        self.simulation.updates = looks
+        steps = self.dem.step_count + looks * self.simulation.steps_per_update
+        run_staggered(self.simulation, steps * self.dem.dt, [self._add])
+
+    def _add(self, simulation: Simulation, row: WindowRow) -> None:
+        """Add a window to the series."""
+        means, magnetised, s = row.part(BoxRow), row.part(MagnetisedBoxRow), self.series
+        assert means is not None and row.energy is not None
+        s.strain.append(means.shear_strain)
+        s.tau.append(means.shear_stress)
+        s.tau_contacts.append(means.shear_stress_contacts)
+        s.tau_near.append(0.0 if magnetised is None else magnetised.shear_stress_near)
+        s.tau_held.append(0.0 if magnetised is None else magnetised.shear_stress_held)
+        s.tau_across.append(means.shear_stress_across)
+        s.pressure.append(means.pressure)
+        s.power.append(row.energy.dissipated / (row.steps * self.dem.dt * self.rate * self.box.volume))
+        s.contacts.append(means.contacts_per_grain)
+        s.mu_r.append(1.0 if magnetised is None else magnetised.relative_permeability)
+        s.M_x.append(0.0 if magnetised is None else magnetised.magnetisation_along_flow)
+        self.deepest = max(self.deepest, row.max_overlap)
+        moments = row.part(MomentRow)
+        self.worst_residual = max(self.worst_residual, 0.0 if moments is None else moments.moment_residual)
+
+
+def magnetise(
+    simulation: Simulation, solver: MutualMoments, H: tuple[float, float, float], law: GrainLaw | Law
+) -> MutuallyMagnetisedGrains:
+    """Put the grains of a DEM in a sheared box into the macroscopic field H (3,) [A/m], and find their moments."""
+    near = NearAttraction(solver, [], FARTHEST_GAP) if solver.near else None
+    source = ImposedField(UniformField(H))
+    magnetised = MutuallyMagnetisedGrains(
+        source.sampler, cast(ParticleLaw, law), solver=solver, tolerance=FIRST_TOLERANCE, near=near
+    )
+    simulation.effects, simulation.magnetised, simulation.source = [Dipoles()], magnetised, source
+    magnetised.update(simulation)
+    return magnetised

@@ -22,7 +22,7 @@ from coupling.neighbour_rows import NeighbourRows, neighbour_rows
 from coupling.powder_feedback import FeedbackError
 from coupling.window_budget import WindowBudget
 from coupling.window_row import WindowRow
-from particles import Body, GrainMotion
+from particles import DEM, Barostat, Body, GrainMotion, StepTotals
 
 MAX_SOLVES = 30
 """Of one window: beyond it field and moments do not agree, and the run stops."""
@@ -43,6 +43,8 @@ class Simulation:
     source : FieldSource or None
     steps_per_update, updates : int
         Grain steps between evaluations of the held forces; such sub-cycles a window.
+    barostat : Barostat or None
+        What makes the height of a sheared box follow its pressure, after every sub-cycle; None: it stays.
     """
 
     motion: GrainMotion
@@ -52,6 +54,7 @@ class Simulation:
     steps_per_update: int
     updates: int
     n_sectors: int = 1
+    barostat: Barostat | None = None
     window: int = 0
     _rows: NeighbourRows | None = None
     _rows_key: tuple = ()
@@ -71,14 +74,23 @@ class Simulation:
 
         They are rebuilt with the grains' list, which sorts the grains, and when grains have moved too far for them.
         """
-        key = (cutoff, self.motion.list_version)
-        position = self.motion.grains.position
-        if self._rows is None or key != self._rows_key or not self._rows.is_complete(position, cutoff):
-            reach, periodicity = cutoff + self.motion.list_skin, self.motion.periodicity
-            if periodicity is not None:  # in narrow space with less to spare: the rows are rebuilt more often
-                reach = max(cutoff, min(reach, periodicity.widest_cutoff(position)))
-            self._rows = neighbour_rows(position, reach, periodicity)
-            self._rows_key = key
+        motion, periodicity = self.motion, self.motion.periodicity
+        if isinstance(motion, DEM) and motion.box is not None:
+            motion.renew_list()
+        position = motion.grains.position
+        fits = self._rows is not None and (cutoff, motion.list_version) == self._rows_key
+        if fits and self._rows is not None and self._rows.is_complete(position, cutoff, periodicity):
+            self._rows = self._rows.at_present(periodicity)
+            return self._rows
+        if fits and isinstance(motion, DEM) and motion.box is not None:  # the flow has taken grains far out of the box
+            motion.invalidate()
+            motion.renew_list()
+            position = motion.grains.position
+        reach = cutoff + motion.list_skin
+        if periodicity is not None:  # in narrow space with less to spare: the rows are rebuilt more often
+            reach = max(cutoff, min(reach, periodicity.widest_cutoff(position)))
+        self._rows = neighbour_rows(position, reach, periodicity)
+        self._rows_key = (cutoff, motion.list_version)
         return self._rows
 
     def rows_state(self) -> dict | None:
@@ -94,6 +106,7 @@ class Simulation:
             "position": self._rows.position,
             "reach": self._rows.reach,
             "twin": self._rows.twin,
+            "strain": self._rows.strain,
         }
 
     def restore_rows(self, state: dict | None) -> None:
@@ -133,11 +146,13 @@ def run_staggered(
             if simulation.holds_forces:
                 motion.external_force = force = held_forces(simulation, budget)
                 if simulation.magnetised is not None:
-                    simulation.magnetised.hold(motion, force)
+                    simulation.magnetised.hold(simulation, force)
 
             # 3. grains and shafts, many steps
             budget.clock("contact")
-            budget.add_steps(motion.run(simulation.steps_per_update))
+            budget.add_steps(totals := motion.run(simulation.steps_per_update))
+            if simulation.barostat is not None:
+                follow_pressure(simulation, totals)
 
         # 4. conservation, output, checkpoint, an early stop
         simulation.window += 1
@@ -147,6 +162,13 @@ def run_staggered(
         # every callback is called, also after one has asked to stop
         if any([callback(simulation, row) for callback in callbacks]):
             return
+
+
+def follow_pressure(simulation: Simulation, totals: StepTotals) -> None:
+    """Stretch the box of grains towards its imposed pressure, by the mean stress of the last steps."""
+    assert simulation.barostat is not None and isinstance(simulation.motion, DEM)
+    held = 0.0 if simulation.magnetised is None else float(simulation.magnetised.held_stress[2, 2])
+    simulation.barostat.follow(simulation.motion, totals, held)
 
 
 def refresh_field(simulation: Simulation) -> None:

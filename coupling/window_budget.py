@@ -12,6 +12,8 @@ Torque about z, whole device:  torque on rotor + disc + housing + field + dL/dt 
 
 Energy of the grains:  work of walls + held forces + gravity - dissipated - d(kinetic + elastic) = residual,
 where every mechanism's loss is its own sum over contacts: the residual is the error of the grains' step, second order.
+A sheared box has no axis and no walls: no balance of torques, and the work of the shear in place of that of walls
+(`coupling.sheared_means`).
 The work of the magnetic forces, part of that of the held ones, is what the grains' energy W in the field falls by where
 that field stands still and moments follow at every step: nothing in the mean of a steady run. What is left of it comes
 from moments and drops held between their evaluations, and from the field that changes.
@@ -21,6 +23,7 @@ from __future__ import annotations
 
 from time import perf_counter
 
+from coupling.sheared_means import ShearedMeans
 from coupling.window_row import BodyRow, EnergyRow, SolverRow, WallClock, WindowRow
 from geometry.kernels.cache import compile_seconds
 from particles import DviTotals
@@ -41,6 +44,8 @@ class WindowBudget:
         self._steps: list = []
         self._momentum = simulation.motion.grains.angular_momentum_z()
         self._weight = _weight_torque(simulation.motion)
+        motion = simulation.motion
+        self._sheared = None if motion.box is None else ShearedMeans(motion, simulation.magnetised)
         self._solves = 0 if simulation.source is None else simulation.source.solves
 
     def clock(self, part: str | None) -> None:
@@ -60,6 +65,8 @@ class WindowBudget:
     def add_steps(self, totals) -> None:
         """Add the totals of a sub-cycle of the grains."""
         self._steps.append(totals)
+        if self._sheared is not None:
+            self._sheared.add_steps(totals)
 
     def close(self) -> WindowRow:
         """Return the window's row."""
@@ -80,6 +87,8 @@ class WindowBudget:
                 # the field turns with this body: the grains' torque in it has its reaction here
                 row.field = -per_cycle * self._recorded.pop(body.name, 0.0)
             residual += row.torque
+        if self._sheared is not None:  # no axis, and what the field turns is in the stress
+            self._recorded.clear()
         field_torque = {name: per_cycle * total for name, total in self._recorded.items()}
         residual -= sum(field_torque.values())
         other_torque = {name: per_cycle * total for name, total in self._beside.items()}
@@ -96,8 +105,8 @@ class WindowBudget:
             bodies=bodies,
             field_torque=field_torque,
             other_torque=other_torque,
-            angular_momentum=angular_momentum,
-            torque_residual=residual,
+            angular_momentum=angular_momentum if self._sheared is None else None,
+            torque_residual=residual if self._sheared is None else None,
             energy=energy,
             held_is_magnetic=self._held_is_magnetic,
             field_solves=source.solves - self._solves if is_solved else None,
@@ -114,6 +123,8 @@ class WindowBudget:
                 total=perf_counter() - self._begin,
             ),
         )
+        if self._sheared is not None:
+            window.parts += [part for part in self._sheared.rows() if part is not None]
         if magnetised is not None:
             window.add(magnetised.window_part())
         if source is not None:
@@ -128,14 +139,22 @@ class WindowBudget:
         return None if energy is None else self._simulation.n_sectors * energy
 
     def _energy(self) -> EnergyRow:
-        steps, simulation = self._steps, self._simulation
+        steps, simulation, sheared = self._steps, self._simulation, self._sheared
         budgets = [s.energy_budget for s in steps]
+        work_walls: float | None = sum(sum(each.wall_work.values()) for each in budgets)
+        work_shear = through_field = None
+        if sheared is not None:
+            through_field = None if simulation.magnetised is None else sheared.magnetic_work
+            mechanical = sum(each.shear_work["contacts"] + each.shear_work["motion"] for each in budgets)
+            work_walls, work_shear = None, mechanical + (through_field or 0.0)
         has_weight = simulation.motion.gravity is not None
         return EnergyRow(
             kinetic_energy=budgets[-1].kinetic_energy,
             elastic_energy=budgets[-1].elastic_energy,
             magnetic_energy=self._magnetic_energy(),
-            work_walls=sum(sum(each.wall_work.values()) for each in budgets),
+            work_walls=work_walls,
+            work_shear=work_shear,
+            work_shear_magnetic=through_field,
             work_held=sum(each.external_work for each in budgets) if simulation.holds_forces else None,
             work_gravity=sum(each.gravity_work for each in budgets) if has_weight else None,
             losses={kind: sum(each.dissipation[kind] for each in budgets) for kind in budgets[-1].dissipation},

@@ -47,7 +47,12 @@ class EnergyRow:
     kinetic_energy, elastic_energy : float
     magnetic_energy : float or None
         Of the grains in the field, at the window's last evaluation of it; None where it is not known.
-    work_walls : float
+    work_walls : float or None
+        None in a sheared box, which has no walls.
+    work_shear : float or None
+        Of the shear of a box, through contacts, the grains' own motion and magnetic forces; None outside of one.
+    work_shear_magnetic : float or None
+        Part of it through magnetic forces; None without any.
     work_held : float or None
         Of the held forces; None: there are none.
     work_gravity : float or None
@@ -62,17 +67,23 @@ class EnergyRow:
     kinetic_energy: float
     elastic_energy: float
     magnetic_energy: float | None
-    work_walls: float
+    work_walls: float | None
     work_held: float | None
     work_gravity: float | None
     losses: dict[str, float]
     dissipated: float
     stored: float
+    work_shear: float | None = None
+    work_shear_magnetic: float | None = None
 
     @property
     def residual(self) -> float:
-        """Residual of the balance: the error of the grains' step."""
-        work = self.work_walls + (self.work_held or 0.0) + (self.work_gravity or 0.0)
+        """Residual of the balance: the error of the grains' step.
+
+        Magnetic forces put into the grains' motion `work_held`, and not what the shear works through them.
+        """
+        work = (self.work_walls or 0.0) + (self.work_held or 0.0) + (self.work_gravity or 0.0)
+        work += (self.work_shear or 0.0) - (self.work_shear_magnetic or 0.0)
         return work - self.dissipated - self.stored
 
 
@@ -125,9 +136,9 @@ class WindowRow:
     field_torque, other_torque : dict of str to float
         Torque [N m] of the field's forces on the grains and of those of other effects, by booking; that of a field
         which a body carries round is the body's.
-    angular_momentum : float
-        Of the grains about z at the window's end, spin included [N m s].
-    torque_residual : float
+    angular_momentum : float or None
+        Of the grains about z at the window's end, spin included [N m s]; None in a sheared box, as the next one.
+    torque_residual : float or None
         Of the balance of torques [N m].
     energy : EnergyRow or None
         None in a run without a budget of energy.
@@ -153,8 +164,8 @@ class WindowRow:
     bodies: dict[str, BodyRow]
     field_torque: dict[str, float]
     other_torque: dict[str, float]
-    angular_momentum: float
-    torque_residual: float
+    angular_momentum: float | None
+    torque_residual: float | None
     energy: EnergyRow | None
     held_is_magnetic: bool
     field_solves: int | None

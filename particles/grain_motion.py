@@ -16,6 +16,7 @@ from particles.neighbours.contact_table import ContactTable
 from particles.neighbours.slot_list import SlotList
 from particles.periodicity import Periodicity
 from particles.sector import CyclicSector
+from particles.sheared_box import ShearedBox
 from particles.step_answers import DONE
 from particles.step_totals import StepTotals
 from particles.walls.device_walls import DeviceWalls
@@ -122,6 +123,11 @@ class GrainMotion(ABC):
     def sector(self) -> CyclicSector | None:
         """The wedge of the ring that is simulated, if it is one."""
         return self.periodicity if isinstance(self.periodicity, CyclicSector) else None
+
+    @property
+    def box(self) -> ShearedBox | None:
+        """The sheared box that the grains are in, if it is one."""
+        return self.periodicity if isinstance(self.periodicity, ShearedBox) else None
 
     @property
     def n_sectors(self) -> int:

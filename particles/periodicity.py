@@ -69,6 +69,20 @@ class Periodicity(ABC):
     def images_near(self, position: np.ndarray, margin: float) -> Images:
         """The images of ``position`` (n, 3) [m] that stand within ``margin`` [m] of the copy."""
 
+    @property
+    def strain(self) -> float:
+        """By how much the copies have been sheared past one another so far [-]; 0 where they are not."""
+        return 0.0
+
+    def approach(self, position: np.ndarray, before: np.ndarray, strain: float, reach: float) -> float:
+        """By how much [m] two grains within ``reach`` [m] may have come nearer at most.
+
+        Since they stood at ``before`` (n, 3) [m], in the same order and on the same sides of the faces, and the
+        `strain` was ``strain``.
+        """
+        moved = position - before
+        return 2.0 * float(np.sqrt(np.einsum("ij,ij->i", moved, moved).max(initial=0.0)))
+
     @abstractmethod
     def widest_cutoff(self, position: np.ndarray) -> float:
         """Largest cut-off [m] that `require_width` accepts at positions (n, 3) [m]."""

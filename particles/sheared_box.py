@@ -171,10 +171,7 @@ class ShearedBox(Periodicity):
             )
 
     def approach(self, position: np.ndarray, before: np.ndarray, strain: float, reach: float) -> float:
-        """By how much [m] two grains within ``reach`` [m] may have come nearer at most: 2 max u + gamma reach.
-
-        Since they stood at ``before`` (n, 3) [m] and the box had sheared by ``strain``; a stretch is not counted.
-        """
+        """See `Periodicity`: 2 max u + gamma reach, a stretch being part of the displacements u."""
         sheared, moved = self.strain - strain, position - before
         moved[:, 0] -= sheared * (before[:, 2] + 0.5 * moved[:, 2])
         return 2.0 * float(np.sqrt(np.einsum("ij,ij->i", moved, moved).max())) + abs(sheared) * reach

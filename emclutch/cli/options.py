@@ -123,5 +123,7 @@ Like = Annotated[
     Path | None, typer.Option("--like", metavar="RUN", help="finished run, whose torque corrects the expected ones")
 ]
 Confirm = Annotated[bool, typer.Option("--confirm", help="run the scene that was found, and compare both torques")]
-SceneKind = Annotated[str, typer.Option("--kind", help="clutch, drum, cad, centrifugal, shear_cell, box, or field")]
+SceneKind = Annotated[
+    str, typer.Option("--kind", help="clutch, drum, cad, centrifugal, shear_cell, sheared_box, box, or field")
+]
 NewScene = Annotated[Path, typer.Argument(metavar="FILE", help="new scene file (.toml)")]

@@ -32,6 +32,20 @@ def torque_line(torque: dict[str, Any] | None) -> str:
     return f"{text}; {found.reason}"
 
 
+def stress_line(summary: dict[str, Any]) -> str:
+    """Return the shear stress of a periodic box with its error and effective friction, and where not converged, why."""
+    from emclutch.results.statistics import Estimate  # local, as above
+    from emclutch.results.text import format_stress
+
+    found, friction = Estimate.from_dict(summary["stress"]), summary.get("effective_friction")
+    text = f"shear stress: {format_stress(found)}"
+    if found.interval() is not None:
+        text += f", {packings(found.replicas)}"
+    if friction is not None and friction["mean"] is not None:
+        text += f"; effective friction {friction['mean']:.3g}"
+    return f"{text}; {found.reason}"
+
+
 def packings(count: int) -> str:
     """Return out of how many packings a mean is, and of one, what its error lacks."""
     return f"{count} packings" if count > 1 else "one packing: what packings differ by is not in it"

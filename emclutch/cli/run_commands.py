@@ -9,7 +9,7 @@ import typer
 from emclutch.cli import options as opt
 from emclutch.cli.errors import explained
 from emclutch.cli.input import check_threads, load, run_to_resume, search, study_to_check
-from emclutch.cli.output import print_design, print_json, print_plan, print_study, torque_line
+from emclutch.cli.output import print_design, print_json, print_plan, print_study, stress_line, torque_line
 from emclutch.scene.errors import Fault, SceneError
 
 
@@ -46,7 +46,8 @@ def run(
         else:
             from emclutch.results.report.verdict import closing_lines
 
-            typer.echo(torque_line(result.summary.get("torque")))
+            summary = result.summary
+            typer.echo(stress_line(summary) if "stress" in summary else torque_line(summary.get("torque")))
             for line in closing_lines(result):
                 typer.echo(line)
             typer.echo(f"results and pictures: {result.folder.path}")

@@ -17,6 +17,7 @@ from emclutch.devices.clutch import ClutchGeometry
 from emclutch.devices.drum import DrumGeometry
 from emclutch.devices.geometry_section import GeometrySection
 from emclutch.devices.shear_cell import ShearCellGeometry
+from emclutch.devices.sheared_box import ShearedBoxGeometry
 
 GEOMETRIES: tuple[type[GeometrySection], ...] = (
     ClutchGeometry,
@@ -24,6 +25,7 @@ GEOMETRIES: tuple[type[GeometrySection], ...] = (
     CentrifugalGeometry,
     ShearCellGeometry,
     BoxGeometry,
+    ShearedBoxGeometry,
     CadGeometry,
 )
 

@@ -7,7 +7,7 @@ asks the table that the scene has and knows none by name. A shape that a method 
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, get_args
@@ -17,15 +17,21 @@ from emclutch.scene.errors import Fault
 from emclutch.scene.section import Section
 
 if TYPE_CHECKING:
+    import pandas
+
     from emclutch.device_model.device import Device
     from emclutch.device_model.device_3d import Solid
     from emclutch.device_model.pole_zone import GapZone, PoleZone
+    from emclutch.effects.effect import Load
+    from emclutch.results.steady_torque import SteadyConditions
     from emclutch.scene.materials import Material
+    from emclutch.scene.model import Scene
     from emclutch.simulation.forecast.expected_torque import ExpectedTorque
     from field import Law
     from field.coil.magnetic_circuit import FilledPowder, MagneticCircuit
     from geometry.fault import GeometryFault
     from geometry.section import SectionMesh
+    from particles import Barostat, ShearedBox
 
 Check = Callable[[Draft], Iterator[Fault]]
 
@@ -51,6 +57,8 @@ class GeometrySection(Section):
         Whether its shafts turn about an axis.
     has_regions : bool
         Whether `particles.region` chooses where its powder is.
+    is_periodic : bool
+        Whether it is a box of powder that repeats in all directions: without walls, its result a stress.
     is_annulus : bool
         Whether it is the space between two cylinders, across which a field may be prescribed.
     is_from_file : bool
@@ -66,6 +74,7 @@ class GeometrySection(Section):
     has_poles: ClassVar[bool] = False
     has_axis: ClassVar[bool] = True
     has_regions: ClassVar[bool] = False
+    is_periodic: ClassVar[bool] = False
     is_annulus: ClassVar[bool] = False
     is_from_file: ClassVar[bool] = False
     is_seen_along_axis: ClassVar[bool] = False
@@ -135,7 +144,35 @@ class GeometrySection(Section):
         """Mesh it in 3D; of kinds whose field is solved so."""
         raise NotImplementedError
 
+    # how its powder is sheared where it has no shafts
+
+    def rate(self, scene: Scene) -> float | None:
+        """Return the shear rate [1/s] that is imposed on its powder; None where shafts shear it, or nothing does."""
+        return None
+
+    def periodic_box(self, scene: Scene) -> ShearedBox | None:
+        """Return the box that the grains are in, sheared at its rate; None where they are between walls."""
+        return None
+
+    def barostat(self, scene: Scene) -> Barostat | None:
+        """Return what makes the box's height follow an imposed pressure; None where there is none."""
+        return None
+
+    def loads(self, scene: Scene) -> Iterator[Load]:
+        """Yield forces that press grains together by themselves, those of effects aside."""
+        yield from ()
+
+    def words(self, scene: Scene, end: float) -> Iterator[tuple[str, str]]:
+        """Yield label and text of what the plan of a run to `end` [s] says of this kind besides."""
+        yield from ()
+
     # what is measured and estimated
+
+    def summarise(
+        self, histories: Sequence[pandas.DataFrame], conditions: SteadyConditions, scene: Scene
+    ) -> dict[str, Any]:
+        """Return entries of ``summary.json`` from the histories of all packings."""
+        return {}
 
     def pole_zone(self, shape: Any, region: str) -> PoleZone | None:
         """Return the powder's zone between the pole faces; None without pole faces."""

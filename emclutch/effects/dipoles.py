@@ -162,6 +162,8 @@ class DipolesSection(EffectSection):
         motion : GrainMotion
         """
         from coupling import MutuallyMagnetisedGrains, MutualMoments, NearAttraction, grain_table
+        from coupling.grain_law_table import FARTHEST_GAP
+        from coupling.near_attraction import NEAR_GAP
         from emclutch.device_model.materials import grain_law
         from particles import DEM
 
@@ -175,7 +177,9 @@ class DipolesSection(EffectSection):
             smallest_gap=self.surface_gap,
         )
         mirrors = None if scene.effects.images is None else walls
-        near = NearAttraction(solver, walls) if solver.near and isinstance(motion, DEM) else None
+        near = None
+        if solver.near and isinstance(motion, DEM):
+            near = NearAttraction(solver, walls, NEAR_GAP if motion.box is None else FARTHEST_GAP)
         return MutuallyMagnetisedGrains(
             sampler, law, solver=solver, tolerance=self.tolerance, mirrors=mirrors, near=near
         )

@@ -55,6 +55,10 @@ FIELD_STRENGTH_POWDER = Column(
 )
 FILL_POWDER = Column("fill_powder", "1", "solid fraction between the pole faces")
 WORK_WALLS = Column("work_walls", "J", "work of the walls on the grains in the window")
+WORK_SHEAR = Column("work_shear", "J", "work of the shear of a periodic box on the grains in the window")
+WORK_SHEAR_MAGNETIC = Column(
+    "work_shear_magnetic", "J", "part of work_shear through magnetic forces, that on the grains' own motion aside"
+)
 WORK_MAGNETIC = Column("work_magnetic", "J", "work of the magnetic forces on the grains in the window")
 WORK_HELD = Column("work_held", "J", "work of all held forces on the grains in the window, where some are not magnetic")
 DISSIPATED_NORMAL_DAMPING = Column(
@@ -68,6 +72,27 @@ DISSIPATED_IMPACT = Column("dissipated_impact", "J", "part of dissipated along t
 DISSIPATED = Column("dissipated", "J", "energy turned into heat in the contacts in the window")
 ENERGY_RESIDUAL = Column(
     "energy_residual", "J", "balance of the energies: what is left, each term computed independently"
+)
+SHEAR_STRAIN = Column("shear_strain", "1", "of the periodic box, at the window's end")
+SOLID_FRACTION = Column("solid_fraction", "1", "of the periodic box, at the window's end")
+SHEAR_STRESS = Column("shear_stress", "Pa", "force along the flow on a plane across the gradient, window mean")
+SHEAR_STRESS_CONTACTS = Column("shear_stress_contacts", "Pa", "part of shear_stress from contacts")
+SHEAR_STRESS_NEAR = Column(
+    "shear_stress_near", "Pa", "part of shear_stress from the pull of near magnetised grains, which follows every step"
+)
+SHEAR_STRESS_HELD = Column(
+    "shear_stress_held", "Pa", "part of shear_stress from the magnetic forces held between two evaluations"
+)
+SHEAR_STRESS_ACROSS = Column(
+    "shear_stress_across", "Pa", "force along the gradient on a plane across the flow, the macroscopic field's aside"
+)
+NORMAL_STRESS_X = Column("normal_stress_x", "Pa", "along the flow, positive where grains push, window mean")
+NORMAL_STRESS_Y = Column("normal_stress_y", "Pa", "along the vorticity, positive where grains push, window mean")
+NORMAL_STRESS_Z = Column("normal_stress_z", "Pa", "along the gradient, positive where grains push, window mean")
+CONTACTS_PER_GRAIN = Column("contacts_per_grain", "1", "of the periodic box, window mean")
+RELATIVE_PERMEABILITY = Column("relative_permeability", "1", "of the powder in the periodic box, window mean")
+MAGNETISATION_ALONG_FLOW = Column(
+    "magnetisation_along_flow", "A/m", "mean magnetisation of the grains along the flow, window mean"
 )
 N_CONTACTS = Column("n_contacts", "1", "contacts that carry force, at the window's end")
 MAX_OVERLAP = Column("max_overlap", "1", "largest overlap of the window over the grain's diameter")
@@ -133,12 +158,14 @@ def columns_of(row: WindowRow) -> dict[str, float | None]:
         if len(row.field_torque) > 1:
             values |= {f"{TORQUE_FIELD}_{name}": -torque for name, torque in row.field_torque.items()}
     values |= {torque_on(name): -torque for name, torque in row.other_torque.items()}
-    values |= {ANGULAR_MOMENTUM: row.angular_momentum, TORQUE_RESIDUAL: row.torque_residual}
+    values |= _present({ANGULAR_MOMENTUM: row.angular_momentum, TORQUE_RESIDUAL: row.torque_residual})
     if (energy := row.energy) is not None:
         values |= {KINETIC_ENERGY: energy.kinetic_energy, ELASTIC_ENERGY: energy.elastic_energy}
         values |= _present({MAGNETIC_ENERGY: energy.magnetic_energy})
         values |= {f"{DISSIPATED}_{name}": loss for name, loss in energy.losses.items()}
-        values |= {WORK_WALLS: energy.work_walls, DISSIPATED: energy.dissipated, ENERGY_RESIDUAL: energy.residual}
+        works: dict[str, float | None] = {WORK_WALLS: energy.work_walls, WORK_SHEAR: energy.work_shear}
+        values |= _present(works | {WORK_SHEAR_MAGNETIC: energy.work_shear_magnetic})
+        values |= {DISSIPATED: energy.dissipated, ENERGY_RESIDUAL: energy.residual}
         held = WORK_MAGNETIC if row.held_is_magnetic else WORK_HELD
         values |= _present({held: energy.work_held, "work_gravity": energy.work_gravity})
     values |= {N_CONTACTS: row.n_contacts, MAX_OVERLAP: row.max_overlap, MAX_SPEED: row.max_speed}

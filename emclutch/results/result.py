@@ -5,10 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from emclutch.results.columns import TORQUE_DISC
+from emclutch.results.columns import SHEAR_STRESS, TORQUE_DISC
 from emclutch.results.errors import OutputError
 from emclutch.results.run_folder import RunFolder
 from emclutch.results.statistics import Estimate
+from emclutch.results.steady_stress import steady_stress
 from emclutch.results.steady_torque import SteadyConditions, steady_torque
 
 if TYPE_CHECKING:
@@ -63,6 +64,16 @@ class Result:
                 raise OutputError(f"{self.folder.history} has no torque_disc: the scene has no disc")
             self._torque = steady_torque(history, self._conditions(), self.other_histories)
         return self._torque
+
+    @property
+    def stress(self) -> Estimate:
+        """Steady shear stress [Pa] of a sheared periodic box with its standard error; by the same rules as `torque`."""
+        written = self.summary.get("stress")
+        if written is not None:
+            return Estimate.from_dict(written)
+        if SHEAR_STRESS not in self.history:
+            raise OutputError(f"{self.folder.history} has no shear_stress: the scene is no sheared box")
+        return steady_stress((self.history, *self.other_histories), self._conditions()).shear
 
     @property
     def other_histories(self) -> list[pandas.DataFrame]:

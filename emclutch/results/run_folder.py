@@ -105,6 +105,7 @@ class RunFolder:
     contacts = _File("contacts.pvd")
     section_picture = _File("section.png")
     torque_picture = _File("torque.png")
+    stress_picture = _File("stress.png")
     grains_picture = _File("grains.png")
 
     def __init__(self, path: str | Path) -> None:

@@ -19,6 +19,7 @@ from emclutch.results.columns import (
     ANGULAR_MOMENTUM,
     DISC_SPEED,
     ROTOR_SPEED,
+    SHEAR_STRAIN,
     TIME,
     TORQUE_DISC,
     TORQUE_FIELD,
@@ -95,10 +96,12 @@ class SteadyConditions:
         return cls(**{name: value if name in optional else value or 0.0 for name, value in known.items()})  # type: ignore[arg-type]
 
 
-def mean_torque(
+def steady_mean_of(
     histories: Sequence[pandas.DataFrame], column: str, conditions: SteadyConditions, average_from: float | None = None
 ) -> Estimate:
-    """Mean and standard error [N m] of a torque's steady part over all packings, by statistics alone.
+    """Mean and standard error of the steady part of a torque [N m] or stress [Pa] over all packings.
+
+    By statistics alone.
 
     `average_from` [s] is that of the conditions where it is None.
     """
@@ -122,7 +125,7 @@ def steady_torque(
     replicas : sequence of DataFrame
         Histories of the same scene with other packings.
     """
-    found = mean_torque((history, *replicas), TORQUE_DISC, conditions)
+    found = steady_mean_of((history, *replicas), TORQUE_DISC, conditions)
     if _is_negligible((history, *replicas), conditions):
         return _negligible(found, conditions.negligible)
     if not found.converged or found.mean is None or found.start is None:
@@ -228,7 +231,9 @@ def _little_shear(
 
 
 def _strain(history: pandas.DataFrame, duration: np.ndarray, conditions: SteadyConditions) -> np.ndarray | None:
-    """Shear strain of the gap at the end of each window (n,); None where nothing is sheared or the shafts hold."""
+    """Shear strain of the gap, or of a periodic box, at the end of each window (n,); None where shafts do not slip."""
+    if SHEAR_STRAIN in history:  # of a periodic box
+        return history[SHEAR_STRAIN].to_numpy()
     if ROTOR_SPEED not in history or DISC_SPEED not in history or not conditions.shear_gap:
         return None
     if _holds(history):

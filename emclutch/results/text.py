@@ -43,6 +43,12 @@ def format_torque(torque: Estimate, unit: str = "N m", factor: float = 1.0) -> s
     return format_mean(torque.mean, torque.interval(), unit, factor)
 
 
+def format_stress(stress: Estimate) -> str:
+    """Return a stress with its 95 % interval, in Pa or kPa."""
+    unit, factor = ("kPa", 1e-3) if abs(stress.mean or 0.0) >= 1e3 else ("Pa", 1.0)
+    return "no stress" if stress.mean is None else format_mean(stress.mean, stress.interval(), unit, factor)
+
+
 def format_mean(
     mean: float | None, interval: tuple[float, float] | None, unit: str = "N m", factor: float = 1.0
 ) -> str:

@@ -39,7 +39,12 @@ def cores_at_hand() -> int:
 
 
 def has_steady_torque(scene: Scene) -> bool:
-    """True if current and speeds are constant from the start on, so that a torque comes to a steady mean."""
+    """True if current and speeds are constant from the start on, so that a torque comes to a steady mean.
+
+    In a periodic box it is a stress that does.
+    """
+    if scene.geometry.is_periodic:
+        return True
     shafts = (scene.motion.rotor, scene.motion.disc)
     coil = scene.coil
     drive = None if coil is None else coil.voltage if coil.current is None else coil.current

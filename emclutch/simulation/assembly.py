@@ -10,13 +10,14 @@ from coupling import (
     MagnetisedGrains,
     Simulation,
 )
+from coupling.sheared_powder import dem_in_box
 from emclutch.device_model.device import Device, field_is_needed
 from emclutch.device_model.materials import grain_law
 from emclutch.scene.case import Case
 from emclutch.scene.model import Scene
 from emclutch.scene.motion import FreeShaftSection
 from emclutch.simulation.dvi_plan import RigidContacts
-from emclutch.simulation.initial_packing import grains_of, packed, settled
+from emclutch.simulation.initial_packing import grains_of, packed, packed_in_flow, settled
 from emclutch.simulation.plan import Plan
 from particles import DEM, DVI, Body, FreeShaft, GrainMotion, Grains
 
@@ -26,8 +27,13 @@ log = logging.getLogger(__name__)
 def assemble(case: Case, device: Device, plan: Plan) -> Simulation:
     """Pack the grains (seeded), build the simulation and let them settle; raises PackingError when they do not fit."""
     scene = case.scene
-    packing = packed(scene, device.boxes, device.walls(), plan.count, plan.sector)
-    simulation = simulation_of(case, device, plan, grains_of(packing, scene.grains.density))
+    box = device.kind.periodic_box(scene)
+    if box is not None:
+        grains = packed_in_flow(scene, box, plan.count)
+    else:
+        packing = packed(scene, device.boxes, device.walls(), plan.count, plan.sector)
+        grains = grains_of(packing, scene.grains.density)
+    simulation = simulation_of(case, device, plan, grains)
     settling = settled(scene, simulation.motion)
     if settling is not None:
         log.info(
@@ -46,8 +52,11 @@ def simulation_of(case: Case, device: Device, plan: Plan, grains: Grains) -> Sim
     gravity = None if effects.weight is None else np.asarray(effects.weight.vector, dtype=float)
     bodies = shafts(scene, walls)
     motion: GrainMotion
+    box = device.kind.periodic_box(scene)
     if isinstance(plan.contact, RigidContacts):
         motion = rigid_grains(scene, plan, plan.contact, grains, walls, bodies, gravity)
+    elif box is not None:
+        motion = dem_in_box(box, grains, plan.contact.laws, plan.dt, energy_budget=scene.output.energy_budget)
     else:
         motion = DEM(
             grains,
@@ -69,7 +78,8 @@ def simulation_of(case: Case, device: Device, plan: Plan, grains: Grains) -> Sim
         magnetised = MagnetisedGrains(source.sampler, grain_law(scene))
     n_sectors = 1 if plan.sector is None else plan.sector.n_sectors
     acting = [each for one in effects.present for each in one.acting(scene, motion.bodies)]
-    return Simulation(motion, acting, magnetised, source, plan.steps_per_update, plan.updates, n_sectors)
+    rhythm = plan.steps_per_update, plan.updates
+    return Simulation(motion, acting, magnetised, source, *rhythm, n_sectors, device.kind.barostat(scene))
 
 
 def rigid_grains(scene: Scene, plan: Plan, rigid: RigidContacts, grains: Grains, walls, bodies, gravity) -> DVI:

@@ -124,6 +124,7 @@ def _loads(scene, device: Device, M_max: float, chained: float) -> Iterator[Load
     """Everything that presses grains together, each at its largest."""
     force = magnetic_load(chained, scene.particles.largest_diameter)
     yield Load("magnetism", force, f"grains magnetised to {chained / 1e3:.3g} kA/m")
+    yield from device.kind.loads(scene)
     for one in scene.effects.present:
         yield from one.loads(scene, device, M_max)
 

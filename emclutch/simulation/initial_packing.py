@@ -6,15 +6,17 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from coupling.sheared_powder import grains_in_flow
 from emclutch.scene.fill import diameters_of
 from emclutch.scene.model import Scene
 from geometry.device_shape import FilledSpace
 from geometry.walls import Wall
-from particles import CyclicSector, GrainMotion, Grains, PackingError
+from particles import BoxTooDense, CyclicSector, GrainMotion, Grains, PackingError, ShearedBox
 from particles.packing.file_packing import OVERLAP_LIMIT
 from particles.packing.grown_packing import grown_packing
 from particles.packing.lattice_packing import lattice_packing
 from particles.packing.packing import Packing, require_fit
+from particles.packing.periodic_packing import random_in_box
 from particles.packing.poured_packing import poured_packing
 from particles.packing.random_packing import random_packing
 from particles.packing.settling import Settling, before_the_start, settle
@@ -56,6 +58,22 @@ def grains_of(packing: Packing, density: float) -> Grains:
         velocity=packing.velocity,
         angular_velocity=packing.angular_velocity,
     )
+
+
+def packed_in_flow(scene: Scene, box: ShearedBox, count: int) -> Grains:
+    """Grains at random in a periodic box (seeded), which go with its flow.
+
+    Raises
+    ------
+    PackingError
+        If they cannot be pushed apart.
+    """
+    radius = 0.5 * diameters_of(scene.grains, count, scene.scene.seed)
+    try:
+        position = random_in_box(box, radius, seed=scene.scene.seed)
+    except BoxTooDense as error:
+        raise PackingError(str(error)) from error
+    return grains_in_flow(box, position, radius, scene.grains.density)
 
 
 def settled(scene: Scene, motion: GrainMotion) -> Settling | None:

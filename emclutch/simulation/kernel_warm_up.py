@@ -17,12 +17,13 @@ from typing import Any
 
 import numpy as np
 
+from coupling.sheared_powder import dem_in_box
 from emclutch.scene.contact import ContactSection
 from emclutch.scene.replica_count import cores_at_hand
 from geometry.kernels.cache import ROOT, has_entries
 from geometry.kernels.threads import default_threads
 from geometry.walls import cylinder
-from particles import DEM, Body, CyclicSector, Grains, PairLaws, RollingFriction
+from particles import DEM, Body, CyclicSector, Grains, PairLaws, RollingFriction, ShearedBox
 from particles.dem.attraction import Attraction
 
 RADIUS, MASS = 1e-3, 1e-5
@@ -35,6 +36,7 @@ def kind_of(scene: Any) -> list[str]:
         "resistance": bool({"rolling", "twisting"} & set(effects.contact_terms())),
         "sizes": scene.particles.sizes is not None,
         "sector": scene.particles.sector is not None,
+        "box": scene.geometry.is_periodic,
         "energies": scene.output.energy_budget,
         "attraction": effects.attraction is not None and effects.attraction.has_necks,
     }
@@ -47,12 +49,13 @@ def grains_of_kind(law: str, *parts: str) -> DEM:
     where = np.array([[10.0, 1.0, 0.0], [10.0, 4.0, 0.0]]) * RADIUS
     between = ContactSection(law=law).laws(mass=MASS, diameter=2.0 * RADIUS, force=1e-3, speed=1.0)[0]
     laws = PairLaws.of_one(between, rolling=RollingFriction(0.1) if "resistance" in parts else None)
-    sector = CyclicSector(2.0 * np.pi / 6.0) if "sector" in parts else None
-    bore = cylinder("bore", "drum", 20.0 * RADIUS, -1.0, 1.0)
-    dem = DEM(
-        Grains.create(where, radius, 2500.0), [bore], [Body("drum")], laws, dt=1e-7, periodicity=sector,
-        energy_budget="energies" in parts,
-    )  # fmt: skip
+    grains, energies = Grains.create(where, radius, 2500.0), "energies" in parts
+    if "box" in parts:
+        dem = dem_in_box(ShearedBox(np.full(3, 30.0 * RADIUS), 1.0), grains, laws, 1e-7, energy_budget=energies)
+    else:
+        sector = CyclicSector(2.0 * np.pi / 6.0) if "sector" in parts else None
+        bore = cylinder("bore", "drum", 20.0 * RADIUS, -1.0, 1.0)
+        dem = DEM(grains, [bore], [Body("drum")], laws, dt=1e-7, periodicity=sector, energy_budget=energies)
     if "attraction" in parts:
         dem.attraction = Attraction(0.0, 1.0, np.zeros((2, 2)), np.zeros(2), 1.0, _no_drives)
     return dem

@@ -6,20 +6,22 @@ import numpy as np
 
 from emclutch.device_model.gap_map import gap_map
 from emclutch.results import RunFolder, load_result
-from emclutch.results.columns import CURRENT, TORQUE_DISC
+from emclutch.results.columns import CURRENT, SHEAR_STRESS, TORQUE_DISC
 from emclutch.results.pictures import (
     axial_picture,
     grains_picture,
     profile_picture,
     section_picture,
+    sheared_box_picture,
     speed_picture,
+    stress_picture,
     torque_picture,
 )
 from emclutch.results.pictures.field import gap_map_picture
 from emclutch.results.pictures.speeds import speeds_vary
 from emclutch.results.pictures.torque import varies
 from emclutch.results.text import format_time
-from emclutch.simulation.snapshots import contact_lines
+from emclutch.simulation.snapshots import contact_lines, wrapped
 from field import MagneticField
 from field.section.smooth_field import SmoothField
 
@@ -27,8 +29,8 @@ from field.section.smooth_field import SmoothField
 def draw_run(case, folder: RunFolder, device, simulation, profiles=()) -> None:
     """Write the pictures that the run has something to show in.
 
-    section.png or gap.png with a solved field, torque.png, speeds.png where a shaft's speed changes, profiles.png where
-    they were asked for, and at last grains.png: where it lies all others do.
+    section.png or gap.png with a solved field, torque.png, stress.png of a sheared box, speeds.png where a shaft's
+    speed changes, profiles.png where they were asked for, and at last grains.png: where it lies all others do.
     """
     title = case.scene.scene.title
     result = load_result(folder.path)
@@ -53,6 +55,8 @@ def draw_run(case, folder: RunFolder, device, simulation, profiles=()) -> None:
         current = steady_current(result.history)
         torque_title = title if current is None else f"{title}\n{current:.4g} A"
         torque_picture(folder.torque_picture, result.history, result.torque, result.other_histories, title=torque_title)
+    if SHEAR_STRESS in result.history:
+        stress_picture(folder.stress_picture, result.history, result.stress, result.other_histories, title=title)
     if speeds_vary(result.history):
         speed_picture(folder.path / "speeds.png", {title: result.history}, title=title)
     if profiles:
@@ -60,6 +64,18 @@ def draw_run(case, folder: RunFolder, device, simulation, profiles=()) -> None:
     start, ends, force = contact_lines(motion)
     chains = start, ends, np.linalg.norm(force, axis=1)
     speed = np.linalg.norm(grains.velocity, axis=1)
+    if motion.box is not None:
+        position, velocity = wrapped(motion)
+        sheared_box_picture(
+            folder.grains_picture,
+            position,
+            grains.radius,
+            velocity,
+            lengths=motion.box.lengths,
+            chains=chains,
+            title=f"{title}\n{at}",
+        )
+        return
     if device.kind.is_seen_along_axis:
         axial_picture(
             folder.grains_picture,

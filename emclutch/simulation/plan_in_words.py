@@ -32,6 +32,7 @@ UPDATE_RULES = {
     UpdateRule.ASKED: " as asked",
     UpdateRule.EVERY_STEP: "",
     UpdateRule.CONTACT: ": half a contact, 1 % of a diameter of travel",
+    UpdateRule.PRESSURE: ": half a contact",
     UpdateRule.NEIGHBOURS: ", near pulls every step: at most 2.5 contacts, neighbours 1 % of a diameter further",
 }
 
@@ -43,6 +44,7 @@ def plan_in_words(scene: Scene, device: Device, plan: Plan) -> dict[str, str]:
     if in_section is not None and in_section.supply is not None and field is not None:
         words["coil"] = coil_in_words(scene, in_section, in_section.supply.resistance, field)
     words |= dict(contacts_in_words(scene, plan.contact))
+    words |= dict(scene.geometry.words(scene, plan.end))
     words |= dict(windows_in_words(plan.division))
     if moments_are_fed_back(scene) and in_section is not None:
         words["feedback"] = feedback_in_words(scene, in_section)
@@ -117,7 +119,8 @@ def windows_in_words(division: Windows) -> Iterator[tuple[str, str]]:
     if division.rule is not None:
         steps = division.steps_per_update
         every = f"every {steps} steps" if steps > 1 else "every step"
-        yield "magnetic forces", f"evaluated {every}{UPDATE_RULES[division.rule]}"
+        what = ("pressure", "followed") if division.rule is UpdateRule.PRESSURE else ("magnetic forces", "evaluated")
+        yield what[0], f"{what[1]} {every}{UPDATE_RULES[division.rule]}"
     yield (
         "coupling window",
         f"{division.steps} steps = {division.steps * division.dt:.3g} s, "
@@ -138,10 +141,11 @@ def feedback_in_words(scene, coil: CoilDevice) -> str:
 def end_in_words(scene, device: Device, plan: Plan) -> Iterator[tuple[str, str]]:
     """Return number of packings, start-up and end of a run, and whether its torque can be known by then."""
     count, until, end = replica_count(scene), scene.time.until, plan.end
+    measured = "stress" if scene.geometry.is_periodic else "torque"
     if count > 1:
         most, at_a_time = max_replica_count(scene), plan.cost.replicas
         more = f", and up to {most} where the torque needs them" if until is not None and most > count else ""
-        yield "replicas", f"{count} packings{more}, {at_a_time} at a time; the torque and its error are of all"
+        yield "replicas", f"{count} packings{more}, {at_a_time} at a time; the {measured} and its error are of all"
     rate, needed = strain_rate(scene, device), start_up_strain(scene)
     if rate and count > 1:
         start_up = scene.time.average_from or needed / rate

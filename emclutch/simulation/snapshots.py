@@ -97,9 +97,10 @@ class Snapshots:
 
     def _write_grains(self, simulation: Simulation, n_contacts: np.ndarray, lines: tuple[np.ndarray, ...]) -> None:
         motion, grains = simulation.motion, simulation.motion.grains
+        position, velocity = wrapped(motion)
         arrays = {
             "radius": grains.radius,
-            "velocity": grains.velocity,
+            "velocity": velocity,
             "angular_velocity": grains.angular_velocity,
             "particle_id": grains.particle_id,
             "force_contact": motion.contact_force,
@@ -113,10 +114,10 @@ class Snapshots:
         for name, values in held.items():  # before the first window there are none
             arrays[name] = np.zeros_like(grains.position) if values is None else values
         if self.record is not None:
-            self.record.append_grains(motion.step_count, motion.time, {"position": grains.position, **arrays})
+            self.record.append_grains(motion.step_count, motion.time, {"position": position, **arrays})
         if not self._series:
             return
-        self._series["particles"].write_particles(motion.time, grains.position, arrays)
+        self._series["particles"].write_particles(motion.time, position, arrays)
         self._series["walls"].write_walls(
             motion.time,
             self._walls,
@@ -173,10 +174,25 @@ def contact_lines(motion: GrainMotion) -> tuple[np.ndarray, np.ndarray, np.ndarr
     """Return force chains: centre of grain i (m, 3), its partner's or the point on the wall, and the force [N] on i."""
     table, x = motion.contacts(), motion.grains.position
     partner = x[np.maximum(table.j, 0)]
-    if motion.sector is not None:
-        partner = motion.sector.turn(partner, table.shift)
-    end = np.where((table.j >= 0)[:, None], partner, table.point)
-    return x[table.i], end, table.force
+    if motion.periodicity is not None:
+        partner = motion.periodicity.place(partner, table.shift)
+    begin, end = x[table.i], np.where((table.j >= 0)[:, None], partner, table.point)
+    if motion.box is not None:  # from where the grain is drawn
+        moved = wrapped(motion)[0][table.i] - begin
+        begin, end = begin + moved, end + moved
+    return begin, end, table.force
+
+
+def wrapped(motion: GrainMotion) -> tuple[np.ndarray, np.ndarray]:
+    """Return positions (n, 3) [m] and velocities (n, 3) [m/s] of the grains, in a sheared box those inside of it.
+
+    Between two lists of neighbours grains go on freely beyond its faces.
+    """
+    position, velocity, box = motion.grains.position, motion.grains.velocity, motion.box
+    if box is None:
+        return position, velocity
+    shift = box.wraps(position)
+    return box.place(position, shift), box.sweep(velocity, shift)
 
 
 class History:

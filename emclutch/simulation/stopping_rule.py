@@ -144,7 +144,10 @@ def stopping_rule(scene: Scene, device: Device, end: float) -> StoppingRule | No
 
 
 def strain_rate(scene: Scene, device: Device) -> float:
-    """Largest shear rate of the gap [1/s]; 0 where nothing is sheared."""
+    """Largest shear rate of the gap, or of the periodic box [1/s]; 0 where nothing is sheared."""
+    rate = device.kind.rate(scene)
+    if rate is not None:
+        return rate
     return scene.motion.largest_slip * device.shear_radius / device.shear_gap if device.shear_gap else 0.0
 
 

@@ -22,6 +22,7 @@ from emclutch.results.columns import (
     MAX_OVERLAP,
     MISSED_STEPS,
     ROTOR_SPEED,
+    SHEAR_STRESS,
     SOLVER_RESIDUAL,
     STABILISATION_WORK,
     STEPS,
@@ -34,11 +35,13 @@ from emclutch.results.columns import (
     WALL_MAGNETIC,
     WALL_TOTAL,
     WORK_MAGNETIC,
+    WORK_SHEAR,
+    WORK_SHEAR_MAGNETIC,
     WORK_WALLS,
     torque_on,
 )
 from emclutch.results.rise_time import rise_times
-from emclutch.results.steady_torque import mean_torque, steady_torque
+from emclutch.results.steady_torque import steady_mean_of, steady_torque
 from emclutch.scene.replica_count import replica_seed
 from emclutch.simulation.planned_run import PlannedRun
 from emclutch.simulation.structure import structure_summary
@@ -69,16 +72,22 @@ def summarise(
     for body in ("rotor", "field"):
         column = torque_on(body)
         if column in history:
-            summary[column] = mean_torque((history, *others), column, conditions).as_dict()
+            summary[column] = steady_mean_of((history, *others), column, conditions).as_dict()
     if stopped:
         summary["stopped"] = f"by the callback at t = {history[TIME].iloc[-1]:.4g} s of {plan.end:.4g} s"
     torque = steady_torque(history, conditions, others) if TORQUE_DISC in history else None
     if torque is not None:
         summary["torque"] = torque.as_dict()
         if others:
-            summary["replicas"] = replicas_summary(case, (history, *others), torque)
+            summary["replicas"] = replicas_summary(case, (history, *others), torque, TORQUE_DISC)
         if case.scene.span.until is not None:
             summary["until"] = how_it_ended(torque, history, case.scene.span.until)
+    measured = case.scene.geometry.summarise((history, *others), conditions, case.scene)
+    if "stress" in measured:
+        summary |= measured
+        if others:
+            stress = Estimate.from_dict(measured["stress"])
+            summary["replicas"] = replicas_summary(case, (history, *others), stress, SHEAR_STRESS)
     shafts = {body.name for body in simulation.motion.bodies}  # walls of a box may be on one alone
     if {"rotor", "disc"} <= shafts and any(body.is_free for body in simulation.motion.bodies):
         summary["lock_up_time"] = lock_up_time(history)
@@ -99,7 +108,8 @@ def summarise(
         summary["inertial_number"] = float(late.median()) if len(late) else None
     summary["structure"] = structure_summary(simulation.motion)
     if WORK_MAGNETIC in history:
-        summary["work_magnetic_over_slip"] = work_over_slip(history, None if torque is None else torque.start)
+        start = torque.start if torque is not None else measured.get("stress", {}).get("start")
+        summary["work_magnetic_over_slip"] = work_over_slip(history, start)
     summary |= {"grains": plan.count, "sectors": simulation.n_sectors, "dt": plan.dt} | numerics_summary(history)
     measured = {"field": WALL_FIELD, "magnetic": WALL_MAGNETIC, "contact": WALL_CONTACT, "total": WALL_TOTAL}
     summary["seconds"] = {part: float(history[name].sum()) for part, name in measured.items() if name in history}
@@ -124,25 +134,36 @@ def coil_summary(coil, source, history) -> dict[str, Any]:
 def work_over_slip(history, begin: float | None) -> float | None:
     """Work of the magnetic forces over that of the walls, the slip's, from the steady part's beginning on [s].
 
+    In a periodic box over that of the shear; what this works through magnetic forces is theirs to give back.
+
     Nothing in the mean of a steady run, but for what moments and the field lag; without a steady part of the second
     half of the windows. None where nothing slips.
     """
     late = history[history[TIME] > begin] if begin is not None else history.iloc[len(history) // 2 :]
-    slip = float(late[WORK_WALLS].sum())
-    return float(late[WORK_MAGNETIC].sum()) / slip if slip else None
+    work = float(late[WORK_MAGNETIC].sum())
+    if WORK_SHEAR in history:
+        slip, work = float(late[WORK_SHEAR].sum()), work - float(late[WORK_SHEAR_MAGNETIC].sum())
+    else:
+        slip = float(late[WORK_WALLS].sum())
+    return work / slip if slip else None
 
 
 def numerics_summary(history) -> dict[str, float | str | None]:
     """Return steps, overlaps and residuals of a run."""
     throughput = 0.0
     if DISSIPATED in history:
-        throughput = float((history[WORK_WALLS].abs() + history[DISSIPATED]).sum())
+        put_in = history[WORK_SHEAR if WORK_SHEAR in history else WORK_WALLS]
+        throughput = float((put_in.abs() + history[DISSIPATED]).sum())
     return {
         "time": float(history[TIME].iloc[-1]),
         "steps": int(history[STEPS].sum()),
         "max_overlap": float(history[MAX_OVERLAP].max()),
         "typical_overlap": float(history[MAX_OVERLAP].iloc[len(history) // 2 :].median()),
-        "torque_residual_rms": float(np.sqrt((history[TORQUE_RESIDUAL] ** 2).mean())),
+        **(
+            {"torque_residual_rms": float(np.sqrt((history[TORQUE_RESIDUAL] ** 2).mean()))}
+            if TORQUE_RESIDUAL in history
+            else {}
+        ),
         "energy_residual_relative": float(history[ENERGY_RESIDUAL].sum() / throughput) if throughput else None,
         "discretisation_error": None,
         "discretisation_error_note": "not measured in a single run; emclutch accuracy measures it",
@@ -163,16 +184,16 @@ def zone_summary(zone: PoleZone, histories, torque: Estimate) -> dict[str, float
     return found
 
 
-def replicas_summary(case, histories, torque: Estimate) -> dict[str, Any]:
-    """Return the replicas' seeds, and the mean torque [N m] of each over the averaged stretch."""
-    start, end = torque.start or 0.0, torque.end or np.inf
+def replicas_summary(case, histories, found: Estimate, column: str) -> dict[str, Any]:
+    """Return the replicas' seeds, and the mean of a column of each over the averaged stretch."""
+    start, end = found.start or 0.0, found.end or np.inf
     late = [each[(each[TIME] > start * (1.0 + 1e-9)) & (each[TIME] <= end * (1.0 + 1e-9))] for each in histories]
     widths = [np.diff(each[TIME].to_numpy(), prepend=start) for each in late]
     return {
         "count": len(histories),
         "seeds": [replica_seed(case.scene.scene.seed, number) for number in range(len(histories))],
         "means": [
-            float(np.average(each[TORQUE_DISC], weights=width)) if len(each) else None
+            float(np.average(each[column], weights=width)) if len(each) else None
             for each, width in zip(late, widths, strict=True)
         ],
     }

@@ -18,6 +18,7 @@ class UpdateRule(Enum):
     ASKED = auto()
     EVERY_STEP = auto()  # the step of rigid grains follows the forces themselves
     CONTACT = auto()  # half a contact, or 1 % of a diameter of travel
+    PRESSURE = auto()  # the box follows it twice a contact
     NEIGHBOURS = auto()  # near pulls follow every step; 2.5 contacts, or neighbours 1 % of a diameter further
 
 
@@ -78,7 +79,7 @@ def coupling_windows(scene, dt: float, speed: float, between_layers: float, held
         # a quarter of a diameter of shear, but enough windows for a mean with an error bar
         travel = 0.25 * scene.particles.smallest_diameter / (speed * dt) if speed > 0.0 else np.inf
         steps = max(1, floor(min(travel, parts_of(scene.time.end, dt) / 200, 5000)))
-    if held:
+    if held or scene.geometry.barostat(scene) is not None:
         per_update, rule = _steps_per_update(scene, dt, speed, between_layers)
         updates = max(1, round(steps / per_update))
     else:
@@ -93,6 +94,8 @@ def _steps_per_update(scene, dt: float, speed: float, between_layers: float) -> 
         return attraction.update_every, UpdateRule.ASKED
     if scene.contact.method == "dvi":
         return 1, UpdateRule.EVERY_STEP
+    if not scene.effects.hold_forces:
+        return max(1, floor(0.5 * scene.time.steps_per_contact)), UpdateRule.PRESSURE
     # near pulls follow every step (`coupling.near_attraction`): what is held then changes with the places of layers
     followed = attraction is not None and attraction.has_necks
     moved, contacts = (between_layers, 2.5) if followed else (speed, 0.5)

@@ -45,7 +45,6 @@ from particles.neighbours.contact_list import ContactList
 from particles.neighbours.contact_table import ContactTable, contact_table, geometric_overlaps
 from particles.periodicity import Periodicity
 from particles.shafts import Shafts
-from particles.sheared_box import ShearedBox
 from particles.step_answers import NOT_FINITE, OVERLAP, TOO_FAST
 from particles.step_totals import StepTotals
 from particles.threads import threads_for
@@ -161,11 +160,6 @@ class DEM(ListedGrains):
         self._last_torque = np.zeros(len(self.bodies))
         self._elastic = self._stored_at_rest() if energy_budget else 0.0
         self._kinetic = self._kinetic_now() if energy_budget else 0.0
-
-    @property
-    def box(self) -> ShearedBox | None:
-        """The sheared box that the grains are in, if it is one."""
-        return self.periodicity if isinstance(self.periodicity, ShearedBox) else None
 
     @property
     def contact(self) -> ContactLaw:

@@ -1,4 +1,4 @@
-"""Random places of equal grains in a periodic box: thrown in, grown and pushed apart."""
+"""Random places of grains in a periodic box: thrown in, grown and pushed apart."""
 
 from __future__ import annotations
 
@@ -27,29 +27,44 @@ def periodic_packing(count: int, diameter: float, fill: float, *, seed: int) -> 
     BoxTooDense
         Overlaps stay.
     """
-    if count < 1 or not 0.0 < fill <= DENSEST:
-        raise ValueError(
-            f"{count} grains at a fill of {fill}; allowed: at least one grain, and a fill above 0 and at most {DENSEST}"
-        )
+    _require_fill(count, fill)
     box = ShearedBox.of_fill(count, diameter, fill)
+    return box, random_in_box(box, np.full(count, 0.5 * diameter), seed=seed)
+
+
+def random_in_box(box: ShearedBox, radius: np.ndarray, *, seed: int) -> np.ndarray:
+    """Centres (n, 3) [m] of grains of ``radius`` (n,) [m] at random in a box at rest; as `periodic_packing`."""
+    count, widest = len(radius), 2.0 * float(radius.max(initial=0.0))
+    fill = float(np.sum(4.0 / 3.0 * np.pi * radius**3)) / box.volume
+    _require_fill(count, fill)
+    smallest = 2.0 * float(radius.min())
     x = np.random.default_rng(seed).uniform(0.0, 1.0, (count, 3)) * box.lengths
     for size in SIZES:
-        wanted = size * SPARE * diameter
+        scale = size * SPARE
         for turn in range(_ROUNDS):
             if turn % _LISTED == 0:
                 x %= box.lengths
-                pairs = find_pairs(x, max(wanted, min(1.2 * wanted, box.widest_cutoff(x))), box)
+                pairs = find_pairs(x, max(scale * widest, min(1.2 * scale * widest, box.widest_cutoff(x))), box)
                 first, second, shift = pairs.rows(), pairs.other, box.place(np.zeros((pairs.count, 3)), pairs.shift)
+                wanted = scale * (radius[first] + radius[second])
             apart = x[first] - x[second] - shift
-            distance = np.maximum(np.linalg.norm(apart, axis=1), 1e-12 * diameter)
+            distance = np.maximum(np.linalg.norm(apart, axis=1), 1e-12 * smallest)
             depth = wanted - distance
             # pushed by a little more than they overlap: neighbours push back
-            if turn % _LISTED == 0 and depth.max(initial=0.0) < (1e-3 if size == 1.0 else 0.05) * diameter:
+            if turn % _LISTED == 0 and depth.max(initial=0.0) < (1e-3 if size == 1.0 else 0.05) * smallest:
                 break
             push = (0.55 * np.maximum(depth, 0.0) / distance)[:, None] * apart
             for axis in range(3):
                 x[:, axis] += np.bincount(first, push[:, axis], count)
                 x[:, axis] -= np.bincount(second, push[:, axis], count)
-    if depth.max(initial=0.0) >= 5e-3 * diameter:
+    if depth.max(initial=0.0) >= 5e-3 * smallest:
         raise BoxTooDense(f"{count} grains at a fill of {fill:g} cannot be pushed apart; lower the fill")
-    return box, x % box.lengths
+    return x % box.lengths
+
+
+def _require_fill(count: int, fill: float) -> None:
+    if count < 1 or not 0.0 < fill <= DENSEST * (1.0 + 1e-9):
+        raise ValueError(
+            f"{count} grains at a fill of {fill:.4g}; allowed: at least one grain, and a fill above 0 and at most "
+            f"{DENSEST}"
+        )

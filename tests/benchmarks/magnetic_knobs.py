@@ -71,7 +71,7 @@ def held(case: Case, frame: dict[str, np.ndarray], steps: int) -> tuple[float, f
     magnetised.tolerance = MOMENTS_TOLERANCE
     refresh_field(simulation)
     dem.external_force = held_forces(simulation, WindowBudget(simulation))
-    magnetised.hold(dem, dem.external_force)
+    magnetised.hold(simulation, dem.external_force)
     dem.run(steps)
     dem.renew_list()  # from here on the grains keep their order
     before, where = np.array(dem.grains.magnetic_moment), np.array(dem.grains.position)

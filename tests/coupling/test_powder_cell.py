@@ -12,7 +12,9 @@ import pytest
 from coupling.grain_law_table import grain_table
 from coupling.mutual_moments import MutualMoments
 from coupling.neighbour_rows import neighbour_rows
-from coupling.powder_cell import CellMagnetism, PowderCell, ShearParameters, least_count
+from coupling.powder_cell import PowderCell, ShearParameters, least_count, magnetise
+from coupling.staggered import Simulation, held_forces
+from coupling.window_budget import WindowBudget
 from field.laws.powder_law import GrainLaw
 from particles import DEM, Grains, LinearContact, ShearedBox
 
@@ -33,9 +35,18 @@ def magnetised(x, box, reach=2.0 * D, near=True, H=POWDER.H):
     grains = Grains.create(x, 0.5 * D, 7800.0, velocity=box.flow(x[:, 2]))
     dem = DEM(grains, [], [], CONTACT, dt=1e-8, periodicity=box, skin=0.3 * D)
     solver = MutualMoments(grain_table(IRON, "near_field" if near else "mutual"), near=near, reach=reach, smear=True)
-    magnetism = CellMagnetism(dem, solver, np.array([0.0, 0.0, H]))
-    magnetism.look(*EXACT)
+    simulation = Simulation(dem, [], None, None, 8, 1)
+    magnetism = magnetise(simulation, solver, (0.0, 0.0, H), IRON)
+    look(simulation)
     return dem, magnetism
+
+
+def look(simulation):
+    """Moments and forces at the present places, to round-off."""
+    magnetism = simulation.magnetised
+    magnetism.tolerance, magnetism.max_sweeps = EXACT
+    simulation.motion.external_force = force = held_forces(simulation, WindowBudget(simulation))
+    magnetism.hold(simulation, force)
 
 
 def one_step(dem):
@@ -59,7 +70,7 @@ def test_a_pair_through_a_face_is_a_pair(axis, apart):
         dem, magnetism = magnetised(centre + np.array([[-0.5], [0.5]]) * apart * D * direction, box)
         dem.renew_list()
         force, totals = one_step(dem)
-        found.append((force, totals.stress.contacts, totals.stress.attraction, magnetism.stress.copy()))
+        found.append((force, totals.stress.contacts, totals.stress.attraction, magnetism.held_stress.copy()))
     size = np.abs(found[0][0]).max()
     assert size > 0.0
     for inside, through, unit in zip(*found, (size, *3 * [size * D / 6e2 / D**3]), strict=True):
@@ -108,8 +119,8 @@ def test_the_stresses_differ_by_the_torque_of_the_field():
     cell = PowderCell(POWDER)
     cell.window(5)
     magnetism = cell.magnetism
-    magnetism.look(*EXACT)
-    virial = magnetism.stress.T * cell.box.volume
+    look(cell.simulation)
+    virial = magnetism.held_stress.T * cell.box.volume
     torque = MU_0 * np.cross(magnetism.found.moment, [0.0, 0.0, POWDER.H]).sum(axis=0)
     turned = [virial[1, 2] - virial[2, 1], virial[2, 0] - virial[0, 2], virial[0, 1] - virial[1, 0]]
     assert magnetism.found.residual < 1e-12
@@ -187,8 +198,8 @@ def test_rows_hold_every_neighbour_while_the_cell_is_sheared():
     dem, magnetism = cell.dem, cell.magnetism
     for _ in range(60):
         cell.window(4)
-        dem.renew_list()
-        rows, x = magnetism.rows(), np.array(dem.grains.position)
+        rows = cell.simulation.rows(magnetism.solver.reach)
+        x = np.array(dem.grains.position)
         seen.add(dem.list_version)
         fresh = neighbour_rows(x, 2.0 * D, cell.box)
         assert np.array_equal(rows.images, fresh.images)

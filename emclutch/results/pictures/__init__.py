@@ -4,6 +4,7 @@ from emclutch.results.pictures.axial import axial_picture
 from emclutch.results.pictures.grains import grains_picture
 from emclutch.results.pictures.profile import profile_picture
 from emclutch.results.pictures.section import section_picture
+from emclutch.results.pictures.sheared_box import sheared_box_picture, stress_picture
 from emclutch.results.pictures.speeds import speed_picture, torque_speed_picture
 from emclutch.results.pictures.torque import torque_picture
 from emclutch.results.pictures.torque_curves import torque_against_current_picture, torque_against_speed_picture
@@ -14,7 +15,9 @@ __all__ = [
     "grains_picture",
     "profile_picture",
     "section_picture",
+    "sheared_box_picture",
     "speed_picture",
+    "stress_picture",
     "torque_against_current_picture",
     "torque_against_speed_picture",
     "torque_picture",

@@ -12,7 +12,16 @@ from typing import Any, ClassVar
 from emclutch.effects import EffectsSection
 from emclutch.effects.left_out import ALWAYS, OFF, LeftOut
 from emclutch.results import COLUMNS, OutputError, Result, RunFolder, load_result
-from emclutch.results.columns import DISSIPATED, ENERGY_RESIDUAL, TORQUE_DISC, WORK_HELD, WORK_MAGNETIC, WORK_WALLS
+from emclutch.results.columns import (
+    DISSIPATED,
+    ENERGY_RESIDUAL,
+    TORQUE_DISC,
+    WORK_HELD,
+    WORK_MAGNETIC,
+    WORK_SHEAR,
+    WORK_SHEAR_MAGNETIC,
+    WORK_WALLS,
+)
 from emclutch.results.grain_profiles import profile_column, read_profiles
 from emclutch.results.replicated_mean import drift_in_words
 from emclutch.results.report.verdict import Mark, Statement, sentence, verdict
@@ -26,6 +35,7 @@ PICTURES = {
     "section.png": "flux density and flux lines in the cross-section",
     "gap.png": "radial flux density in the middle of the gap, unrolled",
     "torque.png": "torque against time",
+    "stress.png": "stress against strain",
     "speeds.png": "speeds of the shafts against time",
     "grains.png": "grains and the forces between them",
     "profiles.png": "flow and stress across the gap",
@@ -37,7 +47,17 @@ STUDY_PICTURES = {
     "speeds.png": "speeds of the shafts against time",
 }
 PARTS = ("start", "field", "magnetic", "contact", "output", "compiling", "total")
-ENERGIES = ("coil_supplied", WORK_WALLS, WORK_MAGNETIC, WORK_HELD, "work_gravity", DISSIPATED, ENERGY_RESIDUAL)
+ENERGIES = (
+    "coil_supplied",
+    WORK_WALLS,
+    WORK_SHEAR,
+    WORK_SHEAR_MAGNETIC,
+    WORK_MAGNETIC,
+    WORK_HELD,
+    "work_gravity",
+    DISSIPATED,
+    ENERGY_RESIDUAL,
+)
 NUMBERS = (
     ("current", "current at the end", "A"),
     ("turns", "turns of the coil", ""),
@@ -49,7 +69,13 @@ NUMBERS = (
     ("torque_rise_time", "torque's rise to 63 % of its final value", "s"),
     ("torque_rise_time_90", "torque's rise to 90 % of its final value", "s"),
     ("torque_lag", "torque's rise over the current's, 63 % (class: 1.7 to 4)", ""),
-    ("inertial_number", "inertial number (upper bound)", ""),
+    ("shear_rate", "shear rate", "1/s"),
+    ("shear_strain", "shear strain at the end", ""),
+    ("inertial_number", "inertial number (of a gap an upper bound)", ""),
+    ("inertial_number_of_shear_stress", "inertial number of the shear stress", ""),
+    ("solid_fraction", "solid fraction of the box", ""),
+    ("contacts_per_grain", "contacts of a grain, mean of the steady part", ""),
+    ("relative_permeability", "relative permeability of the powder", ""),
     ("grains", "grains simulated", ""),
     ("sectors", "sectors in the ring", ""),
     ("dt", "step of the grains", "s"),

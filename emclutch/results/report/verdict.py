@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from emclutch.results import Result
-from emclutch.results.columns import DISC_SPEED, ROTOR_SPEED, TIME, TORQUE_DISC
-from emclutch.results.text import format_time, format_torque
+from emclutch.results import Estimate, Result
+from emclutch.results.columns import DISC_SPEED, ROTOR_SPEED, SHEAR_STRESS, TIME, TORQUE_DISC
+from emclutch.results.text import format_stress, format_time, format_torque
 from particles.dem.overlap_limits import SOFT
 
 RPM = 30.0 / math.pi
@@ -42,7 +42,7 @@ class Statement:
 
 def verdict(result: Result) -> list[Statement]:
     """Return the statements on a run, finished or not; the torque first, unless the run failed."""
-    torque = list(_torque(result)) if TORQUE_DISC in result.history else []
+    torque = list(_measured(result))
     end = list(_end(result))
     failed = not result.summary and result.folder.read_failure() is not None
     begin = [*end, *torque] if failed else [*torque, *end]
@@ -78,22 +78,28 @@ def sentence(text: str) -> str:
     return f"{text[:1].upper()}{text[1:].rstrip('.')}."
 
 
-def _torque(result: Result) -> Iterator[Statement]:
-    torque, until = result.torque, result.summary.get("until")
-    half = torque.half_width()
-    words = format_torque(torque)
-    if not torque.converged:
-        yield Statement(Mark.POOR, f"The torque on the disc is not known: {words}; {torque.reason}.")
-    elif half is None or not torque.mean:
-        yield Statement(Mark.POOR, f"The torque on the disc is not known: {words}.")
+def _measured(result: Result) -> Iterator[Statement]:
+    """Say how well torque or stress is known."""
+    if TORQUE_DISC in result.history:
+        yield from _known(result, "torque on the disc", result.torque, format_torque(result.torque))
+    elif SHEAR_STRESS in result.history:
+        yield from _known(result, "shear stress", result.stress, format_stress(result.stress))
+
+
+def _known(result: Result, name: str, found: Estimate, words: str) -> Iterator[Statement]:
+    half, until = found.half_width(), result.summary.get("until")
+    if not found.converged:
+        yield Statement(Mark.POOR, f"The {name} is not known: {words}; {found.reason}.")
+    elif half is None or not found.mean:
+        yield Statement(Mark.POOR, f"The {name} is not known: {words}.")
     else:
-        share, short = half / abs(torque.mean), until is not None and not until["reached"]
-        packings = f"of {torque.replicas} packings" if torque.replicas > 1 else "of one packing"
+        share, short = half / abs(found.mean), until is not None and not until["reached"]
+        packings = f"of {found.replicas} packings" if found.replicas > 1 else "of one packing"
         yield Statement(
             Mark.POOR if short or share >= 1.0 else Mark.NOTE if share > ROUGH else Mark.GOOD,
-            f"The torque on the disc is known to {100.0 * share:.2g} %: {words}, {packings}; {torque.reason}.",
+            f"The {name} is known to {100.0 * share:.2g} %: {words}, {packings}; {found.reason}.",
         )
-    if torque.replicas == 1:
+    if found.replicas == 1:
         yield Statement(Mark.POOR, "One packing ran: what packings differ by is not in the error.")
 
 

@@ -10,7 +10,10 @@ HEAP = 0.6  # solid fraction of grains at rest
 
 
 def largest_speed(scene, device: Device) -> float:
-    """Largest speed [m/s] that a driven wall gives to grains, or that weight can."""
+    """Largest speed [m/s] that a driven wall gives to grains, or that weight can; across a periodic box its flow's."""
+    rate = device.kind.rate(scene)
+    if rate is not None:
+        return rate * float(device.extent[2])
     wall = max(scene.motion.rotor.largest_speed, scene.motion.disc.largest_speed) * device.largest_radius
     return max(wall, fall_speed(scene, device))
 
@@ -48,4 +51,7 @@ def impact_speed(scene, device: Device, speed: float) -> float:
 
 def layer_speed(scene, device: Device, speed: float) -> float:
     """Speed [m/s] of layers of grains past each other in a gap whose wall goes at `speed`: v d/g."""
+    rate = device.kind.rate(scene)
+    if rate is not None:
+        return rate * scene.particles.largest_diameter
     return speed * min(0.5, scene.particles.largest_diameter / device.narrowest_gap)

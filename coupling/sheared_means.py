@@ -1,0 +1,160 @@
+r"""Means of a window in a sheared box (`particles.sheared_box`): strain, stress, contacts, magnetisation.
+
+**Stress.** The one that a wall across z feels is the force on a plane across z. By momentum balance it is that of all
+pairs whose line crosses the plane, and of the momentum that grains carry through it,
+
+    sigma_ab = (1/V) [sum over pairs F_a r_b + sum over grains m p_a p_b],      tau = -sigma_xz,
+
+F on the grain at r from its partner, p the velocity less the flow's, compression positive: contacts, the attraction of
+near pairs that follows the gap of each step, and what is held of the magnetic forces between two evaluations. Contacts
+alone do not have this stress, and pairs with torques do not have F_x r_z = F_z r_x: the field's torque mu_0 M x H
+stands between tau_zx and tau_xz (`BoxRow.shear_stress` and `BoxRow.shear_stress_across`). With the macroscopic field H
+along z two things do *not* come on top:
+
+- the macroscopic Maxwell stress across z, B_z H_x, is 0 (H_x is continuous, and 0 at the steel). Its partner
+  B_x H_z = mu_0 M_x H_z is the force along z on a plane across x; no wall stands there;
+- of the forces of smeared grains on grains: those above a plane are a layer of the even magnetisation M S(z), whose
+  field is H_z(z) only; it has no gradient along x, hence no F_x = mu_0 (m_z dH_x/dz + m_x dH_x/dx) across the plane.
+
+The normal stress across z has the pull of B_z^2 - (mu_0 H_z)^2 on the steel besides, which is not in it.
+
+**Work.** The shear works V tau on the grains for each unit of strain. Of the part through the magnetic forces,
+dW/dgamma = V tau_magnetic, what does not stay in the grains' energy W is their work on the motion beside the flow.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from coupling.magnetised_grains import MagnetisedGrains
+from particles import GrainMotion, ShearedBox, StepTotals
+
+
+@dataclass(frozen=True, slots=True)
+class BoxRow:
+    """A sheared box in a window; stresses and contacts are means over it [Pa].
+
+    Attributes
+    ----------
+    shear_strain, solid_fraction : float
+        At the window's end [-].
+    shear_stress, shear_stress_contacts : float
+        Force along the flow on a plane across the gradient, and what contacts have of it.
+    shear_stress_across : float
+        Force along the gradient on a plane across the flow, without the macroscopic field's.
+    normal_stress_x, normal_stress_y, normal_stress_z : float
+        Positive where grains push; x is along the flow, z along the gradient.
+    contacts_per_grain : float
+        [-]
+    """
+
+    shear_strain: float
+    solid_fraction: float
+    shear_stress: float
+    shear_stress_contacts: float
+    shear_stress_across: float
+    normal_stress_x: float
+    normal_stress_y: float
+    normal_stress_z: float
+    contacts_per_grain: float
+
+    @property
+    def pressure(self) -> float:
+        """A third of the trace [Pa]."""
+        return (self.normal_stress_x + self.normal_stress_y + self.normal_stress_z) / 3.0
+
+
+@dataclass(frozen=True, slots=True)
+class MagnetisedBoxRow:
+    """Magnetised grains of a sheared box in a window, means over it.
+
+    Attributes
+    ----------
+    shear_stress_near, shear_stress_held : float
+        Parts of `BoxRow.shear_stress` [Pa]: the attraction of near pairs, and the magnetic forces that are held.
+    relative_permeability : float
+        1 + phi M.H/H^2 [-].
+    magnetisation_along_flow : float
+        Of the grains [A/m].
+    """
+
+    shear_stress_near: float
+    shear_stress_held: float
+    relative_permeability: float
+    magnetisation_along_flow: float
+
+
+class ShearedMeans:
+    """Sums of one window over its sub-cycles; `rows` are its means.
+
+    Parameters
+    ----------
+    motion : GrainMotion
+        In a sheared box.
+    magnetised : MagnetisedGrains or None
+    """
+
+    def __init__(self, motion: GrainMotion, magnetised: MagnetisedGrains | None) -> None:
+        assert motion.box is not None
+        self._motion, self._magnetised, self._box = motion, magnetised, motion.box
+        self._contacts, self._near, self._held, self._carried = (np.zeros((3, 3)) for _ in range(4))
+        self._permeability = self._along_flow = self._touching = 0.0
+        self._cycles = 0
+        self.magnetic_work = 0.0
+        """Work of the shear through magnetic forces so far [J]."""
+
+    def add_steps(self, totals: StepTotals) -> None:
+        """Add the totals of a sub-cycle, during which the forces stood that are held now."""
+        assert totals.stress is not None
+        self._cycles += 1
+        self._contacts += totals.stress.contacts
+        self._near += totals.stress.attraction
+        self._carried += totals.stress.motion
+        self._touching += 2.0 * totals.n_contacts / self._motion.grains.count
+        if self._magnetised is not None:
+            self._add_moments(self._magnetised, totals)
+
+    def _add_moments(self, magnetised: MagnetisedGrains, totals: StepTotals) -> None:
+        assert totals.stress is not None
+        grains, box, held = self._motion.grains, self._box, magnetised.held_stress
+        self._held += held
+        tau = -float(held[0, 2] + totals.stress.attraction[0, 2])
+        self.magnetic_work += box.rate * box.volume * totals.duration * tau
+        assert grains.magnetic_moment is not None  # of the evaluation before the steps
+        moment, H = grains.magnetic_moment.sum(axis=0), magnetised.H.mean(axis=0)
+        if H.any():
+            self._permeability += 1.0 + float(moment @ H) / (box.volume * float(H @ H))
+        else:
+            self._permeability += 1.0
+        self._along_flow += float(moment[0]) / float(grains.volume.sum())
+
+    def rows(self) -> tuple[BoxRow, MagnetisedBoxRow | None]:
+        """Return the means over the window."""
+        share, box = 1.0 / self._cycles, self._box
+        whole = share * (self._contacts + self._near + self._held + self._carried)
+        row = BoxRow(
+            shear_strain=box.strain,
+            solid_fraction=solid_fraction(self._motion, box),
+            shear_stress=-float(whole[0, 2]),
+            shear_stress_contacts=-share * float(self._contacts[0, 2]),
+            shear_stress_across=-float(whole[2, 0]),
+            normal_stress_x=float(whole[0, 0]),
+            normal_stress_y=float(whole[1, 1]),
+            normal_stress_z=float(whole[2, 2]),
+            contacts_per_grain=share * self._touching,
+        )
+        if self._magnetised is None:
+            return row, None
+        return row, MagnetisedBoxRow(
+            shear_stress_near=-share * float(self._near[0, 2]),
+            shear_stress_held=-share * float(self._held[0, 2]),
+            relative_permeability=share * self._permeability,
+            magnetisation_along_flow=share * self._along_flow,
+        )
+
+
+def solid_fraction(motion: GrainMotion, box: ShearedBox) -> float:
+    """Volume of the grains over that of the box [-]."""
+    return float(motion.grains.volume.sum()) / box.volume

@@ -1,0 +1,270 @@
+"""geometry.kind = "sheared_box": a periodic box of powder that is sheared (`particles.sheared_box`)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from emclutch.devices.geometry_section import NO_MATERIALS, GeometrySection
+from emclutch.scene.draft import Draft, size_key
+from emclutch.scene.errors import Fault
+from emclutch.scene.section import refuse
+from emclutch.scene.units import Length, Quantity, number, two_digits
+
+if TYPE_CHECKING:
+    import pandas
+
+    from emclutch.device_model.device import Device
+    from emclutch.effects.effect import Load
+    from emclutch.results.steady_torque import SteadyConditions
+    from emclutch.scene.materials import Material
+    from emclutch.scene.model import Scene
+    from emclutch.simulation.forecast.expected_torque import ExpectedTorque
+    from geometry.periodic_box import PeriodicBox
+    from particles import Barostat, ShearedBox
+
+_ShearRate = Annotated[float, Quantity("a shear rate", "1/s", "500 1/s", 0.0, 1e7, open_minimum=True)]
+_Pressure = Annotated[float, Quantity("a pressure", "Pa", "1 kPa", 0.0, 1e9, open_minimum=True)]
+
+DENSEST = 0.58
+"""Fill up to which grains are packed at random in a periodic box (`particles.packing.periodic_packing`)."""
+
+LOADED = 4.0
+"""Load on a contact of a force chain over pressure times diameter squared, the mean on a grain."""
+
+DAMPING = 10.0
+"""Damping of the barostat over pressure/rate: a loose packing is pressed together within a strain of some units."""
+
+
+def _packed_at_random(draft: Draft) -> Iterator[Fault]:
+    """Grains are thrown into the box, whose copies have no room for anything else."""
+    particles = draft.scene.particles
+    if particles.packing != "random":
+        yield draft.fault("particles.packing", "is not available in a periodic box; take packing = 'random'")
+    if particles.settle:
+        yield draft.fault("particles.settle", "has no meaning in a periodic box, whose grains start with the flow; "
+                          "remove it")  # fmt: skip
+    amount = particles.solid_fraction
+    if particles.packing == "random" and amount is not None and DENSEST < amount <= particles.largest_solid_fraction:
+        yield draft.fault(
+            "particles.solid_fraction",
+            f"is denser than grains are packed in a periodic box; allowed: at most {DENSEST:g}; lower it, and to "
+            "compact the powder give geometry.pressure",
+        )
+
+
+def _wide_enough(draft: Draft) -> Iterator[Fault]:
+    """No grain may meet a neighbour twice, or itself."""
+    from coupling.sheared_powder import min_edge  # local: the schema itself needs no particles
+
+    scene = draft.scene
+    if scene.shape().faults(None):
+        return
+    attraction = scene.effects.attraction
+    needed = min_edge(None if attraction is None else attraction.cutoff) * scene.particles.largest_diameter
+    shortest = min(scene.geometry.size)
+    if shortest < needed * (1.0 - 1e-12):
+        why = "" if attraction is None else f" or effects.{attraction.name}.cutoff = {attraction.cutoff:g},"
+        yield draft.fault(
+            "geometry.size",
+            f"has an edge of {1e3 * shortest:.4g} mm, in which a grain would meet a neighbour twice; allowed: at least "
+            f"{1e3 * needed:.4g} mm; raise it, or lower{why} particles.{size_key(scene.particles)}",
+        )
+
+
+def _elastic(draft: Draft) -> Iterator[Fault]:
+    """The box is one of the discrete element method."""
+    if draft.scene.contact.method != "dem":
+        yield draft.fault("contact.method", "is not available in a periodic box; take method = 'dem'")
+
+
+def _nothing_but_powder(draft: Draft) -> Iterator[Fault]:
+    """Weight would let grains fall for ever, a surface would be met in every copy."""
+    scene = draft.scene
+    weight = scene.effects.weight
+    if weight is not None:
+        yield Fault(
+            f"effects.{weight.name}",
+            "",
+            "cannot be in a periodic box, in which grains would fall for ever; remove the table",
+        )
+    for name in scene.surfaces:
+        yield Fault(f"surfaces.{name}", "", "cannot be in a periodic box, which has no walls; remove the table")
+
+
+def _no_profiles(draft: Draft) -> Iterator[Fault]:
+    """All heights of the box are alike."""
+    if draft.scene.output.profiles:
+        yield draft.fault("output.profiles", "has no meaning in a periodic box, all heights of which are alike; "
+                          "remove it")  # fmt: skip
+
+
+def _field_across(draft: Draft) -> Iterator[Fault]:
+    """The macroscopic field stands across the flow."""
+    field = draft.scene.prescribed_field
+    if field is None:
+        return
+    if not field.is_macroscopic:
+        yield draft.fault(
+            "field.means",
+            "is the field without grains, which powder that goes on for ever has not; take means = 'macroscopic'",
+        )
+    if field.direction not in ("z", "axial", "radial"):  # radial has its own fault
+        yield draft.fault(
+            "field.direction", "is not across the flow, whose gradient is along z; take direction = 'z'"
+        )
+
+
+def _stress_for_the_rate(draft: Draft) -> Iterator[Fault]:
+    """A rate follows from an inertial number and a stress only."""
+    geometry, scene = draft.scene.geometry, draft.scene
+    if geometry.inertial_number is None or geometry.pressure is not None:
+        return
+    field = scene.prescribed_field
+    if scene.effects.attraction is None or field is None or field.field_strength == 0.0:
+        yield draft.fault(
+            "geometry.inertial_number",
+            "needs a stress: without geometry.pressure, and without a field in which grains attract one another, it "
+            "follows from the solid fraction alone; give geometry.shear_rate or geometry.pressure",
+        )
+
+
+class ShearedBoxGeometry(GeometrySection):
+    """A box that repeats in all directions and is sheared: flow along x, vorticity along y, gradient along z.
+
+    It has no walls. Its volume stays, or with `pressure` its height follows the normal stress along z. A field is
+    uniform, along z, and means the macroscopic one of the powder.
+    """
+
+    has_axis = False
+    is_periodic = True
+    why_no_sector = "needs a shape with an axis; remove it: a periodic box repeats by itself"
+    CHECKS: ClassVar = (
+        (_packed_at_random, ("particles",)),
+        (_wide_enough, ("geometry", "particles", "effects")),
+        (_elastic, ("contact",)),
+        (_nothing_but_powder, ("effects", "surfaces")),
+        (_no_profiles, ("output",)),
+        (_field_across, ("field",)),
+        (_stress_for_the_rate, ("geometry", "effects", "field")),
+    )
+
+    kind: Literal["sheared_box"]
+    size: tuple[Length, Length, Length] = Field(
+        description="edges along the flow x, the vorticity y and the gradient z; with `pressure` those of the start"
+    )
+    shear_rate: _ShearRate | None = Field(default=None, description="dv_x/dz; or inertial_number")
+    inertial_number: Annotated[float, number("0.01", 0.0, 1.0, above=True)] | None = Field(
+        default=None,
+        description="I = rate d sqrt(density/stress), instead of shear_rate; the stress is `pressure`, or without it "
+        "the shear stress that is expected in the field",
+    )
+    pressure: _Pressure | None = Field(
+        default=None, description="imposed normal stress of the grains along z; default: the volume stays"
+    )
+
+    @model_validator(mode="after")
+    def _has_one_rate(self) -> Self:
+        if self.shear_rate is None and self.inertial_number is None:
+            raise refuse("is missing; give shear_rate, e.g. '500 1/s', or inertial_number, e.g. 0.01",
+                         key="shear_rate")  # fmt: skip
+        if self.shear_rate is not None and self.inertial_number is not None:
+            raise refuse("conflicts with shear_rate; keep one of the two", key="inertial_number")
+        return self
+
+    def shape(self, own: Mapping[str, Material] = NO_MATERIALS) -> PeriodicBox:
+        """Return the shape for volumes."""
+        from geometry.periodic_box import PeriodicBox
+
+        return PeriodicBox(self.size)
+
+    def expected_stress(self, scene: Scene) -> float | None:
+        """Shear stress [Pa] that is expected in the field, within a factor of two; None where grains do not attract."""
+        from coupling.sheared_powder import chain_load, expected_stress
+        from emclutch.device_model.materials import grain_law
+        from field.spheres.lone_sphere import saturation
+
+        attraction, field = scene.effects.attraction, scene.prescribed_field
+        if attraction is None or field is None or field.field_strength == 0.0:
+            return None
+        d, volume = scene.grains.mean_diameter, self.shape().volume
+        fill = scene.grains.solid_fraction or (scene.grains.count or 0) * scene.grains.grain_volume / volume
+        if scene.grains.mass is not None:
+            fill = scene.grains.mass / scene.grains.density / volume
+        load = chain_load(saturation(grain_law(scene)), abs(field.field_strength), d, necks=attraction.has_necks)
+        return expected_stress(load, fill, d)
+
+    def rate(self, scene: Scene) -> float:
+        """See `GeometrySection.rate`: as asked, or from the inertial number."""
+        from coupling.sheared_powder import rate_of
+
+        if self.shear_rate is not None:
+            return self.shear_rate
+        stress = self.pressure or self.expected_stress(scene)
+        assert self.inertial_number is not None and stress is not None  # by the checks above
+        return rate_of(self.inertial_number, stress, scene.grains.mean_diameter, scene.grains.density)
+
+    def periodic_box(self, scene: Scene) -> ShearedBox:
+        """See `GeometrySection.periodic_box`."""
+        from particles import ShearedBox
+
+        return ShearedBox(np.array(self.size), self.rate(scene))
+
+    def barostat(self, scene: Scene) -> Barostat | None:
+        """See `GeometrySection.barostat`."""
+        from particles import Barostat
+
+        if self.pressure is None:
+            return None
+        return Barostat(self.pressure, DAMPING * self.pressure / self.rate(scene))
+
+    def loads(self, scene: Scene) -> Iterator[Load]:
+        """Yield the imposed pressure's."""
+        from emclutch.effects.effect import Load
+
+        if self.pressure is not None:
+            force = LOADED * self.pressure * scene.grains.largest_diameter**2
+            yield Load("pressure", force, f"force chains under the imposed {two_digits(self.pressure)} Pa")
+
+    def words(self, scene: Scene, end: float) -> Iterator[tuple[str, str]]:
+        """Yield the box, its rate with the inertial number, the strain and the stress that is expected."""
+        from coupling.sheared_powder import inertial_number
+        from emclutch.device_model.warning_text import with_warnings
+        from emclutch.results.steady_torque import MIN_AVERAGED_STRAIN
+        from emclutch.scene.start_up import start_up_strain
+
+        d, density, rate = scene.grains.mean_diameter, scene.grains.density, self.rate(scene)
+        edges = " x ".join(f"{edge / d:.3g}" for edge in self.size)
+        yield "box", f"{edges} diameters, periodic; flow along x, gradient along z, " + (
+            "its volume stays" if self.pressure is None else f"its height follows {two_digits(self.pressure)} Pa"
+        )
+        stress, text = self.expected_stress(scene), f"rate {rate:.4g} 1/s, strain {rate * end:.3g} at the end"
+        if self.pressure is not None:
+            text += f"; inertial number {inertial_number(rate, self.pressure, d, density):.2g} of the pressure"
+        elif stress is not None:
+            text += f"; inertial number about {inertial_number(rate, stress, d, density):.2g} of the expected stress"
+        else:
+            text += "; inertial number unknown: at a given volume it follows from the pressure that the run finds"
+        needed = start_up_strain(scene) + MIN_AVERAGED_STRAIN
+        short = f"no stress counts as known below a strain of {needed:g}: raise time.end to {1.2 * needed / rate:.2g} s"
+        yield "shear", with_warnings(text, short if rate * end < needed else "")
+        if stress is not None:
+            yield "expected stress", f"{two_digits(stress)} Pa within a factor of two, of chains along the field"
+
+    def summarise(
+        self, histories: Sequence[pandas.DataFrame], conditions: SteadyConditions, scene: Scene
+    ) -> dict[str, Any]:
+        """See `GeometrySection.summarise`: stress, effective friction, inertial numbers."""
+        from emclutch.results.steady_stress import steady_stress, stress_summary
+
+        found = steady_stress(histories, conditions)
+        return stress_summary(found, histories, self.rate(scene), scene.grains.mean_diameter, scene.grains.density)
+
+    def friction_torque(self, scene: Any, device: Device) -> ExpectedTorque:
+        """None: nothing turns."""
+        from emclutch.simulation.forecast.expected_torque import ExpectedTorque
+
+        return ExpectedTorque(None, law="a periodic box has no shaft, its result is a stress")
