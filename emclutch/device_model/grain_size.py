@@ -1,9 +1,20 @@
-"""Grains across the sheared gap, and what is known to follow for the torque where they stand for a finer powder."""
+"""Grains across the sheared gap: those of the scene, those of the powder that they stand for, and what differs.
+
+Where grains stand for finer ones (`particles.stands_for`), their diameter is a numerical setting. At equal fill, field,
+friction and shear rate nothing in the laws of dry magnetised grains has a length of its own: forces between dipoles and
+in necks go with d^2, areas too, so that stresses do not depend on d. What does is
+
+- the grains across the gap: walls order the layers next to them, and a gap of few layers dilates as a whole;
+- the inertial number I = gamma d sqrt(rho/p), which is smaller in the real powder by the ratio of the diameters;
+- cohesion and fluid drag (`EffectSection.size_note`).
+
+Diameters are means over the volume of the powder, to which each grain counts by its own.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from emclutch.device_model.device import Device
@@ -12,6 +23,9 @@ if TYPE_CHECKING:
 FINER = 0.80
 """Torque with eight grains across the gap over that with four, cases/quickstart.toml; `quickstart.finer_grains` in
 docs/measured.csv."""
+
+MEASURED = f"in the quickstart 8 across had {FINER:.2f} of the torque of 4"
+"""What the table of record has on the size of grains."""
 
 FINE = 16.0
 """Grains across the gap of real powders at the least: 1 mm over some 60 um."""
@@ -23,23 +37,89 @@ class GrainSize:
 
     Attributes
     ----------
-    across : float
-        Mean diameters in the width of the gap [-].
+    gap, diameter : float
+        Width of the sheared gap, and mean diameter by volume of the scene's grains [m].
+    count : int
+        Grains of that size in the whole device.
+    real_diameter : float or None
+        Of the powder that they stand for [m]; None where the scene does not say.
+    real_count : float
+        Grains of the powder in the whole device.
+    notes : tuple of str
+        Effects of the scene whose stress depends on the size, in words.
     """
 
-    across: float
+    gap: float
+    diameter: float
+    count: int
+    real_diameter: float | None
+    real_count: float
+    notes: tuple[str, ...] = ()
+
+    @property
+    def across(self) -> float:
+        """Diameters of the scene's grains in the gap [-]."""
+        return self.gap / self.diameter
+
+    @property
+    def coarse_graining(self) -> float:
+        """Diameter of the scene's grains over that of the real ones [-]; 1 where the scene does not say."""
+        return self.diameter / (self.real_diameter or self.diameter)
+
+    @property
+    def is_coarser(self) -> bool:
+        """Whether the grains are larger than those that they stand for."""
+        return self.coarse_graining > 1.0 + 1e-9
 
     def in_words(self) -> str:
-        """One line for people."""
-        text = f"statistical error only; {self.across:.2g} grains across the gap"
+        """Return one line for people, without the warnings."""
+        text = f"{self.across:.2g} grains across the gap"
+        if not self.is_coarser or self.real_diameter is None:
+            return f"{text}, of real size: {self.count:.2g} in the whole device"
+        size = self.coarse_graining
+        text += (
+            f" stand for {self.gap / self.real_diameter:.2g} of {1e6 * self.real_diameter:.3g} um, "
+            f"{self.count:.2g} grains in the whole device for {self.real_count:.2g}, at an inertial number {size:.2g} "
+            "times that of the real powder"
+        )
         if self.across >= FINE:
-            return f"{text}, as in real powder"
-        less = 100.0 * (1.0 - FINER)
-        return f"{text}: finer grains give less torque, {less:.0f} to {less + 5.0:.0f} % with twice as many"
+            return text
+        return f"{text}; what coarse grains add to the torque was measured with a former contact model only: {MEASURED}"
+
+    def warnings(self) -> list[str]:
+        """Return what makes the torque doubtful: few grains without a word on the real ones, effects with a size."""
+        found = []
+        if self.real_diameter is None and self.across < FINE:
+            found.append(
+                f"only {self.across:.2g} grains across the gap: right for shot of this size; where they stand for a "
+                "finer powder, set particles.stands_for to its diameter"
+            )
+        if self.is_coarser:
+            found += [f"{note}: give values for the coarse grains, not those of the real powder" for note in self.notes]
+        return found
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the entries of ``summary.json``, in SI."""
+        found = {"across": self.across, "grains": self.count, "note": self.in_words()}
+        if self.real_diameter is not None:
+            found |= {
+                "coarse_graining": self.coarse_graining,
+                "real_across": self.gap / self.real_diameter,
+                "real_grains": self.real_count,
+            }
+        return found | ({"warnings": warnings} if (warnings := self.warnings()) else {})
 
 
 def grain_size(scene: Scene, device: Device) -> GrainSize | None:
     """Of a scene whose gap is sheared and whose grains attract one another; None of others, such as shot."""
     if scene.effects.attraction is None or not device.shear_gap:
         return None
-    return GrainSize(device.shear_gap / scene.grains.mean_diameter)
+    particles = scene.grains
+    return GrainSize(
+        device.shear_gap,
+        particles.mean_diameter_by_volume,
+        device.fill.count * particles.n_sectors,
+        particles.real_diameter,
+        device.fill.mass / particles.density / particles.real_grain_volume,
+        tuple(f"effects.{one.name}: {one.size_note}" for one in scene.effects.present if one.size_note),
+    )

@@ -77,6 +77,8 @@ class EffectSection(Section):
         Solves of the field in a window that it calls for, in units of a static one.
     neighbour_ns : float
         Processor time of one of a grain's `neighbours` in an evaluation of the magnetic forces [ns].
+    size_note : str
+        How its stress depends on the size of the grains, where it does.
     torque_note : str
         What the estimate of the torque says of it.
     columns : tuple of Column
@@ -96,6 +98,7 @@ class EffectSection(Section):
     not_in_3d: ClassVar[str] = ""
     window_solves: ClassVar[float] = 0.0
     neighbour_ns: ClassVar[float] = 0.0
+    size_note: ClassVar[str] = ""
     torque_note: ClassVar[str] = ""
     columns: ClassVar[tuple[Column, ...]] = ()
 

@@ -11,7 +11,7 @@ from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from emclutch.scene.errors import reason_of
 from emclutch.scene.section import Choice, Section, Whole, refuse
-from emclutch.scene.sizes import Sizes, from_the_scenes_folder
+from emclutch.scene.sizes import RealSize, Sizes, from_the_scenes_folder
 from emclutch.scene.units import Angle, Density, Length, Magnetisation, Mass, Time, number
 
 if TYPE_CHECKING:
@@ -37,6 +37,11 @@ class ParticlesSection(Section):
 
     diameter: Length | None = Field(default=None, description="diameter of equal grains; or sizes")
     sizes: Sizes | None = Field(default=None, description="distribution of diameters, instead of diameter")
+    stands_for: RealSize | None = Field(
+        default=None,
+        description="real powder that coarser grains stand for: diameter, or percentiles as of sizes; without it the "
+        "grains are of real size, as shot is",
+    )
     mass: Mass | None = Field(default=None, description="mass of powder in the whole device, not only in the sector")
     solid_fraction: Annotated[float, number("0.4", 0.0, 1.0, above=True)] | None = Field(
         default=None, description="volume of grains / volume of the region; at random at most 0.60 can be packed"
@@ -135,6 +140,18 @@ class ParticlesSection(Section):
                                  key=key)  # fmt: skip
         return self
 
+    @model_validator(mode="after")
+    def _stand_for_finer_grains(self) -> Self:
+        real = self.real_diameter
+        if real is not None and real > self.mean_diameter_by_volume * (1.0 + 1e-9):
+            raise refuse(
+                f"is larger than the grains that stand for it, of {1e3 * self.mean_diameter_by_volume:.4g} mm on "
+                "average by volume; a powder is simulated with its own grains or with coarser ones: lower it, or raise "
+                "the grains' diameter",
+                key="stands_for",
+            )
+        return self
+
     @property
     def n_sectors(self) -> int:
         """Sectors in the ring; 1 where the whole ring is simulated."""
@@ -151,6 +168,11 @@ class ParticlesSection(Section):
         return self.distribution().mean if self.diameter is None else self.diameter
 
     @property
+    def mean_diameter_by_volume(self) -> float:
+        """Mean diameter over the powder's volume [m]."""
+        return self.distribution().mean_by_volume if self.diameter is None else self.diameter
+
+    @property
     def smallest_diameter(self) -> float:
         """Diameter of the smallest grain that there may be [m]."""
         return self.distribution().limits[0] if self.diameter is None else self.diameter
@@ -164,6 +186,22 @@ class ParticlesSection(Section):
     def grain_volume(self) -> float:
         """Mean volume of a grain [m^3]."""
         return self.distribution().mean_volume if self.diameter is None else math.pi / 6.0 * self.diameter**3
+
+    @property
+    def real_diameter(self) -> float | None:
+        """Mean diameter by volume [m] of the powder that the grains stand for; None where they are of real size."""
+        if self.stands_for is None or isinstance(self.stands_for, float):
+            return self.stands_for
+        return self.stands_for.distribution().mean_by_volume
+
+    @property
+    def real_grain_volume(self) -> float:
+        """Mean volume [m^3] of a grain of the powder that the grains stand for; their own where they are real."""
+        if self.stands_for is None:
+            return self.grain_volume
+        if isinstance(self.stands_for, float):
+            return math.pi / 6.0 * self.stands_for**3
+        return self.stands_for.distribution().mean_volume
 
     @property
     def largest_solid_fraction(self) -> float:

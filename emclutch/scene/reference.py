@@ -24,6 +24,7 @@ from emclutch.scene.schema_walk import (
 )
 from emclutch.scene.section import Automatic, Entry
 from emclutch.scene.study import StudyFile
+from emclutch.scene.time_table import TimeTable
 
 HEAD = """# The scene file: all sections and keys
 
@@ -106,8 +107,9 @@ def kind_of(annotation: Any) -> str:
         return "table" if parts[1] is Any else f"table of {kind_of(parts[1])}"
     if origin is tuple:
         return f"list of {'' if parts[-1] is ... else f'{len(parts)}: '}{kind_of(parts[0])}"
-    if sections_of(plain):
-        return "a table in time"
+    for model in sections_of(plain):
+        needed = ", ".join(name for name, field in model.model_fields.items() if field.is_required())
+        return "a table in time" if issubclass(model, TimeTable) else f"a table {{ {needed} }}"
     return {bool: "true or false", str: "text", Any: "as of its key"}[plain]
 
 

@@ -15,7 +15,6 @@ from pydantic.fields import FieldInfo
 
 from emclutch.scene.errors import entry_at
 from emclutch.scene.section import Entry, Section
-from emclutch.scene.time_table import TimeTable
 
 
 def annotation_of(field: FieldInfo) -> Any:
@@ -71,8 +70,8 @@ def is_named(annotation: Any) -> bool:
 
 
 def is_table(field: FieldInfo) -> bool:
-    """True for a key that is a table of its own in the file; a course in time is written in line."""
-    return any(not issubclass(model, TimeTable) for model in sections_of(field.annotation))
+    """True for a key that is a table of its own in the file; one that may be a single entry is written in line."""
+    return bool(sections_of(field.annotation)) and entry_of(annotation_of(field)) is None
 
 
 def tag_of(field: FieldInfo) -> str:

@@ -169,6 +169,11 @@ class Automatic:
         return {"anyOf": [{"const": "auto"}, handler(schema)]}
 
 
+def value_or_table(given: Any) -> str:
+    """Discriminate a union of an entry, tagged ``value``, and a model in its place, tagged ``table``."""
+    return "table" if isinstance(given, (dict, BaseModel)) else "value"
+
+
 def did_you_mean(given: object, names: tuple[str, ...] | list[str]) -> str:
     """Return «did you mean 'gap'? » (with its trailing blank), or nothing where no name is close."""
     close = get_close_matches(str(given), names, n=1, cutoff=_CLOSE)

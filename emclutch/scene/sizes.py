@@ -6,10 +6,10 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
-from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
 
 from emclutch.scene.errors import reason_of
-from emclutch.scene.section import Choice, Section, refuse
+from emclutch.scene.section import Choice, Section, refuse, value_or_table
 from emclutch.scene.units import Length, number
 
 if TYPE_CHECKING:
@@ -209,6 +209,9 @@ def from_the_scenes_folder(given: str, context: dict[str, Any] | None) -> str:
     return str(((context or {}).get("folder", Path()) / given).resolve())
 
 
+RealSize = Annotated[
+    Annotated[Length, Tag("value")] | Annotated[PercentileDiameters, Tag("table")], Discriminator(value_or_table)
+]
 Sizes = Annotated[
     UniformDiameters
     | NormalDiameters

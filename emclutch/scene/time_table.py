@@ -6,7 +6,6 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Any, Self
 
 from pydantic import (
-    BaseModel,
     Discriminator,
     Field,
     PlainSerializer,
@@ -17,7 +16,7 @@ from pydantic import (
     model_validator,
 )
 
-from emclutch.scene.section import Section, refuse
+from emclutch.scene.section import Section, refuse, value_or_table
 from emclutch.scene.units import Current, Instant, LoadTorque, Quantity, Speed
 from geometry.time_profile import TimeProfile
 
@@ -40,10 +39,6 @@ class TimeTable(Section):
         if any(later <= earlier for earlier, later in pairwise(self.times)):
             raise refuse("must increase from each instant to the next; sort it and remove duplicates", key="times")
         return self
-
-
-def _value_or_table(given: Any) -> str:
-    return "table" if isinstance(given, (dict, BaseModel)) else "value"
 
 
 def _profile(given: Any, read: ValidatorFunctionWrapHandler) -> TimeProfile:
@@ -73,7 +68,7 @@ else:
         model = create_model(name, __base__=TimeTable, __doc__=words, values=(tuple[quantity, ...], values))
         return Annotated[
             Annotated[quantity, Tag("value")] | Annotated[model, Tag("table")],
-            Discriminator(_value_or_table),
+            Discriminator(value_or_table),
             WrapValidator(_profile),
             PlainSerializer(_entry),
         ]

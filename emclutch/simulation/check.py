@@ -104,7 +104,7 @@ def _check(case: Case, threads: int | None) -> Checked:
     words["expected torque"] = expected.in_words()
     size = grain_size(scene, device)
     if size is not None:
-        words["grain size"] = size.in_words()
+        words["grain size"] = with_warnings(size.in_words(), *size.warnings())
     words |= paths_in_words(case)
     warnings = (*case.warnings, *(text for one in scene.effects.present for text in one.limits(scene, made.M_max)))
     title, effects, missing = scene.scene.title, scene.effects.active, left_out(scene, device, made, expected)

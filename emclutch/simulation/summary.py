@@ -95,7 +95,7 @@ def summarise(
         summary |= coil_summary(device.coil, simulation.source, history)
     size = grain_size(case.scene, device) if torque is not None else None
     if size is not None:
-        summary |= {"grains_across_gap": size.across, "grain_size_note": size.in_words()}
+        summary["grain_size"] = size.as_dict()
     zone = None if simulation.magnetised is None else device.pole_zone
     if zone is not None and torque is not None:
         summary |= zone_summary(zone, (history, *others), torque)
@@ -106,6 +106,8 @@ def summarise(
     if INERTIAL_NUMBER in history:
         late = history[INERTIAL_NUMBER].iloc[len(history) // 2 :].dropna()
         summary["inertial_number"] = float(late.median()) if len(late) else None
+        if size is not None and size.is_coarser and len(late):
+            summary["grain_size"]["real_inertial_number"] = summary["inertial_number"] / size.coarse_graining
     summary["structure"] = structure_summary(simulation.motion)
     if WORK_MAGNETIC in history:
         start = torque.start if torque is not None else measured.get("stress", {}).get("start")

@@ -38,7 +38,7 @@ class GrainSizes(ABC):
 
     @abstractmethod
     def moment(self, power: int) -> float:
-        """Mean of d^power [m^power] over the grains, power 0 to 3."""
+        """Mean of d^power [m^power] over the grains, power 0 to 4."""
 
     @abstractmethod
     def at(self, share: np.ndarray) -> np.ndarray:
@@ -48,6 +48,11 @@ class GrainSizes(ABC):
     def mean(self) -> float:
         """Mean diameter [m]."""
         return self.moment(1)
+
+    @property
+    def mean_by_volume(self) -> float:
+        """Mean diameter [m] over the powder's volume, in which each grain counts by its own."""
+        return self.moment(4) / self.moment(3)
 
     @property
     def deviation(self) -> float:

@@ -17,6 +17,7 @@ import emclutch
 from emclutch.cli.main import app
 from emclutch.results.report.content import run_page
 from emclutch.results.report.render import html, markdown
+from emclutch.results.report.verdict import closing_lines
 from emclutch.results.rise_time import time_to_reach
 from emclutch.results.vtk.series import read_pvd
 from emclutch.scene.design import read_design
@@ -117,7 +118,7 @@ def test_the_torque_of_the_quickstart(tmp_path):
     assert result.summary["until"]["reached"] and result.torque.replicas >= 4
     assert result.torque.start > 4e-3 and result.torque.half_width() < 0.1 * result.torque.mean
     assert "N m (95 %" in done.stderr and "target precision reached" in done.stdout + done.stderr
-    assert "4 grains across the gap" in done.stdout and result.summary["grains_across_gap"] == pytest.approx(4.0)
+    assert "4 grains across the gap" in done.stdout and result.summary["grain_size"]["across"] == pytest.approx(4.0)
 
 
 def test_powder_clutch_at_toy_size(tmp_path):
@@ -129,6 +130,11 @@ def test_powder_clutch_at_toy_size(tmp_path):
     turns = math.sqrt(25.5 * 0.6 * 14e-3**2 / (1.72e-8 * 2 * math.pi * 58.8e-3))
     assert result.summary["turns"] == pytest.approx(turns, rel=1e-3)
     assert result.summary["grains"] * 240 == pytest.approx(20e-3 / (7700 * math.pi / 6 * 0.2e-3**3), rel=1e-3)
+    size = result.summary["grain_size"]
+    assert (size["across"], size["real_across"]) == pytest.approx((5.0, 1.0 / 0.06))
+    assert size["real_grains"] == pytest.approx(20e-3 / (7700 * math.pi / 6 * 60e-6**3), rel=1e-3)
+    assert size["real_inertial_number"] == pytest.approx(0.3 * result.summary["inertial_number"])
+    assert size["note"] in closing_lines(result)[-1]
 
 
 @pytest.mark.slow

@@ -54,9 +54,9 @@ def closing_lines(result: Result) -> list[str]:
     """Return the last lines of a run: lock-up, target precision, warnings."""
     summary = result.summary
     lines = [*_end_lines(result), *(one.text for one in _target(summary))]
-    if "grain_size_note" in summary:
-        lines.append(summary["grain_size_note"])
-    lines += [f"warning: {text}" for text in (summary.get("solver") or {}).get("warnings", ())]
+    if "grain_size" in summary:
+        lines.append(f"statistical error only; {summary['grain_size']['note']}")
+    lines += [f"warning: {text}" for part in ("grain_size", "solver") for text in _warnings_of(summary, part)]
     warning = soft_grains(summary)
     return lines + ([f"warning: {warning}"] if warning else [])
 
@@ -159,15 +159,19 @@ def _balance(what: str, share: float | None, of: str) -> Statement:
 
 def _warnings(summary: dict[str, Any]) -> Iterator[Statement]:
     texts = [soft_grains(summary)] if summary else []
-    texts += [text for part in ("solver", "moments") for text in (summary.get(part) or {}).get("warnings", ())]
+    texts += [text for part in ("grain_size", "solver", "moments") for text in _warnings_of(summary, part)]
     yield from (Statement(Mark.POOR, sentence(text)) for text in texts if text)
+
+
+def _warnings_of(summary: dict[str, Any], part: str) -> list[str]:
+    return (summary.get(part) or {}).get("warnings", [])
 
 
 def _gaps(result: Result) -> Iterator[Statement]:
     """Say what the numbers do not hold."""
     summary = result.summary
-    if note := summary.get("grain_size_note"):
-        yield Statement(Mark.NOTE, sentence(note))
+    if "grain_size" in summary:
+        yield Statement(Mark.NOTE, f"The error is statistical only: {summary['grain_size']['note']}.")
     if errors := summary.get("field_error_estimate"):
         worst = max(errors, key=lambda name: abs(errors[name]))
         yield Statement(

@@ -1,0 +1,83 @@
+"""Grains that stand for finer ones: numbers of grains, what a scene is warned of, and that stresses have no size."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import emclutch
+from coupling import magnetised_cluster
+from emclutch.device_model.device import build_device
+from emclutch.device_model.grain_size import grain_size
+from emclutch.scene.errors import SceneError
+from field import GrainLaw
+
+CASE = emclutch.load_case(Path(__file__).resolve().parents[2] / "cases" / "powder_clutch.toml")
+
+
+def size_of(**particles):
+    values = {f"particles.{key}": value for key, value in particles.items()} | {"effects.back_reaction": None}
+    scene = CASE.with_values(values).scene
+    return grain_size(scene, build_device(scene))
+
+
+def test_numbers_of_real_grains():
+    """20 g of 7700 kg/m^3 in grains of 60 um, in a gap of 1 mm, simulated with grains of 0.2 mm."""
+    size = size_of(stands_for="60 um")
+    real = 20e-3 / 7700.0 / (math.pi / 6.0 * 60e-6**3)
+    assert size.across == pytest.approx(5.0) and size.real_count == pytest.approx(real, rel=1e-3)
+    assert size.count == pytest.approx(real * 0.3**3, rel=1e-3)
+    summary = size.as_dict()
+    assert summary["coarse_graining"] == pytest.approx(1.0 / 0.3)
+    assert summary["real_across"] == pytest.approx(1.0 / 0.06)
+    assert "5 grains across the gap stand for 17 of 60 um" in summary["note"] and "former" in summary["note"]
+    assert "warnings" not in summary
+
+
+def test_a_real_powder_of_many_sizes_is_counted_by_its_mean_volume():
+    """By mass: n = (V/(pi/6)) sum q (a^-3 - b^-3)/(3 ln(b/a)), each section's integral of d^-3 over its mass."""
+    percentiles = {"d10": "40 um", "d50": "60 um", "d90": "90 um"}
+    size = size_of(stands_for=percentiles)
+    edges, shares = np.array([80.0 / 3.0, 40.0, 60.0, 90.0, 135.0]) * 1e-6, np.array([0.1, 0.4, 0.4, 0.1])
+    a, b = edges[:-1], edges[1:]
+    per_volume = np.sum(shares * (a**-3 - b**-3) / (3.0 * np.log(b / a))) * 6.0 / math.pi
+    assert size.real_count == pytest.approx(20e-3 / 7700.0 * per_volume, rel=1e-3)
+    assert size.real_diameter == pytest.approx(np.sum(shares * (b - a) / np.log(b / a)), rel=1e-12)
+
+
+def test_few_grains_of_real_size_are_a_warning():
+    assert "set particles.stands_for" in size_of(stands_for=None).warnings()[0]
+    assert size_of(stands_for="0.2 mm").warnings() == []  # shot, and the scene says so
+    assert "of real size" in size_of(stands_for="0.2 mm").in_words()
+
+
+def test_pulls_that_depend_on_the_size_are_a_warning():
+    case = CASE.with_values({"effects.cohesion": {"force": "1 uN"}, "effects.back_reaction": None})
+    (warning,) = grain_size(case.scene, build_device(case.scene)).warnings()
+    assert "effects.cohesion" in warning and "1/d^2" in warning
+
+
+@pytest.mark.parametrize(
+    "value, words",
+    [
+        ("0.3 mm", "is larger than the grains that stand for it, of 0.2 mm"),
+        ("3 kg", "is a mass; a length is needed"),
+        ({"d10": "40 um", "d50": "60 um", "d90": "50 um"}, "d90 = '50 um' is not above d50 = 0.06 mm"),
+        ({"d10": "40 um", "d50": "60 um"}, "d90 is missing"),
+    ],
+)
+def test_wrong_real_sizes_are_refused(value, words):
+    with pytest.raises(SceneError, match=words):
+        CASE.with_values({"particles.stands_for": value})
+
+
+def test_magnetic_stress_has_no_size():
+    """Spheres of four times the size in the same arrangement: the same magnetisation, forces 16 times as large."""
+    x = np.array([[0.0, 0.0, 0.0], [2.02, 0.0, 0.1], [1.0, 1.9, 0.0]])
+    fine, coarse = (
+        magnetised_cluster(size * x, size, GrainLaw(999.0, 1.7e6), [80e3, 0.0, 0.0]) for size in (30e-6, 120e-6)
+    )
+    assert coarse.magnetisation == pytest.approx(fine.magnetisation, rel=1e-9)
+    scale = np.abs(fine.force).max()
+    assert np.abs(coarse.force / 16.0 - fine.force).max() < 1e-9 * scale
