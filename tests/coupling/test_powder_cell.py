@@ -183,13 +183,18 @@ def test_the_cells_stress_is_the_whole_one():
 
 
 def test_bits_do_not_depend_on_threads():
+    """Of a cell large enough that two threads share its grains and pulls, with lists made again while it is sheared."""
     ends = []
     for threads in (1, min(2, numba.config.NUMBA_NUM_THREADS)):
         numba.set_num_threads(threads)
-        cell = PowderCell(POWDER)
-        cell.window(5)
-        ends.append((cell.dem.grains.position.tobytes(), cell.magnetism.found.moment.tobytes(), cell.series.tau[0]))
-    assert ends[0] == ends[1]
+        cell = PowderCell(dataclasses.replace(POWDER, count=600, inertial_number=0.3))
+        cell.window(25)
+        ends.append((cell.dem.state(), cell.magnetism.found.moment, cell.magnetism.stress, cell.series.tau[0]))
+    assert cell.dem.list_version > 2 and cell.series.contacts[0] > 1.0 and cell.series.tau_near[0] != 0.0
+    assert len(cell.dem._list.chunks.reaction) > 500  # of pairs whose grains are not in one chunk
+    (state, *one), (other, *two) = ends
+    assert [name for name, array in state.items() if array.tobytes() != other[name].tobytes()] == []
+    assert all(np.array_equal(a, b) for a, b in zip(one, two, strict=True))
 
 
 def test_rows_hold_every_neighbour_while_the_cell_is_sheared():
