@@ -2,8 +2,8 @@
 
 The held forces of an update hold every pair's near pull at the places of that update. Of the pairs in the DEM's list it
 is taken out again and handed over as a drive (`particles.dem.attraction`); the others, farther apart, stay constant.
-When the list is rebuilt between two updates both are found again, from the same places, fields and moments: the DEM
-sorts and turns them with its grains.
+When the list is rebuilt between two updates both are found again, from the same places, images, fields and moments: the
+DEM sorts and turns them with its grains.
 """
 
 from __future__ import annotations
@@ -64,13 +64,14 @@ class NearAttraction:
             "contrast": np.array(found.contrast)[:, :, None],
             "height": np.array(found.height)[:, :, None],
         }
+        own.strain = 0.0 if dem.box is None else dem.box.strain
         own.renew()
         dem.attraction = own
 
     def drives(self, dem: DEM) -> tuple[np.ndarray, np.ndarray]:
         """See `Attraction.drives`; sets the DEM's held forces to what its list does not hold."""
         of, solver, pairs, slots = self.attraction.per_grain, self.solver, dem.listed_pairs, dem.listed_walls
-        images = images_of(dem.periodicity)
+        images = images_of(None if dem.periodicity is None else dem.periodicity.at_strain(self.attraction.strain))
         none = len(images) // 2
         pair, held, wall = np.zeros((pairs.count, 3)), np.zeros((pairs.count, 3)), np.zeros((len(slots.wall), 2))
         rest = of["whole"].copy()

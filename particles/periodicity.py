@@ -95,6 +95,10 @@ class Periodicity(ABC):
     def begin_list(self) -> None:
         """Hear that grains are about to be wrapped and their neighbours listed."""
 
+    def at_strain(self, strain: float) -> Periodicity:
+        """The copies as they stood at an earlier shear strain, numbered as they are now; unsheared ones do not move."""
+        return self
+
     @abstractmethod
     def state(self) -> dict[str, np.ndarray]:
         """What changes while grains move, for a checkpoint."""

@@ -186,6 +186,12 @@ class ShearedBox(Periodicity):
         self.offset -= self.lengths[0] * math.floor(self.offset / self.lengths[0])
         self.list_strain, self.stretched = self.strain, 0.0
 
+    def at_strain(self, strain: float) -> ShearedBox:
+        """See `Periodicity`: of this height."""
+        box = ShearedBox(self.lengths, self.rate)
+        box.strain, box.offset = strain, self.offset - (self.strain - strain) * self.lengths[2]
+        return box
+
     def state(self) -> dict[str, np.ndarray]:
         """See `Periodicity`."""
         return {"box": np.array([*self.lengths, self.rate, self.strain, self.offset, self.list_strain, self.stretched])}

@@ -71,6 +71,9 @@ class Attraction:
     per_grain : dict of ndarray, shapes (n, ...)
         What `drives` needs of each grain, in the present order of the DEM: sorted with the grains, and those of shape
         (n, 3) turned as vectors where a grain is wrapped; ``position`` as what it says.
+    strain : float
+        Strain of a sheared box at which ``position`` was taken: its images are those of then, see
+        `Periodicity.at_strain`.
     pair_drive, wall_drive : ndarray or None
         The present drives; None until the next step asks for them.
     listed : bool
@@ -85,6 +88,7 @@ class Attraction:
     drives: Callable[[DEM], tuple[np.ndarray, np.ndarray]]
     near_gap: float = 0.0
     per_grain: dict[str, np.ndarray] = field(default_factory=dict)
+    strain: float = 0.0
     pair_drive: np.ndarray | None = field(default=None, init=False)
     wall_drive: np.ndarray | None = field(default=None, init=False)
     listed: bool = field(default=False, init=False)
@@ -202,9 +206,10 @@ class Attraction:
 
     def wrap(self, rows: np.ndarray, wraps: np.ndarray, periodicity: Periodicity) -> None:
         """Take the vectors of the grains ``rows`` to their images by the shifts ``wraps``."""
+        place = periodicity.at_strain(self.strain).place
         for name, array in self.per_grain.items():
             if array.ndim == 2 and array.shape[1] == 3:
-                to_image = periodicity.place if name == "position" else periodicity.turn
+                to_image = place if name == "position" else periodicity.turn
                 array[rows] = to_image(array[rows], wraps)
 
     def held(self, contacts: ContactList, n: int, driven: bool = True) -> HeldAttraction:
@@ -222,13 +227,13 @@ class Attraction:
         found = {f"{PREFIX}of_{name}": array.copy() for name, array in self.per_grain.items()}
         if self.pair_drive is not None and self.wall_drive is not None:
             found |= {f"{PREFIX}pair_drive": self.pair_drive.copy(), f"{PREFIX}wall_drive": self.wall_drive.copy()}
-        return found | {f"{PREFIX}listed": np.array([self.listed])}
+        return found | {f"{PREFIX}listed": np.array([self.listed]), f"{PREFIX}strain": np.array([self.strain])}
 
     def restore(self, state: dict[str, np.ndarray]) -> None:
         """The inverse of `state`."""
         first, self._seen = f"{PREFIX}of_", None
         self.per_grain = {name.removeprefix(first): state[name].copy() for name in state if name.startswith(first)}
-        self.listed = bool(state[f"{PREFIX}listed"][0])
+        self.listed, self.strain = bool(state[f"{PREFIX}listed"][0]), float(state[f"{PREFIX}strain"][0])
         pair, wall = state.get(f"{PREFIX}pair_drive"), state.get(f"{PREFIX}wall_drive")
         self.pair_drive, self.wall_drive = None if pair is None else pair.copy(), None if wall is None else wall.copy()
 

@@ -216,6 +216,36 @@ def test_rows_hold_every_neighbour_while_the_cell_is_sheared():
     assert len(seen) > 3
 
 
+def test_a_list_made_again_between_two_looks_changes_no_drive_and_no_held_force():
+    """Both belong to places and images of the look, also of grains that have crossed a face since."""
+    cell = PowderCell(dataclasses.replace(POWDER, inertial_number=0.3))
+    cell.window(4)
+    dem, magnetism = cell.dem, cell.magnetism
+    magnetism.look(1e-6, 100)
+    look, found = cell.box.strain, []
+
+    def driven():
+        number, pairs = np.asarray(dem.grains.particle_id), dem.listed_pairs
+        i, j = number[pairs.rows()], number[pairs.other]
+        order = np.lexsort((np.maximum(i, j), np.minimum(i, j)))
+        near = dem.attraction.pair_drive[order, 1] != 0.0
+        pair = np.stack([np.minimum(i, j), np.maximum(i, j)], axis=1)[order][near]
+        return pair, dem.attraction.pair_drive[order][near], dem.external_force[np.argsort(number)]
+
+    x = np.array(dem.grains.position)[np.argsort(dem.grains.particle_id)]
+    for steps in (1, 400):
+        dem.run(steps)
+        dem.invalidate()
+        dem.run(1)
+        found.append(driven())
+    moved = (np.array(dem.grains.position)[np.argsort(dem.grains.particle_id)] - x) / cell.box.lengths
+    assert (np.abs(moved[:, 2]) > 0.5).any() and cell.box.strain - look > 0.1  # wrapped across the flow
+    (pair, drive, held), (other, same_drive, same_held) = found
+    assert len(pair) > 100 and np.array_equal(pair, other)
+    assert same_drive == pytest.approx(drive, rel=1e-7, abs=1e-9 * np.abs(drive[:, 1]).max())
+    assert same_held == pytest.approx(held, abs=1e-9 * np.abs(drive[:, 1]).max())
+
+
 def test_rolling_friction_works_on_the_grains():
     """Contacts lose energy to it; a cell without it has none of its springs."""
     lost = []

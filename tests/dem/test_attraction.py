@@ -274,7 +274,7 @@ def test_restart_is_bitwise_between_two_renewals():
     assert straight.list_version > first.list_version > 1
     with pytest.raises(ValueError, match="the same `attraction` first"):
         crowd(200, 0.0).restore(saved)
-    assert len(crowd(200).attraction.state()) == 3  # the drives are not known before the first step
+    assert len(crowd(200).attraction.state()) == 4  # the drives are not known before the first step
 
 
 def test_lists_made_at_other_times_change_nothing_but_round_off():
