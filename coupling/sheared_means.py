@@ -102,8 +102,9 @@ class ShearedMeans:
         self._contacts, self._near, self._held, self._carried = (np.zeros((3, 3)) for _ in range(4))
         self._permeability = self._along_flow = self._touching = 0.0
         self._cycles = 0
-        self.magnetic_work = 0.0
-        """Work of the shear through magnetic forces so far [J]."""
+        self.shear_work_magnetic = self.stretch_work = self.stretch_work_magnetic = 0.0
+        """Work [J] so far of the shear through magnetic forces, of the stretch, and its part through magnetic forces.
+        """
 
     def add_steps(self, totals: StepTotals) -> None:
         """Add the totals of a sub-cycle, during which the forces stood that are held now."""
@@ -116,12 +117,24 @@ class ShearedMeans:
         if self._magnetised is not None:
             self._add_moments(self._magnetised, totals)
 
+    def add_stretch(self, totals: StepTotals, change: float) -> None:
+        """Add the work of a change of the volume [m^3] that follows steps: -sigma_zz of all forces for each unit of it.
+
+        Velocities beside the flow stay, so what grains carry by their motion has no part in it.
+        """
+        assert totals.stress is not None
+        magnetic = float(totals.stress.attraction[2, 2])
+        if self._magnetised is not None:
+            magnetic += float(self._magnetised.held_stress[2, 2])
+        self.stretch_work_magnetic -= magnetic * change
+        self.stretch_work -= (float(totals.stress.contacts[2, 2]) + magnetic) * change
+
     def _add_moments(self, magnetised: MagnetisedGrains, totals: StepTotals) -> None:
         assert totals.stress is not None
         grains, box, held = self._motion.grains, self._box, magnetised.held_stress
         self._held += held
         tau = -float(held[0, 2] + totals.stress.attraction[0, 2])
-        self.magnetic_work += box.rate * box.volume * totals.duration * tau
+        self.shear_work_magnetic += box.rate * box.volume * totals.duration * tau
         assert grains.magnetic_moment is not None  # of the evaluation before the steps
         moment, H = grains.magnetic_moment.sum(axis=0), magnetised.H.mean(axis=0)
         if H.any():

@@ -152,7 +152,7 @@ def run_staggered(
             budget.clock("contact")
             budget.add_steps(totals := motion.run(simulation.steps_per_update))
             if simulation.barostat is not None:
-                follow_pressure(simulation, totals)
+                budget.add_stretch(totals, follow_pressure(simulation, totals))
 
         # 4. conservation, output, checkpoint, an early stop
         simulation.window += 1
@@ -164,11 +164,17 @@ def run_staggered(
             return
 
 
-def follow_pressure(simulation: Simulation, totals: StepTotals) -> None:
-    """Stretch the box of grains towards its imposed pressure, by the mean stress of the last steps."""
-    assert simulation.barostat is not None and isinstance(simulation.motion, DEM)
+def follow_pressure(simulation: Simulation, totals: StepTotals) -> float:
+    """Stretch the box of grains towards its imposed pressure by the mean stress of the last steps.
+
+    Returns the change of its volume [m^3].
+    """
+    motion = simulation.motion
+    assert simulation.barostat is not None and isinstance(motion, DEM) and motion.box is not None
     held = 0.0 if simulation.magnetised is None else float(simulation.magnetised.held_stress[2, 2])
-    simulation.barostat.follow(simulation.motion, totals, held)
+    before = motion.box.volume
+    simulation.barostat.follow(motion, totals, held)
+    return motion.box.volume - before
 
 
 def refresh_field(simulation: Simulation) -> None:

@@ -68,6 +68,11 @@ class WindowBudget:
         if self._sheared is not None:
             self._sheared.add_steps(totals)
 
+    def add_stretch(self, totals, change: float) -> None:
+        """Add the stretch of a sheared box after a sub-cycle: the change of its volume [m^3]."""
+        assert self._sheared is not None
+        self._sheared.add_stretch(totals, change)
+
     def close(self) -> WindowRow:
         """Return the window's row."""
         self.clock(None)
@@ -142,11 +147,13 @@ class WindowBudget:
         steps, simulation, sheared = self._steps, self._simulation, self._sheared
         budgets = [s.energy_budget for s in steps]
         work_walls: float | None = sum(sum(each.wall_work.values()) for each in budgets)
-        work_shear = through_field = None
+        work_shear = through_field = work_pressure = None
         if sheared is not None:
-            through_field = None if simulation.magnetised is None else sheared.magnetic_work
+            if simulation.magnetised is not None:
+                through_field = sheared.shear_work_magnetic + sheared.stretch_work_magnetic
             mechanical = sum(each.shear_work["contacts"] + each.shear_work["motion"] for each in budgets)
-            work_walls, work_shear = None, mechanical + (through_field or 0.0)
+            work_pressure = None if simulation.barostat is None else sheared.stretch_work
+            work_walls, work_shear = None, mechanical + sheared.shear_work_magnetic
         has_weight = simulation.motion.gravity is not None
         return EnergyRow(
             kinetic_energy=budgets[-1].kinetic_energy,
@@ -154,7 +161,8 @@ class WindowBudget:
             magnetic_energy=self._magnetic_energy(),
             work_walls=work_walls,
             work_shear=work_shear,
-            work_shear_magnetic=through_field,
+            work_pressure=work_pressure,
+            work_box_magnetic=through_field,
             work_held=sum(each.external_work for each in budgets) if simulation.holds_forces else None,
             work_gravity=sum(each.gravity_work for each in budgets) if has_weight else None,
             losses={kind: sum(each.dissipation[kind] for each in budgets) for kind in budgets[-1].dissipation},

@@ -49,10 +49,6 @@ class EnergyRow:
         Of the grains in the field, at the window's last evaluation of it; None where it is not known.
     work_walls : float or None
         None in a sheared box, which has no walls.
-    work_shear : float or None
-        Of the shear of a box, through contacts, the grains' own motion and magnetic forces; None outside of one.
-    work_shear_magnetic : float or None
-        Part of it through magnetic forces; None without any.
     work_held : float or None
         Of the held forces; None: there are none.
     work_gravity : float or None
@@ -62,6 +58,10 @@ class EnergyRow:
         All of them.
     stored : float
         Change of the kinetic and elastic energy.
+    work_shear, work_pressure : float or None
+        Of the shear of a box, and of its stretch under an imposed pressure, through all forces; None without.
+    work_box_magnetic : float or None
+        Part of both through magnetic forces; None without any.
     """
 
     kinetic_energy: float
@@ -74,16 +74,17 @@ class EnergyRow:
     dissipated: float
     stored: float
     work_shear: float | None = None
-    work_shear_magnetic: float | None = None
+    work_pressure: float | None = None
+    work_box_magnetic: float | None = None
 
     @property
     def residual(self) -> float:
         """Residual of the balance: the error of the grains' step.
 
-        Magnetic forces put into the grains' motion `work_held`, and not what the shear works through them.
+        Magnetic forces put into the grains' motion `work_held`, and not what shear and stretch work through them.
         """
         work = (self.work_walls or 0.0) + (self.work_held or 0.0) + (self.work_gravity or 0.0)
-        work += (self.work_shear or 0.0) - (self.work_shear_magnetic or 0.0)
+        work += (self.work_shear or 0.0) + (self.work_pressure or 0.0) - (self.work_box_magnetic or 0.0)
         return work - self.dissipated - self.stored
 
 

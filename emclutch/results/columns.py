@@ -56,8 +56,11 @@ FIELD_STRENGTH_POWDER = Column(
 FILL_POWDER = Column("fill_powder", "1", "solid fraction between the pole faces")
 WORK_WALLS = Column("work_walls", "J", "work of the walls on the grains in the window")
 WORK_SHEAR = Column("work_shear", "J", "work of the shear of a periodic box on the grains in the window")
-WORK_SHEAR_MAGNETIC = Column(
-    "work_shear_magnetic", "J", "part of work_shear through magnetic forces, that on the grains' own motion aside"
+WORK_PRESSURE = Column(
+    "work_pressure", "J", "work on the grains by the stretch of a periodic box under an imposed pressure in the window"
+)
+WORK_BOX_MAGNETIC = Column(
+    "work_box_magnetic", "J", "part of work_shear and work_pressure through magnetic forces, whose energy it changes"
 )
 WORK_MAGNETIC = Column("work_magnetic", "J", "work of the magnetic forces on the grains in the window")
 WORK_HELD = Column("work_held", "J", "work of all held forces on the grains in the window, where some are not magnetic")
@@ -164,7 +167,8 @@ def columns_of(row: WindowRow) -> dict[str, float | None]:
         values |= _present({MAGNETIC_ENERGY: energy.magnetic_energy})
         values |= {f"{DISSIPATED}_{name}": loss for name, loss in energy.losses.items()}
         works: dict[str, float | None] = {WORK_WALLS: energy.work_walls, WORK_SHEAR: energy.work_shear}
-        values |= _present(works | {WORK_SHEAR_MAGNETIC: energy.work_shear_magnetic})
+        works |= {WORK_PRESSURE: energy.work_pressure, WORK_BOX_MAGNETIC: energy.work_box_magnetic}
+        values |= _present(works)
         values |= {DISSIPATED: energy.dissipated, ENERGY_RESIDUAL: energy.residual}
         held = WORK_MAGNETIC if row.held_is_magnetic else WORK_HELD
         values |= _present({held: energy.work_held, "work_gravity": energy.work_gravity})

@@ -34,9 +34,9 @@ from emclutch.results.columns import (
     WALL_FIELD,
     WALL_MAGNETIC,
     WALL_TOTAL,
+    WORK_BOX_MAGNETIC,
     WORK_MAGNETIC,
     WORK_SHEAR,
-    WORK_SHEAR_MAGNETIC,
     WORK_WALLS,
     torque_on,
 )
@@ -144,7 +144,7 @@ def work_over_slip(history, begin: float | None) -> float | None:
     late = history[history[TIME] > begin] if begin is not None else history.iloc[len(history) // 2 :]
     work = float(late[WORK_MAGNETIC].sum())
     if WORK_SHEAR in history:
-        slip, work = float(late[WORK_SHEAR].sum()), work - float(late[WORK_SHEAR_MAGNETIC].sum())
+        slip, work = float(late[WORK_SHEAR].sum()), work - float(late[WORK_BOX_MAGNETIC].sum())
     else:
         slip = float(late[WORK_WALLS].sum())
     return work / slip if slip else None

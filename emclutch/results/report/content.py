@@ -16,10 +16,11 @@ from emclutch.results.columns import (
     DISSIPATED,
     ENERGY_RESIDUAL,
     TORQUE_DISC,
+    WORK_BOX_MAGNETIC,
     WORK_HELD,
     WORK_MAGNETIC,
+    WORK_PRESSURE,
     WORK_SHEAR,
-    WORK_SHEAR_MAGNETIC,
     WORK_WALLS,
 )
 from emclutch.results.grain_profiles import profile_column, read_profiles
@@ -51,7 +52,8 @@ ENERGIES = (
     "coil_supplied",
     WORK_WALLS,
     WORK_SHEAR,
-    WORK_SHEAR_MAGNETIC,
+    WORK_PRESSURE,
+    WORK_BOX_MAGNETIC,
     WORK_MAGNETIC,
     WORK_HELD,
     "work_gravity",

@@ -1,0 +1,248 @@
+"""Laws of a scene of a sheared box: stress, work, momentum, pressure, frames, resume, verdict, and what it refuses."""
+
+import copy
+import dataclasses
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from coupling import run_staggered
+from coupling.neighbour_rows import neighbour_rows
+from coupling.powder_cell import PowderCell, ShearParameters
+from coupling.sheared_powder import min_edge
+from emclutch.results.steady_stress import steady_stress
+from emclutch.results.steady_torque import SteadyConditions
+from emclutch.scene.case import case_from
+from emclutch.scene.errors import SceneError
+from emclutch.simulation.assembly import assemble
+from emclutch.simulation.check import check
+from emclutch.simulation.plan import make_plan
+from emclutch.simulation.run import run
+from field.laws.powder_law import GrainLaw
+from particles import ShearedBox
+
+pytestmark = pytest.mark.physics
+
+D = 1e-4
+CELL = ShearParameters(
+    law=GrainLaw(999.0, 1.7e6), fill=0.30, H=40e3, friction=0.3, count=110, width=2.5, inertial_number=0.05
+)  # fmt: skip
+EDGE = float(ShearedBox.of_fill(CELL.count, D, CELL.fill).lengths[0])
+DRY = {
+    "scene": {"title": "dry"},
+    "geometry": {"kind": "sheared_box", "size": [EDGE] * 3, "shear_rate": 1000.0},
+    "particles": {"diameter": D, "density": 7800.0, "count": CELL.count},
+    "contact": {"friction": 0.3, "restitution": 0.5},
+    "time": {"end": 2e-3},
+    "accuracy": {"replicas": 1},
+    "output": {"pictures": False, "snapshots": 2, "formats": ["hdf5"]},
+}
+MAGNETIC = DRY | {
+    "geometry": {"kind": "sheared_box", "size": [EDGE] * 3, "inertial_number": 0.05},
+    "particles": DRY["particles"] | {"susceptibility": 999.0, "saturation": 1.7e6},
+    "field": {"source": "uniform", "field_strength": CELL.H, "direction": "z", "means": "macroscopic"},
+    "effects": {"dipoles": {"cutoff": 2.5}, "saturation": {}},
+}
+
+PRESSED = {
+    "geometry.pressure": "500 Pa", "geometry.shear_rate": None, "geometry.inertial_number": 0.1,
+    "particles.count": None, "particles.solid_fraction": 0.5, "contact.max_overlap": 0.02, "time.end": "30 ms",
+}  # fmt: skip
+
+
+def scene(base, changes=None):
+    return case_from(copy.deepcopy(base), changes or {})
+
+
+def started(case):
+    return assemble(case, *make_plan(case))
+
+
+def march(simulation, windows):
+    """The history of some windows, as rows of columns."""
+    from emclutch.results.columns import columns_of
+
+    rows = []
+    steps = simulation.motion.step_count + windows * simulation.updates * simulation.steps_per_update
+    run_staggered(simulation, steps * simulation.motion.dt, [lambda _, row: rows.append(columns_of(row))])
+    return pd.DataFrame(rows)
+
+
+def test_stress_of_a_scene_is_that_of_a_cell():
+    """The same packing, law, step and rate: stress and its parts, permeability and contacts of five windows."""
+    cell = PowderCell(CELL)
+    cell.magnetism.tolerance = 1e-3
+    for _ in range(5):
+        cell.window(3)
+    same = {
+        "geometry.shear_rate": cell.rate,
+        "geometry.inertial_number": None,
+        "contact.stiffness": cell.dem.contact.stiffness_at(0.0, 0.25 * D),
+        "time.step": cell.dem.dt,
+        "effects.dipoles.update_every": CELL.steps_per_look,
+        "time.window": 3 * CELL.steps_per_look * cell.dem.dt,
+    }
+    simulation = started(scene(MAGNETIC, same))
+    history, s = march(simulation, 5), cell.series
+    assert simulation.updates == 3 and abs(s.tau_near[-1]) > 0.0 and abs(s.tau_held[-1]) > 0.0
+    for column, series in (
+        ("shear_strain", s.strain), ("shear_stress", s.tau), ("shear_stress_contacts", s.tau_contacts),
+        ("shear_stress_near", s.tau_near), ("shear_stress_held", s.tau_held), ("shear_stress_across", s.tau_across),
+        ("relative_permeability", s.mu_r), ("contacts_per_grain", s.contacts),
+    ):  # fmt: skip
+        assert history[column].to_numpy() == pytest.approx(np.array(series), rel=1e-6, abs=1e-6 * np.abs(series).max())
+
+
+def test_work_against_the_stress_balances_the_energies():
+    """V tau for each unit of strain is dissipated or stored: of the grains' step to 1e-3, with the moments to 1 %."""
+    simulation = started(scene(MAGNETIC, {"geometry.inertial_number": 0.1}))
+    begin = march(simulation, 30).iloc[-1]  # grains snap together from afar
+    history = march(simulation, 20)
+    volume, end, work = simulation.motion.box.volume, history.iloc[-1], history["work_shear"].sum()
+    strain = np.diff(np.concatenate([[begin["shear_strain"]], history["shear_strain"]]))
+    lost = history["dissipated"].sum()
+    assert work > 0.3 * lost > 0.0
+    assert work == pytest.approx(volume * (history["shear_stress"] * strain).sum(), rel=2e-3)
+    stored = sum(end[name] - begin[name] for name in ("kinetic_energy", "elastic_energy", "magnetic_energy"))
+    assert abs(history["energy_residual"].sum()) < 2e-3 * lost
+    assert work == pytest.approx(lost + stored, abs=0.01 * lost)
+    through_field = history["work_box_magnetic"].sum() - history["work_magnetic"].sum()
+    assert through_field == pytest.approx(end["magnetic_energy"] - begin["magnetic_energy"], abs=0.01 * lost)
+
+
+def test_momentum_stays():
+    """Beside the flow, which a wrap takes along, also where a barostat stretches the box."""
+    simulation = started(scene(MAGNETIC, {"geometry.pressure": "2 kPa"}))
+    grains, box = simulation.motion.grains, simulation.motion.box
+
+    def momentum():
+        return (grains.velocity - box.flow(grains.position[:, 2])).sum(axis=0)
+
+    height, before = box.lengths[2], momentum()
+    march(simulation, 6)
+    assert simulation.motion.list_version > 3 and box.lengths[2] != height
+    assert np.abs(momentum() - before).max() < 1e-11 * np.abs(grains.velocity).sum()
+
+
+def test_rows_hold_every_neighbour_of_a_high_box():
+    """At the top of the box the flow is far ahead of its bottom when the rows are made again."""
+    size = [min_edge(2.5) * D, min_edge(2.5) * D, 18.0 * D]
+    case = scene(MAGNETIC, {"geometry.size": size, "particles.count": 200, "geometry.inertial_number": 0.5})
+    simulation, made = started(case), set()
+    reach = 2.5 * D
+    for _ in range(20):
+        march(simulation, 1)
+        rows, x = simulation.rows(reach), np.array(simulation.motion.grains.position)
+        made.add(rows.strain)
+        fresh = neighbour_rows(x, reach, simulation.motion.box)
+        assert np.array_equal(rows.images, fresh.images)
+        listed = set(zip(np.repeat(np.arange(200), np.diff(rows.start)).tolist(), rows.other.tolist(), strict=True))
+        wanted = zip(np.repeat(np.arange(200), np.diff(fresh.start)).tolist(), fresh.other.tolist(), strict=True)
+        assert set(wanted) <= listed
+    assert len(made) > 3
+
+
+def test_the_height_follows_the_pressure():
+    """The mean normal stress is the imposed one, a loose packing is compacted, and the budget closes.
+
+    The box grows where its grains push harder than the pressure: it takes energy from them.
+    """
+    simulation = started(scene(DRY, PRESSED))
+    march(simulation, 60)
+    late = march(simulation, 100)
+    assert late["normal_stress_z"].mean() == pytest.approx(500.0, rel=0.05)
+    assert late["solid_fraction"].mean() > 0.53
+    assert 0.2 < late["shear_stress"].mean() / 500.0 < 0.7
+    pressed = late["work_pressure"].sum()
+    assert pressed < -0.003 * late["work_shear"].sum() < 0.0
+    assert abs(late["energy_residual"].sum()) < 0.3 * abs(pressed)
+
+
+@pytest.mark.parametrize("base", [DRY, MAGNETIC], ids=["under pressure", "in a field"])
+def test_a_resumed_run_is_the_same_bit_for_bit(base, tmp_path):
+    changes = {"time.end": 2e-4, "time.window": 2e-5}
+    if base is DRY:
+        changes |= {"geometry.pressure": "300 Pa"}
+    case = scene(base, changes)
+    whole = run(case, out=tmp_path / "whole", threads=1)
+    half = run(case, out=tmp_path / "half", threads=1, callback=lambda state: state.row["time"] > 0.9e-4)
+    assert half.stopped and len(half.history) < len(whole.history)
+    resumed = run(case, out=tmp_path / "half", threads=1, resume=True)
+    same = [name for name in whole.history.columns if not name.startswith("wall_")]
+    assert whole.history[same].equals(resumed.history[same])
+    with whole.open_record() as one, resumed.open_record() as other:
+        x = one.grains(-1)["position"]
+        assert x.tobytes() == other.grains(-1)["position"].tobytes()
+    assert x.min() >= 0.0 and (x <= EDGE).all()
+    stress = whole.summary["stress"]
+    assert stress["mean"] == whole.stress.mean and not stress["converged"]
+    assert "torque" not in whole.summary and whole.summary["shear_strain"] > 0.0
+
+
+def _history(strain, seed, tau=300.0, P=1000.0, windows=400):
+    rng = np.random.default_rng(seed)
+    common = rng.normal(0.0, 0.05, windows)
+    time = np.linspace(0.0, 1.0, windows + 1)[1:]
+    return pd.DataFrame(
+        {
+            "time": time, "shear_strain": strain * time, "shear_stress": tau * (1.0 + common),
+            "normal_stress_z": P * (1.0 + common + rng.normal(0.0, 0.01, windows)),
+            "contacts_per_grain": 4.0,
+        }
+    )  # fmt: skip
+
+
+def test_friction_is_the_ratio_of_the_means():
+    """Its error is that of what shear and normal stress do not have in common; without shear nothing is known."""
+    found = steady_stress([_history(40.0, seed) for seed in range(4)], SteadyConditions(shear_gap=0.0))
+    assert found.shear.converged and found.friction.converged
+    assert found.friction.mean == pytest.approx(found.shear.mean / found.normal.mean, rel=1e-12)
+    relative = [one.standard_error / one.mean for one in (found.friction, found.shear)]
+    assert relative[0] < 0.5 * relative[1]
+    little = steady_stress([_history(6.0, seed) for seed in range(4)], SteadyConditions(shear_gap=0.0))
+    assert not little.shear.converged and "sheared by 3 only" in little.shear.reason
+    pulled = steady_stress([_history(40.0, seed, P=-1000.0) for seed in range(4)], SteadyConditions(shear_gap=0.0))
+    assert pulled.shear.converged and pulled.friction is None
+
+
+def test_check_names_grains_rate_and_inertial_number():
+    said = check(scene(MAGNETIC)).decisions
+    assert said["grains"].startswith("110 ") and "inertial number about 0.05" in said["shear"]
+    rate = make_plan(scene(MAGNETIC))[0].kind.rate(scene(MAGNETIC).scene)
+    assert f"rate {rate:.4g} 1/s" in said["shear"] and "steps of 110 grains" in said["cost"]
+    assert rate == pytest.approx(PowderCell(dataclasses.replace(CELL, law=CELL.law)).rate, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("changes", "key", "told"),
+    [
+        ({"geometry.shear_rate": None}, "geometry.shear_rate", "is missing; give shear_rate"),
+        ({"geometry.inertial_number": 0.1}, "geometry.inertial_number", "conflicts with shear_rate"),
+        ({"geometry.size": [3e-4] * 3, "particles.count": 20}, "geometry.size", "allowed: at least"),
+        ({"geometry.shear_rate": None, "geometry.inertial_number": 0.1}, "geometry.inertial_number", "needs a stress"),
+        ({"contact.method": "dvi"}, "contact.method", "take method = 'dem'"),
+        ({"effects.gravity": {}}, "effects.gravity", "fall for ever"),
+        ({"particles.packing": "lattice"}, "particles.packing", "take packing = 'random'"),
+        ({"particles.count": None, "particles.solid_fraction": 0.59}, "particles.solid_fraction", "at most 0.58"),
+        ({"particles.sector": "90 deg"}, "particles.sector", "repeats by itself"),
+        ({"motion.rotor.speed": "10 rpm"}, "motion.rotor", "nothing to turn"),
+        ({"output.profiles": True}, "output.profiles", "no meaning"),
+        ({"time.until": "torque 2 %"}, "time.until", "needs a disc"),
+    ],
+)
+def test_what_a_periodic_box_cannot_have_is_refused(changes, key, told):
+    with pytest.raises(SceneError) as refused:
+        scene(DRY, changes)
+    assert any(fault.key == key and told in fault.message for fault in refused.value.faults), str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("changes", "key"),
+    [({"field.means": "applied"}, "field.means"), ({"field.direction": "x"}, "field.direction"),
+     ({"effects.dipoles.cutoff": 4.0}, "geometry.size")],
+)  # fmt: skip
+def test_a_field_that_a_periodic_box_cannot_have_is_refused(changes, key):
+    with pytest.raises(SceneError) as refused:
+        scene(MAGNETIC, changes)
+    assert key in [fault.key for fault in refused.value.faults], str(refused.value)
