@@ -5,8 +5,10 @@ from pathlib import Path
 import numpy as np
 import pandas
 import pytest
+from typer.testing import CliRunner
 from written_run import written_run, written_study
 
+from emclutch.cli.main import app
 from emclutch.cli.plot import TORQUE_CURRENT, plot_runs, runs_of, torque_current_curves
 from emclutch.results import OutputError, load_result, pictures
 from emclutch.results.pictures.figure import save_picture
@@ -14,6 +16,8 @@ from emclutch.results.text import format_time, time_unit
 from emclutch.scene.errors import SceneError
 from emclutch.simulation.missing_pictures import draw_missing
 from emclutch.simulation.pictures import moment_in_words, steady_current
+
+CASES = Path(__file__).resolve().parents[2] / "cases"
 
 
 @pytest.fixture
@@ -123,6 +127,16 @@ def test_what_cannot_be_drawn_over_the_current_is_refused(tmp_path):
             plot_runs([study], **{"kind": TORQUE_CURRENT, **given})
     with pytest.raises(OutputError, match="run has no coil current"):
         plot_runs([run], TORQUE_CURRENT)
+
+
+def test_the_measured_brakes_that_ship_lie_over_a_study(tmp_path):
+    study = written_study(tmp_path / "study", [1.0, 2.0])
+    measured = ["--measured", str(CASES / "validation" / "dry_powder_brakes.csv")]
+    drawn = CliRunner().invoke(app, ["plot", str(study), "--torque-current", "--rated", "2 A", *measured])
+    assert drawn.exit_code == 0 and drawn.output.strip() == str(study / "torque_current-1.png")
+    assert (study / "torque_current-1.png").stat().st_size > 10_000
+    both = CliRunner().invoke(app, ["plot", str(study), "--torque-current", "--speeds"])
+    assert both.exit_code == 2 and "makes another picture than --speeds" in both.output
 
 
 @pytest.mark.parametrize(("longest", "unit"), [(0.0, "s"), (2.0, "s"), (1.0, "s"), (0.5, "ms"), (2e-4, "µs")])
