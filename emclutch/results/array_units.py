@@ -40,4 +40,6 @@ ARRAY_UNITS: dict[str, str] = {
     "angular_speed": "rad/s",
     "material_angle": "rad",
     "stripe": "1",
+    "pressure": "Pa",
+    "shear_stress": "Pa",
 }

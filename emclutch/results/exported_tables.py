@@ -9,6 +9,7 @@ from emclutch.results.columns import units_of
 from emclutch.results.grain_profiles import profile_column, read_profiles
 from emclutch.results.result import Result, load_result
 from emclutch.results.study_folder import is_study, read_study
+from emclutch.results.wall_loads import read_wall_pressure
 
 if TYPE_CHECKING:
     import pandas
@@ -39,7 +40,7 @@ POINT, REPLICA, ALONG = "point", "replica", "along"
 
 
 def tables_of(folder: Path) -> dict[str, pandas.DataFrame]:
-    """Return `history`, `profiles` where there are any, and `study`; ``attrs["units"]`` has each column's unit.
+    """Return `history`, where there are any `profiles`, `wall_pressure`, `study`; ``attrs["units"]`` has the units.
 
     A column that only some of a study's points have is nan (empty) in the others' rows.
 
@@ -77,6 +78,9 @@ def _tables_of_run(result: Result) -> dict[str, pandas.DataFrame]:
         tables["profiles"] = _joined(profiles)
         names = [name for name in tables["profiles"] if name != ALONG]
         tables["profiles"].attrs["units"] = {name: profile_column(name)[0] for name in names}
+    path = result.folder.path / "wall_pressure.csv"
+    if path.is_file():
+        tables["wall_pressure"] = read_wall_pressure(path)
     return tables
 
 

@@ -94,7 +94,7 @@ class OutputSection(Section):
     pictures: StrictBool = Field(default=True, description="PNG plots")
     profiles: StrictBool = Field(
         default=False,
-        description="profiles.csv: fill, flow, stress and torque across the gap, mean of the run's second half "
-        "(or from time.average_from)",
+        description="profiles.csv: fill, flow, stress and torque across the gap; wall_pressure.csv: pressure and shear "
+        "stress along the walls; means of the run's second half (or from time.average_from)",
     )
     checkpoint: StrictBool = Field(default=True, description="checkpoints, so that a run can be resumed")

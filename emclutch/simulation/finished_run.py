@@ -4,21 +4,19 @@ from __future__ import annotations
 
 import logging
 from time import perf_counter
-from typing import TYPE_CHECKING
 
 from emclutch.results import Result, load_result
 from emclutch.results.errors import Interrupted, RunError
 from emclutch.results.grain_profiles import write_profiles
 from emclutch.results.run_folder import CURE
+from emclutch.results.vtk.wall_pressure import write_wall_pressure_surfaces
+from emclutch.results.wall_loads import write_wall_pressure
 from emclutch.simulation.run_observers import RunObservers
 from emclutch.simulation.run_request import RunRequest
 from emclutch.simulation.started_run import StartedRun
 from emclutch.simulation.summary import summarise
 from geometry.kernels.cache import specialisations
 from geometry.kernels.machine_code import machine_code_digest
-
-if TYPE_CHECKING:
-    from particles.diagnostics.profiles import Profile
 
 log = logging.getLogger(__name__)
 
@@ -46,15 +44,17 @@ def finish_run(request: RunRequest, started: StartedRun, observers: RunObservers
     folder.add_to_provenance(machine_code=machine_code_digest())
     end_replicas(request, started, observers)
     refuse_cut_off(request, started, observers)
-    across = write_averaged_profiles(request, observers)
+    write_averaged_profiles(request, started, observers)
     others = replicas.histories()[1:] if replicas.count > 1 else []
     seconds = {"whole_run": perf_counter() - request.opened.begin, "compiling": compiled.seconds}
-    summarise(case, folder, started.planned, started.simulation, seconds, others, stopped=early.is_by_callback)
+    load = {} if observers.profiles is None else observers.profiles.walls.summary()
+    stopped = early.is_by_callback
+    summarise(case, folder, started.planned, started.simulation, seconds, others, stopped=stopped, wall_load=load)
     if case.scene.output.pictures:
         request.progress.update(1.0, "pictures")
         from emclutch.simulation.pictures import draw_run  # local: the libraries that draw are heavy
 
-        draw_run(case, folder, started.planned.device, started.simulation, across)
+        draw_run(case, folder, started.planned.device, started.simulation, observers.profiles)
     return load_result(folder.path)
 
 
@@ -88,13 +88,17 @@ def refuse_cut_off(request: RunRequest, started: StartedRun, observers: RunObser
         raise Interrupted(f"stopped at t = {time:.4g} s; {how}")
 
 
-def write_averaged_profiles(request: RunRequest, observers: RunObservers) -> list[Profile]:
-    """Write the profiles across the gap to the run's folder and return them; none where they are not asked for."""
+def write_averaged_profiles(request: RunRequest, started: StartedRun, observers: RunObservers) -> None:
+    """Write profiles across the gap and the load of the walls to the run's folder, where they are asked for."""
     if observers.profiles is None:
-        return []
-    across = observers.profiles.profiles()
-    if across:
-        write_profiles(request.folder.path, across)
-    else:
+        return
+    across, load = observers.profiles.profiles(), observers.profiles.walls.pressure()
+    if load is None:
         log.warning("no profiles: the run ended before their averaging began; set time.average_from to an earlier time")
-    return across
+        return
+    write_profiles(request.folder.path, across)
+    motion = started.simulation.motion
+    write_wall_pressure(request.folder.path, load, motion.walls)
+    if "vtk" in request.case.scene.output.formats:
+        angle = None if motion.sector is None else motion.sector.angle
+        write_wall_pressure_surfaces(request.folder.path, load, motion.walls, angle, motion.time)

@@ -40,6 +40,6 @@ def draw_missing(folder: RunFolder, case: Case | None = None, *, trust_scripts: 
         simulation = restored(case, device, plan, state)
         profiles = profile_average(case.scene, device)
         if profiles is not None:
-            profiles.restore(state.get("profiles"))
-        draw_run(case, folder, device, simulation, [] if profiles is None else profiles.profiles())
+            profiles.restore(state.get("profiles"), simulation.motion)
+        draw_run(case, folder, device, simulation, profiles)
     return True

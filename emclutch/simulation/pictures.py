@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from emclutch.device_model.gap_map import gap_map
@@ -16,6 +18,7 @@ from emclutch.results.pictures import (
     speed_picture,
     stress_picture,
     torque_picture,
+    wall_pressure_picture,
 )
 from emclutch.results.pictures.field import gap_map_picture
 from emclutch.results.pictures.speeds import speeds_vary
@@ -25,12 +28,16 @@ from emclutch.simulation.snapshots import contact_lines, wrapped
 from field import MagneticField
 from field.section.smooth_field import SmoothField
 
+if TYPE_CHECKING:
+    from emclutch.simulation.profile_average import ProfileAverage
 
-def draw_run(case, folder: RunFolder, device, simulation, profiles=()) -> None:
+
+def draw_run(case, folder: RunFolder, device, simulation, profiles: ProfileAverage | None = None) -> None:
     """Write the pictures that the run has something to show in.
 
     section.png or gap.png with a solved field, torque.png, stress.png of a sheared box, speeds.png where a shaft's
-    speed changes, profiles.png where they were asked for, and at last grains.png: where it lies all others do.
+    speed changes, profiles.png and wall_pressure.png where profiles were asked for, and at last grains.png: where it
+    lies all others do.
     """
     title = case.scene.scene.title
     result = load_result(folder.path)
@@ -59,8 +66,11 @@ def draw_run(case, folder: RunFolder, device, simulation, profiles=()) -> None:
         stress_picture(folder.stress_picture, result.history, result.stress, result.other_histories, title=title)
     if speeds_vary(result.history):
         speed_picture(folder.path / "speeds.png", {title: result.history}, title=title)
-    if profiles:
-        profile_picture(folder.path / "profiles.png", profiles, title=f"{title}\n{at}")
+    if profiles is not None and (across := profiles.profiles()):
+        profile_picture(folder.path / "profiles.png", across, title=f"{title}\n{at}")
+    load = None if profiles is None else profiles.walls.pressure()
+    if load is not None and load.contacts.any():
+        wall_pressure_picture(folder.path / "wall_pressure.png", load, motion.walls, title=f"{title}\n{at}")
     start, ends, force = contact_lines(motion)
     chains = start, ends, np.linalg.norm(force, axis=1)
     speed = np.linalg.norm(grains.velocity, axis=1)

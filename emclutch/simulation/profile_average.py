@@ -1,4 +1,4 @@
-"""Profiles of a run across its gap, averaged over the windows of its steady part: a callback of the loop.
+"""Profiles across the gap and load of the walls, averaged over the windows of a run's steady part: a callback.
 
 It asks for the contacts of each window and changes nothing.
 """
@@ -6,12 +6,14 @@ It asks for the contacts of each window and changes nothing.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import fields
 from typing import Any
 
 import numpy as np
 
 from coupling import WindowRow
+from emclutch.simulation.wall_average import WallAverage
 from geometry.walls import AnnularBox
 from particles import DEM
 from particles.diagnostics.bins import Bins, RingBins, SlabBins, ring_bins
@@ -28,10 +30,17 @@ class ProfileAverage:
         Of the device; the one of its spaces to fill that holds most grains is the gap, else what the walls enclose.
     start : float
         Time from which on windows count [s].
+    poles : sequence of AnnularBox
+        The spaces between pole faces.
+
+    Attributes
+    ----------
+    walls : WallAverage
     """
 
-    def __init__(self, shape: Any, start: float) -> None:
+    def __init__(self, shape: Any, start: float, poles: Sequence[AnnularBox] = ()) -> None:
         self._shape, self._start = shape, start
+        self.walls = WallAverage(poles)
         self._bins: list[Bins] = []
         self._sums: list[ProfileSums] = []
         self._speeds: dict[str, float] = {}
@@ -43,6 +52,7 @@ class ProfileAverage:
         if not self._bins:
             self._bins = bins_across(dem, gap_of(self._shape, dem))
         contacts = dem.contacts()
+        self.walls.add(dem, contacts)
         sums = [profile_sums(dem.grains, contacts, bins, dem.sector) for bins in self._bins]
         self._sums = [a + b for a, b in zip(self._sums, sums, strict=True)] if self._sums else sums
         for body in dem.bodies:
@@ -52,16 +62,17 @@ class ProfileAverage:
         """State with which a resumed run continues."""
         bins = [{"kind": type(one).__name__, **_fields(one)} for one in self._bins]
         sums = [_fields(one) for one in self._sums]
-        return {"start": self._start, "bins": bins, "sums": sums, "speeds": self._speeds}
+        return {"start": self._start, "bins": bins, "sums": sums, "speeds": self._speeds, "walls": self.walls.state()}
 
-    def restore(self, state: dict[str, Any] | None) -> None:
-        """Go on from the sums of a checkpoint; averaging restarts where it has none, or those from another time."""
+    def restore(self, state: dict[str, Any] | None, motion: Any) -> None:
+        """Go on with a `motion` from the sums of a checkpoint; restart where there are none or from another time."""
         if state is None or state["start"] != self._start:
             return
         kinds = {kind.__name__: kind for kind in (RingBins, SlabBins)}
         self._bins = [kinds[one.pop("kind")](**one) for one in state["bins"]]
         self._sums = [ProfileSums(**one) for one in state["sums"]]
         self._speeds = dict(state["speeds"])
+        self.walls.restore(state["walls"], motion)
 
     def profiles(self) -> list[Profile]:
         """The means: against r and z in a ring, against z in a box; empty before the first window that counts."""

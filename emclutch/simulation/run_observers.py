@@ -83,7 +83,7 @@ def make_callbacks(request: RunRequest, started: StartedRun) -> RunObservers:
         snapshots.begin(simulation)
     profiles = profile_average(scene, started.planned.device)
     if profiles is not None:
-        profiles.restore(started.profiles)
+        profiles.restore(started.profiles, simulation.motion)
     alive = Heartbeat(progress.listener, simulation, plan.end)
 
     measures = (Observables(scene, started.planned.device),)
@@ -146,7 +146,9 @@ def profile_average(scene: Scene, device: Device) -> ProfileAverage | None:
     from emclutch.simulation.profile_average import ProfileAverage  # local: what is off costs nothing
 
     start = scene.span.average_from
-    return ProfileAverage(device.shape, 0.5 * scene.span.end if start is None else start)
+    zone = device.pole_zone
+    boxes = () if zone is None else zone.boxes
+    return ProfileAverage(device.shape, 0.5 * scene.span.end if start is None else start, boxes)
 
 
 def missed_steps(request: RunRequest, resume_time: float | None) -> tuple[MissedSteps, ...]:

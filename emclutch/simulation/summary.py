@@ -59,12 +59,13 @@ def summarise(
     seconds: dict[str, float],
     others=(),
     stopped: bool = False,
+    wall_load: dict[str, Any] | None = None,
 ) -> None:
     """Write ``summary.json``: the torque with its error, the device, the numerics, the cost.
 
     `seconds` are of the process: the whole run, and what of it went into compiling kernels, which the windows' total
     contains as well, and their parts do not. `others` are the histories of the other replicas: their torques count,
-    all else is of this run. `stopped`: the user's callback has ended it.
+    all else is of this run. `stopped`: the user's callback has ended it. `wall_load`: of `WallAverage`.
     """
     device, plan, conditions = planned.device, planned.plan, planned.conditions
     history = folder.read_history()
@@ -101,6 +102,8 @@ def summarise(
         summary |= zone_summary(zone, (history, *others), torque)
     for effect in case.scene.effects.present:
         summary |= effect.summarise(history, simulation)
+    if wall_load:
+        summary["wall_pressure"] = wall_load
     if MISSED_STEPS in history:
         summary["solver"] = solver_summary(history, simulation.motion.tolerance)
     if INERTIAL_NUMBER in history:

@@ -9,8 +9,9 @@ from coupling.grain_law_table import grain_table, work_and_pull
 from coupling.mutual_moments import MutualMoments
 from coupling.neighbour_rows import neighbour_rows
 from coupling.wall_reflection import steel_walls
+from emclutch.simulation.wall_average import WallAverage
 from field import GrainLaw
-from geometry import RevolvedWall
+from geometry import AnnularBox, RevolvedWall
 from particles import DEM, Body, Grains, LinearContact
 
 pytestmark = pytest.mark.physics
@@ -50,6 +51,41 @@ def test_held_forces_and_pulls_are_the_forces_of_the_moments():
     assert np.abs(pulls).max() > 0.3 * np.abs(force).max()  # most of it is not held
     assert np.abs(moved - force).max() < 1e-9 * np.abs(force).max()
     assert len(found.wall_neck) and found.wall_neck[:, :, 0].any()
+
+
+def test_pressure_on_steel_faces_and_pull_of_the_gaps_halves_balance_the_momentum():
+    """A chain across an axial gap, a grain that hangs at the roof, one on the floor: per half of the gap
+
+        sum m dv_z/dt = contacts at its face + magnetic forces on its grains + contacts across the middle,
+
+    the first from the load of the wall, the second as `WallAverage` splits it off, in the next step to round-off.
+    """
+    gap = 7.98 * A
+    faces = [
+        RevolvedWall(name, "housing", (0.0, z), (2e-3, z), magnetic=True) for name, z in (("floor", 0.0), ("roof", gap))
+    ]
+    box = AnnularBox(0.0, 2e-3, 0.0, gap)
+    z = A * np.array([0.998, 2.995, 4.985, 6.982, 6.982, 0.998])
+    place = A * np.array([5.0, 5.0, 5.0, 5.0, 9.0, 12.0])
+    dem, *_ = magnetised(np.column_stack([place, np.zeros(6), z]), [0.0, 0.0, 8e4], faces)
+    average, contacts = WallAverage((box,)), dem.contacts()
+    average.add(dem, contacts)
+    load, upper = average.pressure(), dem.grains.position[:, 2] > 0.5 * gap
+    before = dem.grains.velocity.copy()
+    dem.run(1)
+    rate = dem.grains.mass * (dem.grains.velocity - before)[:, 2] / dem.dt
+    pairs = contacts.j >= 0
+    crossing = pairs & (upper[contacts.i] != upper[np.maximum(contacts.j, 0)])
+    into_upper = np.where(upper[contacts.i[crossing]], 1.0, -1.0) @ contacts.force[crossing, 2]
+    floor, roof = (load.normal_force[load.bins.wall == k].sum() for k in (0, 1))
+    summary = average.summary()["poles"]["housing"]  # both faces are of one body: their areas and pulls together
+    pull = average._pull[0]
+    scale = np.abs(dem.attraction.per_grain["whole"]).max()
+    assert min(floor, roof, *pull, into_upper) > 0.01 * scale
+    assert rate[~upper].sum() == pytest.approx(floor - pull[0] - into_upper, abs=1e-9 * scale)
+    assert rate[upper].sum() == pytest.approx(into_upper - roof + pull[1], abs=1e-9 * scale)
+    assert summary["normal_force"] == pytest.approx(floor + roof) and summary["area"] == pytest.approx(8e-6 * np.pi)
+    assert summary["magnetic_pull"] * summary["area"] == pytest.approx(pull.sum())
 
 
 @njit

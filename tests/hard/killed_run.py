@@ -155,7 +155,7 @@ def record_of(folder: Path) -> dict[str, Any]:
         elif path.name == "checkpoint.h5":
             dem = read_checkpoint(path)["dem"]
             found |= {f"{name}: {key}": _bits(value) for key, value in dem.items()}
-        elif path.suffix in (".vtp", ".vtu", ".pvd") or path.name == "profiles.csv":
+        elif path.suffix in (".vtp", ".vtu", ".pvd") or path.name in ("profiles.csv", "wall_pressure.csv"):
             found[name] = path.read_bytes()
     return found
 

@@ -5,13 +5,18 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import pyvista
 
 from emclutch.results import OutputError
 from emclutch.results.checkpoint import read_checkpoint, write_checkpoint
 from emclutch.results.grain_profiles import profile_column, profile_table, read_profiles, write_profiles
 from emclutch.results.pictures.profile import profile_picture
+from emclutch.results.pictures.wall_pressure import wall_pressure_picture
+from emclutch.results.vtk.wall_pressure import write_wall_pressure_surfaces
+from emclutch.results.wall_loads import WALL_COLUMNS, read_wall_pressure, write_wall_pressure
 from emclutch.simulation.profile_average import ProfileAverage, gap_of
-from geometry.walls import AnnularBox
+from emclutch.simulation.wall_average import WallAverage
+from geometry.walls import AnnularBox, annulus, cylinder
 from particles.diagnostics.bins import SlabBins, ring_bins
 from particles.diagnostics.enclosed_space import BoxSpace
 from particles.diagnostics.profiles import profile_of, profile_sums
@@ -114,14 +119,46 @@ def test_an_average_goes_on_from_a_checkpoint_as_if_nothing_had_been(tmp_path):
         for average in (whole, whole, part):
             average(SimpleNamespace(motion=dem), {})
         write_checkpoint(tmp_path / "checkpoint.h5", part.state())
-        again.restore(read_checkpoint(tmp_path / "checkpoint.h5"))
+        again.restore(read_checkpoint(tmp_path / "checkpoint.h5"), dem)
         again(SimpleNamespace(motion=dem), {})
         for first, second in zip(whole.profiles(), again.profiles(), strict=True):
             assert first.moments == second.moments == 2
             for name in ("volume", "torque", "temperature", "shear_rate"):
                 np.testing.assert_array_equal(getattr(first, name), getattr(second, name))
-        other.restore(read_checkpoint(tmp_path / "checkpoint.h5"))  # of another time: averaging restarts
+        other.restore(read_checkpoint(tmp_path / "checkpoint.h5"), dem)  # of another time: averaging restarts
         assert other.profiles() == []
+
+
+def test_load_of_the_walls_in_its_files(tmp_path):
+    """A grain that presses a cylinder with 2 N: in one row of the table, and as pressure times area of the surfaces.
+
+    The picture is drawn; an average goes on from its state.
+    """
+    grains, _ = moment()
+    walls = [cylinder("bore", "rotor", 0.012, 0.0, 0.002), annulus("lid", "rotor", 0.0, 0.010, 0.012)]
+    at = ContactTable(
+        np.array([0]), np.array([-1]), np.array([0]), np.array([0]), np.array([[0.012, 0.0, 0.001]]),
+        np.array([[-2.0, 0.5, 0.0]]), np.array([0.0]),
+    )  # fmt: skip
+    motion = SimpleNamespace(grains=grains, walls=walls, sector=None)
+    average, again = WallAverage(), WallAverage()
+    for _ in range(2):
+        average.add(motion, at)
+    again.restore(average.state(), motion)
+    load = again.pressure()
+    assert load.moments == 2 and again.summary() == average.summary()
+    of_bore = again.summary()["walls"]["bore"]
+    assert of_bore["normal_force"] == pytest.approx(2.0, rel=1e-3) and of_bore["torque"] == pytest.approx(-0.012 * 0.5)
+    assert "lid" not in again.summary()["walls"]
+    table = read_wall_pressure(write_wall_pressure(tmp_path, load, walls))
+    (row,) = table[table["contacts"] > 0].to_dict("records")
+    assert row["wall"] == "bore" and row["along"] == "z" and row["low"] <= 0.001 <= row["high"]
+    assert row["pressure"] * row["area"] == pytest.approx(row["normal_force"]) == pytest.approx(of_bore["normal_force"])
+    assert table.attrs["units"]["pressure"] == "Pa" and set(table) == set(WALL_COLUMNS)
+    surfaces = pyvista.read(write_wall_pressure_surfaces(tmp_path, load, walls, None, 0.1)).compute_cell_sizes()
+    total = surfaces["pressure"] @ surfaces["Area"]  # right but for the facets of the ring
+    assert total == pytest.approx(of_bore["normal_force"], rel=1e-3)
+    assert wall_pressure_picture(tmp_path / "load.png", load, walls).read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
 
 
 def test_gap_is_the_space_that_holds_most_grains_or_what_walls_enclose():

@@ -8,6 +8,7 @@ from emclutch.results.pictures.sheared_box import sheared_box_picture, stress_pi
 from emclutch.results.pictures.speeds import speed_picture, torque_speed_picture
 from emclutch.results.pictures.torque import torque_picture
 from emclutch.results.pictures.torque_curves import torque_against_current_picture, torque_against_speed_picture
+from emclutch.results.pictures.wall_pressure import wall_pressure_picture
 from emclutch.results.pictures.work_precision import work_precision_picture
 
 __all__ = [
@@ -22,5 +23,6 @@ __all__ = [
     "torque_against_speed_picture",
     "torque_picture",
     "torque_speed_picture",
+    "wall_pressure_picture",
     "work_precision_picture",
 ]

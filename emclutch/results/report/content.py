@@ -40,6 +40,7 @@ PICTURES = {
     "speeds.png": "speeds of the shafts against time",
     "grains.png": "grains and the forces between them",
     "profiles.png": "flow and stress across the gap",
+    "wall_pressure.png": "load of the walls by the grains",
 }
 """Pictures that a run may have, and what they show."""
 STUDY_PICTURES = {

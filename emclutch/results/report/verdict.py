@@ -56,6 +56,8 @@ def closing_lines(result: Result) -> list[str]:
     lines = [*_end_lines(result), *(one.text for one in _target(summary))]
     if "grain_size" in summary:
         lines.append(f"statistical error only; {summary['grain_size']['note']}")
+    if load := _wall_load(summary):
+        lines.append(load)
     lines += [f"warning: {text}" for part in ("grain_size", "solver") for text in _warnings_of(summary, part)]
     warning = soft_grains(summary)
     return lines + ([f"warning: {warning}"] if warning else [])
@@ -167,11 +169,26 @@ def _warnings_of(summary: dict[str, Any], part: str) -> list[str]:
     return (summary.get(part) or {}).get("warnings", [])
 
 
+def _wall_load(summary: dict[str, Any]) -> str:
+    """Return the pressure on the pole faces in words; empty where it was not measured."""
+    poles = (summary.get("wall_pressure") or {}).get("poles") or {}
+    parts = []
+    for body, load in poles.items():
+        ratio = "" if load["mu"] is None else f", tau/P {load['mu']:.2f}"
+        parts.append(
+            f"{1e-3 * load['pressure']:.3g} kPa on the {body} ({1e-3 * load['magnetic_pull']:.3g} kPa of it magnetic "
+            f"pull on the nearer half of the gap){ratio}"
+        )
+    return f"between the poles grains press with {'; '.join(parts)}" if parts else ""
+
+
 def _gaps(result: Result) -> Iterator[Statement]:
     """Say what the numbers do not hold."""
     summary = result.summary
     if "grain_size" in summary:
         yield Statement(Mark.NOTE, f"The error is statistical only: {summary['grain_size']['note']}.")
+    if load := _wall_load(summary):
+        yield Statement(Mark.NOTE, sentence(load))
     if errors := summary.get("field_error_estimate"):
         worst = max(errors, key=lambda name: abs(errors[name]))
         yield Statement(

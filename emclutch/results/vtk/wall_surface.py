@@ -52,7 +52,7 @@ def wall_surfaces(
     """
     bodies = list(dict.fromkeys(wall.body for wall in walls))
     planes = [wall for wall in walls if hasattr(wall, "normal")]
-    reach = _reach(walls)
+    reach = reach_of(walls)
     points, velocity, polygons = [np.zeros((0, 3))], [np.zeros((0, 3))], []
     rows: list[tuple[int, int, float, float, int]] = []
     count = 0
@@ -185,7 +185,7 @@ def _clip(corners: list[np.ndarray], point: np.ndarray, normal: np.ndarray) -> l
     return kept
 
 
-def _reach(walls: Sequence[Any]) -> float:
+def reach_of(walls: Sequence[Any]) -> float:
     """Return half the edge of an unbounded plane's square: twice the size of what the walls enclose [m]."""
     points = [np.asarray(wall.point, dtype=np.float64) for wall in walls if hasattr(wall, "normal")]
     points += [np.array([math.hypot(*wall.start), 0.0, wall.start[1]]) for wall in walls if hasattr(wall, "start")]
