@@ -266,6 +266,7 @@ class MutualMoments:
         if len(self.walls) > MAX_WALLS:
             raise ValueError(f"{len(self.walls)} steel walls; grains are mirrored in {MAX_WALLS} at most")
         n, w = len(position), len(self.walls)
+        position = np.ascontiguousarray(position)
         volume = 4.0 / 3.0 * np.pi * radius**3
         applied = np.ascontiguousarray(applied, dtype=float)
         refuse_not_finite(position, applied)
@@ -357,9 +358,10 @@ class MutualMoments:
     def _grains(
         self, position: np.ndarray, radius: np.ndarray, volume: np.ndarray, found: Magnetisation
     ) -> MagneticGrains:
+        # those of `Grains` are columns of wider rows: one layout for all callers, or each kernel is compiled for two
         return MagneticGrains(
-            position, radius, volume, found.dipole, found.charge, found.applied, found.slope, found.field,
-            found.potential, found.contrast, found.height,
+            np.ascontiguousarray(position), np.ascontiguousarray(radius), volume, found.dipole, found.charge,
+            found.applied, found.slope, found.field, found.potential, found.contrast, found.height,
         )  # fmt: skip
 
     def _scratch(self, known: Influence) -> np.ndarray:

@@ -54,7 +54,7 @@ class HSpline:
         """H [A/m] and dH/dB [A/(m T)] at B >= 0 [T]."""
         B = np.asarray(B, dtype=float)
         H, slope = np.empty(B.shape), np.empty(B.shape)
-        _evaluate(B.reshape(-1), self.B, self.coefficients, self.H_last, NU_0, H.reshape(-1), slope.reshape(-1))
+        _evaluate(np.ravel(B), self.B, self.coefficients, self.H_last, NU_0, H.reshape(-1), slope.reshape(-1))
         return H, slope
 
     def energy_density(self, B: np.ndarray) -> np.ndarray:

@@ -234,7 +234,7 @@ class Elements3D:
     def divergence(self, flow: np.ndarray) -> np.ndarray:
         """Integral of flow . grad v for every unknown's v; flow (n_quadrature, 3)."""
         out = np.zeros(self.n_free)
-        kernels.divergence(self._elements, self._quadrature, flow, out)
+        kernels.divergence(self._elements, self._quadrature, np.ascontiguousarray(flow), out)
         return out
 
     def tangent(self, isotropic: np.ndarray, along: np.ndarray, field: np.ndarray) -> np.ndarray:
@@ -247,7 +247,7 @@ class Elements3D:
         field : ndarray (n_quadrature, 3)
             Any vector along d; where it is zero, c has no effect.
         """
-        data = np.zeros(self.indices.size)
+        data, field = np.zeros(self.indices.size), np.ascontiguousarray(field)
         n = self.element_nodes.shape[1]
         scratch = np.empty((n, 3)), np.empty((n, 3)), np.empty((n, n))
         pattern = Pattern(self.indptr, self.indices)

@@ -54,7 +54,7 @@ def wall_depths(
     grains: Grains, device: DeviceWalls, bodies: Sequence[Body], row: np.ndarray, wall: np.ndarray
 ) -> np.ndarray:
     """Overlap [m] and unit vector towards the wall, (s, 4), of grains ``row`` at walls or triangles ``wall``."""
-    x, radius = grains.position, grains.radius
+    x, radius = np.ascontiguousarray(grains.position), np.ascontiguousarray(grains.radius)
     depth = np.zeros((len(row), 4))
     smooth = wall < len(device.rows)
     depth[smooth] = wall_overlaps(x, radius, device.rows, row[smooth], wall[smooth])

@@ -52,7 +52,7 @@ def cell_order(position: np.ndarray, size: float) -> np.ndarray:
     ndarray of int64, shape (n,)
         ``position[order]`` is sorted.
     """
-    points = np.ascontiguousarray(position, dtype=float)
+    points = np.require(position, float, ["C", "W"])
     number, order = np.empty(len(points), dtype=np.int64), np.empty(len(points), dtype=np.int64)
     if len(points) == 0:
         return order

@@ -54,7 +54,7 @@ class DeviceWalls:
 
         Returns the compressed rows (start (n + 1,) int64, number (s,) int32), ascending.
         """
-        n = len(position)
+        position, n = np.ascontiguousarray(position), len(position)
         start = np.zeros(n + 1, dtype=np.int64)
         other = np.zeros(n, dtype=np.int32)
         found = near_walls(position, reach, self.rows, start, other)
@@ -73,6 +73,7 @@ class DeviceWalls:
         self, position: np.ndarray, radius: np.ndarray, start: np.ndarray, other: np.ndarray, angles: Sequence[float]
     ) -> np.ndarray:
         """Overlap [m] and unit vector towards the wall of each slot of the rows, (s, 4); -inf where none counts."""
+        position, radius = np.ascontiguousarray(position), np.ascontiguousarray(radius)
         row = np.repeat(np.arange(len(start) - 1), np.diff(start))
         found = np.empty((len(other), 4))
         smooth = other < len(self.rows)

@@ -164,7 +164,7 @@ class Enclosure:
 
     def outside(self, position: np.ndarray, margin: float) -> np.ndarray:
         """True where centres (n, 3) [m] are beyond it by more than ``margin`` [m]: bool, shape (n,)."""
-        return beyond(position, self._planes, *self._cylinder, margin)
+        return beyond(np.ascontiguousarray(position), self._planes, *self._cylinder, margin)
 
 
 def outside(position: np.ndarray, walls: Sequence[Wall], margin: float) -> np.ndarray:

@@ -27,7 +27,7 @@ def smear_of(places, moments=None, walls=None, width=A):
 def at(smear, points, folds=None):
     points = np.array(points, dtype=float).reshape(-1, 2)
     none = np.zeros((len(points), len(smear.walls)), dtype=bool)
-    return smear.at(points, none if folds is None else np.broadcast_to(folds, none.shape))
+    return smear.at(points, none if folds is None else none | folds)
 
 
 def integral(smear, low, high, folds=None, n=400):

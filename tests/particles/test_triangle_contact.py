@@ -337,6 +337,7 @@ def test_overlaps_turn_with_the_body():
     results = []
     for a, x in ((0.0, position), (angle, position @ turn.T)):
         start, other = search.near(x, radius, [a] * 3)
+        other = other.astype(np.int64)
         trig = np.tile([math.cos(a), math.sin(a)], (3, 1))
         results.append((start, other, triangle_overlaps(x, radius, table.rows, table.body, trig, start, other)))
     (start, other, rest), (start_2, other_2, turned) = results
