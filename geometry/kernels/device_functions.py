@@ -5,6 +5,10 @@ LLVM IR. `device_function` omits the wrappers, and `_install` the machine code a
 the kernel that links it optimises it once. The results do not change; docs/explanation/compiled_kernels.md has the
 compile times.
 
+The body of a parallel loop and the two wrappers that numba builds around it are such functions too: only the kernel
+that contains the loop calls them. Numba optimises each by itself and makes machine code of it, so that all that a loop
+calls is compiled four times.
+
 A kernel refers to the environment of each function that it links (needed to raise errors) by a symbol; that symbol is
 the only content of the module that is generated for a device function.
 """
@@ -16,6 +20,7 @@ from typing import Any
 
 import llvmlite.binding as llvm
 import numba
+from numba.core.codegen import JITCodeLibrary
 from numba.core.cpu import CPUContext
 from numba.core.targetconfig import ConfigStack
 
@@ -51,23 +56,31 @@ def njit_without_refcounts(**options: Any) -> Callable[[Callable], Any]:
     return numba.njit(_nrt=False, **options)  # type: ignore[call-overload]
 
 
-def _finish_without_code(library: Any) -> None:
-    """Finish `CodeLibrary.finalize` without adding the module to those that are compiled to machine code."""
-    library._finalize_dynamic_globals()
-    library._verify_declare_only_symbols()
-    library._finalized = True
+LOOP_BODY = "__numba_parfor_gufunc"  # beginning of the name of a parallel loop's body
+
+
+def _leave_to_caller(library: Any) -> None:
+    """Make `CodeLibrary.finalize` link its parts alone: without optimisation, and without machine code."""
+
+    def finish() -> None:
+        library._finalize_dynamic_globals()
+        library._verify_declare_only_symbols()
+        library._finalized = True
+
+    library._finalize_final_module = finish
+    library._optimize_final_module = lambda: None
 
 
 def _install() -> None:
-    """Replace `CPUContext.get_executable`; once a process."""
-    executable = CPUContext.get_executable
+    """Replace `CPUContext.get_executable` and `JITCodeLibrary.add_linking_library`; once a process."""
+    executable, add_linking_library = CPUContext.get_executable, JITCodeLibrary.add_linking_library
 
     def get_executable(self, library, fndesc, env):
         flags = ConfigStack.top_or_none()
-        is_device_function = flags is not None and flags.no_cpython_wrapper and flags.no_cfunc_wrapper
-        if is_device_function and not library._finalized:
-            library._finalize_final_module = lambda: _finish_without_code(library)
-            library._optimize_final_module = lambda: None
+        without_code = flags is not None and flags.no_cpython_wrapper and flags.no_cfunc_wrapper
+        without_code = without_code or library.name.startswith(LOOP_BODY)
+        if without_code and not library._finalized:
+            _leave_to_caller(library)
             library._ensure_finalized()
             name = self.get_env_name(fndesc)
             module = llvm.parse_assembly(f'@"{name}" = common global i8* null\n')
@@ -76,7 +89,13 @@ def _install() -> None:
             library.codegen._add_module(module)
         return executable(self, library, fndesc, env)
 
+    def link(self, library):
+        if not library._finalized:  # its code has not been asked for: a wrapper, or a part of numba's own functions
+            _leave_to_caller(library)
+        add_linking_library(self, library)
+
     CPUContext.get_executable = get_executable  # type: ignore[method-assign]
+    JITCodeLibrary.add_linking_library = link  # type: ignore[method-assign]
 
 
 require_tested_version(numba.__version__)

@@ -3,9 +3,10 @@
     python tests/benchmarks/kernel_infrastructure.py
 
 Each line comes from a process of its own with an empty cache and one thread: the step of 10 000 grains of scene A
-(settled bed, linear law) with vectors of eight at the width of this processor and at that of SSE2; the time to
-compile that step with device functions and with ``numba.njit`` in their place; the time until a second process has its
-first step, with this project's cache and with numba's own, after a comment has been added to a module with kernels.
+(settled bed, linear law) with vectors of eight at the width of this processor and at that of SSE2; the processor time
+to compile that step with device functions and with ``numba.njit`` in their place, and with bodies of parallel loops
+compiled by themselves, as numba does; the time until a second process has its first step, with this project's cache and
+with numba's own, after a comment has been added to a module with kernels.
 """
 
 from __future__ import annotations
@@ -30,10 +31,9 @@ sys.path.insert(0, "tests/benchmarks")
 import numba
 numba.set_num_threads(1)
 import scene_a
-from geometry.kernels.cache import compile_seconds
 with np.load("{state}") as file:
     dem = scene_a.make({n}, file["position"][:{n}])
-a = compile_seconds(); dem.run(1); compiled = compile_seconds() - a
+a = time.process_time(); dem.run(1); compiled = time.process_time() - a
 first = time.perf_counter() - begin
 scene_a.advance(dem, {steps}, 0.0)
 times = []
@@ -44,6 +44,7 @@ for part in range(5):
 best = min(times)
 print(f"RESULT {{1e9 * best / ({n} * {steps}):.1f}} {{compiled:.1f}} {{first:.1f}}")
 """
+LOOPS_COMPILED = ("JITCodeLibrary.add_linking_library = link", "del link"), ('= "__numba_parfor_gufunc"', '= "none"')
 AS_NJIT = ("return made(no_cpython_wrapper=True, no_cfunc_wrapper=True, **options)", "return made(**options)")
 
 
@@ -74,9 +75,16 @@ def main() -> None:
         assert AS_NJIT[0] in text
         module.write_text(text.replace(*AS_NJIT))
         plain = measured(caches / "plain", steps=1, root=copy)
+        loops = text
+        for part in LOOPS_COMPILED:
+            assert part[0] in loops
+            loops = loops.replace(*part)
+        module.write_text(loops)
+        numbas = measured(caches / "loops", steps=1, root=copy)
         module.write_text(text)
         device = measured(caches / "device", steps=1)
-        print(f"compiling the step: {device[1]} s; with njit for device functions {plain[1]} s")
+        print(f"compiling the step: {device[1]} s; with njit for device functions {plain[1]} s", end="")
+        print(f"; with bodies of loops compiled by themselves {numbas[1]} s")
         own_second = measured(caches / "device", steps=1)
         names = "UserProvidedCacheLocator,InTreeCacheLocator"
         rows = []

@@ -13,7 +13,8 @@ from geometry.kernels.cache import ROOT
 from geometry.kernels.device_functions import device_function, njit_without_refcounts
 
 PROGRAM = """
-from numba import njit
+import numpy as np
+from numba import njit, prange
 from numba.core.codegen import JITCPUCodegen
 from geometry.kernels.device_functions import device_function
 
@@ -43,15 +44,30 @@ def of(decorate):
     assert kernel(2.0) == 72.0
     return sum(with_code)
 
-of(njit)  # numba's own are compiled once
-print(of(device_function), of(njit))
+def of_loop():
+    with_code.clear()
+
+    @njit(parallel=True)
+    def kernel(x):
+        for i in prange(x.shape[0]):
+            x[i] = x[i] * x[i]
+
+    x = np.arange(3.0)
+    kernel(x)
+    assert x.tolist() == [0.0, 1.0, 4.0]
+    return sum(with_code)
+
+of(njit), of_loop()  # numba's own are compiled once
+print(of(device_function), of(njit), of_loop())
 """
 
 
 def test_only_the_kernel_becomes_machine_code():
+    """Neither do the functions that it calls nor the body of its loop, with numba's wrappers of one."""
     done = subprocess.run([sys.executable, "-c", PROGRAM], capture_output=True, text=True, cwd=ROOT, check=True)
-    inner_ones, all_of_them = map(int, done.stdout.split())
+    inner_ones, all_of_them, of_a_loop = map(int, done.stdout.split())
     assert inner_ones == all_of_them - 2
+    assert of_a_loop == 1
 
 
 def test_an_error_raised_inside_reaches_python():

@@ -11,8 +11,9 @@ import numpy as np
 from geometry.kernels.machine_code import machine_code_digest
 before = machine_code_digest()
 
-import coupling.neighbour_rows as rows
-rows.neighbour_rows(np.random.default_rng(1).random((50, 3)), 0.2)
+from coupling.smeared_grains import SectionSmear  # a parallel loop with a function in it
+places = 1.0 + np.random.default_rng(1).random((50, 2))
+SectionSmear(places, np.ones(50), places, 0.2, 1.0).at(places, np.zeros((50, 0), dtype=bool))
 after = machine_code_digest()
 assert before != after
 print(after)
