@@ -35,7 +35,7 @@ from coupling.image_lanes import (
     wall_sides,
 )
 from coupling.influence_kernels import slope_along
-from coupling.kernel_state import Chosen
+from coupling.kernel_state import FIRST, SECOND, Chosen
 from coupling.mirror import FACES_NO_WALL, height_over, normal_at
 from coupling.pair_fields import OVER_4PI
 from coupling.pair_lanes import (
@@ -239,6 +239,37 @@ def wall_drives(model, grains, walls, drop):
     for i in prange(drop.shape[0]):
         for w in range(walls.shape[0]):
             drop[i, w] = applied_at_wall(i, w, walls, model, grains) if is_near_wall(i, w, grains) else 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def begin_drops(once, number, potential, pair_before, drop_before, drop):
+    """Set the ``drop`` (blocks, 8) [A] of near pairs, which holds the applied field's, to that of an earlier solve.
+
+    ``once``: see `coupling.kernel_state.Chosen`. ``number`` (n,): of the grains; ``potential`` [A] and
+    ``pair_before`` (k, 2) are by number, ``drop_before`` (k,) [A] is from the second grain to the first. A pair that was
+    not among them has the applied field's drop less the difference of the potentials.
+    """
+    start = np.zeros(potential.shape[0] + 1, np.int64)
+    for k in range(pair_before.shape[0]):
+        start[min(pair_before[k, 0], pair_before[k, 1]) + 1] += 1
+    for a in range(potential.shape[0]):
+        start[a + 1] += start[a]
+    place, order = start[:-1].copy(), np.empty(pair_before.shape[0], np.int64)
+    for k in range(pair_before.shape[0]):
+        low = min(pair_before[k, 0], pair_before[k, 1])
+        order[place[low]] = k
+        place[low] += 1
+    for g in range(LANES * once.shape[0]):
+        b, a = g // LANES, g % LANES
+        i, j = number[once[b, FIRST, a]], number[once[b, SECOND, a]]
+        low, high = min(i, j), max(i, j)
+        found = drop[b, a] - (potential[i] - potential[j])
+        for q in range(start[low], start[low + 1]):
+            k = order[q]
+            if max(pair_before[k, 0], pair_before[k, 1]) == high:
+                found = drop_before[k] if pair_before[k, 0] == i else -drop_before[k]
+                break
+        drop[b, a] = found
 
 
 @njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})

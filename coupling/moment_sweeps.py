@@ -28,7 +28,7 @@ from geometry.kernels.simd import LANES
 if TYPE_CHECKING:
     from coupling.mutual_moments import Magnetisation
 
-FIRST_DAMPING, MIN_DAMPING = 0.7, 0.1  # of an undamped step
+FIRST_DAMPING, MIN_DAMPING = 0.75, 0.1  # of an undamped step
 PATIENCE = 20  # sweeps in which the residual has not fallen by a tenth: less damping, at last Newton's method
 NEWTON_ROUNDS, NEWTON_STEPS = 3, 20
 KRYLOV = 30  # vectors of a step of Newton's
@@ -128,7 +128,11 @@ class MomentSweeps:
             state = self._state()
             if residual < lowest:
                 lowest, lowest_state = residual, state
-            self._take(mixing.next(state, self._asked(), damping))
+            asked = self._asked()
+            step = np.full(asked.shape, damping)
+            if sweep == 1:
+                step[self.found.dipole.size :] = 1.0  # what is asked of drops is close to Newton's step
+            self._take(mixing.next(state, asked, step))
             if sweep > 1 and residual > 1.5 * before:
                 mixing.forget()
             elif sweep == 1 and cold:

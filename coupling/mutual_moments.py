@@ -61,6 +61,7 @@ from coupling.influence_kernels import APPLIED
 from coupling.kernel_state import FIRST, SECOND, Influence, MagneticGrains, PairModel
 from coupling.moment_kernels import (
     add_charge_moments,
+    begin_drops,
     contact_forces,
     grain_energies,
     wall_drives,
@@ -81,16 +82,18 @@ MU_0 = 4e-7 * np.pi
 
 @dataclass(slots=True)
 class Necks:
-    """Drops of near pairs, to begin the next solve with.
+    """Drops and potentials of a solve, to begin the next one with.
 
     Attributes
     ----------
     pair : (k, 2) int64
-        Numbers of the grains, the lower one first.
+        Numbers of the grains of near pairs.
     drop : (k,) float64
         From the second to the first [A].
     wall_number, wall, wall_drop : (l,) int64, int64, float64
         Number of the grain, wall, and drop from its image to it [A].
+    number, potential : (n,) int64, float64
+        Numbers of all grains, and their potentials [A]: pairs that have become near ones begin with these.
     """
 
     pair: np.ndarray
@@ -98,6 +101,8 @@ class Necks:
     wall_number: np.ndarray
     wall: np.ndarray
     wall_drop: np.ndarray
+    number: np.ndarray
+    potential: np.ndarray
 
 
 @dataclass(slots=True)
@@ -244,10 +249,11 @@ class MutualMoments:
         start : (n, 3) float64, optional
             Dipole parts to begin with [A m^2]; default: those of lone spheres.
         necks : Necks, optional
-            Drops to begin with, of `necks_of` the last solve; pairs that are not among them begin with the applied
-            field's.
+            Drops to begin with, of `necks_of` the last solve; pairs that are not among them begin with what the
+            applied field and its potentials say.
         number : (n,) int64, optional
-            Numbers by which grains are known in `necks`; default: their rows.
+            Numbers by which grains are known in `necks`, from 0 and not many more than there are grains; default: their
+            rows.
         tolerance : float
             Residual that is asked for; 0: continue for `max_sweeps`.
 
@@ -309,21 +315,16 @@ class MutualMoments:
     def necks_of(self, found: Magnetisation, number: np.ndarray | None = None) -> Necks:
         """Drops of a solve, by the grains' `number` (n,); default: their rows."""
         known = found.known
-        none = np.zeros(0, dtype=np.int64)
+        none, nothing = np.zeros(0, dtype=np.int64), np.zeros(0)
         if known is None or not self.near:
-            return Necks(np.zeros((0, 2), dtype=np.int64), np.zeros(0), none, none, np.zeros(0))
-        number = np.arange(len(found.moment)) if number is None else number
-        first, second, sign = self._numbers(known, number)
+            return Necks(np.zeros((0, 2), dtype=np.int64), nothing, none, none, nothing, none, nothing)
+        number = np.arange(len(found.moment)) if number is None else number.astype(np.int64)
         row, wall = np.nonzero(found.wall_drop)
         return Necks(
-            np.stack((first, second), axis=1), sign * found.drop.reshape(-1)[: known.near_pairs], number[row], wall,
-            found.wall_drop[row, wall],
+            number[np.stack((_once(known, FIRST), _once(known, SECOND)), axis=1)],
+            found.drop.reshape(-1)[: known.near_pairs].copy(), number[row], wall, found.wall_drop[row, wall], number,
+            found.potential.copy(),
         )  # fmt: skip
-
-    def _numbers(self, known: Influence, number: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Of near pairs the lower number, the higher one, and 1.0 where the first grain has the lower."""
-        i, j = number[_once(known, FIRST)].astype(np.int64), number[_once(known, SECOND)].astype(np.int64)
-        return np.minimum(i, j), np.maximum(i, j), np.where(i < j, 1.0, -1.0)
 
     def _first_drops(
         self,
@@ -333,26 +334,27 @@ class MutualMoments:
         number: np.ndarray,
         wall_drop: np.ndarray,
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Drops to begin with: of `necks`, else those of the applied field."""
-        blocks = len(known.near_once)
-        drop = known.near_pair[:blocks, APPLIED].copy()
-        if self.near:
-            wall_drives(self.model, grains, self.walls, wall_drop)
+        """Drops to begin with: of `necks`, else those of the applied field and of the potentials there."""
+        drop = known.near_pair[: len(known.near_once), APPLIED].copy()
+        if not self.near:
+            return drop, wall_drop
+        wall_drives(self.model, grains, self.walls, wall_drop)
         if necks is None:
             return drop, wall_drop
-        flat = drop.reshape(-1)
-        if len(necks.drop) and known.near_pairs:
-            first, second, sign = self._numbers(known, number)
-            most = int(max(second.max(), necks.pair.max())) + 1
-            at, here = _find(necks.pair[:, 0] * most + necks.pair[:, 1], first * most + second)
-            flat[: known.near_pairs][here] = sign[here] * necks.drop[at]
-            flat[known.near_pairs :] = flat[known.near_pairs - 1]  # what fills the last block
-        if len(necks.wall_drop):
-            row, wall = np.nonzero(wall_drop)
-            many = wall_drop.shape[1]
-            kept = necks.wall < many
-            at, here = _find((necks.wall_number * many + necks.wall)[kept], number[row] * many + wall)
-            wall_drop[row[here], wall[here]] = necks.wall_drop[kept][at]
+        number = number.astype(np.int64)
+        count = 1 + int(max(number.max(initial=0), necks.number.max(initial=0)))
+        potential = np.zeros(count)
+        potential[necks.number] = necks.potential
+        begin_drops(known.near_once, number, potential, necks.pair, necks.drop, drop)
+        row, wall = np.nonzero(wall_drop)
+        wall_drop[row, wall] -= 2.0 * potential[number[row]]
+        row_of = np.full(count, -1)
+        row_of[number] = np.arange(len(number))
+        row, wall = row_of[necks.wall_number], necks.wall
+        here = (row >= 0) & (wall < wall_drop.shape[1])
+        row, wall, before = row[here], wall[here], necks.wall_drop[here]
+        still = wall_drop[row, wall] != 0.0
+        wall_drop[row[still], wall[still]] = before[still]
         return drop, wall_drop
 
     def _grains(
@@ -427,14 +429,6 @@ class MutualMoments:
             wall_drives(self.model, grains, self.walls, drive)
             total += found.wall_neck[:, :, 1].sum() - 0.5 * (found.wall_neck[:, :, 0] * drive).sum()
         return MU_0 * float(total)
-
-
-def _find(keys: np.ndarray, asked: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Places among the keys (k,) of those asked for that are there, and which (a,) these are; no key comes twice."""
-    order = np.argsort(keys, kind="stable")
-    at = order[np.minimum(np.searchsorted(keys, asked, sorter=order), len(keys) - 1)]
-    here = keys[at] == asked
-    return at[here], here
 
 
 def _once(known: Influence, column: int) -> np.ndarray:

@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numba import njit
 
 from coupling.kernel_state import Rows
 from particles import Periodicity, find_pairs
@@ -66,21 +67,35 @@ def neighbour_rows(position: np.ndarray, reach: float, periodicity: Periodicity 
     The order within a row is fixed by the grains' order alone, so that sums over it are reproducible.
     """
     pairs = find_pairs(position, reach, periodicity)
-    incoming, pair = pairs.incoming()
-    own, back = np.diff(pairs.start), np.diff(incoming)
-    start = np.zeros(len(position) + 1, dtype=np.int64)
-    np.cumsum(own + back, out=start[1:])
-    here = np.repeat(start[:-1] - pairs.start[:-1], own) + np.arange(pairs.count)
-    there = np.repeat(start[:-1] + own - incoming[:-1], back) + np.arange(pairs.count)
-    other, twin = np.empty((2, start[-1]), dtype=np.int32)
     images = images_of(periodicity)
-    none = len(images) // 2
-    image = np.empty(start[-1], dtype=np.uint8)
-    other[here], other[there] = pairs.other, pairs.rows()[pair]
-    image[here], image[there] = none + pairs.shift, none - pairs.shift[pair]
-    twin[there], twin[here[pair]] = here[pair], there
+    start = np.empty(len(position) + 1, dtype=np.int64)
+    other, twin = np.empty((2, 2 * pairs.count), dtype=np.int32)
+    image = np.empty(2 * pairs.count, dtype=np.uint8)
+    fill_rows(pairs.start, pairs.other, pairs.shift, len(images) // 2, start, other, image, twin)
     strain = 0.0 if periodicity is None else periodicity.strain
     return NeighbourRows(start, other, image, images, position.copy(), reach, twin, strain)
+
+
+@njit(cache=True, error_model="numpy")
+def fill_rows(half_start, half_other, shift, none, start, other, image, twin):
+    """Fill full rows from half ones: of a grain first the pairs that its half row holds, then those of the others'."""
+    n = half_start.shape[0] - 1
+    start[:] = 0
+    for q in range(half_other.shape[0]):
+        start[half_other[q] + 1] += 1
+    place = np.empty(n, np.int64)  # of the next pair that comes from another grain's row
+    for i in range(n):
+        own = half_start[i + 1] - half_start[i]
+        start[i + 1] += start[i] + own
+        place[i] = start[i] + own
+    for i in range(n):
+        first = start[i] - half_start[i]
+        for q in range(half_start[i], half_start[i + 1]):
+            j = np.int64(half_other[q])
+            here, there = first + q, place[j]
+            place[j] = there + 1
+            other[here], image[here], twin[here] = j, none + shift[q], there
+            other[there], image[there], twin[there] = i, none - shift[q], here
 
 
 def images_of(periodicity: Periodicity | None) -> np.ndarray:
