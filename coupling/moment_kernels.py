@@ -245,9 +245,9 @@ def wall_drives(model, grains, walls, drop):
 def begin_drops(once, number, potential, pair_before, drop_before, drop):
     """Set the ``drop`` (blocks, 8) [A] of near pairs, which holds the applied field's, to that of an earlier solve.
 
-    ``once``: see `coupling.kernel_state.Chosen`. ``number`` (n,): of the grains; ``potential`` [A] and
-    ``pair_before`` (k, 2) are by number, ``drop_before`` (k,) [A] is from the second grain to the first. A pair that was
-    not among them has the applied field's drop less the difference of the potentials.
+    ``once``: see `coupling.kernel_state.Chosen`. ``number`` (n,): of the grains; ``potential`` [A] and ``pair_before``
+    (k, 2) are by number, ``drop_before`` (k,) [A] is from the second grain to the first. A pair that was not among
+    them has the applied field's drop less the difference of the potentials.
     """
     start = np.zeros(potential.shape[0] + 1, np.int64)
     for k in range(pair_before.shape[0]):
