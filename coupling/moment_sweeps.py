@@ -28,7 +28,8 @@ from geometry.kernels.simd import LANES
 if TYPE_CHECKING:
     from coupling.mutual_moments import Magnetisation
 
-FIRST_DAMPING, MIN_DAMPING = 0.75, 0.1  # of an undamped step
+FIRST_DAMPING, MIN_DAMPING = 0.7, 0.1  # of an undamped step
+WARM_DIPOLES, WARM_DROPS = 0.8, 1.0  # of the first step from an earlier solve: what is asked of drops is near Newton's
 PATIENCE = 20  # sweeps in which the residual has not fallen by a tenth: less damping, at last Newton's method
 NEWTON_ROUNDS, NEWTON_STEPS = 3, 20
 KRYLOV = 30  # vectors of a step of Newton's
@@ -130,8 +131,9 @@ class MomentSweeps:
                 lowest, lowest_state = residual, state
             asked = self._asked()
             step = np.full(asked.shape, damping)
-            if sweep == 1:
-                step[self.found.dipole.size :] = 1.0  # what is asked of drops is close to Newton's step
+            if sweep == 1 and not cold:
+                step[:] = WARM_DROPS
+                step[: self.found.dipole.size] = WARM_DIPOLES
             self._take(mixing.next(state, asked, step))
             if sweep > 1 and residual > 1.5 * before:
                 mixing.forget()
@@ -232,7 +234,7 @@ class AndersonMixing:
         self._changed: list[np.ndarray] = []
         self._products = np.zeros((0, 0))
 
-    def next(self, state: np.ndarray, asked: np.ndarray, damping: float) -> np.ndarray:
+    def next(self, state: np.ndarray, asked: np.ndarray, damping: float | np.ndarray) -> np.ndarray:
         """The next state, of a `state` (k,) and what an undamped step would change, `asked` (k,)."""
         if self._last is not None and self.depth:
             self._remember(state - self._last[0], asked - self._last[1])

@@ -118,7 +118,7 @@ def test_the_pull_of_every_step_is_the_held_one_where_that_is_renewed_at_every_s
         for own in (True, False):
             with monkeypatch.context() as patch:
                 if not own:
-                    patch.setattr("coupling.NearAttraction", lambda solver, walls: None)
+                    patch.setattr("coupling.NearAttraction", lambda *given: None)
                 run(tmp_path, f"{every}-{own}", NEAR | steel | {"effects.dipoles.update_every": every})
             dem = state(tmp_path, f"{every}-{own}")
             ends[every, own] = dem["velocity_force"][np.argsort(dem["particle_id"])][:, :3]
