@@ -2,7 +2,8 @@
 
 Where grains stand for finer ones (`particles.stands_for`), their diameter is a numerical setting. At equal fill, field,
 friction and shear rate nothing in the laws of dry magnetised grains has a length of its own: forces between dipoles and
-in necks go with d^2, areas too, so that stresses do not depend on d. What does is
+in necks go with d^2, areas too, so that stresses do not depend on d; the smallest gap of necks is counted in radii, and
+is that of the real grains. What does is
 
 - the grains across the gap: walls order the layers next to them, and a gap of few layers dilates as a whole;
 - the inertial number I = gamma d sqrt(rho/p), which is smaller in the real powder by the ratio of the diameters;
