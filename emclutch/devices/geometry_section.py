@@ -65,6 +65,8 @@ class GeometrySection(Section):
         Whether it is read from a file: of the grains' space only the boxes that are filled are known.
     is_seen_along_axis : bool
         Whether its grains are drawn as seen along the axis, and not along the gap.
+    excluded_roles : tuple of str
+        Roles of effects that it cannot have (`EffectSection.role`), so that none of them is missing.
     why_no_sector : str
         What is wrong with a cyclic sector of it, and what to do; empty where there may be one.
     """
@@ -78,6 +80,7 @@ class GeometrySection(Section):
     is_annulus: ClassVar[bool] = False
     is_from_file: ClassVar[bool] = False
     is_seen_along_axis: ClassVar[bool] = False
+    excluded_roles: ClassVar[tuple[str, ...]] = ()
     why_no_sector: ClassVar[str] = ""
 
     @classmethod
@@ -135,6 +138,10 @@ class GeometrySection(Section):
     @abstractmethod
     def shape(self, own: Mapping[str, Material] = NO_MATERIALS) -> Any:
         """Return the shape for walls and volumes, and for meshing; `own`: the scene's own materials by name."""
+
+    def shape_in(self, scene: Any) -> Any:
+        """Return the shape in a scene; of kinds whose size follows from other sections, with these."""
+        return self.shape(scene.materials)
 
     def mesh(self, shape: Any, gap_layers: int, size_factor: float) -> SectionMesh:
         """Mesh its section; of kinds with a coil."""

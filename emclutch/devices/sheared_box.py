@@ -11,6 +11,7 @@ from pydantic import Field, model_validator
 from emclutch.devices.geometry_section import NO_MATERIALS, GeometrySection
 from emclutch.scene.draft import Draft, size_key
 from emclutch.scene.errors import Fault
+from emclutch.scene.fill import fill_of
 from emclutch.scene.section import refuse
 from emclutch.scene.units import Length, Quantity, number, two_digits
 
@@ -47,13 +48,6 @@ def _packed_at_random(draft: Draft) -> Iterator[Fault]:
     if particles.settle:
         yield draft.fault("particles.settle", "has no meaning in a periodic box, whose grains start with the flow; "
                           "remove it")  # fmt: skip
-    amount = particles.solid_fraction
-    if particles.packing == "random" and amount is not None and DENSEST < amount <= particles.largest_solid_fraction:
-        yield draft.fault(
-            "particles.solid_fraction",
-            f"is denser than grains are packed in a periodic box; allowed: at most {DENSEST:g}; lower it, and to "
-            "compact the powder give geometry.pressure",
-        )
 
 
 def _wide_enough(draft: Draft) -> Iterator[Fault]:
@@ -65,13 +59,42 @@ def _wide_enough(draft: Draft) -> Iterator[Fault]:
         return
     attraction = scene.effects.attraction
     needed = min_edge(None if attraction is None else attraction.cutoff) * scene.particles.largest_diameter
-    shortest = min(scene.geometry.size)
+    shortest = min(scene.shape().size)
     if shortest < needed * (1.0 - 1e-12):
-        why = "" if attraction is None else f" or effects.{attraction.name}.cutoff = {attraction.cutoff:g},"
+        why = "" if attraction is None else f" effects.{attraction.name}.cutoff = {attraction.cutoff:g} or"
+        cube = scene.geometry.size is None
         yield draft.fault(
-            "geometry.size",
-            f"has an edge of {1e3 * shortest:.4g} mm, in which a grain would meet a neighbour twice; allowed: at least "
-            f"{1e3 * needed:.4g} mm; raise it, or lower{why} particles.{size_key(scene.particles)}",
+            "particles.count" if cube else "geometry.size",
+            f"{'makes' if cube else 'has'} an edge of {1e3 * shortest:.4g} mm, in which a grain would meet a neighbour "
+            f"twice; allowed: at least {1e3 * needed:.4g} mm; raise it, or lower{why} "
+            f"particles.{size_key(scene.particles)}",
+        )
+
+
+def _loose_enough(draft: Draft) -> Iterator[Fault]:
+    """What is denser than grains are packed here, and not more than can be packed at all."""
+    particles, shape = draft.scene.particles, draft.scene.shape()
+    if particles.packing != "random" or shape.faults(None):
+        return
+    found = fill_of(shape, particles)
+    fill = found.solid_fraction
+    if DENSEST * (1.0 + 1.0 / max(found.count, 1)) < fill <= particles.largest_solid_fraction:
+        key = next(name for name in ("mass", "solid_fraction", "count") if getattr(particles, name) is not None)
+        yield draft.fault(
+            f"particles.{key}",
+            f"makes a solid fraction of {fill:.3f}, and grains are packed in a periodic box up to {DENSEST:g}; lower "
+            "it, and to compact the powder give geometry.pressure",
+        )
+
+
+def _one_amount(draft: Draft) -> Iterator[Fault]:
+    """A cube that holds a number of grains needs that number; a box of a given size no second fill."""
+    geometry, particles = draft.scene.geometry, draft.scene.particles
+    if geometry.size is None and particles.count is None:
+        yield draft.fault(
+            "geometry.solid_fraction",
+            "makes the cube that holds particles.count grains; give that in place of the amount in [particles], or "
+            "geometry.size in place of this",
         )
 
 
@@ -141,9 +164,12 @@ class ShearedBoxGeometry(GeometrySection):
 
     has_axis = False
     is_periodic = True
+    excluded_roles = ("weight", "images")
     why_no_sector = "needs a shape with an axis; remove it: a periodic box repeats by itself"
     CHECKS: ClassVar = (
         (_packed_at_random, ("particles",)),
+        (_loose_enough, ("geometry", "particles")),
+        (_one_amount, ("geometry", "particles")),
         (_wide_enough, ("geometry", "particles", "effects")),
         (_elastic, ("contact",)),
         (_nothing_but_powder, ("effects", "surfaces")),
@@ -153,8 +179,12 @@ class ShearedBoxGeometry(GeometrySection):
     )
 
     kind: Literal["sheared_box"]
-    size: tuple[Length, Length, Length] = Field(
-        description="edges along the flow x, the vorticity y and the gradient z; with `pressure` those of the start"
+    size: tuple[Length, Length, Length] | None = Field(
+        default=None,
+        description="edges along the flow x, the vorticity y and the gradient z; with `pressure` those of the start",
+    )
+    solid_fraction: Annotated[float, number("0.45", 0.0, DENSEST, above=True)] | None = Field(
+        default=None, description="of the cube that holds `particles.count` grains, instead of size"
     )
     shear_rate: _ShearRate | None = Field(default=None, description="dv_x/dz; or inertial_number")
     inertial_number: Annotated[float, number("0.01", 0.0, 1.0, above=True)] | None = Field(
@@ -167,6 +197,15 @@ class ShearedBoxGeometry(GeometrySection):
     )
 
     @model_validator(mode="after")
+    def _has_one_size(self) -> Self:
+        if self.size is None and self.solid_fraction is None:
+            raise refuse("is missing; give three lengths, e.g. size = ['2 mm', '2 mm', '2 mm'], or solid_fraction for "
+                         "the cube that holds particles.count grains", key="size")  # fmt: skip
+        if self.size is not None and self.solid_fraction is not None:
+            raise refuse("conflicts with size; keep one of the two", key="solid_fraction")
+        return self
+
+    @model_validator(mode="after")
     def _has_one_rate(self) -> Self:
         if self.shear_rate is None and self.inertial_number is None:
             raise refuse("is missing; give shear_rate, e.g. '500 1/s', or inertial_number, e.g. 0.01",
@@ -176,10 +215,22 @@ class ShearedBoxGeometry(GeometrySection):
         return self
 
     def shape(self, own: Mapping[str, Material] = NO_MATERIALS) -> PeriodicBox:
-        """Return the shape for volumes."""
+        """Return the shape for volumes where its size is given; see `shape_in`."""
         from geometry.periodic_box import PeriodicBox
 
+        assert self.size is not None  # else the grains have it
         return PeriodicBox(self.size)
+
+    def shape_in(self, scene: Any) -> PeriodicBox:
+        """See `GeometrySection.shape_in`: the box of its size, or the cube that holds the scene's grains."""
+        from geometry.periodic_box import PeriodicBox
+
+        particles = scene.particles
+        if self.size is not None or particles is None or particles.count is None:
+            return PeriodicBox(self.size or 3 * (1.0,))  # what is missing is a fault of its own
+        assert self.solid_fraction is not None
+        edge = (particles.count * particles.grain_volume / self.solid_fraction) ** (1.0 / 3.0)
+        return PeriodicBox((edge, edge, edge))
 
     def expected_stress(self, scene: Scene) -> float | None:
         """Shear stress [Pa] that is expected in the field, within a factor of two; None where grains do not attract."""
@@ -190,10 +241,7 @@ class ShearedBoxGeometry(GeometrySection):
         attraction, field = scene.effects.attraction, scene.prescribed_field
         if attraction is None or field is None or field.field_strength == 0.0:
             return None
-        d, volume = scene.grains.mean_diameter, self.shape().volume
-        fill = scene.grains.solid_fraction or (scene.grains.count or 0) * scene.grains.grain_volume / volume
-        if scene.grains.mass is not None:
-            fill = scene.grains.mass / scene.grains.density / volume
+        d, fill = scene.grains.mean_diameter, fill_of(scene.shape(), scene.grains).solid_fraction
         load = chain_load(saturation(grain_law(scene)), abs(field.field_strength), d, necks=attraction.has_necks)
         return expected_stress(load, fill, d)
 
@@ -211,7 +259,7 @@ class ShearedBoxGeometry(GeometrySection):
         """See `GeometrySection.periodic_box`."""
         from particles import ShearedBox
 
-        return ShearedBox(np.array(self.size), self.rate(scene))
+        return ShearedBox(np.array(scene.shape().size), self.rate(scene))
 
     def barostat(self, scene: Scene) -> Barostat | None:
         """See `GeometrySection.barostat`."""
@@ -237,7 +285,7 @@ class ShearedBoxGeometry(GeometrySection):
         from emclutch.scene.start_up import start_up_strain
 
         d, density, rate = scene.grains.mean_diameter, scene.grains.density, self.rate(scene)
-        edges = " x ".join(f"{edge / d:.3g}" for edge in self.size)
+        edges = " x ".join(f"{edge / d:.3g}" for edge in scene.shape().size)
         yield "box", f"{edges} diameters, periodic; flow along x, gradient along z, " + (
             "its volume stays" if self.pressure is None else f"its height follows {two_digits(self.pressure)} Pa"
         )
@@ -264,7 +312,13 @@ class ShearedBoxGeometry(GeometrySection):
         return stress_summary(found, histories, self.rate(scene), scene.grains.mean_diameter, scene.grains.density)
 
     def friction_torque(self, scene: Any, device: Device) -> ExpectedTorque:
-        """None: nothing turns."""
+        """None: nothing turns; the stress and the magnetisation that are expected."""
+        from emclutch.device_model.materials import grain_law
         from emclutch.simulation.forecast.expected_torque import ExpectedTorque
 
-        return ExpectedTorque(None, law="a periodic box has no shaft, its result is a stress")
+        law, stress = "a periodic box has no shaft, its result is a stress", self.expected_stress(scene)
+        if stress is None:
+            return ExpectedTorque(None, law=law)
+        H = abs(scene.prescribed_field.field_strength)
+        M = float(grain_law(scene).magnetisation(np.array([H]), np.zeros(1))[0])
+        return ExpectedTorque(None, stress, H, M, magnetic=True, law=law)

@@ -84,7 +84,7 @@ class Scene(Section):
 
     def shape(self) -> Any:
         """Return the device's shape, for meshing, walls and volumes (`geometry.device_shape`)."""
-        return self.geometry.shape(self.materials)
+        return self.geometry.shape_in(self)
 
     @property
     def coil_field(self) -> Any:

@@ -63,7 +63,7 @@ def random_in_box(box: ShearedBox, radius: np.ndarray, *, seed: int) -> np.ndarr
 
 
 def _require_fill(count: int, fill: float) -> None:
-    if count < 1 or not 0.0 < fill <= DENSEST * (1.0 + 1e-9):
+    if count < 1 or not 0.0 < fill <= DENSEST * (1.0 + 1.0 / count):  # to a grain: numbers are whole
         raise ValueError(
             f"{count} grains at a fill of {fill:.4g}; allowed: at least one grain, and a fill above 0 and at most "
             f"{DENSEST}"

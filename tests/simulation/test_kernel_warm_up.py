@@ -9,7 +9,7 @@ from emclutch.scene.case import case_from
 from emclutch.simulation import kernel_warm_up
 from emclutch.simulation.assembly import assemble
 from emclutch.simulation.plan import make_plan
-from particles.dem import total_columns
+from particles.dem import box_kernel, total_columns
 
 CELL = {
     "scene": {"title": "sheared annulus", "seed": 3},
@@ -31,7 +31,7 @@ def types(dem):
         np.zeros(bodies),
         np.zeros(total_columns.N_SUMS),
         np.zeros((bodies, total_columns.N_BODY_SUMS)),
-        None,
+        None if dem.box is None else np.zeros(box_kernel.N_BOX_SUMS),
     )
     return [str(typeof(one)) for one in given]
 
@@ -46,6 +46,8 @@ def types(dem):
         {"particles.diameter": None, "particles.sizes": {"kind": "uniform", "min": "0.2 mm", "max": "0.3 mm"}},
         {"contact.law": "hertz_mindlin", "contact.youngs_modulus": "1 GPa", "contact.poisson_ratio": 0.3},
         {"contact.law": "walton_braun", "effects.gravity": {"direction": [0.0, 0.0, -1.0]}},
+        {"geometry": {"kind": "sheared_box", "size": [2e-3] * 3, "shear_rate": 100.0}, "motion": None,
+         "particles.sector": None},
     ],
 )
 def test_the_second_process_compiles_what_the_run_needs(values):

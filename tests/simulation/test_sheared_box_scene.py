@@ -50,6 +50,8 @@ PRESSED = {
     "particles.count": None, "particles.solid_fraction": 0.5, "contact.max_overlap": 0.02, "time.end": "30 ms",
 }  # fmt: skip
 
+CUBE = {"geometry.size": None, "geometry.solid_fraction": CELL.fill}
+
 
 def scene(base, changes=None):
     return case_from(copy.deepcopy(base), changes or {})
@@ -95,20 +97,29 @@ def test_stress_of_a_scene_is_that_of_a_cell():
 
 
 def test_work_against_the_stress_balances_the_energies():
-    """V tau for each unit of strain is dissipated or stored: of the grains' step to 1e-3, with the moments to 1 %."""
-    simulation = started(scene(MAGNETIC, {"geometry.inertial_number": 0.1}))
-    begin = march(simulation, 30).iloc[-1]  # grains snap together from afar
-    history = march(simulation, 20)
-    volume, end, work = simulation.motion.box.volume, history.iloc[-1], history["work_shear"].sum()
+    """V tau for each unit of strain is dissipated or stored; W is taken at the ends, and not at the last evaluation.
+
+    The grains' step alone closes to 2e-3; moments and drops, held between their evaluations, lose 0.3 to 1 %.
+    """
+    simulation = started(scene(MAGNETIC, {"geometry.inertial_number": 0.1, "effects.dipoles.update_every": 20}))
+
+    def magnetic_energy():
+        simulation.magnetised.update(simulation)
+        return simulation.magnetised.energy()
+
+    begin = march(simulation, 25).iloc[-1]  # grains snap together from afar
+    before = magnetic_energy()
+    history = march(simulation, 12)
+    change, end, work = magnetic_energy() - before, history.iloc[-1], history["work_shear"].sum()
     strain = np.diff(np.concatenate([[begin["shear_strain"]], history["shear_strain"]]))
-    lost = history["dissipated"].sum()
+    lost, volume = history["dissipated"].sum(), simulation.motion.box.volume
     assert work > 0.3 * lost > 0.0
     assert work == pytest.approx(volume * (history["shear_stress"] * strain).sum(), rel=2e-3)
-    stored = sum(end[name] - begin[name] for name in ("kinetic_energy", "elastic_energy", "magnetic_energy"))
     assert abs(history["energy_residual"].sum()) < 2e-3 * lost
-    assert work == pytest.approx(lost + stored, abs=0.01 * lost)
     through_field = history["work_box_magnetic"].sum() - history["work_magnetic"].sum()
-    assert through_field == pytest.approx(end["magnetic_energy"] - begin["magnetic_energy"], abs=0.01 * lost)
+    assert through_field == pytest.approx(change, abs=0.02 * lost)
+    stored = change + sum(end[name] - begin[name] for name in ("kinetic_energy", "elastic_energy"))
+    assert work == pytest.approx(lost + stored, abs=0.02 * lost)
 
 
 def test_momentum_stays():
@@ -211,6 +222,7 @@ def test_check_names_grains_rate_and_inertial_number():
     assert said["grains"].startswith("110 ") and "inertial number about 0.05" in said["shear"]
     rate = make_plan(scene(MAGNETIC))[0].kind.rate(scene(MAGNETIC).scene)
     assert f"rate {rate:.4g} 1/s" in said["shear"] and "steps of 110 grains" in said["cost"]
+    assert make_plan(scene(DRY, CUBE))[0].shape.size == pytest.approx([EDGE] * 3, rel=1e-12)
     assert rate == pytest.approx(PowderCell(dataclasses.replace(CELL, law=CELL.law)).rate, rel=1e-6)
 
 
@@ -224,7 +236,11 @@ def test_check_names_grains_rate_and_inertial_number():
         ({"contact.method": "dvi"}, "contact.method", "take method = 'dem'"),
         ({"effects.gravity": {}}, "effects.gravity", "fall for ever"),
         ({"particles.packing": "lattice"}, "particles.packing", "take packing = 'random'"),
-        ({"particles.count": None, "particles.solid_fraction": 0.59}, "particles.solid_fraction", "at most 0.58"),
+        ({"particles.count": None, "particles.solid_fraction": 0.59}, "particles.solid_fraction", "up to 0.58"),
+        ({"geometry.size": None}, "geometry.size", "is missing; give three lengths"),
+        ({"geometry.solid_fraction": 0.3}, "geometry.solid_fraction", "conflicts with size"),
+        (CUBE | {"particles.count": 20}, "particles.count", "an edge of 0.3268 mm"),
+        (CUBE | {"particles.count": None, "particles.mass": "1 g"}, "geometry.solid_fraction", "particles.count"),
         ({"particles.sector": "90 deg"}, "particles.sector", "repeats by itself"),
         ({"motion.rotor.speed": "10 rpm"}, "motion.rotor", "nothing to turn"),
         ({"output.profiles": True}, "output.profiles", "no meaning"),

@@ -29,7 +29,8 @@ def left_out(scene, device: Device, plan: Plan, expected: ExpectedTorque) -> lis
     """Every effect that the scene leaves out, and the two that decide its regime."""
     regime = regime_of(scene, device, plan, expected)
     active = set(scene.effects.active)
-    off = [line for one in EFFECTS if one.name not in active for line in one.left_out(regime)]
+    possible = [one for one in EFFECTS if one.name not in active and one.role not in device.kind.excluded_roles]
+    off = [line for one in possible for line in one.left_out(regime)]
     return [*off, *_of_grains(regime), *_of_remanence(regime), *_of_heat(regime, device)]
 
 

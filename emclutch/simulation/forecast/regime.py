@@ -98,7 +98,9 @@ def regime_of(scene, device: Device, plan: Plan, expected: ExpectedTorque) -> Re
     centrifugal = mass * speed**2 * device.largest_radius
     pull = pair_attraction(expected.M, d)
     slip = motion.largest_slip
-    rate = slip * device.shear_radius / device.shear_gap if device.shear_gap > 0.0 else 0.0
+    rate = device.kind.rate(scene) or 0.0
+    if device.shear_gap > 0.0:
+        rate = slip * device.shear_radius / device.shear_gap
     pressure = expected.stress / scene.contact.friction_at_walls if scene.contact.friction_at_walls > 0.0 else 0.0
     steel = any(wall.magnetic for wall in device.walls())
     contact_radius = 0.5 * d * sqrt(scene.contact.max_overlap)
