@@ -123,7 +123,8 @@ def test_the_torque_of_the_quickstart(tmp_path):
 
 def test_powder_clutch_at_toy_size(tmp_path):
     toy = {"time.end": "0.01 ms", "particles.sector": "1.5 deg", "field.size_factor": 2.0,
-           "output.snapshots": 0, "output.pictures": False, "accuracy.replicas": 1}  # fmt: skip
+           "output.snapshots": 0, "output.pictures": False, "output.profiles": True,
+           "accuracy.replicas": 1}  # fmt: skip
     case = emclutch.load_case(CASES / "powder_clutch.toml").with_values(toy)
     result = emclutch.run(case, out=tmp_path / "run")
     # turns from 25.5 ohm in a window of 14 mm x 14 mm at a mean radius of 58.8 mm, fill 0.6, 1.72e-8 ohm m
@@ -134,7 +135,15 @@ def test_powder_clutch_at_toy_size(tmp_path):
     assert (size["across"], size["real_across"]) == pytest.approx((5.0, 1.0 / 0.06))
     assert size["real_grains"] == pytest.approx(20e-3 / (7700 * math.pi / 6 * 60e-6**3), rel=1e-3)
     assert size["real_inertial_number"] == pytest.approx(0.3 * result.summary["inertial_number"])
-    assert size["note"] in closing_lines(result)[-1]
+    load, (note, pressure) = result.summary["wall_pressure"], closing_lines(result)[-2:]
+    assert size["note"] in note and "on the disc" in pressure
+    # both pole faces, 12 mm long, of the disc at 44.5 mm and of the rotor at 45.5 mm
+    for body, radius in (("disc", 44.5e-3), ("rotor", 45.5e-3)):
+        assert load["poles"][body]["area"] == pytest.approx(2 * 12e-3 * 2 * math.pi * radius)
+        own = [wall["normal_force"] for wall in load["walls"].values() if wall["body"] == body]
+        assert 0.0 < load["poles"][body]["normal_force"] <= sum(own) * (1 + 1e-9)
+    files = {path.name for path in (tmp_path / "run").iterdir()}
+    assert {"wall_pressure.csv", "wall_pressure.vtp", "profiles.csv"} <= files
 
 
 @pytest.mark.slow

@@ -49,8 +49,9 @@ def wall_pressure_picture(
         for panel, values in zip(grid[len(groups)], _values(load, picked, factor), strict=True):
             panel.barh(names, values, color=[BODY_COLOURS.get(walls[k].body, OTHER_BODY) for k in whole])
     for panels in grid:
-        for panel, name in zip(panels, (f"pressure [{unit}]", f"shear stress [{unit}]", "|shear stress| / pressure"),
-                               strict=True):  # fmt: skip
+        pressure = f"pressure [{unit}], mean of {load.moments} moments"
+        names = (pressure, f"shear stress [{unit}]", "|shear stress| / pressure")
+        for panel, name in zip(panels, names, strict=True):
             panel.set_title(name, loc="left", fontsize=10)
             panel.grid(alpha=0.25)
         legend_beside(panels[-1])
@@ -69,7 +70,7 @@ def _draw_along(panels: Any, load: WallPressure, walls: Sequence[Any], members: 
                 values, edges, baseline=None, color=BODY_COLOURS.get(body, OTHER_BODY), ls=style, lw=1.3,
                 label=walls[k].name,
             )  # fmt: skip
-    panels[2].set_ylim(0.0, 1.0)
+    panels[2].set_ylim(bottom=0.0)
 
 
 def _values(load: WallPressure, own: np.ndarray, factor: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
