@@ -213,11 +213,6 @@ RealSize = Annotated[
     Annotated[Length, Tag("value")] | Annotated[PercentileDiameters, Tag("table")], Discriminator(value_or_table)
 ]
 Sizes = Annotated[
-    UniformDiameters
-    | NormalDiameters
-    | LogNormalDiameters
-    | PercentileDiameters
-    | ListedDiameters
-    | DiametersOfFile,
+    UniformDiameters | NormalDiameters | LogNormalDiameters | PercentileDiameters | ListedDiameters | DiametersOfFile,
     Field(discriminator="kind"),
 ]
