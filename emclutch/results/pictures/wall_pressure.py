@@ -50,8 +50,8 @@ def wall_pressure_picture(
             panel.barh(names, values, color=[BODY_COLOURS.get(walls[k].body, OTHER_BODY) for k in whole])
     for panels in grid:
         pressure = f"pressure [{unit}], mean of {load.moments} moments"
-        names = (pressure, f"shear stress [{unit}]", "|shear stress| / pressure")
-        for panel, name in zip(panels, names, strict=True):
+        titles = (pressure, f"shear stress [{unit}]", "|shear stress| / pressure")
+        for panel, name in zip(panels, titles, strict=True):
             panel.set_title(name, loc="left", fontsize=10)
             panel.grid(alpha=0.25)
         legend_beside(panels[-1])
