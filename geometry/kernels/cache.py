@@ -17,6 +17,7 @@ numba's own cache.
 
 from __future__ import annotations
 
+import functools
 import gc
 import os
 import shutil
@@ -33,6 +34,7 @@ from typing import IO, Any
 import numba
 from numba.core import caching, event
 from numba.core.dispatcher import Dispatcher
+from numba.core.targetconfig import TargetConfig
 
 from geometry.kernels.numba_version import require_tested_version
 from geometry.kernels.stamp import PACKAGES, is_own, kernel_stamp
@@ -245,9 +247,20 @@ def compile_seconds() -> float:
     return _listener.seconds
 
 
+@functools.cache
+def _defaults(kind: type[TargetConfig]) -> dict[str, Any]:
+    return {name: option.default for name, option in kind.options.items()}
+
+
+def _option_values(self: TargetConfig) -> dict[str, Any]:
+    """`TargetConfig.values`, which asks a property for each of twenty options, at every look-up of an overload."""
+    return {**_defaults(type(self)), **self._values}
+
+
 def _install() -> None:
-    """Put locators, locks and the pause of the collector into numba; once a process."""
+    """Put locators, locks, the pause of the collector and quick options into numba; once a process."""
     event.register("numba:compile", _listener)
+    TargetConfig.values = _option_values  # type: ignore[method-assign]
     numba.config.THREADING_LAYER_PRIORITY = ["omp", "workqueue", "tbb"]  # type: ignore[attr-defined]
     if not numba.config.CACHE_LOCATOR_CLASSES:  # type: ignore[attr-defined]
         locators = (EnvironmentFolder, SourceFolder, UserFolder, ProcessFolder)
