@@ -21,6 +21,7 @@ class BoxGeometry(GeometrySection):
     """A closed box at rest, x and y centred on the axis, its floor at z = 0."""
 
     has_axis = False
+    measured = ""
     why_no_sector = "needs a shape with an axis; remove it, or take another geometry.kind than 'box'"
 
     kind: Literal["box"]

@@ -59,6 +59,8 @@ class GeometrySection(Section):
         Whether `particles.region` chooses where its powder is.
     is_periodic : bool
         Whether it is a box of powder that repeats in all directions: without walls, its result a stress.
+    measured : str
+        What comes to a steady mean in its runs, `torque` or `stress` (`time.until`); empty: nothing.
     is_annulus : bool
         Whether it is the space between two cylinders, across which a field may be prescribed.
     is_from_file : bool
@@ -77,6 +79,7 @@ class GeometrySection(Section):
     has_axis: ClassVar[bool] = True
     has_regions: ClassVar[bool] = False
     is_periodic: ClassVar[bool] = False
+    measured: ClassVar[str] = "torque"
     is_annulus: ClassVar[bool] = False
     is_from_file: ClassVar[bool] = False
     is_seen_along_axis: ClassVar[bool] = False

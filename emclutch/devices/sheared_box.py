@@ -164,6 +164,7 @@ class ShearedBoxGeometry(GeometrySection):
 
     has_axis = False
     is_periodic = True
+    measured = "stress"
     excluded_roles = ("weight", "images")
     why_no_sector = "needs a shape with an axis; remove it: a periodic box repeats by itself"
     CHECKS: ClassVar = (

@@ -24,7 +24,7 @@ from emclutch.results.columns import (
     TIME,
 )
 from emclutch.results.statistics import Estimate
-from emclutch.results.steady_torque import MIN_AVERAGED_STRAIN, SteadyConditions, steady_mean_of
+from emclutch.results.steady_torque import MIN_AVERAGED_STRAIN, SteadyConditions, steady_mean_of, steady_torque
 
 if TYPE_CHECKING:
     import pandas
@@ -72,6 +72,13 @@ def steady_stress(histories: Sequence[pandas.DataFrame], conditions: SteadyCondi
     if friction.converged and not shear.converged:
         friction = replace(friction, converged=False, reason=shear.reason)
     return SteadyStress(shear, normal, friction)
+
+
+def steady_measure(histories: Sequence[pandas.DataFrame], conditions: SteadyConditions) -> Estimate:
+    """The steady mean that a run is judged by: the shear stress [Pa] of a sheared box, else the disc's torque [N m]."""
+    if SHEAR_STRESS in histories[0]:
+        return steady_stress(histories, conditions).shear
+    return steady_torque(histories[0], conditions, histories[1:])
 
 
 def _sheared_enough(found: Estimate, histories: Sequence[pandas.DataFrame]) -> Estimate:

@@ -202,8 +202,15 @@ def _replicas(draft: Draft) -> Iterator[Fault]:
             f"asks for several packings, but particles.packing = '{scene.particles.packing}' packs all of them "
             "identically; take a random packing, or one replica",
         )
-    if scene.time.until is not None and not scene.geometry.has_axis:
+    until, measured = scene.time.until, scene.geometry.measured
+    if until is not None and not measured:
         yield draft.fault("time.until", "needs a disc whose torque is measured; remove it, a box ends at time.end")
+    elif until is not None and until.quantity != measured:
+        yield draft.fault(
+            "time.until",
+            f"is of a {until.quantity}, and with geometry.kind = '{scene.geometry.kind}' a {measured} is measured; "
+            f"write until = '{measured} 2 %'",
+        )
 
 
 # What a check needs is right: a section as a whole, or of the geometry no more than the kind and the materials.

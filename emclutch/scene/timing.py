@@ -21,7 +21,8 @@ class TimeSection(Section):
     until: Annotated[TorqueTarget, TorqueTargetEntry()] | None = Field(
         default=None,
         description="end as soon as the steady torque is known so well: half its 95 % interval, over the torque or in "
-        "N m, or either: 'torque 2 %', 'torque 0.01 N m', 'torque 2 % or 0.01 N m'",
+        "N m, or either: 'torque 2 %', 'torque 0.01 N m', 'torque 2 % or 0.01 N m'; in a sheared_box the shear "
+        "stress: 'stress 2 %'",
     )
     window: Annotated[Time | None, Automatic()] = Field(default=None, description="coupling window, or auto")
     step: Annotated[Time | None, Automatic()] = Field(default=None, description="step of the grains, or auto")

@@ -1,4 +1,4 @@
-"""Target precision of the torque: ``until = "torque 2 %"``."""
+"""Target precision of the torque, or of a powder's shear stress: ``until = "torque 2 %"``, ``"stress 2 %"``."""
 
 from __future__ import annotations
 
@@ -12,56 +12,73 @@ from emclutch.scene.units import Quantity, number
 if TYPE_CHECKING:
     from pydantic import GetJsonSchemaHandler
 
-EXAMPLES = ("torque 2 %", "torque 0.01 N m", "torque 2 % or 0.01 N m")
+EXAMPLES = ("torque 2 %", "torque 0.01 N m", "torque 2 % or 0.01 N m", "stress 2 %")
 _SHARE = number("2", 0.01, 50.0)
-_TORQUE = Quantity("a torque", "N*m", "0.01 N m", 0.0, 1e7, open_minimum=True)
+_SIZES = {
+    "torque": Quantity("a torque", "N*m", "0.01 N m", 0.0, 1e7, open_minimum=True),
+    "stress": Quantity("a stress", "Pa", "100 Pa", 0.0, 1e9, open_minimum=True),
+}
+_UNITS = {"torque": "N m", "stress": "Pa"}
 _BARE = re.compile(r"[\d.eE+-]+")
 
 
 @dataclass(frozen=True, slots=True)
 class TorqueTarget:
-    """Half the width of the torque's 95 % interval that is good enough; one of the two suffices.
+    """Half the width of the 95 % interval that is good enough; one of the two suffices.
 
     Attributes
     ----------
     relative : float or None
-        Over the torque's magnitude.
+        Over the magnitude of the torque, or stress.
     absolute : float or None
-        [N m].
+        [N m], or [Pa].
+    quantity : str
+        torque (on the disc), or stress (of a sheared periodic box).
     """
 
     relative: float | None = None
     absolute: float | None = None
+    quantity: str = "torque"
+
+    @property
+    def unit(self) -> str:
+        """Of the quantity."""
+        return _UNITS[self.quantity]
+
+    @property
+    def example(self) -> str:
+        """An absolute half width with its unit."""
+        return _SIZES[self.quantity].example
 
     @classmethod
     def of_text(cls, text: object) -> TorqueTarget:
         """Read ``torque 2 %``, ``torque 0.01 N m`` or both with ``or`` between; ValueError with the remedy."""
         examples = "write " + ", ".join(f"'{one}'" for one in EXAMPLES)
-        match = re.fullmatch(r"\s*torque\s+(.+)", text) if isinstance(text, str) else None
+        match = re.fullmatch(r"\s*(torque|stress)\s+(.+)", text) if isinstance(text, str) else None
         if match is None:
             raise ValueError(f"is not a valid torque target; {examples}")
-        parts = re.split(r"\s+or\s+", match[1])
+        quantity, parts = match[1], re.split(r"\s+or\s+", match[2])
         shares = [part.strip().removesuffix("%").strip() for part in parts if part.strip().endswith("%")]
-        torques = [part.strip() for part in parts if not part.strip().endswith("%")]
-        if len(shares) > 1 or len(torques) > 1:
+        sizes = [part.strip() for part in parts if not part.strip().endswith("%")]
+        if len(shares) > 1 or len(sizes) > 1:
             raise ValueError(f"has two targets of one kind; {examples}")
-        if any(_BARE.fullmatch(torque) for torque in torques):
+        if any(_BARE.fullmatch(size) for size in sizes):
             raise ValueError(f"has no unit; {examples}")
         try:
             relative = 0.01 * _SHARE.read(shares[0]) if shares else None
-            absolute = _TORQUE.read(torques[0]) if torques else None
+            absolute = _SIZES[quantity].read(sizes[0]) if sizes else None
         except ValueError as error:
             raise ValueError(f"{error}; {examples}") from None
-        return cls(relative, absolute)
+        return cls(relative, absolute, quantity)
 
     def half_width(self, mean: float) -> float:
-        """The half width [N m] that is good enough for a torque of this mean [N m]."""
+        """The half width that is good enough for a torque [N m], or stress [Pa], of this mean."""
         return max(0.0 if self.relative is None else self.relative * abs(mean), self.absolute or 0.0)
 
     def __str__(self) -> str:
         share = None if self.relative is None else f"{100.0 * self.relative:.6g} %"
-        torque = None if self.absolute is None else f"{self.absolute!r} N m"
-        return "torque " + " or ".join(filter(None, (share, torque)))
+        size = None if self.absolute is None else f"{self.absolute!r} {self.unit}"
+        return f"{self.quantity} " + " or ".join(filter(None, (share, size)))
 
 
 class TorqueTargetEntry(Entry):

@@ -141,7 +141,7 @@ def feedback_in_words(scene, coil: CoilDevice) -> str:
 def end_in_words(scene, device: Device, plan: Plan) -> Iterator[tuple[str, str]]:
     """Return number of packings, start-up and end of a run, and whether its torque can be known by then."""
     count, until, end = replica_count(scene), scene.time.until, plan.end
-    measured = "stress" if scene.geometry.is_periodic else "torque"
+    measured = scene.geometry.measured or "result"
     if count > 1:
         most, at_a_time = max_replica_count(scene), plan.cost.replicas
         more = f", and up to {most} where the torque needs them" if until is not None and most > count else ""
@@ -154,9 +154,9 @@ def end_in_words(scene, device: Device, plan: Plan) -> Iterator[tuple[str, str]]
     if until is not None:
         strain = rate * end if rate else inf
         least = needed + MIN_AVERAGED_STRAIN
-        aim = str(until).removeprefix("torque ")
-        text = f"as soon as half the torque's 95 % interval is {aim}, at the latest at {end:.4g} s"
-        if strain < least:
+        aim = str(until).removeprefix(f"{until.quantity} ")
+        text = f"as soon as half the {measured}'s 95 % interval is {aim}, at the latest at {end:.4g} s"
+        if strain < least and not scene.geometry.is_periodic:  # which says so of itself
             text = with_warnings(
                 text,
                 f"until then the gap is sheared by {strain:.2g}, and no torque counts as known below "

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from coupling import Simulation, WindowRow, run_staggered
+from coupling.sheared_means import BoxRow
 from coupling.staggered import Measure
 from emclutch.device_model.device import Device
 from emclutch.scene.model import Scene
@@ -131,12 +132,14 @@ class WindowProgress:
     replicas: Replicas
 
     def __call__(self, simulation: Simulation, row: WindowRow) -> None:
-        disc = row.bodies.get("disc")
-        torque = "" if disc is None else f"  torque on the disc {disc.torque:.3g} N m"
+        disc, box = row.bodies.get("disc"), row.part(BoxRow)
+        measured = "" if disc is None else f"  torque on the disc {disc.torque:.3g} N m"
+        if box is not None:
+            measured = f"  strain {box.shear_strain:.3g}, shear stress {box.shear_stress:.3g} Pa"
         share = simulation.window / self.windows
         if self.replicas.count > 1 and self.progress.listener is not None:
             share = self.replicas.share_done(row.time)
-        self.progress.update(share, f"t = {row.time * 1e3:.3g} ms{torque}")
+        self.progress.update(share, f"t = {row.time * 1e3:.3g} ms{measured}")
 
 
 def profile_average(scene: Scene, device: Device) -> ProfileAverage | None:

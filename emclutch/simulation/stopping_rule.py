@@ -189,21 +189,22 @@ def _expected_drift(torque: Estimate, count: int, factor: float, wanted: float) 
 
 
 def remedy(torque: Estimate, target: TorqueTarget, end: float) -> str:
-    """Return why a torque is not known well enough at the end of its run at `end` [s], and what helps."""
+    """Return why a torque, or stress, is not known well enough at the end of its run at `end` [s], and what helps."""
     half = torque.half_width()
     if half is None or torque.mean is None:
         return torque.reason
     wanted = target.half_width(torque.mean)
     if abs(torque.mean) <= half and not target.absolute:
         return (
-            f"there is no torque that differs from 0 ({torque.mean:.2g} +- {half:.2g} N m), so no fraction of it "
-            f"can be reached; give a torque as well: until = '{target} or 0.01 N m'"
+            f"there is no {target.quantity} that differs from 0 ({torque.mean:.2g} +- {half:.2g} {target.unit}), so no "
+            f"fraction of it can be reached; give a {target.quantity} as well: until = '{target} or {target.example}'"
         )
     if torque.replicas < 2:
         if not torque.converged:
             return torque.reason
         longer = end * max(1.0, (half / wanted) ** 2)
-        return f"half the interval is {half:.2g} N m, {wanted:.2g} asked for; raise time.end to about {longer:.2g} s"
+        short = f"half the interval is {half:.2g} {target.unit}, {wanted:.2g} asked for"
+        return f"{short}; raise time.end to about {longer:.2g} s"
     if creeps_for_certain(torque, wanted):
         return f"{torque.reason}; raise time.end above {end:.3g} s: more packings do not help"
     if not torque.converged and torque.drift_error is None:
@@ -214,7 +215,7 @@ def remedy(torque: Estimate, target: TorqueTarget, end: float) -> str:
     time = next((one for one in times if more_time_suffices(torque, float(one), wanted)), None)
     ways = [f"accuracy.max_replicas (or replicas) to {count}"] if count else []
     ways += [f"time.end to {time:.2g} s"] if time else []
-    text = f"half the interval is {half:.2g} N m, {wanted:.2g} asked for"
+    text = f"half the interval is {half:.2g} {target.unit}, {wanted:.2g} asked for"
     if steadiness(torque, wanted) is not Steadiness.STEADY:
         text += "; " + torque.reason.partition(";")[0]
     return f"{text}; estimate: raise {' or '.join(ways)}" if ways else f"{text}; ask for less"

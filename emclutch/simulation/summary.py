@@ -86,9 +86,11 @@ def summarise(
     measured = case.scene.geometry.summarise((history, *others), conditions, case.scene)
     if "stress" in measured:
         summary |= measured
+        stress = Estimate.from_dict(measured["stress"])
         if others:
-            stress = Estimate.from_dict(measured["stress"])
             summary["replicas"] = replicas_summary(case, (history, *others), stress, SHEAR_STRESS)
+        if case.scene.span.until is not None:
+            summary["until"] = how_it_ended(stress, history, case.scene.span.until)
     shafts = {body.name for body in simulation.motion.bodies}  # walls of a box may be on one alone
     if {"rotor", "disc"} <= shafts and any(body.is_free for body in simulation.motion.bodies):
         summary["lock_up_time"] = lock_up_time(history)

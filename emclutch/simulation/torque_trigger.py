@@ -12,7 +12,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from emclutch.results.columns import TIME
-from emclutch.results.steady_torque import SteadyConditions, steady_torque
+from emclutch.results.steady_stress import steady_measure
+from emclutch.results.steady_torque import SteadyConditions
 from emclutch.simulation.forecast.cost import spoken
 from emclutch.simulation.replicas import Replicas
 from emclutch.simulation.run_progress import RunProgress
@@ -69,7 +70,7 @@ class TorqueTrigger:
     def _look(self) -> None:
         """Judge the torque of all packings up to the requested time, and decide what follows."""
         now, histories = self.now, self.replicas.histories(self.now.length)
-        torque = steady_torque(histories[0], self.conditions, histories[1:])
+        torque = steady_measure(histories, self.conditions)
         following = self.rule.after(torque, now)
         self._announce(torque, following)
         if isinstance(following, Stop):
@@ -82,16 +83,16 @@ class TorqueTrigger:
         self.replicas.request(following.count, following.length)
 
     def _announce(self, torque: Estimate, following: GoOn | Stop) -> None:
-        """Announce in one line: torque, half width over what was asked for, packings, and what is left."""
-        now, half = self.now, torque.half_width()
+        """Announce in one line: torque (or stress), half width over what was asked for, packings, and what is left."""
+        now, half, target = self.now, torque.half_width(), self.rule.target
         packings = f"{now.count} packing{'s' * (now.count > 1)} to {1e3 * now.length:.3g} ms"
         if torque.mean is None:
-            text = f"torque unknown, {packings}"
+            text = f"{target.quantity} unknown, {packings}"
         else:
-            wanted = self.rule.target.half_width(torque.mean)
+            wanted = target.half_width(torque.mean)
             over = "" if half is None or not wanted else f", {half / wanted:.2g} of the half width asked for"
             error = "" if half is None else f" +- {half:.2g}"
-            text = f"torque {torque.mean:.4g}{error} N m (95 %{over}), {packings}"
+            text = f"{target.quantity} {torque.mean:.4g}{error} {target.unit} (95 %{over}), {packings}"
         if isinstance(following, Stop):
             text += ": target precision reached" if following.reached else f"; {torque.reason}"
         else:
@@ -108,7 +109,7 @@ class TorqueTrigger:
 
 
 def how_it_ended(torque: Estimate, history: pandas.DataFrame, target: TorqueTarget) -> dict[str, Any]:
-    """Return `time.until` for the summary: asked, reached, half width [N m], and why it was not reached."""
+    """Return `time.until` for the summary: asked, reached, half width [N m] or [Pa], and why it was not reached."""
     reached = is_known(torque, target)
     found: dict[str, Any] = {"asked": str(target), "reached": reached, "half_width": torque.half_width()}
     if not reached:

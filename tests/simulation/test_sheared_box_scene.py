@@ -220,6 +220,10 @@ def test_friction_is_the_ratio_of_the_means():
 def test_check_names_grains_rate_and_inertial_number():
     said = check(scene(MAGNETIC)).decisions
     assert said["grains"].startswith("110 ") and "inertial number about 0.05" in said["shear"]
+    until = scene(MAGNETIC, {"time.until": "stress 2 %", "time.end": "50 ms"})
+    assert check(until).decisions["end"].startswith("as soon as half the stress's 95 % interval is 2 %")
+    target = scene(MAGNETIC, {"time.until": "stress 5 % or 1 kPa"}).scene.time.until
+    assert target.half_width(1e4) == 1e3 and str(target) == "stress 5 % or 1000.0 Pa"
     rate = make_plan(scene(MAGNETIC))[0].kind.rate(scene(MAGNETIC).scene)
     assert f"rate {rate:.4g} 1/s" in said["shear"] and "steps of 110 grains" in said["cost"]
     assert make_plan(scene(DRY, CUBE))[0].shape.size == pytest.approx([EDGE] * 3, rel=1e-12)
@@ -244,7 +248,7 @@ def test_check_names_grains_rate_and_inertial_number():
         ({"particles.sector": "90 deg"}, "particles.sector", "repeats by itself"),
         ({"motion.rotor.speed": "10 rpm"}, "motion.rotor", "nothing to turn"),
         ({"output.profiles": True}, "output.profiles", "no meaning"),
-        ({"time.until": "torque 2 %"}, "time.until", "needs a disc"),
+        ({"time.until": "torque 2 %"}, "time.until", "write until = 'stress 2 %'"),
     ],
 )
 def test_what_a_periodic_box_cannot_have_is_refused(changes, key, told):

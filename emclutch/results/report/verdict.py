@@ -136,7 +136,8 @@ def _target(summary: dict[str, Any]) -> Iterator[Statement]:
     if until["reached"]:
         yield Statement(Mark.GOOD, f"target precision reached ({until['asked']}) at t = {summary['time']:.4g} s")
     else:
-        reason = f": {until['reason']}" if until["reason"] != summary["torque"]["reason"] else ""
+        judged = summary["stress"] if "stress" in summary else summary["torque"]
+        reason = f": {until['reason']}" if until["reason"] != judged["reason"] else ""
         yield Statement(Mark.POOR, f"target precision not reached ({until['asked']}){reason}")
 
 
