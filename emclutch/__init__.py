@@ -26,6 +26,7 @@ if TYPE_CHECKING:  # the same names for type checkers and editors, which do not 
     from emclutch.simulation.window_state import CallbackError, WindowState
     from emclutch.studies.design_search import DesignResult, design
     from emclutch.studies.field_result import FieldResult, field
+    from emclutch.studies.fit import FitResult, fit
     from emclutch.studies.mesh import MeshedScene, mesh
     from emclutch.studies.sweep import sweep
     from emclutch.studies.work_precision import accuracy
@@ -37,6 +38,7 @@ __all__ = [
     "Checked",
     "DesignResult",
     "FieldResult",
+    "FitResult",
     "MeshedScene",
     "OutputError",
     "Plan",
@@ -49,6 +51,7 @@ __all__ = [
     "check",
     "design",
     "field",
+    "fit",
     "load_case",
     "load_result",
     "load_study",
@@ -72,6 +75,8 @@ __getattr__, __dir__ = lazy_attributes(
         "Plan": "emclutch.simulation.plan:Plan",
         "field": "emclutch.studies.field_result:field",
         "FieldResult": "emclutch.studies.field_result:FieldResult",
+        "fit": "emclutch.studies.fit:fit",
+        "FitResult": "emclutch.studies.fit:FitResult",
         "mesh": "emclutch.studies.mesh:mesh",
         "MeshedScene": "emclutch.studies.mesh:MeshedScene",
         "sweep": "emclutch.studies.sweep:sweep",

@@ -1,4 +1,4 @@
-"""The commands of the field and of what magnetises in it: field, mesh, materials, shear-cell."""
+"""The commands of the field and of what magnetises in it: field, mesh, materials, powder, shear-cell."""
 
 from __future__ import annotations
 
@@ -112,6 +112,45 @@ def shear_cell(
         else:
             Console().print(command.table_of(name, rows))
             typer.echo(f"results and pictures: {folder}")
+
+
+def powder(
+    repose: opt.Repose = None,
+    internal_friction: opt.InternalFriction = None,
+    friction: opt.PairFriction = None,
+    rolling_friction: opt.PairRolling = None,
+    uncertainty: opt.AngleUncertainty = "1 deg",
+    out: opt.NewPicture = None,
+    as_json: opt.AsJson = False,
+) -> None:
+    """List friction and rolling friction that give an angle of repose, or the angle that a pair of them gives."""
+    with explained():
+        from emclutch.cli import powder as command
+
+        if (friction is None) != (rolling_friction is None):
+            message = "go together; give both for the angle that they have, or neither"
+            raise SceneError([Fault("--friction, --rolling-friction", "", message)], "command line")
+        if friction is not None and rolling_friction is not None:
+            if repose is not None or internal_friction is not None or out is not None:
+                message = "gives an angle; remove --repose, --internal-friction and --out"
+                raise SceneError([Fault("--friction", f"{friction:g}", message)], "command line")
+            found = command.bulk_of(friction, rolling_friction)
+            if as_json:
+                print_json(found)
+            else:
+                typer.echo(command.bulk_in_words(found))
+            return
+        line = command.line_of(repose, internal_friction, uncertainty)
+        if out is not None:
+            command.draw(line, out)
+        if as_json:
+            print_json(command.as_data(line))
+            return
+        Console().print(command.table_of(line))
+        for text in command.in_words(line):
+            typer.echo(text)
+        if out is not None:
+            typer.echo(str(out))
 
 
 def _tell_pair_force(names: list[str], picture: Path | None, out: Path | None, as_json: bool) -> None:

@@ -12,9 +12,9 @@ from typing import Annotated
 import typer
 
 from emclutch import __version__
-from emclutch.cli.field_commands import field, materials, mesh, shear_cell
+from emclutch.cli.field_commands import field, materials, mesh, powder, shear_cell
 from emclutch.cli.result_commands import export, plot, report, view
-from emclutch.cli.run_commands import accuracy, check, design, run, sweep
+from emclutch.cli.run_commands import accuracy, check, design, fit, run, sweep
 from emclutch.cli.scene_commands import doctor, new, schema
 
 app = typer.Typer(
@@ -58,8 +58,10 @@ for command in (
     report,
     export,
     materials,
+    powder,
     shear_cell,
     design,
+    fit,
     new,
     schema,
     doctor,

@@ -72,6 +72,7 @@ Sets = Annotated[
         help="set a key: coil.current='0.8 A'; KEY=none removes it; effects.NAME=off or on removes or adds an effect",
     ),
 ]
+ResumeFit = Annotated[bool, typer.Option("--resume", help="continue the fit in the folder of --out")]
 Resume = Annotated[
     bool, typer.Option("--resume", help="continue from the last checkpoint; a run killed before the first starts again")
 ]
@@ -110,6 +111,21 @@ RollingFrictionAsked = Annotated[
     float,
     typer.Option("--rolling-friction", min=0.0, max=10.0, help="Rolling friction of the grains; 0: they roll freely"),
 ]
+Repose = Annotated[
+    str | None,
+    typer.Option("--repose", metavar="ANGLE", help="angle of repose of the powder without a field: '34 deg'"),
+]
+InternalFriction = Annotated[
+    float | None,
+    typer.Option("--internal-friction", min=0.0, help="tau/P of a shear tester in steady flow, in place of the angle"),
+]
+PairFriction = Annotated[
+    float | None, typer.Option("--friction", min=0.0, help="with --rolling-friction: the angle that this pair gives")
+]
+PairRolling = Annotated[float | None, typer.Option("--rolling-friction", min=0.0, help="see --friction")]
+AngleUncertainty = Annotated[
+    str, typer.Option("--uncertainty", metavar="ANGLE", help="of the angle; heaps repeat to a degree or two")
+]
 DipoleModel = Annotated[str, typer.Option("--model", help="moments of the grains: near_field or mutual")]
 DesignSource = Annotated[
     Path,
@@ -123,6 +139,25 @@ Like = Annotated[
     Path | None, typer.Option("--like", metavar="RUN", help="finished run, whose torque corrects the expected ones")
 ]
 Confirm = Annotated[bool, typer.Option("--confirm", help="run the scene that was found, and compare both torques")]
+MeasuredCurve = Annotated[
+    Path,
+    typer.Option(
+        "--to", metavar="FILE", help="measured curve (.csv): current [A], torque [N m] and, where known, error"
+    ),
+]
+Over = Annotated[str, typer.Option("--over", metavar="KEY", help="dotted key of the curve's first column")]
+FrictionValues = Annotated[str, typer.Option("--friction", metavar="LIST", help="sliding friction: values to simulate")]
+RollingValues = Annotated[
+    str, typer.Option("--rolling-friction", metavar="LIST", help="rolling friction: values to simulate")
+]
+FillValues = Annotated[
+    str | None,
+    typer.Option("--fill", metavar="LIST", help="solid fraction, fitted too: '0.3, 0.4'; default: the scene's"),
+]
+DrivesAt = Annotated[
+    str | None,
+    typer.Option("--at", metavar="LIST", help="simulated currents: '0.2 A, 0.94 A'; default: three of those measured"),
+]
 SceneKind = Annotated[
     str, typer.Option("--kind", help="clutch, drum, cad, centrifugal, shear_cell, sheared_box, box, or field")
 ]

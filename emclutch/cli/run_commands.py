@@ -1,4 +1,4 @@
-"""The commands that simulate, or say what a simulation would be: run, check, sweep, accuracy, design."""
+"""The commands that simulate, or say what a simulation would be: run, check, sweep, accuracy, design, fit."""
 
 from __future__ import annotations
 
@@ -143,3 +143,46 @@ def design(
         with nullcontext() if as_json or not confirm else Progress() as progress:
             found = design_search.design(asked, like=like, out=out, confirm=confirm, threads=threads, progress=progress)
         print_design(found, as_json)
+
+
+def fit(
+    case: opt.CaseFile,
+    to: opt.MeasuredCurve,
+    friction: opt.FrictionValues = "0.2, 0.4, 0.7",
+    rolling_friction: opt.RollingValues = "0, 0.2, 0.5",
+    fill: opt.FillValues = None,
+    over: opt.Over = "coil.current",
+    at: opt.DrivesAt = None,
+    repose: opt.Repose = None,
+    uncertainty: opt.AngleUncertainty = "1 deg",
+    out: opt.Out = None,
+    resume: opt.ResumeFit = False,
+    sets: opt.Sets = None,
+    jobs: opt.Jobs = 1,
+    threads: opt.Threads = None,
+    as_json: opt.AsJson = False,
+    trust_scripts: opt.TrustScripts = False,
+    force: opt.Force = False,
+) -> None:
+    """Fit friction, rolling friction and fill to a measured torque curve, with the interval of what fits."""
+    with explained():
+        check_threads(threads)
+        if resume and out is None:
+            message = "needs a fit that was begun; name its folder with --out"
+            raise SceneError([Fault("--resume", "", message)], "command line")
+        read = load(case, sets, trust_scripts)
+        from emclutch.cli.fit import angle_of, drives_of, varied_of
+        from emclutch.results.study_table import StudyTable
+        from emclutch.studies import fit as study
+
+        varied, angle = varied_of(friction, rolling_friction, fill), angle_of(repose, uncertainty)
+        with nullcontext() if as_json else StudyTable() as table:
+            found = study.fit(
+                read, to, varied=varied, key=over, drives=drives_of(read, over, at), repose=angle, out=out, jobs=jobs,
+                threads=threads, resume=resume, progress=table, force=force,
+            )  # fmt: skip
+        if as_json:
+            print_json(study.as_data(found))
+        else:
+            for line in study.in_words(found):
+                typer.echo(line)

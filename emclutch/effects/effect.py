@@ -56,7 +56,8 @@ class EffectSection(Section):
     name, summary : str
         The key in the scene, and what it is in a few words.
     role : str
-        What generic code finds it by, where it must: `attraction`, `feedback`, `images`, `weight`, `circuit`, `eddy`.
+        What generic code finds it by, where it must: `attraction`, `feedback`, `images`, `weight`, `rolling`,
+        `circuit`, `eddy`.
     CHECKS : tuple of (check, sections)
         Checks between sections, and the sections that must be valid for each (`emclutch.scene.consistency`).
     USUAL : dict of str to UsualRange

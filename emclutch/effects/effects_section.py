@@ -57,6 +57,11 @@ class BaseEffectsSection(Section):
         return self._in_role("feedback")
 
     @property
+    def rolling(self) -> Any:
+        """The effect by which grains resist rolling, with its `coefficient`; None without."""
+        return self._in_role("rolling")
+
+    @property
     def circuit(self) -> Any:
         """The effect by which the coil's current follows from its voltage; None without."""
         return self._in_role("circuit")

@@ -24,6 +24,7 @@ class RollingFrictionSection(EffectSection):
 
     name = "rolling_friction"
     summary = "grains resist rolling"
+    role = "rolling"
     columns = (DISSIPATED_ROLLING,)
     USUAL: ClassVar = {"coefficient": _USUAL, "wall_coefficient": _USUAL}
     torque_note = "rolling friction may double it"

@@ -19,6 +19,7 @@ from emclutch.scene.fault_report import faults_from
 from emclutch.scene.geometry_sketch import sketch_of
 from emclutch.scene.likely_mistakes import warnings_of
 from emclutch.scene.model import NO_GRAINS, Scene
+from emclutch.scene.repose import with_friction_of_repose
 from emclutch.scene.section import Section
 
 MAX_FILE = 20_000_000
@@ -223,7 +224,8 @@ def _validate(data: dict[str, Any], folder: Path, trust_scripts: bool) -> tuple[
             partial = partial.model_copy(update={"geometry": sketch})
             broken |= {"geometry"} if sketch is not None else {"geometry", GEOMETRY_KIND}
         return None, faults + faults_between_sections(Draft(partial, data, broken, of_geometry))
-    return scene, faults_between_sections(Draft(scene, data, frozenset()))
+    faults = faults_between_sections(Draft(scene, data, frozenset()))
+    return (None if faults else with_friction_of_repose(scene)), faults
 
 
 @lru_cache(maxsize=1)

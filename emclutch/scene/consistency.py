@@ -15,6 +15,7 @@ from emclutch.scene.grains import MAX_GRAINS
 from emclutch.scene.magnetic_checks import field_of_effects, materials
 from emclutch.scene.motion import HELD
 from emclutch.scene.replica_count import packs_alike
+from emclutch.scene.repose import repose_agrees
 from emclutch.scene.sector_checks import sector_in_geometry, sector_in_surfaces, sector_width
 from emclutch.scene.surfaces import extent_in_words
 
@@ -225,6 +226,7 @@ CHECKS: tuple[tuple[Check, tuple[str, ...]], ...] = (
     (_fill, ("geometry", "particles")),
     (_pour, ("particles", "effects")),
     (_rigid, ("contact",)),
+    (repose_agrees, ("particles", "contact", "effects")),
     (sector_width, ("geometry", "particles", "effects")),
     (field_of_effects, ("effects",)),
     *(check for effect in EFFECTS for check in effect.CHECKS),

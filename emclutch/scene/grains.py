@@ -12,7 +12,7 @@ from pydantic import Field, ValidationInfo, field_validator, model_validator
 from emclutch.scene.errors import reason_of
 from emclutch.scene.section import Choice, Section, Whole, refuse
 from emclutch.scene.sizes import RealSize, Sizes, from_the_scenes_folder
-from emclutch.scene.units import Angle, Density, Length, Magnetisation, Mass, Time, number
+from emclutch.scene.units import Angle, Density, Length, Magnetisation, Mass, ReposeAngle, Time, number
 
 if TYPE_CHECKING:
     from particles.packing.packing import Packing
@@ -72,6 +72,11 @@ class ParticlesSection(Section):
         default=1e-6, description="at rest: kinetic energy / m g d (without gravity: / energy stored in contacts)"
     )
     settle_longest: Time | None = Field(default=None, description="longest simulated time to rest; default: 100 falls")
+    repose: ReposeAngle | None = Field(
+        default=None,
+        description="angle of repose of the powder without a field: sets `contact.friction` and the rolling friction, "
+        "in place of both",
+    )
     susceptibility: Annotated[float, number("200", 0.0, 1e6, above=True)] = Field(
         default=200.0, description="initial susceptibility of the grain's material"
     )

@@ -246,6 +246,7 @@ def _positive(name: str, unit: str, example: str, maximum: float = math.inf, ang
 Length = Annotated[float, Quantity("a length", "m", "1 mm", 0.0, 10.0, open_minimum=True, least=1e-9)]
 LengthOrNone = Annotated[float, Quantity("a length", "m", "1 mm", 0.0, 10.0, least=1e-9)]
 Angle = Annotated[float, _positive("an angle", "rad", "3 deg", maximum=2.0 * math.pi, angular=True)]
+ReposeAngle = Annotated[float, _positive("an angle", "rad", "34 deg", maximum=0.5 * math.pi, angular=True)]
 Speed = Annotated[float, Quantity("an angular speed", "rad/s", "100 rpm", -1e5, 1e5, angular=True)]
 Torque = Annotated[float, Quantity("a torque", "N*m", "12 N m", -1e7, 1e7)]
 LoadTorque = Annotated[float, Quantity("a torque", "N*m", "2 N m", 0.0, 1e7)]

@@ -16,6 +16,7 @@ from emclutch.scene.case import Case
 from emclutch.scene.grain_smear import moments_are_fed_back, smear_width
 from emclutch.scene.input_files import paths_elsewhere
 from emclutch.scene.replica_count import max_replica_count, replica_count
+from emclutch.scene.repose import friction_in_words
 from emclutch.scene.start_up import start_up_strain
 from emclutch.scene.surfaces import extent_in_words
 from emclutch.simulation.contacts_in_words import contacts_in_words
@@ -43,6 +44,8 @@ def plan_in_words(scene: Scene, device: Device, plan: Plan) -> dict[str, str]:
     coil, in_section, field = device.coil, device.section_coil, plan.peak_section
     if in_section is not None and in_section.supply is not None and field is not None:
         words["coil"] = coil_in_words(scene, in_section, in_section.supply.resistance, field)
+    if scene.grains.repose is not None:
+        words["friction"] = friction_in_words(scene.grains.repose)
     words |= dict(contacts_in_words(scene, plan.contact))
     words |= dict(scene.geometry.words(scene, plan.end))
     words |= dict(windows_in_words(plan.division))

@@ -1,0 +1,195 @@
+"""`emclutch powder`: friction and rolling friction of grains from the angle of repose of their powder, or back."""
+
+from __future__ import annotations
+
+import io
+import math
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from emclutch.cli.input import number_or_text
+from emclutch.results import OutputError
+from emclutch.results.atomic_file import json_values, replace_bytes
+from emclutch.scene.errors import Fault, SceneError
+from emclutch.scene.repose import DRY_STEEL, angle_in_words, pair_of_bulk_friction
+from emclutch.scene.units import Quantity
+from particles.bulk_friction.friction_table import FrictionPair, measured_table
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from rich.table import Table
+
+_REPOSE = Quantity("an angle", "rad", "34 deg", 0.0, 0.5 * math.pi, open_minimum=True, angular=True)
+_SPREAD = Quantity("an angle", "rad", "1 deg", 0.0, 0.5, angular=True)
+PAIRS = 8
+"""Of a line that are listed."""
+
+
+@dataclass(frozen=True, slots=True)
+class FrictionLine:
+    """The pairs of contact parameters that give one bulk friction.
+
+    Attributes
+    ----------
+    bulk, spread : float
+        tau/P and the half width of its interval [-].
+    ends : tuple of 2 floats
+        Least and largest sliding friction on the line [-].
+    pairs : tuple of FrictionPair
+        By ascending sliding friction.
+    taken : FrictionPair
+        By a scene with this particles.repose.
+    """
+
+    bulk: float
+    spread: float
+    ends: tuple[float, float]
+    pairs: tuple[FrictionPair, ...]
+    taken: FrictionPair
+
+    @property
+    def repose(self) -> float:
+        """Angle of repose with this bulk friction [rad]."""
+        return math.asin(self.bulk)
+
+
+def line_of(repose: str | None, internal_friction: float | None, uncertainty: str) -> FrictionLine:
+    """Return the line of an angle of repose, or of a coefficient of internal friction.
+
+    Raises
+    ------
+    SceneError
+        Both or neither, an entry that cannot be read, an angle that no friction gives.
+    """
+    if (repose is None) == (internal_friction is None):
+        message = "needs one of --repose '34 deg' and --internal-friction 0.6"
+        raise SceneError([Fault("powder", "", message)], "command line")
+    option, entry = ("--repose", repose) if internal_friction is None else ("--internal-friction", internal_friction)
+    try:
+        bulk = math.sin(_REPOSE.read(number_or_text(repose))) if repose is not None else internal_friction or 0.0
+        taken = pair_of_bulk_friction(bulk)
+    except ValueError as error:
+        raise SceneError([Fault(option, str(entry), str(error))], "command line") from None
+    try:
+        spread = _SPREAD.read(number_or_text(uncertainty)) * math.sqrt(1.0 - bulk**2)  # d sin(a) = cos(a) da
+    except ValueError as error:
+        raise SceneError([Fault("--uncertainty", uncertainty, str(error))], "command line") from None
+    table = measured_table()
+    ends = table.range_of_friction(bulk)
+    assert ends is not None  # else there were no pair to take
+    pairs = (table.pair(bulk, float(friction), spread) for friction in np.linspace(*ends, PAIRS))
+    return FrictionLine(bulk, spread, ends, tuple(one for one in pairs if one is not None), taken)
+
+
+def bulk_of(friction: float, rolling: float) -> dict[str, float]:
+    """Return bulk friction, its standard error and the angle of repose [rad] of a pair; SceneError beyond the table."""
+    try:
+        mean, error = measured_table().bulk_friction(friction, rolling)
+    except ValueError as reason:
+        raise SceneError(
+            [Fault("--friction, --rolling-friction", "", f"are out of range: {reason}")], "command line"
+        ) from None
+    return {"bulk_friction": mean, "standard_error": error, "repose": math.asin(mean)}
+
+
+def bulk_in_words(found: dict[str, float]) -> str:
+    """Return what a pair gives."""
+    return (
+        f"angle of repose {angle_in_words(found['repose'])}: bulk friction {found['bulk_friction']:.3f} +- "
+        f"{found['standard_error']:.3f} (standard error of the table)"
+    )
+
+
+def as_data(line: FrictionLine) -> dict[str, Any]:
+    """The line for a machine; angles in rad."""
+    return json_values(
+        {
+            "repose": line.repose, "bulk_friction": line.bulk, "bulk_friction_uncertainty": line.spread,
+            "friction_range": line.ends, "pairs": [asdict(one) for one in line.pairs], "taken": asdict(line.taken),
+        }
+    )  # fmt: skip
+
+
+def table_of(line: FrictionLine) -> Table:
+    """The line for a terminal."""
+    from rich.box import SIMPLE
+    from rich.table import Table
+
+    table = Table("friction", "rolling friction", "from", "to", box=SIMPLE)
+    for pair in line.pairs:
+        to = "any" if math.isinf(pair.highest) else f"{pair.highest:.2g}"
+        table.add_row(f"{pair.friction:.2f}", f"{pair.rolling:.2g}", f"{pair.lowest:.2g}", to)
+    return table
+
+
+def in_words(line: FrictionLine) -> list[str]:
+    """Return what the ends of the line are, what a scene takes, and what is assumed."""
+    table, taken = measured_table(), line.taken
+    low, high = line.ends
+    if line.pairs[-1].rolling < 1e-3:
+        end = f"friction {high:.2f} without rolling friction: perfect spheres"
+    elif high < table.friction[-1]:
+        end = f"friction {high:.2f}, beyond which even hindered rolling gives less"
+    else:
+        end = (
+            f"friction {high:g}, the last one measured (clean iron): spheres that roll freely reach "
+            f"{angle_in_words(math.asin(table.mean[:, 0].max()))} at most, whatever their friction"
+        )
+    return [
+        f"angle of repose {angle_in_words(line.repose)}: bulk friction {line.bulk:.3f} +- {line.spread:.3f}, given by "
+        "the pairs above",
+        f"ends: friction {low:.2f} with hindered rolling (grains slide before they roll), and {end}",
+        f"particles.repose = '{angle_in_words(line.repose)}' takes friction {taken.friction:.3g} and rolling friction "
+        f"{taken.rolling:.2g}, the pair nearest to the sliding friction of dry steel, {DRY_STEEL:g}",
+        "the sine of the angle of repose is taken for tau/P in slow steady shear; its tangent, "
+        f"{math.tan(line.repose):.3f}, would be that of an endless slope that flows: --internal-friction takes tau/P",
+    ]
+
+
+def draw(line: FrictionLine, path: Path) -> None:
+    """Draw bulk friction over both coefficients, and the line with its interval, into a new picture.
+
+    Raises
+    ------
+    SceneError
+        The file is no .png.
+    OutputError
+        There is a file already; nothing is overwritten.
+    """
+    if path.suffix.lower() != ".png":
+        raise SceneError([Fault("--out", str(path), "is not a picture; change its ending to .png")], "command line")
+    if path.exists():
+        raise OutputError(f"{path} exists; name another file with --out")
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(7.0, 5.0), dpi=150, layout="constrained")
+    FigureCanvasAgg(figure)
+    _draw_line(figure.subplots(), line)
+    drawn = io.BytesIO()
+    figure.savefig(drawn, format="png")
+    replace_bytes(path, drawn.getvalue())
+
+
+def _draw_line(axes: Axes, line: FrictionLine) -> None:
+    table = measured_table()
+    friction, rolling = np.linspace(0.0, table.friction[-1], 201), np.linspace(0.0, table.rolling[-1] ** 0.5, 201) ** 2
+    bulk = table.on_grid(friction, rolling).T
+    angles = axes.contour(friction, rolling, np.degrees(np.arcsin(bulk)), levels=np.arange(8, 46, 2), colors="0.6")
+    axes.clabel(angles, fmt="%d deg", fontsize=7)
+    inside = (bulk >= line.bulk - line.spread) & (bulk <= line.bulk + line.spread)
+    axes.contourf(friction, rolling, inside.astype(float), levels=[0.5, 1.5], colors="C0", alpha=0.25)
+    axes.contour(friction, rolling, bulk, levels=[line.bulk], colors="C0", linewidths=2.0)
+    axes.plot(line.taken.friction, line.taken.rolling, "o", color="C3", label="taken by particles.repose")
+    measured = np.meshgrid(table.friction, table.rolling)
+    axes.plot(*measured, ".", color="0.3", ms=4, clip_on=False)
+    axes.set_yscale("function", functions=(np.sqrt, np.square))
+    axes.set(xlabel="sliding friction", ylabel="rolling friction", ylim=(0.0, table.rolling[-1]))
+    axes.set_title(
+        f"angle of repose: grey; {angle_in_words(line.repose)} and its interval: blue\n"
+        "dots: measured in the sheared periodic box", fontsize=10,
+    )  # fmt: skip
+    axes.legend(fontsize=8, loc="lower right")

@@ -1,0 +1,109 @@
+"""particles.repose: friction and rolling friction of the grains from the angle of repose of their powder.
+
+sin(angle of repose) is taken for the bulk friction tau/P of the sheared powder: loosely heaped, it rests at the angle
+of friction of its critical state (M. D. Bolton, Geotechnique 36 (1986) 65), and in plane strain tau/sigma on the plane
+that is sheared is the sine of that angle, not its tangent: it is not the plane on which tau/sigma is largest (P. W.
+Rowe, Geotechnique 19 (1969) 75; R. A. Jewell, Geotechnique 39 (1989) 309). The pairs of coefficients that give one bulk
+friction are a line (`particles.bulk_friction.friction_table`). A scene takes the pair of the line that has the sliding
+friction of dry steel, or the nearest to it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from emclutch.scene.draft import Draft
+from emclutch.scene.errors import Fault
+
+if TYPE_CHECKING:
+    from emclutch.scene.model import Scene
+    from particles.bulk_friction.friction_table import FrictionPair
+
+DRY_STEEL = 0.6
+"""Sliding friction of dry mild steel on itself: 0.62 in J. R. Davis, Concise Metals Data Handbook (1997), table 14.1.
+
+Tables have 0.42 (hard steel, sliding) to 0.78 (clean, at rest), and 0.27 under a thick film of oxide.
+"""
+
+SAME = 1e-6
+"""Relative difference of coefficients that are the same: a resolved scene has both repose and what follows from it."""
+
+
+def angle_in_words(angle: float) -> str:
+    """Return an angle [rad] in degrees."""
+    return f"{math.degrees(angle):.4g} deg"
+
+
+def pair_of_bulk_friction(bulk: float) -> FrictionPair:
+    """Return the pair that stands for a bulk friction tau/P: the one nearest to `DRY_STEEL`.
+
+    Raises
+    ------
+    ValueError
+        No pair of the table gives it.
+    """
+    from particles.bulk_friction.friction_table import measured_table  # local: it needs scipy, most scenes do not
+
+    table = measured_table()
+    ends = table.range_of_friction(bulk)
+    if ends is None:
+        low, high = float(table.mean.min()), float(table.mean.max())
+        raise ValueError(
+            f"cannot be reached by friction and rolling friction of spheres; allowed: bulk frictions of {low:.3f} to "
+            f"{high:.3f}, angles of repose of {angle_in_words(math.asin(low))} to {angle_in_words(math.asin(high))}; a "
+            "steeper heap is that of a cohesive or interlocking powder: say its friction itself, and add a cohesion"
+        )
+    pair = table.pair(bulk, min(max(DRY_STEEL, ends[0]), ends[1]))
+    assert pair is not None  # within the ends
+    return pair
+
+
+def repose_agrees(draft: Draft) -> Iterator[Fault]:
+    """Yield what contradicts particles.repose."""
+    scene, repose = draft.scene, draft.scene.particles.repose
+    if repose is None:
+        return
+    try:
+        pair = pair_of_bulk_friction(math.sin(repose))
+    except ValueError as error:
+        yield draft.fault("particles.repose", str(error))
+        return
+    rolling = scene.effects.rolling
+    given = {}
+    if "friction" in scene.contact.model_fields_set:
+        given["contact.friction"] = scene.contact.friction, pair.friction
+    if rolling is not None and "coefficient" in rolling.model_fields_set:
+        given[f"effects.{rolling.name}.coefficient"] = rolling.coefficient, pair.rolling
+    for key, (value, wanted) in given.items():
+        if not math.isclose(value, wanted, rel_tol=SAME, abs_tol=SAME):
+            yield draft.fault(
+                key,
+                f"conflicts with particles.repose, which says {wanted:.3g}; remove one of the two (emclutch powder "
+                f"--repose '{angle_in_words(repose)}' lists the other pairs with this angle)",
+            )
+
+
+def with_friction_of_repose(scene: Scene) -> Scene:
+    """Return the scene with the coefficients that its angle of repose says; one without an angle as it is."""
+    if scene.particles is None or scene.particles.repose is None:
+        return scene
+    pair, effects = pair_of_bulk_friction(math.sin(scene.particles.repose)), scene.effects
+    contact = scene.contact.model_copy(update={"friction": pair.friction})
+    if pair.rolling > 0.0 or effects.rolling is not None:
+        (kind,) = (one for one in effects.kinds() if one.role == "rolling")
+        table = (effects.rolling or kind()).model_copy(update={"coefficient": pair.rolling})
+        effects = effects.model_copy(update={kind.name: table})
+    return scene.model_copy(update={"contact": contact, "effects": effects})
+
+
+def friction_in_words(repose: float) -> str:
+    """Return which friction follows from an angle of repose [rad], and with what interval."""
+    pair = pair_of_bulk_friction(math.sin(repose))
+    above = "any larger one" if math.isinf(pair.highest) else f"{pair.highest:.2g}"
+    return (
+        f"{pair.friction:.3g}, rolling friction {pair.rolling:.3g} (from {pair.lowest:.2g} to {above} by the error of "
+        f"the table): one pair with the angle of repose of {angle_in_words(repose)}; emclutch powder --repose lists "
+        "the others"
+    )

@@ -1,0 +1,317 @@
+"""Fit of friction, rolling friction and fill to a measured torque curve: a study of the scene, then least squares.
+
+Every combination of the values asked for is run at some of the measured drives (`emclutch.studies.sweep`); the torques
+between them are interpolated and fitted by `emclutch.studies.torque_fit`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import tomli_w
+
+from emclutch.results import OutputError, RunFolder
+from emclutch.results.atomic_file import json_values, replace_json, replace_text
+from emclutch.results.pictures.figure import legend_below, new_figure, save_picture
+from emclutch.results.study_result import load_study
+from emclutch.scene.case import Case, as_case
+from emclutch.scene.errors import Fault, SceneError
+from emclutch.scene.fault_report import key_fault, quantity_at
+from emclutch.scene.model import Scene
+from emclutch.scene.study import read_study
+from emclutch.studies.measured_curve import read_measured
+from emclutch.studies.sweep import sweep
+from emclutch.studies.torque_fit import MeasuredTorques, SimulatedTorques, TorqueFit, fit_torque
+
+if TYPE_CHECKING:
+    from emclutch.results.study_table import StudyTable
+    from emclutch.scene.units import Quantity
+
+CURRENT = "coil.current"
+DRIVES = 3
+"""Drives that are simulated unless they are given: the smallest and the largest measured, and between them."""
+FRICTION, FILL = "contact.friction", "particles.solid_fraction"
+AMOUNTS = ("particles.mass", "particles.count")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Varied:
+    """Values of each parameter that are simulated; one value: the parameter is not fitted.
+
+    Attributes
+    ----------
+    friction, rolling : tuple of float
+        Coefficients between grains, and at walls where the scene does not say otherwise.
+    fill : tuple of float
+        Solid fraction; empty: the amount of powder stays as the scene says.
+    """
+
+    friction: tuple[float, ...] = (0.2, 0.4, 0.7)
+    rolling: tuple[float, ...] = (0.0, 0.2, 0.5)
+    fill: tuple[float, ...] = ()
+
+    def keys(self, scene: Scene) -> dict[str, tuple[float, ...]]:
+        """Return the values by the scene's keys; grains that roll freely in the scene and in all values need none."""
+        given = {FRICTION: self.friction, rolling_key(scene): self.rolling, FILL: self.fill}
+        if not any(self.rolling) and scene.effects.rolling is None:
+            del given[rolling_key(scene)]
+        return {key: tuple(sorted(set(values))) for key, values in given.items() if values}
+
+
+def rolling_key(scene: Scene) -> str:
+    """Return the key of the coefficient of rolling friction."""
+    (kind,) = (one for one in scene.effects.kinds() if one.role == "rolling")
+    return f"effects.{kind.name}.coefficient"
+
+
+@dataclass(frozen=True, slots=True)
+class FitResult:
+    """A fit with its folder.
+
+    Attributes
+    ----------
+    folder : Path
+        With fit.json, fit.csv, valley.csv, fit.png, fitted.toml, the study's file and its points.
+    key : str
+        Of the drive.
+    measured : MeasuredTorques
+    left_out : int
+        Measured points with a drive or a torque of 0.
+    fit : TorqueFit
+    doubtful : int
+        Simulated points whose torque is not converged.
+    case : Case
+        The scene with the fitted parameters.
+    """
+
+    folder: Path
+    key: str
+    measured: MeasuredTorques
+    left_out: int
+    fit: TorqueFit
+    doubtful: int
+    case: Case
+
+
+def fit(
+    case: Case | str | Path,
+    to: str | Path,
+    *,
+    varied: Varied = Varied(),
+    key: str = CURRENT,
+    drives: tuple[float, ...] = (),
+    repose: tuple[float, float] | None = None,
+    out: str | Path | None = None,
+    jobs: int | None = None,
+    threads: int | None = None,
+    resume: bool = False,
+    progress: StudyTable | None = None,
+    force: bool = False,
+) -> FitResult:
+    """Fit contact parameters of a scene to a measured torque curve.
+
+    Parameters
+    ----------
+    case : Case or the path of a scene file.
+    to : file of the measured curve (`emclutch.studies.measured_curve`).
+    varied : what is simulated and fitted.
+    key : dotted key of the drive; its unit is that of the curve's first column.
+    drives : simulated drives [SI], from the smallest to the largest that are fitted; default: three of those measured.
+    repose : angle of repose and its standard error [rad], fitted as one more measurement.
+    out : folder; default: the next fits/<case>-<nnn>.
+    jobs, threads, resume, progress, force : of the study, as of `emclutch.sweep`.
+
+    Raises
+    ------
+    SceneError
+        Faults of the scene, the curve, or of what is varied.
+    OutputError, RunError
+        The folder is there already; of the study.
+    """
+    case = as_case(case)
+    case = case.with_values({"particles.repose": None})  # its friction is what is looked for
+    drive = drive_quantity(case, key)
+    measured, left_out = read_measured(Path(to), drive)
+    simulated_at = drives or _some(measured.drive)
+    within = (measured.drive >= min(simulated_at) * (1 - 1e-9)) & (measured.drive <= max(simulated_at) * (1 + 1e-9))
+    left_out += int((~within).sum())
+    error = None if measured.error is None else measured.error[within]
+    measured = MeasuredTorques(measured.drive[within], measured.torque[within], error)
+    values = varied.keys(case.scene)
+    names = fitted_names(values)
+    other = None if repose is None else _bulk_friction(case.scene, values, *repose)
+    if len(measured.drive) + (repose is not None) <= len(names):
+        message = f"has {len(measured.drive)} points between the simulated drives, too few for {len(names)} parameters"
+        raise SceneError([Fault("--to", str(to), message)], "command line")
+    folder = Path(out) if out is not None else RunFolder.next_path(case.name, "fits")
+    if folder.exists() != resume:
+        how = (
+            "name another folder with --out, or continue it with --resume" if folder.exists() else "name it with --out"
+        )
+        raise OutputError(f"{folder} {'exists' if folder.exists() else 'is not there'}; {how}")
+    if not resume:
+        _write_study(folder, case, {**values, key: tuple(simulated_at)})
+    study = read_study(folder / "study.toml", trust_scripts=case.trust_scripts)
+    points, begun = folder / "points", (folder / "points").is_dir()
+    sweep(study, out=points, threads=threads, resume=begun, jobs=jobs, progress=progress, force=force)
+    simulated, doubtful = _torques(points, names, key)
+    try:
+        found = fit_torque(simulated, measured, other)
+    except ValueError as reason:
+        raise SceneError([Fault("fit", "", str(reason))], str(to)) from None
+    best = {one.name: one.value for one in found.parameters}
+    fitted = study_case(case, values).with_values(best)
+    result = FitResult(folder, key, measured, left_out, found, doubtful, fitted)
+    _write(result)
+    return result
+
+
+def study_case(case: Case, values: dict[str, tuple[float, ...]]) -> Case:
+    """Return the scene with the first of all values; a solid fraction replaces another amount of powder."""
+    gone = dict.fromkeys(AMOUNTS if FILL in values else ())
+    return case.with_values(gone | {name: levels[0] for name, levels in values.items()})
+
+
+def drive_quantity(case: Case, key: str) -> Quantity:
+    """Return the quantity of the drive; SceneError for a key that is none."""
+    reason = key_fault(key, Scene)
+    quantity = None if reason else quantity_at(key, Scene, case.data)
+    if quantity is None:
+        message = reason or "is not a continuous quantity; fit over a current, a voltage or a field strength"
+        raise SceneError([Fault("--over", key, message)], "command line")
+    return quantity
+
+
+def _some(drives: np.ndarray) -> tuple[float, ...]:
+    """Return the smallest and the largest drive, and those nearest to equal ratios between them."""
+    wanted = np.geomspace(drives[0], drives[-1], DRIVES)
+    return tuple(sorted({float(drives[np.argmin(np.abs(np.log(drives / one)))]) for one in wanted}))
+
+
+def _write_study(folder: Path, case: Case, values: dict[str, tuple[float, ...]]) -> None:
+    base = study_case(case, {name: levels for name, levels in values.items() if name in (FRICTION, FILL)})
+    folder.mkdir(parents=True)
+    base.write_toml(folder / "scene.toml")
+    study = {"case": "scene.toml", "title": f"fit of {case.name}", "values": {k: list(v) for k, v in values.items()}}
+    replace_text(folder / "study.toml", tomli_w.dumps({"study": study}))
+
+
+def _torques(points: Path, names: tuple[str, ...], key: str) -> tuple[SimulatedTorques, int]:
+    """Return the torques of a study's points, and how many are not converged."""
+    table = load_study(points).table
+    torque = np.abs(table["torque"].to_numpy(dtype=float))
+    error = np.nan_to_num(table["standard_error"].to_numpy(dtype=float))
+    doubtful = int((~table["converged"].astype(bool)).sum())
+    parameters = table[list(names)].to_numpy(dtype=float)
+    return SimulatedTorques(names, parameters, table[key].to_numpy(dtype=float), torque, error), doubtful
+
+
+def _bulk_friction(
+    scene: Scene, values: dict[str, tuple[float, ...]], repose: float, spread: float
+) -> Callable[[np.ndarray], float]:
+    """Return the residual of the angle of repose, in standard errors of its sine and of the table together."""
+    from particles.bulk_friction.friction_table import measured_table  # local: only a fit with an angle needs it
+
+    table, wanted = measured_table(), math.sin(repose)
+    if values[FRICTION][-1] > table.friction[-1]:
+        message = f"goes beyond the table of bulk friction, 0 to {table.friction[-1]:g}; lower it, or remove --repose"
+        raise SceneError([Fault("--friction", f"{values[FRICTION][-1]:g}", message)], "command line")
+    names = fitted_names(values)
+
+    def residual(p: np.ndarray) -> float:
+        fixed = {key: levels[0] for key, levels in values.items()} | dict(zip(names, p, strict=True))
+        mean, error = table.bulk_friction(float(fixed[FRICTION]), float(fixed.get(rolling_key(scene), 0.0)))
+        return (mean - wanted) / math.hypot(spread * math.cos(repose), error)
+
+    return residual
+
+
+def fitted_names(values: dict[str, tuple[float, ...]]) -> tuple[str, ...]:
+    """Return the keys that have more than one value."""
+    return tuple(name for name, levels in values.items() if len(levels) > 1)
+
+
+def _write(result: FitResult) -> None:
+    """Write fit.json, fit.csv, valley.csv, fit.png and fitted.toml; what an earlier fit left there is replaced."""
+    folder, fitted, measured = result.folder, result.fit, result.measured
+    replace_json(folder / "fit.json", as_data(result))
+    rows = zip(measured.drive, measured.torque, fitted.torque, fitted.low, fitted.high, strict=True)
+    head = f"{result.key},torque_measured,torque,low,high\n"
+    replace_text(folder / "fit.csv", head + "".join(",".join(f"{v:.6g}" for v in row) + "\n" for row in rows))
+    names = ",".join(one.name for one in fitted.parameters)
+    valley = "".join(",".join(f"{v:.6g}" for v in row) + "\n" for row in fitted.valley)
+    replace_text(folder / "valley.csv", f"{names}\n{valley}")
+    replace_text(folder / "fitted.toml", result.case.toml())
+    _draw(result)
+
+
+def _draw(result: FitResult) -> None:
+    """Measured and fitted torque over the drive, and the valley of the first two parameters."""
+    fitted, measured = result.fit, result.measured
+    several = len(fitted.parameters) > 1
+    title = f"{result.case.scene.scene.title}: fitted torque"
+    figure, axes = new_figure(9.0 if several else 5.0, 4.6, title, columns=2 if several else 1)
+    bars = None if measured.error is None else 1.96 * measured.error
+    axes[0].errorbar(measured.drive, measured.torque, yerr=bars, fmt="ko", ms=4, capsize=3, label="measured")
+    axes[0].plot(measured.drive, fitted.torque, color="C0", label="fitted")
+    axes[0].fill_between(measured.drive, fitted.low, fitted.high, color="C0", alpha=0.25, label="95 %")
+    axes[0].set(xscale="log", yscale="log", xlabel=result.key, ylabel="torque [N m]")
+    legend_below(axes[0], 3)
+    if several:
+        a, b = fitted.parameters[:2]
+        axes[1].plot(*fitted.valley[:, :2].T, color="C0", label="best within 95 %")
+        axes[1].plot(a.value, b.value, "o", color="C3", label="best")
+        axes[1].set(xlabel=a.name, ylabel=b.name)
+        legend_below(axes[1], 2)
+    save_picture(figure, result.folder / "fit.png")
+
+
+def as_data(result: FitResult) -> dict[str, Any]:
+    """The fit for a machine; torques in N m."""
+    fitted = result.fit
+    return json_values(
+        {
+            "parameters": [asdict(one) for one in fitted.parameters],
+            "valley": fitted.valley.tolist(),
+            "sum_of_squares": fitted.sum_of_squares, "degrees_of_freedom": fitted.degrees_of_freedom,
+            "probability": fitted.probability, "scatter": fitted.scatter, "is_poor": fitted.is_poor,
+            "measured_points": len(result.measured.drive), "left_out": result.left_out,
+            "not_converged": result.doubtful, "drive": result.key, "folder": str(result.folder),
+        }
+    )  # fmt: skip
+
+
+def in_words(result: FitResult) -> list[str]:
+    """Return the fit for a terminal, line by line."""
+    fitted, lines = result.fit, []
+    for one in fitted.parameters:
+        ends = ("" if bounded else ", the end of what was simulated" for bounded in one.bounded)
+        low, high = (f"{value:.3g}{end}" for value, end in zip((one.low, one.high), ends, strict=True))
+        lines.append(f"{one.name} = {one.value:.3g} (95 %: {low} to {high})")
+    loose = [one for one in fitted.parameters if not all(one.bounded)]
+    if len(fitted.parameters) > 1 and len(fitted.valley) > 1:
+        pairs = " to ".join("(" + ", ".join(f"{v:.3g}" for v in row) + ")" for row in fitted.valley[[0, -1]])
+        lines.append(f"they go together along the valley {pairs}, see valley.csv")
+    if loose:
+        names = ", ".join(one.name for one in loose)
+        lines.append(
+            f"the curve does not bound {names}: fix one of them by another measurement, e.g. --repose '34 deg'"
+        )
+    lines.append(
+        f"measured over fitted torques scatter by {100.0 * fitted.scatter:.2g} %, {len(result.measured.drive)} points"
+        + (f", {result.left_out} left out (0, or beyond the simulated drives)" if result.left_out else "")
+    )
+    if fitted.is_poor:
+        lines.append(
+            f"WARNING: no parameters within the range fit this curve within its errors (probability "
+            f"{fitted.probability:.1g}): widen the range, or the difference is not one of these parameters"
+        )
+    if result.doubtful:
+        lines.append(f"WARNING: {result.doubtful} simulated torques are not converged; run longer")
+    lines.append(f"scene: {result.folder / 'fitted.toml'}, pictures: {result.folder / 'fit.png'}")
+    return lines
