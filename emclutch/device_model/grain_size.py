@@ -118,7 +118,7 @@ def grain_size(scene: Scene, device: Device) -> GrainSize | None:
     particles = scene.grains
     return GrainSize(
         device.shear_gap,
-        particles.mean_diameter_by_volume,
+        particles.mean_diameter,
         device.fill.count * particles.n_sectors,
         particles.real_diameter,
         device.fill.mass / particles.density / particles.real_grain_volume,

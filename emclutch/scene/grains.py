@@ -148,9 +148,9 @@ class ParticlesSection(Section):
     @model_validator(mode="after")
     def _stand_for_finer_grains(self) -> Self:
         real = self.real_diameter
-        if real is not None and real > self.mean_diameter_by_volume * (1.0 + 1e-9):
+        if real is not None and real > self.mean_diameter * (1.0 + 1e-9):
             raise refuse(
-                f"is larger than the grains that stand for it, of {1e3 * self.mean_diameter_by_volume:.4g} mm on "
+                f"is larger than the grains that stand for it, of {1e3 * self.mean_diameter:.4g} mm on "
                 "average by volume; a powder is simulated with its own grains or with coarser ones: lower it, or raise "
                 "the grains' diameter",
                 key="stands_for",
@@ -169,12 +169,7 @@ class ParticlesSection(Section):
 
     @property
     def mean_diameter(self) -> float:
-        """Mean diameter by number [m]."""
-        return self.distribution().mean if self.diameter is None else self.diameter
-
-    @property
-    def mean_diameter_by_volume(self) -> float:
-        """Mean diameter over the powder's volume [m]."""
+        """Mean diameter by volume [m], which has the powder's inertial number and its grains across a gap."""
         return self.distribution().mean_by_volume if self.diameter is None else self.diameter
 
     @property

@@ -71,6 +71,7 @@ def test_known_moments():
     assert NormalSizes(1.0, 0.1).mean == pytest.approx(1.0, rel=1e-14)  # cut evenly
     by_mass = ListedSizes([1.0, 2.0], [1.0, 1.0], by_mass=True)  # half the mass each: eight small ones for a large one
     assert by_mass.mean == pytest.approx((8.0 * 1.0 + 2.0) / 9.0)
+    assert by_mass.mean_by_volume == pytest.approx(1.5)  # half the volume each
 
 
 def test_a_draw_has_the_percentiles_of_the_maker():
