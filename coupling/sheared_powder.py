@@ -16,7 +16,7 @@ from particles import DEM, Grains, PairLaws, ShearedBox
 SKIN = 0.3  # of the lists, in diameters
 NEAR = 1.0 + 0.5 * FARTHEST_GAP  # diameters: where two equal spheres become mutual dipoles
 DIPOLES_SUFFICE = 0.15  # of Ms: the field above which a chain of mutual dipoles holds as strongly as one with necks
-STRESS_OF_LOAD = 0.26  # shear stress over phi load/d^2: iron of fill 0.32 had 0.13 at 18, 0.17 at 80, 0.20 at 200 kA/m
+STRESS_OF_LOAD = 0.258  # shear stress over phi load/d^2: iron of fill 0.32 had 0.13 at 18, 0.17 at 80, 0.20 at 200 kA/m
 
 
 def grains_in_flow(box: ShearedBox, position: np.ndarray, radius: float | np.ndarray, density: float) -> Grains:
