@@ -76,6 +76,14 @@ class Result:
         return steady_stress((self.history, *self.other_histories), self._conditions()).shear
 
     @property
+    def steady(self) -> Estimate | None:
+        """What the run is judged by: its stress in a sheared periodic box, else its torque; None where it has neither.
+        """
+        if SHEAR_STRESS in self.history:
+            return self.stress
+        return self.torque if TORQUE_DISC in self.history else None
+
+    @property
     def other_histories(self) -> list[pandas.DataFrame]:
         """Histories of the other replicas, as far as they have come."""
         folders = (RunFolder(path) for path in self.folder.replica_folders())

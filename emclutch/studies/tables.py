@@ -123,9 +123,13 @@ def row_of(values: dict[str, Any], result: Result) -> dict[str, Any]:
     }
     if (start := result.folder.read_provenance().get("grains_from")) is not None:
         row["started_from"] = Path(start["folder"]).name  # a study's point
-    for name in ("shear_stress", "shear_stress_error", "field_strength_powder", "fill_powder"):
-        if name in summary:  # between pole faces: a point of the powder's law tau(H, phi)
+    for name in ("shear_stress", "shear_stress_error", "field_strength_powder", "fill_powder", "solid_fraction",
+                 "relative_permeability"):  # fmt: skip
+        if name in summary:  # between pole faces, or in a sheared box: a point of the powder's law tau(H, phi)
             row[name] = summary[name]
+    for name in ("normal_stress", "effective_friction"):
+        if name in summary:
+            row[name] = None if summary[name] is None else summary[name]["mean"]
     if ROTOR_SPEED in result.history:
         row["rotor_speed"] = float(result.history[ROTOR_SPEED].iloc[-1])
     if "lock_up_time" in summary:  # a shaft is free
@@ -135,9 +139,14 @@ def row_of(values: dict[str, Any], result: Result) -> dict[str, Any]:
 
 
 def disc_torque(result: Result) -> Estimate:
-    """The result's steady torque; none where the scene has no disc, as a box without a wall on it."""
+    """The result's steady torque; none where the scene has no disc, as a box without a wall on it.
+
+    Of a sheared periodic box the verdict is that of its stress.
+    """
     if TORQUE_DISC in result.history:
         return result.torque
+    if result.steady is not None:
+        return Estimate(None, None, 0, None, None, result.steady.converged, result.steady.reason)
     return Estimate(None, None, 0, None, None, False, "the scene has no disc")
 
 

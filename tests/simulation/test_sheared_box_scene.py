@@ -11,6 +11,7 @@ from coupling import run_staggered
 from coupling.neighbour_rows import neighbour_rows
 from coupling.powder_cell import PowderCell, ShearParameters
 from coupling.sheared_powder import min_edge
+from emclutch.results.report.verdict import verdict
 from emclutch.results.steady_stress import steady_stress
 from emclutch.results.steady_torque import SteadyConditions
 from emclutch.scene.case import case_from
@@ -19,6 +20,7 @@ from emclutch.simulation.assembly import assemble
 from emclutch.simulation.check import check
 from emclutch.simulation.plan import make_plan
 from emclutch.simulation.run import run
+from emclutch.studies.tables import row_of
 from field.laws.powder_law import GrainLaw
 from particles import ShearedBox
 
@@ -189,6 +191,9 @@ def test_a_resumed_run_is_the_same_bit_for_bit(base, tmp_path):
     stress = whole.summary["stress"]
     assert stress["mean"] == whole.stress.mean and not stress["converged"]
     assert "torque" not in whole.summary and whole.summary["shear_strain"] > 0.0
+    assert "The shear stress is not known" in verdict(whole)[0].text
+    row = row_of({}, whole)
+    assert row["torque"] is None and row["shear_stress"] == whole.stress.mean and not row["converged"]
 
 
 def _history(strain, seed, tau=300.0, P=1000.0, windows=400):

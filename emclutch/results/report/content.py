@@ -15,6 +15,7 @@ from emclutch.results import COLUMNS, OutputError, Result, RunFolder, load_resul
 from emclutch.results.columns import (
     DISSIPATED,
     ENERGY_RESIDUAL,
+    SHEAR_STRESS,
     TORQUE_DISC,
     WORK_BOX_MAGNETIC,
     WORK_HELD,
@@ -27,7 +28,7 @@ from emclutch.results.grain_profiles import profile_column, read_profiles
 from emclutch.results.replicated_mean import drift_in_words
 from emclutch.results.report.verdict import Mark, Statement, sentence, verdict
 from emclutch.results.study_folder import StudyFolder, is_study, read_study, refresh_in_words
-from emclutch.results.text import format_time, format_torque
+from emclutch.results.text import format_stress, format_time, format_torque
 
 LeftOutOf = Callable[[Result], Sequence[LeftOut]]
 """What the scene of a run leaves out, see `emclutch.simulation.check`."""
@@ -203,7 +204,7 @@ def study_page(study: StudyFolder, left_out_of: LeftOutOf) -> Page:
     """Return the page of a study: the points that are done."""
     results = study.results()
     verdicts = {label: verdict(result) for label, result in results.items()}
-    torques = {label: _torque(result) for label, result in results.items()}
+    torques = {label: _measured(result) for label, result in results.items()}
     on = {label: effects_of(result) for label, result in results.items()}
     first = next(iter(results.values()), None)
     left_out = () if first is None else left_out_of(first)
@@ -216,12 +217,12 @@ def study_page(study: StudyFolder, left_out_of: LeftOutOf) -> Page:
     points = [
         [
             str(row["folder"]), *(str(row[key]) for key in study.varied), torques[label] or "none",
-            "yes" if result.torque.converged else "NO", format_time(row["seconds"]),
+            "yes" if result.steady is not None and result.steady.converged else "NO", format_time(row["seconds"]),
         ]
         for (label, result), (_, row) in zip(results.items(), study.table.iterrows(), strict=True)
     ]  # fmt: skip
     compared = study.path / "methods.txt"
-    head = ("point", *study.varied, "torque on the disc", "converged", "took")
+    head = ("point", *study.varied, _measured_name(results), "converged", "took")
     return Page(
         study.path,
         study.title,
@@ -263,8 +264,15 @@ def _rows(rows: Sequence[Sequence[str]]) -> list[Block]:
     return [Table(rows)] if rows else []
 
 
-def _torque(result: Result) -> str:
+def _measured(result: Result) -> str:
+    """Return torque or stress of a run; empty where it has neither."""
+    if SHEAR_STRESS in result.history:
+        return format_stress(result.stress)
     return format_torque(result.torque) if TORQUE_DISC in result.history else ""
+
+
+def _measured_name(results: dict[str, Result]) -> str:
+    return "shear stress" if any(SHEAR_STRESS in one.history for one in results.values()) else "torque on the disc"
 
 
 def _scene(folder: RunFolder) -> list[Block]:
@@ -288,7 +296,7 @@ def _that_matter(left_out: Sequence[LeftOut], on: Sequence[str], where: str = ""
 def _progress(study: StudyFolder, results: dict[str, Result]) -> list[Statement]:
     """Say how far a study has come, and what went wrong."""
     done = len(results)
-    known = sum(bool(result.torque.converged) for result in results.values() if TORQUE_DISC in result.history)
+    known = sum(one.steady is not None and bool(one.steady.converged) for one in results.values())
     lines = [
         Statement(Mark.GOOD, f"All {done} points are done.")
         if study.points is None or study.points <= done
@@ -296,8 +304,8 @@ def _progress(study: StudyFolder, results: dict[str, Result]) -> list[Statement]
     ]
     if done:
         worst = _widest(results.values())
-        precision = f"; half of the widest 95 % interval is {worst} of its torque" if worst else ""
-        text = f"The torque is converged at {known} of {done} points{precision}."
+        precision = f"; half of the widest 95 % interval is {worst} of its mean" if worst else ""
+        text = f"The {_measured_name(results)} is converged at {known} of {done} points{precision}."
         lines.append(Statement(Mark.GOOD if known == done else Mark.POOR, text))
     if outdated := refresh_in_words(study):
         lines.append(Statement(Mark.POOR, sentence(outdated)))
@@ -446,10 +454,10 @@ def _cost(summaries: Sequence[dict[str, Any]]) -> list[Block]:
 
 
 def _widest(results: Iterable[Result]) -> str:
-    """Return half the widest 95 % interval, relative to its torque; empty where one is unknown."""
+    """Return half the widest 95 % interval, relative to its mean; empty where one is unknown."""
     shares = []
     for result in results:
-        torque = result.torque if TORQUE_DISC in result.history else None
+        torque = result.steady
         half = None if torque is None else torque.half_width()
         if torque is None or half is None or not torque.mean:
             return ""
