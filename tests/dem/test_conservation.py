@@ -22,10 +22,6 @@ def _cloud(count=400):
     return Grains.create(x, r, 7850.0, velocity=v, angular_velocity=rng.normal(size=x.shape) * 300.0)
 
 
-def _angular_momentum(g):
-    return g.mass @ np.cross(g.position, g.velocity) + g.inertia @ g.angular_velocity
-
-
 def test_kinetic_energy_is_booked_exactly_and_losses_by_mechanism_to_first_order():
     grains = _cloud()
     dt = choose_time_step(LAW, grains.mass, grains.radius, steps_per_contact=80).dt

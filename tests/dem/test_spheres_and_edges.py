@@ -36,12 +36,6 @@ def test_free_fall_is_an_exact_parabola():
     assert dem.grains.position[0] == pytest.approx([0.2 * t, 0.0, 1.0 + t - 0.5 * G * t**2], rel=1e-12)
 
 
-def _on_the_floor(law, r, density, gravity=G):
-    grains = _sphere([0.0, 0.0, r], r, density)
-    grains.position[0, 2] -= grains.mass[0] * gravity / law.stiffness_n  # at rest on its static overlap
-    return grains
-
-
 def test_rolling_over_a_convex_edge_keeps_one_contact_and_a_continuous_force():
     """A sphere rolls outward on a disc's face, over its edge, down its rim: one contact, handed on."""
     walls = outline("disc", "disc", [(0.0, 0.01), (0.03, 0.01), (0.03, -0.01), (0.0, -0.01)])
