@@ -47,16 +47,16 @@ def pair_of_bulk_friction(bulk: float) -> FrictionPair:
     from particles.bulk_friction.friction_table import measured_table  # local: it needs scipy, most scenes do not
 
     table = measured_table()
-    ends = table.range_of_friction(bulk)
-    if ends is None:
+    friction = table.nearest_friction(bulk, DRY_STEEL)
+    if friction is None:
         low, high = float(table.mean.min()), float(table.mean.max())
         raise ValueError(
             f"cannot be reached by friction and rolling friction of spheres; allowed: bulk frictions of {low:.3f} to "
             f"{high:.3f}, angles of repose of {angle_in_words(math.asin(low))} to {angle_in_words(math.asin(high))}; a "
             "steeper heap is that of a cohesive or interlocking powder: say its friction itself, and add a cohesion"
         )
-    pair = table.pair(bulk, min(max(DRY_STEEL, ends[0]), ends[1]))
-    assert pair is not None  # within the ends
+    pair = table.pair(bulk, friction)
+    assert pair is not None  # on the line
     return pair
 
 

@@ -93,16 +93,33 @@ class FrictionTable:
     def rolling_for(self, bulk: float, friction: float) -> float | None:
         """Return the mu_r with which mu_s = ``friction`` gives a bulk friction; None where none does."""
         reached, last = self._along(friction, self.mean), float(self.rolling[-1])
-        if not reached(0.0) <= bulk <= reached(last):
+        free, hindered = PchipInterpolator(self.friction, self.mean[:, [0, -1]])(friction)
+        if not free <= bulk <= hindered:
             return None
+        if bulk >= reached(last):  # the end itself, to round-off
+            return last
         return float(brentq(lambda mu_r: reached(mu_r) - bulk, 0.0, last))
 
     def range_of_friction(self, bulk: float) -> tuple[float, float] | None:
-        """Return the smallest and the largest mu_s that give a bulk friction, to 0.001; None: none does."""
-        friction = np.linspace(0.0, float(self.friction[-1]), 1 + round(float(self.friction[-1]) / RESOLUTION))
-        free, hindered = (PchipInterpolator(self.friction, self.mean[:, column])(friction) for column in (0, -1))
-        reached = friction[(free <= bulk) & (bulk <= hindered)]
+        """Return the smallest and the largest mu_s that give a bulk friction, to 0.001; None: none does.
+
+        Within, some need not: where the bulk friction of grains that roll freely has saturated, it goes up and down by
+        the table's noise.
+        """
+        reached = self._frictions_that_reach(bulk)
         return (float(reached[0]), float(reached[-1])) if len(reached) else None
+
+    def nearest_friction(self, bulk: float, friction: float) -> float | None:
+        """Return the mu_s nearest to ``friction`` that gives a bulk friction with some mu_r; None: none does."""
+        if self.rolling_for(bulk, friction) is not None:
+            return friction
+        reached = self._frictions_that_reach(bulk)
+        return float(reached[np.argmin(np.abs(reached - friction))]) if len(reached) else None
+
+    def _frictions_that_reach(self, bulk: float) -> np.ndarray:
+        friction = np.linspace(0.0, float(self.friction[-1]), 1 + round(float(self.friction[-1]) / RESOLUTION))
+        free, hindered = PchipInterpolator(self.friction, self.mean[:, [0, -1]])(friction).T
+        return friction[(free <= bulk) & (bulk <= hindered)]
 
     def pair(self, bulk: float, friction: float, spread: float = 0.0) -> FrictionPair | None:
         """Return the pair with mu_s = ``friction``; None where no mu_r gives the bulk friction.

@@ -29,7 +29,7 @@ def changed(**tables):
     return {**SCENE, **{name: {**SCENE.get(name, {}), **table} for name, table in tables.items()}}
 
 
-@pytest.mark.parametrize("angle", [12, 20, 25, 30, 34])
+@pytest.mark.parametrize("angle", [12, 20, 21.7, 25, 30, 34])
 def test_every_pair_of_the_line_has_the_angle(angle):
     """By the inverse command too; sin(angle) is tau/P, so the internal friction of the same name has the same line."""
     line = json.loads(invoke("--repose", f"{angle} deg", "--json").stdout)

@@ -79,6 +79,19 @@ def test_a_pair_has_the_bulk_friction_that_it_was_found_for(bulk):
     assert table.rolling_for(bulk, 0.0) is None  # without sliding friction no rolling friction helps
 
 
+def test_the_nearest_pair_exists_wherever_the_line_does():
+    """Every bulk friction of the table, also those that noise has in pieces, and its very end."""
+    table = measured_table()
+    for bulk in [*np.linspace(float(table.mean[0, 0]), float(table.mean.max()), 60), 0.37]:
+        friction = table.nearest_friction(float(bulk), 0.6)
+        pair = table.pair(float(bulk), friction)
+        assert table.bulk_friction(friction, pair.rolling)[0] == pytest.approx(bulk, abs=2e-3)
+        ends = table.range_of_friction(float(bulk))
+        assert ends is None or ends[0] <= friction <= ends[1]
+    assert table.nearest_friction(0.3, 0.1) == 0.1
+    assert table.nearest_friction(1.0, 0.6) is None
+
+
 def test_what_the_table_does_not_hold():
     table = measured_table()
     assert table.range_of_friction(1.0) is None and table.range_of_friction(0.05) is None
