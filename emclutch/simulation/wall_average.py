@@ -58,11 +58,11 @@ class WallAverage:
             self._pull[k] += -along[axis, inside & ~upper].sum(), along[axis, inside & upper].sum()
 
     def begin(self, motion: Any) -> None:
-        """Take the walls of a run, in bins one grain wide."""
+        """Take the walls of a run, in bins two grains wide: narrower ones hold a contact or none at a moment."""
         self._walls = motion.walls
         self._n_sectors = 1.0 if motion.sector is None else 2.0 * math.pi / motion.sector.angle
         space = enclosed_space(motion.grains, motion.walls, ring=True if motion.sector else None)
-        self._bins = wall_bins(motion.walls, space, 2.0 * float(np.mean(motion.grains.radius)), self._poles)
+        self._bins = wall_bins(motion.walls, space, 4.0 * float(np.mean(motion.grains.radius)), self._poles)
 
     def state(self) -> dict[str, np.ndarray]:
         """State with which a resumed run continues; empty before the first moment."""
