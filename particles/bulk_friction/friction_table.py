@@ -1,10 +1,12 @@
 """Bulk friction mu_bulk(mu_s, mu_r) of a dry powder from a measured table, and the pairs that give one bulk friction.
 
 The table, `measured.csv`, has the result of `particles.bulk_friction.steady_shear` against sliding friction mu_s and
-rolling friction mu_r; `tests/benchmarks/bulk_friction.py` made it. Means over its seeds grow with rolling friction;
-where noise has one that does not, neighbours are averaged (isotonic regression: Barlow, Bartholomew, Bremner & Brunk,
-Statistical Inference under Order Restrictions, 1972). Between its points it is interpolated by monotone cubics (Fritsch
-& Carlson, SIAM J. Numer. Anal. 17 (1980) 238), so that one rolling friction at most belongs to a sliding friction.
+rolling friction mu_r; `tests/benchmarks/bulk_friction.py` made it. Errors of single runs are too small where seeds
+differ by more; all are then enlarged by what the repeated points say together (R. T. Birge, Phys. Rev. 40 (1932) 207).
+Means over the seeds grow with rolling friction; where noise has one that does not, neighbours are averaged (isotonic
+regression: Barlow, Bartholomew, Bremner & Brunk, Statistical Inference under Order Restrictions, 1972). Between its
+points the table is interpolated by monotone cubics (Fritsch & Carlson, SIAM J. Numer. Anal. 17 (1980) 238), so that one
+rolling friction at most belongs to a sliding friction.
 
 **Ends of a line.** mu_bulk saturates in both directions. Spheres that roll freely reach no more than 0.4, whatever
 their sliding friction: they roll instead of slide. From mu_r about 2 mu_s on, grains slide before they roll: the torque
@@ -162,14 +164,19 @@ def read_table(path: Path) -> FrictionTable:
     found = np.array([[float(row["bulk_friction"]), float(row["error"])] for row in rows])
     friction, rolling = (np.unique(column) for column in at.T)
     mean, error = np.zeros((len(friction), len(rolling))), np.zeros((len(friction), len(rolling)))
+    squares, repeats = 0.0, 0
     for i, mu_s in enumerate(friction):
         for j, mu_r in enumerate(rolling):
             # without sliding friction nothing makes a grain roll: one point stands for all mu_r
-            here = (at[:, 0] == mu_s) & ((at[:, 1] == mu_r) | (mu_s == 0.0))
-            if not here.any():
+            here = found[(at[:, 0] == mu_s) & ((at[:, 1] == mu_r) | (mu_s == 0.0))]
+            if not len(here):
                 raise ValueError(f"{path}: no run at friction {mu_s:g} and rolling friction {mu_r:g}")
-            mean[i, j] = found[here, 0].mean()
-            error[i, j] = np.sqrt(np.sum(found[here, 1] ** 2)) / here.sum()
+            weight = here[:, 1] ** -2
+            mean[i, j], error[i, j] = np.average(here[:, 0], weights=weight), weight.sum() ** -0.5
+            squares += float(weight @ (here[:, 0] - mean[i, j]) ** 2)
+            repeats += len(here) - 1
+    if repeats:
+        error *= max(1.0, np.sqrt(squares / repeats))
     for i in range(len(friction)):  # more rolling friction never makes a powder weaker: what is lower is noise
         mean[i] = isotonic_regression(mean[i], weights=error[i] ** -2).x
     return FrictionTable(friction, rolling, mean, error, len(rows))

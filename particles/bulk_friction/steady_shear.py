@@ -32,7 +32,7 @@ from particles.packing.periodic_packing import periodic_packing
 FILL = 0.58  # of grains of the largest size, before the sizes are drawn: every state dilates or compacts from there
 DAMPING = 20.0  # of the barostat, in P d sqrt(rho/P): slower than a collision, faster than the shear up to I = 0.02
 STEPS_AT_ONCE = 20  # between two strains of the box
-BLOCKS = 20  # of the averaged strain, for the standard error: each is longer than the stress is correlated (0.1)
+BLOCKS = 20  # of the averaged strain, for the standard error; what it lacks, runs with other seeds say
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -19,7 +19,7 @@ import numba
 
 from particles.bulk_friction.steady_shear import BulkFriction, SteadyShear, measure_bulk_friction
 
-FRICTION = (0.5, 1.0, 0.7, 0.3, 0.1)  # the middle first
+FRICTION = (0.5, 0.3, 0.7, 1.0, 0.2, 0.1)  # the middle first
 ROLLING = (0.0, 0.1, 0.4, 1.0, 0.2, 0.05)
 COLUMNS = (
     "friction", "rolling", "seed", "inertial_number", "strain", "bulk_friction", "error", "fill", "contacts", "overlap",

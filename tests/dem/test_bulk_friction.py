@@ -50,14 +50,14 @@ def test_what_cannot_be_sheared_is_refused():
 def test_the_table_agrees_with_published_values():
     """Frictionless beads: 0.101 +- 0.004 as I -> 0, and + 0.03 at I = 0.003 (Peyneau & Roux, PRE 78 (2008) 011307).
 
-    Spheres of friction 0.5 that roll freely: 0.36 to 0.38 (GDR MiDi 2004; Hatano, PRE 75 (2007) 060301); it no longer
-    grows from there on.
+    Glass beads: 0.38 = tan 20.9 deg (Forterre & Pouliquen, J. Fluid Mech. 486 (2003) 21), as spheres of friction 0.5
+    that roll freely; from there on it no longer grows.
     """
     table = measured_table()
     assert 0.095 < table.mean[0, 0] < 0.145
     rolls = {float(mu_s): mean for mu_s, mean in zip(table.friction, table.mean[:, 0], strict=True)}
     assert 0.34 < rolls[0.5] < 0.39
-    assert rolls[1.0] == pytest.approx(rolls[0.5], abs=0.02)
+    assert rolls[1.0] == pytest.approx(rolls[0.5], abs=0.03)
     assert rolls[0.0] < rolls[0.1] < rolls[0.3] < 0.4
 
 
