@@ -74,7 +74,8 @@ def main() -> None:
             own = cell.at(field / CLUTCH_MS * CELL_MS, fill) / of_cell
             print(f"{name}: {1e-3 * field:.0f} kA/m, fill {fill:.2f}: {tau / of_clutch / own:.2f} of the cell's stress")
     axes.set(xscale="log", yscale="log", xlabel="H/Ms", ylabel="shear stress / ($\\mu_0$ Ms²)")
-    axes.set_title("A cell without walls and rolling friction, and the clutch", loc="left", fontsize=10)
+    title = "A cell without walls and rolling friction, and the clutch (former contact model)"
+    axes.set_title(title, loc="left", fontsize=10)
     axes.grid(alpha=0.3, lw=0.4, which="both")
     axes.legend(frameon=False, fontsize=8)
     figure.savefig(parser.parse_args().picture, dpi=130)
