@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -66,15 +67,18 @@ class WallAverage:
 
     def state(self) -> dict[str, np.ndarray]:
         """State with which a resumed run continues; empty before the first moment."""
-        if self._sums is None:
+        if self._sums is None or self._bins is None:
             return {}
-        return {name: getattr(self._sums, name) for name in WallSums.__slots__} | {"pull": self._pull}
+        sums = {name: getattr(self._sums, name) for name in WallSums.__slots__}
+        return sums | {"pull": self._pull, "area": self._bins.area}
 
     def restore(self, state: dict[str, np.ndarray], motion: Any) -> None:
         """Go on from a state."""
         if not state:
             return
         self.begin(motion)
+        assert self._bins is not None
+        self._bins = replace(self._bins, area=state["area"])  # an open side of a box ends where grains were then
         self._pull = np.array(state["pull"])
         self._sums = WallSums(**{name: state[name] for name in WallSums.__slots__})
 

@@ -7,6 +7,7 @@ import pytest
 from dem_laws import DENSITY, FLOOR, MASS, RADIUS, G, law, make_dem
 from loaded_grains import RING, clamped_ring
 
+from emclutch.simulation.wall_average import WallAverage
 from geometry.triangle_wall import TriangleWall
 from geometry.walls import AnnularBox, Plane, annulus, cone, cylinder
 from particles import Body
@@ -125,3 +126,8 @@ def test_loads_of_the_walls_change_the_momentum_of_a_falling_bed():
         along = load.normal_force[1] - load.normal_force[2] - load.flow_force[[0, 3, 4]].sum()
         assert rate[0] == pytest.approx(along, abs=1e-9 * max(1.0, np.abs(load.normal_force).max()))
         assert load.normal_force[0] > 10.0 * MASS * G
+    average, again = WallAverage(), WallAverage()
+    average.add(dem, dem.contacts())
+    dem.run(500)  # the uppermost grain, up to which the sides are counted, goes on falling
+    again.restore(average.state(), dem)
+    assert np.array_equal(again.pressure().pressure, average.pressure().pressure)
