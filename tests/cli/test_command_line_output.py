@@ -48,7 +48,7 @@ def test_settings_are_toml_or_text():
 
 
 def test_every_command_has_help():
-    names = [command.name or command.callback.__name__ for command in app.registered_commands]
+    names = [command.name or command.callback.__name__.replace("_", "-") for command in app.registered_commands]
     assert {"run", "check", "sweep", "accuracy", "mesh", "plot", "materials", "schema", "doctor"} <= set(names)
     for name in names:
         result = CliRunner().invoke(app, [name, "--help"])
