@@ -204,7 +204,8 @@ def _write_study(folder: Path, case: Case, values: dict[str, tuple[float, ...]])
 def _torques(points: Path, names: tuple[str, ...], key: str) -> tuple[SimulatedTorques, int]:
     """Return the torques of a study's points, and how many are not converged."""
     table = load_study(points).table
-    torque = np.abs(table["torque"].to_numpy(dtype=float))
+    torque = table["torque"].to_numpy(dtype=float)
+    torque = torque * np.sign(np.nanmedian(torque))  # one of the other sign is noise, and is refused by the fit
     error = np.nan_to_num(table["standard_error"].to_numpy(dtype=float))
     doubtful = int((~table["converged"].astype(bool)).sum())
     parameters = table[list(names)].to_numpy(dtype=float)
@@ -252,6 +253,8 @@ def _write(result: FitResult) -> None:
 
 def _draw(result: FitResult) -> None:
     """Measured and fitted torque over the drive, and the valley of the first two parameters."""
+    from matplotlib.ticker import LogLocator, NullFormatter
+
     fitted, measured = result.fit, result.measured
     several = len(fitted.parameters) > 1
     title = f"{result.case.scene.scene.title}: fitted torque"
@@ -261,6 +264,10 @@ def _draw(result: FitResult) -> None:
     axes[0].plot(measured.drive, fitted.torque, color="C0", label="fitted")
     axes[0].fill_between(measured.drive, fitted.low, fitted.high, color="C0", alpha=0.25, label="95 %")
     axes[0].set(xscale="log", yscale="log", xlabel=result.key, ylabel="torque [N m]")
+    for axis in (axes[0].xaxis, axes[0].yaxis):  # 0.2, 0.5, 1 in place of powers of ten
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axis.set_major_formatter(lambda value, _: f"{value:g}")
+        axis.set_minor_formatter(NullFormatter())
     legend_below(axes[0], 3)
     if several:
         a, b = fitted.parameters[:2]
@@ -293,15 +300,13 @@ def in_words(result: FitResult) -> list[str]:
         ends = ("" if bounded else ", the end of what was simulated" for bounded in one.bounded)
         low, high = (f"{value:.3g}{end}" for value, end in zip((one.low, one.high), ends, strict=True))
         lines.append(f"{one.name} = {one.value:.3g} (95 %: {low} to {high})")
-    loose = [one for one in fitted.parameters if not all(one.bounded)]
     if len(fitted.parameters) > 1 and len(fitted.valley) > 1:
         pairs = " to ".join("(" + ", ".join(f"{v:.3g}" for v in row) + ")" for row in fitted.valley[[0, -1]])
         lines.append(f"they go together along the valley {pairs}, see valley.csv")
-    if loose:
-        names = ", ".join(one.name for one in loose)
-        lines.append(
-            f"the curve does not bound {names}: fix one of them by another measurement, e.g. --repose '34 deg'"
-        )
+    if names := ", ".join(one.name for one in fitted.parameters if not any(one.bounded)):
+        lines.append(f"the curve does not bound {names}: add another measurement, e.g. --repose '34 deg'")
+    if names := ", ".join(one.name for one in fitted.parameters if sum(one.bounded) == 1):
+        lines.append(f"{names} may lie beyond the values that were simulated: widen their range")
     lines.append(
         f"measured over fitted torques scatter by {100.0 * fitted.scatter:.2g} %, {len(result.measured.drive)} points"
         + (f", {result.left_out} left out (0, or beyond the simulated drives)" if result.left_out else "")

@@ -37,6 +37,10 @@ PROFILE = 33
 LEVEL = 0.95
 POOR = 0.01
 """Probability of a sum of squares this large, below which no parameters fit."""
+Z = 1.96
+"""Half width of a normal distribution's 95 % interval, in standard errors."""
+STEP = 1e-3
+"""Of a parameter's range, for differences."""
 SMALLEST_SCATTER = 1e-3
 """Of ln T: a surface through all of its points is not exact between them."""
 
@@ -170,7 +174,7 @@ class TorqueFit:
     valley : ndarray, shape (m, k)
         Best parameters for each value of the first one that the data allow (95 %).
     torque, low, high : ndarray, shape (n,)
-        At the measured drives [N m]: of the best parameters, and the extremes along all profiles within 95 %.
+        At the measured drives [N m]: of the best parameters, and its 95 % band by linear propagation.
     sum_of_squares : float
         S_min.
     degrees_of_freedom : int
@@ -236,30 +240,42 @@ def fit_torque(
     allowed = smallest + float(chi2.ppf(LEVEL, 1))
     if measured.error is None:  # the scatter itself is the error, but not less than that of the surface
         allowed = smallest + max(smallest / free, 1.0) * float(f.ppf(LEVEL, 1, free))
-    found, curves, valley = [], [log_torque(best)], np.empty((0, k))
+    found, valley = [], np.empty((0, k))
     for a, name in enumerate(simulated.names):
         at = np.unique(np.append(np.linspace(surface.low[a], surface.high[a], PROFILE), best[a]))
         profile = [_smallest(residuals, surface.low, surface.high, {a: value}, best) for value in at]
         sums = np.array([one[1] for one in profile])
         inside = np.flatnonzero(sums <= allowed)
-        curves += [log_torque(profile[i][0]) for i in inside]
         if a == 0:
             valley = np.array([profile[i][0] for i in inside])
         low, high = _crossing(at, sums, allowed, inside[0], -1), _crossing(at, sums, allowed, inside[-1], 1)
         bounded = bool(inside[0] > 0), bool(inside[-1] < len(at) - 1)
         found.append(FittedParameter(name, float(best[a]), low, high, bounded))
-    rest = wanted - curves[0]
+    fitted = log_torque(best)
+    scale = 1.0 if measured.error is not None else np.sqrt(max(smallest / free, 1.0))
+    half = Z * scale * _errors_of_curve(log_torque, residuals, best, surface.high - surface.low)
     return TorqueFit(
         parameters=tuple(found),
         valley=valley,
-        torque=np.exp(curves[0]),
-        low=np.exp(np.min(curves, axis=0)),
-        high=np.exp(np.max(curves, axis=0)),
+        torque=np.exp(fitted),
+        low=np.exp(fitted - half),
+        high=np.exp(fitted + half),
         sum_of_squares=smallest,
         degrees_of_freedom=free,
         probability=None if measured.error is None else float(chi2.sf(smallest, free)),
-        scatter=float(np.sqrt(np.sum(rest**2) / free)),
+        scatter=float(np.sqrt(np.sum((wanted - fitted) ** 2) / free)),
     )
+
+
+def _errors_of_curve(log_torque: Residual, residuals: Residual, best: np.ndarray, span: np.ndarray) -> np.ndarray:
+    """Standard errors (n,) of ln T of the best parameters, linear in them; what the data do not fix does not count."""
+
+    def jacobian(of: Residual) -> np.ndarray:
+        steps = STEP * np.diag(span)
+        return np.array([np.asarray(of(best + one)) - np.asarray(of(best - one)) for one in steps]).T / (2.0 * STEP)
+
+    J, R = jacobian(log_torque), jacobian(residuals)
+    return np.sqrt(np.einsum("ij,jk,ik->i", J, np.linalg.pinv(R.T @ R, rcond=1e-8, hermitian=True), J))
 
 
 def _smallest(

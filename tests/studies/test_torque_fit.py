@@ -51,7 +51,7 @@ def test_a_known_truth_is_recovered():
         assert one.value == pytest.approx(truth, abs=0.02)
         assert one.low < one.value < one.high and one.bounded == (True, True)
     assert not fit.is_poor and fit.scatter < 0.01
-    assert (fit.low <= fit.torque).all() and (fit.torque <= fit.high).all()
+    assert (fit.low < fit.torque).all() and (fit.torque < fit.high).all()
 
 
 def test_intervals_hold_the_truth_as_often_as_they_say():
@@ -68,6 +68,14 @@ def test_intervals_hold_the_truth_as_often_as_they_say():
         held.append(inside / 60)
     assert min(held) > 0.95 - 4.0 * np.sqrt(0.95 * 0.05 / 60)
     assert held[0] < 1.0  # an interval that always holds it says too little
+
+
+def test_the_band_of_the_curve_is_that_of_a_mean():
+    """One parameter that is the height: n measurements with an error s fix it to s/sqrt(n), whatever else is open."""
+    heights = simulated(lambda p, x: 10.0 * np.exp(p[0] + p[1]), (0.0, 1.0), (0.0, 1.0))
+    for n in (4, 16):
+        fit = fit_torque(heights, measured(lambda p, x: 10.0 * np.exp(p[0] + p[1]), (0.5, 0.5), n=n, noise=0.05))
+        assert np.log(fit.high / fit.torque) == pytest.approx(1.96 * 0.05 / np.sqrt(n), rel=0.01)
 
 
 def test_parameters_that_go_together_are_a_valley():
