@@ -13,6 +13,7 @@ from typing import Any
 
 from emclutch.cli.input import number_or_text
 from emclutch.results import OutputError, Result, load_result
+from emclutch.results.columns import SHEAR_STRESS
 from emclutch.results.measured_table import read_measured
 from emclutch.results.seed_average import averaged_over_seeds
 from emclutch.results.study_folder import is_study, read_study, refresh_in_words
@@ -85,6 +86,10 @@ def plot_runs(
     if out.exists():
         raise OutputError(f"{out} exists; name another file with --out")
     title = _title(folders, results)
+    if kind == TORQUE and len(results) == 1 and SHEAR_STRESS in results[0].history:
+        from emclutch.results.pictures.sheared_box import stress_picture
+
+        return stress_picture(out, results[0].history, results[0].stress, results[0].other_histories, title=title)
     if kind == TORQUE and len(results) == 1:
         from emclutch.results.pictures.torque import torque_picture
 
