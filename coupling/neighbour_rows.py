@@ -23,7 +23,7 @@ class NeighbourRows:
 
     Row `image[q]` of `images` holds cosine and sine of an image's turn about z and its translation [m]; the middle one
     is the grain itself. `position` (n, 3) [m] is where the grains were when the rows were made out to `reach` [m].
-    `strain` is that of the periodic space then. `twin` is where each entry's pair stands in the other grain's row;
+    `strain` and `height` [m] are those of the periodic space then. `twin` is where each entry's pair stands in the other grain's row;
     None: not every pair does.
     """
 
@@ -35,6 +35,7 @@ class NeighbourRows:
     reach: float
     twin: np.ndarray | None = None  # (p,) int32
     strain: float = 0.0
+    height: float = 1.0
 
     @property
     def arrays(self) -> Rows:
@@ -50,7 +51,7 @@ class NeighbourRows:
         spare = max(self.reach - cutoff, 0.0)
         if periodicity is not None:
             middle = 0.5 * (self.reach + cutoff)
-            return periodicity.approach(position, self.position, self.strain, middle) <= spare
+            return periodicity.approach(position, self.position, self.strain, self.height, middle) <= spare
         moved = position - self.position
         farthest = float(np.einsum("ij,ij->i", moved, moved).max(initial=0.0))
         return farthest <= (0.5 * spare) ** 2
@@ -72,8 +73,8 @@ def neighbour_rows(position: np.ndarray, reach: float, periodicity: Periodicity 
     other, twin = np.empty((2, 2 * pairs.count), dtype=np.int32)
     image = np.empty(2 * pairs.count, dtype=np.uint8)
     fill_rows(pairs.start, pairs.other, pairs.shift, len(images) // 2, start, other, image, twin)
-    strain = 0.0 if periodicity is None else periodicity.strain
-    return NeighbourRows(start, other, image, images, position.copy(), reach, twin, strain)
+    sheared = (0.0, 1.0) if periodicity is None else (periodicity.strain, periodicity.height)
+    return NeighbourRows(start, other, image, images, position.copy(), reach, twin, *sheared)
 
 
 @njit(cache=True, error_model="numpy")

@@ -107,6 +107,7 @@ class Simulation:
             "reach": self._rows.reach,
             "twin": self._rows.twin,
             "strain": self._rows.strain,
+            "height": self._rows.height,
         }
 
     def restore_rows(self, state: dict | None) -> None:

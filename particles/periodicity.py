@@ -74,11 +74,18 @@ class Periodicity(ABC):
         """By how much the copies have been sheared past one another so far [-]; 0 where they are not."""
         return 0.0
 
-    def approach(self, position: np.ndarray, before: np.ndarray, strain: float, reach: float) -> float:
+    @property
+    def height(self) -> float:
+        """Height [m] of a box that may be stretched along z; 1 where nothing is."""
+        return 1.0
+
+    def approach(
+        self, position: np.ndarray, before: np.ndarray, strain: float, height: float, reach: float
+    ) -> float:
         """By how much [m] two grains within ``reach`` [m] may have come nearer at most.
 
-        Since they stood at ``before`` (n, 3) [m], in the same order and on the same sides of the faces, and the
-        `strain` was ``strain``.
+        Since they stood at ``before`` (n, 3) [m], in the same order and on the same sides of the faces, and `strain`
+        and `height` were ``strain`` and ``height``.
         """
         moved = position - before
         return 2.0 * float(np.sqrt(np.einsum("ij,ij->i", moved, moved).max(initial=0.0)))

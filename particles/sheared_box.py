@@ -170,11 +170,23 @@ class ShearedBox(Periodicity):
                 "a neighbour twice; take more grains or a shorter reach"
             )
 
-    def approach(self, position: np.ndarray, before: np.ndarray, strain: float, reach: float) -> float:
-        """See `Periodicity`: 2 max u + gamma reach, a stretch being part of the displacements u."""
-        sheared, moved = self.strain - strain, position - before
-        moved[:, 0] -= sheared * (before[:, 2] + 0.5 * moved[:, 2])
-        return 2.0 * float(np.sqrt(np.einsum("ij,ij->i", moved, moved).max())) + abs(sheared) * reach
+    @property
+    def height(self) -> float:
+        """See `Periodicity`: Lz [m]."""
+        return float(self.lengths[2])
+
+    def approach(
+        self, position: np.ndarray, before: np.ndarray, strain: float, height: float, reach: float
+    ) -> float:
+        """See `Periodicity`: 2 max u + (gamma + |ln(Lz/height)|) reach, with displacements u beside flow and stretch.
+
+        The images of a stretched box move with it: a grain that stands still in it comes nearer to those above.
+        """
+        factor, sheared = self.height / height, self.strain - strain
+        moved = position - before * [1.0, 1.0, factor]
+        moved[:, 0] -= sheared * (0.5 * (1.0 + factor) * before[:, 2] + 0.5 * moved[:, 2])
+        farthest = math.sqrt(np.einsum("ij,ij->i", moved, moved).max(initial=0.0))
+        return 2.0 * farthest + (abs(sheared) + abs(math.log(factor))) * reach
 
     def stretch(self, factor: float) -> None:
         """Make the box higher by ``factor``; what is in it is moved by `particles.DEM.stretch`."""

@@ -235,7 +235,7 @@ class DEM(ListedGrains):
             self.attraction.per_grain["position"][:, 2] *= factor
         box.stretch(factor)
         reach = self._reaches()[1] - 0.5 * self.skin
-        nearer = box.approach(g.position, reference, box.list_strain, reach) + box.stretched * reach
+        nearer = box.approach(g.position, reference, box.list_strain, box.height, reach) + box.stretched * reach
         if nearer > self.skin:
             self.invalidate()
 

@@ -41,6 +41,29 @@ def beside(dem):
     return by_number(dem, g.velocity - dem.box.flow(g.position[:, 2]))
 
 
+@pytest.mark.parametrize("factor", [0.97, 1.0, 1.03])
+def test_no_pair_comes_nearer_than_the_box_says(factor):
+    """Grains that flow with a box that is sheared and stretched, that stand still in it, and that move beside it."""
+    rng, reach, strain = np.random.default_rng(5), 2.5 * D, 0.02
+    box = ShearedBox([8.0 * D, 7.0 * D, 9.0 * D], RATE)
+    before = rng.uniform(0.0, 1.0, (120, 3)) * box.lengths
+
+    def apart(x):
+        images = [box.place(x, np.full(len(x), shift)) for shift in range(-22, 23)]
+        return np.linalg.norm(np.array(images)[:, None] - x[None, :, None], axis=-1)
+
+    first, height = apart(before), box.height
+    box.lengths[2] *= factor
+    box.strain, box.offset = strain, strain * 0.5 * (height + box.height)
+    with_it = before * [1.0, 1.0, factor]
+    with_it[:, 0] += strain * 0.5 * (1.0 + factor) * before[:, 2]
+    still = np.column_stack([with_it[:, :2], before[:, 2]])
+    for x in (with_it, still, with_it + rng.normal(0.0, 0.02 * D, (120, 3))):
+        nearer = (first - apart(x))[(first > D) & (first < reach)].max()
+        assert nearer <= box.approach(x, before, 0.0, height, reach) * (1.0 + 1e-3)
+    assert box.approach(with_it, before, 0.0, height, reach) < (strain + abs(factor - 1.0)) * reach * 1.02
+
+
 @pytest.mark.parametrize("axis", [0, 1, 2])
 def test_a_pair_through_a_face_is_a_pair(axis):
     """Across each face, sheared by 0.37: forces, stress and what the contact loses are those inside the box."""
