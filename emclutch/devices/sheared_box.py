@@ -30,6 +30,9 @@ if TYPE_CHECKING:
 _ShearRate = Annotated[float, Quantity("a shear rate", "1/s", "500 1/s", 0.0, 1e7, open_minimum=True)]
 _Pressure = Annotated[float, Quantity("a pressure", "Pa", "1 kPa", 0.0, 1e9, open_minimum=True)]
 
+COMPACTED = 0.64
+"""Fill of grains without friction under pressure, random close packing: others stay looser."""
+
 DENSEST = 0.58
 """Fill up to which grains are packed at random in a periodic box (`particles.packing.periodic_packing`)."""
 
@@ -50,15 +53,20 @@ def _packed_at_random(draft: Draft) -> Iterator[Fault]:
                           "remove it")  # fmt: skip
 
 
-def _wide_enough(draft: Draft) -> Iterator[Fault]:
-    """No grain may meet a neighbour twice, or itself."""
+def _shortest_edge(scene: Scene) -> float:
+    """Return the edge [m] below which a grain would meet a neighbour twice."""
     from coupling.sheared_powder import min_edge  # local: the schema itself needs no particles
 
+    attraction = scene.effects.attraction
+    return min_edge(None if attraction is None else attraction.cutoff) * scene.grains.largest_diameter
+
+
+def _wide_enough(draft: Draft) -> Iterator[Fault]:
+    """No grain may meet a neighbour twice, or itself."""
     scene = draft.scene
     if scene.shape().faults(None):
         return
-    attraction = scene.effects.attraction
-    needed = min_edge(None if attraction is None else attraction.cutoff) * scene.particles.largest_diameter
+    attraction, needed = scene.effects.attraction, _shortest_edge(scene)
     shortest = min(scene.shape().size)
     if shortest < needed * (1.0 - 1e-12):
         why = "" if attraction is None else f" effects.{attraction.name}.cutoff = {attraction.cutoff:g} or"
@@ -105,7 +113,7 @@ def _elastic(draft: Draft) -> Iterator[Fault]:
 
 
 def _nothing_but_powder(draft: Draft) -> Iterator[Fault]:
-    """Weight would let grains fall for ever, a surface would be met in every copy."""
+    """Weight would let grains fall for ever, a fluid at rest stop them, a surface would be met in every copy."""
     scene = draft.scene
     weight = scene.effects.weight
     if weight is not None:
@@ -114,6 +122,14 @@ def _nothing_but_powder(draft: Draft) -> Iterator[Fault]:
             "",
             "cannot be in a periodic box, in which grains would fall for ever; remove the table",
         )
+    for one in scene.effects.present:
+        if one.role == "drag":
+            yield Fault(
+                f"effects.{one.name}",
+                "",
+                "cannot be in a periodic box, whose copies flow past a fluid at rest, each at another speed; remove "
+                "the table",
+            )
     for name in scene.surfaces:
         yield Fault(f"surfaces.{name}", "", "cannot be in a periodic box, which has no walls; remove the table")
 
@@ -165,7 +181,7 @@ class ShearedBoxGeometry(GeometrySection):
     has_axis = False
     is_periodic = True
     measured = "stress"
-    excluded_roles = ("weight", "images")
+    excluded_roles = ("weight", "images", "drag")
     why_no_sector = "needs a shape with an axis; remove it: a periodic box repeats by itself"
     CHECKS: ClassVar = (
         (_packed_at_random, ("particles",)),
@@ -270,6 +286,11 @@ class ShearedBoxGeometry(GeometrySection):
             return None
         return Barostat(self.pressure, DAMPING * self.pressure / self.rate(scene))
 
+    def _lowest(self, scene: Scene) -> float:
+        """Return the height [m] of the box when its grains are `COMPACTED`."""
+        shape = scene.shape()
+        return shape.size[2] * min(1.0, fill_of(shape, scene.grains).solid_fraction / COMPACTED)
+
     def loads(self, scene: Scene) -> Iterator[Load]:
         """Yield the imposed pressure's."""
         from emclutch.effects.effect import Load
@@ -287,9 +308,17 @@ class ShearedBoxGeometry(GeometrySection):
 
         d, density, rate = scene.grains.mean_diameter, scene.grains.density, self.rate(scene)
         edges = " x ".join(f"{edge / d:.3g}" for edge in scene.shape().size)
-        yield "box", f"{edges} diameters, periodic; flow along x, gradient along z, " + (
-            "its volume stays" if self.pressure is None else f"its height follows {two_digits(self.pressure)} Pa"
-        )
+        text = f"{edges} diameters, periodic; flow along x, gradient along z, "
+        if self.pressure is None:
+            yield "box", f"{text}its volume stays"
+        else:
+            low, needed = self._lowest(scene), _shortest_edge(scene)
+            too_low = (
+                f"at a fill of {COMPACTED:g} it would be {1e3 * low:.3g} mm high, and a run stops below "
+                f"{1e3 * needed:.3g} mm, where a grain would meet a neighbour twice: make it higher, or fill it more"
+            )
+            text += f"its height follows {two_digits(self.pressure)} Pa"
+            yield "box", with_warnings(text, too_low if low < needed else "")
         stress, text = self.expected_stress(scene), f"rate {rate:.4g} 1/s, strain {rate * end:.3g} at the end"
         if self.pressure is not None:
             text += f"; inertial number {inertial_number(rate, self.pressure, d, density):.2g} of the pressure"

@@ -40,6 +40,7 @@ class FluidDragSection(EffectSection):
 
     name = "fluid_drag"
     summary = "Stokes drag in a carrier fluid"
+    role = "drag"
     size_note = "the drag on a volume of powder goes with 1/d^2"
     columns = (TORQUE_FLUID_DRAG,)
     holds_forces = True

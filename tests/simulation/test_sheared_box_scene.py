@@ -222,6 +222,16 @@ def test_friction_is_the_ratio_of_the_means():
     assert pulled.shear.converged and pulled.friction is None
 
 
+def test_check_warns_of_a_box_that_is_pressed_too_low():
+    """Grains of a fill of 0.2 in a box 4 diameters high leave a third of it, less than two neighbours need."""
+    loose = {"geometry.size": [8.0 * D, 8.0 * D, 4.0 * D], "particles.count": None, "particles.solid_fraction": 0.2}
+    said = check(scene(DRY, loose | {"geometry.pressure": "1 kPa"})).decisions["box"]
+    assert "it would be 0.125 mm high" in said and "make it higher" in said
+    assert "high" not in check(scene(DRY, loose)).decisions["box"]
+    assert "would be" not in check(scene(DRY, {"geometry.pressure": "1 kPa", "geometry.size": [2.0 * EDGE] * 3,
+                                               "particles.count": 880})).decisions["box"]  # fmt: skip
+
+
 def test_check_names_grains_rate_and_inertial_number():
     said = check(scene(MAGNETIC)).decisions
     assert said["grains"].startswith("110 ") and "inertial number about 0.05" in said["shear"]
@@ -244,6 +254,7 @@ def test_check_names_grains_rate_and_inertial_number():
         ({"geometry.shear_rate": None, "geometry.inertial_number": 0.1}, "geometry.inertial_number", "needs a stress"),
         ({"contact.method": "dvi"}, "contact.method", "take method = 'dem'"),
         ({"effects.gravity": {}}, "effects.gravity", "fall for ever"),
+        ({"effects.fluid_drag": {"viscosity": "0.1 Pa s"}}, "effects.fluid_drag", "flow past a fluid at rest"),
         ({"particles.packing": "lattice"}, "particles.packing", "take packing = 'random'"),
         ({"particles.count": None, "particles.solid_fraction": 0.59}, "particles.solid_fraction", "up to 0.58"),
         ({"geometry.size": None}, "geometry.size", "is missing; give three lengths"),
