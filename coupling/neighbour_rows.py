@@ -23,8 +23,8 @@ class NeighbourRows:
 
     Row `image[q]` of `images` holds cosine and sine of an image's turn about z and its translation [m]; the middle one
     is the grain itself. `position` (n, 3) [m] is where the grains were when the rows were made out to `reach` [m].
-    `strain` and `height` [m] are those of the periodic space then. `twin` is where each entry's pair stands in the other grain's row;
-    None: not every pair does.
+    `strain` and `height` [m] are those of the periodic space then. `twin` is where each entry's pair stands in the
+    other grain's row; None: not every pair does.
     """
 
     start: np.ndarray  # (n+1,) int64
