@@ -110,7 +110,7 @@ def test_torque_against_current(tmp_path):
 def test_a_linear_range_is_drawn_up_to_its_knee():
     x = np.linspace(0.0, 2.0, 11)
     of = curve(x, np.minimum(x, 1.25), np.full(11, 0.01), np.full(11, True))
-    _, axis = _torque_axes([of], None, joined=True)
+    _, (axis,) = _torque_axes([of], None, joined=True)
     _draw_range(axis, of, linear_range(of.x, of.torque, of.error))
     line = axis.get_lines()[-1]
     assert line.get_label().startswith("1 ±") and "knee at 1.25" in line.get_label()
@@ -124,13 +124,13 @@ def test_a_linear_range_is_drawn_up_to_its_knee():
 
 def test_an_unknown_error_is_no_bar():
     """It is drawn hollow, without a bar, and the legend says so; a bar of length 0 would claim to be exact."""
-    _, axis = _torque_axes(
+    _, (axis,) = _torque_axes(
         [curve([0.0, 1.0, 2.0], [0.1, 3.0, 5.0], [None, 0.1, 0.2], [False, True, False])], None, joined=False
     )
     assert [len(bars.lines[0].get_xdata()) for bars in axis.containers] == [1, 1]
     (unknown,) = [line for line in axis.get_lines() if line.get_label() == "error unknown"]
     assert list(unknown.get_xdata()) == [0.0] and unknown.get_markerfacecolor() == "white"
-    _, axis = _torque_axes([curve([1.0], [2.0], [None], [True])], None, joined=False)
+    _, (axis,) = _torque_axes([curve([1.0], [2.0], [None], [True])], None, joined=False)
     assert not axis.containers
 
 
