@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 from emclutch.devices.geometry_section import NO_MATERIALS, GeometrySection
 from emclutch.scene.draft import Draft, size_key
 from emclutch.scene.errors import Fault
-from emclutch.scene.fill import fill_of
+from emclutch.scene.fill import fill_of, grains_volume
 from emclutch.scene.section import refuse
 from emclutch.scene.units import Length, Quantity, number, two_digits
 
@@ -41,6 +41,11 @@ LOADED = 4.0
 
 DAMPING = 10.0
 """Damping of the barostat over pressure/rate: a loose packing is pressed together within a strain of some units."""
+
+
+def _seed(scene: Scene) -> int | None:
+    """Return the seed that sizes are drawn with; None where the scene's first section is broken."""
+    return None if scene.scene is None else scene.scene.seed
 
 
 def _packed_at_random(draft: Draft) -> Iterator[Fault]:
@@ -84,7 +89,7 @@ def _loose_enough(draft: Draft) -> Iterator[Fault]:
     particles, shape = draft.scene.particles, draft.scene.shape()
     if particles.packing != "random" or shape.faults(None):
         return
-    found = fill_of(shape, particles)
+    found = fill_of(shape, particles, _seed(draft.scene))
     fill = found.solid_fraction
     if DENSEST * (1.0 + 1.0 / max(found.count, 1)) < fill <= particles.largest_solid_fraction:
         key = next(name for name in ("mass", "solid_fraction", "count") if getattr(particles, name) is not None)
@@ -246,7 +251,7 @@ class ShearedBoxGeometry(GeometrySection):
         if self.size is not None or particles is None or particles.count is None:
             return PeriodicBox(self.size or 3 * (1.0,))  # what is missing is a fault of its own
         assert self.solid_fraction is not None
-        edge = (particles.count * particles.grain_volume / self.solid_fraction) ** (1.0 / 3.0)
+        edge = (grains_volume(particles, _seed(scene)) / self.solid_fraction) ** (1.0 / 3.0)
         return PeriodicBox((edge, edge, edge))
 
     def expected_stress(self, scene: Scene) -> float | None:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from emclutch.scene.grains import ParticlesSection
+from emclutch.scene.grains import MAX_GRAINS, ParticlesSection
 
 if TYPE_CHECKING:
     from geometry.device_shape import DeviceShape
@@ -54,6 +54,17 @@ def diameters_of(particles: ParticlesSection, count: int, seed: int) -> np.ndarr
     return particles.distribution().draw(count, seed)
 
 
+def grains_volume(particles: ParticlesSection, seed: int | None) -> float:
+    """Volume [m^3] of the ``count`` grains of a scene; without a seed the one to be expected."""
+    return _volume(particles, particles.count or 0, seed)
+
+
+def _volume(particles: ParticlesSection, count: int, seed: int | None) -> float:
+    if particles.sizes is None or seed is None or count > MAX_GRAINS:  # too many are refused and need not be drawn
+        return count * particles.grain_volume
+    return float(math.pi / 6.0 * (diameters_of(particles, count, seed) ** 3).sum())
+
+
 def _simulated(particles: ParticlesSection, volume: float, seed: int | None) -> tuple[int, float]:
     """Number and volume [m^3] of the grains of one sector in a region of ``volume`` [m^3]."""
     if particles.packing == "file":
@@ -70,6 +81,4 @@ def _simulated(particles: ParticlesSection, volume: float, seed: int | None) -> 
         # what is far too much is refused by its mean: it need not be drawn
         if particles.sizes is not None and seed is not None and wanted <= volume:
             count = len(particles.distribution().draw_volume(wanted / particles.n_sectors, seed))
-    if particles.sizes is None or seed is None:
-        return count, count * grain
-    return count, float(math.pi / 6.0 * (diameters_of(particles, count, seed) ** 3).sum())
+    return count, _volume(particles, count, seed)

@@ -16,6 +16,7 @@ from emclutch.results.steady_stress import steady_stress
 from emclutch.results.steady_torque import SteadyConditions
 from emclutch.scene.case import case_from
 from emclutch.scene.errors import SceneError
+from emclutch.scene.fill import diameters_of
 from emclutch.simulation.assembly import assemble
 from emclutch.simulation.check import check
 from emclutch.simulation.plan import make_plan
@@ -53,6 +54,8 @@ PRESSED = {
 }  # fmt: skip
 
 CUBE = {"geometry.size": None, "geometry.solid_fraction": CELL.fill}
+SIZES = {"kind": "percentiles", "d10": 0.7 * D, "d50": D, "d90": 1.5 * D}
+WIDE = {"particles.diameter": None, "particles.sizes": SIZES}
 
 
 def scene(base, changes=None):
@@ -220,6 +223,17 @@ def test_friction_is_the_ratio_of_the_means():
     assert not little.shear.converged and "sheared by 3 only" in little.shear.reason
     pulled = steady_stress([_history(40.0, seed, P=-1000.0) for seed in range(4)], SteadyConditions(shear_gap=0.0))
     assert pulled.shear.converged and pulled.friction is None
+
+
+@pytest.mark.parametrize("seed", [3, 4])
+def test_a_cube_has_the_fill_that_is_asked_for_with_the_sizes_that_are_drawn(seed):
+    """Few grains of wide sizes have a volume that is some per cent off that of as many mean ones."""
+    found = scene(DRY, CUBE | WIDE | {"particles.count": 900, "scene.seed": seed}).scene
+    drawn = np.pi / 6.0 * np.sum(diameters_of(found.grains, 900, seed) ** 3)
+    assert abs(drawn / (900 * found.grains.grain_volume) - 1.0) > 1e-3
+    assert drawn / np.prod(found.shape().size) == pytest.approx(CELL.fill, rel=1e-12)
+    dense = CUBE | WIDE | {"particles.count": 1300, "geometry.solid_fraction": 0.56, "scene.seed": seed}
+    assert check(scene(DRY, dense)).decisions["grains"].startswith("1300 ")
 
 
 def test_check_warns_of_a_box_that_is_pressed_too_low():
