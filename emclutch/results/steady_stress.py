@@ -68,7 +68,8 @@ def steady_stress(histories: Sequence[pandas.DataFrame], conditions: SteadyCondi
         each.assign(**{_RATIO: mu + (each[SHEAR_STRESS] - mu * each[NORMAL_STRESS_Z]) / normal.mean})
         for each in histories
     ]
-    friction = steady_mean_of(linear, _RATIO, conditions, start)
+    of_ratio = replace(conditions, negligible=0.0)  # what is asked for in Pa says nothing of a number without a unit
+    friction = steady_mean_of(linear, _RATIO, of_ratio, start)
     if friction.converged and not shear.converged:
         friction = replace(friction, converged=False, reason=shear.reason)
     return SteadyStress(shear, normal, friction)

@@ -225,6 +225,16 @@ def test_friction_is_the_ratio_of_the_means():
     assert pulled.shear.converged and pulled.friction is None
 
 
+def test_a_stress_that_is_asked_for_in_pascal_says_nothing_of_the_friction():
+    """tau is steady while P, and with it tau/P, still changes by a third."""
+    histories = [_history(40.0, seed) for seed in range(4)]
+    for each in histories:
+        each["normal_stress_z"] *= 1.0 + 0.5 * each["time"]
+    for asked in ({}, {"negligible": 1000.0}):
+        found = steady_stress(histories, SteadyConditions(shear_gap=0.0, **asked))
+        assert found.shear.converged and not found.friction.converged
+
+
 @pytest.mark.parametrize("seed", [3, 4])
 def test_a_cube_has_the_fill_that_is_asked_for_with_the_sizes_that_are_drawn(seed):
     """Few grains of wide sizes have a volume that is some per cent off that of as many mean ones."""
