@@ -40,7 +40,11 @@ LOADED = 4.0
 """Load on a contact of a force chain over pressure times diameter squared, the mean on a grain."""
 
 DAMPING = 10.0
-"""Damping of the barostat over pressure/rate: a loose packing is pressed together within a strain of some units."""
+"""Damping of the barostat over stress/rate: a loose packing is pressed together within a strain of some units.
+
+The stress is the pressure, or that of chains in a field where it is larger: what fluctuates is of their size, and a box
+that followed each fluctuation would be shaken.
+"""
 
 
 def _seed(scene: Scene) -> int | None:
@@ -289,7 +293,8 @@ class ShearedBoxGeometry(GeometrySection):
 
         if self.pressure is None:
             return None
-        return Barostat(self.pressure, DAMPING * self.pressure / self.rate(scene))
+        stress = max(self.pressure, self.expected_stress(scene) or 0.0)
+        return Barostat(self.pressure, DAMPING * stress / self.rate(scene))
 
     def _lowest(self, scene: Scene) -> float:
         """Return the height [m] of the box when its grains are `COMPACTED`."""

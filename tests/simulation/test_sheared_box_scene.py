@@ -175,6 +175,14 @@ def test_the_height_follows_the_pressure():
     assert abs(late["energy_residual"].sum()) < 0.3 * abs(pressed)
 
 
+def test_a_pressure_far_below_the_stress_of_chains_does_not_shake_the_box():
+    """10 Pa on chains of some kPa: the height drifts with the stress, and does not jump with each fluctuation of it."""
+    pressed = {"geometry.pressure": "10 Pa", "geometry.inertial_number": None, "geometry.shear_rate": 2000.0}
+    history = march(started(scene(MAGNETIC, pressed)), 8)
+    assert abs(history["energy_residual"].sum()) < 0.1 * history["dissipated"].sum()
+    assert abs(history["work_pressure"].sum()) < 0.3 * history["work_shear"].sum()
+
+
 @pytest.mark.parametrize("base", [DRY, MAGNETIC], ids=["under pressure", "in a field"])
 def test_a_resumed_run_is_the_same_bit_for_bit(base, tmp_path):
     changes = {"time.end": 2e-4, "time.window": 2e-5}
