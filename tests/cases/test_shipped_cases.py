@@ -25,7 +25,7 @@ from emclutch.simulation.check import left_out_of
 
 CASES = Path(__file__).resolve().parents[2] / "cases"
 TOY = {"time.end": "0.05 ms", "output.snapshots": 2}
-QUICKSTART_KERNELS = 47  # compiled specialisations, fifteen of them of moments and near pulls
+QUICKSTART_KERNELS = 48  # compiled specialisations, fifteen of them of moments and near pulls
 
 
 def files(result):
