@@ -76,7 +76,9 @@ def plot_runs(
     for folder in folders:
         if is_study(folder) and (old := refresh_in_words(read_study(folder))):
             log(f"{folder}: {old}")
-    points = None if measured is None else read_measured(measured, *_MEASURED[kind])
+    over_rated = ("current over the rated one", "torque over the rated one")
+    columns = _MEASURED.get(kind, over_rated) if rated is None else over_rated
+    points = None if measured is None else read_measured(measured, *columns)
     curves = (
         torque_current_curves(folders, None if rated is None else _current(rated)) if kind == TORQUE_CURRENT else []
     )

@@ -12,7 +12,7 @@ from emclutch.effects.left_out import OFF, LeftOut
 from emclutch.scene.units import number
 from emclutch.scene.usual_ranges import UsualRange
 
-_USUAL = UsualRange(0.0, 0.5, "", "smooth to angular grains; C. M. Wensrich and A. Katterfeld, Powder Technol. 217 "
+_USUAL = UsualRange(0.0, 1.0, "", "rolling freely to hindered; C. M. Wensrich and A. Katterfeld, Powder Technol. 217 "
                      "(2012) 409", "it counts in effective radii, is a length meant?")  # fmt: skip
 
 

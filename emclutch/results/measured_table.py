@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import re
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,7 @@ def read_measured(path: str | Path, along: str, values: str) -> dict[str, np.nda
     Parameters
     ----------
     path : of the table.
-    along, values : what the first column and the others hold, with the unit, for errors: "time [s]", "speed [rpm]".
+    along, values : what the first column and the others hold, with the unit: "time [s]", "speed [rpm]".
 
     Returns
     -------
@@ -31,7 +32,8 @@ def read_measured(path: str | Path, along: str, values: str) -> dict[str, np.nda
     Raises
     ------
     OutputError
-        The table has no names, fewer than two columns, or a cell that is no number; with the line.
+        The table has no names, fewer than two columns, a name with another unit in brackets, or a cell that is no
+        number; with the line.
     """
     lines = Path(path).read_text(encoding="utf-8-sig").splitlines()
     head = next((number for number, line in enumerate(lines) if not line.startswith("#")), len(lines))
@@ -44,6 +46,10 @@ def read_measured(path: str | Path, along: str, values: str) -> dict[str, np.nda
             f"{path}: the first line is '{first.strip()}'; it must name the columns, e.g. {along}{separator}first"
             f"{separator}second, with each {values} below its name"
         )
+    for name, wanted in zip(names, [along] + [values] * (len(names) - 1), strict=True):
+        unit = _unit(name)
+        if unit is not None and unit != _unit(wanted):
+            raise OutputError(f"{path}: column {name!r} is in {unit}; it must be {wanted}: convert it, and its name")
     found: dict[str, list[tuple[float, float]]] = {name: [] for name in names[1:]}
     for line, row in enumerate(rows[1:], start=head + 2):
         if not any(cell.strip() for cell in row):
@@ -58,6 +64,11 @@ def read_measured(path: str | Path, along: str, values: str) -> dict[str, np.nda
             elif cell.strip():
                 raise OutputError(f"{path}, line {line}: {cell.strip()!r} in column {name!r} is not a number")
     return {name: np.array(sorted(points)).reshape(-1, 2) for name, points in found.items()}
+
+
+def _unit(name: str) -> str | None:
+    found = re.search(r"\[([^\]]*)\]\s*$", name)
+    return None if found is None else found[1].strip()
 
 
 def _number(cell: str, separator: str) -> float | None:

@@ -11,6 +11,7 @@ from written_run import written_run, written_study
 from emclutch.cli.main import app
 from emclutch.cli.plot import TORQUE_CURRENT, plot_runs, runs_of, torque_current_curves
 from emclutch.results import OutputError, load_result, pictures
+from emclutch.results.measured_table import read_measured
 from emclutch.results.pictures.figure import save_picture
 from emclutch.results.text import format_time, time_unit
 from emclutch.scene.errors import SceneError
@@ -127,6 +128,22 @@ def test_what_cannot_be_drawn_over_the_current_is_refused(tmp_path):
             plot_runs([study], **{"kind": TORQUE_CURRENT, **given})
     with pytest.raises(OutputError, match="run has no coil current"):
         plot_runs([run], TORQUE_CURRENT)
+
+
+@pytest.mark.parametrize(
+    ("columns", "over", "named"),
+    [
+        (("current [mA]", "rising [N m]"), ("current [A]", "torque [N m]"), r"'current .mA.' is in mA; .* current .A."),
+        (("current [A]", "rising"), ("current over rated", "torque over rated"), "'current .A.' is in A"),
+    ],
+)
+def test_a_column_in_another_unit_is_refused(tmp_path, columns, over, named):
+    table = tmp_path / "bench.csv"
+    table.write_text(f"{','.join(columns)}\n1,2\n")
+    with pytest.raises(OutputError, match=named):
+        read_measured(table, *over)
+    table.write_text("current [A],rising [N m]\n1,2\n")
+    assert read_measured(table, "current [A]", "torque [N m]")["rising [N m]"].tolist() == [[1.0, 2.0]]
 
 
 def test_the_measured_brakes_that_ship_lie_over_a_study(tmp_path):
