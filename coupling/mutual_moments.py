@@ -77,6 +77,7 @@ MIN_GAP = 3e-3
 
 # Moments so many times those of lone grains are of an earlier field: begin again.
 FAR_START = 10.0
+RESTARTS = 3  # of sweeps from the best state of Newton's method, where that has failed
 MU_0 = 4e-7 * np.pi
 
 
@@ -302,8 +303,12 @@ class MutualMoments:
             self.table, self.model, self.walls, grains, rows.arrays, found, self._scratch(known)
         )
         sweeps.run(tolerance, max_sweeps, start is None)
-        if found.residual > tolerance and found.sweeps < max_sweeps:
+        for _ in range(RESTARTS):
+            if not tolerance < found.residual or found.sweeps >= max_sweeps:
+                break
             sweeps.newton(tolerance, max_sweeps)
+            if tolerance < found.residual and found.sweeps < max_sweeps:
+                sweeps.run(tolerance, max_sweeps - found.sweeps, False)
         found.moment = found.dipole.copy()
         if self.near:
             grains = self._grains(position, radius, volume, found)
