@@ -130,7 +130,7 @@ class Series:
     contacts: list[float] = field(default_factory=list)
 
 
-def least_count(parameters: ShearParameters) -> int:
+def min_count(parameters: ShearParameters) -> int:
     """Grains that a cell of this fill needs so that none meets a neighbour twice."""
     magnetic = parameters.law is not None and parameters.H > 0.0
     return math.ceil(min_edge(parameters.width if magnetic else None) ** 3 * parameters.fill * 6.0 / math.pi)
@@ -159,10 +159,10 @@ class PowderCell:
 
     def __init__(self, parameters: ShearParameters) -> None:
         p = self.parameters = parameters
-        if p.count < least_count(p):
+        if p.count < min_count(p):
             raise ValueError(
                 f"{p.count} grains at a fill of {p.fill:g} are too few: a grain would meet a neighbour twice; take at "
-                f"least {least_count(p)}"
+                f"least {min_count(p)}"
             )
         Ms = saturation(p.law) if p.law is not None and p.H > 0.0 else 0.0
         near = p.model == "near_field"

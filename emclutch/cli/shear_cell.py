@@ -150,9 +150,9 @@ def _tell(progress: Progress, number: int, of: int, part: float) -> None:
 
 def _check(points: list[ShearParameters]) -> None:
     """Refuse cells that are too small before the first is sheared."""
-    from coupling.powder_cell import least_count
+    from coupling.powder_cell import min_count
 
-    short = sorted({(p.fill, least_count(p)) for p in points if p.count < least_count(p)})
+    short = sorted({(p.fill, min_count(p)) for p in points if p.count < min_count(p)})
     if short:
         needed = "; ".join(f"{count} at a fill of {fill:g}" for fill, count in short)
         message = f"are too few: a grain would meet an image of its neighbours twice; at least {needed}"

@@ -10,7 +10,7 @@ T_i at x_i give
 which `scipy.optimize.least_squares` minimises within the range of the simulated points: nothing is extrapolated. Where
 no errors of the measurement are known, s_i is the scatter that S itself leaves, S_min/(n - k).
 
-**Intervals** are profiles: for each value of a parameter the others are fitted anew, and what lies within
+**Intervals** are profiles: for each value of a parameter the others are fitted again, and what lies within
 
     S <= S_min + 3.84   or, with unknown errors,   S <= S_min [1 + F(1, n - k; 95 %)/(n - k)]
 

@@ -12,7 +12,7 @@ import pytest
 from coupling.grain_law_table import grain_table
 from coupling.mutual_moments import MutualMoments
 from coupling.neighbour_rows import neighbour_rows
-from coupling.powder_cell import PowderCell, ShearParameters, least_count, magnetise
+from coupling.powder_cell import PowderCell, ShearParameters, magnetise, min_count
 from coupling.staggered import Simulation, held_forces
 from coupling.window_budget import WindowBudget
 from field.laws.powder_law import GrainLaw
@@ -258,7 +258,7 @@ def test_rolling_friction_works_on_the_grains():
 
 
 def test_a_cell_that_is_too_small_is_refused():
-    needed = least_count(POWDER)
+    needed = min_count(POWDER)
     assert needed <= 70
     with pytest.raises(ValueError, match="a neighbour twice"):
         PowderCell(dataclasses.replace(POWDER, count=needed - 5))
