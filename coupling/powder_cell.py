@@ -35,7 +35,7 @@ from coupling.mutual_moments import MIN_GAP, MutualMoments
 from coupling.mutually_magnetised_grains import MutuallyMagnetisedGrains
 from coupling.near_attraction import NearAttraction
 from coupling.sheared_means import BoxRow, MagnetisedBoxRow
-from coupling.sheared_powder import chain_load, dem_in_box, expected_stress, grains_in_flow, min_edge, rate_of
+from coupling.sheared_powder import chain_load, dem_in_box, expected_stress, grains_in_flow, min_edge
 from coupling.staggered import Simulation, run_staggered
 from coupling.window_row import WindowRow
 from field import ParticleLaw, UniformField
@@ -43,6 +43,7 @@ from field.laws.powder_law import GrainLaw
 from field.laws.reluctivity import MU_0, Law
 from field.spheres.lone_sphere import saturation
 from particles import DEM, LinearContact, PairLaws, RollingFriction, ShearedBox, periodic_packing
+from particles.diagnostics.inertial_number import shear_rate_of
 
 OVERLAP = 0.005  # of a diameter, under the load of a chain
 NECK = 10.0  # contact stiffness over the neck's negative one
@@ -173,7 +174,7 @@ class PowderCell:
         contact = LinearContact.from_restitution(
             p.stiffness * max(load / (OVERLAP * p.diameter), neck, soft), p.restitution, p.friction
         )  # fmt: skip
-        self.rate = rate_of(p.inertial_number, self.stress_estimate, p.diameter, p.density)
+        self.rate = shear_rate_of(p.inertial_number, p.diameter, p.density, self.stress_estimate)
         box, position = periodic_packing(p.count, p.diameter, p.fill, seed=p.seed)
         box.rate = self.rate
         grains = grains_in_flow(box, position, 0.5 * p.diameter, p.density)

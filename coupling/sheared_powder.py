@@ -56,13 +56,3 @@ def chain_load(Ms: float, H: float, diameter: float, *, necks: bool) -> float:
 def expected_stress(load: float, fill: float, diameter: float) -> float:
     """Shear stress [Pa] of a powder whose chains bear ``load`` [N], within a factor of about two."""
     return STRESS_OF_LOAD * fill * load / diameter**2
-
-
-def rate_of(inertial_number: float, stress: float, diameter: float, density: float) -> float:
-    """Shear rate [1/s] of an inertial number I = rate d sqrt(rho/stress)."""
-    return inertial_number / (diameter * math.sqrt(density / stress))
-
-
-def inertial_number(rate: float, stress: float, diameter: float, density: float) -> float:
-    """I = rate d sqrt(rho/stress); the stress [Pa], above 0, is the pressure of pushing grains, or tau of chains."""
-    return rate * diameter * math.sqrt(density / stress)

@@ -38,11 +38,15 @@ class Zone:
 
     def grain_volume(self, position: np.ndarray, volume: np.ndarray) -> float:
         """Sum of the volumes (n,) [m^3] of grains whose centres, at (n, 3) [m], lie in the zone."""
+        return volume[self.holds(position)].sum()
+
+    def holds(self, position: np.ndarray) -> np.ndarray:
+        """Return which of some points (n, 3) [m] lie in the zone, (n,) bool."""
         r, z = np.hypot(position[:, 0], position[:, 1]), position[:, 2]
         inside = np.zeros(len(r), dtype=bool)
         for box in self.boxes:
             inside |= (r > box.r0) & (r < box.r1) & (z > box.z0) & (z < box.z1)
-        return volume[inside].sum()
+        return inside
 
 
 @dataclass(frozen=True, slots=True)

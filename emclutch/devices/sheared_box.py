@@ -273,13 +273,13 @@ class ShearedBoxGeometry(GeometrySection):
 
     def rate(self, scene: Scene) -> float:
         """See `GeometrySection.rate`: as asked, or from the inertial number."""
-        from coupling.sheared_powder import rate_of
+        from particles.diagnostics.inertial_number import shear_rate_of
 
         if self.shear_rate is not None:
             return self.shear_rate
         stress = self.pressure or self.expected_stress(scene)
         assert self.inertial_number is not None and stress is not None  # by the checks above
-        return rate_of(self.inertial_number, stress, scene.grains.mean_diameter, scene.grains.density)
+        return shear_rate_of(self.inertial_number, scene.grains.mean_diameter, scene.grains.density, stress)
 
     def periodic_box(self, scene: Scene) -> ShearedBox:
         """See `GeometrySection.periodic_box`."""
@@ -311,10 +311,10 @@ class ShearedBoxGeometry(GeometrySection):
 
     def words(self, scene: Scene, end: float) -> Iterator[tuple[str, str]]:
         """Yield the box, its rate with the inertial number, the strain and the stress that is expected."""
-        from coupling.sheared_powder import inertial_number
         from emclutch.device_model.warning_text import with_warnings
         from emclutch.results.steady_torque import MIN_AVERAGED_STRAIN
         from emclutch.scene.start_up import start_up_strain
+        from particles.diagnostics.inertial_number import inertial_number
 
         d, density, rate = scene.grains.mean_diameter, scene.grains.density, self.rate(scene)
         edges = " x ".join(f"{edge / d:.3g}" for edge in scene.shape().size)
@@ -331,9 +331,10 @@ class ShearedBoxGeometry(GeometrySection):
             yield "box", with_warnings(text, too_low if low < needed else "")
         stress, text = self.expected_stress(scene), f"rate {rate:.4g} 1/s, strain {rate * end:.3g} at the end"
         if self.pressure is not None:
-            text += f"; inertial number {inertial_number(rate, self.pressure, d, density):.2g} of the pressure"
+            text += f"; inertial number {float(inertial_number(rate, d, density, self.pressure)):.2g} of the pressure"
         elif stress is not None:
-            text += f"; inertial number about {inertial_number(rate, stress, d, density):.2g} of the expected stress"
+            about = float(inertial_number(rate, d, density, stress))
+            text += f"; inertial number about {about:.2g} of the expected stress"
         else:
             text += "; inertial number unknown: at a given volume it follows from the pressure that the run finds"
         needed = start_up_strain(scene) + MIN_AVERAGED_STRAIN

@@ -100,7 +100,9 @@ MAGNETISATION_ALONG_FLOW = Column(
 N_CONTACTS = Column("n_contacts", "1", "contacts that carry force, at the window's end")
 MAX_OVERLAP = Column("max_overlap", "1", "largest overlap of the window over the grain's diameter")
 MAX_SPEED = Column("max_speed", "m/s", "largest speed of a grain in the window")
-INERTIAL_NUMBER = Column("inertial_number", "1", "shear rate times d sqrt(density/pressure) in the gap")
+INERTIAL_NUMBER = Column(
+    "inertial_number", "1", "shear rate times d sqrt(density/pressure) in the gap; pressure magnetic or of friction"
+)
 SOLID_FRACTION_GAP = Column("solid_fraction_gap", "1", "solid fraction of the gap between the pole faces")
 FIELD_ITERATIONS = Column("field_iterations", "1", "Newton iterations of the field in the window")
 FIELD_RESIDUAL = Column("field_residual", "1", "relative residual of the last field solve")

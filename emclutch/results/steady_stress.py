@@ -7,7 +7,6 @@ averaging. The ratio is that of the means; its error is that of the mean of mu +
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -109,11 +108,13 @@ def stress_summary(
     The inertial number, rate d sqrt(density/stress), is that of the normal stress; where chains hold the powder that
     may be none, and the one of the shear stress stands next to it. Rate [1/s], mean diameter [m], density [kg/m^3].
     """
+    from particles.diagnostics.inertial_number import inertial_number  # local: results are read without the grains
+
     tau, normal = found.shear.mean, found.normal.mean
     late = [each[each[TIME] > (found.shear.start or 0.0) * (1.0 + 1e-9)] for each in histories]
 
     def inertial(stress: float | None) -> float | None:
-        return None if stress is None or stress <= 0.0 else rate * diameter * math.sqrt(density / stress)
+        return None if stress is None or stress <= 0.0 else float(inertial_number(rate, diameter, density, stress))
 
     summary: dict[str, Any] = {
         "stress": found.shear.as_dict(),

@@ -7,11 +7,14 @@ one has no such columns.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import sqrt
+
+import numpy as np
 
 from coupling import Simulation, WindowRow
+from coupling.powder_pressure import magnetic_pressure
 from emclutch.device_model.device import Device, field_is_needed
 from field.solved_field import SolvedField
+from particles.diagnostics.inertial_number import inertial_number
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +56,7 @@ class PoleFill:
 
 @dataclass(frozen=True, slots=True)
 class GapRow:
-    """The sheared gap: its solid fraction, and the inertial number, None where no torque gives a pressure."""
+    """The sheared gap: its solid fraction, and the inertial number, None where nothing gives a pressure."""
 
     solid_fraction_gap: float
     inertial_number: float | None
@@ -69,6 +72,7 @@ class Observables:
         self._of_the_field: list[FieldRow | PoleField] = []
         self._gap = device.gap_zone
         self._zone = device.pole_zone if field_is_needed(scene) else None
+        self._attracts = scene.effects.attraction is not None
 
     def __call__(self, simulation: Simulation, row: WindowRow) -> None:
         source = simulation.source
@@ -87,24 +91,36 @@ class Observables:
             grains = simulation.motion.grains
             volume = simulation.n_sectors * gap.grain_volume(grains.position, grains.volume)
             rotor, disc = row.bodies["rotor"], row.bodies["disc"]
-            inertial = self.inertial_number(disc.torque, rotor.speed - disc.speed)
+            pressure = self.magnetic_pressure(simulation) or self.friction_pressure(disc.torque)
+            inertial = self.inertial_number(rotor.speed - disc.speed, pressure)
             row.add(GapRow(float(volume / gap.volume), inertial))
 
-    def inertial_number(self, torque: float, slip: float) -> float | None:
-        """Upper bound of I = shear rate d sqrt(rho/P) in the sheared gap; None where no torque gives a pressure.
+    def inertial_number(self, slip: float, pressure: float) -> float | None:
+        """Return I of a slip [rad/s] and a pressure [Pa] of the sheared gap; None without a pressure."""
+        rate = slip * self._device.shear_radius / self._device.shear_gap
+        particles = self._scene.particles
+        I = float(inertial_number(rate, particles.mean_diameter, particles.density, pressure))
+        return I if pressure > 0.0 else None
 
-        P = tau/mu_wall with tau the torque over the area of the gap's mean cylinder, or of both face gaps, and its
-        mean radius: at most that pressure is missed when the walls do not slip, so the true number is smaller.
+    def magnetic_pressure(self, simulation: Simulation) -> float:
+        """Pressure [Pa] of grains that attract one another, between the poles or in the whole gap; 0 of others."""
+        zone = self._zone or self._gap
+        if not self._attracts or zone is None:
+            return 0.0
+        grains = simulation.motion.grains
+        assert grains.magnetic_moment is not None  # the loop updates them before a row is complete
+        inside = zone.holds(grains.position)
+        volume = grains.volume[inside]
+        fill = simulation.n_sectors * float(volume.sum()) / zone.volume
+        return magnetic_pressure(fill, np.linalg.norm(grains.magnetic_moment[inside], axis=1) / volume, volume)
+
+    def friction_pressure(self, torque: float) -> float:
+        """Pressure tau/mu_wall [Pa] that friction at the walls needs for a torque [N m] at least; 0 without friction.
+
+        tau is the torque over the area of the gap's mean cylinder, or of both face gaps, and its mean radius.
         """
-        scene, radius = self._scene, self._device.shear_radius
-        if self._gap is None:
-            return None
-        tau = abs(torque) / self._gap.torque_per_stress
-        friction = scene.contact.friction_at_walls
-        if tau == 0.0 or friction == 0.0:
-            return None
-        rate = abs(slip) * radius / self._device.shear_gap
-        return rate * scene.particles.mean_diameter * sqrt(scene.particles.density * friction / tau)
+        friction = self._scene.contact.friction_at_walls
+        return abs(torque) / self._gap.torque_per_stress / friction if self._gap is not None and friction else 0.0
 
     def _field_quantities(self, solution: SolvedField) -> FieldRow:
         coil = self._device.coil

@@ -43,9 +43,11 @@ from emclutch.results.columns import (
 from emclutch.results.rise_time import rise_times
 from emclutch.results.steady_torque import steady_mean_of, steady_torque
 from emclutch.scene.replica_count import replica_seed
+from emclutch.simulation.observables import Observables
 from emclutch.simulation.planned_run import PlannedRun
 from emclutch.simulation.structure import structure_summary
 from emclutch.simulation.torque_trigger import how_it_ended
+from particles.diagnostics.inertial_number import FRICTION, MAGNETIC, MEASURED
 
 MANY_MISSES = 0.01  # of the steps: reported as a warning
 JAM = 1e3  # tolerances of the solver of rigid contacts, beyond which a step counts as jammed
@@ -109,9 +111,8 @@ def summarise(
     if MISSED_STEPS in history:
         summary["solver"] = solver_summary(history, simulation.motion.tolerance)
     if INERTIAL_NUMBER in history:
-        late = history[INERTIAL_NUMBER].iloc[len(history) // 2 :].dropna()
-        summary["inertial_number"] = float(late.median()) if len(late) else None
-        if size is not None and size.is_coarser and len(late):
+        summary |= inertial_number_summary(Observables(case.scene, device), simulation, history, wall_load or {})
+        if size is not None and size.is_coarser and summary["inertial_number"] is not None:
             summary["grain_size"]["real_inertial_number"] = summary["inertial_number"] / size.coarse_graining
     summary["structure"] = structure_summary(simulation.motion)
     if WORK_MAGNETIC in history:
@@ -123,6 +124,23 @@ def summarise(
     summary["seconds"] |= {**seconds, "predicted": plan.cost.seconds}
     summary |= {"contact": plan.contact_data, "plan": planned.decisions}
     folder.write_summary(summary)
+
+
+def inertial_number_summary(observables, simulation, history, wall_load: dict[str, Any]) -> dict[str, Any]:
+    """Return the inertial number of the second half of the windows, its median, and what its pressure is of.
+
+    Where the walls' load was measured it is that of the pressure on the disc's pole faces.
+    """
+    late = history.iloc[len(history) // 2 :]
+    measured = wall_load.get("poles", {}).get("disc", {}).get("pressure") or 0.0
+    if measured > 0.0:
+        slip = float((late[ROTOR_SPEED] - late[DISC_SPEED]).abs().median())
+        return {"inertial_number": observables.inertial_number(slip, measured), "inertial_number_pressure": MEASURED}
+    found = late[INERTIAL_NUMBER].dropna()
+    return {
+        "inertial_number": float(found.median()) if len(found) else None,
+        "inertial_number_pressure": MAGNETIC if observables.magnetic_pressure(simulation) else FRICTION,
+    }
 
 
 def coil_summary(coil, source, history) -> dict[str, Any]:

@@ -24,6 +24,7 @@ import numpy as np
 
 from particles.dem.barostat import Barostat
 from particles.dem.dem import DEM
+from particles.diagnostics.inertial_number import shear_rate_of
 from particles.grains import Grains
 from particles.laws.linear import LinearContact
 from particles.laws.rolling_friction import RollingFriction
@@ -161,7 +162,7 @@ def sheared_grains(shear: SteadyShear) -> DEM:
     """Random grains in a box that begins to flow, their sizes uniform between 1 -+ the spread of the mean."""
     mean, widest = 0.5 * shear.diameter, 1.0 + shear.spread
     box, position = periodic_packing(shear.count, shear.diameter * widest, FILL, seed=shear.seed)
-    box.rate = shear.inertial_number / (shear.diameter * math.sqrt(shear.density / shear.pressure))
+    box.rate = shear_rate_of(shear.inertial_number, shear.diameter, shear.density, shear.pressure)
     radius = mean * np.random.default_rng(shear.seed).uniform(2.0 - widest, widest, shear.count)
     contact = LinearContact.from_restitution(
         shear.stiffness * shear.pressure * shear.diameter, shear.restitution, shear.friction

@@ -47,9 +47,12 @@ def test_the_inertial_number_at_the_faces_is_that_of_both_face_gaps():
     """I = (omega r/g) d sqrt(rho mu A r/T), with A of both faces and r their mean radius."""
     scene, device = device_of("faces")
     torque, slip, radius, area = 2.0, 10.0, 38e-3, 2.0 * math.pi * (45**2 - 30**2) * 1e-6
-    pressure = torque / (area * radius) / scene.contact.friction_at_walls
+    observables = Observables(scene, device)
+    pressure = observables.friction_pressure(torque)
+    assert pressure == pytest.approx(torque / (area * radius) / scene.contact.friction_at_walls, rel=1e-12)
     expected = slip * radius / 1.6e-3 * 0.2e-3 * math.sqrt(scene.particles.density / pressure)
-    assert Observables(scene, device).inertial_number(torque, slip) == pytest.approx(expected, rel=1e-12)
+    assert observables.inertial_number(slip, pressure) == pytest.approx(expected, rel=1e-12)
+    assert observables.inertial_number(slip, 0.0) is None
 
 
 def test_check_names_the_gap_and_the_impacts_in_it(tmp_path):

@@ -74,12 +74,23 @@ def test_slow_shot_without_a_field_needs_its_weight():
 
 def test_inertial_and_stokes_number_are_those_of_the_shear_rate(usual):
     rate = 10.0 * pi * 10.6e-3 / 1.2e-3
-    pressure = usual[None].stress / 0.3
+    pressure = usual[None].pressure
     assert usual["inertia of grains"].value == pytest.approx(rate * 0.1e-3 * sqrt(7700.0 / pressure), rel=1e-9)
     assert usual["fluid_drag"].value == pytest.approx(rate * 7700.0 * (0.1e-3) ** 2 / (18.0 * 1.8e-5), rel=1e-9)
+    without = numbers(field=None, effects={"gravity": {}}, contact={"stiffness": "10 kN/m"})
+    of_friction = without[None].stress / 0.3  # nothing attracts: what friction at the walls needs
+    assert without["inertia of grains"].value == pytest.approx(rate * 0.1e-3 * sqrt(7700.0 / of_friction), rel=1e-9)
+    assert "friction pressure" in without["inertia of grains"].number
     together = numbers(**{"motion.disc.speed": "300 rpm"})
     assert together["fluid_drag"].value is None and together["fluid_drag"].verdict == "not known"
     assert together["heat"].value == 0.0
+
+
+def test_magnetised_powder_presses_as_straight_chains_of_linear_grains_do_in_a_weak_field():
+    """M = H/(1/chi + 1/3 - zeta(3)/6) and p = phi mu_0 M^2/2, with the mean of H over the volume."""
+    M = 100.0 / (1.0 / 200.0 + 1.0 / 3.0 - 1.2020569 / 6.0)
+    pressure = numbers(**{"field.field_strength": 100.0})[None].pressure
+    assert pressure == pytest.approx(0.5 * 0.35 * MU_0 * M**2, rel=0.01)
 
 
 def test_the_heat_of_slip_warms_the_powder(usual):

@@ -75,7 +75,7 @@ NUMBERS = (
     ("torque_lag", "torque's rise over the current's, 63 % (class: 1.7 to 4)", ""),
     ("shear_rate", "shear rate", "1/s"),
     ("shear_strain", "shear strain at the end", ""),
-    ("inertial_number", "inertial number (of a gap an upper bound)", ""),
+    ("inertial_number", "inertial number", ""),
     ("inertial_number_of_shear_stress", "inertial number of the shear stress", ""),
     ("solid_fraction", "solid fraction of the box", ""),
     ("contacts_per_grain", "contacts of a grain, mean of the steady part", ""),

@@ -39,8 +39,8 @@ def _of_grains(at: Regime) -> Iterator[LeftOut]:
         yield LeftOut("centrifugal force", ALWAYS, "over the pull of touching grains", at.centrifugal / at.pull, 0.1)
     else:
         yield LeftOut("centrifugal force", ALWAYS, "over weight", at.centrifugal / at.weight, 0.1)
-    yield LeftOut("inertia of grains", ALWAYS, "inertial number of the sheared gap", at.inertial_number, 0.03,
-                  note="below, the torque does not depend on the speed")  # fmt: skip
+    yield LeftOut("inertia of grains", ALWAYS, f"inertial number of the sheared gap, {at.pressure} pressure",
+                  at.inertial_number, 0.03, note="below, the torque does not depend on the speed")  # fmt: skip
 
 
 def _of_remanence(at: Regime) -> Iterator[LeftOut]:

@@ -3,9 +3,9 @@
 Sources, each with what is compared:
 
 - pull of touching grains, (pi/24) mu_0 M^2 d^2 of two dipoles (`coupling.expected_load`), M the mean in the gap;
-- inertial number, rate d sqrt(rho/p) with the pressure p = tau/mu_wall of the expected torque (GDR MiDi, Eur. Phys. J.
-  E 14 (2004) 341; by the law of P. Jop, Y. Forterre and O. Pouliquen, Nature 441 (2006) 727, friction has risen by
-  0.025 at 0.03 and by 0.07 at 0.1, from 0.38);
+- inertial number (`particles.diagnostics.inertial_number`), with the expected magnetic pressure, or p = tau/mu_wall
+  of friction; by the law of P. Jop, Y. Forterre and O. Pouliquen, Nature 441 (2006) 727, friction has risen
+  by 0.025 at 0.03 and by 0.07 at 0.1, from 0.38;
 - Stokes number, rate rho d^2/(18 eta): the time in which air of eta = 18 uPa s slows a grain over that of a unit shear;
 - van der Waals force A r/(12 z^2) = 5 nN of asperities r = 0.1 um at z = 0.4 nm, A = 1e-19 J (A. Castellanos, Adv.
   Phys. 54 (2005) 263): the granular Bond number is that force over the largest of pull, weight and centrifugal force;
@@ -26,6 +26,7 @@ from emclutch.device_model.device import Device
 from emclutch.device_model.materials import conductivity_of, region_materials
 from emclutch.simulation.forecast.expected_torque import ExpectedTorque
 from field.section.diffusion_time import diffusion_time
+from particles.diagnostics.inertial_number import FRICTION, MAGNETIC, inertial_number
 
 if TYPE_CHECKING:
     from emclutch.simulation.plan import Plan
@@ -51,6 +52,8 @@ class Regime:
         Means across the sheared gap [A/m].
     inertial_number, stokes : float or None
         None where nothing is sheared, or no pressure is known.
+    pressure : str
+        What the pressure of the inertial number is of: magnetic, or friction.
     bond, twist, saturation, gradient, powder_susceptibility : float
         See the module; the force of the field's gradient over `pull`, and phi M/H.
     wall_share : float or None
@@ -71,6 +74,7 @@ class Regime:
     H: float
     M: float
     inertial_number: float | None
+    pressure: str
     stokes: float | None
     bond: float
     twist: float
@@ -101,7 +105,8 @@ def regime_of(scene, device: Device, plan: Plan, expected: ExpectedTorque) -> Re
     rate = device.kind.rate(scene) or 0.0
     if device.shear_gap > 0.0:
         rate = slip * device.shear_radius / device.shear_gap
-    pressure = expected.stress / scene.contact.friction_at_walls if scene.contact.friction_at_walls > 0.0 else 0.0
+    friction = scene.contact.friction_at_walls
+    pressure = expected.pressure or (expected.stress / friction if friction > 0.0 else 0.0)
     steel = any(wall.magnetic for wall in device.walls())
     contact_radius = 0.5 * d * sqrt(scene.contact.max_overlap)
     power = None if expected.torque is None else expected.torque * slip
@@ -111,7 +116,8 @@ def regime_of(scene, device: Device, plan: Plan, expected: ExpectedTorque) -> Re
         pull=pull,
         H=expected.H,
         M=expected.M,
-        inertial_number=rate * d * sqrt(rho / pressure) if pressure > 0.0 else None,
+        inertial_number=float(inertial_number(rate, d, rho, pressure)) if pressure > 0.0 else None,
+        pressure=MAGNETIC if expected.pressure else FRICTION,
         stokes=rate * rho * d**2 / (18.0 * AIR_VISCOSITY) if rate > 0.0 else None,
         bond=ASPERITY_PULL / max(pull, weight, centrifugal),
         twist=2.0 / 3.0 * contact_radius / (0.5 * d),

@@ -65,6 +65,7 @@ def sheared_point(parameters: ShearParameters, progress: Callable[[float], None]
         `series`.
     """
     from coupling.powder_cell import PowderCell
+    from particles.diagnostics.inertial_number import inertial_number
 
     kept = kept_point(parameters)
     if kept is not None:
@@ -84,7 +85,7 @@ def sheared_point(parameters: ShearParameters, progress: Callable[[float], None]
         "mu_r": mu_r.as_dict(),
         "mu_r_at_rest": cell.mu_r_at_rest,
         "power": float(np.mean(np.array(series["power"])[late])),
-        "inertial_number": cell.rate * parameters.diameter * float(np.sqrt(parameters.density / stress)),
+        "inertial_number": float(inertial_number(cell.rate, parameters.diameter, parameters.density, stress)),
         "rate": cell.rate,
         "dt": cell.dem.dt,
         "steps": cell.dem.step_count,
