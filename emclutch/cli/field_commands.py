@@ -128,8 +128,10 @@ def powder(
         from emclutch.cli import powder as command
 
         if (friction is None) != (rolling_friction is None):
-            message = "go together; give both for the angle that they have, or neither"
-            raise SceneError([Fault("--friction, --rolling-friction", "", message)], "command line")
+            given, missing = ("--friction", "--rolling-friction")[:: -1 if friction is None else 1]
+            message = f"gives an angle of repose together with {missing} only; add that, or remove this"
+            raise SceneError([Fault(given, f"{rolling_friction if friction is None else friction:g}", message)],
+                             "command line")  # fmt: skip
         if friction is not None and rolling_friction is not None:
             if repose is not None or internal_friction is not None or out is not None:
                 message = "gives an angle; remove --repose, --internal-friction and --out"

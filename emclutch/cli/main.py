@@ -19,6 +19,7 @@ from emclutch.cli.scene_commands import doctor, new, schema
 
 app = typer.Typer(
     no_args_is_help=True,
+    rich_markup_mode="markdown",  # rich's own would take a unit in brackets for a style
     add_completion=False,
     pretty_exceptions_enable=False,
     help="Torque of electromagnetic particle clutches and brakes: field, grains and their coupling.",

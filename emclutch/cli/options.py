@@ -2,10 +2,30 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
 import typer
+
+from emclutch.cli.errors import explained
+from emclutch.scene.errors import Fault, SceneError
+
+
+def _within(low: float, high: float | None = None) -> Callable[[typer.CallbackParam, float | None], float | None]:
+    """Return the check that a number is in its range, with an error as of a scene's keys."""
+    allowed = f"at least {low:g}" if high is None else f"{low:g} to {high:g}"
+
+    def check(parameter: typer.CallbackParam, given: float | None) -> float | None:
+        with explained():
+            if given is not None and not low <= given <= (math.inf if high is None else high):
+                message = f"is out of range; allowed: {allowed}"
+                raise SceneError([Fault(parameter.opts[-1], f"{given:g}", message)], "command line")
+        return given
+
+    return check
+
 
 RunSource = Annotated[
     Path, typer.Argument(metavar="CASE", help="scene file (.toml); with --resume the folder of a run")
@@ -78,7 +98,9 @@ Resume = Annotated[
 ]
 Threads = Annotated[int | None, typer.Option("--threads", help="threads; results do not depend on them")]
 Force = Annotated[bool, typer.Option("--force", help="run also where more memory or disk is needed than is free")]
-Jobs = Annotated[int, typer.Option("--jobs", min=1, help="points that run at a time, each in a process of its own")]
+Jobs = Annotated[
+    int, typer.Option("--jobs", callback=_within(1), help="points that run at a time, each in a process of its own")
+]
 DryRun = Annotated[bool, typer.Option("--dry-run", help="stop after the plan; nothing is written")]
 TrustScripts = Annotated[
     bool,
@@ -103,13 +125,19 @@ FieldList = Annotated[
     str,
     typer.Option("--field", metavar="H", help="macroscopic fields: '18 kA/m, 80 kA/m', or first : last : how many"),
 ]
-Seeds = Annotated[int, typer.Option("--seeds", min=1, max=99, help="cells that are averaged at each point")]
-GrainCount = Annotated[int, typer.Option("--grains", min=1, max=1_000_000, help="grains in a cell")]
-Strain = Annotated[float, typer.Option("--strain", min=1e-3, max=1e3, help="how far each cell is sheared")]
-FrictionAsked = Annotated[float, typer.Option("--friction", min=0.0, max=10.0, help="Coulomb friction of the grains")]
+Seeds = Annotated[
+    int, typer.Option("--seeds", callback=_within(1, 99), help="cells that are averaged at each point, up to 99")
+]
+GrainCount = Annotated[int, typer.Option("--grains", callback=_within(1, 1_000_000), help="grains in a cell")]
+Strain = Annotated[float, typer.Option("--strain", callback=_within(1e-3, 1e3), help="how far each cell is sheared")]
+FrictionAsked = Annotated[
+    float, typer.Option("--friction", callback=_within(0.0, 10.0), help="Coulomb friction of the grains")
+]
 RollingFrictionAsked = Annotated[
     float,
-    typer.Option("--rolling-friction", min=0.0, max=10.0, help="Rolling friction of the grains; 0: they roll freely"),
+    typer.Option(
+        "--rolling-friction", callback=_within(0.0, 10.0), help="rolling friction of the grains; 0: they roll freely"
+    ),
 ]
 Repose = Annotated[
     str | None,
@@ -117,12 +145,12 @@ Repose = Annotated[
 ]
 InternalFriction = Annotated[
     float | None,
-    typer.Option("--internal-friction", min=0.0, help="tau/P of a shear tester in steady flow, in place of the angle"),
+    typer.Option("--internal-friction", help="tau/P of a shear tester in steady flow, in place of the angle"),
 ]
 PairFriction = Annotated[
-    float | None, typer.Option("--friction", min=0.0, help="with --rolling-friction: the angle that this pair gives")
+    float | None, typer.Option("--friction", help="with --rolling-friction: the angle that this pair gives")
 ]
-PairRolling = Annotated[float | None, typer.Option("--rolling-friction", min=0.0, help="see --friction")]
+PairRolling = Annotated[float | None, typer.Option("--rolling-friction", help="see --friction")]
 AngleUncertainty = Annotated[
     str, typer.Option("--uncertainty", metavar="ANGLE", help="of the angle; heaps repeat to a degree or two")
 ]

@@ -64,8 +64,11 @@ def line_of(repose: str | None, internal_friction: float | None, uncertainty: st
     SceneError
         Both or neither, an entry that cannot be read, an angle that no friction gives.
     """
-    if (repose is None) == (internal_friction is None):
-        message = "needs one of --repose '34 deg' and --internal-friction 0.6"
+    if repose is not None and internal_friction is not None:
+        message = "says the same as --repose, its sine; give only one of the two"
+        raise SceneError([Fault("--internal-friction", f"{internal_friction:g}", message)], "command line")
+    if repose is None and internal_friction is None:
+        message = "needs an angle of repose, --repose '34 deg', or the tau/P of a shear tester, --internal-friction 0.5"
         raise SceneError([Fault("powder", "", message)], "command line")
     option, entry = ("--repose", repose) if internal_friction is None else ("--internal-friction", internal_friction)
     try:
@@ -86,12 +89,15 @@ def line_of(repose: str | None, internal_friction: float | None, uncertainty: st
 
 def bulk_of(friction: float, rolling: float) -> dict[str, float]:
     """Return bulk friction, its standard error and the angle of repose [rad] of a pair; SceneError beyond the table."""
-    try:
-        mean, error = measured_table().bulk_friction(friction, rolling)
-    except ValueError as reason:
-        raise SceneError(
-            [Fault("--friction, --rolling-friction", "", f"are out of range: {reason}")], "command line"
-        ) from None
+    table, faults = measured_table(), []
+    if not 0.0 <= friction <= table.friction[-1]:
+        message = f"is out of range; allowed: 0 to {table.friction[-1]:g}, as far as bulk friction was measured"
+        faults.append(Fault("--friction", f"{friction:g}", message))
+    if not rolling >= 0.0:
+        faults.append(Fault("--rolling-friction", f"{rolling:g}", "is out of range; allowed: at least 0"))
+    if faults:
+        raise SceneError(faults, "command line")
+    mean, error = table.bulk_friction(friction, rolling)
     return {"bulk_friction": mean, "standard_error": error, "repose": math.asin(mean)}
 
 

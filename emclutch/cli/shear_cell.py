@@ -47,9 +47,18 @@ def grains_of(material: str | None, chi: float | None, Ms: str | None) -> tuple[
     from field.laws.materials import grain_material
     from field.laws.powder_law import GrainLaw
 
-    if (material is None) == (chi is None and Ms is None) or (chi is None) != (Ms is None):
+    given = {option: f"{value}" for option, value in (("--chi", chi), ("--ms", Ms)) if value is not None}
+    if material is not None and given:
+        message = f"is the grains' susceptibility or saturation, and {material!r} has its own; remove one of the two"
+        raise SceneError([Fault(option, value, message) for option, value in given.items()], "command line")
+    if material is None and not given:
         message = "needs the name of a powder (`emclutch materials` lists them), or --chi and --ms of the grains"
         raise SceneError([Fault("shear-cell", "", message)], "command line")
+    if len(given) == 1:
+        ((option, value),) = given.items()
+        message = "needs --ms, the saturation, e.g. --ms '1.7 MA/m'" if option == "--chi" else (
+            "needs --chi, the susceptibility, e.g. --chi 1000")  # fmt: skip
+        raise SceneError([Fault(option, value, message)], "command line")
     try:
         if material is not None:
             return material, grain_material(material)[0]

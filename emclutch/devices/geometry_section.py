@@ -59,6 +59,8 @@ class GeometrySection(Section):
         Whether `particles.region` chooses where its powder is.
     is_periodic : bool
         Whether it is a box of powder that repeats in all directions: without walls, its result a stress.
+    largest_fill : float
+        Solid fraction up to which grains are packed in it, whatever the packing allows.
     measured : str
         What comes to a steady mean in its runs, `torque` or `stress` (`time.until`); empty: nothing.
     is_annulus : bool
@@ -79,6 +81,7 @@ class GeometrySection(Section):
     has_axis: ClassVar[bool] = True
     has_regions: ClassVar[bool] = False
     is_periodic: ClassVar[bool] = False
+    largest_fill: ClassVar[float] = 1.0
     measured: ClassVar[str] = "torque"
     is_annulus: ClassVar[bool] = False
     is_from_file: ClassVar[bool] = False

@@ -88,22 +88,6 @@ def _wide_enough(draft: Draft) -> Iterator[Fault]:
         )
 
 
-def _loose_enough(draft: Draft) -> Iterator[Fault]:
-    """What is denser than grains are packed here, and not more than can be packed at all."""
-    particles, shape = draft.scene.particles, draft.scene.shape()
-    if particles.packing != "random" or shape.faults(None):
-        return
-    found = fill_of(shape, particles, _seed(draft.scene))
-    fill = found.solid_fraction
-    if DENSEST * (1.0 + 1.0 / max(found.count, 1)) < fill <= particles.largest_solid_fraction:
-        key = next(name for name in ("mass", "solid_fraction", "count") if getattr(particles, name) is not None)
-        yield draft.fault(
-            f"particles.{key}",
-            f"makes a solid fraction of {fill:.3f}, and grains are packed in a periodic box up to {DENSEST:g}; lower "
-            "it, and to compact the powder give geometry.pressure",
-        )
-
-
 def _one_amount(draft: Draft) -> Iterator[Fault]:
     """A cube that holds a number of grains needs that number; a box of a given size no second fill."""
     geometry, particles = draft.scene.geometry, draft.scene.particles
@@ -189,12 +173,12 @@ class ShearedBoxGeometry(GeometrySection):
 
     has_axis = False
     is_periodic = True
+    largest_fill = DENSEST
     measured = "stress"
     excluded_roles = ("weight", "images", "drag")
     why_no_sector = "needs a shape with an axis; remove it: a periodic box repeats by itself"
     CHECKS: ClassVar = (
         (_packed_at_random, ("particles",)),
-        (_loose_enough, ("geometry", "particles")),
         (_one_amount, ("geometry", "particles")),
         (_wide_enough, ("geometry", "particles", "effects")),
         (_elastic, ("contact",)),

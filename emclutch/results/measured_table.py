@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from emclutch.results.errors import OutputError
+from emclutch.scene.errors import reason_of
 
 
 def read_measured(path: str | Path, along: str, values: str) -> dict[str, np.ndarray]:
@@ -17,7 +18,7 @@ def read_measured(path: str | Path, along: str, values: str) -> dict[str, np.nda
 
     The first line holds the columns' names; lines before it that begin with # are comments. Columns are parted by
     commas, semicolons or tabs; with the latter two a comma may be the decimal sign. An empty cell is a value that was
-    not measured.
+    not measured. A column whose name begins with "error" holds the standard errors of the column before it.
 
     Parameters
     ----------
@@ -27,15 +28,19 @@ def read_measured(path: str | Path, along: str, values: str) -> dict[str, np.nda
     Returns
     -------
     dict
-        Name of the column -> (n, 2) first column and value, by the first column.
+        Name of the column -> (n, 2) first column and value, by the first column; (n, 3) with standard errors, nan where
+        a value has none.
 
     Raises
     ------
     OutputError
-        The table has no names, fewer than two columns, a name with another unit in brackets, or a cell that is no
-        number; with the line.
+        The file cannot be read; the table has no names, fewer than two columns, a name with another unit in brackets, a
+        cell that is no number, or an error below 0; with the line.
     """
-    lines = Path(path).read_text(encoding="utf-8-sig").splitlines()
+    try:
+        lines = Path(path).read_text(encoding="utf-8-sig").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise OutputError(f"{path} cannot be read ({reason_of(error)}); name a measured table (.csv)") from None
     head = next((number for number, line in enumerate(lines) if not line.startswith("#")), len(lines))
     first = lines[head] if head < len(lines) else ""
     separator = next((mark for mark in ";\t" if mark in first), ",")
@@ -50,7 +55,10 @@ def read_measured(path: str | Path, along: str, values: str) -> dict[str, np.nda
         unit = _unit(name)
         if unit is not None and unit != _unit(wanted):
             raise OutputError(f"{path}: column {name!r} is in {unit}; it must be {wanted}: convert it, and its name")
-    found: dict[str, list[tuple[float, float]]] = {name: [] for name in names[1:]}
+    errors = {number for number, name in enumerate(names) if number and name.lower().startswith("error")}
+    if any(number - 1 in {0, *errors} for number in errors):
+        raise OutputError(f"{path}: a column of errors follows no measured one; write {values} before its errors")
+    found: dict[str, list[tuple[float, ...]]] = {name: [] for k, name in enumerate(names) if k and k not in errors}
     for line, row in enumerate(rows[1:], start=head + 2):
         if not any(cell.strip() for cell in row):
             continue
@@ -58,12 +66,15 @@ def read_measured(path: str | Path, along: str, values: str) -> dict[str, np.nda
         if len(row) != len(names) or numbers[0] is None:
             wanted = f"{along} and {len(names) - 1} values of {values}"
             raise OutputError(f"{path}, line {line}: {separator.join(row)!r} is not a {wanted}")
-        for name, cell, value in zip(names[1:], row[1:], numbers[1:], strict=True):
-            if value is not None:
-                found[name].append((numbers[0], value))
-            elif cell.strip():
-                raise OutputError(f"{path}, line {line}: {cell.strip()!r} in column {name!r} is not a number")
-    return {name: np.array(sorted(points)).reshape(-1, 2) for name, points in found.items()}
+        for number, (name, cell, value) in enumerate(zip(names, row, numbers, strict=True)):
+            if cell.strip() and (value is None or (number in errors and value < 0.0)):
+                wanted = "an error of at least 0" if number in errors else "a number"
+                raise OutputError(f"{path}, line {line}: {cell.strip()!r} in column {name!r} is not {wanted}")
+            if name in found and value is not None:
+                own = numbers[number + 1 : number + 2] if number + 1 in errors else []
+                found[name].append((numbers[0], value, *(np.nan if one is None else one for one in own)))
+    width = {name: 3 if number + 1 in errors else 2 for number, name in enumerate(names)}
+    return {name: np.array(sorted(points)).reshape(-1, width[name]) for name, points in found.items()}
 
 
 def _unit(name: str) -> str | None:

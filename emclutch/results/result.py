@@ -119,5 +119,6 @@ def load_result(folder: str | Path) -> Result:
     if not run.history.is_file():
         if (failed := run.read_failure()) is not None:
             raise OutputError(f"{folder}: {failed.in_words()}")
-        raise OutputError(f"{folder} has no {run.history.name}; name the folder of a run")
+        what = f"has no {run.history.name}" if Path(folder).exists() else "is not there"
+        raise OutputError(f"{folder} {what}; name the folder of a run, or of a study with a point that is done")
     return Result(run)

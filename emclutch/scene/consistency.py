@@ -138,10 +138,11 @@ def _fill(draft: Draft) -> Iterator[Fault]:
     particles, shape = draft.scene.particles, draft.scene.shape()
     if shape.faults(None):
         return  # already reported; volumes of a broken shape mean nothing
-    fill = fill_of(shape, particles)
+    start = draft.scene.scene  # without its seed the sizes are those to be expected
+    fill = fill_of(shape, particles, None if start is None else start.seed)
     amounts = ("mass", "solid_fraction", "count")
     key = next((name for name in amounts if getattr(particles, name) is not None), "packing_file")
-    densest = particles.largest_solid_fraction
+    densest = min(particles.largest_solid_fraction, draft.scene.geometry.largest_fill)
     most = densest * fill.volume
     limits = {
         "mass": f"{1e3 * most * particles.density:.4g} g",
@@ -149,10 +150,11 @@ def _fill(draft: Draft) -> Iterator[Fault]:
         "count": f"{int(most / particles.grain_volume / particles.n_sectors)}",
         "packing_file": "what the region holds",
     }
-    if fill.solid_fraction > densest * (1.0 + 1e-9):
+    half_a_grain = math.pi / 12.0 * particles.largest_diameter**3 * particles.n_sectors  # numbers are whole
+    if fill.solid_fraction > densest * (1.0 + 1e-9) + half_a_grain / fill.volume:
         yield draft.fault(
             f"particles.{key}",
-            f"fills {fill.solid_fraction:.2f} of the region ({1e6 * fill.volume:.4g} "
+            f"fills {fill.solid_fraction:.3f} of the region ({1e6 * fill.volume:.4g} "
             f"cm^3), more than can be packed; allowed: at most {limits[key]}; lower it, or enlarge the "
             "region",
         )

@@ -18,7 +18,7 @@ from emclutch.scene.units import Quantity
 Path = tuple[str | int, ...]
 
 _NO_TABLE = "is not a table; write [{path}] with its keys below"
-_NO_LIST = "is not a list; write it in brackets, e.g. [1, 2, 3]"
+_NO_LIST = "is not a list; write it in brackets, e.g. {example}"
 _NO_SWITCH = "is not a truth value; write true or false, without quotes"
 _PYDANTIC = {
     "model_type": _NO_TABLE,
@@ -46,7 +46,8 @@ def faults_from(error: ValidationError, root: type[Section], data: dict[str, Any
     error : what pydantic found when it read `data` as a `root`
     data : the file's content as the user wrote it
     """
-    return [_fault(details, root, data) for details in error.errors(include_url=False)]
+    # once each: a list of three that has one entry lacks two
+    return list(dict.fromkeys(_fault(details, root, data) for details in error.errors(include_url=False)))
 
 
 def dotted(path: Sequence[str | int]) -> str:
@@ -62,7 +63,8 @@ def _fault(details: ErrorDetails, root: type[Section], data: dict[str, Any]) -> 
     if kind == "missing":
         entry = entry_at(data, path)
         if isinstance(entry, list):
-            return Fault(dotted(path), shown(entry), "has too few entries; three numbers are needed, e.g. [1, 2, 3]")
+            example = _list_example(path, root, data)
+            return Fault(dotted(path), shown(entry), f"has too few entries; three are needed, e.g. {example}")
         return Fault(dotted(path), "", f"is missing; {_needed(path, root, data)}")
     if kind in ("union_tag_invalid", "union_tag_not_found"):
         return _wrong_tag(path, str(context["discriminator"]).strip("'"), details["input"], root, data)
@@ -74,7 +76,8 @@ def _fault(details: ErrorDetails, root: type[Section], data: dict[str, Any]) -> 
     if kind == "extra_forbidden":
         return Fault(dotted(path), value, _unknown_key(path, root, data))
     if kind in _PYDANTIC:
-        return Fault(dotted(path), value, _PYDANTIC[kind].format(path=dotted(path), **context))
+        example = _list_example(path, root, data)
+        return Fault(dotted(path), value, _PYDANTIC[kind].format(path=dotted(path), example=example, **context))
     return Fault(dotted(path), value, f"is refused: {details['msg'][:1].lower()}{details['msg'][1:]}")
 
 
@@ -97,6 +100,12 @@ def _path(location: Path, data: Any, keep_last: bool) -> Path:
             path.append(step)
             data = data[step]
     return tuple(path)
+
+
+def _list_example(path: Path, root: type[Section], data: dict[str, Any]) -> str:
+    """Return a list of three entries as they may stand in a key."""
+    entries = (entry_of(annotation) for annotation in annotations_at((*path, 0), root, data))
+    return next((shown(3 * [entry.sample]) for entry in entries if entry is not None), "[1, 2, 3]")
 
 
 def _needed(path: Path, root: type[Section], data: dict[str, Any]) -> str:

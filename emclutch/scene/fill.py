@@ -79,6 +79,6 @@ def _simulated(particles: ParticlesSection, volume: float, seed: int | None) -> 
             wanted = particles.mass / particles.density
         count = round(wanted / grain / particles.n_sectors)
         # what is far too much is refused by its mean: it need not be drawn
-        if particles.sizes is not None and seed is not None and wanted <= volume:
+        if particles.sizes is not None and seed is not None and wanted <= volume and count <= MAX_GRAINS:
             count = len(particles.distribution().draw_volume(wanted / particles.n_sectors, seed))
     return count, _volume(particles, count, seed)

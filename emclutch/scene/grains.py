@@ -44,7 +44,9 @@ class ParticlesSection(Section):
     )
     mass: Mass | None = Field(default=None, description="mass of powder in the whole device, not only in the sector")
     solid_fraction: Annotated[float, number("0.4", 0.0, 1.0, above=True)] | None = Field(
-        default=None, description="volume of grains / volume of the region; at random at most 0.60 can be packed"
+        default=None,
+        description="volume of grains / volume of the region; at random at most 0.60 can be packed, in a sheared_box "
+        "0.58",
     )
     count: Annotated[int, Whole(1, MAX_GRAINS, "1000")] | None = Field(
         default=None, description="number of simulated grains (those of the sector, where there is one)"

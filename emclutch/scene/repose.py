@@ -50,10 +50,16 @@ def pair_of_bulk_friction(bulk: float) -> FrictionPair:
     friction = table.nearest_friction(bulk, DRY_STEEL)
     if friction is None:
         low, high = float(table.mean.min()), float(table.mean.max())
+        advice = (
+            "not even spheres without friction flow at a smaller one: measure it again"
+            if bulk < low
+            else "a steeper heap is that of a cohesive or interlocking powder: give contact.friction itself, and add a "
+            "cohesion"
+        )
         raise ValueError(
             f"cannot be reached by friction and rolling friction of spheres; allowed: bulk frictions of {low:.3f} to "
-            f"{high:.3f}, angles of repose of {angle_in_words(math.asin(low))} to {angle_in_words(math.asin(high))}; a "
-            "steeper heap is that of a cohesive or interlocking powder: say its friction itself, and add a cohesion"
+            f"{high:.3f}, angles of repose of {angle_in_words(math.asin(low))} to {angle_in_words(math.asin(high))}; "
+            f"{advice}"
         )
     pair = table.pair(bulk, friction)
     assert pair is not None  # on the line

@@ -39,6 +39,7 @@ _ANGLE_UNITS = {
     "revolutions_per_minute",
     "revolutions_per_second",
 }
+_MEANT = {"m": ("mm", "millimetres"), "rad": ("deg", "degrees")}  # likely, where a bare number is too large
 _LEAST = 1e-15  # in SI: what has to be positive is refused below it, what may be 0 as well is 0
 _COMMON_UNITS = (
     "m, mm, um, cm, g, kg, mg, s, ms, us, min, A, mA, V, ohm, mohm, rpm, rad/s, deg/s, rad, deg, turn, N, "
@@ -117,13 +118,14 @@ class Quantity(Entry):
 
     @property
     def range_text(self) -> str:
-        """The allowed range in SI, e.g. ``"> 0 m, <= 10 m"``; empty where everything finite is allowed."""
-        unit = f" {self.unit}" if self.unit else ""
+        """The allowed range, ``"> 0 m, <= 10 m"``, in SI but for angles; empty where everything finite is allowed."""
+        name, factor = ("deg", 180.0 / math.pi) if self.unit == "rad" else (self.unit, 1.0)
+        unit = f" {name}" if name else ""
         parts = []
         if self.minimum > -math.inf:
-            parts.append(f"{'>' if self.open_minimum else '>='} {self.minimum:g}{unit}")
+            parts.append(f"{'>' if self.open_minimum else '>='} {factor * self.minimum:g}{unit}")
         if self.maximum < math.inf:
-            parts.append(f"<= {self.maximum:g}{unit}")
+            parts.append(f"<= {factor * self.maximum:g}{unit}")
         return ", ".join(parts)
 
     def read(self, given: object) -> float:
@@ -146,10 +148,11 @@ class Quantity(Entry):
             raise ValueError(f"is not a number; {self._needed()}")
         if not math.isfinite(value):
             raise ValueError(f"is not finite; {self._needed()}")
-        if self.unit == "m" and value > self.maximum and not isinstance(given, str):
+        if self.unit in _MEANT and value > self.maximum and not isinstance(given, str):
+            unit, name = _MEANT[self.unit]
             raise ValueError(
-                f"is read as {value:g} m, out of range; allowed: {self.range_text}; write '{value:g} mm' if "
-                "millimetres are meant"
+                f"is read as {value:g} {self.unit}, out of range; allowed: {self.range_text}; write '{value:g} {unit}' "
+                f"if {name} are meant"
             )
         if 0.0 < value < self.least:
             raise ValueError(f"is below the minimum; allowed: at least {self.least:g} {self.unit}".rstrip())

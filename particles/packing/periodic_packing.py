@@ -36,7 +36,7 @@ def random_in_box(box: ShearedBox, radius: np.ndarray, *, seed: int) -> np.ndarr
     """Centres (n, 3) [m] of grains of ``radius`` (n,) [m] at random in a box at rest; as `periodic_packing`."""
     count, widest = len(radius), 2.0 * float(radius.max(initial=0.0))
     fill = float(np.sum(4.0 / 3.0 * np.pi * radius**3)) / box.volume
-    _require_fill(count, fill)
+    _require_fill(count, fill, 2.0 / 3.0 * np.pi * (0.5 * widest) ** 3 / box.volume)
     smallest = 2.0 * float(radius.min())
     x = np.random.default_rng(seed).uniform(0.0, 1.0, (count, 3)) * box.lengths
     for size in SIZES:
@@ -62,8 +62,8 @@ def random_in_box(box: ShearedBox, radius: np.ndarray, *, seed: int) -> np.ndarr
     return x % box.lengths
 
 
-def _require_fill(count: int, fill: float) -> None:
-    if count < 1 or not 0.0 < fill <= DENSEST * (1.0 + 1.0 / count):  # to a grain: numbers are whole
+def _require_fill(count: int, fill: float, half_a_grain: float = 0.0) -> None:
+    if count < 1 or not 0.0 < fill <= DENSEST + half_a_grain:  # numbers are whole
         raise ValueError(
             f"{count} grains at a fill of {fill:.4g}; allowed: at least one grain, and a fill above 0 and at most "
             f"{DENSEST}"

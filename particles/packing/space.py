@@ -144,7 +144,8 @@ class Space:
             If they fill more than ``densest``; ``why`` is the reason for that limit.
         """
         fraction = self.solid_fraction(radius)
-        if fraction > densest:
+        half_a_grain = 2.0 / 3.0 * np.pi * radius.max(initial=0.0) ** 3  # numbers are whole
+        if fraction > densest + half_a_grain / self.volume:
             raise PackingError(
                 f"{len(radius)} grains would fill {fraction:.3f} of the space of {self.volume * 1e9:.4g} mm^3; "
                 f"allowed: at most {densest:.2f} ({why}); at this size at most "

@@ -53,6 +53,8 @@ def test_every_command_has_help():
     for name in names:
         result = CliRunner().invoke(app, [name, "--help"])
         assert result.exit_code == 0
+        if name == "plot":
+            assert "speeds [rpm]" in " ".join(result.output.replace("│", " ").split())  # no style of the terminal's
 
 
 def test_schema_goes_to_the_terminal_or_a_file(tmp_path):

@@ -69,16 +69,16 @@ def test_the_picture_is_new(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        ((), "needs one of"),
-        (("--repose", "30 deg", "--internal-friction", 0.5), "needs one of"),
-        (("--repose", "60 deg"), "cannot be reached"),
-        (("--repose", "1 deg"), "cannot be reached"),
+        ((), "needs an angle of repose"),
+        (("--repose", "30 deg", "--internal-friction", 0.5), "only one of the two"),
+        (("--repose", "60 deg"), "give contact.friction itself, and add a cohesion"),
+        (("--repose", "1 deg"), "measure it again"),
         (("--internal-friction", 1.5), "cannot be reached"),
-        (("--repose", "30"), "out of range"),
+        (("--repose", "30"), "allowed: > 0 deg, <= 90 deg; write '30 deg' if degrees are meant"),
         (("--repose", "30 mm"), "is a length"),
         (("--repose", "30 deg", "--uncertainty", "-1 deg"), "out of range"),
-        (("--friction", 0.5), "go together"),
-        (("--friction", 7, "--rolling-friction", 0), "the measured table"),
+        (("--friction", 0.5), "--friction = 0.5 gives an angle of repose together with --rolling-friction only"),
+        (("--friction", 7, "--rolling-friction", 0), "--friction = 7 is out of range; allowed: 0 to 1"),
         (("--friction", 0.5, "--rolling-friction", 0, "--repose", "30 deg"), "gives an angle"),
     ],
 )

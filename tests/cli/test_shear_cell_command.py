@@ -131,7 +131,9 @@ def test_lists_of_fields():
     ("arguments", "says"),
     [
         ((), "needs the name of a powder"),
-        (("powder_iron", "--chi", 100), "needs the name of a powder"),
+        (("powder_iron", "--chi", 100), "'powder_iron' has its own"),
+        (("--chi", 100), "needs --ms, the saturation"),
+        (("powder_iron", "--seeds", 0), "--seeds = 0 is out of range; allowed: 1 to 99"),
         (("sand",), "is not known"),
         (("--chi", -1, "--ms", "1 MA/m"), "above 0"),
         (("powder_iron", "--grains", 20), "are too few"),

@@ -7,6 +7,7 @@ import pytest
 
 from emclutch.results import OutputError
 from emclutch.results.measured_table import read_measured
+from emclutch.results.pictures.figure import draw_measured, new_figure
 from emclutch.results.pictures.speeds import (
     explained_share,
     power_law,
@@ -169,6 +170,21 @@ def test_tables_as_people_write_them(tmp_path, text):
     assert output.tolist() == [[0.0, 0.0], [1.0, 10.0]]  # an empty cell was not measured
 
 
+def test_a_column_of_errors_belongs_to_the_one_before_it(tmp_path):
+    """It is no curve of its own; a value without an error has a bar of none."""
+    (tmp_path / "m.csv").write_text("t [s],motor [rpm],error [rpm],output [rpm]\n0,1,0.5,7\n1,2,,8\n")
+    table = read_measured(tmp_path / "m.csv", "time [s]", "speed [rpm]")
+    np.testing.assert_array_equal(table["motor [rpm]"], [[0.0, 1.0, 0.5], [1.0, 2.0, np.nan]])
+    assert list(table) == ["motor [rpm]", "output [rpm]"] and table["output [rpm]"].shape == (2, 2)
+    _, (axis,) = new_figure(4.0, 3.0, None)
+    draw_measured(axis, table, joined=True)
+    (bars,) = axis.containers  # of 95 %
+    low, high = (cap.get_ydata() for cap in bars.lines[1])
+    np.testing.assert_allclose([low, high], [[1.0 - 1.96 * 0.5, np.nan], [1.0 + 1.96 * 0.5, np.nan]])
+    with pytest.raises(OutputError, match="cannot be read"):
+        read_measured(tmp_path / "none.csv", "time [s]", "speed [rpm]")
+
+
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
@@ -180,6 +196,8 @@ def test_tables_as_people_write_them(tmp_path, text):
         ("time,motor\nnan,1\n", "line 2"),
         ("# a comment\ntime,motor\n0,fast\n", "line 3: 'fast' in column 'motor'"),
         ("# a comment alone\n", "must name the columns"),
+        ("time,error\n1,2\n", "errors follows no measured one"),
+        ("time,motor,error\n1,2,-1\n", "line 2: '-1' in column 'error' is not an error of at least 0"),
     ],
 )
 def test_tables_that_are_none_are_refused_with_the_line(tmp_path, text, reason):

@@ -288,7 +288,7 @@ def test_check_names_grains_rate_and_inertial_number():
         ({"effects.gravity": {}}, "effects.gravity", "fall for ever"),
         ({"effects.fluid_drag": {"viscosity": "0.1 Pa s"}}, "effects.fluid_drag", "flow past a fluid at rest"),
         ({"particles.packing": "lattice"}, "particles.packing", "take packing = 'random'"),
-        ({"particles.count": None, "particles.solid_fraction": 0.59}, "particles.solid_fraction", "up to 0.58"),
+        ({"particles.count": None, "particles.solid_fraction": 0.62}, "particles.solid_fraction", "at most 0.58"),
         ({"geometry.size": None}, "geometry.size", "is missing; give three lengths"),
         ({"geometry.solid_fraction": 0.3}, "geometry.solid_fraction", "conflicts with size"),
         (CUBE | {"particles.count": 20}, "particles.count", "an edge of 0.3268 mm"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import textwrap
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +12,7 @@ import numpy as np
 
 from emclutch.results.atomic_file import replace_bytes
 from emclutch.results.errors import OutputError
+from emclutch.results.torque_curves import NORMAL
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -67,6 +69,17 @@ def save_picture(figure: Figure, path: str | Path) -> Path:
     figure.savefig(content, format=kind)
     replace_bytes(path, content.getbuffer())
     return path
+
+
+def draw_measured(axis: Axes, measured: Mapping[str, np.ndarray] | None, *, per_x: float = 1.0, joined: bool) -> None:
+    """Draw measured curves as markers with 95 % bars, as `read_measured` returns them, at `per_x` times their x."""
+    for number, (name, points) in enumerate((measured or {}).items()):
+        every = 1 if joined else max(1, len(points) // 60)  # a curve of markers says nothing
+        x, y, *error = points[::every].T
+        axis.plot(per_x * x, y, ls=":" if joined else "", lw=0.7, marker=MARKERS[number % len(MARKERS)], ms=4.5,
+                  mfc="none", color="black", zorder=1.5, label=f"measured: {name}")  # fmt: skip
+        if error:
+            axis.errorbar(per_x * x, y, NORMAL * error[0], fmt="none", ecolor="black", elinewidth=0.7, capsize=3)
 
 
 def label_panel(axis: Axes, title: str) -> None:

@@ -11,7 +11,15 @@ import numpy as np
 
 from emclutch.results.columns import DISC_SPEED, ROTOR_SPEED, TIME, TORQUE_DISC
 from emclutch.results.errors import OutputError
-from emclutch.results.pictures.figure import BODY_COLOURS, LINES, MARKERS, RPM, finish_axis, new_figure, save_picture
+from emclutch.results.pictures.figure import (
+    BODY_COLOURS,
+    LINES,
+    RPM,
+    draw_measured,
+    finish_axis,
+    new_figure,
+    save_picture,
+)
 from emclutch.results.text import time_unit
 
 OUTPUTS = ("#0b5fa5", "#2a8c3f", "#8a1c7c", "#b5179e", "#0a7d7d", "#7f6000")
@@ -43,7 +51,7 @@ def speed_picture(
     path : PNG to write.
     runs : name -> history with the columns `time` [s], `rotor_speed` and `disc_speed` [rad/s]; the name is left out
         of the legend where there is one run only. Motors that turn alike are drawn once.
-    measured : name -> (n, 2) time [s] and speed [rpm], as `read_measured` returns them; drawn as markers.
+    measured : name -> (n, 2) time [s] and speed [rpm], or (n, 3) with errors, as `read_measured` returns them.
     """
     figure, (axis,) = new_figure(10.5, 5.0, title)
     longest = max((float(np.max(_column(one, TIME), initial=0.0)) for one in runs.values()), default=0.0)
@@ -60,11 +68,7 @@ def speed_picture(
             motors.append((time, motor))
         color, line = styles[name]
         axis.plot(factor * time, RPM * output, color=color, lw=1.6, label=f"output{of}", ls=line)
-    for number, (name, points) in enumerate((measured or {}).items()):
-        every = max(1, len(points) // 60)  # a curve of markers says nothing
-        time, speed = points[::every].T
-        axis.plot(factor * time, speed, ls="", marker=MARKERS[number % len(MARKERS)], ms=4.5, mfc="none",
-                  color="black", label=f"measured: {name}")  # fmt: skip
+    draw_measured(axis, measured, per_x=factor, joined=False)
     finish_axis(axis, f"time [{unit}]", "speed [rpm]")
     return save_picture(figure, path)
 

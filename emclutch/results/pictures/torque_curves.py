@@ -11,8 +11,8 @@ import numpy as np
 from emclutch.results.linear_range import LinearRange
 from emclutch.results.pictures.figure import (
     BODY_COLOURS,
-    MARKERS,
     RPM,
+    draw_measured,
     legend_below,
     legend_beside,
     new_figure,
@@ -47,7 +47,7 @@ def torque_against_current_picture(
         diamonds without a bar.
     ranges : of each curve; a thin line is drawn through a linear range, with a mark at its knee; dashed where some of
         its torques are not converged.
-    measured : name -> (n, 2) current [A] and torque [N m], drawn as markers on a thin line.
+    measured : name -> (n, 2) current [A] and torque [N m], or (n, 3) with errors, as `read_measured` returns them.
     over_rated : whether curves and measured ones are current and torque over the rated ones, as
         `TorqueCurve.over_rated` makes them; then a second panel has logarithmic axes, where a power law is a line.
     """
@@ -55,9 +55,7 @@ def torque_against_current_picture(
     for axis in axes:
         for curve, found in zip(curves, ranges, strict=False):
             _draw_range(axis, curve, found)
-        for number, (name, points) in enumerate((measured or {}).items()):
-            axis.plot(*points.T, ls=":", lw=0.7, marker=MARKERS[number % len(MARKERS)], ms=4.0, mfc="none",
-                      color="black", zorder=1.5, label=f"measured: {name}")  # fmt: skip
+        draw_measured(axis, measured, joined=True)
         axis.set_xlabel("coil current over rated current" if over_rated else "coil current [A]")
     if over_rated:
         axes[0].set_ylabel("torque over torque at rated current")
