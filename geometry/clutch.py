@@ -220,9 +220,8 @@ class Clutch(AnnularSpaces):
         """The gap at the rim or at the faces, by the region that is filled."""
         narrowest = min(self.gap, self.face_gap)
         if self.shears_faces(region):
-            return ShearedGap(
-                self.mean_face_radius, self.face_gap, self.face_gap if region == "faces" else narrowest, at_faces=True
-            )
+            narrowest = self.face_gap if region == "faces" else narrowest
+            return ShearedGap(self.mean_face_radius, self.face_gap, narrowest, True, 0.5 * self.disc_thickness)
         return ShearedGap(self.mean_gap_radius, self.gap, self.gap if region in _AT_RIM else narrowest)
 
     def gap_parts(self, boxes: Sequence[AnnularBox]) -> list[tuple[AnnularBox, bool]]:

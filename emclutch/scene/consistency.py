@@ -217,6 +217,19 @@ def _replicas(draft: Draft) -> Iterator[Fault]:
 
 
 # What a check needs is right: a section as a whole, or of the geometry no more than the kind and the materials.
+def _initial_flow(draft: Draft) -> Iterator[Fault]:
+    """Grains that begin in shear need a gap that is sheared as a whole."""
+    scene = draft.scene
+    if scene.particles.initial_velocity == "rest":
+        return
+    if scene.geometry.gap_zone(scene.shape(), scene.particles.region) is None:
+        yield draft.fault(
+            "particles.initial_velocity",
+            f"cannot be 'sheared' in a device of kind '{scene.geometry.kind}', which has no gap between two shafts; "
+            "remove it",
+        )
+
+
 CHECKS: tuple[tuple[Check, tuple[str, ...]], ...] = (
     (_field_alone, ()),
     (_shape, (GEOMETRY_KIND,)),
@@ -225,6 +238,7 @@ CHECKS: tuple[tuple[Check, tuple[str, ...]], ...] = (
     (sector_in_geometry, (GEOMETRY_KIND, "particles")),
     (_surfaces, ("geometry", "surfaces")),
     (sector_in_surfaces, ("particles", "surfaces")),
+    (_initial_flow, (GEOMETRY_KIND, "particles")),
     (_fill, ("geometry", "particles")),
     (_pour, ("particles", "effects")),
     (_rigid, ("contact",)),

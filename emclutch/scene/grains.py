@@ -74,6 +74,11 @@ class ParticlesSection(Section):
         default=1e-6, description="at rest: kinetic energy / m g d (without gravity: / energy stored in contacts)"
     )
     settle_longest: Time | None = Field(default=None, description="longest simulated time to rest; default: 100 falls")
+    initial_velocity: Annotated[str, Choice(("rest", "sheared"))] = Field(
+        default="rest",
+        description="velocities at time 0: none, or those of a steady shear between the shafts, as in powder that has "
+        "run for a while",
+    )
     repose: ReposeAngle | None = Field(
         default=None,
         description="angle of repose of the powder without a field: sets `contact.friction` and the rolling friction, "
@@ -145,6 +150,17 @@ class ParticlesSection(Section):
                 if key in self.model_fields_set and getattr(self, key) != type(self).model_fields[key].default:
                     raise refuse(f"is not used by packing = '{self.packing}'; remove it, or take packing = 'lattice'",
                                  key=key)  # fmt: skip
+        return self
+
+    @model_validator(mode="after")
+    def _begins_at_rest_or_in_flow(self) -> Self:
+        if self.initial_velocity == "sheared":
+            if self.packing == "file":
+                raise refuse("conflicts with packing = 'file', whose velocities are in the file; remove it",
+                             key="initial_velocity")  # fmt: skip
+            if self.settles:
+                raise refuse("conflicts with grains that come to rest before time 0 (settle, packing = 'pour'); keep "
+                             "one of the two", key="initial_velocity")  # fmt: skip
         return self
 
     @model_validator(mode="after")

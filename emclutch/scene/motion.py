@@ -94,6 +94,14 @@ class ShaftMotionSection(Section):
         assert self.speed is not None  # by the model's rule
         return self.speed.largest
 
+    @property
+    def initial_speed(self) -> float:
+        """Speed [rad/s] at time 0."""
+        if self.free is not None:
+            return self.free.initial_speed
+        assert self.speed is not None  # by the model's rule
+        return self.speed(0.0)
+
 
 HELD = ShaftMotionSection(speed=TimeProfile.constant(0.0))
 

@@ -17,7 +17,7 @@ from emclutch.scene.case import Case
 from emclutch.scene.model import Scene
 from emclutch.scene.motion import FreeShaftSection
 from emclutch.simulation.dvi_plan import RigidContacts
-from emclutch.simulation.initial_packing import grains_of, packed, packed_in_flow, settled
+from emclutch.simulation.initial_packing import grains_of, packed, packed_in_flow, settled, sheared_between
 from emclutch.simulation.plan import Plan
 from particles import DEM, DVI, Body, FreeShaft, GrainMotion, Grains
 
@@ -32,6 +32,10 @@ def assemble(case: Case, device: Device, plan: Plan) -> Simulation:
         grains = packed_in_flow(scene, box, plan.count)
     else:
         packing = packed(scene, device.boxes, device.walls(), plan.count, plan.sector)
+        gap = device.sheared_gap
+        if scene.grains.initial_velocity == "sheared" and gap is not None:
+            speeds = (shaft.initial_speed for shaft in (scene.motion.disc, scene.motion.rotor))
+            packing = sheared_between(packing, gap, *speeds)
         grains = grains_of(packing, scene.grains.density)
     simulation = simulation_of(case, device, plan, grains)
     settling = settled(scene, simulation.motion)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from coupling.sheared_powder import grains_in_flow
 from emclutch.scene.fill import diameters_of
 from emclutch.scene.model import Scene
 from geometry.device_shape import FilledSpace
+from geometry.sheared_gap import ShearedGap
 from geometry.walls import Wall
 from particles import BoxTooDense, CyclicSector, GrainMotion, Grains, PackingError, ShearedBox
 from particles.packing.file_packing import OVERLAP_LIMIT
@@ -58,6 +60,19 @@ def grains_of(packing: Packing, density: float) -> Grains:
         velocity=packing.velocity,
         angular_velocity=packing.angular_velocity,
     )
+
+
+def sheared_between(packing: Packing, gap: ShearedGap, disc: float, rotor: float) -> Packing:
+    """Set grains in motion as in a steady shear between disc and rotor, speeds about z [rad/s].
+
+    Each spins with half the curl of the flow. Powder that begins at rest takes up this motion in a shear strain of
+    about phi (I n)^2 P/tau, for n grains across at an inertial number I: momentum crosses a gap g in a time of
+    phi rho g^2 rate/tau.
+    """
+    omega, curl = gap.speed(packing.position, disc, rotor)
+    x, y, _ = packing.position.T
+    velocity = np.column_stack([-omega * y, omega * x, np.zeros_like(x)])
+    return replace(packing, velocity=velocity, angular_velocity=0.5 * curl)
 
 
 def packed_in_flow(scene: Scene, box: ShearedBox, count: int) -> Grains:

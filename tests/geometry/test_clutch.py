@@ -131,3 +131,29 @@ def test_a_coil_radius_equal_to_the_bore_but_for_rounding_is_the_bore():
     clutch = Clutch(coil_radius=51.8e-3 * (1.0 - 1e-12))
     assert clutch.faults() == []
     assert clutch.coil_inner_radius == clutch.housing_bore
+
+
+@pytest.mark.parametrize("region", ["rim", "faces"])
+def test_a_steady_shear_goes_from_the_disc_to_the_rotor_and_has_the_curl_of_its_velocity(region):
+    clutch = Clutch()
+    gap = clutch.sheared_gap(region)
+    (*_, box) = clutch.boxes_to_fill(region)
+    rng = np.random.default_rng(3)
+    r, angle, z = rng.uniform([box.r0, 0.0, box.z0], [box.r1, 2.0 * np.pi, box.z1], (50, 3)).T
+    sides = np.where(rng.random(50) < 0.5, -1.0, 1.0)
+    points = np.column_stack([r * np.cos(angle), r * np.sin(angle), z * sides])
+
+    def velocity(at):
+        omega, _ = gap.speed(at, 3.0, 10.0)
+        return np.column_stack([-omega * at[:, 1], omega * at[:, 0], 0.0 * omega])
+
+    h = 1e-8
+    dv = [(velocity(points + h * axis) - velocity(points - h * axis)) / (2.0 * h) for axis in np.eye(3)]
+    curl = np.column_stack([dv[j][:, k] - dv[k][:, j] for j, k in ((1, 2), (2, 0), (0, 1))])
+    omega, given = gap.speed(points, 3.0, 10.0)
+    assert given == pytest.approx(curl, rel=1e-5, abs=1e-3)
+    assert np.all((omega >= 3.0) & (omega <= 10.0))
+    middle = np.array([[clutch.disc_radius + 0.5 * clutch.gap, 0.0, 0.0]])
+    if region == "faces":
+        middle = np.array([[0.0, 0.7 * clutch.disc_radius, -0.5 * clutch.disc_thickness - 0.5 * clutch.face_gap]])
+    assert gap.speed(middle, 3.0, 10.0)[0] == pytest.approx([6.5])

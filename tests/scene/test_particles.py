@@ -186,6 +186,8 @@ EQUAL = {"diameter": "1 mm", "count": 10}
         (EQUAL | {"noise": 0.5}, "particles.noise", "take packing = 'lattice'"),
         (EQUAL | {"packing": "sieve"}, "particles.packing", "available: random, grow, lattice, pour, file"),
         (EQUAL | {"settle_kinetic": 0.5}, "particles.settle_kinetic", "out of range"),
+        (EQUAL | {"initial_velocity": "sheared"}, "particles.initial_velocity", "no gap between two shafts"),
+        (EQUAL | {"initial_velocity": "sheared", "settle": True}, "particles.initial_velocity", "come to rest"),
     ],
 )  # fmt: skip
 def test_wrong_combinations_are_reported(particles, key, words):
