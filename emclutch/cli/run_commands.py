@@ -86,6 +86,7 @@ def sweep(
             message = "needs a study that was begun; name the study's folder with --out"
             raise SceneError([Fault("--resume", "", message)], "command line")
         read = read_study(study, trust_scripts=trust_scripts)
+        from emclutch.results.study_result import grain_size_lines
         from emclutch.results.study_table import StudyTable
         from emclutch.studies.forecast import predict_study
         from emclutch.studies.points import points_in
@@ -99,6 +100,8 @@ def sweep(
         compared = folder / "methods.txt"
         if compared.is_file():
             typer.echo(compared.read_text(encoding="utf-8"), nl=False)
+        for line in grain_size_lines(folder):
+            typer.echo(line)
         typer.echo(f"results and pictures: {folder}")
 
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import json
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from emclutch.results.errors import OutputError
 from emclutch.results.result import Result, load_result
@@ -27,12 +28,18 @@ class StudyResult:
         The runs of the rows, in the same order.
     seeds : pandas.DataFrame or None
         seeds.csv, means over `scene.seed`, of a study that varies it.
+    grain_size : pandas.DataFrame or None
+        grain_size.csv, torque over the grains across the gap, of a study that varies their size.
+    grain_size_laws : list of dict
+        Of each of its curves, as `GrainSizeLaw.as_dict` says: other `values`, `law` or None, `reason` in words.
     """
 
     folder: Path
     table: pandas.DataFrame
     points: tuple[Result, ...]
     seeds: pandas.DataFrame | None = None
+    grain_size: pandas.DataFrame | None = None
+    grain_size_laws: list[dict[str, Any]] = field(default_factory=list)
 
 
 def load_study(folder: str | Path) -> StudyResult:
@@ -48,6 +55,19 @@ def load_study(folder: str | Path) -> StudyResult:
     folder = Path(folder)
     if folder.is_file():
         raise OutputError(f"{folder} is a file, no folder of a study; read a study's file with emclutch.read_study")
-    table, seeds = read_study(folder).table, folder / "seeds.csv"
+    table = read_study(folder).table
     points = tuple(load_result(folder / name) for name in table["folder"].astype(str))
-    return StudyResult(folder, table, points, pandas.read_csv(seeds) if seeds.is_file() else None)
+    seeds, sizes = (
+        pandas.read_csv(path) if path.is_file() else None for path in (folder / "seeds.csv", folder / "grain_size.csv")
+    )
+    return StudyResult(folder, table, points, seeds, sizes, _grain_size_curves(folder))
+
+
+def grain_size_lines(folder: Path) -> list[str]:
+    """Return the laws of the grain size of a study in words; none where its grains have one size."""
+    return [line for curve in _grain_size_curves(folder) for line in curve["reason"].split("\n")]
+
+
+def _grain_size_curves(folder: Path) -> list[dict[str, Any]]:
+    path = folder / "grain_size.json"
+    return json.loads(path.read_text(encoding="utf-8"))["curves"] if path.is_file() else []

@@ -10,6 +10,8 @@ import numpy as np
 
 from emclutch.results.errors import OutputError
 
+ACROSS, REAL_ACROSS = "grains_across", "real_grains_across"
+"""Columns: grains across the sheared gap, those of the scene and those of the powder that they stand for."""
 NORMAL = 1.96  # half of a normal distribution's 95 % interval, in standard errors
 
 
@@ -20,11 +22,12 @@ class TorqueCurve:
     Attributes
     ----------
     values : the study's other values, the same for all points; empty where it has none.
-    x : (n,) current [A] or speed [rad/s].
+    x : (n,) current [A], speed [rad/s] or grains across the gap.
     torque : (n,) [N m]; nan where a run has none.
     error : (n,) standard errors [N m]; nan where unknown. Of few packings it is larger than their scatter says: a
         normal distribution of this error has the 95 % interval of Student's.
     converged : (n,) whether the run says so.
+    real_across : grains of the real powder across the gap, where all points have the same and say it.
     """
 
     values: dict[str, Any]
@@ -32,6 +35,7 @@ class TorqueCurve:
     torque: np.ndarray
     error: np.ndarray
     converged: np.ndarray
+    real_across: float | None = None
 
     def along(self, x: np.ndarray) -> TorqueCurve:
         """Return the same torques over another x, (n,)."""
@@ -79,6 +83,7 @@ def torque_curves(rows: Sequence[Mapping[str, Any]], x: str, others: Sequence[st
     curves = []
     for group in groups.values():
         ordered = sorted(group, key=lambda row: row[x])
+        real = np.unique(_numbers([row.get(REAL_ACROSS) for row in ordered]).round(6))
         curves.append(
             TorqueCurve(
                 {key: group[0][key] for key in others},
@@ -86,6 +91,7 @@ def torque_curves(rows: Sequence[Mapping[str, Any]], x: str, others: Sequence[st
                 _numbers([row["torque"] for row in ordered]),
                 _numbers([_error(row) for row in ordered]),
                 np.array([bool(row["converged"]) for row in ordered]),
+                float(real[0]) if real.size == 1 and np.isfinite(real[0]) else None,
             )
         )
     return curves

@@ -53,8 +53,9 @@ def sweep(
     The folder holds point-000, point-001, ... (each a whole run), `study.csv` with a row a point, `study.log` with what
     became of each, and where they apply: `seeds.csv`, averages over `scene.seed`; `torque_vs_current.csv`, `.json`
     (linear range) and `.png` of a study over `coil.current` or `coil.voltage`; `torque_vs_speed.csv` and `.png` of one
-    over constant `motion.rotor.speed`; `speeds.png` where shafts change their speed; `methods.csv` and `methods.txt` of
-    one over `contact.method`.
+    over constant `motion.rotor.speed`; `grain_size.csv`, `.json` (law and extrapolation) and `.png` of one over
+    `particles.diameter` or `particles.sizes` in a sheared gap; `speeds.png` where shafts change their speed;
+    `methods.csv` and `methods.txt` of one over `contact.method`.
 
     Parameters
     ----------

@@ -6,22 +6,33 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from emclutch.results import Result
 from emclutch.results.atomic_file import replace_json, replace_text
 from emclutch.results.columns import DISC_SPEED, ROTOR_SPEED, TIME, TORQUE_DISC
+from emclutch.results.grain_size_law import grain_size_law, law_in_words
 from emclutch.results.linear_range import linear_range
 from emclutch.results.pictures.speeds import speed_picture, speeds_vary
-from emclutch.results.pictures.torque_curves import torque_against_current_picture, torque_against_speed_picture
+from emclutch.results.pictures.torque_curves import (
+    torque_against_current_picture,
+    torque_against_grain_size_picture,
+    torque_against_speed_picture,
+)
 from emclutch.results.seed_average import averaged_over_seeds
 from emclutch.results.statistics import Estimate
 from emclutch.results.study_folder import write_about, write_empty_table
-from emclutch.results.torque_curves import TorqueCurve, torque_curves
+from emclutch.results.torque_curves import ACROSS, REAL_ACROSS, TorqueCurve, torque_curves
 from emclutch.scene.case import Case
 from emclutch.scene.study import StudySection
 from emclutch.studies.method_comparison import METHOD, compare_methods, comparison_lines
 
 STARTED = 0.01  # of the motor's fastest speed: an output that dry friction holds chatters below it
 SEED, CURRENT, VOLTAGE, SPEED = "scene.seed", "coil.current", "coil.voltage", "motion.rotor.speed"
+SIZES = "particles.diameter", "particles.sizes"
+SIZE_COLUMNS = (ACROSS, REAL_ACROSS, "seeds", "torque", "standard_error", "low", "high", "converged", "inertial_number",
+                "grains", "seconds")  # fmt: skip
+"""Of `grain_size.csv`, after the values: grains across the gap, those of the real powder, torque, what it cost."""
 
 Done = tuple[dict[str, Any], Case, Result]
 """A point that is done: its values, its case and its result."""
@@ -55,8 +66,9 @@ def write_failures(folder: Path, failures: Sequence[tuple[str, dict[str, Any], s
 
 
 def write_torques(folder: Path, study: StudySection, rows: list[dict[str, Any]]) -> None:
-    """`study.csv`, averages over seeds, and torque against current and against speed where these are varied."""
+    """`study.csv`, averages over seeds, and torque against current, speed and grain size where these are varied."""
     _write_csv(folder / "study.csv", rows)
+    runs = rows
     varied = [key for key, values in study.values.items() if len(values) > 1]
     if SEED in varied:
         varied.remove(SEED)
@@ -76,6 +88,33 @@ def write_torques(folder: Path, study: StudySection, rows: list[dict[str, Any]])
     if SPEED in varied and constant and _all_have("rotor_speed", rows):
         curves = _write_curves(folder / "torque_vs_speed.csv", rows, SPEED, "rotor_speed", varied)
         torque_against_speed_picture(folder / "torque_vs_speed.png", curves, title=title)
+    if any(key.startswith(SIZES) for key in varied) and _all_have(ACROSS, rows):
+        _write_grain_sizes(folder, runs, rows, varied, title)
+
+
+def _write_grain_sizes(
+    folder: Path, runs: list[dict[str, Any]], rows: list[dict[str, Any]], varied: list[str], title: str | None
+) -> None:
+    """Write torque against grain size, with the law of each curve; nothing where no curve has two sizes.
+
+    `rows` are the `runs`, or their averages over seeds, whose cost is that of all their runs.
+    """
+    curves = torque_curves(rows, ACROSS, [key for key in varied if not key.startswith(SIZES)])
+    if all(np.unique(curve.x).size < 2 for curve in curves):
+        return
+    cost: dict[str, float] = {}
+    for run in runs:
+        point = repr([run[key] for key in varied])
+        cost[point] = cost.get(point, 0.0) + run["seconds"]
+    table = [{**row, "seconds": cost[repr([row[key] for key in varied])]} for row in rows]
+    _write_csv(folder / "grain_size.csv", [{key: row.get(key) for key in (*varied, *SIZE_COLUMNS)} for row in table])
+    laws = [grain_size_law(curve) for curve in curves]
+    found = [
+        {"values": curve.values, "law": None if law is None else law.as_dict(), "reason": law_in_words(curve, law)}
+        for curve, law in zip(curves, laws, strict=True)
+    ]
+    replace_json(folder / "grain_size.json", {"curves": found})
+    torque_against_grain_size_picture(folder / "grain_size.png", curves, laws, title=title)
 
 
 def _all_have(name: str, rows: list[dict[str, Any]]) -> bool:
@@ -127,6 +166,8 @@ def row_of(values: dict[str, Any], result: Result) -> dict[str, Any]:
                  "relative_permeability"):  # fmt: skip
         if name in summary:  # between pole faces, or in a sheared box: a point of the powder's law tau(H, phi)
             row[name] = summary[name]
+    if size := summary.get("grain_size"):
+        row |= {ACROSS: size["across"], REAL_ACROSS: size.get("real_across"), "grains": summary["grains"]}
     for name in ("normal_stress", "effective_friction"):
         if name in summary:
             row[name] = None if summary[name] is None else summary[name]["mean"]

@@ -11,11 +11,13 @@ from rich.console import Console
 from emclutch.results import HistoryWriter
 from emclutch.results.history import last_time
 from emclutch.results.seed_average import averaged_over_seeds
+from emclutch.results.study_result import grain_size_lines
 from emclutch.results.study_table import FAILED, StudyTable
 from emclutch.scene.study import StudySection
 from emclutch.studies.tables import write_torques
 
 CURRENT, SEED, SPEED, VOLTAGE = "coil.current", "scene.seed", "motion.rotor.speed", "coil.voltage"
+DIAMETER = "particles.diameter"
 
 
 def study(**values):
@@ -77,6 +79,34 @@ def test_one_current_or_none_reached_is_no_curve(tmp_path):
     rows = [row(1.0, **{CURRENT: "1 A"})]  # no effect needs the field
     write_torques(tmp_path, study(**{CURRENT: ("1 A", "2 A")}), rows)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["study.csv"]
+
+
+def test_a_study_of_grain_sizes_is_extrapolated_to_the_real_powder(tmp_path):
+    """For each other value; the cost is that of all seeds, and one size has no table."""
+    currents, across = {"1 A": 1.0, "2 A": 3.0}, {"0.25 mm": 4.0, "0.125 mm": 8.0, "0.0625 mm": 16.0}
+    values = {DIAMETER: list(across), CURRENT: list(currents), SEED: [1, 2]}
+    rows = [
+        row(currents[i] * (10.0 + 15.0 / across[d]) * (1.0 + 1e-3 * (2 * seed - 3)), current=currents[i], seconds=7.0,
+            grains=int(across[d] ** 3), grains_across=across[d], real_grains_across=50.0 / 3.0, inertial_number=0.05,
+            **{DIAMETER: d, CURRENT: i, SEED: seed})
+        for d in values[DIAMETER] for i in values[CURRENT] for seed in values[SEED]
+    ]  # fmt: skip
+    write_torques(tmp_path, study(**values), rows)
+    table = pandas.read_csv(tmp_path / "grain_size.csv")
+    assert len(table) == 6 and (table["seconds"] == 14.0).all() and (table["seeds"] == 2).all()
+    assert table["grains"].tolist() == [64, 64, 512, 512, 4096, 4096] and (table["inertial_number"] == 0.05).all()
+    assert (table["low"] < table["torque"]).all()
+    curves = json.loads((tmp_path / "grain_size.json").read_text())["curves"]
+    for curve, factor in zip(curves, (1.0, 3.0), strict=True):
+        assert curve["law"]["limit"]["value"] == pytest.approx(10.0 * factor)
+        assert curve["law"]["real_torque"]["value"] == pytest.approx(10.9 * factor)
+        assert curve["law"]["coefficient"]["value"] == pytest.approx(1.5)
+    assert [curve["values"] for curve in curves] == [{CURRENT: "1 A"}, {CURRENT: "2 A"}]
+    assert grain_size_lines(tmp_path)[0].startswith("current 1 A: 3 grain sizes, 4 to 16 across the gap: T(n) = 10 N m")
+    assert (tmp_path / "grain_size.png").stat().st_size > 10_000
+    (tmp_path / "one").mkdir()
+    write_torques(tmp_path / "one", study(**{**values, DIAMETER: ["0.25 mm"]}), rows[:4])
+    assert not (tmp_path / "one" / "grain_size.csv").exists()
 
 
 def test_the_time_of_a_growing_history_is_that_of_its_last_whole_row(tmp_path):

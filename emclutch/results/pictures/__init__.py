@@ -7,7 +7,11 @@ from emclutch.results.pictures.section import section_picture
 from emclutch.results.pictures.sheared_box import sheared_box_picture, stress_picture
 from emclutch.results.pictures.speeds import speed_picture, torque_speed_picture
 from emclutch.results.pictures.torque import torque_picture
-from emclutch.results.pictures.torque_curves import torque_against_current_picture, torque_against_speed_picture
+from emclutch.results.pictures.torque_curves import (
+    torque_against_current_picture,
+    torque_against_grain_size_picture,
+    torque_against_speed_picture,
+)
 from emclutch.results.pictures.wall_pressure import wall_pressure_picture
 from emclutch.results.pictures.work_precision import work_precision_picture
 
@@ -20,6 +24,7 @@ __all__ = [
     "speed_picture",
     "stress_picture",
     "torque_against_current_picture",
+    "torque_against_grain_size_picture",
     "torque_against_speed_picture",
     "torque_picture",
     "torque_speed_picture",

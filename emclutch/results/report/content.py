@@ -28,6 +28,7 @@ from emclutch.results.grain_profiles import profile_column, read_profiles
 from emclutch.results.replicated_mean import drift_in_words
 from emclutch.results.report.verdict import Mark, Statement, sentence, verdict
 from emclutch.results.study_folder import StudyFolder, is_study, read_study, refresh_in_words
+from emclutch.results.study_result import grain_size_lines
 from emclutch.results.text import format_stress, format_time, format_torque
 
 LeftOutOf = Callable[[Result], Sequence[LeftOut]]
@@ -47,6 +48,7 @@ PICTURES = {
 STUDY_PICTURES = {
     "torque_vs_current.png": "torque against the coil's current",
     "torque_vs_speed.png": "torque against the motor's speed",
+    "grain_size.png": "torque against the size of the grains",
     "speeds.png": "speeds of the shafts against time",
 }
 PARTS = ("start", "field", "magnetic", "contact", "output", "compiling", "total")
@@ -231,6 +233,7 @@ def study_page(study: StudyFolder, left_out_of: LeftOutOf) -> Page:
             "Verdict": [Statements(statements)],
             "Points": [Table(points, head, numbers=[len(head) - 1])] if points else [],
             "Pictures": _study_pictures(study.path, results),
+            "Size of the grains": [Text(sizes)] if (sizes := "\n".join(grain_size_lines(study.path))) else [],
             "Methods": [Text(compared.read_text(encoding="utf-8"))] if compared.is_file() else [],
             "Verdict on each point": [
                 Statements(said, folded=f"{label}: {torques[label] or 'no torque'}") for label, said in verdicts.items()
