@@ -9,6 +9,9 @@ is that of the real grains. What does is
 - the inertial number I = gamma d sqrt(rho/p), which is smaller in the real powder by the ratio of the diameters;
 - cohesion and fluid drag (`EffectSection.size_note`).
 
+Of the first two the torque over n grains across the gap holds the sum: T(n) = T_inf (1 + a/n^p), measured and
+extrapolated by studies over the diameter (`emclutch.results.grain_size_law`, with the sources).
+
 Diameters are means over the volume of the powder, to which each grain counts by its own.
 """
 
@@ -21,12 +24,12 @@ if TYPE_CHECKING:
     from emclutch.device_model.device import Device
     from emclutch.scene.model import Scene
 
-FINER = 0.80
-"""Torque with eight grains across the gap over that with four, cases/quickstart.toml; `quickstart.finer_grains` in
-docs/measured.csv."""
+COEFFICIENT, EXPONENT = (8.0 / 3.0, 2.06, 3.41), 1.0
+"""a, with the ends of its 95 % interval, and p: those that give the 0.80 (0.77 to 0.83) of `quickstart.finer_grains` in
+docs/measured.csv, torque with eight grains across the gap over that with four."""
 
-MEASURED = f"in the quickstart 8 across had {FINER:.2f} of the torque of 4"
-"""What the table of record has on the size of grains."""
+MAX_EXCESS = 0.10
+"""Torque of coarse grains over that of the real ones, less 1, from which on results warn."""
 
 FINE = 16.0
 """Grains across the gap of real powders at the least: 1 mm over some 60 um."""
@@ -72,6 +75,14 @@ class GrainSize:
         """Whether the grains are larger than those that they stand for."""
         return self.coarse_graining > 1.0 + 1e-9
 
+    def torque_excess(self) -> tuple[float, float, float] | None:
+        """Torque of these grains over that of the real ones, less 1, with its 95 % interval; None of real ones."""
+        if not self.is_coarser or self.real_diameter is None:
+            return None
+        coarse, real = self.across**-EXPONENT, (self.gap / self.real_diameter) ** -EXPONENT
+        value, low, high = ((1.0 + a * coarse) / (1.0 + a * real) - 1.0 for a in COEFFICIENT)
+        return value, low, high
+
     def in_words(self) -> str:
         """Return one line for people, without the warnings."""
         text = f"{self.across:.2g} grains across the gap"
@@ -83,9 +94,8 @@ class GrainSize:
             f"{self.count:.2g} grains in the whole device for {self.real_count:.2g}, at an inertial number {size:.2g} "
             "times that of the real powder"
         )
-        if self.across >= FINE:
-            return text
-        return f"{text}; what coarse grains add to the torque was measured with a former contact model only: {MEASURED}"
+        excess = self.torque_excess()
+        return text if excess is None else f"{text}; the torque is {excess_in_words(excess)} above that of real size"
 
     def warnings(self) -> list[str]:
         """Return what makes the torque doubtful: few grains without a word on the real ones, effects with a size."""
@@ -94,6 +104,12 @@ class GrainSize:
             found.append(
                 f"only {self.across:.2g} grains across the gap: right for shot of this size; where they stand for a "
                 "finer powder, set particles.stands_for to its diameter"
+            )
+        excess = self.torque_excess()
+        if excess is not None and excess[0] > MAX_EXCESS:
+            found.append(
+                f"grains this coarse add {excess_in_words(excess)} to the torque; take a smaller particles.diameter, "
+                "or a study over several for the torque at real size"
             )
         if self.is_coarser:
             found += [f"{note}: give values for the coarse grains, not those of the real powder" for note in self.notes]
@@ -108,7 +124,15 @@ class GrainSize:
                 "real_across": self.gap / self.real_diameter,
                 "real_grains": self.real_count,
             }
+        if (excess := self.torque_excess()) is not None:
+            found |= dict(zip(("torque_excess", "torque_excess_low", "torque_excess_high"), excess, strict=True))
         return found | ({"warnings": warnings} if (warnings := self.warnings()) else {})
+
+
+def excess_in_words(excess: tuple[float, float, float]) -> str:
+    """Return a share with the ends of its interval in per cent."""
+    value, low, high = (100.0 * one for one in excess)
+    return f"{value:.2g} % (95 %: {low:.2g} to {high:.2g})"
 
 
 def grain_size(scene: Scene, device: Device) -> GrainSize | None:

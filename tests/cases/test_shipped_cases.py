@@ -136,8 +136,8 @@ def test_powder_clutch_at_toy_size(tmp_path):
     assert size["real_grains"] == pytest.approx(20e-3 / (7700 * math.pi / 6 * 60e-6**3), rel=1e-3)
     assert size["real_inertial_number"] == pytest.approx(0.3 * result.summary["inertial_number"])
     assert result.summary["inertial_number_pressure"] == "measured"
-    load, (note, pressure) = result.summary["wall_pressure"], closing_lines(result)[-2:]
-    assert size["note"] in note and "on the disc" in pressure
+    load, (note, pressure, coarse) = result.summary["wall_pressure"], closing_lines(result)[-3:]
+    assert size["note"] in note and "on the disc" in pressure and "grains this coarse add" in coarse
     # both pole faces, 12 mm long, of the disc at 44.5 mm and of the rotor at 45.5 mm
     for body, radius in (("disc", 44.5e-3), ("rotor", 45.5e-3)):
         assert load["poles"][body]["area"] == pytest.approx(2 * 12e-3 * 2 * math.pi * radius)

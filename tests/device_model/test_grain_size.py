@@ -9,7 +9,7 @@ import pytest
 import emclutch
 from coupling import magnetised_cluster
 from emclutch.device_model.device import build_device
-from emclutch.device_model.grain_size import grain_size
+from emclutch.device_model.grain_size import COEFFICIENT, EXPONENT, grain_size
 from emclutch.scene.errors import SceneError
 from field import GrainLaw
 
@@ -31,8 +31,24 @@ def test_numbers_of_real_grains():
     summary = size.as_dict()
     assert summary["coarse_graining"] == pytest.approx(1.0 / 0.3)
     assert summary["real_across"] == pytest.approx(1.0 / 0.06)
-    assert "5 grains across the gap stand for 17 of 60 um" in summary["note"] and "former" in summary["note"]
-    assert "warnings" not in summary
+    assert "5 grains across the gap stand for 17 of 60 um" in summary["note"]
+
+
+def test_coarse_grains_add_what_the_law_of_their_size_says():
+    """(1 + a/n^p) over that of the real ones, rising with a; a warning above a tenth, nothing of real grains."""
+    excess = []
+    for real in ("0.19 mm", "60 um", "20 um"):
+        size = size_of(stands_for=real)
+        n, value, low, high = size.gap / size.real_diameter, *size.torque_excess()
+        for one, a in zip((value, low, high), COEFFICIENT, strict=True):
+            assert (1.0 + one) * (1.0 + a / n**EXPONENT) == pytest.approx(1.0 + a / 5.0**EXPONENT)
+        assert 0.0 < low < value < high and size.as_dict()["torque_excess"] == value
+        assert f"{100.0 * value:.2g} % (95 %" in size.in_words()
+        assert [f"add {100.0 * value:.2g} %" in text for text in size.warnings()] == [True] * (value > 0.1)
+        excess.append(value)
+    assert excess[0] < 0.1 < excess[1] < excess[2] < COEFFICIENT[0] / 5.0**EXPONENT
+    real = size_of(stands_for="0.2 mm")
+    assert real.torque_excess() is None and "torque_excess" not in real.as_dict()
 
 
 def test_a_real_powder_of_many_sizes_is_counted_by_its_mean_volume():
@@ -54,7 +70,7 @@ def test_few_grains_of_real_size_are_a_warning():
 
 def test_pulls_that_depend_on_the_size_are_a_warning():
     case = CASE.with_values({"effects.cohesion": {"force": "1 uN"}, "effects.back_reaction": None})
-    (warning,) = grain_size(case.scene, build_device(case.scene)).warnings()
+    *_, warning = grain_size(case.scene, build_device(case.scene)).warnings()
     assert "effects.cohesion" in warning and "1/d^2" in warning
 
 

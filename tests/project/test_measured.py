@@ -6,7 +6,7 @@ import pytest
 from measured import COLUMNS, TABLE, disagreement, pages, row_of_run, statements, table, write_row
 from written_run import written_run
 
-from emclutch.device_model.grain_size import FINER
+from emclutch.device_model.grain_size import COEFFICIENT, EXPONENT
 
 PAGES = [(path.name, path.read_text(encoding="utf-8")) for path in pages()]
 
@@ -46,7 +46,9 @@ def test_every_row_says_where_it_is_from():
 
 
 def test_what_results_say_of_finer_grains_is_the_tables():
-    assert pytest.approx(float(table()["quickstart.finer_grains"]["value"])) == FINER
+    row = table()["quickstart.finer_grains"]
+    for a, column in zip(COEFFICIENT, ("value", "high", "low"), strict=True):
+        assert (1.0 + a / 8.0**EXPONENT) / (1.0 + a / 4.0**EXPONENT) == pytest.approx(float(row[column]), abs=1e-3)
 
 
 def test_a_row_is_written_from_a_run(tmp_path):
