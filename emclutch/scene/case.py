@@ -21,6 +21,7 @@ from emclutch.scene.likely_mistakes import warnings_of
 from emclutch.scene.model import NO_GRAINS, Scene
 from emclutch.scene.repose import with_friction_of_repose
 from emclutch.scene.section import Section
+from emclutch.scene.sector_checks import with_sector_angle
 
 MAX_FILE = 20_000_000
 """Bytes of a scene or study: half a million points of a table; a larger file is refused before it is parsed."""
@@ -223,7 +224,9 @@ def _validate(data: dict[str, Any], folder: Path, trust_scripts: bool) -> tuple[
             sketch = sketch_of(data.get("geometry"), of_geometry, context)
             partial = partial.model_copy(update={"geometry": sketch})
             broken |= {"geometry"} if sketch is not None else {"geometry", GEOMETRY_KIND}
+        partial = with_sector_angle(partial, shape_is_known="geometry" not in broken)
         return None, faults + faults_between_sections(Draft(partial, data, broken, of_geometry))
+    scene = with_sector_angle(scene)
     faults = faults_between_sections(Draft(scene, data, frozenset()))
     return (None if faults else with_friction_of_repose(scene)), faults
 

@@ -17,7 +17,9 @@ from emclutch.scene.motion import HELD
 from emclutch.scene.replica_count import packs_alike
 from emclutch.scene.repose import repose_agrees
 from emclutch.scene.sector_checks import sector_in_geometry, sector_in_surfaces, sector_width
+from emclutch.scene.slip_checks import one_slip
 from emclutch.scene.surfaces import extent_in_words
+from emclutch.scene.timing import instant_in_words, not_before
 
 if TYPE_CHECKING:
     from geometry.fault import GeometryFault
@@ -193,8 +195,10 @@ def _motion(draft: Draft) -> Iterator[Fault]:
 
 def _accuracy(draft: Draft) -> Iterator[Fault]:
     end, start = draft.scene.accuracy.time_end, draft.scene.time.average_from
-    if end is not None and start is not None and end <= start:
-        yield draft.fault("accuracy.time_end", f"is not after time.average_from = {start:g} s; raise it, or lower that")
+    if start is not None and not_before(start, end):
+        yield draft.fault(
+            "accuracy.time_end", f"is not after time.average_from = {instant_in_words(start)}; raise it, or lower that"
+        )
 
 
 def _replicas(draft: Draft) -> Iterator[Fault]:
@@ -216,7 +220,6 @@ def _replicas(draft: Draft) -> Iterator[Fault]:
         )
 
 
-# What a check needs is right: a section as a whole, or of the geometry no more than the kind and the materials.
 def _initial_flow(draft: Draft) -> Iterator[Fault]:
     """Grains that begin in shear need a gap that is sheared as a whole."""
     scene = draft.scene
@@ -230,6 +233,7 @@ def _initial_flow(draft: Draft) -> Iterator[Fault]:
         )
 
 
+# What a check needs is right: a section as a whole, or of the geometry no more than the kind and the materials.
 CHECKS: tuple[tuple[Check, tuple[str, ...]], ...] = (
     (_field_alone, ()),
     (_shape, (GEOMETRY_KIND,)),
@@ -248,5 +252,6 @@ CHECKS: tuple[tuple[Check, tuple[str, ...]], ...] = (
     *(check for effect in EFFECTS for check in effect.CHECKS),
     (_motion, (GEOMETRY_KIND, "motion", "surfaces")),
     (_accuracy, ("accuracy", "time")),
+    (one_slip, ("geometry", "accuracy", "time", "motion", "effects", "particles", "coil")),
     (_replicas, (GEOMETRY_KIND, "accuracy", "time", "particles")),
 )

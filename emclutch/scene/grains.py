@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Annotated, Self
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from emclutch.scene.errors import reason_of
+from emclutch.scene.multiple import Multiple, SectorAngle
 from emclutch.scene.section import Choice, Section, Whole, refuse
 from emclutch.scene.sizes import RealSize, Sizes, from_the_scenes_folder
-from emclutch.scene.units import Angle, Density, Length, Magnetisation, Mass, ReposeAngle, Time, number
+from emclutch.scene.units import Density, Length, Magnetisation, Mass, ReposeAngle, Time, number
 
 if TYPE_CHECKING:
     from particles.packing.packing import Packing
@@ -57,7 +58,11 @@ class ParticlesSection(Section):
         description="where a clutch is filled at first: rim gap, of it what lies between the pole faces (run-in "
         "powder), both face gaps, or rim and faces",
     )
-    sector: Angle | None = Field(default=None, description="cyclic sector that stands for the ring; divides 360 deg")
+    sector: SectorAngle | None = Field(
+        default=None,
+        description="cyclic sector that stands for the ring: an angle that divides 360 deg, or its width at least at "
+        "the smallest radius of a grain",
+    )
     packing: Annotated[str, Choice(("random", "grow", "lattice", "pour", "file"))] = Field(
         default="random",
         description="random: up to 0.60; grow: denser, slower; lattice: in rows; pour: falls loose; file: as it says",
@@ -113,7 +118,7 @@ class ParticlesSection(Section):
                 f"conflicts with {' and '.join(given[:-1])}; keep exactly one of mass, solid_fraction, count",
                 key=given[-1],
             )
-        if self.sector is not None:
+        if self.sector is not None and not isinstance(self.sector, Multiple):
             n = round(2.0 * math.pi / self.sector)
             if n < 2 or abs(n * self.sector / (2.0 * math.pi) - 1.0) > 1e-6:
                 near = 360.0 / max(n, 2)

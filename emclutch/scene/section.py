@@ -69,6 +69,10 @@ class Entry(ABC):
             a length is needed, e.g. '1 mm'``.
         """
 
+    def written(self, value: Any) -> Any:
+        """Return a value as it stands in the file of a resolved scene."""
+        return self.STORED(value)
+
     def _validate(self, given: object) -> Any:
         try:
             return self.read(given)
@@ -77,7 +81,7 @@ class Entry(ABC):
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
         return core_schema.no_info_plain_validator_function(
-            self._validate, serialization=core_schema.plain_serializer_function_ser_schema(self.STORED)
+            self._validate, serialization=core_schema.plain_serializer_function_ser_schema(self.written)
         )
 
 

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
 
 from emclutch.scene.draft import Draft, size_key
 from emclutch.scene.errors import Fault
 from emclutch.scene.grain_smear import moments_are_fed_back, smear_width
+from emclutch.scene.multiple import Multiple
+
+if TYPE_CHECKING:
+    from emclutch.scene.model import Scene
 
 # Reach of a contact in grain diameters: the Verlet list holds pairs that may touch before it is rebuilt.
 _CONTACT_REACH = 1.3
@@ -30,9 +35,27 @@ def sector_in_surfaces(draft: Draft) -> Iterator[Fault]:
         )
 
 
-def _innermost_radius(draft: Draft) -> float:
-    """Smallest radius [m] of a wall that grains come to: from the rim they wander into the face gaps of a clutch."""
-    return min(box.r0 for box in draft.scene.shape().fill_boxes().values())
+def innermost_radius(scene: Scene) -> float:
+    """Return the smallest radius [m] of a grain's centre: from the rim grains wander into the face gaps of a clutch."""
+    walls = min(box.r0 for box in scene.shape().fill_boxes().values())
+    return walls + 0.5 * scene.grains.largest_diameter
+
+
+def with_sector_angle(scene: Any, *, shape_is_known: bool = True) -> Any:
+    """Return the scene with the angle of a sector whose width it gives in diameters; any other as it is.
+
+    The ring has a whole number of sectors, so that they are as wide as asked or wider at the innermost radius of a
+    grain's centre. Where that radius is not known (no axis, a shape with faults) the angle is half a turn, and of a
+    width beyond half the ring a whole one: the checks say what is wrong.
+    """
+    particles = scene.particles
+    if particles is None or not isinstance(width := particles.sector, Multiple):
+        return scene
+    angle = math.pi
+    if shape_is_known and not (scene.geometry.why_no_sector or scene.shape().faults(None)):
+        half = width.value * particles.largest_diameter / (2.0 * innermost_radius(scene))
+        angle = 2.0 * math.pi / (1 if half > 1.0 else math.floor(math.pi / math.asin(half) + 1e-9))
+    return scene.model_copy(update={"particles": particles.model_copy(update={"sector": angle})})
 
 
 def sector_width(draft: Draft) -> Iterator[Fault]:
@@ -43,11 +66,14 @@ def sector_width(draft: Draft) -> Iterator[Fault]:
     largest = particles.largest_diameter
     if shape.faults(None):
         return
+    if particles.n_sectors < 2:
+        yield draft.fault("particles.sector", "is wider than half the ring; lower it, or remove it for the whole ring")
+        return
     attraction = draft.scene.effects.attraction
     reach = largest * (_CONTACT_REACH if attraction is None else max(attraction.cutoff, _CONTACT_REACH))
     if moments_are_fed_back(draft.scene) and draft.scene.geometry.has_coil:
         reach = max(smear_width(draft.scene), largest * _CONTACT_REACH)  # in a narrow gap the shorter of the two
-    radius = _innermost_radius(draft) + 0.5 * largest
+    radius = innermost_radius(draft.scene)
     chord = 2.0 * radius * math.sin(0.5 * particles.sector)
     if chord < 2.0 * reach:
         narrowest = 2.0 * math.asin(min(1.0, reach / radius))

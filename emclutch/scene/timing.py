@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from math import inf
 from typing import Annotated, Self
 
 from pydantic import Field, StrictBool, model_validator
 
+from emclutch.scene.multiple import InstantOrStrain, Multiple, TimeOrStrain
 from emclutch.scene.section import Automatic, Choice, Section, Whole, refuse
 from emclutch.scene.torque_target import TorqueTarget, TorqueTargetEntry
-from emclutch.scene.units import Instant, Time, number
+from emclutch.scene.units import Time, number
 
 
 class TimeSection(Section):
@@ -17,7 +19,9 @@ class TimeSection(Section):
     Required with `[particles]`.
     """
 
-    end: Time = Field(description="end of the simulation; with `until` the latest")
+    end: TimeOrStrain = Field(
+        description="end of the simulation, a time or the shear strain of the gap; with `until` the latest"
+    )
     until: Annotated[TorqueTarget, TorqueTargetEntry()] | None = Field(
         default=None,
         description="end as soon as the steady torque is known so well: half its 95 % interval, over the torque or in "
@@ -29,20 +33,47 @@ class TimeSection(Section):
     steps_per_contact: Annotated[float, number("20", 10.0, 200.0)] = Field(
         default=20.0, description="steps in the duration of a contact, where the step is automatic"
     )
-    average_from: Instant | None = Field(
+    average_from: InstantOrStrain | None = Field(
         default=None, description="start of the steady part; default: found in the run"
     )
 
     @model_validator(mode="after")
     def _nests(self) -> Self:
-        if self.average_from is not None and self.average_from >= self.end:
-            raise refuse(f"is not before time.end = {self.end:g} s; lower it, or raise the end", key="average_from")
-        if self.window is not None and self.window > self.end:
-            raise refuse(f"is longer than time.end = {self.end:g} s; lower it, or take 'auto'", key="window")
-        limit = self.end if self.window is None else self.window
+        if not_before(self.average_from, self.end):
+            raise refuse(
+                f"is not before time.end = {instant_in_words(self.end)}; lower it, or raise the end", key="average_from"
+            )
+        end = inf if isinstance(self.end, Multiple) else self.end
+        if self.window is not None and self.window > end:
+            raise refuse(f"is longer than time.end = {end:g} s; lower it, or take 'auto'", key="window")
+        limit = end if self.window is None else self.window
         if self.step is not None and self.step > limit:
             raise refuse(f"is longer than the window or the end ({limit:g} s); lower it, or take 'auto'", key="step")
         return self
+
+    @property
+    def end_time(self) -> float:
+        """`end` [s], in the scene of a plan (`emclutch.simulation.plan.Plan.scene`), in which strains are times."""
+        assert not isinstance(self.end, Multiple)
+        return self.end
+
+    @property
+    def average_time(self) -> float | None:
+        """`average_from` [s] or None, as `end_time`."""
+        assert not isinstance(self.average_from, Multiple)
+        return self.average_from
+
+
+def not_before(start: float | Multiple | None, end: float | Multiple | None) -> bool:
+    """Return whether a start is not before an end; False where one is a time [s] and the other a strain, or missing."""
+    if isinstance(start, Multiple) and isinstance(end, Multiple):
+        return start.value >= end.value
+    return isinstance(start, float) and isinstance(end, float) and start >= end
+
+
+def instant_in_words(instant: float | Multiple) -> str:
+    """Return a time [s] with its unit, or a strain."""
+    return str(instant) if isinstance(instant, Multiple) else f"{instant:g} s"
 
 
 class AccuracySection(Section):
@@ -62,7 +93,12 @@ class AccuracySection(Section):
     refresh: tuple[Annotated[int, Whole(1, 10_000, "20")], ...] = Field(
         default=(160, 80, 40, 20), min_length=2, description="values of update_every of the attraction"
     )
-    time_end: Time | None = Field(default=None, description="end of these runs; default: time.end")
+    time_end: TimeOrStrain | None = Field(default=None, description="end of these runs; default: time.end")
+    inertial_number: Annotated[float, number("0.03", 0.0, 1.0, above=True)] | None = Field(
+        default=None,
+        description="shear the gap at this expected inertial number instead of at the scene's speeds, which are all "
+        "multiplied by one factor; for quasi-static powder, whose torque does not depend on the slip",
+    )
     replicas: Annotated[Annotated[int, Whole(1, 64, "4")] | None, Automatic()] = Field(
         default=None,
         description="runs of the scene with packings of their own, from which the torque and its error come; as many "

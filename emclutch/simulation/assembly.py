@@ -13,7 +13,6 @@ from coupling import (
 from coupling.sheared_powder import dem_in_box
 from emclutch.device_model.device import Device, field_is_needed
 from emclutch.device_model.materials import grain_law
-from emclutch.scene.case import Case
 from emclutch.scene.model import Scene
 from emclutch.scene.motion import FreeShaftSection
 from emclutch.simulation.dvi_plan import RigidContacts
@@ -24,9 +23,9 @@ from particles import DEM, DVI, Body, FreeShaft, GrainMotion, Grains
 log = logging.getLogger(__name__)
 
 
-def assemble(case: Case, device: Device, plan: Plan) -> Simulation:
+def assemble(device: Device, plan: Plan) -> Simulation:
     """Pack the grains (seeded), build the simulation and let them settle; raises PackingError when they do not fit."""
-    scene = case.scene
+    scene = plan.scene
     box = device.kind.periodic_box(scene)
     if box is not None:
         grains = packed_in_flow(scene, box, plan.count)
@@ -37,7 +36,7 @@ def assemble(case: Case, device: Device, plan: Plan) -> Simulation:
             speeds = (shaft.initial_speed for shaft in (scene.motion.disc, scene.motion.rotor))
             packing = sheared_between(packing, gap, *speeds)
         grains = grains_of(packing, scene.grains.density)
-    simulation = simulation_of(case, device, plan, grains)
+    simulation = simulation_of(device, plan, grains)
     settling = settled(scene, simulation.motion)
     if settling is not None:
         log.info(
@@ -49,9 +48,9 @@ def assemble(case: Case, device: Device, plan: Plan) -> Simulation:
     return simulation
 
 
-def simulation_of(case: Case, device: Device, plan: Plan, grains: Grains) -> Simulation:
+def simulation_of(device: Device, plan: Plan, grains: Grains) -> Simulation:
     """The simulation around given grains (packed, or of a checkpoint)."""
-    scene, effects = case.scene, case.scene.effects
+    scene, effects = plan.scene, plan.scene.effects
     walls = device.walls()
     gravity = None if effects.weight is None else np.asarray(effects.weight.vector, dtype=float)
     bodies = shafts(scene, walls)

@@ -71,7 +71,7 @@ def _check(case: Case, threads: int | None) -> Checked:
         none = ExpectedTorque(None, law="the scene has no grains")
         return Checked(scene.scene.title, scene.effects.active, case.warnings, field_plan(case), (), none)
     device, made = make_plan(case, threads=threads)
-    words, B_max = plan_in_words(scene, device, made), 0.0
+    words, B_max = plan_in_words(device, made), 0.0
     coil, even = device.section_coil, made.peak_section
     if coil is not None and even is not None:
         faces, phi = device.shears_faces, device.fill.solid_fraction

@@ -57,7 +57,7 @@ def early_end(request: RunRequest, planned: PlannedRun, reached: float) -> Early
     plan, replicas = planned.plan, request.replicas
     trigger = asked = None
     replicas.tolerance = 0.5 * window(plan)
-    rule = stopping_rule(request.case.scene, planned.device, plan.end)
+    rule = stopping_rule(plan.scene, planned.device, plan.end)
     if request.orders is None and rule is not None:
         first = rule.first(replicas.count, reached - replicas.tolerance)
         replicas.request(first.count, first.length)

@@ -36,9 +36,9 @@ def draw_missing(folder: RunFolder, case: Case | None = None, *, trust_scripts: 
         refuse_changed_files(case, folder)
         state = run_checkpoint(folder.checkpoint)
         device, plan = make_plan(case)
-        plan = plan.continued(state["steps_per_update"], state["updates"], case.scene.span.end)
-        simulation = restored(case, device, plan, state)
-        profiles = profile_average(case.scene, device)
+        plan = plan.continued(state["steps_per_update"], state["updates"])
+        simulation = restored(device, plan, state)
+        profiles = profile_average(plan.scene, device)
         if profiles is not None:
             profiles.restore(state.get("profiles"), simulation.motion)
         draw_run(case, folder, device, simulation, profiles)

@@ -8,12 +8,14 @@ from pathlib import Path
 from emclutch.device_model.device import Device, build_device
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import bad_input_for
+from emclutch.scene.model import Scene
 from emclutch.scene.replica_count import cores_at_hand, replica_count
 from emclutch.simulation.contact_plan import ElasticContacts, dvi_springs, elastic_contacts
 from emclutch.simulation.dvi_plan import RigidContacts, rigid_contacts
 from emclutch.simulation.forecast.cost import Cost, predict
 from emclutch.simulation.forecast.expected_field import expected_magnetisation
 from emclutch.simulation.forecast.expected_speeds import fall_speed, largest_speed, layer_speed
+from emclutch.simulation.scaled_slip import ScaledSlip, with_slip
 from emclutch.simulation.windows import Windows, coupling_windows, parts_of
 from field import MagneticField
 from field.three_d import Field3D
@@ -27,6 +29,10 @@ class Plan:
 
     Attributes
     ----------
+    scene : Scene
+        As it is run: with the speeds of the run, and times in seconds (`emclutch.simulation.scaled_slip`).
+    scaled : ScaledSlip or None
+        How the speeds of the user's scene were scaled; None: they are the run's.
     count : int
         Grains that are simulated (those of the sector).
     sector : CyclicSector or None
@@ -42,6 +48,8 @@ class Plan:
         Of the run on this machine.
     """
 
+    scene: Scene
+    scaled: ScaledSlip | None
     count: int
     sector: CyclicSector | None
     contact: ElasticContacts | RigidContacts
@@ -94,9 +102,9 @@ class Plan:
         method = self.contact.method
         return {"method": method, "compliant": self.stiffness is not None, "stiffness": self.stiffness}
 
-    def continued(self, steps_per_update: int, updates: int, end: float) -> Plan:
-        """The plan of a run that continues with the windows it began with, to the time `end` [s]."""
-        windows = parts_of(end, steps_per_update * updates * self.dt)
+    def continued(self, steps_per_update: int, updates: int) -> Plan:
+        """The plan of a run that continues with the windows it began with."""
+        windows = parts_of(self.scene.span.end_time, steps_per_update * updates * self.dt)
         division = replace(self.division, steps_per_update=steps_per_update, updates=updates, count=windows)
         return replace(self, division=division)
 
@@ -106,13 +114,14 @@ def make_plan(case: Case, device: Device | None = None, threads: int | None = No
 
     The cost is that on `threads` threads of this machine (default: as a run takes them).
 
-    Raises ValueError with a remedy when the scene's own step is too long, or its stiffness is too low or does
-    not follow from it.
+    Raises ValueError with a remedy when the scene's own step is too long, its stiffness is too low or does not follow
+    from it, or as of `with_slip`.
     """
     scene = case.scene
     device = device or build_device(scene)
     sector = None if scene.grains.sector is None else CyclicSector(scene.grains.sector)
     field, M_max = expected_magnetisation(case, device)
+    scene, scaled = with_slip(scene, device, field)
     speed = largest_speed(scene, device)
     contact: ElasticContacts | RigidContacts
     if scene.contact.method == "dvi":
@@ -123,7 +132,7 @@ def make_plan(case: Case, device: Device | None = None, threads: int | None = No
     division = coupling_windows(scene, contact.step.dt, speed, layers, held=scene.effects.hold_forces)
     rhythm = division.steps_per_update, division.updates, division.count
     cost = predict(scene, device, division.dt, rhythm, threads or _threads_of_a_replica(scene))
-    return device, Plan(device.fill.count, sector, contact, division, field, M_max, cost)
+    return device, Plan(scene, scaled, device.fill.count, sector, contact, division, field, M_max, cost)
 
 
 def _threads_of_a_replica(scene) -> int:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import inf
+from math import degrees, inf, sin
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,16 +17,16 @@ from emclutch.scene.grain_smear import moments_are_fed_back, smear_width
 from emclutch.scene.input_files import paths_elsewhere
 from emclutch.scene.replica_count import max_replica_count, replica_count
 from emclutch.scene.repose import friction_in_words
+from emclutch.scene.sector_checks import innermost_radius
 from emclutch.scene.start_up import start_up_strain
 from emclutch.scene.surfaces import extent_in_words
 from emclutch.simulation.contacts_in_words import contacts_in_words
-from emclutch.simulation.stopping_rule import strain_rate
+from emclutch.simulation.scaled_slip import strain_rate
 from emclutch.simulation.windows import UpdateRule, Windows
 from field import MagneticField
 from field.coil.inductance import apparent_inductance, incremental_inductance
 
 if TYPE_CHECKING:
-    from emclutch.scene.model import Scene
     from emclutch.simulation.plan import Plan
 
 UPDATE_RULES = {
@@ -38,9 +38,12 @@ UPDATE_RULES = {
 }
 
 
-def plan_in_words(scene: Scene, device: Device, plan: Plan) -> dict[str, str]:
+def plan_in_words(device: Device, plan: Plan) -> dict[str, str]:
     """Decisions for a run and their reasons: label -> text, in the order in which `emclutch check` prints them."""
+    scene = plan.scene
     words = dict(device_in_words(scene, device))
+    if plan.scaled is not None:
+        words["speed"] = plan.scaled.in_words()
     coil, in_section, field = device.coil, device.section_coil, plan.peak_section
     if in_section is not None and in_section.supply is not None and field is not None:
         words["coil"] = coil_in_words(scene, in_section, in_section.supply.resistance, field)
@@ -48,7 +51,8 @@ def plan_in_words(scene: Scene, device: Device, plan: Plan) -> dict[str, str]:
         words["friction"] = friction_in_words(scene.grains.repose)
     words |= dict(contacts_in_words(scene, plan.contact))
     words |= dict(scene.geometry.words(scene, plan.end))
-    words |= dict(windows_in_words(plan.division))
+    sheared = 0.0 if scene.geometry.is_periodic else strain_rate(scene, device) * plan.end  # a box says so of itself
+    words |= dict(windows_in_words(plan.division, sheared))
     if moments_are_fed_back(scene) and in_section is not None:
         words["feedback"] = feedback_in_words(scene, in_section)
     if coil is not None:
@@ -69,6 +73,8 @@ def device_in_words(scene, device: Device) -> Iterator[tuple[str, str]]:
         f"({fill.mass * 1e3:.3g} g), solid fraction {fill.solid_fraction:.3f} of the {where} filled",
     )
     yield "packing", packing_in_words(scene, device)
+    if particles.sector is not None:
+        yield "sector", sector_in_words(scene)
     for surface in device.surfaces:
         text = f"{len(surface.triangles)} triangles, {extent_in_words(*surface.bounds)} mm, on body {surface.body}"
         if scene.effects.images is not None:
@@ -80,6 +86,16 @@ def device_in_words(scene, device: Device) -> Iterator[tuple[str, str]]:
             f"{'at the faces' if device.shears_faces else 'at the rim'}, {1e3 * device.shear_gap:.3g} mm wide at a "
             f"mean radius of {1e3 * device.shear_radius:.3g} mm",
         )
+
+
+def sector_in_words(scene) -> str:
+    """Return the angle of the cyclic sector, and its width where it is narrowest."""
+    particles, radius = scene.grains, innermost_radius(scene)
+    chord = 2.0 * radius * sin(0.5 * particles.sector)
+    return (
+        f"{degrees(particles.sector):.5g} deg, {particles.n_sectors} in the ring; {1e3 * chord:.3g} mm, "
+        f"{chord / particles.largest_diameter:.3g} diameters, wide at r = {1e3 * radius:.3g} mm"
+    )
 
 
 def packing_in_words(scene, device: Device) -> str:
@@ -112,13 +128,13 @@ def coil_in_words(scene, coil: CoilDevice, resistance: float, field: MagneticFie
         tau = inductance / resistance
         text += f"; {inductance:.3g} H at that current (incremental {incremental_inductance(field, coil.turns):.3g} H)"
         text += f": time constant about {tau:.3g} s"
-        if scene.time.end < 3.0 * tau:
-            return with_warnings(text, f"time.end = {scene.time.end:.3g} s is over before the current has risen")
+        if scene.time.end_time < 3.0 * tau:
+            return with_warnings(text, f"time.end = {scene.time.end_time:.3g} s is over before the current has risen")
     return text
 
 
-def windows_in_words(division: Windows) -> Iterator[tuple[str, str]]:
-    """Interval of magnetic forces, its reason, and the windows: label and text."""
+def windows_in_words(division: Windows, strain: float) -> Iterator[tuple[str, str]]:
+    """Interval of magnetic forces, its reason, and the windows, with the strain at their end: label and text."""
     if division.rule is not None:
         steps = division.steps_per_update
         every = f"every {steps} steps" if steps > 1 else "every step"
@@ -127,7 +143,7 @@ def windows_in_words(division: Windows) -> Iterator[tuple[str, str]]:
     yield (
         "coupling window",
         f"{division.steps} steps = {division.steps * division.dt:.3g} s, "
-        f"{division.count} windows to t = {division.end:.4g} s",
+        f"{division.count} windows to t = {division.end:.4g} s{f', a shear strain of {strain:.3g}' if strain else ''}",
     )
 
 
@@ -151,8 +167,8 @@ def end_in_words(scene, device: Device, plan: Plan) -> Iterator[tuple[str, str]]
         yield "replicas", f"{count} packings{more}, {at_a_time} at a time; the {measured} and its error are of all"
     rate, needed = strain_rate(scene, device), start_up_strain(scene)
     if rate and count > 1:
-        start_up = scene.time.average_from or needed / rate
-        why = "as the scene says" if scene.time.average_from is not None else f"a shear strain of {needed:g}"
+        start_up = scene.time.average_time or needed / rate
+        why = "as the scene says" if scene.time.average_time is not None else f"a shear strain of {needed:g}"
         yield "start-up", f"not averaged before {start_up:.3g} s ({why})"
     if until is not None:
         strain = rate * end if rate else inf

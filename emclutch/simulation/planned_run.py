@@ -15,6 +15,7 @@ from emclutch.simulation.forecast.space import refuse_full_disk, refuse_too_much
 from emclutch.simulation.plan import Plan, make_plan
 from emclutch.simulation.plan_in_words import plan_in_words
 from emclutch.simulation.run_request import RunRequest
+from emclutch.simulation.scaled_slip import strain_rate
 from emclutch.simulation.threads import threading_layer, threads_in_use
 
 log = logging.getLogger(__name__)
@@ -45,7 +46,7 @@ def plan_run(request: RunRequest) -> PlannedRun:
     scene, folder, progress = request.case.scene, request.folder, request.progress
     progress.update(0.0, "mesh and field")
     device, plan = make_plan(request.case, threads=threads_in_use())
-    decisions = plan_in_words(scene, device, plan)
+    decisions = plan_in_words(device, plan)
     for label, reason in decisions.items():
         log.info("%s: %s", label, reason)
         if isinstance(reason, WarningText):
@@ -61,17 +62,24 @@ def plan_run(request: RunRequest) -> PlannedRun:
         input_files=hashed_input_files(scene),
         grains_from=None if request.grains is None else request.grains.as_dict(),
     )
-    conditions = steady_conditions(scene, device)
-    folder.write_plan({"contact": plan.contact_data, "steady_torque": conditions.as_dict(), "decisions": decisions})
+    conditions = steady_conditions(plan.scene, device)
+    folder.write_plan(
+        {
+            "contact": plan.contact_data,
+            "steady_torque": conditions.as_dict(),
+            "decisions": decisions,
+            "shear_rate": strain_rate(plan.scene, device),
+        }
+    )
     return PlannedRun(device, plan, conditions, decisions)
 
 
 def steady_conditions(scene: Scene, device: Device) -> SteadyConditions:
-    """Criteria of the scene for the verdict on a run's torque."""
+    """Criteria of a plan's scene for the verdict on a run's torque."""
     until = scene.span.until
     negligible, share = (0.0, 0.0) if until is None else (until.absolute or 0.0, until.relative or 0.0)
     return SteadyConditions(
-        scene.span.average_from,
+        scene.span.average_time,
         device.shear_gap,
         device.shear_radius,
         negligible,

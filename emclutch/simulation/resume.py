@@ -14,10 +14,15 @@ from emclutch.results.history import rows_until
 from emclutch.scene.case import Case, case_from
 from emclutch.scene.errors import SceneError
 from emclutch.scene.input_files import hashed_input_files
+from emclutch.scene.multiple import Multiple
+from emclutch.scene.timing import TimeSection, instant_in_words
 
 log = logging.getLogger(__name__)
 MAY_CHANGE = ("time.end", "time.until", "time.average_from", "output.", "accuracy.", "scene.title", "scene.description")
-MUST_STAY = ("output.energy_budget",)  # what a contact remembers has a place for it
+MUST_STAY = (
+    "output.energy_budget",  # what a contact remembers has a place for it
+    "accuracy.inertial_number",  # as the speeds
+)
 _OF_A_RUN = ("case", "window", "steps_per_update", "updates", "dem", "rows", "magnetised", "source")
 
 
@@ -74,21 +79,35 @@ def refuse_other_scene(old_text: str, new_text: str, target: str | Path) -> None
         )
 
 
-def refuse_earlier_end(folder: RunFolder, state: dict, end: float) -> None:
-    """Raise OutputError where a run whose end [s] was set earlier is past it: nothing would be left to do.
+def refuse_earlier_end(folder: RunFolder, state: dict, end: float | Multiple) -> None:
+    """Raise OutputError where a run whose end was set earlier is past it: nothing would be left to do.
 
     The same end is always allowed: a last window may reach beyond it.
     """
-    if end >= tomllib.loads(state["case"])["time"]["end"] or not folder.history.is_file():
+    time, before = seconds_of(end, folder), seconds_of(tomllib.loads(state["case"])["time"]["end"], folder)
+    if time is None or before is None or time >= before or not folder.history.is_file():
         return
     times = folder.read_history()[TIME].to_numpy()
     reached = float(times[min(state["window"], len(times)) - 1]) if len(times) else 0.0
-    if end < reached:
+    if time < reached:
         raise OutputError(
-            f"time.end = {end:.4g} s is earlier than the checkpoint in {folder.path}, at {reached:.4g} s: nothing is "
-            f"left to do, and nothing was changed; give a later time.end, or read the torque until then in "
+            f"time.end = {instant_in_words(end)} is earlier than the checkpoint in {folder.path}, at {reached:.4g} s: "
+            f"nothing is left to do, and nothing was changed; give a later time.end, or read the torque until then in "
             f"{folder.history.name}"
         )
+
+
+def seconds_of(end: float | str | Multiple, folder: RunFolder) -> float | None:
+    """Return an end of the run in a folder [s], of a shear strain by the run's shear rate; None where it has none yet.
+
+    A run that continues has the shear rate that it began with.
+    """
+    if isinstance(end, (int, float)):
+        return float(end)
+    rate = folder.read_plan().get("shear_rate")
+    strain = TimeSection.model_validate({"end": end}).end
+    assert isinstance(strain, Multiple)  # a text of a resolved scene
+    return strain.value / rate if rate else None
 
 
 def checkpoint_time(path: Path, dem: dict[str, Any], method: str) -> float:

@@ -82,7 +82,7 @@ def make_callbacks(request: RunRequest, started: StartedRun) -> RunObservers:
     )
     if resume_time is None:
         snapshots.begin(simulation)
-    profiles = profile_average(scene, started.planned.device)
+    profiles = profile_average(plan.scene, started.planned.device)
     if profiles is not None:
         profiles.restore(started.profiles, simulation.motion)
     alive = Heartbeat(progress.listener, simulation, plan.end)
@@ -143,15 +143,15 @@ class WindowProgress:
 
 
 def profile_average(scene: Scene, device: Device) -> ProfileAverage | None:
-    """Return the callback that averages profiles over the steady part, or None where none are asked for."""
+    """Return the callback that averages profiles over the steady part of a plan's scene; None without `profiles`."""
     if not scene.output.profiles:
         return None
     from emclutch.simulation.profile_average import ProfileAverage  # local: what is off costs nothing
 
-    start = scene.span.average_from
+    start = scene.span.average_time
     zone = device.pole_zone
     boxes = () if zone is None else zone.boxes
-    return ProfileAverage(device.shape, 0.5 * scene.span.end if start is None else start, boxes)
+    return ProfileAverage(device.shape, 0.5 * scene.span.end_time if start is None else start, boxes)
 
 
 def missed_steps(request: RunRequest, resume_time: float | None) -> tuple[MissedSteps, ...]:

@@ -8,7 +8,6 @@ from typing import Any
 
 from coupling import Simulation
 from emclutch.device_model.device import Device
-from emclutch.scene.case import Case
 from emclutch.simulation.assembly import assemble, simulation_of
 from emclutch.simulation.plan import Plan
 from emclutch.simulation.planned_run import PlannedRun
@@ -48,16 +47,16 @@ class StartedRun:
 
 def start_run(request: RunRequest, planned: PlannedRun) -> StartedRun:
     """Pack the grains of a run, take them from another one, or continue from its checkpoint."""
-    case, device, plan = request.case, planned.device, planned.plan
+    device, plan = planned.device, planned.plan
     request.progress.update(0.0, f"packing {plan.count} grains")
     if not request.opened.goes_on:
         grains = request.grains
-        simulation = assemble(case, device, plan) if grains is None else warm_started(case, device, plan, grains)
+        simulation = assemble(device, plan) if grains is None else warm_started(device, plan, grains)
         log.info("started: %d windows", plan.windows)
         return StartedRun(planned, simulation)
     state = run_checkpoint(request.folder.checkpoint)
-    plan = plan.continued(state["steps_per_update"], state["updates"], case.scene.span.end)
-    simulation = restored(case, device, plan, state)
+    plan = plan.continued(state["steps_per_update"], state["updates"])
+    simulation = restored(device, plan, state)
     resume_time = simulation.motion.time
     log.info("resumed at t = %g s, window %d of %d", resume_time, simulation.window, plan.windows)
     if simulation.window < plan.windows:  # of an earlier end: a run that is cut off from here on has no summary
@@ -65,10 +64,10 @@ def start_run(request: RunRequest, planned: PlannedRun) -> StartedRun:
     return StartedRun(replace(planned, plan=plan), simulation, resume_time, state.get("profiles"))
 
 
-def restored(case: Case, device: Device, plan: Plan, state: dict[str, Any]) -> Simulation:
+def restored(device: Device, plan: Plan, state: dict[str, Any]) -> Simulation:
     """The simulation of a checkpoint."""
     of_the_grains = state["dem"]
-    simulation = simulation_of(case, device, plan, Grains.of_records(of_the_grains))
+    simulation = simulation_of(device, plan, Grains.of_records(of_the_grains))
     if simulation.magnetised is not None:
         simulation.magnetised.resume(simulation.motion)
     simulation.motion.restore(of_the_grains)

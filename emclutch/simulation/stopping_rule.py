@@ -26,6 +26,7 @@ from emclutch.results.statistics import Estimate
 from emclutch.scene.replica_count import max_replica_count
 from emclutch.scene.start_up import start_up_strain
 from emclutch.scene.torque_target import TorqueTarget
+from emclutch.simulation.scaled_slip import strain_rate
 
 if TYPE_CHECKING:
     from emclutch.device_model.device import Device
@@ -137,18 +138,10 @@ def stopping_rule(scene: Scene, device: Device, end: float) -> StoppingRule | No
     if until is None:
         return None
     count, rate = max_replica_count(scene), strain_rate(scene, device)
-    start_up = scene.span.average_from or (start_up_strain(scene) / rate if rate else 0.0)
+    start_up = scene.span.average_time or (start_up_strain(scene) / rate if rate else 0.0)
     if count == 1 and not start_up:
         start_up = ALONE * end
     return StoppingRule(until, lengths(end, start_up), count)
-
-
-def strain_rate(scene: Scene, device: Device) -> float:
-    """Largest shear rate of the gap, or of the periodic box [1/s]; 0 where nothing is sheared."""
-    rate = device.kind.rate(scene)
-    if rate is not None:
-        return rate
-    return scene.motion.largest_slip * device.shear_radius / device.shear_gap if device.shear_gap else 0.0
 
 
 def more_packings_suffice(torque: Estimate, count: int, wanted: float) -> bool:

@@ -101,6 +101,8 @@ def summarise(
     size = grain_size(case.scene, device) if torque is not None else None
     if size is not None:
         summary["grain_size"] = size.as_dict()
+    if plan.scaled is not None:
+        summary["scaled_speed"] = plan.scaled.as_dict()
     zone = None if simulation.magnetised is None else device.pole_zone
     if zone is not None and torque is not None:
         summary |= zone_summary(zone, (history, *others), torque)
@@ -113,7 +115,9 @@ def summarise(
     if INERTIAL_NUMBER in history:
         summary |= inertial_number_summary(Observables(case.scene, device), simulation, history, wall_load or {})
         if size is not None and size.is_coarser and summary["inertial_number"] is not None:
-            summary["grain_size"]["real_inertial_number"] = summary["inertial_number"] / size.coarse_graining
+            summary["grain_size"]["real_inertial_number"] = (
+                summary["inertial_number"] / size.coarse_graining / (1.0 if plan.scaled is None else plan.scaled.factor)
+            )
     summary["structure"] = structure_summary(simulation.motion)
     if WORK_MAGNETIC in history:
         start = torque.start if torque is not None else measured.get("stress", {}).get("start")

@@ -33,7 +33,7 @@ from emclutch.simulation.resume import (
 from particles import Grains
 
 log = logging.getLogger(__name__)
-OF_THE_DRIVE = ("coil.", "motion.", "time.")
+OF_THE_DRIVE = ("coil.", "motion.", "time.", "accuracy.inertial_number")
 """Keys that leave grains, device and contacts what they are; those that a continued run may change do so too."""
 
 
@@ -89,9 +89,9 @@ def starting_grains(case: Case, folder: str | Path) -> StartingGrains:
     return StartingGrains(run.path, checkpoint_time(run.checkpoint, dem, case.scene.contact.method), digest, dem)
 
 
-def warm_started(case: Case, device, plan, start: StartingGrains) -> Simulation:
+def warm_started(device, plan, start: StartingGrains) -> Simulation:
     """The simulation at time 0 around the grains of another run; they are neither packed nor settled."""
-    simulation = simulation_of(case, device, plan, Grains.of_records(start.state))
+    simulation = simulation_of(device, plan, Grains.of_records(start.state))
     simulation.motion.begin_with(start.state)
     log.info("%d grains of %s at its t = %g s", simulation.motion.grains.count, start.folder, start.time)
     return simulation

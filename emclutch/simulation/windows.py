@@ -67,24 +67,25 @@ def coupling_windows(scene, dt: float, speed: float, between_layers: float, held
 
     `held`: whether effects hold forces, which are evaluated several times a window.
     """
-    if scene.time.end / dt > MAX_STEPS:
+    end = scene.time.end_time
+    if end / dt > MAX_STEPS:
         raise ValueError(
-            f"time.end = {scene.time.end:.3g} s is {scene.time.end / dt:.2g} steps of {dt:.2g} s; allowed: at most "
-            f"{MAX_STEPS:.0e}, which take days to years; lower it, raise particles.diameter or contact.max_overlap, "
-            "or check the units of what the step follows from"
+            f"time.end = {end:.3g} s is {end / dt:.2g} steps of {dt:.2g} s; allowed: at most {MAX_STEPS:.0e}, which "
+            "take days to years; lower it, raise particles.diameter or contact.max_overlap, or check the units of what "
+            "the step follows from"
         )
     if scene.time.window is not None:
         steps = max(1, round(scene.time.window / dt))
     else:
         # a quarter of a diameter of shear, but enough windows for a mean with an error bar
         travel = 0.25 * scene.particles.smallest_diameter / (speed * dt) if speed > 0.0 else np.inf
-        steps = max(1, floor(min(travel, parts_of(scene.time.end, dt) / 200, 5000)))
+        steps = max(1, floor(min(travel, parts_of(end, dt) / 200, 5000)))
     if held or scene.geometry.barostat(scene) is not None:
         per_update, rule = _steps_per_update(scene, dt, speed, between_layers)
         updates = max(1, round(steps / per_update))
     else:
         per_update, updates, rule = steps, 1, None
-    return Windows(dt, per_update, updates, parts_of(scene.time.end, per_update * updates * dt), rule)
+    return Windows(dt, per_update, updates, parts_of(end, per_update * updates * dt), rule)
 
 
 def _steps_per_update(scene, dt: float, speed: float, between_layers: float) -> tuple[int, UpdateRule]:

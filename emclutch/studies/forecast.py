@@ -154,7 +154,7 @@ def _predict(case: Case, label: str, jobs: int, reached: float) -> PointForecast
     slower = max(cores, jobs * busy) / max(cores, busy)
     spent = cost.until(reached)
     seconds = earliest = cost.seconds["total"] - spent
-    rule = stopping_rule(case.scene, device, plan.end)
+    rule = stopping_rule(plan.scene, device, plan.end)
     if rule is not None:
         first = rule.first(replicas, reached).length
         earliest = max(0.0, cost.rounds * cost.until(first) - spent) + sum(cost.once.values())

@@ -57,7 +57,7 @@ def frozen_state(case: Case, position: np.ndarray, diameter: np.ndarray | float 
     d = case.scene.grains.largest_diameter if diameter is None else diameter
     radius = 0.5 * np.broadcast_to(np.asarray(d, dtype=float), len(position))
     grains = Grains.create(np.array(position, dtype=float), np.array(radius), case.scene.grains.density)
-    simulation = simulation_of(case, device, plan, grains)
+    simulation = simulation_of(device, plan, grains)
     magnetised, source = simulation.magnetised, simulation.source
     if magnetised is None or source is None:
         raise ValueError("the scene has no magnetic effect: there is nothing to hold still")

@@ -21,7 +21,7 @@ from emclutch.results.folder_lock import has_files
 from emclutch.results.history import last_time
 from emclutch.scene.case import Case
 from emclutch.scene.study import StudySection
-from emclutch.simulation.resume import differing_keys, flat_scene, may_change, refuse_changed_files
+from emclutch.simulation.resume import differing_keys, flat_scene, may_change, refuse_changed_files, seconds_of
 
 POINT = "point-"
 _NUMBERED = re.compile(rf"{POINT}(\d+)")
@@ -144,19 +144,22 @@ def _is_done(path: Path, scene: dict[str, Any], fixed: Collection[str]) -> bool:
     keys = differing_keys(old, scene)
     if keys != ["time.end"] or _is_in("time.end", fixed):
         return not keys
-    return old["time.end"] > scene["time.end"] or folder.read_summary().get("until", {}).get("reached", False)
+    before, now = (seconds_of(one["time.end"], folder) for one in (old, scene))
+    is_later = before is not None and now is not None and before > now
+    return is_later or folder.read_summary().get("until", {}).get("reached", False)
 
 
 def _refuse_earlier_end(path: Path, old: dict[str, Any], new: dict[str, Any]) -> None:
     run = RunFolder(path)
-    if not run.checkpoint.is_file() or not run.history.is_file() or old.get("time.end", 0.0) <= new["time.end"]:
+    before, now = (seconds_of(one.get("time.end", 0.0), run) for one in (old, new))
+    if not run.checkpoint.is_file() or not run.history.is_file() or before is None or now is None or before <= now:
         return
     if differing_keys(old, new) == ["time.end"] and run.summary.is_file():  # finished, and known the better for it
         return
     times = run.read_history()[TIME]
     reached = float(times.iloc[-1]) if len(times) else 0.0
-    if reached > new["time.end"]:
+    if reached > now:
         raise OutputError(
-            f"{path} has run to {reached:.4g} s, and the study now ends at {new['time.end']:g} s: its torque is the "
-            f"mean of a longer run; set time.end to {old['time.end']:g} s or later, or begin a new study with --out"
+            f"{path} has run to {reached:.4g} s, and the study now ends at {now:g} s: its torque is the "
+            f"mean of a longer run; set time.end to {before:g} s or later, or begin a new study with --out"
         )

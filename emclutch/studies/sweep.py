@@ -27,7 +27,9 @@ from emclutch.results.study_table import DONE, FAILED, STOPPED, WAITING, StudyTa
 from emclutch.scene.case import Case
 from emclutch.scene.replica_count import replica_count
 from emclutch.scene.study import StudySection, read_study
+from emclutch.scene.timing import instant_in_words
 from emclutch.simulation.missing_pictures import draw_missing
+from emclutch.simulation.resume import seconds_of
 from emclutch.studies.points import PointFolder, folders_of_points, unclaimed
 from emclutch.studies.tables import Done, disc_torque, label_of, write_failures, write_tables
 from emclutch.studies.tasks import STOP, PointOutcome, PointTask, run_point
@@ -291,8 +293,9 @@ class _StudyRun:
                 return
             self.table.set_running(number)
         reached = last_time(folder.history)
-        if reached is not None:
-            self.table.set_fraction(number, reached / self.points[number][1].scene.span.end)
+        end = seconds_of(self.points[number][1].scene.span.end, folder)
+        if reached is not None and end is not None:
+            self.table.set_fraction(number, reached / end)
 
 
 def _outcome(future: Future[PointOutcome]) -> PointOutcome:
@@ -309,7 +312,7 @@ def _goes_on(case: Case, point: PointFolder, resume: bool) -> bool:
     """True if a point continues from its checkpoint; what lies there without one is put aside."""
     name = point.path.name
     if resume and RunFolder(point.path).checkpoint.is_file():
-        log.info("%s continues from its checkpoint to t = %g s", name, case.scene.span.end)
+        log.info("%s continues from its checkpoint to %s", name, instant_in_words(case.scene.span.end))
         return True
     if point.path.is_dir() and has_files(point.path):
         aside = RunFolder(point.path).set_aside()

@@ -25,6 +25,7 @@ from emclutch.results.study_folder import write_about, write_empty_table
 from emclutch.results.torque_curves import ACROSS, REAL_ACROSS, TorqueCurve, torque_curves
 from emclutch.scene.case import Case
 from emclutch.scene.study import StudySection
+from emclutch.simulation.resume import seconds_of
 from emclutch.studies.method_comparison import METHOD, compare_methods, comparison_lines
 
 STARTED = 0.01  # of the motor's fastest speed: an output that dry friction holds chatters below it
@@ -142,7 +143,7 @@ def row_of(values: dict[str, Any], result: Result) -> dict[str, Any]:
     """A point's row of `study.csv`."""
     torque, summary = disc_torque(result), result.summary
     low, high = torque.interval() or (None, None)
-    end = result.folder.read_scene()["time"]["end"]  # a point may have been resumed alone to a later one
+    end = seconds_of(result.folder.read_scene()["time"]["end"], result.folder)  # resumed alone to a later one perhaps
     row = {**values, "end_time": end}  # [s]
     if "current" in summary:
         row["current"] = summary["current"]

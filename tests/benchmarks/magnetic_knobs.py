@@ -66,7 +66,7 @@ def held(case: Case, frame: dict[str, np.ndarray], steps: int) -> tuple[float, f
         frame["position"], frame["radius"], case.scene.particles.density,
         velocity=frame["velocity"], angular_velocity=frame["angular_velocity"],
     )  # fmt: skip
-    simulation = simulation_of(case, device, plan, grains)
+    simulation = simulation_of(device, plan, grains)
     magnetised, dem = simulation.magnetised, simulation.motion
     magnetised.tolerance = MOMENTS_TOLERANCE
     refresh_field(simulation)

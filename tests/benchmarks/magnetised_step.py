@@ -93,7 +93,7 @@ def sheared_powder() -> dict[str, np.ndarray]:
     if not KEPT.exists():
         case = quiet(load_case(CLUTCH))
         device, plan = make_plan(case)
-        simulation = assemble(case, device, plan)
+        simulation = assemble(device, plan)
         run_staggered(simulation, SHEARED)
         KEPT.parent.mkdir(parents=True, exist_ok=True)
         np.savez(KEPT, **{name: getattr(simulation.motion.grains, name) for name in ARRAYS})
@@ -130,7 +130,7 @@ def sheared_simulation(copies: int = COPIES, folder: Path | None = None) -> Simu
         velocity=arrays["velocity"], angular_velocity=arrays["angular_velocity"],
     )  # fmt: skip
     grains.magnetic_moment = arrays.get("magnetic_moment")
-    return simulation_of(case, *make_plan(case), grains)
+    return simulation_of(*make_plan(case), grains)
 
 
 def step_cost(simulation: Simulation, windows: int = 2) -> StepCost:

@@ -64,7 +64,7 @@ class Clock:
 def ratios(case: Case, most: float) -> str:
     """Measure a case, and return its line of the table."""
     device, plan = make_plan(case, threads=1)
-    simulation, clock = assemble(case, device, plan), Clock(most)
+    simulation, clock = assemble(device, plan), Clock(most)
     run_staggered(simulation, plan.end, (clock,), (Observables(case.scene, device),))
     totals = [sum(one.values()) for one in clock.seconds]
     spent, share = sum(totals), (clock.end - clock.begin) / plan.end

@@ -122,8 +122,8 @@ def test_the_torque_of_the_quickstart(tmp_path):
 
 
 def test_powder_clutch_at_toy_size(tmp_path):
-    toy = {"time.end": "0.01 ms", "particles.sector": "1.5 deg", "field.size_factor": 2.0,
-           "output.snapshots": 0, "output.pictures": False, "output.profiles": True,
+    toy = {"time.end": "strain 0.02", "accuracy.inertial_number": 0.03, "particles.sector": "1.5 deg",
+           "field.size_factor": 2.0, "output.snapshots": 0, "output.pictures": False, "output.profiles": True,
            "accuracy.replicas": 1}  # fmt: skip
     case = emclutch.load_case(CASES / "powder_clutch.toml").with_values(toy)
     result = emclutch.run(case, out=tmp_path / "run")
@@ -134,10 +134,15 @@ def test_powder_clutch_at_toy_size(tmp_path):
     size = result.summary["grain_size"]
     assert (size["across"], size["real_across"]) == pytest.approx((5.0, 1.0 / 0.06))
     assert size["real_grains"] == pytest.approx(20e-3 / (7700 * math.pi / 6 * 60e-6**3), rel=1e-3)
-    assert size["real_inertial_number"] == pytest.approx(0.3 * result.summary["inertial_number"])
+    factor, history = result.summary["scaled_speed"]["factor"], result.history
+    assert size["real_inertial_number"] == pytest.approx(0.3 * result.summary["inertial_number"] / factor)
     assert result.summary["inertial_number_pressure"] == "measured"
-    load, (note, pressure, coarse) = result.summary["wall_pressure"], closing_lines(result)[-3:]
-    assert size["note"] in note and "on the disc" in pressure and "grains this coarse add" in coarse
+    assert (history["rotor_speed"] / (100.0 * math.pi / 30.0)).to_numpy() == pytest.approx(factor)
+    sheared = (history["time"].diff().fillna(history["time"]) * history["rotor_speed"]).sum() * 45.0
+    assert 0.02 <= sheared < 0.03  # to a whole window
+    load, (*_, note, speed, pressure, coarse) = result.summary["wall_pressure"], closing_lines(result)
+    assert size["note"] in note and "instead of 100 rpm" in speed
+    assert "on the disc" in pressure and "grains this coarse add" in coarse
     # both pole faces, 12 mm long, of the disc at 44.5 mm and of the rotor at 45.5 mm
     for body, radius in (("disc", 44.5e-3), ("rotor", 45.5e-3)):
         assert load["poles"][body]["area"] == pytest.approx(2 * 12e-3 * 2 * math.pi * radius)

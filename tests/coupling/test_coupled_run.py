@@ -85,7 +85,7 @@ def test_what_is_off_is_not_there(tmp_path):
 
     off = {"effects.magnetic_force": None, "effects.dipoles": None, "effects.saturation": None, "field": None}
     case = case_from(CELL, off)
-    simulation = assemble(case, *make_plan(case))
+    simulation = assemble(*make_plan(case))
     assert simulation.effects == []
     assert simulation.magnetised is None
     assert simulation.source is None

@@ -172,7 +172,7 @@ def calls(without=()):
             found[str(Path(frame.f_code.co_filename).relative_to(ROOT))] += 1
 
     device, plan = make_plan(case)
-    simulation = assemble(case, device, plan)
+    simulation = assemble(device, plan)
     sys.setprofile(count)
     try:
         run_staggered(simulation, simulation.motion.dt)

@@ -92,7 +92,7 @@ def test_a_steady_beginning_is_the_fixed_point_of_its_powder(kind):
         values["effects.eddy_currents"] = {"begin": "steady"}
     case = emclutch.load_case(QUICKSTART).with_values(values)
     device, plan = make_plan(case)
-    simulation = assemble(case, device, plan)
+    simulation = assemble(device, plan)
     refresh_field(simulation)
     source = simulation.source
     assert 0.0 < source.feedback.residual.total <= 1e-3 and source.solves > 1
@@ -105,7 +105,7 @@ def test_powder_packed_to_sixty_agrees_with_its_field():
     """Where the iteration swings and grows, it goes half of its way: without that 30 solves do not end, with it 8."""
     case = emclutch.load_case(QUICKSTART.with_name("hard") / "fill_of_sixty.toml")
     device, plan = make_plan(case)
-    simulation = assemble(case, device, plan)
+    simulation = assemble(device, plan)
     refresh_field(simulation)
     assert simulation.source.feedback.residual.total <= 0.02 and simulation.source.solves <= 12
 

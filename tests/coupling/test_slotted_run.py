@@ -80,7 +80,7 @@ def test_a_free_slotted_disc_feels_the_grains_through_its_field():
     """J d omega = integral of (contact torque + reaction of the field) dt, grain by grain from m and grad H."""
     case = slotted({"motion.disc": {"free": {"inertia": "1e-7 kg m^2"}}, "effects.dipoles": None})
     device, plan = make_plan(case)
-    simulation = assemble(case, device, plan)
+    simulation = assemble(device, plan)
     disc = next(body for body in simulation.motion.bodies if body.name == "disc")
     assert isinstance(simulation.source, CoilField3D) and simulation.field_carrier is disc
     again = device.coil.problem.solve(device.coil.turns * 1.0, tolerance=device.coil.newton_tolerance)
@@ -112,7 +112,7 @@ def test_the_slotted_body_takes_what_the_field_turns_dipoles_and_charges_with(mo
     """sum x x [(m.grad) B + Q B] + m x B of all grains, whatever pairs they form, at the moments' fixed point."""
     case = slotted({"effects.dipoles.model": model, "effects.dipoles.tolerance": 1e-9})
     device, plan = make_plan(case)
-    simulation = assemble(case, device, plan)
+    simulation = assemble(device, plan)
     from coupling.staggered import held_forces, refresh_field
     from coupling.window_budget import WindowBudget
 
@@ -157,7 +157,7 @@ def test_without_the_field_slots_cost_nothing():
         case = slotted(values)
         device, plan = make_plan(case)
         assert device.coil is None
-        simulation = assemble(case, device, plan)
+        simulation = assemble(device, plan)
         simulation.motion.run(50)
         positions.append(simulation.motion.grains.position.copy())
     assert np.array_equal(*positions)

@@ -60,7 +60,7 @@ def test_powder_that_has_run_in_lies_between_the_poles(zone):
     """All of the mass between the faces, none beside them: the zone's fill is that of the region."""
     run_in = CASE.with_values({"particles.region": "poles"})
     device = build_device(run_in.scene)
-    grains = assemble(run_in, *make_plan(run_in, device)).motion.grains
+    grains = assemble(*make_plan(run_in, device)).motion.grains
     assert zone.fill(grains.position, 240.0 * 4.0 / 3.0 * np.pi * grains.radius**3) == pytest.approx(
         device.fill.solid_fraction, rel=1e-12
     )

@@ -104,7 +104,7 @@ def _study(scene: RandomScene, folder: Path) -> Verdict:
     try:
         cases = [case for _, case in read_study(file).cases()]
         why_not = next(
-            filter(None, (_not_run(case, plan_in_words(case.scene, *make_plan(case))) for case in cases)), ""
+            filter(None, (_not_run(case, plan_in_words(*make_plan(case))) for case in cases)), ""
         )
     except (SceneError, ValueError):  # of a plan: ValueError
         why_not = ""

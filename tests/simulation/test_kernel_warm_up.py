@@ -52,7 +52,7 @@ def types(dem):
 )
 def test_the_second_process_compiles_what_the_run_needs(values):
     case = case_from(CELL, values)
-    simulation = assemble(case, *make_plan(case))
+    simulation = assemble(*make_plan(case))
     assert types(kernel_warm_up.grains_of_kind(*kernel_warm_up.kind_of(case.scene))) == types(simulation.motion)
 
 
@@ -61,7 +61,7 @@ def test_the_second_process_knows_that_grains_attract():
     field = {"source": "uniform", "field_strength": "50 kA/m", "direction": "radial"}
     effects = {"dipoles": {"model": "near_field", "cutoff": 2.5}, "saturation": {}}
     case = case_from({**CELL, "field": field, "effects": effects}, {})
-    simulation = assemble(case, *make_plan(case))
+    simulation = assemble(*make_plan(case))
     refresh_field(simulation)
     simulation.magnetised.update(simulation)
     simulation.magnetised.hold(simulation, np.zeros_like(simulation.motion.grains.position))

@@ -42,7 +42,7 @@ FIELD = {
 def planned(changes=()):
     case = case_from(tomllib.loads(CELL), dict(changes))
     made = plan(case, threads=1)
-    return made, plan_in_words(case.scene, build_device(case.scene), made)
+    return made, plan_in_words(build_device(case.scene), made)
 
 
 @pytest.mark.parametrize(

@@ -63,7 +63,7 @@ def scene(base, changes=None):
 
 
 def started(case):
-    return assemble(case, *make_plan(case))
+    return assemble(*make_plan(case))
 
 
 def march(simulation, windows):

@@ -56,9 +56,12 @@ def closing_lines(result: Result) -> list[str]:
     lines = [*_end_lines(result), *(one.text for one in _target(summary))]
     if "grain_size" in summary:
         lines.append(f"statistical error only; {summary['grain_size']['note']}")
+    if "scaled_speed" in summary:
+        lines.append(summary["scaled_speed"]["note"])
     if load := _wall_load(summary):
         lines.append(load)
-    lines += [f"warning: {text}" for part in ("grain_size", "solver") for text in _warnings_of(summary, part)]
+    parts = "grain_size", "scaled_speed", "solver"
+    lines += [f"warning: {text}" for part in parts for text in _warnings_of(summary, part)]
     warning = soft_grains(summary)
     return lines + ([f"warning: {warning}"] if warning else [])
 
@@ -162,7 +165,8 @@ def _balance(what: str, share: float | None, of: str) -> Statement:
 
 def _warnings(summary: dict[str, Any]) -> Iterator[Statement]:
     texts = [soft_grains(summary)] if summary else []
-    texts += [text for part in ("grain_size", "solver", "moments") for text in _warnings_of(summary, part)]
+    parts = "grain_size", "scaled_speed", "solver", "moments"
+    texts += [text for part in parts for text in _warnings_of(summary, part)]
     yield from (Statement(Mark.POOR, sentence(text)) for text in texts if text)
 
 
@@ -188,6 +192,8 @@ def _gaps(result: Result) -> Iterator[Statement]:
     summary = result.summary
     if "grain_size" in summary:
         yield Statement(Mark.NOTE, f"The error is statistical only: {summary['grain_size']['note']}.")
+    if "scaled_speed" in summary:
+        yield Statement(Mark.NOTE, sentence(summary["scaled_speed"]["note"]))
     if load := _wall_load(summary):
         yield Statement(Mark.NOTE, sentence(load))
     if errors := summary.get("field_error_estimate"):

@@ -17,6 +17,7 @@ from emclutch.effects.left_out import ABSENT, ALWAYS, LeftOut
 from emclutch.scene.units import two_digits
 from emclutch.simulation.forecast.expected_torque import ExpectedTorque
 from emclutch.simulation.forecast.regime import Regime, regime_of
+from emclutch.simulation.scaled_slip import QUASI_STATIC
 
 if TYPE_CHECKING:
     from emclutch.simulation.plan import Plan
@@ -40,7 +41,7 @@ def _of_grains(at: Regime) -> Iterator[LeftOut]:
     else:
         yield LeftOut("centrifugal force", ALWAYS, "over weight", at.centrifugal / at.weight, 0.1)
     yield LeftOut("inertia of grains", ALWAYS, f"inertial number of the sheared gap, {at.pressure} pressure",
-                  at.inertial_number, 0.03, note="below, the torque does not depend on the speed")  # fmt: skip
+                  at.inertial_number, QUASI_STATIC, note="below, the torque does not depend on the speed")  # fmt: skip
 
 
 def _of_remanence(at: Regime) -> Iterator[LeftOut]:

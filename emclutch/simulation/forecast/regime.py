@@ -65,7 +65,7 @@ class Regime:
     slip_power, heating : float or None
         [W], [K/s]
     end : float
-        Of the run [s].
+        Time [s] in which the powder is sheared at the scene's own speeds as far as in the run.
     """
 
     weight: float
@@ -131,7 +131,7 @@ def regime_of(scene, device: Device, plan: Plan, expected: ExpectedTorque) -> Re
         switching_time=_switching_time(scene, device, _coil_time(scene, device, plan)),
         slip_power=power,
         heating=None if power is None else power / (device.fill.mass * IRON_HEAT),
-        end=scene.span.end,
+        end=plan.end * (1.0 if plan.scaled is None else plan.scaled.factor),
     )
 
 

@@ -1,0 +1,70 @@
+"""Checks of what has a meaning with one constant slip only: shear strains as times, and an imposed inertial number."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from emclutch.scene.draft import Draft
+from emclutch.scene.errors import Fault
+from emclutch.scene.multiple import Multiple
+
+if TYPE_CHECKING:
+    from emclutch.scene.model import Scene
+
+INERTIAL_NUMBER = "accuracy.inertial_number"
+
+
+def one_slip(draft: Draft) -> Iterator[Fault]:
+    """Yield what stands against times in strain and against an imposed inertial number."""
+    scene = draft.scene
+    if scene.shape().faults(None):
+        return  # already reported
+    times = scene.time.end, scene.time.average_from, scene.accuracy.time_end
+    for key, given in zip(("time.end", "time.average_from", "accuracy.time_end"), times, strict=True):
+        if not isinstance(given, Multiple):
+            continue
+        if reason := _why_no_slip(scene):
+            yield draft.fault(key, f"is a shear strain, and {reason}; give a time, e.g. '20 ms'")
+    if scene.accuracy.inertial_number is None:
+        return
+    if scene.geometry.is_periodic:
+        reason = "and a sheared box has a rate of its own: give geometry.inertial_number"
+    elif found := _why_no_slip(scene) or _why_speed_counts(scene):
+        reason = f"and {found}"
+    else:
+        return
+    yield draft.fault(INERTIAL_NUMBER, f"sets the slip of the gap, {reason}, or remove accuracy.inertial_number")
+
+
+def _why_no_slip(scene: Scene) -> str:
+    """Return why the gap has no constant slip that the scene says; empty where it has one."""
+    if scene.geometry.is_periodic:
+        return ""
+    shape = scene.shape()
+    if not shape.gap_parts(shape.boxes_to_fill(scene.grains.region)):
+        kind = scene.geometry.name()
+        return f"with geometry.kind = '{kind}' no gap is sheared: take a clutch, a drum or a shear_cell"
+    for name in ("rotor", "disc"):
+        speed = getattr(scene.motion, name).speed
+        if speed is None:
+            return f"motion.{name} is free: prescribe its speed"
+        if not speed.is_constant:
+            return f"motion.{name}.speed changes in time: make it constant"
+    return "" if scene.motion.largest_slip > 0.0 else "both shafts turn alike: give one of them another speed"
+
+
+def _why_speed_counts(scene: Scene) -> str:
+    """Return the effect for which slip or time of the scene are real, or what makes no pressure; empty without."""
+    effects, coil = scene.effects, scene.coil
+    for one in (effects.circuit, effects.eddy):
+        if one is not None:
+            return f"the times of effects.{one.name} are real: remove that table"
+    if effects.get("fluid_drag") is not None:
+        return "the drag of the fluid depends on the speed: remove effects.fluid_drag"
+    if effects.attraction is None:
+        return f"only magnetised powder has an expected pressure: add {effects.tables(role='attraction')}"
+    drive = None if coil is None else coil.current or coil.voltage
+    if drive is not None and not drive.is_constant:
+        return "the current of the coil changes in time, which is real: make it constant"
+    return ""
