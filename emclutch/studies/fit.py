@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -134,6 +135,10 @@ def fit(
         The folder is there already; of the study.
     """
     case = as_case(case)
+    if case.scene.geometry.measured != "torque":
+        kind = case.scene.geometry.name()
+        message = "has no torque that could be fitted; take a scene of a clutch, a brake or a shear_cell"
+        raise SceneError([Fault("geometry.kind", repr(kind), message)], case.name)
     case = case.with_values({"particles.repose": None})  # its friction is what is looked for
     drive = drive_quantity(case, key)
     measured, left_out = read_measured(Path(to), drive)
@@ -146,7 +151,11 @@ def fit(
     names = fitted_names(values)
     other = None if repose is None else _bulk_friction(case.scene, values, *repose)
     if len(measured.drive) + (repose is not None) <= len(names):
-        message = f"has {len(measured.drive)} points between the simulated drives, too few for {len(names)} parameters"
+        message = (
+            f"has {len(measured.drive)} points at the simulated drives, {min(simulated_at):g} to "
+            f"{max(simulated_at):g} {drive.unit}, too few for {len(names)} parameters; measure more, fit fewer, or "
+            "change --at"
+        )
         raise SceneError([Fault("--to", str(to), message)], "command line")
     folder = Path(out) if out is not None else RunFolder.next_path(case.name, "fits")
     if folder.exists() != resume:
@@ -155,11 +164,14 @@ def fit(
         )
         raise OutputError(f"{folder} {'exists' if folder.exists() else 'is not there'}; {how}")
     if not resume:
-        _write_study(folder, case, {**values, key: tuple(simulated_at)})
+        points = {**values, key: tuple(simulated_at)}
+        for levels in product(*points.values()):  # a scene that is refused leaves no folder behind
+            study_case(case, values).with_values(dict(zip(points, levels, strict=True)))
+        _write_study(folder, case, points)
     study = read_study(folder / "study.toml", trust_scripts=case.trust_scripts)
-    points, begun = folder / "points", (folder / "points").is_dir()
-    sweep(study, out=points, threads=threads, resume=begun, jobs=jobs, progress=progress, force=force)
-    simulated, doubtful = _torques(points, names, key)
+    done, begun = folder / "points", (folder / "points").is_dir()
+    sweep(study, out=done, threads=threads, resume=begun, jobs=jobs, progress=progress, force=force)
+    simulated, doubtful = _torques(done, names, key)
     try:
         found = fit_torque(simulated, measured, other)
     except ValueError as reason:
@@ -180,6 +192,8 @@ def study_case(case: Case, values: dict[str, tuple[float, ...]]) -> Case:
 def drive_quantity(case: Case, key: str) -> Quantity:
     """Return the quantity of the drive; SceneError for a key that is none."""
     reason = key_fault(key, Scene)
+    if not reason and getattr(case.scene, key.partition(".")[0], None) is None:
+        reason = "is in a section that the scene does not have; name its drive, e.g. --over field.field_strength"
     quantity = None if reason else quantity_at(key, Scene, case.data)
     if quantity is None:
         message = reason or "is not a continuous quantity; fit over a current, a voltage or a field strength"

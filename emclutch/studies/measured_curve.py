@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from emclutch.scene.errors import Fault, SceneError
+from emclutch.scene.errors import Fault, SceneError, shown
 from emclutch.scene.units import Quantity
 from emclutch.studies.torque_fit import MeasuredTorques
 
@@ -36,8 +36,8 @@ def read_measured(path: Path, drive: Quantity) -> tuple[MeasuredTorques, int]:
         point with a drive and a torque above 0.
     """
 
-    def fault(message: str, value: str = "") -> SceneError:
-        return SceneError([Fault("--to", value, message)], str(path))
+    def fault(message: str, value: str = "", key: str = "--to") -> SceneError:
+        return SceneError([Fault(key, value and shown(value), message)], str(path))
 
     try:
         if path.stat().st_size > _MAX_FILE:
@@ -55,19 +55,22 @@ def read_measured(path: Path, drive: Quantity) -> tuple[MeasuredTorques, int]:
     for cell, quantity in zip(rows[0], (drive, TORQUE, TORQUE), strict=False):
         unit = _UNIT.fullmatch(cell)
         if unit is None:
-            raise fault("has no unit in the header; write it as in 'current [A], torque [N m]'", cell.strip())
+            message = "has no unit; write the header as in 'current [A], torque [N m]'"
+            raise fault(message, cell.strip(), "column")
         try:
             factors.append(quantity.read(f"1 {unit[1]}"))
         except ValueError as error:
-            raise fault(f"(header): 1 {unit[1]} {error}", cell.strip()) from None
+            raise fault(f"is in {unit[1]}, which {error}", cell.strip(), "column") from None
     table = []
     for (number, line), row in zip(counted[1:], rows[1:], strict=True):
         try:
             values = [float(cell) * factor for cell, factor in zip(row[: len(factors)], factors, strict=True)]
         except ValueError:
-            raise fault(f"line {number} does not have {len(factors)} numbers", line.strip()) from None
+            message = f"does not have {len(factors)} numbers, as the header has columns"
+            raise fault(message, line.strip(), f"line {number}") from None
         if not np.isfinite(values).all() or (len(values) == 3 and not values[2] > 0.0):
-            raise fault(f"line {number} has a number that is not finite, or an error that is not above 0", line.strip())
+            message = "has a number that is not finite, or an error that is not above 0"
+            raise fault(message, line.strip(), f"line {number}")
         table.append(values)
     columns = np.array(table).T
     used = (columns[0] > 0.0) & (columns[1] > 0.0)  # both are fitted by their logarithms

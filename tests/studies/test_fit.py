@@ -12,7 +12,7 @@ from emclutch.cli.main import app
 from emclutch.scene.case import case_from
 from emclutch.scene.errors import SceneError
 from emclutch.scene.units import Quantity
-from emclutch.studies.fit import Varied, study_case
+from emclutch.studies.fit import Varied, fit, study_case
 from emclutch.studies.measured_curve import read_measured
 
 CURRENT = Quantity("a current", "A", "0.5 A")
@@ -83,8 +83,8 @@ def test_a_measured_curve_is_read_in_its_units(tmp_path):
         ("", "has no curve"),
         ("current, torque\n1,2\n", "no unit"),
         ("current [kg], torque [N m]\n1,2\n", "is a mass"),
-        ("current [A], torque [N m]\n1,two\n", "line 2 does not have 2 numbers"),
-        ("current [A], torque [N m]\n1\n", "line 2 does not have 2 numbers"),
+        ("current [A], torque [N m]\n1,two\n", "line 2 = '1,two' does not have 2 numbers"),
+        ("current [A], torque [N m]\n1\n", "line 2 = '1' does not have 2 numbers"),
         ("current [A], torque [N m]\n1,nan\n", "not finite"),
         ("current [A], torque [N m], error [N m]\n1,2,0\n", "not above 0"),
         ("current [A], torque [N m]\n0,1\n1,0\n", "no point"),
@@ -96,6 +96,14 @@ def test_a_curve_that_cannot_be_read_is_explained(text, says, tmp_path):
     assert says in raised.value.report()
     with pytest.raises(SceneError, match="cannot be read"):
         read_measured(tmp_path / "none.csv", CURRENT)
+
+
+def test_a_sheared_box_has_no_torque_to_fit(tmp_path):
+    box = CELL | {"geometry": {"kind": "sheared_box", "size": 3 * [2e-3], "shear_rate": 500.0}}
+    box |= {"field": CELL["field"] | {"direction": "z", "means": "macroscopic"}, "motion": {}}
+    box |= {"particles": {"diameter": "0.3 mm", "solid_fraction": 0.35}}
+    with pytest.raises(SceneError, match=r"geometry.kind = 'sheared_box' has no torque"):
+        fit(case_from(box), tmp_path / "none.csv")
 
 
 def test_what_is_varied_goes_by_the_keys_of_the_scene():
@@ -121,7 +129,9 @@ def test_what_is_varied_goes_by_the_keys_of_the_scene():
         (("--friction", "0.2, 5", "--repose", "20 deg"), "beyond the table"),
         (("--repose", "200 deg"), "out of range"),
         (("--resume",), "needs a fit that was begun"),
-        (("--at", "10 kA/m, 20 kA/m"), "too few"),
+        (("--at", "10 kA/m, 20 kA/m"), "0 points at the simulated drives, 10000 to 20000 A/m, too few"),
+        (("--over", "coil.current"), "the scene does not have; name its drive"),
+        (("--fill", "0.3, 0.7", "--rolling-friction", "0"), "particles.solid_fraction = 0.7 fills 0.7"),
     ],
 )
 def test_what_cannot_be_asked_is_explained(options, says, tmp_path):
