@@ -14,7 +14,7 @@ from emclutch.cli.input import number_or_text
 from emclutch.results import OutputError
 from emclutch.results.atomic_file import json_values, replace_bytes
 from emclutch.scene.errors import Fault, SceneError
-from emclutch.scene.repose import DRY_STEEL, angle_in_words, pair_of_bulk_friction
+from emclutch.scene.repose import DRY_STEEL, angle_in_words, pair_of_bulk_friction, spread_of_bulk_friction
 from emclutch.scene.units import Quantity
 from particles.bulk_friction.friction_table import FrictionPair, measured_table
 
@@ -73,13 +73,14 @@ def line_of(repose: str | None, internal_friction: float | None, uncertainty: st
     option, entry = ("--repose", repose) if internal_friction is None else ("--internal-friction", internal_friction)
     try:
         bulk = math.sin(_REPOSE.read(number_or_text(repose))) if repose is not None else internal_friction or 0.0
-        taken = pair_of_bulk_friction(bulk)
+        pair_of_bulk_friction(bulk)  # refuses an angle that no friction gives
     except ValueError as error:
         raise SceneError([Fault(option, str(entry), str(error))], "command line") from None
     try:
-        spread = _SPREAD.read(number_or_text(uncertainty)) * math.sqrt(1.0 - bulk**2)  # d sin(a) = cos(a) da
+        spread = spread_of_bulk_friction(bulk, _SPREAD.read(number_or_text(uncertainty)))
     except ValueError as error:
         raise SceneError([Fault("--uncertainty", uncertainty, str(error))], "command line") from None
+    taken = pair_of_bulk_friction(bulk, spread)
     table = measured_table()
     ends = table.range_of_friction(bulk)
     assert ends is not None  # else there were no pair to take

@@ -27,6 +27,9 @@ DRY_STEEL = 0.6
 Tables have 0.42 (hard steel, sliding) to 0.78 (clean, at rest), and 0.27 under a thick film of oxide.
 """
 
+HEAPS_REPEAT = math.radians(1.0)
+"""Error of an angle of repose [rad] that is not said: the option --uncertainty has another."""
+
 SAME = 1e-6
 """Relative difference of coefficients that are the same: a resolved scene has both repose and what follows from it."""
 
@@ -36,8 +39,13 @@ def angle_in_words(angle: float) -> str:
     return f"{math.degrees(angle):.4g} deg"
 
 
-def pair_of_bulk_friction(bulk: float) -> FrictionPair:
-    """Return the pair that stands for a bulk friction tau/P: the one nearest to `DRY_STEEL`.
+def spread_of_bulk_friction(bulk: float, angle: float) -> float:
+    """Return the error of tau/P with that of its angle of repose [rad]: d sin(a) = cos(a) da."""
+    return angle * math.sqrt(1.0 - bulk**2)
+
+
+def pair_of_bulk_friction(bulk: float, spread: float = 0.0) -> FrictionPair:
+    """Return the pair that stands for a bulk friction tau/P +- spread: the one nearest to `DRY_STEEL`.
 
     Raises
     ------
@@ -61,7 +69,7 @@ def pair_of_bulk_friction(bulk: float) -> FrictionPair:
             f"{high:.3f}, angles of repose of {angle_in_words(math.asin(low))} to {angle_in_words(math.asin(high))}; "
             f"{advice}"
         )
-    pair = table.pair(bulk, friction)
+    pair = table.pair(bulk, friction, spread)
     assert pair is not None  # on the line
     return pair
 
@@ -106,10 +114,11 @@ def with_friction_of_repose(scene: Scene) -> Scene:
 
 def friction_in_words(repose: float) -> str:
     """Return which friction follows from an angle of repose [rad], and with what interval."""
-    pair = pair_of_bulk_friction(math.sin(repose))
+    bulk = math.sin(repose)
+    pair = pair_of_bulk_friction(bulk, spread_of_bulk_friction(bulk, HEAPS_REPEAT))
     above = "any larger one" if math.isinf(pair.highest) else f"{pair.highest:.2g}"
     return (
-        f"{pair.friction:.3g}, rolling friction {pair.rolling:.3g} (from {pair.lowest:.2g} to {above} by the error of "
-        f"the table): one pair with the angle of repose of {angle_in_words(repose)}; emclutch powder --repose lists "
-        "the others"
+        f"{pair.friction:.3g}, rolling friction {pair.rolling:.3g} (from {pair.lowest:.2g} to {above} by "
+        f"{angle_in_words(HEAPS_REPEAT)} of the angle and the error of the table): one pair with the angle of repose "
+        f"of {angle_in_words(repose)}; emclutch powder --repose lists the others"
     )

@@ -95,6 +95,7 @@ def test_a_scene_takes_the_pair_that_the_command_names():
     assert measured_table().bulk_friction(taken["friction"], taken["rolling"])[0] == pytest.approx(0.5, abs=2e-3)
     checked = check(case, threads=1)
     assert "angle of repose of 30 deg" in checked.decisions["friction"] and rolling.name in checked.effects
+    assert f"(from {taken['lowest']:.2g} to {taken['highest']:.2g} by 1 deg" in checked.decisions["friction"]
     assert "friction" not in check(case.with_values({"particles.repose": None}), threads=1).decisions
     again = case_from(case.resolved())  # has both, and they agree
     assert again.scene == case.scene
