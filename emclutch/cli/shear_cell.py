@@ -13,6 +13,7 @@ import numpy as np
 from emclutch.cli.input import number_or_text, read_list
 from emclutch.results import OutputError, RunFolder
 from emclutch.results.atomic_file import json_values, replace_bytes, replace_json, replace_text
+from emclutch.results.pictures.figure import make_logarithmic
 from emclutch.results.progress import Progress
 from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.units import Quantity
@@ -226,7 +227,6 @@ def _draw(path: Path, name: str, rows: list[StressOfField]) -> None:
     """tau against H, both logarithmic, with Carlson's fit."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
-    from matplotlib.ticker import LogLocator, NullFormatter
 
     figure = Figure(figsize=(8.0, 5.2), dpi=150, layout="constrained")
     FigureCanvasAgg(figure)
@@ -244,16 +244,13 @@ def _draw(path: Path, name: str, rows: list[StressOfField]) -> None:
         )  # fmt: skip
         fit = carlson_stress(fill, H)
         axes.plot(H / 1e3, np.asarray(fit) / 1e3, color=color, lw=1.0, ls="--", label=f"Carlson, fill {fill:g}")
-    axes.set(xscale="log", yscale="log", xlabel="H [kA/m]", ylabel="shear stress [kPa]")
+    axes.set(xlabel="H [kA/m]", ylabel="shear stress [kPa]")
+    make_logarithmic(axes)
     axes.set_title(
         f"{name}: shear stress across the field\n"
         "full: from the grains, two standard errors; dashed: Carlson's fit for iron in oil",
         fontsize=10,
     )
-    for axis in (axes.xaxis, axes.yaxis):  # 20, 50, 100 in place of powers of ten
-        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        axis.set_major_formatter(lambda value, _: f"{value:g}")
-        axis.set_minor_formatter(NullFormatter())
     axes.grid(True, which="both", lw=0.3, alpha=0.5)
     axes.legend(fontsize=8, frameon=False)
     drawn = io.BytesIO()

@@ -18,7 +18,7 @@ import tomli_w
 
 from emclutch.results import OutputError, RunFolder
 from emclutch.results.atomic_file import json_values, replace_json, replace_text
-from emclutch.results.pictures.figure import legend_below, new_figure, save_picture
+from emclutch.results.pictures.figure import legend_below, make_logarithmic, new_figure, save_picture
 from emclutch.results.study_result import load_study
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import Fault, SceneError
@@ -267,8 +267,6 @@ def _write(result: FitResult) -> None:
 
 def _draw(result: FitResult) -> None:
     """Measured and fitted torque over the drive, and the valley of the first two parameters."""
-    from matplotlib.ticker import LogLocator, NullFormatter
-
     fitted, measured = result.fit, result.measured
     several = len(fitted.parameters) > 1
     title = f"{result.case.scene.scene.title}: fitted torque"
@@ -277,11 +275,8 @@ def _draw(result: FitResult) -> None:
     axes[0].errorbar(measured.drive, measured.torque, yerr=bars, fmt="ko", ms=4, capsize=3, label="measured")
     axes[0].plot(measured.drive, fitted.torque, color="C0", label="fitted")
     axes[0].fill_between(measured.drive, fitted.low, fitted.high, color="C0", alpha=0.25, label="95 %")
-    axes[0].set(xscale="log", yscale="log", xlabel=result.key, ylabel="torque [N m]")
-    for axis in (axes[0].xaxis, axes[0].yaxis):  # 0.2, 0.5, 1 in place of powers of ten
-        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        axis.set_major_formatter(lambda value, _: f"{value:g}")
-        axis.set_minor_formatter(NullFormatter())
+    axes[0].set(xlabel=result.key, ylabel="torque [N m]")
+    make_logarithmic(axes[0])
     legend_below(axes[0], 3)
     if several:
         a, b = fitted.parameters[:2]

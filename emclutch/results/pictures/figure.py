@@ -71,6 +71,18 @@ def save_picture(figure: Figure, path: str | Path) -> Path:
     return path
 
 
+def make_logarithmic(axis: Axes) -> None:
+    """Make the axes of a panel logarithmic, 0.2, 0.5, 1 in place of powers of ten; what is not above 0 is left out."""
+    from matplotlib.ticker import LogLocator, NullFormatter
+
+    axis.set_xscale("log", nonpositive="mask")
+    axis.set_yscale("log", nonpositive="mask")
+    for one in (axis.xaxis, axis.yaxis):
+        one.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        one.set_major_formatter(lambda value, _: f"{value:g}")
+        one.set_minor_formatter(NullFormatter())
+
+
 def draw_measured(axis: Axes, measured: Mapping[str, np.ndarray] | None, *, per_x: float = 1.0, joined: bool) -> None:
     """Draw measured curves as markers with 95 % bars, as `read_measured` returns them, at `per_x` times their x."""
     for number, (name, points) in enumerate((measured or {}).items()):

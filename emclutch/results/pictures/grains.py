@@ -109,6 +109,9 @@ def grains_picture(
     if has_chains:
         handles.append(Line2D([], [], color="crimson", lw=2.0))
         labels.append("force chain, width ~ force")
+    if sector_angle is not None:
+        handles.append(Line2D([], [], color="black", lw=0.8, ls="--"))
+        labels.append("edges of the sector, which repeats")
     if handles:
         figure.legend(handles, labels, loc="outside lower left", ncols=4, frameon=False, fontsize=9)
     figure.colorbar(circles, ax=[unrolled, plane], label=colour_label, shrink=0.8)

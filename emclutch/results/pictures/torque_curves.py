@@ -16,6 +16,7 @@ from emclutch.results.pictures.figure import (
     draw_measured,
     legend_below,
     legend_beside,
+    make_logarithmic,
     new_figure,
     save_picture,
 )
@@ -59,8 +60,9 @@ def torque_against_current_picture(
         draw_measured(axis, measured, joined=True)
         axis.set_xlabel("coil current over rated current" if over_rated else "coil current [A]")
     if over_rated:
-        axes[0].set_ylabel("torque over torque at rated current")
-        axes[1].set(xscale="log", yscale="log")
+        for axis in axes:
+            axis.set_ylabel("torque over torque at rated current")
+        make_logarithmic(axes[1])
         legend_beside(axes[1])
     else:
         legend_below(axes[0], 2)
