@@ -92,7 +92,7 @@ class GrainSize:
         text += (
             f" stand for {self.gap / self.real_diameter:.2g} of {1e6 * self.real_diameter:.3g} um, "
             f"{self.count:.2g} grains in the whole device for {self.real_count:.2g}, at an inertial number {size:.2g} "
-            "times that of the real powder"
+            "times that of the real powder at the same speed"
         )
         excess = self.torque_excess()
         return text if excess is None else f"{text}; the torque is {excess_in_words(excess)} above that of real size"

@@ -342,8 +342,11 @@ class ShearedBoxGeometry(GeometrySection):
         from emclutch.simulation.forecast.expected_torque import ExpectedTorque
 
         law, stress = "a periodic box has no shaft, its result is a stress", self.expected_stress(scene)
+        pressure, of = stress or 0.0, "expected shear stress"
+        if self.pressure is not None:
+            pressure, of = self.pressure, "imposed pressure"
         if stress is None:
-            return ExpectedTorque(None, law=law)
+            return ExpectedTorque(None, pressure=pressure, pressure_of=of, law=law)
         H = abs(scene.prescribed_field.field_strength)
         M = float(grain_law(scene).magnetisation(np.array([H]), np.zeros(1))[0])
-        return ExpectedTorque(None, stress, H, M, magnetic=True, law=law)
+        return ExpectedTorque(None, stress, H, M, magnetic=True, pressure=pressure, pressure_of=of, law=law)

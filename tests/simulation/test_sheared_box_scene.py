@@ -265,6 +265,9 @@ def test_check_warns_of_a_box_that_is_pressed_too_low():
 
 
 def test_check_names_grains_rate_and_inertial_number():
+    for asked, of in ((scene(MAGNETIC), "expected shear stress"), (scene(DRY, PRESSED), "imposed pressure")):
+        (line,) = (one for one in check(asked).left_out if one.effect == "inertia of grains")
+        assert line.value == pytest.approx(asked.scene.geometry.inertial_number, rel=1e-9) and line.number.endswith(of)
     said = check(scene(MAGNETIC)).decisions
     assert said["grains"].startswith("110 ") and "inertial number about 0.05" in said["shear"]
     until = scene(MAGNETIC, {"time.until": "stress 2 %", "time.end": "50 ms"})

@@ -40,7 +40,7 @@ def _of_grains(at: Regime) -> Iterator[LeftOut]:
         yield LeftOut("centrifugal force", ALWAYS, "over the pull of touching grains", at.centrifugal / at.pull, 0.1)
     else:
         yield LeftOut("centrifugal force", ALWAYS, "over weight", at.centrifugal / at.weight, 0.1)
-    yield LeftOut("inertia of grains", ALWAYS, f"inertial number of the sheared gap, {at.pressure} pressure",
+    yield LeftOut("inertia of grains", ALWAYS, f"inertial number of the sheared powder, {at.pressure}",
                   at.inertial_number, QUASI_STATIC, note="below, the torque does not depend on the speed")  # fmt: skip
 
 

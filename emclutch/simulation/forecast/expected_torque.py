@@ -36,6 +36,7 @@ from emclutch.scene.units import two_digits
 from emclutch.simulation.forecast.sheared_points import carlson_stress
 from field import MU_0, MagneticField, ParticleLaw
 from field.three_d import Field3D
+from particles.diagnostics.inertial_number import MAGNETIC
 
 IRON = 1.7e6
 """Saturation [A/m] of the carbonyl iron of Carlson's fit."""
@@ -134,8 +135,9 @@ class ExpectedTorque:
         Mean of mu_0 M |grad |H||, the force of the field on a volume of grains [N/m^3].
     magnetic : bool
         Whether grains attract each other, so that the law is one of magnetised powder.
-    pressure : float
-        That magnetised powder presses with between the poles, or in the whole gap [Pa]; 0 of other powders.
+    pressure, pressure_of : float, str
+        The pressure of the inertial number [Pa] and what it is of; 0 where it is that of friction. Magnetised powder
+        has it between the poles, or in the whole gap.
     trust : str
         How far the law holds: `THREEFOLD`, `ORDER` or `BOUND`.
     law : str
@@ -149,6 +151,7 @@ class ExpectedTorque:
     gradient_force: float = 0.0
     magnetic: bool = False
     pressure: float = 0.0
+    pressure_of: str = f"{MAGNETIC} pressure"
     trust: str = BOUND
     law: str = ""
 

@@ -26,7 +26,7 @@ from emclutch.device_model.device import Device
 from emclutch.device_model.materials import conductivity_of, region_materials
 from emclutch.simulation.forecast.expected_torque import ExpectedTorque
 from field.section.diffusion_time import diffusion_time
-from particles.diagnostics.inertial_number import FRICTION, MAGNETIC, inertial_number
+from particles.diagnostics.inertial_number import FRICTION, inertial_number
 
 if TYPE_CHECKING:
     from emclutch.simulation.plan import Plan
@@ -53,7 +53,7 @@ class Regime:
     inertial_number, stokes : float or None
         None where nothing is sheared, or no pressure is known.
     pressure : str
-        What the pressure of the inertial number is of: magnetic, or friction.
+        What the pressure of the inertial number is of, in words.
     bond, twist, saturation, gradient, powder_susceptibility : float
         See the module; the force of the field's gradient over `pull`, and phi M/H.
     wall_share : float or None
@@ -117,7 +117,7 @@ def regime_of(scene, device: Device, plan: Plan, expected: ExpectedTorque) -> Re
         H=expected.H,
         M=expected.M,
         inertial_number=float(inertial_number(rate, d, rho, pressure)) if pressure > 0.0 else None,
-        pressure=MAGNETIC if expected.pressure else FRICTION,
+        pressure=expected.pressure_of if expected.pressure else f"{FRICTION} pressure",
         stokes=rate * rho * d**2 / (18.0 * AIR_VISCOSITY) if rate > 0.0 else None,
         bond=ASPERITY_PULL / max(pull, weight, centrifugal),
         twist=2.0 / 3.0 * contact_radius / (0.5 * d),
