@@ -54,6 +54,16 @@ Measured = Annotated[
         "torques [N m]; with --rated both over the rated ones)",
     ),
 ]
+Band = Annotated[
+    Path | None,
+    typer.Option(
+        "--band", metavar="FILE",
+        help="CSV of a predicted band to shade under --torque-current: current [A], and low, middle, high [N m]",
+    ),
+]  # fmt: skip
+GrainSizeAsked = Annotated[
+    bool, typer.Option("--grain-size", help="torque over the grains across the gap, extrapolated to the real powder")
+]
 Look = Annotated[
     str | None,
     typer.Option("--look", metavar="WHAT", help="gap (grains before the field), chains (of force), device"),

@@ -14,16 +14,18 @@ from typing import Any
 from emclutch.cli.input import number_or_text
 from emclutch.results import OutputError, Result, load_result
 from emclutch.results.columns import SHEAR_STRESS
-from emclutch.results.measured_table import read_measured
+from emclutch.results.measured_table import read_band, read_measured
 from emclutch.results.seed_average import averaged_over_seeds
 from emclutch.results.study_folder import is_study, read_study, refresh_in_words
-from emclutch.results.torque_curves import TorqueCurve, torque_curves
+from emclutch.results.torque_curves import ACROSS, REAL_ACROSS, TorqueCurve, band_over_rated, torque_curves
 from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.units import Quantity
 from emclutch.simulation.missing_pictures import draw_missing
-from emclutch.studies.tables import CURRENT, SEED, VOLTAGE
+from emclutch.studies.tables import CURRENT, SEED, SIZES, VOLTAGE
 
 TORQUE, SPEEDS, TORQUE_SPEED, TORQUE_CURRENT = "torque", "speeds", "torque_speed", "torque_current"
+GRAIN_SIZE = "grain_size"
+_AXES = {TORQUE_CURRENT: ("current", (CURRENT, VOLTAGE)), GRAIN_SIZE: (ACROSS, SIZES)}
 _MEASURED = {SPEEDS: ("time [s]", "speed [rpm]"), TORQUE_CURRENT: ("current [A]", "torque [N m]")}
 _RATED = Quantity("a current", "A", "0.94 A", 0.0, open_minimum=True)
 
@@ -34,6 +36,7 @@ def plot_runs(
     *,
     rated: str | None = None,
     measured: Path | None = None,
+    band: Path | None = None,
     out: Path | None = None,
     trust_scripts: bool = False,
     log: Callable[[str], None] = lambda text: None,
@@ -43,12 +46,13 @@ def plot_runs(
     Parameters
     ----------
     folders : of runs, and of studies for all their points that are done. Several runs lie over one another.
-    kind : TORQUE, SPEEDS, TORQUE_SPEED or TORQUE_CURRENT.
+    kind : TORQUE, SPEEDS, TORQUE_SPEED, TORQUE_CURRENT or GRAIN_SIZE.
     rated : current [A] or text with a unit; divides each curve of TORQUE_CURRENT by its own point there.
     measured : table to lay over SPEEDS or TORQUE_CURRENT, as `read_measured` takes it.
+    band : table of a predicted band to shade under TORQUE_CURRENT, as `read_band` takes it.
     out : new file; default: the next free <kind>-<n>.png in the first folder.
     trust_scripts : as for `load_case`, of runs whose own pictures are missing.
-    log : takes a line for each run whose own pictures were missing.
+    log : takes a line for each run whose own pictures were missing, and the laws of GRAIN_SIZE.
 
     Raises
     ------
@@ -60,6 +64,9 @@ def plot_runs(
     if measured is not None and kind not in _MEASURED:
         message = "lies over speeds or torque against current only; add --speeds or --torque-current"
         raise SceneError([Fault("--measured", str(measured), message)], "command line")
+    if band is not None and kind != TORQUE_CURRENT:
+        message = "lies under torque against current only; add --torque-current"
+        raise SceneError([Fault("--band", str(band), message)], "command line")
     if rated is not None and kind != TORQUE_CURRENT:
         raise SceneError([Fault("--rated", rated, "divides torque against current only; add --torque-current")],
                          "command line")  # fmt: skip
@@ -79,9 +86,12 @@ def plot_runs(
     over_rated = ("current over the rated one", "torque over the rated one")
     columns = _MEASURED.get(kind, over_rated) if rated is None else over_rated
     points = None if measured is None else read_measured(measured, *columns)
-    curves = (
-        torque_current_curves(folders, None if rated is None else _current(rated)) if kind == TORQUE_CURRENT else []
-    )
+    predicted = None if band is None else read_band(band)
+    curves = curves_of(folders, kind) if kind in _AXES else []
+    if rated is not None:
+        at = _current(rated)
+        curves = [curve.over_rated(at) for curve in curves]
+        predicted = None if predicted is None else band_over_rated(predicted, at)
     if out is None:
         numbered = (folders[0] / f"{kind}-{number}.png" for number in itertools.count(1))
         out = next(path for path in numbered if not path.exists())
@@ -103,7 +113,16 @@ def plot_runs(
     if kind == TORQUE_CURRENT:
         from emclutch.results.pictures.torque_curves import torque_against_current_picture
 
-        return torque_against_current_picture(out, curves, measured=points, over_rated=rated is not None, title=title)
+        return torque_against_current_picture(out, curves, measured=points, band=predicted,
+                                              over_rated=rated is not None, title=title)  # fmt: skip
+    if kind == GRAIN_SIZE:
+        from emclutch.results.grain_size_law import grain_size_law, law_in_words
+        from emclutch.results.pictures.torque_curves import torque_against_grain_size_picture
+
+        laws = [grain_size_law(curve) for curve in curves]
+        for curve, law in zip(curves, laws, strict=True):
+            log(law_in_words(curve, law))
+        return torque_against_grain_size_picture(out, curves, laws, title=title)
     from emclutch.results.pictures.speeds import speed_picture, torque_speed_picture
 
     histories = {name: result.history for name, result in runs.items()}
@@ -124,44 +143,52 @@ def runs_of(folders: Sequence[Path]) -> dict[str, Result]:
     return runs
 
 
-def torque_current_curves(folders: Sequence[Path], rated: float | None = None) -> list[TorqueCurve]:
-    """Return torque against current: the curves of each study, and one through the runs that are named alone.
+def curves_of(folders: Sequence[Path], kind: str) -> list[TorqueCurve]:
+    """Return torque against current or grain size: the curves of each study, and one through the runs named alone.
 
     Parameters
     ----------
     folders : of runs and studies.
-    rated : current [A] at which each curve is 1, as `TorqueCurve.over_rated` divides it; None: in A and N m.
+    kind : TORQUE_CURRENT, or GRAIN_SIZE over the grains across the gap.
 
     Raises
     ------
     OutputError
-        A run has no coil current, a curve no torque at the rated current.
+        A run has no coil current, or no gap whose grains are counted across.
     """
+    x, along = _AXES[kind]
     curves: list[TorqueCurve] = []
     alone = []
     for folder, name in zip(folders, _names(folders), strict=True):
         if is_study(folder):
             study = read_study(folder)
             rows = study.table.to_dict("records")
-            others = [key for key in study.varied if key not in (CURRENT, VOLTAGE, SEED)]
+            others = [key for key in study.varied if key != SEED and not key.startswith(along)]
             if SEED in study.varied:
                 rows = averaged_over_seeds(rows, SEED, [key for key in study.varied if key != SEED])
-            _require_current(rows, name)
-            curves += torque_curves([{"study": name, **row} for row in rows], "current",
+            _require(x, rows, name)
+            curves += torque_curves([{"study": name, **row} for row in rows], x,
                                     ["study"] * (len(folders) > 1) + others)  # fmt: skip
         else:
             result = load_result(folder)
             low, high = result.torque.interval() or (None, None)
             row = {"torque": result.torque.mean, "low": low, "high": high, "converged": result.torque.converged}
-            alone.append(row | {key: value for key, value in result.summary.items() if key == "current"})
-            _require_current(alone, name)
-    curves += torque_curves(alone, "current", [])
-    return curves if rated is None else [curve.over_rated(rated) for curve in curves]
+            size = result.summary.get("grain_size", {})
+            row |= {"current": result.summary.get("current"), ACROSS: size.get("across")}
+            alone.append(row | {REAL_ACROSS: size.get("real_across")})
+            _require(x, alone, name)
+    return curves + torque_curves(alone, x, [])
 
 
-def _require_current(rows: Sequence[Mapping[str, Any]], name: str) -> None:
-    if any(row.get("current") is None for row in rows):
-        raise OutputError(f"{name} has no coil current: no effect of its scene needs the field")
+def _require(x: str, rows: Sequence[Mapping[str, Any]], name: str) -> None:
+    if any(row.get(x) is None for row in rows):
+        reason = (
+            "has no coil current: no effect of its scene needs the field"
+            if x == "current"
+            else "has no grains across a gap: its scene has no sheared gap, no attraction of grains, or is of an older "
+            "version"
+        )
+        raise OutputError(f"{name} {reason}")
 
 
 def _current(text: str) -> float:

@@ -16,8 +16,10 @@ def plot(
     speeds: opt.SpeedsAsked = False,
     torque_speed: opt.TorqueSpeedAsked = False,
     torque_current: opt.TorqueCurrentAsked = False,
+    grain_size: opt.GrainSizeAsked = False,
     rated: opt.Rated = None,
     measured: opt.Measured = None,
+    band: opt.Band = None,
     out: opt.NewPicture = None,
     trust_scripts: opt.TrustScripts = False,
 ) -> None:
@@ -28,15 +30,17 @@ def plot(
     with explained():
         from emclutch.cli import plot as drawn
 
-        pictures = {drawn.SPEEDS: speeds, drawn.TORQUE_SPEED: torque_speed, drawn.TORQUE_CURRENT: torque_current}
+        pictures = {drawn.SPEEDS: speeds, drawn.TORQUE_SPEED: torque_speed, drawn.TORQUE_CURRENT: torque_current,
+                    drawn.GRAIN_SIZE: grain_size}  # fmt: skip
         first, *more = [kind for kind, asked in pictures.items() if asked] or [drawn.TORQUE]
         if more:
             option, other = (f"--{kind.replace('_', '-')}" for kind in (more[0], first))
             message = f"makes another picture than {other}; ask for one at a time"
             raise SceneError([Fault(option, "", message)], "command line")
         picture = drawn.plot_runs(
-            folders, first, rated=rated, measured=measured, out=out, trust_scripts=trust_scripts, log=typer.echo
-        )
+            folders, first, rated=rated, measured=measured, band=band, out=out, trust_scripts=trust_scripts,
+            log=typer.echo,
+        )  # fmt: skip
         typer.echo(str(picture))
 
 

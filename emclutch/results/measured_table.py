@@ -77,6 +77,32 @@ def read_measured(path: str | Path, along: str, values: str) -> dict[str, np.nda
     return {name: np.array(sorted(points)).reshape(-1, width[name]) for name, points in found.items()}
 
 
+def read_band(path: str | Path) -> np.ndarray:
+    """Return a predicted band, (n, 4): current [A], and low, middle and high torque [N m], by the current.
+
+    The table is one of `read_measured` whose columns after the current are low, middle and high.
+
+    Raises
+    ------
+    OutputError
+        As `read_measured`; other columns, fewer than two currents, ends that are not in order.
+    """
+    along, values = "current [A]", "torque [N m]"
+    found = {name.partition("[")[0].strip(): points for name, points in read_measured(path, along, values).items()}
+    names = ("low", "middle", "high")
+    if set(found) != set(names) or len({len(found[name]) for name in names}) > 1 or len(found["low"]) < 2:
+        raise OutputError(f"{path}: a band has the columns {along}, {', '.join(names)}, each with two currents or more")
+    band = np.column_stack([found["low"], *(found[name][:, 1] for name in names[1:])])
+    wrong = np.flatnonzero((band[:, 1] > band[:, 2]) | (band[:, 2] > band[:, 3]))
+    if wrong.size:
+        low, middle, high = band[wrong[0], 1:]
+        raise OutputError(
+            f"{path}: at {band[wrong[0], 0]:g} A low, middle and high are {low:g}, {middle:g}, {high:g} N m; they must "
+            "not fall"
+        )
+    return band
+
+
 def _unit(name: str) -> str | None:
     found = re.search(r"\[([^\]]*)\]\s*$", name)
     return None if found is None else found[1].strip()

@@ -57,7 +57,12 @@ def exponent(branch: np.ndarray, low: float, high: float) -> tuple[float, float]
 
 
 def ours() -> list[TorqueCurve]:
-    """Curves of the table of record over their points at the rated current, one for each kind of run and model."""
+    """Curves of the table of record over their points at the rated current."""
+    return [curve.over_rated(RATED) for curve in recorded_curves()]
+
+
+def recorded_curves() -> list[TorqueCurve]:
+    """Curves of the table of record that have a rated point, one for each kind of run and model."""
     groups: dict[str, list[tuple[float, ...]]] = {}
     for name, row in table().items():
         if found := ROW.fullmatch(name):
@@ -71,7 +76,7 @@ def ours() -> list[TorqueCurve]:
         if RATED not in current:
             continue
         converged = np.full(len(rows), False)  # from 0.4 A on the torque still creeps
-        curves.append(TorqueCurve({"emclutch:": label}, current, torque, error, converged).over_rated(RATED))
+        curves.append(TorqueCurve({"emclutch:": label}, current, torque, error, converged))
     return sorted(curves, key=lambda curve: curve.label)
 
 

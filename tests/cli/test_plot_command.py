@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 from written_run import written_run, written_study
 
 from emclutch.cli.main import app
-from emclutch.cli.plot import TORQUE_CURRENT, plot_runs, runs_of, torque_current_curves
+from emclutch.cli.plot import GRAIN_SIZE, TORQUE_CURRENT, curves_of, plot_runs, runs_of
 from emclutch.results import OutputError, load_result, pictures
 from emclutch.results.measured_table import read_measured
 from emclutch.results.pictures.figure import save_picture
@@ -77,7 +77,8 @@ def test_torque_against_current_lies_on_what_was_measured(tmp_path, monkeypatch)
     monkeypatch.setattr(torque_curves, "save_picture", lambda figure, path: kept.append(figure) or Path(path))
     study = written_study(tmp_path / "study", [1.0, 2.0, 4.0])
     (tmp_path / "bench.csv").write_text("# my brake\nI,rising,falling\n0,0,\n1,0.5,0.6\n2,1,1\n")
-    asked = {"measured": tmp_path / "bench.csv", "out": tmp_path / "o.png"}
+    (tmp_path / "band.csv").write_text("current [A],low [N m],middle [N m],high [N m]\n1,0.5,1,2\n3,2,3,5\n")
+    asked = {"measured": tmp_path / "bench.csv", "band": tmp_path / "band.csv", "out": tmp_path / "o.png"}
     plot_runs([study], TORQUE_CURRENT, **asked)
     plot_runs([study], TORQUE_CURRENT, rated="2 A", **asked)
     assert [len(figure.axes) for figure in kept] == [1, 2] and kept[1].axes[1].get_xscale() == "log"
@@ -94,7 +95,13 @@ def test_torque_against_current_lies_on_what_was_measured(tmp_path, monkeypatch)
         assert curves["measured: falling"] == [[1.0, 0.6], [2.0, 1.0]]
         drawn = next(line for line in axis.get_lines() if len(line.get_xdata()) == 3 and line.get_marker() == "None")
         assert drawn.get_xdata() == pytest.approx(x) and drawn.get_ydata() == pytest.approx(y)
-    (curve,) = torque_current_curves([study], 2.0)
+    for axis, per_x, per_y in ((absolute, 1.0, 1.0), (shares, 2.0, 2.0), (logarithmic, 2.0, 2.0)):  # its middle at 2 A
+        (middle,) = (line for line in axis.get_lines() if line.get_label() == "predicted, middle")
+        assert middle.get_xydata() * [per_x, per_y] == pytest.approx(np.array([[1.0, 1.0], [3.0, 3.0]]))
+        (shade,) = (one for one in axis.collections if one.get_label() == "predicted, low to high")
+        corners = {tuple(point) for point in (shade.get_paths()[0].vertices * [per_x, per_y]).round(9).tolist()}
+        assert corners == {(1.0, 0.5), (1.0, 2.0), (3.0, 2.0), (3.0, 5.0)}
+    (curve,) = (one.over_rated(2.0) for one in curves_of([study], TORQUE_CURRENT))
     of_ratio = means / means[1] * np.hypot(errors / means, errors[1] / means[1])  # of independent torques
     assert curve.error == pytest.approx([of_ratio[0], 0.0, of_ratio[2]], rel=0.05) and curve.torque[1] == 1.0
 
@@ -110,19 +117,42 @@ def test_runs_alone_are_one_curve_and_a_study_is_averaged_over_its_seeds(tmp_pat
     table.insert(0, "scene.seed", [1, 2, 1, 2])
     table["coil.current"], table["current"] = ["1 A", "1 A", "2 A", "2 A"], [1.0, 1.0, 2.0, 2.0]
     table.to_csv(study / "study.csv", index=False)
-    seeds, alone = torque_current_curves([*runs, study])
+    seeds, alone = curves_of([*runs, study], TORQUE_CURRENT)
     assert seeds.x.tolist() == [1.0, 2.0] and seeds.torque == pytest.approx([1.5, 4.0], rel=0.02)
     assert alone.x.tolist() == [1.0, 2.0] and alone.torque == pytest.approx([1.0, 3.0], rel=0.02)
 
 
+def test_runs_of_several_grain_sizes_are_extrapolated(tmp_path):
+    """T = 2 N m (1 + 1.5/n) and what is printed of it; runs without grains across a gap are refused."""
+    runs = []
+    for across in (4.0, 8.0, 16.0):
+        folder = written_run(tmp_path / f"run-{across:g}", mean=2.0 + 3.0 / across)
+        folder.write_summary({**folder.read_summary(), "grain_size": {"across": across, "real_across": 20.0}})
+        runs.append(folder.path)
+    done = CliRunner().invoke(app, ["plot", *map(str, runs), "--grain-size", "--out", str(tmp_path / "o.png")])
+    assert done.exit_code == 0, done.output
+    assert "3 grain sizes, 4 to 16 across" in done.output and "at the 20 across of the real powder: 2.1" in done.output
+    assert (tmp_path / "o.png").stat().st_size > 10_000
+    with pytest.raises(OutputError, match="study has no grains across a gap"):
+        plot_runs([written_study(tmp_path / "study", [1.0, 2.0])], GRAIN_SIZE)
+
+
 def test_what_cannot_be_drawn_over_the_current_is_refused(tmp_path):
     study, run = written_study(tmp_path / "study", [1.0, 2.0]), written_run(tmp_path / "run").path
+    bands = [tmp_path / f"band-{number}.csv" for number in range(3)]
+    for path, text in zip(bands, ("low,middle,high\n2,1,2,4", "low,middle,high\n2,3,2,4", "low,mean,high\n2,1,2,4"),
+                          strict=True):  # fmt: skip
+        path.write_text(f"current [A],{text}\n3,4,5,6\n")
     for given, reason in (
         ({"rated": "3 A"}, r"no torque at 3 A to divide by; it has: 1, 2 A"),
         ({"rated": "3 V"}, "--rated = 3 V is a voltage; a current is needed"),
         ({"rated": "0 A"}, "allowed"),
         ({"kind": "torque", "rated": "1 A"}, "add --torque-current"),
         ({"kind": "torque", "measured": tmp_path / "m.csv"}, "add --speeds or --torque-current"),
+        ({"kind": "torque", "band": tmp_path / "m.csv"}, "add --torque-current"),
+        ({"rated": "1 A", "band": bands[0]}, "no torque at 1 A to divide by; it reaches from 2 to 3 A"),
+        ({"band": bands[1]}, "at 2 A low, middle and high are 3, 2, 4 N m; they must not fall"),
+        ({"band": bands[2]}, r"a band has the columns current \[A\], low, middle, high"),
     ):
         with pytest.raises((OutputError, SceneError), match=reason):
             plot_runs([study], **{"kind": TORQUE_CURRENT, **given})

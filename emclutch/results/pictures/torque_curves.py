@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
 COLOURS = ("#0b5fa5", "#2a8c3f", "#8a1c7c", "#b8860b", "#00868b", "#a52a2a", "#6a6a6a", "#4b3fbf")
 LAW = BODY_COLOURS["rotor"]
+BAND = "#4b3fbf"
+LONG = 40  # letters of a legend that has room for one column
 
 
 def torque_against_current_picture(
@@ -37,6 +39,7 @@ def torque_against_current_picture(
     ranges: Sequence[LinearRange] = (),
     *,
     measured: Mapping[str, np.ndarray] | None = None,
+    band: np.ndarray | None = None,
     over_rated: bool = False,
     title: str | None = None,
 ) -> Path:
@@ -50,11 +53,16 @@ def torque_against_current_picture(
     ranges : of each curve; a thin line is drawn through a linear range, with a mark at its knee; dashed where some of
         its torques are not converged.
     measured : name -> (n, 2) current [A] and torque [N m], or (n, 3) with errors, as `read_measured` returns them.
-    over_rated : whether curves and measured ones are current and torque over the rated ones, as
+    band : (n, 4) current [A], and low, middle and high torque [N m] of a prediction; shaded, its middle dashed.
+    over_rated : whether curves, measured ones and band are current and torque over the rated ones, as
         `TorqueCurve.over_rated` makes them; then a second panel has logarithmic axes, where a power law is a line.
     """
     figure, axes = _torque_axes(curves, title, joined=True, panels=2 if over_rated else 1)
     for axis in axes:
+        if band is not None:
+            axis.fill_between(band[:, 0], band[:, 1], band[:, 3], color=BAND, alpha=0.18, lw=0.0, zorder=0.5,
+                              label="predicted, low to high")  # fmt: skip
+            axis.plot(band[:, 0], band[:, 2], color=BAND, ls="--", lw=1.0, zorder=1.0, label="predicted, middle")
         for curve, found in zip(curves, ranges, strict=False):
             _draw_range(axis, curve, found)
         draw_measured(axis, measured, joined=True)
@@ -65,7 +73,10 @@ def torque_against_current_picture(
         make_logarithmic(axes[1])
         legend_beside(axes[1])
     else:
-        legend_below(axes[0], 2)
+        labels = axes[0].get_legend_handles_labels()[1]
+        narrow = any(len(label) > LONG for label in labels)
+        figure.set_figheight(4.8 + (0.2 * len(labels) if narrow else 0.0))
+        legend_below(axes[0], 1 if narrow else 2)
     return save_picture(figure, path)
 
 
