@@ -225,3 +225,21 @@ def held_forces(simulation: Simulation, budget: WindowBudget) -> np.ndarray:
     if carrier is not None:
         carrier.external_torque = -simulation.n_sectors * on_carrier
     return force
+
+
+def forces_of_the_field(simulation: Simulation) -> np.ndarray | None:
+    """Return the field's forces (n, 3) [N] that the grains held at the last update; None before the first one.
+
+    Near pulls are in them, which follow the gap in each step, and forces of other effects are not: the drag that is
+    taken out is that of the present velocities.
+    """
+    motion = simulation.motion
+    attraction = getattr(motion, "attraction", None)
+    force = motion.external_force if attraction is None else attraction.per_grain["whole"]
+    others = [effect for effect in simulation.effects if effect.holds_forces and not effect.of_the_field]
+    if force is None or not others:
+        return force
+    of_others = np.zeros_like(force)
+    for effect in others:
+        effect.add_forces(simulation, of_others)
+    return force - of_others

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from coupling import WindowRow
+from coupling.staggered import forces_of_the_field
 from emclutch.simulation.wall_average import WallAverage
 from geometry.walls import AnnularBox
 from particles import DEM
@@ -40,7 +41,7 @@ class ProfileAverage:
 
     def __init__(self, shape: Any, start: float, poles: Sequence[AnnularBox] = ()) -> None:
         self._shape, self._start = shape, start
-        self.walls = WallAverage(poles)
+        self._poles, self.walls = poles, WallAverage(poles)
         self._bins: list[Bins] = []
         self._sums: list[ProfileSums] = []
         self._speeds: dict[str, float] = {}
@@ -52,7 +53,7 @@ class ProfileAverage:
         if not self._bins:
             self._bins = bins_across(dem, gap_of(self._shape, dem))
         contacts = dem.contacts()
-        self.walls.add(dem, contacts)
+        self.walls.add(dem, contacts, forces_of_the_field(simulation) if self._poles else None)
         sums = [profile_sums(dem.grains, contacts, bins, dem.sector) for bins in self._bins]
         self._sums = [a + b for a, b in zip(self._sums, sums, strict=True)] if self._sums else sums
         for body in dem.bodies:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from coupling import Simulation, WindowRow
+from coupling.staggered import forces_of_the_field
 from emclutch.results import HistoryWriter, RunFolder
 from emclutch.results.columns import columns_of
 from emclutch.results.record import Record
@@ -108,7 +109,7 @@ class Snapshots:
         }
         held = {}
         if simulation.magnetised is not None:
-            held = {"magnetic_moment": grains.magnetic_moment, "force_magnetic": motion.external_force}
+            held = {"magnetic_moment": grains.magnetic_moment, "force_magnetic": forces_of_the_field(simulation)}
         elif simulation.holds_forces:
             held = {"force_held": motion.external_force}
         for name, values in held.items():  # before the first window there are none

@@ -38,15 +38,14 @@ class WallAverage:
         self._walls: Sequence[Any] = ()
         self._n_sectors = 1.0
 
-    def add(self, motion: Any, contacts: ContactTable) -> None:
-        """Add the present moment."""
+    def add(self, motion: Any, contacts: ContactTable, force: np.ndarray | None = None) -> None:
+        """Add the present moment, with the field's forces (n, 3) [N] (`coupling.staggered.forces_of_the_field`)."""
         if self._bins is None:
             self.begin(motion)
         assert self._bins is not None
         sums = wall_sums(motion.grains, contacts, self._bins, motion.sector)
         self._sums = sums if self._sums is None else self._sums + sums
-        force = held_force(motion) if self._poles else None
-        if force is None:
+        if force is None or not self._poles:
             return
         x = motion.grains.position
         r = np.hypot(x[:, 0], x[:, 1])
@@ -110,12 +109,6 @@ class WallAverage:
                 for body, (own, pull) in poles.items()
             }
         return found
-
-
-def held_force(motion: Any) -> np.ndarray | None:
-    """All forces [N] but those of contact that the grains held at the last update, (n, 3); None: there are none."""
-    attraction = getattr(motion, "attraction", None)
-    return motion.external_force if attraction is None else attraction.per_grain["whole"]
 
 
 def across(box: AnnularBox) -> tuple[int, float, float]:

@@ -8,7 +8,9 @@ from dem_laws import DENSITY, MASS, RADIUS, law
 
 import emclutch
 from coupling import Simulation, run_staggered
+from coupling.effects.effect import Effect
 from coupling.effects.fluid_drag import CouetteFlow, FluidDrag
+from coupling.staggered import forces_of_the_field
 from emclutch.scene.case import case_from
 from emclutch.scene.errors import SceneError
 from geometry import Box
@@ -21,15 +23,28 @@ DECAY = 1e-3
 """m / (3 pi eta d) [s]."""
 
 
-def slowed(held, decay=DECAY):
-    """Velocity [m/s] and rows of a lone grain in a box, its drag held for so many steps."""
+class Pull(Effect):
+    """A constant force [N] of a field."""
+
+    of_the_field = True
+
+    def __init__(self, force):
+        self.force = force
+
+    def add_forces(self, simulation, force):
+        force += self.force
+        return {}
+
+
+def slowed(held, decay=DECAY, more=()):
+    """Velocity [m/s] and rows of a lone grain in a box, its drag held for so many steps; and the simulation."""
     grains = Grains.create(np.array([[LEVER, 0.0, 0.01]]), RADIUS, DENSITY, velocity=np.array([[0.0, SPEED, 0.0]]))
     motion = DEM(grains, Box((0.02, 0.02, 0.02)).walls(), [Body("housing")], law("linear"), dt=2e-6, energy_budget=True)
     drag = FluidDrag(MASS / (6.0 * pi * RADIUS * decay))
     rows = []
-    simulation = Simulation(motion, [drag], None, None, steps_per_update=held, updates=100 // held)
+    simulation = Simulation(motion, [drag, *more], None, None, steps_per_update=held, updates=100 // held)
     run_staggered(simulation, TIME, [lambda _, row: rows.append(row)])
-    return motion.grains.velocity[0, 1], rows
+    return motion.grains.velocity[0, 1], rows, simulation
 
 
 @pytest.mark.parametrize("held", [1, 4, 50])
@@ -37,6 +52,16 @@ def slowed(held, decay=DECAY):
 def test_a_lone_grain_slows_by_the_closed_form(held, decay):
     """v = v_0 exp(-t/tau), whatever the time for which the force is held."""
     assert slowed(held, decay)[0] == pytest.approx(SPEED * np.exp(-TIME / decay), rel=1e-9)
+
+
+def test_the_force_of_the_field_is_without_the_drag():
+    """At the terminal speed the grain holds no force in all, and that of the field is minus the drag."""
+    held = 4 * 2e-6
+    terminal = np.array([0.0, -MASS * np.expm1(-held / DECAY) / held * SPEED, 0.0])
+    speed, _, simulation = slowed(4, more=[Pull(terminal)])
+    assert speed == pytest.approx(SPEED, rel=1e-9)
+    assert np.abs(simulation.motion.external_force).max() < 1e-9 * terminal[1]
+    assert forces_of_the_field(simulation)[0] == pytest.approx(terminal, rel=1e-9)
 
 
 def test_a_stiff_drag_neither_overshoots_nor_diverges():

@@ -69,7 +69,7 @@ def test_pressure_on_steel_faces_and_pull_of_the_gaps_halves_balance_the_momentu
     place = A * np.array([5.0, 5.0, 5.0, 5.0, 9.0, 12.0])
     dem, *_ = magnetised(np.column_stack([place, np.zeros(6), z]), [0.0, 0.0, 8e4], faces)
     average, contacts = WallAverage((box,)), dem.contacts()
-    average.add(dem, contacts)
+    average.add(dem, contacts, dem.attraction.per_grain["whole"])
     load, upper = average.pressure(), dem.grains.position[:, 2] > 0.5 * gap
     before = dem.grains.velocity.copy()
     dem.run(1)
