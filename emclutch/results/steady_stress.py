@@ -23,12 +23,18 @@ from emclutch.results.columns import (
     TIME,
 )
 from emclutch.results.statistics import Estimate
-from emclutch.results.steady_torque import MIN_AVERAGED_STRAIN, SteadyConditions, steady_mean_of, steady_torque
+from emclutch.results.steady_torque import (
+    MIN_AVERAGED_STRAIN,
+    SteadyConditions,
+    durations,
+    steady_mean_of,
+    steady_torque,
+)
 
 if TYPE_CHECKING:
     import pandas
 
-_RATIO = "effective_friction"
+_RATIO, _LENGTH = "effective_friction", "window_length"
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +93,7 @@ def _sheared_enough(found: Estimate, histories: Sequence[pandas.DataFrame]) -> E
         return found
     for history in histories:
         strain = history[SHEAR_STRAIN].to_numpy()
-        begin = float(np.interp(found.start, history[TIME].to_numpy(), strain))
+        begin = float(np.interp(found.start, [0.0, *history[TIME]], [0.0, *strain]))
         averaged = float(strain[-1]) - begin
         if averaged < MIN_AVERAGED_STRAIN:
             end = float(history[TIME].iloc[-1])
@@ -111,7 +117,8 @@ def stress_summary(
     from particles.diagnostics.inertial_number import inertial_number  # local: results are read without the grains
 
     tau, normal = found.shear.mean, found.normal.mean
-    late = [each[each[TIME] > (found.shear.start or 0.0) * (1.0 + 1e-9)] for each in histories]
+    start = (found.shear.start or 0.0) * (1.0 + 1e-9)
+    late = [each.assign(**{_LENGTH: durations(each)})[each[TIME] > start] for each in histories]
 
     def inertial(stress: float | None) -> float | None:
         return None if stress is None or stress <= 0.0 else float(inertial_number(rate, diameter, density, stress))
@@ -129,5 +136,5 @@ def stress_summary(
     }
     for name in (SOLID_FRACTION, CONTACTS_PER_GRAIN, RELATIVE_PERMEABILITY):
         if name in late[0] and all(len(each) for each in late):
-            summary[name] = float(np.mean([each[name].mean() for each in late]))
+            summary[name] = float(np.mean([np.average(each[name], weights=each[_LENGTH]) for each in late]))
     return summary

@@ -76,7 +76,7 @@ class SteadyConditions:
         """
         latest = 0.0
         for history in histories:
-            strain = _strain(history, _durations(history), self)
+            strain = _strain(history, durations(history), self)
             if strain is None or not len(strain):
                 continue
             if strain[-1] < self.start_up_strain:
@@ -106,7 +106,7 @@ def steady_mean_of(
     `average_from` [s] is that of the conditions where it is None.
     """
     start = conditions.average_from if average_from is None else average_from
-    signals = [(each[TIME].to_numpy(), each[column].to_numpy(), _durations(each)) for each in histories]
+    signals = [(each[TIME].to_numpy(), each[column].to_numpy(), durations(each)) for each in histories]
     settled = conditions.settled(histories)
     return replicated_mean(signals, average_from=start, settled=settled, wanted=conditions.wanted)
 
@@ -131,7 +131,7 @@ def steady_torque(
     if not found.converged or found.mean is None or found.start is None:
         return replace(found, reason=found.reason + _how_much_longer(found, history, conditions))
     for each in (history, *replicas):
-        duration = _durations(each)
+        duration = durations(each)
         late = each[TIME].to_numpy() - 0.5 * duration > found.start
         error = (found.standard_error or 0.0) * found.replicas**0.5  # of one of them
         problem, least = _imbalance(each[late], duration[late], found.mean, error)
@@ -148,7 +148,7 @@ def _is_negligible(histories: Sequence[pandas.DataFrame], conditions: SteadyCond
     if not conditions.negligible:
         return False
     for history in histories:
-        duration = _durations(history)
+        duration = durations(history)
         late = history[TIME].to_numpy() > 0.5 * history[TIME].iloc[-1]
         if history[TORQUE_DISC].abs()[late].max() >= conditions.negligible:
             return False
@@ -222,7 +222,7 @@ def _little_shear(
     strain = _strain(history, duration, conditions)
     if strain is None:
         return "", 0.0
-    averaged = float(strain[-1] - strain[late][0])
+    averaged = float(strain[-1] - np.append(0.0, strain)[:-1][late][0])  # from the begin of the first of its windows
     if averaged >= MIN_AVERAGED_STRAIN:
         return "", 0.0
     more = float(history[TIME].iloc[-1]) * (MIN_AVERAGED_STRAIN / max(averaged, 0.1) - 1.0)
@@ -248,6 +248,6 @@ def _holds(history: pandas.DataFrame) -> bool:
     return float(slip[len(slip) // 2 :].min()) <= HOLDS * max(float(history[ROTOR_SPEED].abs().max()), 1e-300)
 
 
-def _durations(history: pandas.DataFrame) -> np.ndarray:
+def durations(history: pandas.DataFrame) -> np.ndarray:
     """Length of each window [s], (n,); the first begins at time 0."""
     return np.diff(np.concatenate([[0.0], history[TIME].to_numpy()]))

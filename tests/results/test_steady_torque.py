@@ -9,7 +9,8 @@ import pandas as pd
 import pytest
 
 from emclutch.results import Estimate, HistoryWriter, RunFolder, load_result
-from emclutch.results.steady_torque import SteadyConditions, steady_torque
+from emclutch.results.steady_stress import steady_stress, stress_summary
+from emclutch.results.steady_torque import MIN_AVERAGED_STRAIN, SteadyConditions, steady_torque
 from emclutch.scene.case import case_from
 from emclutch.simulation.planned_run import PlannedRun
 from emclutch.simulation.summary import summarise
@@ -104,6 +105,27 @@ def test_one_torque_by_three_ways(tmp_path, rows, conditions, reason):
 def test_shafts_that_hold_need_no_shear():
     held = history(speed=0.0)
     assert steady_torque(held, CONDITIONS).converged
+
+
+@pytest.mark.parametrize(("share", "enough"), [(1.0 + 1e-6, True), (1.0 - 1e-6, False)])
+@pytest.mark.parametrize("start", [0.0, 2.0])
+def test_the_shear_while_averaging_is_that_of_all_averaged_windows(share, enough, start):
+    """Of a gap and of a periodic box alike, to round-off at the strain that is needed."""
+    rate, rows = share * MIN_AVERAGED_STRAIN / (4.0 - start), history()
+    gap = replace(CONDITIONS, average_from=start, shear_gap=1.0, shear_radius=rate / 10.0)
+    noise = 1e-3 * np.random.default_rng(1).standard_normal((2, WINDOWS))
+    torque = 2.0 + noise[0]
+    assert steady_torque(rows.assign(torque_disc=torque, torque_rotor=-torque), gap).converged is enough
+    box = pd.DataFrame({"time": rows["time"], "shear_strain": rate * rows["time"],
+                        "shear_stress": 1.0 + noise[0], "normal_stress_z": 2.0 + noise[1]})  # fmt: skip
+    found = steady_stress([box], SteadyConditions(average_from=start))
+    assert (found.shear.converged, found.friction.converged) == (enough, enough)
+    # windows of unequal length: the mean is over time
+    box["time"] = [*rows["time"][:-1], rows["time"].iloc[-1] + 4.0]
+    box["solid_fraction"] = [*[0.5] * (WINDOWS - 1), 0.6]
+    said = stress_summary(found, [box], rate, 1e-3, 1e3)["solid_fraction"]
+    last = (4.0 + 0.01) / (8.0 - start)
+    assert said == pytest.approx(0.5 * (1.0 - last) + 0.6 * last)
 
 
 def test_weight_that_turns_powder_about_a_lying_shaft_is_no_imbalance():
