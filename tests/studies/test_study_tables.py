@@ -7,11 +7,14 @@ import numpy as np
 import pandas
 import pytest
 from rich.console import Console
+from written_run import written_study
 
 from emclutch.results import HistoryWriter
 from emclutch.results.history import last_time
+from emclutch.results.report.content import study_page
 from emclutch.results.seed_average import averaged_over_seeds
-from emclutch.results.study_result import grain_size_lines
+from emclutch.results.study_folder import read_study
+from emclutch.results.study_result import grain_size_lines, load_study
 from emclutch.results.study_table import FAILED, StudyTable
 from emclutch.scene.study import StudySection
 from emclutch.studies.tables import write_torques
@@ -107,6 +110,23 @@ def test_a_study_of_grain_sizes_is_extrapolated_to_the_real_powder(tmp_path):
     (tmp_path / "one").mkdir()
     write_torques(tmp_path / "one", study(**{**values, DIAMETER: ["0.25 mm"]}), rows[:4])
     assert not (tmp_path / "one" / "grain_size.csv").exists()
+
+
+def test_the_law_of_the_grain_size_is_in_the_loaded_study_and_its_report(tmp_path):
+    folder = written_study(tmp_path / "study", [3.0, 2.5, 2.25])
+    rows = pandas.read_csv(folder / "study.csv").drop(columns="coil.current").to_dict("records")
+    values = {DIAMETER: ["0.25 mm", "0.125 mm", "0.0625 mm"]}
+    sizes = [{DIAMETER: d, **one, "grains_across": n, "real_grains_across": None}
+             for d, n, one in zip(values[DIAMETER], (4.0, 8.0, 16.0), rows, strict=True)]  # fmt: skip
+    write_torques(folder, study(**values), sizes)
+    loaded = load_study(folder)
+    assert loaded.grain_size["grains_across"].tolist() == [4.0, 8.0, 16.0]
+    (curve,) = loaded.grain_size_laws
+    limit = curve["law"]["limit"]
+    assert limit["low"] < 2.0 < limit["high"] and curve["law"]["real_torque"] is None
+    page = study_page(read_study(folder), lambda result: [])
+    assert page.sections["Size of the grains"][0].text == curve["reason"]
+    assert any(one.path == folder / "grain_size.png" for one in page.sections["Pictures"])
 
 
 def test_the_time_of_a_growing_history_is_that_of_its_last_whole_row(tmp_path):
