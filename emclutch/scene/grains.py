@@ -60,8 +60,8 @@ class ParticlesSection(Section):
     )
     sector: SectorAngle | None = Field(
         default=None,
-        description="cyclic sector that stands for the ring: an angle that divides 360 deg, or its width at least at "
-        "the smallest radius of a grain",
+        description="cyclic sector that stands for the ring: an angle that divides 360 deg, or its width at the "
+        "smallest radius of a grain's centre, rounded up to a whole number of sectors",
     )
     packing: Annotated[str, Choice(("random", "grow", "lattice", "pour", "file"))] = Field(
         default="random",
