@@ -171,8 +171,10 @@ def curves_of(folders: Sequence[Path], kind: str) -> list[TorqueCurve]:
                                     ["study"] * (len(folders) > 1) + others)  # fmt: skip
         else:
             result = load_result(folder)
-            low, high = result.torque.interval() or (None, None)
-            row = {"torque": result.torque.mean, "low": low, "high": high, "converged": result.torque.converged}
+            torque = result.torque
+            low, high = torque.interval() or (None, None)
+            row = {"torque": torque.mean, "standard_error": torque.standard_error, "low": low, "high": high,
+                   "converged": torque.converged}  # fmt: skip
             size = result.summary.get("grain_size", {})
             row |= {"current": result.summary.get("current"), ACROSS: size.get("across")}
             alone.append(row | {REAL_ACROSS: size.get("real_across")})

@@ -10,8 +10,9 @@ a smooth wall). Weighted least squares, each torque by its error.
 sizes on the exponent of T_inf (1 + a/n^p) is fitted too, with its 95 % interval by the profile of chi^2. The sizes are
 asymptotic where that interval holds 1 and nothing outside 0.5 to 2 (the orders beyond which L. Eca, M. Hoekstra, J.
 Comput. Phys. 262 (2014) 104-130 no longer trust them), not asymptotic where it excludes 1 or no such law fits, and else
-undecided within the noise. The convergence index of the finest size is |T/T_inf - 1| of the fit, with p free where the
-sizes are not asymptotic, times 1.25 where they are and 3 in all other cases.
+undecided within the noise. The convergence index of the finest size is |T/T_real - 1| of the fit, T_inf where the real
+size is not known, with p free where the sizes are not asymptotic, times 1.25 where they are and 3 in all other cases.
+Another exponent than 1 may be asked for; the verdict is then on that one, and the bounds are its half and its double.
 
 **Intervals** are those of the torques' errors, which are Student's where they come from few packings
 (`TorqueCurve.error`). Of five sizes with known errors they hold the truth in 95 % of simulated studies; with errors
@@ -33,7 +34,7 @@ from emclutch.results.torque_curves import NORMAL, TorqueCurve
 
 SIGNIFICANCE = 0.05  # of a scatter that errors do not explain
 ORDERS = np.geomspace(0.1, 10.0, 2001)  # exponents that are tried, 0.23 % apart
-FIRST_ORDER = 0.5, 2.0  # Eca and Hoekstra 2014
+BOUNDS = 0.5, 2.0  # of the exponent over that of the law, Eca and Hoekstra 2014
 NO_LAW = "no law of the grain size: fewer than two sizes have a torque of known error; run longer, or add sizes"
 SAFETY = 1.25, 3.0  # factors of Roache 1994: sizes that are asymptotic, and others
 
@@ -63,14 +64,14 @@ class Interval:
 
 @dataclass(frozen=True, slots=True)
 class GrainSizeLaw:
-    """The law T(n) = limit (1 + coefficient/n) of torques over n grains across the gap.
+    """The law T(n) = limit (1 + coefficient/n^exponent) of torques over n grains across the gap.
 
     Attributes
     ----------
     sizes : how many different n.
     coarsest, finest : smallest and largest n.
     limit : T at n to infinity [N m].
-    coefficient : a [-].
+    coefficient, exponent : a and the p that was asked for [-].
     verdict : of the convergence.
     order : exponent p that fits best, with its interval; None with two sizes, or where none from 0.1 to 10 does.
     convergence_index : of the finest size, relative.
@@ -86,6 +87,7 @@ class GrainSizeLaw:
     finest: float
     limit: Interval
     coefficient: Interval
+    exponent: float
     verdict: Convergence
     order: Interval | None
     convergence_index: float
@@ -99,13 +101,14 @@ class GrainSizeLaw:
     def torque(self, across: Any) -> tuple[np.ndarray, np.ndarray]:
         """Return T(n) and half of its 95 % interval, each (k,) [N m], for `across` (k,), infinity included."""
         mean_x, mean, slope, variance, curvature = self._fit
-        off = 1.0 / np.asarray(across, dtype=np.float64) - mean_x
+        off = (1.0 / np.asarray(across, dtype=np.float64)) ** self.exponent - mean_x
         return mean + slope * off, np.sqrt(variance + curvature * off**2)
 
     @property
     def reason(self) -> str:
         """Law, extrapolation and verdict in words, a line each."""
-        law = f"T(n) = {self.limit.in_words('N m')} times 1 + a/n, a = {self.coefficient.in_words()}"
+        power = "n" if self.exponent == 1.0 else f"n^{self.exponent:g}"
+        law = f"T(n) = {self.limit.in_words('N m')} times 1 + a/{power}, a = {self.coefficient.in_words()}"
         lines = [f"{self.sizes} grain sizes, {self.coarsest:.3g} to {self.finest:.3g} across the gap: {law}"]
         if self.real_torque is not None:
             free = "" if self.free_real_torque is None else f"; with p free {self.free_real_torque.in_words('N m')}"
@@ -125,12 +128,13 @@ class GrainSizeLaw:
         return values | {"reason": self.reason}
 
 
-def grain_size_law(curve: TorqueCurve) -> GrainSizeLaw | None:
+def grain_size_law(curve: TorqueCurve, exponent: float = 1.0) -> GrainSizeLaw | None:
     """Return the law of a curve over the grains across the gap; None with fewer than two sizes of known error.
 
     Parameters
     ----------
     curve : over n, in any order; points without torque or error are left out.
+    exponent : p of the law, above 0.
     """
     from scipy.special import stdtrit
 
@@ -140,27 +144,29 @@ def grain_size_law(curve: TorqueCurve) -> GrainSizeLaw | None:
     sizes = np.unique(n.round(6)).size
     if sizes < 2:
         return None
-    first = _Lines(n, torque, error, np.ones(1))
+    first = _Lines(n, torque, error, np.array([exponent]))
     scatter, freedom = _scatter(float(first.chi2[0]), n.size - 2)
     quantile = NORMAL if scatter == 1.0 else float(stdtrit(freedom, 0.975)) * scatter
     limit, real = (first.at(0.0, quantile), None if real_across is None else first.at(1.0 / real_across, quantile))
     coefficient = float(first.slope[0]) / limit.value
-    # derivatives of a = slope/T_inf by slope and by the torque at the mean of 1/n, which are independent
+    # derivatives of a = slope/T_inf by slope and by the torque at the mean of n^-p, which are independent
     x = float(first.mean_x[0])
     by_slope, by_mean = (1.0 + coefficient * x) / limit.value, -coefficient / limit.value
     half = quantile * math.hypot(by_slope * float(first.slope_error[0]), by_mean * first.mean_error)
     finest = float(n.max())
-    found = _Order(Convergence.NOT_CHECKED, None, None, None, abs(coefficient) / finest)
+    target = limit if real is None else real
+    excess = abs(first.at(1.0 / finest, quantile).value / target.value - 1.0)
+    found = _Order(Convergence.NOT_CHECKED, None, None, None, excess)
     if sizes > 2:
-        found = _free_order(n, torque, error, real_across)
+        found = _free_order(n, torque, error, real_across, exponent)
         if scatter > 1.0:
             found = replace(found, verdict=Convergence.NOT_ASYMPTOTIC)
         if found.verdict is not Convergence.NOT_ASYMPTOTIC or found.order is None:
-            found = replace(found, excess=abs(coefficient) / finest)
+            found = replace(found, excess=excess)
     return GrainSizeLaw(
         sizes, float(n.min()), finest, limit, Interval(coefficient, coefficient - half, coefficient + half),
-        found.verdict, found.order, SAFETY[found.verdict is not Convergence.ASYMPTOTIC] * found.excess, real_across,
-        real, found.limit, found.real, int(np.count_nonzero(~curve.converged[known])),
+        exponent, found.verdict, found.order, SAFETY[found.verdict is not Convergence.ASYMPTOTIC] * found.excess,
+        real_across, real, found.limit, found.real, int(np.count_nonzero(~curve.converged[known])),
         (x, first.mean, float(first.slope[0]), (quantile * first.mean_error) ** 2,
          (quantile * float(first.slope_error[0])) ** 2),
     )  # fmt: skip
@@ -210,8 +216,8 @@ def _scatter(chi2: float, freedom: int) -> tuple[float, int]:
 
 @dataclass(frozen=True, slots=True)
 class _Order:
-    """Fit with the exponent free: verdict, exponent, T at n to infinity and at the real size, |T/T_inf - 1| of the
-    finest size."""
+    """Fit with the exponent free: verdict, exponent, T at n to infinity and at the real size, and the relative distance
+    of T at the finest size from the latter."""
 
     verdict: Convergence
     order: Interval | None
@@ -220,7 +226,9 @@ class _Order:
     excess: float
 
 
-def _free_order(n: np.ndarray, torque: np.ndarray, error: np.ndarray, real_across: float | None) -> _Order:
+def _free_order(
+    n: np.ndarray, torque: np.ndarray, error: np.ndarray, real_across: float | None, exponent: float
+) -> _Order:
     """Return the fit of T_inf (1 + a/n^p); intervals by the profile of chi^2 over exponent and torque.
 
     An end of an interval is where chi^2, smallest for a given exponent or torque, has risen by the quantile squared.
@@ -243,13 +251,15 @@ def _free_order(n: np.ndarray, torque: np.ndarray, error: np.ndarray, real_acros
             return Interval(float(value[best]), None, None)
         return Interval(float(value[best]), float((value - half)[inside].min()), float((value + half)[inside].max()))
 
-    excluded = scatter > 1.0 or (low is not None and low > 1.0) or (high is not None and high < 1.0)
-    bounded = low is not None and high is not None and FIRST_ORDER[0] <= low and high <= FIRST_ORDER[1]
+    excluded = scatter > 1.0 or (low is not None and low > exponent) or (high is not None and high < exponent)
+    least, most = (exponent * bound for bound in BOUNDS)
+    bounded = low is not None and high is not None and least <= low and high <= most
     verdict = Convergence.ASYMPTOTIC if bounded else Convergence.UNDECIDED
     if best in (0, last):
         return _Order(Convergence.NOT_ASYMPTOTIC if excluded else verdict, None, None, None, 0.0)
     limit, finest = torque_at(0.0), torque_at(1.0 / float(n.max()))
+    real = None if real_across is None else torque_at(1.0 / real_across)
     return _Order(
         Convergence.NOT_ASYMPTOTIC if excluded else verdict, Interval(float(ORDERS[best]), low, high), limit,
-        None if real_across is None else torque_at(1.0 / real_across), abs(finest.value / limit.value - 1.0),
+        real, abs(finest.value / (limit if real is None else real).value - 1.0),
     )  # fmt: skip

@@ -1,5 +1,7 @@
 """The law of the grain size: torques of a known law give it back, within intervals that hold it as often as said."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -26,7 +28,9 @@ def test_exact_torques_give_the_law_whatever_their_order():
     assert found.limit.value == pytest.approx(LIMIT) and found.coefficient.value == pytest.approx(COEFFICIENT)
     assert found.real_torque.value == pytest.approx(law(REAL)) and found.order.value == pytest.approx(1.0, rel=3e-3)
     assert found.verdict is Convergence.ASYMPTOTIC and (found.sizes, found.coarsest, found.finest) == (5, 4.0, 16.0)
-    assert found.convergence_index == pytest.approx(1.25 * COEFFICIENT / 16.0)
+    assert found.convergence_index == pytest.approx(1.25 * (law(16.0) / law(REAL) - 1.0))
+    to_limit = grain_size_law(replace(curve(mixed, law(mixed), 0.01), real_across=None))
+    assert to_limit.convergence_index == pytest.approx(1.25 * COEFFICIENT / 16.0) and to_limit.real_torque is None
     mean, half = found.torque([4.0, REAL, np.inf])
     assert mean == pytest.approx([law(4.0), law(REAL), LIMIT])
     assert half[1:] == pytest.approx([found.real_torque.high - law(REAL), found.limit.high - LIMIT])
@@ -39,7 +43,12 @@ def test_another_exponent_is_found_and_is_not_asymptotic(order):
     assert found.verdict is Convergence.NOT_ASYMPTOTIC
     assert found.free_limit.value == pytest.approx(LIMIT, rel=2e-3)
     assert found.free_real_torque.low < law(REAL, order, 3.0) < found.free_real_torque.high
-    assert found.convergence_index == pytest.approx(3.0 * 3.0 * 16.0**-order, rel=0.02)
+    excess = law(16.0, order, 3.0) / law(REAL, order, 3.0) - 1.0
+    assert found.convergence_index == pytest.approx(3.0 * excess, rel=0.02)
+    asked = grain_size_law(curve(SIZES, law(SIZES, order, 3.0), 0.01), exponent=order)
+    assert asked.limit.value == pytest.approx(LIMIT) and asked.coefficient.value == pytest.approx(3.0)
+    assert asked.torque([REAL, np.inf])[0] == pytest.approx([law(REAL, order, 3.0), LIMIT])
+    assert asked.verdict is Convergence.ASYMPTOTIC
 
 
 @pytest.mark.parametrize("packings", [None, 3])
