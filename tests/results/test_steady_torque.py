@@ -70,7 +70,8 @@ def three_ways(path, rows, conditions):
         source=None,
         n_sectors=1,
     )
-    plan = SimpleNamespace(count=10, dt=1e-3, contact_data={}, cost=SimpleNamespace(seconds={"total": 1.0}))
+    cost = SimpleNamespace(seconds={"total": 1.0})
+    plan = SimpleNamespace(scaled=None, count=10, dt=1e-3, contact_data={}, cost=cost)
     summarise(
         CASE, folder, PlannedRun(SimpleNamespace(coil=None), plan, conditions, {}), simulation, {"whole_run": 1.0}
     )
