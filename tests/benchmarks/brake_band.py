@@ -311,12 +311,12 @@ def main() -> None:
     top = math.degrees(math.asin(lines.highest()))
     if top < ranges.repose[1]:
         print(f"no pair gives an angle of repose above {top:.1f} degrees: drawn from {ranges.repose[0]:g} to there")
-    bands = {}
+    bands, said = {}, {}
     for current in np.unique(points["current"]):
         predicted = Prediction(surface, ranges, lines, float(current), points["across"])
         bands[float(current)], shares = predicted.band(), predicted.shares()
-        said = sentence(bands[float(current)], shares, float(current))
-        print(said)
+        said[float(current)] = sentence(bands[float(current)], shares, float(current))
+        print(said[float(current)])
         print("  first order: " + ", ".join(f"{n} {s:.2f}" for n, s in zip(INPUTS, shares, strict=True)))
         print("".join(f"  {line}\n" for line in predicted.outside()), end="")
     curve = max(recorded_curves(), key=lambda one: len(one.x))
@@ -326,10 +326,11 @@ def main() -> None:
         [("current [A]", "low [N m]", "middle [N m]", "high [N m]"), *([f"{one:.4g}" for one in row] for row in band)]
     )
     given.picture.with_suffix(".csv").write_text(table.getvalue(), encoding="utf-8")
+    nearest = min(said, key=lambda one: abs(one - RATED))
     rated = {"rating of brakes of this class": np.array([[RATED, 12.0]])}
     torque_against_current_picture(
         given.picture, recorded_curves(), measured=rated, band=band,
-        title=f"cases/powder_clutch.toml, 5 to 95 % of what is predicted: {said}",
+        title=f"cases/powder_clutch.toml, 5 to 95 % of what is predicted: {said[nearest]}",
     )  # fmt: skip
 
 
