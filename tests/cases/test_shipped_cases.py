@@ -123,7 +123,7 @@ def test_the_torque_of_the_quickstart(tmp_path):
 
 def test_powder_clutch_at_toy_size(tmp_path):
     toy = {"time.end": "strain 0.02", "accuracy.inertial_number": 0.03, "particles.sector": "1.5 deg",
-           "field.size_factor": 2.0, "output.snapshots": 0, "output.pictures": False, "output.profiles": True,
+           "particles.diameter": "0.2 mm", "field.size_factor": 2.0, "output.snapshots": 0, "output.pictures": False, "output.profiles": True,
            "accuracy.replicas": 1}  # fmt: skip
     case = emclutch.load_case(CASES / "powder_clutch.toml").with_values(toy)
     result = emclutch.run(case, out=tmp_path / "run")
@@ -180,18 +180,18 @@ def test_current_to_torque_at_toy_size(tmp_path):
     study = emclutch.read_study(CASES / "current_to_torque.toml")
     toy = {
         "time.end": "0.01 ms",
-        "particles.sector": "1.5 deg",
+        "particles.diameter": "0.2 mm",
         "output.snapshots": 0,
         "output.pictures": False,
         "field.size_factor": 2.0,
         "accuracy.replicas": 1,
     }
-    values = {"coil.current": ["0 A", "0.94 A"]}
+    values = {"coil.current": ["0.2 A", "0.94 A"]}
     small = study.model_copy(update={"set": toy, "values": values, "warm_start": "coil.current"})
     small._path = study.path
     folder = emclutch.sweep(small, out=tmp_path / "study")
     table = pandas.read_csv(folder / "torque_vs_current.csv")
-    assert table["current"].tolist() == [0.0, 0.94] and table["started_from"].tolist()[1] == "point-000"
+    assert table["current"].tolist() == [0.2, 0.94] and table["started_from"].tolist()[1] == "point-000"
     found = json.loads((folder / "torque_vs_current.json").read_text())["curves"][0]["linear_range"]
     assert found["slope"] is None and "torques at 2 currents, 4 needed" in found["reason"]
     assert (folder / "torque_vs_current.png").stat().st_size > 10_000

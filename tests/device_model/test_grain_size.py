@@ -13,7 +13,9 @@ from emclutch.device_model.grain_size import COEFFICIENT, EXPONENT, grain_size
 from emclutch.scene.errors import SceneError
 from field import GrainLaw
 
-CASE = emclutch.load_case(Path(__file__).resolve().parents[2] / "cases" / "powder_clutch.toml")
+CASE = emclutch.load_case(Path(__file__).resolve().parents[2] / "cases" / "powder_clutch.toml").with_values(
+    {"particles.diameter": "0.2 mm"}
+)
 
 
 def size_of(**particles):

@@ -12,7 +12,9 @@ from emclutch.simulation.assembly import assemble
 from emclutch.simulation.plan import make_plan
 from field import RadialField
 
-CASE = emclutch.load_case(Path(__file__).resolve().parents[2] / "cases" / "powder_clutch.toml")
+CASE = emclutch.load_case(Path(__file__).resolve().parents[2] / "cases" / "powder_clutch.toml").with_values(
+    {"particles.diameter": "0.2 mm", "particles.sector": "1.5 deg", "accuracy.inertial_number": None}
+)
 
 
 @pytest.fixture(scope="module")
