@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     from emclutch.device_model.device import Device
     from emclutch.scene.model import Scene
 
-COEFFICIENT, EXPONENT = (8.0 / 3.0, 2.06, 3.41), 1.0
-"""a, with the ends of its 95 % interval, and p: those that give the 0.80 (0.77 to 0.83) of `quickstart.finer_grains` in
-docs/measured.csv, torque with eight grains across the gap over that with four."""
+COEFFICIENT, EXPONENT = (5.2, 4.6, 5.8), 2.0
+"""a, with the ends of its 95 % interval, and p, of both shipped clutches with 4 to 16 grains across the gap
+(docs/explanation/brake.md)."""
 
 MAX_EXCESS = 0.10
 """Torque of coarse grains over that of the real ones, less 1, from which on results warn."""

@@ -1,18 +1,19 @@
 """Torque over the size of the grains, extrapolated to the size of the real powder.
 
-**Law.** T(n) = T_inf (1 + a/n) with n grains across the gap: walls order and thin out the powder next to them over a
-depth that is a fixed number of diameters, whose share of the gap goes with 1/n. F. da Cruz, S. Emam, M. Prochnow,
-J.-N. Roux, F. Chevoir, Phys. Rev. E 72 (2005) 021309 (plane shear); GDR MiDi, Eur. Phys. J. E 14 (2004) 341-365
-(layers at walls); Z. Shojaaee, J.-N. Roux, F. Chevoir, D. E. Wolf, Phys. Rev. E 86 (2012) 011301 (laws of the layer at
-a smooth wall). Weighted least squares, each torque by its error.
+**Law.** T(n) = T_inf (1 + a/n^2) with n grains across the gap. Flow of grains is nonlocal: what is sheared sets the
+powder next to it in motion over a length of some diameters, and walls that hold it take that away. In the quasi-static
+limit the excess of the friction over that of a wide gap is then (pi A d/g)^2 for a gap g and the nonlocal amplitude A
+(K. Kamrin, D. L. Henann, Soft Matter 11 (2015) 179-185, from the fluidity's equation of K. Kamrin, G. Koval, Phys. Rev.
+Lett. 108 (2012) 178301). Both shipped clutches follow it (docs/explanation/brake.md), and exclude 1/n, which a layer of
+a fixed number of diameters at each wall would have. Weighted least squares, each torque by its error.
 
 **Verdict.** As for grids (P. J. Roache, J. Fluids Eng. 116 (1994) 405-413; ASME V&V 20-2009, section 2): from three
 sizes on the exponent of T_inf (1 + a/n^p) is fitted too, with its 95 % interval by the profile of chi^2. The sizes are
-asymptotic where that interval holds 1 and nothing outside 0.5 to 2 (the orders beyond which L. Eca, M. Hoekstra, J.
-Comput. Phys. 262 (2014) 104-130 no longer trust them), not asymptotic where it excludes 1 or no such law fits, and else
+asymptotic where that interval holds 2 and nothing outside 1 to 4 (half and twice the order, as L. Eca and M. Hoekstra
+limit it, J. Comput. Phys. 262 (2014) 104-130), not asymptotic where it excludes 2 or no such law fits, and else
 undecided within the noise. The convergence index of the finest size is |T/T_real - 1| of the fit, T_inf where the real
 size is not known, with p free where the sizes are not asymptotic, times 1.25 where they are and 3 in all other cases.
-Another exponent than 1 may be asked for; the verdict is then on that one, and the bounds are its half and its double.
+Another exponent than 2 may be asked for; the verdict is then on that one.
 
 **Intervals** are those of the torques' errors, which are Student's where they come from few packings
 (`TorqueCurve.error`). Of five sizes with known errors they hold the truth in 95 % of simulated studies; with errors
@@ -32,6 +33,7 @@ import numpy as np
 
 from emclutch.results.torque_curves import NORMAL, TorqueCurve
 
+EXPONENT = 2.0  # of the grains across the gap: Kamrin and Henann 2015
 SIGNIFICANCE = 0.05  # of a scatter that errors do not explain
 ORDERS = np.geomspace(0.1, 10.0, 2001)  # exponents that are tried, 0.23 % apart
 BOUNDS = 0.5, 2.0  # of the exponent over that of the law, Eca and Hoekstra 2014
@@ -128,7 +130,7 @@ class GrainSizeLaw:
         return values | {"reason": self.reason}
 
 
-def grain_size_law(curve: TorqueCurve, exponent: float = 1.0) -> GrainSizeLaw | None:
+def grain_size_law(curve: TorqueCurve, exponent: float = EXPONENT) -> GrainSizeLaw | None:
     """Return the law of a curve over the grains across the gap; None with fewer than two sizes of known error.
 
     Parameters

@@ -123,8 +123,8 @@ def test_the_torque_of_the_quickstart(tmp_path):
 
 def test_powder_clutch_at_toy_size(tmp_path):
     toy = {"time.end": "strain 0.02", "accuracy.inertial_number": 0.03, "particles.sector": "1.5 deg",
-           "particles.diameter": "0.2 mm", "field.size_factor": 2.0, "output.snapshots": 0, "output.pictures": False, "output.profiles": True,
-           "accuracy.replicas": 1}  # fmt: skip
+           "particles.diameter": "0.2 mm", "field.size_factor": 2.0, "output.snapshots": 0, "output.pictures": False,
+           "output.profiles": True, "accuracy.replicas": 1}  # fmt: skip
     case = emclutch.load_case(CASES / "powder_clutch.toml").with_values(toy)
     result = emclutch.run(case, out=tmp_path / "run")
     # turns from 25.5 ohm in a window of 14 mm x 14 mm at a mean radius of 58.8 mm, fill 0.6, 1.72e-8 ohm m

@@ -123,15 +123,15 @@ def test_runs_alone_are_one_curve_and_a_study_is_averaged_over_its_seeds(tmp_pat
 
 
 def test_runs_of_several_grain_sizes_are_extrapolated(tmp_path):
-    """T = 2 N m (1 + 1.5/n) and what is printed of it; runs without grains across a gap are refused."""
+    """T = 2 N m (1 + 6/n^2) and what is printed of it; runs without grains across a gap are refused."""
     runs = []
     for across in (4.0, 8.0, 16.0):
-        folder = written_run(tmp_path / f"run-{across:g}", mean=2.0 + 3.0 / across)
+        folder = written_run(tmp_path / f"run-{across:g}", mean=2.0 + 12.0 / across**2)
         folder.write_summary({**folder.read_summary(), "grain_size": {"across": across, "real_across": 20.0}})
         runs.append(folder.path)
     done = CliRunner().invoke(app, ["plot", *map(str, runs), "--grain-size", "--out", str(tmp_path / "o.png")])
     assert done.exit_code == 0, done.output
-    assert "3 grain sizes, 4 to 16 across" in done.output and "at the 20 across of the real powder: 2.1" in done.output
+    assert "3 grain sizes, 4 to 16 across" in done.output and "at the 20 across of the real powder: 2.03" in done.output
     assert (tmp_path / "o.png").stat().st_size > 10_000
     with pytest.raises(OutputError, match="study has no grains across a gap"):
         plot_runs([written_study(tmp_path / "study", [1.0, 2.0])], GRAIN_SIZE)

@@ -89,8 +89,8 @@ def test_a_study_of_grain_sizes_is_extrapolated_to_the_real_powder(tmp_path):
     currents, across = {"1 A": 1.0, "2 A": 3.0}, {"0.25 mm": 4.0, "0.125 mm": 8.0, "0.0625 mm": 16.0}
     values = {DIAMETER: list(across), CURRENT: list(currents), SEED: [1, 2]}
     rows = [
-        row(currents[i] * (10.0 + 15.0 / across[d]) * (1.0 + 1e-3 * (2 * seed - 3)), current=currents[i], seconds=7.0,
-            grains=int(across[d] ** 3), grains_across=across[d], real_grains_across=50.0 / 3.0, inertial_number=0.05,
+        row(currents[i] * (10.0 + 50.0 / across[d] ** 2) * (1.0 + 1e-3 * (2 * seed - 3)), current=currents[i],
+            seconds=7.0, grains=int(across[d] ** 3), grains_across=across[d], real_grains_across=50.0 / 3.0, inertial_number=0.05,
             **{DIAMETER: d, CURRENT: i, SEED: seed})
         for d in values[DIAMETER] for i in values[CURRENT] for seed in values[SEED]
     ]  # fmt: skip
@@ -102,8 +102,8 @@ def test_a_study_of_grain_sizes_is_extrapolated_to_the_real_powder(tmp_path):
     curves = json.loads((tmp_path / "grain_size.json").read_text())["curves"]
     for curve, factor in zip(curves, (1.0, 3.0), strict=True):
         assert curve["law"]["limit"]["value"] == pytest.approx(10.0 * factor)
-        assert curve["law"]["real_torque"]["value"] == pytest.approx(10.9 * factor)
-        assert curve["law"]["coefficient"]["value"] == pytest.approx(1.5)
+        assert curve["law"]["real_torque"]["value"] == pytest.approx(10.18 * factor)
+        assert curve["law"]["coefficient"]["value"] == pytest.approx(5.0)
     assert [curve["values"] for curve in curves] == [{CURRENT: "1 A"}, {CURRENT: "2 A"}]
     assert grain_size_lines(tmp_path)[0].startswith("current 1 A: 3 grain sizes, 4 to 16 across the gap: T(n) = 10 N m")
     assert (tmp_path / "grain_size.png").stat().st_size > 10_000
@@ -113,7 +113,7 @@ def test_a_study_of_grain_sizes_is_extrapolated_to_the_real_powder(tmp_path):
 
 
 def test_the_law_of_the_grain_size_is_in_the_loaded_study_and_its_report(tmp_path):
-    folder = written_study(tmp_path / "study", [3.0, 2.5, 2.25])
+    folder = written_study(tmp_path / "study", [3.0, 2.25, 2.0625])
     rows = pandas.read_csv(folder / "study.csv").drop(columns="coil.current").to_dict("records")
     values = {DIAMETER: ["0.25 mm", "0.125 mm", "0.0625 mm"]}
     sizes = [{DIAMETER: d, **one, "grains_across": n, "real_grains_across": None}

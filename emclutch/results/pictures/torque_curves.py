@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from emclutch.results.grain_size_law import GrainSizeLaw
+from emclutch.results.grain_size_law import EXPONENT, GrainSizeLaw
 from emclutch.results.linear_range import LinearRange
 from emclutch.results.pictures.figure import (
     BODY_COLOURS,
@@ -109,7 +109,7 @@ def torque_against_speed_picture(path: str | Path, curves: Sequence[TorqueCurve]
 def torque_against_grain_size_picture(
     path: str | Path, curves: Sequence[TorqueCurve], laws: Sequence[GrainSizeLaw | None], *, title: str | None = None
 ) -> Path:
-    """Draw torque over 1/n with n grains across the gap, where T_inf (1 + a/n) is a line, with its 95 % band.
+    """Draw torque over 1/n^2 with n grains across the gap, where T_inf (1 + a/n^2) is a line, with its 95 % band.
 
     Parameters
     ----------
@@ -117,27 +117,27 @@ def torque_against_grain_size_picture(
     curves : over n; drawn as for currents.
     laws : of each curve; None: no line. A mark with its interval lies at the size of the real powder and at zero.
     """
-    figure, (axis,) = _torque_axes([curve.along(1.0 / curve.x) for curve in curves], title, joined=False)
+    figure, (axis,) = _torque_axes([curve.along(curve.x**-EXPONENT) for curve in curves], title, joined=False)
     for number, law in enumerate(laws):
         if law is None:
             continue
         colour = COLOURS[number % len(COLOURS)]
-        along = np.linspace(0.0, 1.05 / law.coarsest, 101)
+        along = np.linspace(0.0, 1.05 * law.coarsest**-EXPONENT, 101)
         with np.errstate(divide="ignore"):
-            mean, half = law.torque(1.0 / along)
+            mean, half = law.torque(along ** (-1.0 / EXPONENT))
         exponent = "" if law.order is None else f", p = {law.order.value:.2g}"
-        axis.plot(along, mean, color=colour, lw=1.2, label=f"T = {law.limit.value:.3g} N m (1 + "
-                  f"{law.coefficient.value:.2g}/n): {law.verdict.partition(':')[0]}{exponent}")  # fmt: skip
+        formula = f"T = {law.limit.value:.3g} N m (1 + {law.coefficient.value:.2g}/n^{law.exponent:g})"
+        axis.plot(along, mean, color=colour, lw=1.2, label=f"{formula}: {law.verdict.partition(':')[0]}{exponent}")
         axis.fill_between(along, mean - half, mean + half, color=colour, alpha=0.15, lw=0.0)
         if law.real_across is not None and law.real_torque is not None:
             bar = law.real_torque.value - (law.real_torque.low or 0.0)
-            axis.errorbar(1.0 / law.real_across, law.real_torque.value, bar, fmt="s", mfc="white", ms=6, capsize=4,
+            axis.errorbar(law.real_across**-EXPONENT, law.real_torque.value, bar, fmt="s", mfc="white", ms=6, capsize=4,
                           color=colour, label=f"the real powder: {law.real_torque.in_words('N m')}")  # fmt: skip
     sizes = sorted({round(float(x), 1) for curve in curves for x in curve.x})
     upper = axis.secondary_xaxis("top")
-    upper.set_xticks([1.0 / n for n in sizes], [f"{n:g}" for n in sizes], fontsize=8)
+    upper.set_xticks([n**-EXPONENT for n in sizes], [f"{n:g}" for n in sizes], fontsize=8)
     upper.set_xlabel("grains across the gap, n", fontsize=9)
-    axis.set_xlabel("1/n")
+    axis.set_xlabel(f"1/n^{EXPONENT:g}")
     axis.set_xlim(left=0.0)
     legend_below(axis, 1)
     return save_picture(figure, path)
