@@ -90,8 +90,8 @@ def test_a_study_of_grain_sizes_is_extrapolated_to_the_real_powder(tmp_path):
     values = {DIAMETER: list(across), CURRENT: list(currents), SEED: [1, 2]}
     rows = [
         row(currents[i] * (10.0 + 50.0 / across[d] ** 2) * (1.0 + 1e-3 * (2 * seed - 3)), current=currents[i],
-            seconds=7.0, grains=int(across[d] ** 3), grains_across=across[d], real_grains_across=50.0 / 3.0, inertial_number=0.05,
-            **{DIAMETER: d, CURRENT: i, SEED: seed})
+            seconds=7.0, grains=int(across[d] ** 3), grains_across=across[d], real_grains_across=50.0 / 3.0,
+            inertial_number=0.05, **{DIAMETER: d, CURRENT: i, SEED: seed})
         for d in values[DIAMETER] for i in values[CURRENT] for seed in values[SEED]
     ]  # fmt: skip
     write_torques(tmp_path, study(**values), rows)
