@@ -42,8 +42,8 @@ LOADED = 4.0
 DAMPING = 10.0
 """Damping of the barostat over stress/rate: a loose packing is pressed together within a strain of some units.
 
-The stress is the pressure, or that of chains in a field where it is larger: what fluctuates is of their size, and a box
-that followed each fluctuation would be shaken.
+The stress is the pressure, or that of chains in a field or of grains in flight where it is larger: what fluctuates is
+of their size, and a box that followed each fluctuation would be shaken.
 """
 
 
@@ -277,8 +277,12 @@ class ShearedBoxGeometry(GeometrySection):
 
         if self.pressure is None:
             return None
-        stress = max(self.pressure, self.expected_stress(scene) or 0.0)
+        stress = max(self.pressure, self.expected_stress(scene) or 0.0, self._stress_of_flight(scene))
         return Barostat(self.pressure, DAMPING * stress / self.rate(scene))
+
+    def _stress_of_flight(self, scene: Scene) -> float:
+        """Return the stress [Pa] that grains in flight have, density (rate d)^2: an inertial number of 1."""
+        return scene.grains.density * (self.rate(scene) * scene.grains.mean_diameter) ** 2
 
     def _lowest(self, scene: Scene) -> float:
         """Return the height [m] of the box when its grains are `COMPACTED`."""
@@ -323,7 +327,13 @@ class ShearedBoxGeometry(GeometrySection):
             text += "; inertial number unknown: at a given volume it follows from the pressure that the run finds"
         needed = start_up_strain(scene) + MIN_AVERAGED_STRAIN
         short = f"no stress counts as known below a strain of {needed:g}: raise time.end to {1.2 * needed / rate:.2g} s"
-        yield "shear", with_warnings(text, short if rate * end < needed else "")
+        flight = self._stress_of_flight(scene)
+        apart = (
+            f"grains fly apart, and the box grows with them, below a pressure of {two_digits(flight)} Pa, an inertial "
+            "number of 1: raise geometry.pressure, or lower geometry.shear_rate"
+        )
+        flies = self.pressure is not None and self.pressure < flight
+        yield "shear", with_warnings(text, short if rate * end < needed else "", apart if flies else "")
         if stress is not None:
             yield "expected stress", f"{two_digits(stress)} Pa within a factor of two, of chains along the field"
 

@@ -13,7 +13,7 @@ from coupling.powder_cell import PowderCell, ShearParameters
 from coupling.sheared_powder import min_edge
 from emclutch.results.report.verdict import verdict
 from emclutch.results.steady_stress import steady_stress
-from emclutch.results.steady_torque import SteadyConditions
+from emclutch.results.steady_torque import MIN_AVERAGED_STRAIN, SteadyConditions
 from emclutch.scene.case import case_from
 from emclutch.scene.errors import SceneError
 from emclutch.scene.fill import diameters_of
@@ -54,6 +54,9 @@ PRESSED = {
 }  # fmt: skip
 
 CUBE = {"geometry.size": None, "geometry.solid_fraction": CELL.fill}
+DENSE = {"particles.count": None, "particles.solid_fraction": 0.5}
+TEN = {"kind": "percentiles", "d10": 0.15 * D, "d50": 0.45 * D, "d90": 0.9 * D, "min": 0.1 * D, "max": D,
+       "by": "number"}  # fmt: skip
 SIZES = {"kind": "percentiles", "d10": 0.7 * D, "d50": D, "d90": 1.5 * D}
 WIDE = {"particles.diameter": None, "particles.sizes": SIZES}
 
@@ -207,6 +210,58 @@ def test_a_resumed_run_is_the_same_bit_for_bit(base, tmp_path):
     assert row["torque"] is None and row["shear_stress"] == whole.stress.mean and not row["converged"]
 
 
+def test_a_run_ends_by_itself_once_its_stress_is_known(tmp_path):
+    """Long before time.end, not before the shear that is needed; a run that was stopped and resumed ends there too."""
+    case = scene(DRY, DENSE | {"contact.stiffness": "50 N/m", "geometry.shear_rate": 2000.0, "time.window": 5e-5,
+                               "time.until": "stress 20 %", "time.end": "20 ms", "output.snapshots": 0})  # fmt: skip
+    whole = run(case, out=tmp_path / "whole", threads=1)
+    stress, until = whole.summary["stress"], whole.summary["until"]
+    assert stress["converged"] and until["reached"] and until["half_width"] <= 0.2 * stress["mean"]
+    assert 5.0 + MIN_AVERAGED_STRAIN <= whole.summary["shear_strain"] < 25.0
+    run(case, out=tmp_path / "half", threads=1, callback=lambda state: state.row["time"] > 3e-3)
+    resumed = run(case, out=tmp_path / "half", threads=1, resume=True)
+    assert (resumed.summary["stress"], resumed.summary["until"]) == (stress, until)
+    assert len(resumed.history) == len(whole.history)
+
+
+@pytest.mark.parametrize("changes", [
+    pytest.param({"geometry.pressure": 1e-9}, id="no pressure to speak of"),
+    pytest.param(DENSE | {"particles.solid_fraction": 0.58, "contact.friction": 1.0}, id="jammed at its volume"),
+])  # fmt: skip
+def test_extremes_have_a_state_and_balances(changes):
+    """All is finite, grains push, the box does not shrink beyond what is asked for, and the budget closes."""
+    simulation = started(scene(DRY, changes))
+    height = simulation.motion.box.lengths[2]
+    history = march(simulation, 20)
+    assert np.isfinite(history.select_dtypes(float)).all().all()
+    assert history["normal_stress_z"].iloc[-1] > 0.0 < history["shear_stress"].iloc[-1]
+    assert abs(history["energy_residual"].sum()) < 0.1 * history["dissipated"].sum()
+    assert simulation.motion.box.lengths[2] >= height
+
+
+def test_sizes_of_one_to_ten_are_packed_without_overlaps():
+    """By their percentiles, which a tenth and nine tenths of the grains are finer than."""
+    wide = DENSE | {"geometry.size": [3.9 * D] * 3, "particles.diameter": None, "particles.sizes": TEN}
+    motion = started(scene(DRY, wide)).motion
+    x, radius, box = np.array(motion.grains.position), np.array(motion.grains.radius), motion.box
+    half_a_grain = np.pi / 12.0 * D**3
+    assert abs(4.0 / 3.0 * np.pi * np.sum(radius**3) - 0.5 * box.volume) <= half_a_grain
+    assert radius.max() / radius.min() > 8.0
+    wanted = [TEN[name] for name in ("d10", "d50", "d90")]
+    assert np.quantile(2.0 * radius, [0.1, 0.5, 0.9]) == pytest.approx(wanted, rel=0.2)
+    apart = x[:, None] - x[None]
+    apart -= box.lengths * np.round(apart / box.lengths)  # at rest
+    gap = np.linalg.norm(apart, axis=-1) - radius[:, None] - radius[None]
+    assert gap[~np.eye(len(x), dtype=bool)].min() > -5e-3 * 2.0 * radius.min()
+
+
+def test_check_says_where_grains_fly_apart():
+    """Below density (rate d)^2 an imposed pressure does not hold them."""
+    flight = 7800.0 * (1000.0 * D) ** 2
+    low, high = (check(scene(DRY, {"geometry.pressure": share * flight})).decisions["shear"] for share in (0.9, 1.1))
+    assert "grains fly apart" in low and "fly" not in high
+
+
 def _history(strain, seed, tau=300.0, P=1000.0, windows=400):
     rng = np.random.default_rng(seed)
     common = rng.normal(0.0, 0.05, windows)
@@ -288,6 +343,7 @@ def test_check_names_grains_rate_and_inertial_number():
         ({"geometry.size": [3e-4] * 3, "particles.count": 20}, "geometry.size", "allowed: at least"),
         ({"geometry.shear_rate": None, "geometry.inertial_number": 0.1}, "geometry.inertial_number", "needs a stress"),
         ({"contact.method": "dvi"}, "contact.method", "take method = 'dem'"),
+        ({"geometry.pressure": 0.0}, "geometry.pressure", "allowed: > 0 Pa"),
         ({"effects.gravity": {}}, "effects.gravity", "fall for ever"),
         ({"effects.fluid_drag": {"viscosity": "0.1 Pa s"}}, "effects.fluid_drag", "flow past a fluid at rest"),
         ({"particles.packing": "lattice"}, "particles.packing", "take packing = 'random'"),
@@ -317,3 +373,8 @@ def test_a_field_that_a_periodic_box_cannot_have_is_refused(changes, key):
     with pytest.raises(SceneError) as refused:
         scene(MAGNETIC, changes)
     assert key in [fault.key for fault in refused.value.faults], str(refused.value)
+
+
+def test_a_pressure_that_would_press_soft_grains_flat_is_refused():
+    with pytest.raises(ValueError, match=r"too soft: .* under the imposed 1e\+06 Pa"):
+        make_plan(scene(DRY, {"geometry.pressure": 1e6, "contact.stiffness": "1000 N/m"}))
