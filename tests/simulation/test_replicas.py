@@ -104,11 +104,11 @@ def test_all_replicas_end_at_the_same_window_once_the_torque_is_known(known):
 
 
 def test_more_packings_are_run_where_the_torque_needs_them(tmp_path, monkeypatch):
-    """From four to six, at the same length, and no more than the scene allows."""
-    monkeypatch.setattr("emclutch.scene.replica_count.automatic_count", automatic_count)
-    few = {"accuracy.replicas": None, "accuracy.max_replicas": 6, "time.until": "torque 0.1 mN m", "time.end": "0.9 ms"}
+    """From two to four, at the same length, and no more than the scene allows."""
+    monkeypatch.setattr("emclutch.scene.replica_count.automatic_count", lambda *_: 2)
+    few = {"accuracy.replicas": None, "accuracy.max_replicas": 4, "time.until": "torque 0.1 mN m", "time.end": "0.9 ms"}
     found = emclutch.run(case_from(CELL, few), out=tmp_path / "run")
-    assert len(found.folder.replica_folders()) == 5 and found.torque.replicas == 6
+    assert len(found.folder.replica_folders()) == 3 and found.torque.replicas == 4
     assert not found.summary["until"]["reached"] and "asked for" in found.summary["until"]["reason"]
     assert len({len(rows(path)) for path in (found.folder.path, *found.folder.replica_folders())}) == 1
     first = last_time(found.folder.history)
