@@ -227,7 +227,10 @@ class Clutch(AnnularSpaces):
     def gap_parts(self, boxes: Sequence[AnnularBox]) -> list[tuple[AnnularBox, bool]]:
         """Those filled parts, of `boxes`, that lie between the shafts, and whether the gap's width is along r."""
         half, rim = 0.5 * self.disc_thickness, self.disc_radius
-        return [(AnnularBox(box.r0, box.r1, -half, half), True) if box.r0 >= rim else (box, False) for box in boxes]
+        return [
+            (AnnularBox(box.r0, box.r1, max(box.z0, -half), min(box.z1, half)), True) if box.r0 >= rim else (box, False)
+            for box in boxes
+        ]
 
     def gap_midline(self, count: int = 101) -> np.ndarray:
         """Points (r, z) [m] along the middle of the rim gap, over the disc's thickness; shape (count, 2)."""

@@ -157,3 +157,16 @@ def test_a_steady_shear_goes_from_the_disc_to_the_rotor_and_has_the_curl_of_its_
     if region == "faces":
         middle = np.array([[0.0, 0.7 * clutch.disc_radius, -0.5 * clutch.disc_thickness - 0.5 * clutch.face_gap]])
     assert gap.speed(middle, 3.0, 10.0)[0] == pytest.approx([6.5])
+
+
+@pytest.mark.parametrize("region", ["rim", "poles", "faces", "cavity"])
+def test_the_sheared_parts_of_a_region_are_disjoint_parts_of_it_between_the_shafts(region):
+    """Of powder between the pole faces, 2 pi R g L of each face; once the whole rim was counted for each."""
+    clutch = Clutch()
+    filled = clutch.boxes_to_fill(region)
+    parts = [box for box, _ in clutch.gap_parts(filled)]
+    for part, box in zip(parts, filled, strict=True):
+        assert box.r0 <= part.r0 < part.r1 <= box.r1 and box.z0 <= part.z0 < part.z1 <= box.z1
+    if region == "poles":
+        volume = sum(part.volume() for part in parts)
+        assert volume == pytest.approx(2.0 * 2.0 * np.pi * clutch.mean_gap_radius * clutch.gap * clutch.pole_length)
