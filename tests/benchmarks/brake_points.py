@@ -59,7 +59,7 @@ def point(folder: Path, first: float) -> dict[str, object]:
         "grains": result.summary["grains"],
         "sectors": scene.grains.n_sectors,
         "seed": scene.scene.seed,
-        "field_strength": f"{result.summary['field_strength_powder'] if 'field_strength_powder' in result.summary else np.nan:.4g}",
+        "field_strength": f"{result.summary['field_strength_powder']:.4g}",
         "processor_seconds": f"{result.summary['seconds']['total']:.0f}",
     }
 
