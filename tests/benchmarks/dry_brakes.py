@@ -34,9 +34,8 @@ PAGE = ROOT / "docs" / "explanation" / "dry_brakes.md"
 RATED = 0.94  # [A] of brakes of 12 N m, tests/REFERENCE.md section 6
 RANGES = ((0.1, 0.4), (0.4, 0.6), (0.6, 0.9))  # of the rated current
 SHARES = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
-FORMER = ("78653e6", "b347a32")  # commits of the contact model before 2026-11-24
 MARKS = "<!-- tables by tests/benchmarks/dry_brakes.py -->", "<!-- end of tables -->"
-ROW = re.compile(r"powder_clutch\.(torque|short)_([\d.]+)A")
+ROW = re.compile(r"powder_clutch\.torque_([\d.]+)A")
 
 
 def brakes() -> dict[str, np.ndarray]:
@@ -62,22 +61,14 @@ def ours() -> list[TorqueCurve]:
 
 
 def recorded_curves() -> list[TorqueCurve]:
-    """Curves of the table of record that have a rated point, one for each kind of run and model."""
-    groups: dict[str, list[tuple[float, ...]]] = {}
-    for name, row in table().items():
-        if found := ROW.fullmatch(name):
-            kind = "four packings" if found[1] == "torque" else "one packing, 4 to 9 ms"
-            model = "former contact model" if row["commit"] in FORMER else "present contact model"
-            half = 0.5 * (float(row["high"]) - float(row["low"])) / NORMAL
-            groups.setdefault(f"{model}, {kind}", []).append((float(found[2]), float(row["value"]), half))
-    curves = []
-    for label, rows in groups.items():
-        current, torque, error = np.array(sorted(rows)).T
-        if RATED not in current:
-            continue
-        converged = np.full(len(rows), False)  # from 0.4 A on the torque still creeps
-        curves.append(TorqueCurve({"emclutch:": label}, current, torque, error, converged))
-    return sorted(curves, key=lambda curve: curve.label)
+    """The curve of the table of record, in a list."""
+    rows = sorted(
+        (float(found[1]), float(row["value"]), 0.5 * (float(row["high"]) - float(row["low"])) / NORMAL)
+        for name, row in table().items() if (found := ROW.fullmatch(name))
+    )  # fmt: skip
+    current, torque, error = np.array(rows).T
+    converged = np.full(len(rows), False)  # one packing, and still creeping
+    return [TorqueCurve({"emclutch:": "one packing, eight grains across"}, current, torque, error, converged)]
 
 
 def tables() -> str:
@@ -140,7 +131,7 @@ def page_with(text: str, of_tables: str) -> str:
 if __name__ == "__main__":
     title = (
         "Dry powder brakes (B15, B5Z: maker's curves; B5ZD: measured on a bench) and cases/powder_clutch.toml at "
-        f"{RATED:g} A; curves of the former contact model are named as such"
+        f"{RATED:g} A"
     )
     torque_against_current_picture(sys.argv[1], ours(), measured=brakes(), over_rated=True, title=title)
     PAGE.write_text(page_with(PAGE.read_text(encoding="utf-8"), tables()), encoding="utf-8")

@@ -2,7 +2,6 @@
 
 import re
 
-import pytest
 from measured import COLUMNS, TABLE, disagreement, pages, row_of_run, statements, table, write_row
 from written_run import written_run
 
@@ -45,10 +44,9 @@ def test_every_row_says_where_it_is_from():
             assert float(row["low"]) <= float(row["value"]) <= float(row["high"]), name
 
 
-def test_what_results_say_of_finer_grains_is_the_tables():
-    row = table()["quickstart.finer_grains"]
-    for a, column in zip(COEFFICIENT, ("value", "high", "low"), strict=True):
-        assert (1.0 + a / 8.0**EXPONENT) / (1.0 + a / 4.0**EXPONENT) == pytest.approx(float(row[column]), abs=1e-3)
+def test_what_results_say_of_the_grain_size_is_the_tables():
+    row = table()["grain_size.coefficient"]
+    assert tuple(float(row[column]) for column in ("value", "low", "high")) == COEFFICIENT and EXPONENT == 2.0
 
 
 def test_a_row_is_written_from_a_run(tmp_path):
