@@ -24,12 +24,12 @@ if TYPE_CHECKING:  # the same names for type checkers and editors, which do not 
     from emclutch.simulation.plan import Plan, plan
     from emclutch.simulation.run import run
     from emclutch.simulation.window_state import CallbackError, WindowState
+    from emclutch.studies.accuracy import accuracy
     from emclutch.studies.design_search import DesignResult, design
     from emclutch.studies.field_result import FieldResult, field
     from emclutch.studies.fit import FitResult, fit
     from emclutch.studies.mesh import MeshedScene, mesh
     from emclutch.studies.sweep import sweep
-    from emclutch.studies.work_precision import accuracy
 
 __version__ = "0.1.0"
 __all__ = [
@@ -82,7 +82,7 @@ __getattr__, __dir__ = lazy_attributes(
         "sweep": "emclutch.studies.sweep:sweep",
         "design": "emclutch.studies.design_search:design",
         "DesignResult": "emclutch.studies.design_search:DesignResult",
-        "accuracy": "emclutch.studies.work_precision:accuracy",
+        "accuracy": "emclutch.studies.accuracy:accuracy",
         "OutputError": "emclutch.results:OutputError",
         "RunError": "emclutch.results.errors:RunError",
         "Result": "emclutch.results:Result",

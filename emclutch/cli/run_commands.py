@@ -117,7 +117,7 @@ def accuracy(
         check_threads(threads)
         read = load(case, sets, trust_scripts)
         from emclutch.results import Progress
-        from emclutch.studies.work_precision import accuracy as measure_accuracy
+        from emclutch.studies.accuracy import accuracy as measure_accuracy
 
         with Progress() as progress:
             folder = measure_accuracy(read, out=out, threads=threads, progress=progress)

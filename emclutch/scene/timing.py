@@ -7,8 +7,10 @@ from typing import Annotated, Self
 
 from pydantic import Field, StrictBool, model_validator
 
+from emclutch.knobs.ladders_section import LaddersSection
 from emclutch.scene.multiple import InstantOrStrain, Multiple, TimeOrStrain
 from emclutch.scene.section import Automatic, Choice, Section, Whole, refuse
+from emclutch.scene.share import Share, ShareEntry
 from emclutch.scene.torque_target import TorqueTarget, TorqueTargetEntry
 from emclutch.scene.units import Time, number
 
@@ -77,23 +79,21 @@ def instant_in_words(instant: float | Multiple) -> str:
 
 
 class AccuracySection(Section):
-    """The settings that `emclutch accuracy` tries, coarse first; the last one is the reference."""
+    """How well the torque is to be known, from how many packings, and what is tried to learn what that costs."""
 
-    mesh: tuple[Annotated[float, number("1", 0.1, 4.0)], ...] = Field(
-        default=(2.0, 1.4, 1.0, 0.7, 0.5), min_length=2, description="values of field.size_factor"
+    target: Annotated[Share, ShareEntry()] | None = Field(
+        default=None,
+        description="half the 95 % interval of the torque that is asked for, statistics and discretisation together: "
+        "the run takes the cheapest settings that reach it from the device's ladder (emclutch accuracy), and ends when "
+        "it is reached",
     )
-    contact_step: tuple[Annotated[float, number("20", 10.0, 200.0)], ...] = Field(
-        default=(10.0, 14.0, 20.0, 28.0, 40.0), min_length=2, description="values of time.steps_per_contact"
+    budget: Time = Field(
+        default=600.0, description="wall-clock time that the ladder of `target` may take where there is none yet"
     )
-    smear: tuple[Annotated[float, number("2.5", 2.0, 10.0)], ...] = Field(
-        default=(2.0, 2.5, 3.0, 3.5),
-        min_length=2,
-        description="values of the cutoff of the attraction where moments are fed back to the field; not above the gap",
+    ladders: LaddersSection = LaddersSection()
+    time_end: TimeOrStrain | None = Field(
+        default=None, description="end of the ladder's runs; default: twice the start-up, else time.end"
     )
-    refresh: tuple[Annotated[int, Whole(1, 10_000, "20")], ...] = Field(
-        default=(160, 80, 40, 20), min_length=2, description="values of update_every of the attraction"
-    )
-    time_end: TimeOrStrain | None = Field(default=None, description="end of these runs; default: time.end")
     inertial_number: Annotated[float, number("0.03", 0.0, 1.0, above=True)] | None = Field(
         default=None,
         description="shear the gap at this expected inertial number instead of at the scene's speeds, which are all "
@@ -108,15 +108,6 @@ class AccuracySection(Section):
     max_replicas: Annotated[int, Whole(4, 64, "24")] = Field(
         default=24, description="most packings of a run with time.until and an automatic number of replicas"
     )
-
-    @model_validator(mode="after")
-    def _goes_from_coarse_to_fine(self) -> Self:
-        for key, falls in (("mesh", True), ("contact_step", False), ("smear", False), ("refresh", True)):
-            values = list(getattr(self, key))
-            if values != sorted(set(values), reverse=falls):
-                order = "decreasing" if falls else "increasing"
-                raise refuse(f"must be {order} numbers without repetition, from coarse to fine", key=key)
-        return self
 
 
 class OutputSection(Section):

@@ -278,6 +278,12 @@ def number(example: str, minimum: float = -math.inf, maximum: float = math.inf, 
     return Quantity("a number", "", example, minimum, maximum, open_minimum=above, least=_LEAST if above else 0.0)
 
 
+def quantity_of(kind: Any) -> Quantity:
+    """Return the quantity that an annotated type of this module is marked with, as `Time`."""
+    (quantity,) = kind.__metadata__
+    return quantity
+
+
 def in_unit_of(entry: object, value: float, quantity: Quantity) -> str:
     """Return a value [SI] of a quantity as text, in the unit of an `entry` of it: 1.234 mm where that is '0.5 mm'."""
     match = _NUMBER_AND_UNIT.fullmatch(entry) if isinstance(entry, str) else None

@@ -17,7 +17,7 @@ MAY_IMPORT = {
 }
 ROOMS = ("scene", "device_model", "results", "simulation", "studies", "cli")
 """Of `emclutch`, from the ground up: a room imports from those before it. `THINGS` lie beside `scene`."""
-THINGS = ("effects", "contact_laws", "devices", "sources")
+THINGS = ("effects", "contact_laws", "devices", "sources", "knobs")
 SOURCES = [path for package in MAY_IMPORT for path in sorted((ROOT / package).rglob("*.py"))]
 
 

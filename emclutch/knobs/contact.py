@@ -1,0 +1,143 @@
+"""Knobs of the contacts: stiffness and step by DEM; step, tolerance and sweeps by DVI."""
+
+from __future__ import annotations
+
+from emclutch.knobs.knob import Knob
+from emclutch.scene.units import LinearSpeed, Time, number, quantity_of
+
+
+class Overlap(Knob):
+    """Largest overlap to be expected, over the diameter: how stiff contacts are."""
+
+    name = "overlap"
+    key = "contact.max_overlap"
+    entry = number("0.005", 1e-5, 0.05)
+    theory = "grains that press in lose gap and gain contacts: first order in the overlap; steps grow with its root"
+    order = 1.0
+
+    @classmethod
+    def applies(cls, scene):
+        return scene.contact.method == "dem" or scene.contact.dvi.springs
+
+    @classmethod
+    def own(cls, scene, plan):
+        return plan.contact.stiffness.overlap
+
+    @classmethod
+    def usual(cls, scene, plan):
+        own = cls.own(scene, plan)
+        return tuple(own * factor for factor in (4.0, 2.0, 0.5, 0.25) if cls._may_be(scene, plan, factor))
+
+    @classmethod
+    def _may_be(cls, scene, plan, factor: float) -> bool:
+        """Return whether contacts so much softer hold saturated necks, and are not too soft for a run."""
+        from coupling.expected_load import NECK_MARGIN
+        from particles.dem.overlap_limits import SOFT
+
+        softer = plan.contact.stiffness.value / factor
+        deep = plan.contact.stiffness.overlap * factor
+        return factor < 1.0 or (softer >= NECK_MARGIN * plan.contact.stiffness.neck and deep <= SOFT)
+
+    @classmethod
+    def values(cls, scene, plan, setting):
+        stiffness = plan.contact.stiffness
+        if scene.contact.law == "linear":
+            return {"contact.stiffness": float(f"{stiffness.value * stiffness.overlap / setting:.6g}")}
+        return {cls.key: setting}
+
+
+class ContactStep(Knob):
+    """Steps in the duration of a contact."""
+
+    name = "contact_step"
+    key = "time.steps_per_contact"
+    entry = number("20", 10.0, 200.0)
+    theory = "velocity Verlet: second order in the step; cost in proportion to the steps"
+    order = 2.0
+    finer_is_larger = True
+
+    @classmethod
+    def applies(cls, scene):
+        return scene.contact.method == "dem" and scene.span.step is None
+
+    @classmethod
+    def own(cls, scene, plan):
+        return scene.span.steps_per_contact
+
+    @classmethod
+    def usual(cls, scene, plan):
+        return (10.0, 14.0, 40.0)
+
+
+class RigidStep(Knob):
+    """Step of rigid grains."""
+
+    name = "rigid_step"
+    key = "contact.dvi.step"
+    entry = quantity_of(Time)
+    theory = "Moreau-Jean's scheme: first order in the step; cost in proportion to the steps"
+    order = 1.0
+    unit = "s"
+
+    @classmethod
+    def applies(cls, scene):
+        return scene.contact.method == "dvi"
+
+    @classmethod
+    def own(cls, scene, plan):
+        return plan.dt
+
+    @classmethod
+    def usual(cls, scene, plan):
+        return tuple(plan.dt * factor for factor in (0.5, 0.25))
+
+
+class RigidTolerance(Knob):
+    """Residual of rigid contacts that a step is solved to."""
+
+    name = "rigid_tolerance"
+    key = "contact.dvi.tolerance"
+    entry = quantity_of(LinearSpeed)
+    theory = "the error of impulses is in proportion to the residual; sweeps grow as it falls"
+    order = 1.0
+    unit = "m/s"
+
+    @classmethod
+    def applies(cls, scene):
+        return scene.contact.method == "dvi"
+
+    @classmethod
+    def own(cls, scene, plan):
+        return plan.contact.tolerance
+
+    @classmethod
+    def usual(cls, scene, plan):
+        return tuple(plan.contact.tolerance * factor for factor in (10.0, 0.1))
+
+
+class RigidSweeps(Knob):
+    """Sweeps over all contacts that a step of rigid grains may take."""
+
+    name = "rigid_sweeps"
+    key = "contact.dvi.max_sweeps"
+    entry = number("500", 1.0, 1e6)
+    theory = "steps that end at the limit miss the tolerance; no error where none does"
+    order = None
+    finer_is_larger = True
+
+    @classmethod
+    def applies(cls, scene):
+        return scene.contact.method == "dvi"
+
+    @classmethod
+    def own(cls, scene, plan):
+        return scene.contact.dvi.max_sweeps
+
+    @classmethod
+    def usual(cls, scene, plan):
+        own = scene.contact.dvi.max_sweeps
+        return (max(1, own // 4), 4 * own)
+
+    @classmethod
+    def values(cls, scene, plan, setting):
+        return {cls.key: round(setting)}

@@ -1,0 +1,141 @@
+"""Knobs of the grains' magnetism: width of the smear, moments and their updates, feedback to the field."""
+
+from __future__ import annotations
+
+from emclutch.knobs.knob import FROZEN, Knob
+from emclutch.scene.grain_smear import MIN_WIDTH, moments_are_fed_back, narrowest_gap
+from emclutch.scene.units import Time, number, quantity_of
+
+
+class SmearWidth(Knob):
+    """Width over which grains are spread where their moments are fed back; within it they attract one by one."""
+
+    name = "smear_width"
+    key = "effects.dipoles.cutoff"
+    entry = number("2.5", 2.0, 10.0)
+    theory = "nearer pairs attract one by one, farther ones through the smooth field; pairs grow with the width cubed"
+    order = None
+    measured_on = FROZEN
+    finer_is_larger = True
+    unit = "diameters"
+
+    @classmethod
+    def applies(cls, scene):
+        return moments_are_fed_back(scene)
+
+    @classmethod
+    def own(cls, scene, plan):
+        return scene.effects.attraction.cutoff
+
+    @classmethod
+    def usual(cls, scene, plan):
+        widest = narrowest_gap(scene) / scene.grains.largest_diameter
+        if scene.grains.sector is not None:
+            widest = min(widest, 0.5 * sector_width(scene))
+        return tuple(a for a in (2.0, 2.25, 2.5, 3.0, 3.5) if MIN_WIDTH <= a <= widest * (1.0 + 1e-9))
+
+
+class MomentTolerance(Knob):
+    """Residual of the grains' moments."""
+
+    name = "moment_tolerance"
+    key = "effects.dipoles.tolerance"
+    entry = number("1e-3", 1e-12, 0.05)
+    theory = "the error of moments and forces is in proportion to the residual; sweeps grow with its logarithm"
+    order = 1.0
+    measured_on = FROZEN
+
+    @classmethod
+    def applies(cls, scene):
+        return scene.effects.attraction is not None
+
+    @classmethod
+    def own(cls, scene, plan):
+        return scene.effects.attraction.tolerance
+
+    @classmethod
+    def usual(cls, scene, plan):
+        return (1e-2, 3e-3, 1e-3, 3e-4, 1e-4)
+
+
+class FeedbackTolerance(Knob):
+    """Difference between the grains' magnetisation and the field's, from which on the field is solved again."""
+
+    name = "feedback_tolerance"
+    key = "effects.back_reaction.tolerance"
+    entry = number("0.02", 1e-6, 1.0)
+    theory = "the error of the field in the powder is in proportion to it; solves are the fewer the larger it is"
+    order = 1.0
+    measured_on = FROZEN
+
+    @classmethod
+    def applies(cls, scene):
+        return moments_are_fed_back(scene)
+
+    @classmethod
+    def own(cls, scene, plan):
+        return scene.effects.feedback.tolerance
+
+    @classmethod
+    def usual(cls, scene, plan):
+        return (0.08, 0.04, 0.02, 0.01, 0.005)
+
+
+class UpdateInterval(Knob):
+    """Steps between evaluations of moments and of the forces that are held in between."""
+
+    name = "update_interval"
+    key = "effects.dipoles.update_every"
+    entry = number("20", 1.0, 10_000.0)
+    theory = "held forces lag by half the interval: first order in it; the magnetic part of the cost is inverse to it"
+    order = 1.0
+    unit = "steps"
+
+    @classmethod
+    def applies(cls, scene):
+        return scene.effects.attraction is not None and scene.contact.method == "dem"
+
+    @classmethod
+    def own(cls, scene, plan):
+        return plan.steps_per_update
+
+    @classmethod
+    def usual(cls, scene, plan):
+        own = cls.own(scene, plan)
+        return tuple(min(10_000, factor * own) for factor in (4, 2))
+
+    @classmethod
+    def values(cls, scene, plan, setting):
+        return {cls.key: round(setting)}
+
+
+class CouplingWindow(Knob):
+    """Interval after which the field is compared with the grains' magnetisation, and solved again where it differs."""
+
+    name = "coupling_window"
+    key = "time.window"
+    entry = quantity_of(Time)
+    theory = "the field lags behind the grains by half a window: first order in it"
+    order = 1.0
+    unit = "s"
+
+    @classmethod
+    def applies(cls, scene):
+        return moments_are_fed_back(scene)
+
+    @classmethod
+    def own(cls, scene, plan):
+        return plan.division.steps * plan.dt
+
+    @classmethod
+    def usual(cls, scene, plan):
+        return (4.0 * cls.own(scene, plan),)
+
+
+def sector_width(scene) -> float:
+    """Return the width of the cyclic sector [largest diameters], at the smallest radius of a grain's centre."""
+    from math import sin
+
+    from emclutch.scene.sector_checks import innermost_radius  # local: the schema imports the knobs
+
+    return 2.0 * innermost_radius(scene) * sin(0.5 * scene.grains.sector) / scene.grains.largest_diameter

@@ -1,0 +1,383 @@
+"""Ladders of a device: how much each numerical setting moves its torque, and what it costs.
+
+A *rung* is one setting of a knob (`emclutch.knobs`), all others being the scene's own; its value is the mean torque of
+some packings, or a quantity without noise. A *ladder* are the rungs of all knobs of a device.
+
+**Error of a setting.** ln T = ln T_0 + c (h^p - h_0^p) over the step size h of a knob of known order p, by weighted
+least squares; b = c (h^p - h_0^p) is the relative error of a setting, positive where the torque is too large. Its
+interval is Student's t, the scatter between packings pooled over all rungs (that of a rung of twice the grains being
+smaller by the root of two), so that few packings a rung suffice. Where noise is absent, or the order is not known, p is
+fitted.
+
+**What the law lacks.** As for the grid convergence index (P. J. Roache, J. Fluids Eng. 116 (1994) 405-413; ASME V&V
+20-2009, section 2), the extrapolation is not trusted fully: the half width of the error is that of its statistics, plus
+in quadrature (F - 1) |b|, with F = 1.25 where three rungs or more follow the law, 1.5 where two rungs leave it
+unchecked, and 3 where the rungs do not follow it; without noise and law with the largest difference from finer rungs in
+place of |b| (L. Eca, M. Hoekstra, J. Comput. Phys. 262 (2014) 104-130).
+
+**Decided** is a knob whose error at the scene's setting is known to be different from zero, or smaller than `SMALL`;
+all others are undecided, and count with their half width all the same.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+
+SAFETY = {"follows": 1.25, "not checked": 1.5, "no law": 3.0}
+SMALL = 0.01
+"""Half width of an error that needs no decision."""
+ORDERS = np.linspace(0.5, 8.0, 301)
+MISFIT = 0.1  # of the range of the rungs: largest residual of rungs without noise that follow a law
+SIGNIFICANCE = 0.05
+CONFIDENCE = 0.95
+
+
+class Basis(StrEnum):
+    """Quantity of a rung."""
+
+    TORQUE = "torque"
+    PULL = "magnetic pull of standing grains, to which the torque is taken to be in proportion"
+    LATER = "torque of the same packings over a later stretch"
+
+
+@dataclass(frozen=True, slots=True)
+class Rung:
+    """One setting of a knob.
+
+    Attributes
+    ----------
+    setting, step_size : float
+        As of the knob; the step size is its h.
+    value : float or None
+        Mean torque [N m], or the quantity of the basis; None: no packing has one.
+    error : float
+        Relative standard error of the value, by the pooled scatter; 0 without noise.
+    packings : int
+    seconds : float
+        Processor time of a packing, or of a solution [s].
+    failure : str
+        Why the rung has no value.
+    """
+
+    setting: float
+    step_size: float
+    value: float | None
+    error: float
+    packings: int
+    seconds: float
+    failure: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class KnobError:
+    """Error of a setting, relative to the torque.
+
+    Attributes
+    ----------
+    bias : float
+        Positive where the torque is too large.
+    half_width : float
+        Of the 95 % interval of the bias.
+    """
+
+    bias: float
+    half_width: float
+
+    @property
+    def is_decided(self) -> bool:
+        """Return whether the bias is known to differ from zero, or is small for certain."""
+        return abs(self.bias) > self.half_width or abs(self.bias) + self.half_width <= SMALL
+
+
+@dataclass(frozen=True)
+class KnobLadder:
+    """The rungs of one knob.
+
+    Attributes
+    ----------
+    knob, key : str
+    basis : Basis
+    own : float
+        The scene's setting.
+    order : float or None
+        Of the law; None: fitted, or none.
+    limit : float
+        Step size without error.
+    rungs : tuple of Rung
+        From coarse to fine.
+    freedom : float
+        Degrees of freedom of the pooled scatter; infinite without noise.
+    """
+
+    knob: str
+    key: str
+    basis: Basis
+    own: float
+    order: float | None
+    limit: float
+    rungs: tuple[Rung, ...]
+    freedom: float = math.inf
+    _fit: _Fit | None = field(default=None, init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "_fit", _fitted(self))
+
+    @property
+    def verdict(self) -> str:
+        """Return whether the rungs follow the law, and the order where it was fitted."""
+        return "not measured" if self._fit is None else self._fit.verdict
+
+    @property
+    def observed_order(self) -> float | None:
+        """Return the order that fits rungs without noise best; None where the law's is taken, or none fits."""
+        return None if self._fit is None else self._fit.observed
+
+    def error(self, step_size: float) -> KnobError | None:
+        """Return the error of a setting by its step size; None where the rungs say nothing."""
+        return None if self._fit is None else self._fit.error(step_size)
+
+    @property
+    def own_error(self) -> KnobError | None:
+        """Return the error of the scene's own setting."""
+        own = [rung for rung in self.rungs if math.isclose(rung.setting, self.own, rel_tol=1e-6)]
+        return self.error(own[0].step_size) if own else None
+
+
+@dataclass(frozen=True, slots=True)
+class Total:
+    """Discretisation error of a run, from the ladder of its device.
+
+    Attributes
+    ----------
+    parts : dict of str to KnobError
+        By knob.
+    unknown : dict of str to str
+        Knobs whose error is not known: why.
+    """
+
+    parts: dict[str, KnobError]
+    unknown: dict[str, str]
+
+    @property
+    def bias(self) -> float:
+        """Sum of the errors, relative."""
+        return math.expm1(sum(math.log1p(max(one.bias, -0.9)) for one in self.parts.values()))
+
+    @property
+    def half_width(self) -> float:
+        """Of its 95 % interval: the parts' in quadrature."""
+        return math.sqrt(sum(one.half_width**2 for one in self.parts.values()))
+
+    @property
+    def largest(self) -> str | None:
+        """Return the knob of the widest part."""
+        return max(self.parts, key=lambda name: self.parts[name].half_width, default=None)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return plain values for JSON."""
+        parts = {name: asdict(one) | {"decided": one.is_decided} for name, one in self.parts.items()}
+        return {
+            "bias": self.bias, "half_width": self.half_width, "largest": self.largest, "parts": parts,
+            "unknown": self.unknown,
+        }  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Ladder:
+    """What a study has measured of a device.
+
+    Attributes
+    ----------
+    device : str
+        Hash of what matters (`emclutch.results.ladders.device_hash`).
+    case : str
+        Name of the scene.
+    drive : dict of str to Any
+        Entries of the scene that the hash leaves out, as the current.
+    torque : float
+        Mean at the scene's own settings [N m].
+    scatter : float
+        Relative standard deviation between packings of the scene's own settings.
+    freedom : float
+        Degrees of freedom of the pooled scatter.
+    strain : float or None
+        Shear strain that is averaged in each packing.
+    packings : int
+        At the scene's own settings.
+    seconds : float
+        Processor time of one of them [s].
+    knobs : tuple of KnobLadder
+    unknown : dict of str to str
+        Knobs without a rung of their own: why.
+    machine : dict of str to Any
+        Processor, cores, versions, date.
+    """
+
+    device: str
+    case: str
+    drive: dict[str, Any]
+    torque: float
+    scatter: float
+    freedom: float
+    strain: float | None
+    packings: int
+    seconds: float
+    knobs: tuple[KnobLadder, ...]
+    unknown: dict[str, str] = field(default_factory=dict)
+    machine: dict[str, Any] = field(default_factory=dict)
+
+    def knob(self, name: str) -> KnobLadder | None:
+        """Return the rungs of a knob; None where it has none."""
+        return next((one for one in self.knobs if one.knob == name), None)
+
+    def total(self, step_sizes: Mapping[str, float]) -> Total:
+        """Return the discretisation error at some step sizes, one for each knob of a scene."""
+        parts, unknown = {}, {}
+        for name, h in step_sizes.items():
+            ladder = self.knob(name)
+            found = None if ladder is None else ladder.error(h)
+            if found is None:
+                unknown[name] = self.unknown.get(name, "the ladder has no rungs of it")
+            else:
+                parts[name] = found
+        return Total(parts, unknown)
+
+    def to_json(self) -> str:
+        """Return the ladder as text."""
+        values = asdict(self)
+        for one in values["knobs"]:
+            del one["_fit"]
+            one["freedom"] = None if math.isinf(one["freedom"]) else one["freedom"]
+        return json.dumps(values, indent=2)
+
+    @classmethod
+    def from_json(cls, text: str) -> Ladder:
+        """Read what `to_json` wrote; ValueError or KeyError for anything else."""
+        values = json.loads(text)
+        knobs = []
+        for one in values.pop("knobs"):
+            rungs = tuple(Rung(**rung) for rung in one.pop("rungs"))
+            freedom = one.pop("freedom")
+            basis = Basis(one.pop("basis"))
+            knobs.append(KnobLadder(**one, basis=basis, rungs=rungs, freedom=math.inf if freedom is None else freedom))
+        return cls(**values, knobs=tuple(knobs))
+
+
+def student(freedom: float) -> float:
+    """Return the quantile of Student's t of a 95 % interval."""
+    from scipy.special import stdtrit
+
+    return 1.96 if math.isinf(freedom) else float(stdtrit(freedom, 0.5 + 0.5 * CONFIDENCE))
+
+
+def pooled_scatter(groups: Sequence[tuple[Sequence[float], float]]) -> tuple[float, float]:
+    """Return the relative standard deviation of packings, and its degrees of freedom.
+
+    Parameters
+    ----------
+    groups : of each rung the torques of its packings [N m], and by what factor its variance is expected to be that of
+        the scene's own settings (grains there over grains here).
+    """
+    squares, freedom = 0.0, 0
+    for torques, factor in groups:
+        if len(torques) > 1:
+            logs = np.log(np.abs(torques))
+            squares += float(((logs - logs.mean()) ** 2).sum()) / factor
+            freedom += len(torques) - 1
+    if freedom == 0:
+        raise ValueError("no rung has two packings: nothing says how much packings differ; run at least two of one")
+    return math.sqrt(squares / freedom), float(freedom)
+
+
+@dataclass(frozen=True)
+class _Fit:
+    """Law of a knob's rungs: ln T = const + c x, x = h^p - h_0^p; with p None the differences of the rungs."""
+
+    p: float | None
+    limit: float
+    slope: float
+    slope_half: float
+    model: float  # F - 1, of the bias
+    verdict: str
+    observed: float | None
+    differences: dict[float, KnobError]  # without a law, by step size
+
+    def error(self, h: float) -> KnobError:
+        """Return the error at a step size; without a law that of the nearest rung."""
+        if self.p is None:
+            return self.differences[min(self.differences, key=lambda one: abs(math.log(one / h)))]
+        x = h**self.p - self.limit**self.p
+        bias = math.expm1(min(self.slope * x, 5.0))
+        return KnobError(bias, math.hypot(self.slope_half * abs(x), self.model * abs(bias)))
+
+
+def _fitted(ladder: KnobLadder) -> _Fit | None:
+    rungs = [rung for rung in ladder.rungs if rung.value]
+    if len(rungs) < 2 or any(rung.value * (rungs[0].value or 0.0) <= 0.0 for rung in rungs if rung.value):
+        return None
+    h = np.array([rung.step_size for rung in rungs])
+    y = np.log(np.abs([float(rung.value or 0.0) for rung in rungs]))
+    error = np.array([rung.error for rung in rungs])
+    if not error.any():
+        return _without_noise(ladder, h, y)
+    quantile = student(ladder.freedom)
+    return _differences(h, y, quantile * error) if ladder.order is None else _line(ladder, h, y, error, quantile)
+
+
+def _without_noise(ladder: KnobLadder, h: np.ndarray, y: np.ndarray) -> _Fit:
+    """Fit the order; without one that fits the differences count, three times the largest of finer rungs."""
+    low, high = (ORDERS[0], ORDERS[-1]) if ladder.order is None else (0.5 * ladder.order, 2.0 * ladder.order)
+    orders = ORDERS[(ORDERS >= low) & (ORDERS <= high)]
+    spread = float(np.ptp(y))
+    if h.size > 2 and spread > 0.0:
+        best = None
+        for p in orders:
+            x = h**p - ladder.limit**p
+            slope, constant = np.polyfit(x, y, 1)
+            misfit = float(np.abs(y - constant - slope * x).max()) / spread
+            if best is None or misfit < best[0]:
+                best = misfit, float(p), float(slope)
+        assert best is not None
+        if best[0] <= MISFIT and best[1] not in (orders[0], orders[-1]):
+            return _Fit(best[1], ladder.limit, best[2], 0.0, SAFETY["follows"] - 1.0, "follows", best[1], {})
+    found = {}
+    last_step = abs(float(y[-2] - y[-1]))
+    for i, one in enumerate(h):
+        largest = max(last_step, float(np.abs(y[i:] - y[i]).max()))
+        found[float(one)] = KnobError(math.expm1(float(y[i] - y[-1])), (SAFETY["no law"] - 1.0) * largest)
+    return _Fit(None, ladder.limit, 0.0, 0.0, 0.0, "no law", None, found)
+
+
+def _differences(h: np.ndarray, y: np.ndarray, half: np.ndarray) -> _Fit:
+    """Differences of noisy rungs from the finest one, where nothing is known of their law."""
+    model = SAFETY["not checked"] - 1.0
+    found = {}
+    for i, one in enumerate(h):
+        bias = math.expm1(float(y[i] - y[-1]))
+        found[float(one)] = KnobError(bias, math.hypot(float(half[i]), float(half[-1]), model * bias))
+    return _Fit(None, 0.0, 0.0, 0.0, 0.0, "no law", None, found)
+
+
+def _line(ladder: KnobLadder, h: np.ndarray, y: np.ndarray, error: np.ndarray, quantile: float) -> _Fit:
+    """Weighted least squares of noisy rungs over the law, and the test whether they follow it."""
+    from scipy.special import chdtrc, fdtrc
+
+    assert ladder.order is not None
+    x, weight = h**ladder.order - ladder.limit**ladder.order, error**-2
+    mean_x, mean_y = (float(weight @ one / weight.sum()) for one in (x, y))
+    spread = float(weight @ (x - mean_x) ** 2)
+    slope = float(weight @ ((x - mean_x) * (y - mean_y))) / spread
+    verdict = "not checked"
+    if h.size > 2:
+        chi2, left = float(weight @ (y - mean_y - slope * (x - mean_x)) ** 2), h.size - 2
+        by_chance = chdtrc(left, chi2) if math.isinf(ladder.freedom) else fdtrc(left, ladder.freedom, chi2 / left)
+        verdict = "follows" if by_chance >= SIGNIFICANCE else "no law"
+    half = quantile * spread**-0.5
+    return _Fit(ladder.order, ladder.limit, slope, half, SAFETY[verdict] - 1.0, verdict, None, {})

@@ -1,0 +1,61 @@
+"""Where ladders of devices are kept, and how a device is known again."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from emclutch.results.atomic_file import replace_text
+from emclutch.results.errors import OutputError
+from emclutch.results.ladder import Ladder
+
+FOLDER = Path("runs") / "ladders"
+VARIABLE = "EMCLUTCH_LADDERS"
+"""Environment variable of another folder."""
+DRIVE = ("coil.current", "coil.voltage")
+"""Keys that the error hardly depends on: written beside the ladder."""
+WITHOUT = ("scene.", "time.", "accuracy.", "output.", *DRIVE)
+
+
+def ladder_folder() -> Path:
+    """Return the folder of the ladders: runs/ladders, or what EMCLUTCH_LADDERS says."""
+    return Path(os.environ.get(VARIABLE) or FOLDER)
+
+
+def device_hash(flat_scene: Mapping[str, Any], knob_keys: Mapping[str, Any]) -> str:
+    """Return the hash of what matters of a scene: all but numerical settings, seed, drive, end and output.
+
+    Parameters
+    ----------
+    flat_scene : of the resolved scene, by dotted key
+    knob_keys : the keys that its knobs set
+    """
+    kept = {
+        key: value
+        for key, value in flat_scene.items()
+        if key not in knob_keys and not any(key == one or (one[-1] == "." and key.startswith(one)) for one in WITHOUT)
+    }
+    return hashlib.sha256(json.dumps(kept, sort_keys=True, default=str).encode()).hexdigest()[:16]
+
+
+def save_ladder(ladder: Ladder, folder: Path | None = None) -> Path:
+    """Write a ladder where runs of its device find it, in place of an earlier one; return the file."""
+    target = (folder or ladder_folder()) / f"{ladder.device}.json"
+    target.parent.mkdir(parents=True, exist_ok=True)
+    replace_text(target, ladder.to_json())
+    return target
+
+
+def find_ladder(device: str, folder: Path | None = None) -> tuple[Ladder, Path] | None:
+    """Return the ladder of a device and its file; None where there is none. OutputError for a damaged file."""
+    path = (folder or ladder_folder()) / f"{device}.json"
+    if not path.is_file():
+        return None
+    try:
+        return Ladder.from_json(path.read_text(encoding="utf-8")), path
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise OutputError(f"{path} is no ladder of this version ({error}); remove it, and measure anew") from None

@@ -1,0 +1,47 @@
+"""A share that is written in per cent: ``target = "5 %"``."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from emclutch.scene.section import Entry
+from emclutch.scene.units import number
+
+if TYPE_CHECKING:
+    from pydantic import GetJsonSchemaHandler
+
+_PER_CENT = number("5", 0.1, 50.0)
+
+
+class Share(float):
+    """A share, 0.05 for 5 %."""
+
+    def __str__(self) -> str:
+        return f"{100.0 * self:.6g} %"
+
+
+class ShareEntry(Entry):
+    """The text of a `Share`."""
+
+    STORED = str
+    kind_text = "share in per cent"
+    range_text = "0.1 % to 50 %"
+    sample = "5 %"
+
+    def needed_for(self, key: str) -> str:
+        return f"a share is needed, e.g. {key} = '{self.sample}'"
+
+    def read(self, given: object) -> Share:
+        """Return the share; ValueError with an example for what is none."""
+        if isinstance(given, Share):
+            return given
+        text = given.strip() if isinstance(given, str) else ""
+        if not text.endswith("%"):
+            raise ValueError(f"is not a share in per cent; write it as in '{self.sample}'")
+        try:
+            return Share(0.01 * _PER_CENT.read(text.removesuffix("%").strip()))
+        except ValueError as error:
+            raise ValueError(f"{error}; in per cent, as in '{self.sample}'") from None
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        return {"type": "string", "examples": [self.sample]}
