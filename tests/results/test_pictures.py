@@ -156,20 +156,6 @@ def test_a_torque_of_unknown_error_says_so(tmp_path, monkeypatch):
     assert "disc: 0.5 N m, error unknown, not converged" in labels
 
 
-def test_work_precision(tmp_path):
-    table = {
-        "knob": ["mesh", "mesh", "mesh", "step"],
-        "quantity": ["gap B", "gap B", "torque", "torque"],
-        "setting": ["4", "2", "4", "1/20"],
-        "seconds": [0.1, 0.4, 0.1, 2.0],
-        "error": [0.1, 0.0, 0.2, None],
-    }
-    assert is_picture(pictures.work_precision_picture(tmp_path / "w.png", table))
-    table["noise"] = [None, math.inf, 0.3, 0.3]
-    assert is_picture(pictures.work_precision_picture(tmp_path / "n.png", table, title="with noise"))
-
-
-@pytest.mark.parametrize("count", [0, 1, 200])
 def test_grains(tmp_path, count):
     rng = np.random.default_rng(0)
     theta, r = rng.uniform(0.0, math.pi / 18, count), rng.uniform(0.044, 0.045, count)

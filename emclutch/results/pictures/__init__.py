@@ -13,7 +13,6 @@ from emclutch.results.pictures.torque_curves import (
     torque_against_speed_picture,
 )
 from emclutch.results.pictures.wall_pressure import wall_pressure_picture
-from emclutch.results.pictures.work_precision import work_precision_picture
 
 __all__ = [
     "axial_picture",
@@ -29,5 +28,4 @@ __all__ = [
     "torque_picture",
     "torque_speed_picture",
     "wall_pressure_picture",
-    "work_precision_picture",
 ]
