@@ -156,6 +156,7 @@ def test_a_torque_of_unknown_error_says_so(tmp_path, monkeypatch):
     assert "disc: 0.5 N m, error unknown, not converged" in labels
 
 
+@pytest.mark.parametrize("count", [0, 1, 200])
 def test_grains(tmp_path, count):
     rng = np.random.default_rng(0)
     theta, r = rng.uniform(0.0, math.pi / 18, count), rng.uniform(0.044, 0.045, count)
