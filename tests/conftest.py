@@ -10,6 +10,7 @@ import os
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy and numba are loaded; two workers share two cores
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # tests of threads: the other worker has the other core
+os.environ["EMCLUTCH_LADDERS"] = os.path.join(__file__, "none")  # a test that needs a ladder names a folder of its own
 
 import numba
 import pytest

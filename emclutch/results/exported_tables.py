@@ -26,6 +26,7 @@ UNITS_OF_A_STUDY = {
     "typical_overlap": "1",
     "inertial_number": "1",
     "seconds": "s",
+    "figure_of_merit": "1/s",
     "rotor_speed": "rad/s",
     "output_start_time": "s",
     "output_start_speed": "rad/s",

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 CONFIDENCE = 0.95
-OF_A_RUN = ("standard_error", "seconds", "reason", "folder", "started_from")
+OF_A_RUN = ("standard_error", "seconds", "figure_of_merit", "reason", "folder", "started_from")
 """Columns of a single run that have no average over seeds."""
 
 

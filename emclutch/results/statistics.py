@@ -111,6 +111,17 @@ class Estimate:
         half = self.half_width(confidence)
         return None if half is None or self.mean is None else (self.mean - half, self.mean + half)
 
+    def figure_of_merit(self, seconds: float) -> float | None:
+        """Return 1 / (relative error^2 t) [1/s] of a mean that took t = `seconds` of processor time; None: unknown.
+
+        Relative error is the standard error over the mean. It does not depend on how long a run is, and is the larger
+        the less time a method needs for an error: MCNP's figure of merit (X-5 Monte Carlo Team, MCNP: a general Monte
+        Carlo N-particle transport code, version 5, LA-UR-03-1987, 2003, volume I, section 2.VI.C).
+        """
+        if self.mean is None or not self.standard_error or seconds <= 0.0:
+            return None
+        return (self.mean / self.standard_error) ** 2 / seconds
+
     def as_dict(self) -> dict[str, Any]:
         """Plain values for JSON."""
         return asdict(self)

@@ -171,8 +171,9 @@ def _in_short(value: Any) -> str:
 
 
 def _flat(table: dict, prefix: str = "") -> dict:
-    """Return nested tables as dotted keys."""
+    """Return nested tables as dotted keys; an empty table, as of an effect without keys, is an entry itself."""
     flat: dict = {}
     for key, value in table.items():
-        flat |= _flat(value, f"{prefix}{key}.") if isinstance(value, dict) else {prefix + key: value}
+        nested = isinstance(value, dict) and value
+        flat |= _flat(value, f"{prefix}{key}.") if nested else {prefix + key: value}
     return flat

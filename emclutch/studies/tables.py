@@ -158,6 +158,7 @@ def row_of(values: dict[str, Any], result: Result) -> dict[str, Any]:
         "typical_overlap": summary["typical_overlap"],
         "inertial_number": summary.get("inertial_number"),
         "seconds": summary["seconds"]["whole_run"],
+        "figure_of_merit": summary.get("figure_of_merit"),
         "reason": torque.reason,
         "folder": result.folder.path.name,
     }

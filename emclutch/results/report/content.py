@@ -82,6 +82,7 @@ NUMBERS = (
     ("solid_fraction", "solid fraction of the box", ""),
     ("contacts_per_grain", "contacts of a grain, mean of the steady part", ""),
     ("relative_permeability", "relative permeability of the powder", ""),
+    ("figure_of_merit", "figure of merit, 1 / (relative standard error^2 x processor time)", "1/s"),
     ("grains", "grains simulated", ""),
     ("sectors", "sectors in the ring", ""),
     ("dt", "step of the grains", "s"),

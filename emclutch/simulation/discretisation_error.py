@@ -1,0 +1,155 @@
+"""Discretisation error of a run: what the ladder of its device says of its settings.
+
+A ladder is measured once for a device (`emclutch accuracy`) and found again by the hash of what matters of the scene;
+each run evaluates it at its own settings. Nothing is measured here: without a ladder the error is not known, and the
+summary says which command finds it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from emclutch.knobs import KNOBS, Knob, knobs_of
+from emclutch.results import OutputError
+from emclutch.results.ladder import Ladder, Total
+from emclutch.results.ladders import DRIVE, device_hash, find_ladder
+from emclutch.results.statistics import Estimate
+from emclutch.scene.case import Case
+from emclutch.scene.input_files import hashed_input_files
+from emclutch.simulation.plan import Plan
+from emclutch.simulation.resume import flat_scene
+
+FAR = 2.0
+"""Factor of step size beyond the rungs from which on the law is said to be extrapolated."""
+SPEEDS = ("motion.rotor.speed", "motion.disc.speed")
+STATISTICS = "statistics"
+"""The part of a total error that is no knob's."""
+
+
+def device_of(case: Case, plan: Plan) -> str:
+    """Return the hash by which the ladder of a device is found: of all but numerical settings, seed, drive and output.
+
+    Where the speed follows from an inertial number it is a numerical setting, too. A file counts with its content.
+    """
+    scene, flat = case.scene, flat_scene(case.toml())
+    flat |= {key: file["sha256"] for key, file in hashed_input_files(scene).items()}
+    knobs = knobs_of(scene)
+    numerical = {key for one in knobs for key in (one.key, *one.values(scene, plan, one.own(scene, plan)))}
+    if scene.accuracy.inertial_number is not None:
+        numerical |= set(SPEEDS)
+    return device_hash(flat, dict.fromkeys(numerical))
+
+
+def settings_of(case: Case, plan: Plan, averaged_from: float | None = None) -> dict[str, float]:
+    """Return the setting of each knob of a scene; `averaged_from`: strain from which on a run has averaged."""
+    found = {one.name: float(one.own(case.scene, plan)) for one in knobs_of(case.scene)}
+    if averaged_from and "start_up" in found:
+        found["start_up"] = averaged_from
+    return found
+
+
+def discretisation_error(case: Case, plan: Plan, torque: Estimate | None, shear_rate: float = 0.0) -> dict[str, Any]:
+    """Return the entries of a run's summary, in plain values.
+
+    Parameters
+    ----------
+    case, plan : of the run.
+    torque : its steady torque [N m]; None: it has none.
+    shear_rate : of its gap [1/s]; 0: nothing is sheared.
+
+    Returns
+    -------
+    dict
+        `discretisation_error`: `bias` and `half_width` of its 95 % interval, relative to the torque, positive where it
+        is too large; `parts` by knob, with its setting; `unknown` knobs and `extrapolated` ones with the reason; the
+        `ladder`; `corrected_torque` [N m] and `total_error`, relative: statistics and discretisation in quadrature.
+        None, with `discretisation_error_note`, where it is not known.
+    """
+    if torque is None or not torque.mean:
+        return _unknown("the run has no torque on the disc, of which ladders are")
+    device = device_of(case, plan)
+    try:
+        found = find_ladder(device)
+    except OutputError as error:
+        return _unknown(str(error))
+    if found is None:
+        return _unknown(f"no ladder of this device has been measured; find it with: {how_to_find(case)}")
+    ladder, path = found
+    strain = None if torque.start is None else torque.start * shear_rate
+    settings = settings_of(case, plan, strain)
+    total = total_at(ladder, settings)
+    flat = flat_scene(case.toml())
+    entry = total.as_dict()
+    for name in entry["parts"]:
+        entry["parts"][name]["setting"] = settings[name]
+    entry["extrapolated"] = extrapolated(ladder, settings)
+    entry["ladder"] = {
+        "file": str(path),
+        "device": device,
+        "case": ladder.case,
+        "date": ladder.machine.get("date"),
+        "drive": ladder.drive,
+        "note": _other_drive(ladder, flat),
+    }
+    return {"discretisation_error": entry | corrected(torque, total)}
+
+
+def how_to_find(case: Case) -> str:
+    """Return the command that measures the ladder of a case."""
+    return f"emclutch accuracy {case.path or 'CASE'} --budget 10min"
+
+
+def total_at(ladder: Ladder, settings: Mapping[str, float]) -> Total:
+    """Return the error at some settings, one for each knob of a scene."""
+    return ladder.total({one.name: one.step_size(settings[one.name]) for one in _knobs(settings)})
+
+
+def corrected(torque: Estimate, total: Total) -> dict[str, Any]:
+    """Return a torque without its bias [N m], with half its 95 % interval, and that relative to it; None: unknown."""
+    assert torque.mean is not None
+    mean, half = torque.mean / (1.0 + total.bias), torque.half_width()
+    share = None if half is None else math.hypot(half / abs(torque.mean), total.half_width)
+    largest, size = total.largest, 0.0 if total.largest is None else total.parts[total.largest].half_width
+    if half is not None and (largest is None or half / abs(torque.mean) >= size):
+        largest, size = STATISTICS, half / abs(torque.mean)
+    return {
+        "corrected_torque": {"mean": mean, "half_width": None if share is None else share * abs(mean)},
+        "total_error": share,
+        "largest_part": None if largest is None else {"name": largest, "half_width": size},
+    }
+
+
+def extrapolated(ladder: Ladder, settings: Mapping[str, float]) -> dict[str, str]:
+    """Return the knobs whose settings lie far beyond the rungs, with how far."""
+    found = {}
+    for knob in _knobs(settings):
+        rungs = ladder.knob(knob.name)
+        sizes = [] if rungs is None else [one.step_size for one in rungs.rungs if one.value]
+        if not sizes:
+            continue
+        h = knob.step_size(settings[knob.name])
+        if h > FAR * max(sizes):
+            found[knob.name] = f"{h / max(sizes):.2g} times as coarse as the coarsest that was measured"
+        elif h < min(sizes) / FAR:
+            found[knob.name] = f"{min(sizes) / h:.2g} times as fine as the finest that was measured"
+    return found
+
+
+def _knobs(settings: Mapping[str, float]) -> list[type[Knob]]:
+    return [one for one in KNOBS if one.name in settings]
+
+
+def _unknown(why: str) -> dict[str, Any]:
+    return {"discretisation_error": None, "discretisation_error_note": why}
+
+
+def _other_drive(ladder: Ladder, flat: Mapping[str, Any]) -> str:
+    """Return at which drive a ladder was measured where the run has another; else empty."""
+    others = [
+        f"{key} = {ladder.drive[key]} instead of {flat.get(key)}"
+        for key in DRIVE
+        if key in ladder.drive and ladder.drive[key] != flat.get(key)
+    ]
+    return f"measured at {', '.join(others)}" if others else ""

@@ -1,0 +1,115 @@
+"""Discretisation error of a run: that of its device's ladder at the run's own settings, else the reason why not."""
+
+import math
+
+import pytest
+from made_up_ladder import cell, contact_step, ladder
+
+import emclutch
+from emclutch.results.ladder import KnobError, Total
+from emclutch.results.ladders import VARIABLE, save_ladder
+from emclutch.results.statistics import Estimate
+from emclutch.scene.case import load_case
+from emclutch.simulation.discretisation_error import (
+    corrected,
+    device_of,
+    discretisation_error,
+    extrapolated,
+    settings_of,
+)
+from emclutch.simulation.plan import make_plan
+
+TORQUE = Estimate(2.0, 0.05, 20, 1e-3, 1e-3, True, "steady", replicas=4, degrees_of_freedom=1e6)
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """Where ladders are looked for in one test."""
+    monkeypatch.setenv(VARIABLE, str(tmp_path / "ladders"))
+    return tmp_path / "ladders"
+
+
+def planned(**values):
+    case = cell(**values)
+    return case, make_plan(case)[1]
+
+
+@pytest.mark.parametrize("values", [
+    {"scene__seed": 8}, {"time__steps_per_contact": 40.0}, {"contact__stiffness": "80 kN/m"}, {"time__end": "1 ms"},
+    {"particles__sector": "30 deg"}, {"effects__dipoles__update_every": 30}, {"accuracy__replicas": 3},
+    {"output__pictures": True},
+])  # fmt: skip
+def test_a_device_is_the_same_with_other_numerical_settings(values):
+    assert device_of(*planned(**values)) == device_of(*planned())
+
+
+@pytest.mark.parametrize("values", [
+    {"contact__friction": 0.1}, {"geometry__outer_radius": 11.3e-3}, {"particles__diameter": "0.29 mm"},
+    {"effects__saturation": None}, {"motion__rotor__speed": "5000 rpm"}, {"particles__stands_for": "60 um"},
+])  # fmt: skip
+def test_another_device_is_another_one(values):
+    assert device_of(*planned(**values)) != device_of(*planned())
+
+
+def test_the_size_of_grains_that_stand_for_others_and_speeds_of_an_inertial_number_are_numerical():
+    coarse = {"particles__stands_for": "60 um", "accuracy__inertial_number": 0.05}
+    finer = coarse | {"particles__diameter": "0.2 mm", "motion__rotor__speed": "5000 rpm"}
+    assert device_of(*planned(**coarse)) == device_of(*planned(**finer))
+
+
+def test_current_and_mesh_are_not_of_the_device():
+    case, plan = load_case("cases/quickstart.toml"), planned()[1]  # any plan has what settings change
+    other = case.with_values({"coil.current": "0.5 A", "field.size_factor": 1.4, "scene.seed": 9})
+    assert device_of(case, plan) == device_of(other, plan)
+
+
+def test_a_run_has_the_error_of_its_ladder(folder, tmp_path):
+    case, plan = planned()
+    device = device_of(case, plan)
+    file = save_ladder(ladder(device, contact_step(0.04), drive={"coil.current": 1.0}, unknown={"sector": "no time"}))
+    summary = emclutch.run(case, out=tmp_path / "run").summary
+    error = summary["discretisation_error"]
+    assert error["bias"] == pytest.approx(0.04) and error["parts"]["contact_step"]["setting"] == 20.0
+    assert error["ladder"]["file"] == str(file) and "coil.current = 1.0 instead of None" in error["ladder"]["note"]
+    assert error["unknown"]["sector"] == "no time" and "discretisation_error_note" not in summary
+    assert error["corrected_torque"]["mean"] == pytest.approx(summary["torque"]["mean"] / 1.04)
+    relative = summary["torque"]["standard_error"] / summary["torque"]["mean"]
+    assert summary["figure_of_merit"] == pytest.approx(1.0 / (relative**2 * summary["seconds"]["processor"]))
+
+
+def test_settings_of_the_run_count_and_far_ones_are_told(folder):
+    case, plan = planned(time__steps_per_contact=90.0)
+    save_ladder(ladder(device_of(case, plan), contact_step(0.04)))
+    error = discretisation_error(case, plan, TORQUE)["discretisation_error"]
+    assert error["bias"] == pytest.approx(math.exp(math.log(1.04) * (20.0 / 90.0) ** 2) - 1.0)
+    assert error["extrapolated"] == {"contact_step": "2.2 times as fine as the finest that was measured"}
+
+
+def test_statistics_and_discretisation_add_in_quadrature():
+    total = Total({"sector": KnobError(0.25, 0.03), "overlap": KnobError(0.0, 0.0)}, {})
+    found = corrected(TORQUE, total)
+    statistics = TORQUE.half_width() / 2.0
+    assert found["total_error"] == pytest.approx(math.hypot(statistics, 0.03))
+    assert found["corrected_torque"] == {"mean": 1.6, "half_width": pytest.approx(1.6 * found["total_error"])}
+    assert found["largest_part"] == {"name": "statistics", "half_width": statistics}
+    coarser = corrected(TORQUE, Total({"sector": KnobError(0.25, 0.1)}, {}))
+    assert coarser["largest_part"]["name"] == "sector"
+
+
+def test_without_a_ladder_the_command_is_named_and_a_damaged_one_is_no_failure(folder):
+    case, plan = planned()
+    none = discretisation_error(case, plan, TORQUE)
+    assert none["discretisation_error"] is None
+    assert none["discretisation_error_note"].endswith("find it with: emclutch accuracy CASE --budget 10min")
+    device = device_of(case, plan)
+    folder.mkdir()
+    for text in ("{", "[]", '"text"', "{}", ladder(device, contact_step(0.1)).to_json().replace("0.05", '"x"')):
+        (folder / f"{device}.json").write_text(text)
+        damaged = discretisation_error(case, plan, TORQUE)
+        assert damaged["discretisation_error"] is None and "measure anew" in damaged["discretisation_error_note"]
+
+
+def test_a_start_up_is_known_by_where_the_run_began_to_average():
+    case, plan = planned()
+    assert settings_of(case, plan)["start_up"] == 9.0 and settings_of(case, plan, 20.0)["start_up"] == 20.0
+    assert extrapolated(ladder("", contact_step(0.1)), {"start_up": 9.0}) == {}
