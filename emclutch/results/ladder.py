@@ -9,11 +9,15 @@ interval is Student's t, the scatter between packings pooled over all rungs (tha
 smaller by the root of two), so that few packings a rung suffice. Where noise is absent, or the order is not known, p is
 fitted.
 
+**One noise in all knobs.** All ladders share the packings at the scene's own settings, so that their errors are
+correlated: the part that this noise has in each (`KnobError.shared`) is added with its sign, all else in quadrature.
+
 **What the law lacks.** As for the grid convergence index (P. J. Roache, J. Fluids Eng. 116 (1994) 405-413; ASME V&V
 20-2009, section 2), the extrapolation is not trusted fully: the half width of the error is that of its statistics, plus
 in quadrature (F - 1) |b|, with F = 1.25 where three rungs or more follow the law, 1.5 where two rungs leave it
-unchecked, and 3 where the rungs do not follow it; without noise and law with the largest difference from finer rungs in
-place of |b| (L. Eca, M. Hoekstra, J. Comput. Phys. 262 (2014) 104-130).
+unchecked, and 3 where the rungs do not follow it, or at settings coarser than all of them; where they do not follow it
+with the largest misfit, or without noise the largest difference from finer rungs, in place of |b| if that is larger (L.
+Eca, M. Hoekstra, J. Comput. Phys. 262 (2014) 104-130). Without a law nothing is said of settings coarser than all.
 
 **Decided** is a knob whose error at the scene's setting is known to be different from zero, or smaller than `SMALL`;
 all others are undecided, and count with their half width all the same.
@@ -62,6 +66,8 @@ class Rung:
     packings : int
     seconds : float
         Processor time of a packing, or of a solution [s].
+    cost : float
+        Processor time of a packing at this setting over that at the scene's own; predicted where no packing was run.
     failure : str
         Why the rung has no value.
     """
@@ -72,23 +78,28 @@ class Rung:
     error: float
     packings: int
     seconds: float
+    cost: float = 1.0
     failure: str = ""
 
 
 @dataclass(frozen=True, slots=True)
 class KnobError:
-    """Error of a setting, relative to the torque.
+    """Error of a setting, relative to the torque without it.
 
     Attributes
     ----------
     bias : float
-        Positive where the torque is too large.
+        Positive where the torque is too large: the torque over 1 + bias is that without the error.
     half_width : float
-        Of the 95 % interval of the bias.
+        Of the 95 % interval of the torque so corrected, relative.
+    shared : float
+        The part of `half_width` by the noise of the scene's own settings, which all knobs share; with the sign of its
+        effect on the bias.
     """
 
     bias: float
     half_width: float
+    shared: float = 0.0
 
     @property
     def is_decided(self) -> bool:
@@ -172,8 +183,10 @@ class Total:
 
     @property
     def half_width(self) -> float:
-        """Of its 95 % interval: the parts' in quadrature."""
-        return math.sqrt(sum(one.half_width**2 for one in self.parts.values()))
+        """Of its 95 % interval: the parts' in quadrature, but that of the noise they share by their sum."""
+        parts = self.parts.values()
+        own = sum(one.half_width**2 - one.shared**2 for one in parts)
+        return math.sqrt(max(0.0, own) + sum(one.shared for one in parts) ** 2)
 
     @property
     def largest(self) -> str | None:
@@ -244,7 +257,11 @@ class Ladder:
             ladder = self.knob(name)
             found = None if ladder is None else ladder.error(h)
             if found is None:
-                unknown[name] = self.unknown.get(name, "the ladder has no rungs of it")
+                unknown[name] = self.unknown.get(name) or (
+                    "the ladder has no rungs of it"
+                    if ladder is None or ladder.error(ladder.rungs[-1].step_size) is None
+                    else "coarser than all settings that were measured, and no law is known"
+                )
             else:
                 parts[name] = found
         return Total(parts, unknown)
@@ -300,22 +317,28 @@ def pooled_scatter(groups: Sequence[tuple[Sequence[float], float]]) -> tuple[flo
 class _Fit:
     """Law of a knob's rungs: ln T = const + c x, x = h^p - h_0^p; with p None the differences of the rungs."""
 
-    p: float | None
-    limit: float
-    slope: float
-    slope_half: float
-    model: float  # F - 1, of the bias
     verdict: str
-    observed: float | None
-    differences: dict[float, KnobError]  # without a law, by step size
+    coarsest: float  # step size
+    p: float | None = None
+    limit: float = 0.0
+    slope: float = 0.0
+    slope_half: float = 0.0
+    slope_shared: float = 0.0
+    misfit: float = 0.0  # largest distance of a rung from the line
+    observed: float | None = None
+    differences: dict[float, KnobError] = field(default_factory=dict)  # without a law, by step size
 
-    def error(self, h: float) -> KnobError:
-        """Return the error at a step size; without a law that of the nearest rung."""
+    def error(self, h: float) -> KnobError | None:
+        """Return the error at a step size; without a law that of the next coarser rung, None where there is none."""
+        outside = h > self.coarsest * (1.0 + 1e-6)
         if self.p is None:
-            return self.differences[min(self.differences, key=lambda one: abs(math.log(one / h)))]
+            coarser = [one for one in self.differences if one >= h * (1.0 - 1e-6)]
+            return self.differences[min(coarser)] if coarser else None
         x = h**self.p - self.limit**self.p
-        bias = math.expm1(min(self.slope * x, 5.0))
-        return KnobError(bias, math.hypot(self.slope_half * abs(x), self.model * abs(bias)))
+        change = min(self.slope * x, 5.0)
+        model = SAFETY["no law" if outside else self.verdict] - 1.0
+        model *= abs(change) if self.verdict != "no law" else max(abs(change), self.misfit)
+        return KnobError(math.expm1(change), math.hypot(self.slope_half * x, model), self.slope_shared * x)
 
 
 def _fitted(ladder: KnobLadder) -> _Fit | None:
@@ -327,8 +350,9 @@ def _fitted(ladder: KnobLadder) -> _Fit | None:
     error = np.array([rung.error for rung in rungs])
     if not error.any():
         return _without_noise(ladder, h, y)
-    quantile = student(ladder.freedom)
-    return _differences(h, y, quantile * error) if ladder.order is None else _line(ladder, h, y, error, quantile)
+    own = np.array([math.isclose(rung.setting, ladder.own, rel_tol=1e-6) for rung in rungs])
+    half = student(ladder.freedom) * error
+    return _differences(h, y, half, own) if ladder.order is None else _line(ladder, h, y, error, own)
 
 
 def _without_noise(ladder: KnobLadder, h: np.ndarray, y: np.ndarray) -> _Fit:
@@ -341,31 +365,35 @@ def _without_noise(ladder: KnobLadder, h: np.ndarray, y: np.ndarray) -> _Fit:
         for p in orders:
             x = h**p - ladder.limit**p
             slope, constant = np.polyfit(x, y, 1)
-            misfit = float(np.abs(y - constant - slope * x).max()) / spread
+            misfit = float(np.abs(y - constant - slope * x).max())
             if best is None or misfit < best[0]:
                 best = misfit, float(p), float(slope)
         assert best is not None
-        if best[0] <= MISFIT and best[1] not in (orders[0], orders[-1]):
-            return _Fit(best[1], ladder.limit, best[2], 0.0, SAFETY["follows"] - 1.0, "follows", best[1], {})
+        misfit, p, slope = best
+        if misfit <= MISFIT * spread and p not in (orders[0], orders[-1]):
+            return _Fit("follows", float(h.max()), p, ladder.limit, slope, misfit=misfit, observed=p)
     found = {}
     last_step = abs(float(y[-2] - y[-1]))
     for i, one in enumerate(h):
         largest = max(last_step, float(np.abs(y[i:] - y[i]).max()))
         found[float(one)] = KnobError(math.expm1(float(y[i] - y[-1])), (SAFETY["no law"] - 1.0) * largest)
-    return _Fit(None, ladder.limit, 0.0, 0.0, 0.0, "no law", None, found)
+    return _Fit("no law", float(h.max()), differences=found)
 
 
-def _differences(h: np.ndarray, y: np.ndarray, half: np.ndarray) -> _Fit:
+def _differences(h: np.ndarray, y: np.ndarray, half: np.ndarray, own: np.ndarray) -> _Fit:
     """Differences of noisy rungs from the finest one, where nothing is known of their law."""
     model = SAFETY["not checked"] - 1.0
     found = {}
     for i, one in enumerate(h):
-        bias = math.expm1(float(y[i] - y[-1]))
-        found[float(one)] = KnobError(bias, math.hypot(float(half[i]), float(half[-1]), model * bias))
-    return _Fit(None, 0.0, 0.0, 0.0, 0.0, "no law", None, found)
+        difference = float(y[i] - y[-1])
+        shared = float(half[i] * own[i] - half[-1] * own[-1])
+        found[float(one)] = KnobError(
+            math.expm1(difference), math.hypot(float(half[i]), float(half[-1]), model * difference), shared
+        )
+    return _Fit("no law", float(h.max()), differences=found)
 
 
-def _line(ladder: KnobLadder, h: np.ndarray, y: np.ndarray, error: np.ndarray, quantile: float) -> _Fit:
+def _line(ladder: KnobLadder, h: np.ndarray, y: np.ndarray, error: np.ndarray, own: np.ndarray) -> _Fit:
     """Weighted least squares of noisy rungs over the law, and the test whether they follow it."""
     from scipy.special import chdtrc, fdtrc
 
@@ -374,10 +402,23 @@ def _line(ladder: KnobLadder, h: np.ndarray, y: np.ndarray, error: np.ndarray, q
     mean_x, mean_y = (float(weight @ one / weight.sum()) for one in (x, y))
     spread = float(weight @ (x - mean_x) ** 2)
     slope = float(weight @ ((x - mean_x) * (y - mean_y))) / spread
+    left = y - mean_y - slope * (x - mean_x)
     verdict = "not checked"
     if h.size > 2:
-        chi2, left = float(weight @ (y - mean_y - slope * (x - mean_x)) ** 2), h.size - 2
-        by_chance = chdtrc(left, chi2) if math.isinf(ladder.freedom) else fdtrc(left, ladder.freedom, chi2 / left)
+        chi2, freedom = float(weight @ left**2), h.size - 2
+        by_chance = (
+            chdtrc(freedom, chi2) if math.isinf(ladder.freedom) else fdtrc(freedom, ladder.freedom, chi2 / freedom)
+        )
         verdict = "follows" if by_chance >= SIGNIFICANCE else "no law"
-    half = quantile * spread**-0.5
-    return _Fit(ladder.order, ladder.limit, slope, half, SAFETY[verdict] - 1.0, verdict, None, {})
+    quantile = student(ladder.freedom)
+    shared = float(((x - mean_x) / error)[own].sum()) / spread  # of the slope, by the noise of the own rung
+    return _Fit(
+        verdict,
+        float(h.max()),
+        ladder.order,
+        ladder.limit,
+        slope,
+        quantile * spread**-0.5,
+        quantile * shared,
+        float(np.abs(left).max()),
+    )

@@ -1,0 +1,280 @@
+"""Cheapest settings that reach a wanted accuracy, from the ladder of a device.
+
+Every combination of the settings that were measured is looked at, with 4 to 24 packings. Its cost is that of a packing
+at the scene's own settings, times the ratio of each setting, times the packings. Its half width has two parts in
+quadrature: that of the packings' mean, t s / sqrt(n) with their scatter s (smaller where a setting means more grains),
+and that of the discretisation (`emclutch.results.ladder.Total`), of a torque that is divided by 1 + bias.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import islice
+
+import numpy as np
+
+from emclutch.results.ladder import Basis, KnobError, KnobLadder, Ladder, Rung, Total
+from emclutch.results.statistics import STOPPING_ALLOWANCE
+
+PACKINGS = (4, 6, 8, 12, 16, 24)
+"""Numbers of packings that a run with `time.until` looks at (emclutch.simulation.stopping_rule)."""
+STATISTICS = "packings"
+"""Name of the statistical part beside the knobs'."""
+MOST_SETTINGS = 4  # of a knob that are combined with those of others
+MOST_COMBINATIONS = 1_000_000
+MOST_WITHOUT_NOISE = 64  # combinations of the knobs without noise, on their frontier
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """Settings of a run, what it costs, and how well its torque is known.
+
+    Attributes
+    ----------
+    settings : dict of str to float
+        Of all knobs that were measured.
+    total : Total
+        Discretisation error at them.
+    packings : int
+    statistical : float
+        Half the 95 % interval of the packings' mean, relative.
+    seconds : float
+        Processor time of all packings [s].
+    """
+
+    settings: dict[str, float]
+    total: Total
+    packings: int
+    statistical: float
+    seconds: float
+
+    @property
+    def half_width(self) -> float:
+        """Of the corrected torque, relative."""
+        return math.hypot(self.statistical, self.total.half_width)
+
+    @property
+    def parts(self) -> dict[str, float]:
+        """Half widths by knob, and that of the packings; the widest first."""
+        parts = {STATISTICS: self.statistical} | {name: one.half_width for name, one in self.total.parts.items()}
+        return dict(sorted(parts.items(), key=lambda part: -part[1]))
+
+    @property
+    def largest(self) -> str:
+        """Return the name of the widest part."""
+        return next(iter(self.parts))
+
+    @property
+    def figure_of_merit(self) -> float:
+        """1 / (half width^2 processor time) [1/s]; larger is better."""
+        return 1.0 / (self.half_width**2 * self.seconds)
+
+
+@dataclass(frozen=True, slots=True)
+class Obstacle:
+    """Why no combination reaches a target.
+
+    Attributes
+    ----------
+    knob : str
+        That limits the accuracy.
+    half_width : float or None
+        Its part at the best combination, relative; None: it was not measured.
+    seconds : float or None
+        Processor time of a study that would know enough [s]: half widths fall as 1/sqrt(time).
+    reason : str
+        Why it was not measured.
+    best : Choice or None
+        The combination that comes nearest.
+    """
+
+    knob: str
+    half_width: float | None
+    seconds: float | None
+    reason: str = ""
+    best: Choice | None = None
+
+
+class Combinations:
+    """All combinations of a ladder's settings, as arrays over them.
+
+    Attributes
+    ----------
+    cost : (m,) array
+        Processor time of a packing over that at the scene's own settings.
+    scatter : (m,) array
+        Relative standard deviation between packings.
+    discretisation : (m,) array
+        Half width of the discretisation error.
+    """
+
+    def __init__(self, ladder: Ladder) -> None:
+        self.ladder = ladder
+        noisy = [one for one in ladder.knobs if one.basis is not Basis.PULL]
+        self._knobs = [one for one in ladder.knobs if one.basis is Basis.PULL] + noisy
+        found = [_candidates(ladder, one, MOST_SETTINGS) for one in self._knobs]
+        most = MOST_SETTINGS
+        while most > 1 and math.prod(map(len, found[-len(noisy) :] if noisy else [])) > (
+            MOST_COMBINATIONS // MOST_WITHOUT_NOISE
+        ):
+            most -= 1
+            found = [_candidates(ladder, one, most) for one in self._knobs]
+        self._candidates = found
+        self._chosen = np.zeros((1, 0), dtype=np.int8)
+        self.cost, self.scatter = np.ones(1), np.full(1, ladder.scatter)
+        self._variance, self._shared = np.zeros(1), np.zeros(1)
+        for knob, candidates in zip(self._knobs, found, strict=True):
+            self._combine(candidates)
+            if knob.basis is Basis.PULL:
+                self._keep_frontier()
+        self.discretisation = np.sqrt(self._variance + self._shared**2)
+
+    def _combine(self, candidates: list[_Candidate]) -> None:
+        """Combine what there is with the settings of one more knob."""
+        size, count = len(self.cost), len(candidates)
+        column = np.tile(np.arange(count, dtype=np.int8), size)[:, None]
+        self._chosen = np.hstack([np.repeat(self._chosen, count, axis=0), column])
+        self.cost = np.multiply.outer(self.cost, [one.cost for one in candidates]).ravel()
+        self.scatter = np.multiply.outer(self.scatter, [one.scatter for one in candidates]).ravel()
+        own = [max(0.0, one.error.half_width**2 - one.error.shared**2) for one in candidates]
+        self._variance = np.add.outer(self._variance, own).ravel()
+        self._shared = np.add.outer(self._shared, [one.error.shared for one in candidates]).ravel()
+
+    def _keep_frontier(self) -> None:
+        """Keep what no cheaper combination is as accurate as; of knobs without noise there is no other trade."""
+        order = np.lexsort((self._variance, self.cost))
+        least = np.minimum.accumulate(self._variance[order])
+        kept = order[np.r_[True, self._variance[order][1:] < least[:-1]]]
+        if len(kept) > MOST_WITHOUT_NOISE:
+            kept = kept[np.linspace(0, len(kept) - 1, MOST_WITHOUT_NOISE).round().astype(int)]
+        self._chosen, self.cost, self.scatter = self._chosen[kept], self.cost[kept], self.scatter[kept]
+        self._variance, self._shared = self._variance[kept], self._shared[kept]
+
+    def statistical(self, packings: int) -> np.ndarray:
+        """Return the half widths of the packings' mean (m,)."""
+        return statistical_half_width(1.0, packings) * self.scatter
+
+    def choice(self, number: int, packings: int) -> Choice:
+        """Return a combination with a number of packings."""
+        chosen = [
+            (knob.knob, one[place])
+            for knob, one, place in zip(self._knobs, self._candidates, self._chosen[number], strict=True)
+        ]
+        return Choice(
+            {name: one.rung.setting for name, one in chosen},
+            Total({name: one.error for name, one in chosen}, dict(self.ladder.unknown)),
+            packings,
+            statistical_half_width(float(self.scatter[number]), packings),
+            float(self.cost[number]) * self.ladder.seconds * packings,
+        )
+
+    def reaching(self, target: float) -> Iterator[Choice]:
+        """Yield what reaches a half width, the cheapest first; of each combination with the fewest packings."""
+        cost = np.full(len(self.cost), np.inf)
+        packings = np.zeros(len(self.cost), dtype=int)
+        for n in PACKINGS:
+            reaches = np.hypot(self.statistical(n), self.discretisation) <= target
+            first = reaches & (packings == 0)
+            packings[first] = n
+            cost[first] = n * self.cost[first]
+        for number in np.argsort(cost, kind="stable"):
+            if not packings[number]:
+                return
+            yield self.choice(int(number), int(packings[number]))
+
+    def nearest(self) -> Choice:
+        """Return what is the most accurate."""
+        return self.choice(int(np.argmin(np.hypot(self.statistical(PACKINGS[-1]), self.discretisation))), PACKINGS[-1])
+
+    def frontier(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return processor times [s] and half widths (k,) of what no cheaper combination is as accurate as."""
+        seconds = np.concatenate([n * self.cost for n in PACKINGS]) * self.ladder.seconds
+        half = np.concatenate([np.hypot(self.statistical(n), self.discretisation) for n in PACKINGS])
+        order = np.lexsort((half, seconds))
+        seconds, half = seconds[order], half[order]
+        kept = np.r_[True, half[1:] < np.minimum.accumulate(half)[:-1]]
+        return seconds[kept], half[kept]
+
+
+def recommended(ladder: Ladder, target: float, most: int = 20) -> list[Choice] | Obstacle:
+    """Return the cheapest settings that reach a half width, cheapest first; or why there are none.
+
+    Parameters
+    ----------
+    target : half the 95 % interval that is wanted, relative
+    most : how many are returned; a scene may refuse the first ones, since settings are measured one at a time
+    """
+    if ladder.unknown:
+        knob, reason = next(iter(ladder.unknown.items()))
+        return Obstacle(knob, None, None, reason)
+    all_of_them = Combinations(ladder)
+    found = list(islice(all_of_them.reaching(target), most))
+    if found:
+        return found
+    best = all_of_them.nearest()
+    spent = sum(rung.seconds * rung.packings for knob in ladder.knobs for rung in knob.rungs)
+    return Obstacle(best.largest, best.parts[best.largest], spent * (best.half_width / target) ** 2, best=best)
+
+
+def own_choice(ladder: Ladder, packings: int = PACKINGS[0]) -> Choice:
+    """Return the scene's own settings, with a number of packings."""
+    errors = {one.knob: error for one in ladder.knobs if (error := one.own_error) is not None}
+    return Choice(
+        {one.knob: one.own for one in ladder.knobs},
+        Total(errors, dict(ladder.unknown)),
+        packings,
+        statistical_half_width(ladder.scatter, packings),
+        ladder.seconds * packings,
+    )
+
+
+def statistical_half_width(scatter: float, packings: int) -> float:
+    """Return half the 95 % interval of a mean of packings, as wide as the rule that ends a run takes it."""
+    from scipy.special import stdtrit
+
+    return float(stdtrit(packings - 1, 1.0 - STOPPING_ALLOWANCE * 0.025)) * scatter / math.sqrt(packings)
+
+
+@dataclass(frozen=True, slots=True)
+class _Candidate:
+    """A setting, its error, and cost and scatter over those at the scene's own."""
+
+    rung: Rung
+    error: KnobError
+    cost: float
+    scatter: float
+
+
+def _candidates(ladder: Ladder, knob: KnobLadder, most: int) -> list[_Candidate]:
+    """Return settings with an error, from coarse to fine, the scene's own among them; at most so many."""
+    found = []
+    for rung in knob.rungs:
+        error = None if rung.value is None else knob.error(rung.step_size)
+        if error is None:
+            continue
+        cost, scatter = rung.cost, 1.0
+        if knob.basis is Basis.LATER and ladder.strain is not None:  # the averaged stretch remains as long
+            cost = (rung.setting + ladder.strain) / (knob.own + ladder.strain)
+        elif knob.basis is Basis.TORQUE and ladder.scatter > 0.0 and rung.error > 0.0:
+            scatter = rung.error * math.sqrt(rung.packings) / ladder.scatter
+        found.append(_Candidate(rung, error, cost, scatter))
+    while len(found) > most:  # those that others beat, then those with the smallest difference to their neighbour
+        beaten = [one for one in found if not _is_own(knob, one) and any(_beats(other, one) for other in found)]
+        others = [one for one in found if not _is_own(knob, one)]
+        found.remove(beaten[0] if beaten else min(others[:-1] or others, key=lambda one: abs(math.log(one.cost))))
+    return found
+
+
+def _is_own(knob: KnobLadder, one: _Candidate) -> bool:
+    return math.isclose(one.rung.setting, knob.own, rel_tol=1e-6)
+
+
+def _beats(other: _Candidate, one: _Candidate) -> bool:
+    return (
+        other is not one
+        and other.cost <= one.cost
+        and other.scatter <= one.scatter
+        and other.error.half_width <= one.error.half_width
+    )

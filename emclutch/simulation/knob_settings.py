@@ -1,0 +1,40 @@
+"""A scene with other settings of its knobs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from emclutch.knobs import KNOBS
+from emclutch.scene.case import Case
+from emclutch.simulation.plan import make_plan
+
+SAME = 1e-3
+"""Of a setting: what is nearer to the scene's own is left as the scene has it."""
+
+
+def with_settings(case: Case, settings: Mapping[str, float]) -> Case:
+    """Return a case with settings of its knobs, one after another in their order.
+
+    What the program chooses itself follows from the settings before it, as the contact's stiffness from the grains'
+    diameter; it is set, if another one is wanted, by the same factor.
+
+    Parameters
+    ----------
+    settings : by the knob's name; those of the case as it is are left alone, so that what is automatic remains so
+
+    Raises
+    ------
+    SceneError, ValueError
+        The scene, or its plan, refuses one.
+    """
+    _, plan = make_plan(case)
+    own = {one.name: one.own(case.scene, plan) for one in KNOBS if one.name in settings}
+    for knob in KNOBS:
+        if knob.name not in settings:
+            continue
+        factor = settings[knob.name] / own[knob.name]
+        if abs(factor - 1.0) > SAME:
+            setting = float(f"{factor * knob.own(case.scene, plan):.6g}")
+            case = case.with_values(knob.values(case.scene, plan, setting))
+            _, plan = make_plan(case)
+    return case

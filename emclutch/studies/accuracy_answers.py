@@ -1,0 +1,153 @@
+"""What an accuracy study says: tables, a picture, scenes for wanted accuracies, and one sentence."""
+
+from __future__ import annotations
+
+import io
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+
+from emclutch.results.atomic_file import replace_text
+from emclutch.results.ladder import Ladder
+from emclutch.results.recommended import Choice, Obstacle, own_choice, recommended
+from emclutch.results.report.render import html, markdown
+from emclutch.results.text import format_duration
+from emclutch.scene.case import Case, load_case
+from emclutch.scene.errors import SceneError
+from emclutch.scene.input_files import input_files
+from emclutch.simulation.knob_settings import with_settings
+from emclutch.studies.accuracy_tables import BOLD_HTML, BOLD_MARKDOWN, Answer, per_cent, rows_of, study_page
+
+MOST_PACKINGS = 64  # that a scene may ask for
+
+
+def present(case: Case, ladder: Ladder, folder: Path, targets: Sequence[float]) -> list[str]:
+    """Write tables, a page and a scene for each target that is reached; return what the terminal shows.
+
+    Writes ``accuracy.csv``, ``accuracy.md``, ``accuracy.html`` and ``target_10_percent.toml``, in place of earlier ones.
+
+    Parameters
+    ----------
+    targets : half widths of the torque's 95 % interval that are wanted, relative
+    """
+    answers = [_answer(case, ladder, folder, target) for target in sorted(targets, reverse=True)]
+    _write_csv(folder / "accuracy.csv", rows_of(ladder))
+    replace_text(folder / "accuracy.md", markdown(study_page(ladder, answers, folder, BOLD_MARKDOWN), folder))
+    replace_text(folder / "accuracy.html", html(study_page(ladder, answers, folder, BOLD_HTML)))
+    return [*_terminal_table(answers), *(one.in_words() for one in answers), closing_sentence(ladder, answers)]
+
+
+def closing_sentence(ladder: Ladder, answers: Sequence[Answer]) -> str:
+    """Say what the study has found, in one sentence."""
+    own = own_choice(ladder)
+    found = [(one.target, one.found) for one in answers if isinstance(one.found, Choice)]
+    reached = [f"{per_cent(target)} for {format_duration(choice.seconds)}" for target, choice in found]
+    costs = f"; {', '.join(reached)} of processor time" if reached else "; no target is reached in this budget"
+    torque = ladder.torque / (1.0 + own.total.bias)
+    return (
+        f"{ladder.case}: {ladder.torque:.3g} N m with {own.packings} packings, {100.0 * own.total.bias:+.2g} % by its "
+        f"settings, so {torque:.3g} N m ± {per_cent(own.half_width)}, most of it by {own.largest}{costs}."
+    )
+
+
+def _answer(case: Case, ladder: Ladder, folder: Path, target: float) -> Answer:
+    """Find the cheapest settings that the scene takes together, and write their scene."""
+    path = folder / f"target_{100.0 * target:g}_percent.toml"
+    path.unlink(missing_ok=True)
+    found = recommended(ladder, target)
+    if isinstance(found, Obstacle):
+        return Answer(target, found)
+    refusal: Exception | None = None
+    for choice in found:
+        try:
+            replace_text(path, scene_for(case, ladder, choice, target, path.name))
+            load_case(path)
+        except (SceneError, ValueError) as error:
+            refusal = error
+            path.unlink(missing_ok=True)
+        else:
+            return Answer(target, choice, path)
+    reason = f"the scene refuses the settings together: {refusal}"
+    return Answer(target, Obstacle(found[0].largest, None, None, reason, found[0]))
+
+
+def scene_for(case: Case, ladder: Ladder, choice: Choice, target: float, name: str) -> str:
+    """Return a scene with a choice's settings as the text of a file, ready to run.
+
+    Its paths are absolute, so that it can lie anywhere. SceneError or ValueError where the scene, or its plan, refuses
+    the settings.
+    """
+    case = with_settings(case, choice.settings)
+    allowed = math.sqrt(target**2 - choice.total.half_width**2)
+    values: dict[str, Any] = {
+        "time.until": f"torque {math.floor(1e4 * allowed) / 100.0:g} %",
+        "accuracy.target": None,
+        "accuracy.replicas": None,
+        "accuracy.max_replicas": min(MOST_PACKINGS, max(24, 2 * choice.packings)),
+    }
+    start = choice.settings.get("start_up")
+    if start is not None and ladder.strain is not None:
+        values["time.end"] = f"strain {start + ladder.strain:.6g}"
+        if ladder.strain > start * 1.01:  # else the average begins in the middle, which is there
+            values["time.average_from"] = f"strain {start:.6g}"
+    values |= {key: str(path.resolve()) for key, path in input_files(case.scene).items()}
+    for material, entry in case.data.get("materials", {}).items():
+        folder = Path() if case.path is None else case.path.parent
+        values |= {
+            f"materials.{material}.{key}": str((folder / str(entry[key])).resolve())
+            for key in ("table", "file")
+            if key in entry
+        }
+    return _head(case, ladder, choice, target, name) + tomli_w.dumps(case.with_values(values).data)
+
+
+def _head(case: Case, ladder: Ladder, choice: Choice, target: float, name: str) -> str:
+    parts = ", ".join(
+        f"{one} {per_cent(half)}" for one, half in choice.parts.items() if half >= 0.1 * choice.half_width
+    )
+    machine = ", ".join(str(ladder.machine[key]) for key in ("date", "processor") if key in ladder.machine)
+    lines = [
+        f"Torque of {case.name} to {per_cent(target)}: settings by `emclutch accuracy`",
+        "",
+        f"Run:    emclutch run {name}",
+        f"Takes:  {format_duration(choice.seconds)} of processor time, for about {choice.packings} packings",
+        f"Error:  +- {per_cent(choice.half_width)}: {parts}",
+        f"Bias:   {100.0 * choice.total.bias:+.2g} % by the settings; the torque of a run is to be divided by "
+        f"{1.0 + choice.total.bias:.4g}",
+        f"From:   ladder of device {ladder.device}{f' ({machine})' if machine else ''}",
+        "Note:   what the model is made of, as friction, is not in the error (docs/explanation/sensitivities.md)",
+    ]
+    return "\n".join(f"# {line}".rstrip() for line in lines) + "\n\n"
+
+
+def _write_csv(path: Path, rows: Sequence[dict[str, Any]]) -> None:
+    import pandas
+
+    replace_text(path, pandas.DataFrame(list(rows)).to_csv(index=False))
+
+
+def _terminal_table(answers: Sequence[Answer]) -> list[str]:
+    """Return the answers as lines of a table."""
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table("target", "packings", "processor time", "known to", "largest part", "scene")
+    for one in answers:
+        if isinstance(one.found, Choice):
+            name, half = next(iter(one.found.parts.items()))
+            table.add_row(
+                per_cent(one.target),
+                str(one.found.packings),
+                format_duration(one.found.seconds),
+                f"± {per_cent(one.found.half_width)}",
+                f"{name} {per_cent(half)}",
+                "" if one.file is None else one.file.name,
+            )
+    if not table.rows:
+        return []
+    stream = io.StringIO()
+    Console(file=stream, width=100).print(table)
+    return stream.getvalue().rstrip().splitlines()

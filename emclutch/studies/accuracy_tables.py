@@ -1,0 +1,256 @@
+"""Tables of an accuracy study: rows of accuracy.csv, and the page that is written as Markdown and as HTML."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from markupsafe import Markup
+
+from emclutch.knobs import KNOBS
+from emclutch.results.ladder import Basis, KnobError, KnobLadder, Ladder, Rung
+from emclutch.results.recommended import Choice, Obstacle, own_choice
+from emclutch.results.report.content import Block, Page, Picture, Statements, Table
+from emclutch.results.report.verdict import Mark, Statement
+from emclutch.results.text import format_duration
+from emclutch.scene.replica_count import cores_at_hand
+
+UNITS = {one.name: one.unit for one in KNOBS}
+SHORT = {Basis.TORQUE: "torque", Basis.PULL: "magnetic pull", Basis.LATER: "torque, later"}
+SMALLEST_PART = 0.1
+"""Of the half width: smaller parts are not named."""
+BOLD_MARKDOWN, BOLD_HTML = "**{}**", "<b>{}</b>"
+NOT_IN_IT = (
+    "Not in these errors: what the model is made of. Friction, rolling friction, fill and contact law move the torque by "
+    "more (docs/explanation/sensitivities.md)."
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What reaches a target, with the scene's file, or what is in the way.
+
+    Attributes
+    ----------
+    target : float
+        Half width, relative.
+    found : Choice or Obstacle
+    file : Path or None
+        Of the scene that is ready to run.
+    """
+
+    target: float
+    found: Choice | Obstacle
+    file: Path | None = None
+
+    def in_words(self) -> str:
+        """Return a line for the terminal."""
+        found = self.found
+        if isinstance(found, Choice):
+            return f"{per_cent(self.target)}: emclutch run {self.file}"
+        return f"{per_cent(self.target)}: {obstacle_in_words(found)}"
+
+
+def obstacle_in_words(found: Obstacle) -> str:
+    """Return why a target is not reached."""
+    if found.half_width is None:
+        return f"not reachable in this budget: limited by {found.knob}: {found.reason}"
+    about = "" if found.seconds is None else f", about {format_duration(found.seconds)} of processor time"
+    return f"not reachable in this budget: limited by {found.knob}, known to ± {per_cent(found.half_width)}{about}"
+
+
+def per_cent(share: float) -> str:
+    """Return a share in per cent with two digits."""
+    return f"{float(f'{100.0 * share:.2g}'):g} %"
+
+
+def error_in_words(error: KnobError | None) -> str:
+    """Return bias and half width, and whether they decide anything."""
+    if error is None:
+        return "not known"
+    half = 100.0 * error.half_width
+    digits = max(0, 1 - math.floor(math.log10(half))) if half > 0.0 else 1
+    text = f"{100.0 * error.bias:+.{min(digits, 3)}f} ± {half:.{min(digits, 3)}f} %"
+    return text if error.is_decided else f"undecided: {text}"
+
+
+def verdict_in_words(knob: KnobLadder) -> str:
+    """Return whether the rungs follow their law, and its order."""
+    order = knob.observed_order if knob.observed_order is not None else knob.order
+    return knob.verdict if order is None or knob.verdict == "no law" else f"{knob.verdict}, order {order:.2g}"
+
+
+def rows_of(ladder: Ladder) -> list[dict[str, Any]]:
+    """Return a row for each setting: bias and half width relative to the torque, seconds of one packing or solution.
+
+    Cost is the processor time of a packing over that at the scene's own settings.
+    """
+    rows = []
+    for knob in ladder.knobs:
+        for rung in knob.rungs:
+            error = None if rung.value is None else knob.error(rung.step_size)
+            rows.append(
+                {
+                    "knob": knob.knob,
+                    "key": knob.key,
+                    "setting": rung.setting,
+                    "unit": UNITS.get(knob.knob, ""),
+                    "own": _is_own(knob, rung),
+                    "basis": SHORT[knob.basis],
+                    "value": rung.value,
+                    "standard_error": rung.error,
+                    "bias": None if error is None else error.bias,
+                    "half_width": None if error is None else error.half_width,
+                    "decided": None if error is None else error.is_decided,
+                    "verdict": knob.verdict,
+                    "order": knob.observed_order if knob.observed_order is not None else knob.order,
+                    "packings": rung.packings,
+                    "seconds": rung.seconds,
+                    "cost": rung.cost,
+                    "failure": rung.failure,
+                }
+            )
+    rows += [{"knob": name, "verdict": "not measured", "failure": reason} for name, reason in ladder.unknown.items()]
+    return rows
+
+
+def study_page(ladder: Ladder, answers: Sequence[Answer], folder: Path, bold: str) -> Page:
+    """Return the page of a study; `bold` is the form of what is set in bold, ``**{}**`` or ``<b>{}</b>``."""
+    machine = ", ".join(f"{key} {value}" for key, value in ladder.machine.items())
+    picture: list[Block] = []
+    if (folder / "accuracy.png").is_file():
+        picture = [
+            Picture("total error against cost: a line a knob, all others as in the scene", folder / "accuracy.png")
+        ]
+    return Page(
+        folder,
+        f"What accuracy costs: {ladder.case}",
+        f"device {ladder.device}{f'; {machine}' if machine else ''}",
+        {
+            "Settings for wanted accuracies": [_answers(ladder, answers, bold), Statements(_remarks(ladder, answers))],
+            "Cost against error": picture,
+            "Errors at the scene's own settings": [_own(ladder, bold)],
+            "All settings that were measured": [_settings(ladder)],
+        },
+    )
+
+
+def _answers(ladder: Ladder, answers: Sequence[Answer], bold: str) -> Table:
+    """Return a row for the scene as it is, and one for each target."""
+    own = own_choice(ladder)
+    rows = [_answer_row("this scene", ladder, own, bold, "")]
+    for one in answers:
+        if isinstance(one.found, Choice):
+            rows.append(_answer_row(per_cent(one.target), ladder, one.found, bold, one.file.name if one.file else ""))
+        else:
+            rows.append((per_cent(one.target), obstacle_in_words(one.found), *[""] * 7))
+    head = (
+        "target", "settings that differ", "packings", "processor time", f"on {cores_at_hand()} cores", "bias",
+        "known to", "parts", "1/(error² time) [1/h]", "scene",
+    )  # fmt: skip
+    return Table([row + ("",) * (len(head) - len(row)) for row in rows], head, (2, 3, 4, 5, 6, 8))
+
+
+def _answer_row(target: str, ladder: Ladder, choice: Choice, bold: str, scene: str) -> tuple[str, ...]:
+    rounds = math.ceil(choice.packings / cores_at_hand())
+    return (
+        target,
+        changes_in_words(ladder, choice) or "none",
+        str(choice.packings),
+        format_duration(choice.seconds),
+        format_duration(choice.seconds / choice.packings * rounds),
+        f"{100.0 * choice.total.bias:+.2g} %",
+        f"± {per_cent(choice.half_width)}",
+        parts_in_words(choice, bold),
+        f"{3600.0 * choice.figure_of_merit:.3g}",
+        scene,
+    )
+
+
+def changes_in_words(ladder: Ladder, choice: Choice) -> str:
+    """Return the settings that are not the scene's own."""
+    return ", ".join(
+        f"{knob.knob} {choice.settings[knob.knob]:.4g}"
+        for knob in ladder.knobs
+        if knob.knob in choice.settings and not math.isclose(choice.settings[knob.knob], knob.own, rel_tol=1e-6)
+    )
+
+
+def parts_in_words(choice: Choice, bold: str = "{}") -> Markup:
+    """Return the parts of the half width that count, the largest in bold."""
+    parts = [
+        f"{name} {per_cent(half)}" for name, half in choice.parts.items() if half >= SMALLEST_PART * choice.half_width
+    ]
+    return Markup(", ").join([Markup(bold).format(parts[0]), *parts[1:]])
+
+
+def _remarks(ladder: Ladder, answers: Sequence[Answer]) -> list[Statement]:
+    corrected = any(isinstance(one.found, Choice) and abs(one.found.total.bias) > one.target for one in answers)
+    remarks = [
+        Statement(
+            Mark.NOTE,
+            'A bias is what the settings add to the torque; the torque is to be divided by 1 + bias. "Known to" is half '
+            "the 95 % interval of the torque so corrected: of its packings and its settings, in quadrature.",
+        )
+    ]
+    if corrected:
+        remarks.append(Statement(Mark.NOTE, "Some targets are reached by that correction: the bias alone is larger."))
+    remarks += [
+        Statement(Mark.POOR, f"Not measured: {name.replace('_', ' ')} ({reason}); the errors are without it.")
+        for name, reason in ladder.unknown.items()
+    ]
+    return [*remarks, Statement(Mark.NOTE, NOT_IN_IT)]
+
+
+def _own(ladder: Ladder, bold: str) -> Table:
+    """Return the error of each knob at the scene's own setting, the widest first."""
+    choice = own_choice(ladder)
+    theory = {one.name: one.theory for one in KNOBS}
+    of = {one.knob: one for one in ladder.knobs}
+    known = [name for name in choice.parts if name in of]
+    rows: list[tuple[str, ...]] = []
+    for name in [*known, *(one for one in of if one not in known)]:
+        knob = of[name]
+        shown = error_in_words(knob.own_error)
+        rows.append(
+            (
+                name,
+                knob.key,
+                f"{knob.own:.4g} {UNITS.get(name, '')}".strip(),
+                Markup(bold).format(shown) if name == next(iter(known), None) else shown,
+                verdict_in_words(knob),
+                theory.get(name, ""),
+            )
+        )
+    rows += [(name, "", "", "not known", reason, theory.get(name, "")) for name, reason in ladder.unknown.items()]
+    return Table(rows, ("knob", "key", "setting", "error of the torque", "law", "theory"))
+
+
+def _settings(ladder: Ladder) -> Table:
+    rows = []
+    for knob in ladder.knobs:
+        for rung in knob.rungs:
+            error = None if rung.value is None else knob.error(rung.step_size)
+            value = rung.failure or "none" if rung.value is None else f"{rung.value:.4g}"
+            own = " (this scene)" if _is_own(knob, rung) else ""
+            rows.append(
+                (
+                    knob.knob,
+                    f"{rung.setting:.4g} {UNITS.get(knob.knob, '')}".strip() + own,
+                    f"{value} ± {per_cent(rung.error)}" if rung.error else value,
+                    SHORT[knob.basis],
+                    error_in_words(error) if rung.value is not None else "",
+                    str(rung.packings),
+                    f"{rung.seconds:.3g}",
+                    f"{rung.cost:.3g}",
+                )
+            )
+    head = ("knob", "setting", "value ± standard error", "measured on", "error", "packings", "seconds each", "cost")
+    return Table(rows, head, (5, 6, 7))
+
+
+def _is_own(knob: KnobLadder, rung: Rung) -> bool:
+    return math.isclose(rung.setting, knob.own, rel_tol=1e-6)
