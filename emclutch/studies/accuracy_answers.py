@@ -19,7 +19,15 @@ from emclutch.scene.case import Case, load_case
 from emclutch.scene.errors import SceneError
 from emclutch.scene.input_files import input_files
 from emclutch.simulation.knob_settings import with_settings
-from emclutch.studies.accuracy_tables import BOLD_HTML, BOLD_MARKDOWN, Answer, per_cent, rows_of, study_page
+from emclutch.studies.accuracy_tables import (
+    BOLD_HTML,
+    BOLD_MARKDOWN,
+    Answer,
+    parts_in_words,
+    per_cent,
+    rows_of,
+    study_page,
+)
 
 MOST_PACKINGS = 64  # that a scene may ask for
 
@@ -27,7 +35,8 @@ MOST_PACKINGS = 64  # that a scene may ask for
 def present(case: Case, ladder: Ladder, folder: Path, targets: Sequence[float]) -> list[str]:
     """Write tables, a page and a scene for each target that is reached; return what the terminal shows.
 
-    Writes ``accuracy.csv``, ``accuracy.md``, ``accuracy.html`` and ``target_10_percent.toml``, in place of earlier ones.
+    Writes ``accuracy.csv``, ``accuracy.md``, ``accuracy.html`` and scenes as ``target_10_percent.toml``, in place of
+    earlier ones.
 
     Parameters
     ----------
@@ -105,9 +114,7 @@ def scene_for(case: Case, ladder: Ladder, choice: Choice, target: float, name: s
 
 
 def _head(case: Case, ladder: Ladder, choice: Choice, target: float, name: str) -> str:
-    parts = ", ".join(
-        f"{one} {per_cent(half)}" for one, half in choice.parts.items() if half >= 0.1 * choice.half_width
-    )
+    parts = parts_in_words(choice)
     machine = ", ".join(str(ladder.machine[key]) for key in ("date", "processor") if key in ladder.machine)
     lines = [
         f"Torque of {case.name} to {per_cent(target)}: settings by `emclutch accuracy`",

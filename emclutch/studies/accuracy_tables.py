@@ -24,8 +24,8 @@ SMALLEST_PART = 0.1
 """Of the half width: smaller parts are not named."""
 BOLD_MARKDOWN, BOLD_HTML = "**{}**", "<b>{}</b>"
 NOT_IN_IT = (
-    "Not in these errors: what the model is made of. Friction, rolling friction, fill and contact law move the torque by "
-    "more (docs/explanation/sensitivities.md)."
+    "Not in these errors: what the model is made of. Friction, rolling friction, fill and contact law move the torque "
+    "by more (docs/explanation/sensitivities.md)."
 )
 
 
@@ -192,8 +192,8 @@ def _remarks(ladder: Ladder, answers: Sequence[Answer]) -> list[Statement]:
     remarks = [
         Statement(
             Mark.NOTE,
-            'A bias is what the settings add to the torque; the torque is to be divided by 1 + bias. "Known to" is half '
-            "the 95 % interval of the torque so corrected: of its packings and its settings, in quadrature.",
+            'A bias is what the settings add to the torque; the torque is to be divided by 1 + bias. "Known to" is '
+            "half the 95 % interval of the torque so corrected: of its packings and its settings, in quadrature.",
         )
     ]
     if corrected:
