@@ -26,7 +26,7 @@ from emclutch.results.columns import (
 )
 from emclutch.results.grain_profiles import profile_column, read_profiles
 from emclutch.results.replicated_mean import drift_in_words
-from emclutch.results.report.verdict import Mark, Statement, sentence, verdict
+from emclutch.results.report.verdict import Mark, Statement, in_words, percentage, sentence, verdict
 from emclutch.results.study_folder import StudyFolder, is_study, read_study, refresh_in_words
 from emclutch.results.study_result import grain_size_lines
 from emclutch.results.text import format_stress, format_time, format_torque
@@ -395,6 +395,16 @@ def _torques(result: Result) -> list[tuple[str, str]]:
     for key, label in (("torque_rotor", "on the rotor"), ("torque_field", "taken by the field")):
         if summary.get(key, {}).get("mean") is not None:
             rows.append((f"torque {label}", f"{summary[key]['mean']:.5g} N m"))
+    found = summary.get("discretisation_error") or {}
+    rows += [
+        (
+            f"error by the setting of {in_words(name)}",
+            f"{100.0 * part['bias']:+.2g} % +- {percentage(part['half_width'])}, at {part['setting']:.4g}",
+        )
+        for name, part in found.get("parts", {}).items()
+    ]
+    if found:
+        rows.append(("ladder of the settings' errors", f"{found['ladder']['file']} ({found['ladder']['date']})"))
     return rows
 
 

@@ -47,15 +47,17 @@ def verdict(result: Result) -> list[Statement]:
     failed = not result.summary and result.folder.read_failure() is not None
     begin = [*end, *torque] if failed else [*torque, *end]
     target = [Statement(one.mark, sentence(one.text)) for one in _target(result.summary)]
-    return [*begin, *target, *_balances(result), *_warnings(result.summary), *_gaps(result)]
+    total = [Statement(one.mark, sentence(one.text)) for one in _total_error(result.summary)]
+    return [*begin, *total, *target, *_balances(result), *_warnings(result.summary), *_gaps(result)]
 
 
 def closing_lines(result: Result) -> list[str]:
-    """Return the last lines of a run: lock-up, target precision, warnings."""
+    """Return the last lines of a run: total error, lock-up, target precision, warnings."""
     summary = result.summary
-    lines = [*_end_lines(result), *(one.text for one in _target(summary))]
+    lines = [one.text for one in _total_error(summary)]
+    lines += [*_end_lines(result), *(one.text for one in _target(summary))]
     if "grain_size" in summary:
-        lines.append(f"statistical error only; {summary['grain_size']['note']}")
+        lines.append(summary["grain_size"]["note"])
     if "scaled_speed" in summary:
         lines.append(summary["scaled_speed"]["note"])
     if load := _wall_load(summary):
@@ -144,6 +146,47 @@ def _target(summary: dict[str, Any]) -> Iterator[Statement]:
         yield Statement(Mark.POOR, f"target precision not reached ({until['asked']}){reason}")
 
 
+def _total_error(summary: dict[str, Any]) -> Iterator[Statement]:
+    """Say what the torque is without the error of its settings, how well it is known, and by what that is limited."""
+    if not (summary.get("torque") or {}).get("mean") or "discretisation_error" not in summary:
+        return
+    found = summary["discretisation_error"]
+    if found is None:
+        note = summary.get("discretisation_error_note", "not measured")
+        yield Statement(Mark.NOTE, f"the interval is statistical only, the error of the settings unknown: {note}")
+        return
+    torque, total, largest = found["corrected_torque"], found["total_error"], found["largest_part"]
+    if total is None:
+        known = "statistical error unknown"
+    else:
+        known = f"+- {torque['half_width']:.2g} N m (95 %), total error {percentage(total)}"
+    if largest is not None:
+        known += f"; largest part: {in_words(largest['name'])}, {percentage(largest['half_width'])}"
+    text = f"without the error of its settings ({100.0 * found['bias']:+.2g} %): {torque['mean']:.4g} N m {known}"
+    for what, names in (("not in it", found["unknown"]), ("extrapolated", found["extrapolated"])):
+        text += "".join(f"; {what}: {in_words(name)} ({why})" for name, why in names.items())
+    if found["ladder"]["note"]:
+        text += f"; {found['ladder']['note']}"
+    asked = summary.get("accuracy_target")
+    missed = asked is not None and not asked["reached"]
+    rough = total is None or total > ROUGH or bool(found["unknown"])
+    yield Statement(Mark.POOR if missed else Mark.NOTE if rough else Mark.GOOD, text)
+    if asked is not None:
+        reached = "reached" if asked["reached"] else "not reached"
+        mark = Mark.POOR if missed else Mark.GOOD
+        yield Statement(mark, f"accuracy.target = {percentage(asked['asked'])}: {reached}")
+
+
+def percentage(share: float) -> str:
+    """Return a share in per cent, two digits."""
+    return f"{100.0 * share:.2g} %"
+
+
+def in_words(name: str) -> str:
+    """Return the name of a numerical setting as words."""
+    return name.replace("_", " ")
+
+
 def _balances(result: Result) -> Iterator[Statement]:
     history, summary = result.history, result.summary
     if not summary:
@@ -191,7 +234,7 @@ def _gaps(result: Result) -> Iterator[Statement]:
     """Say what the numbers do not hold."""
     summary = result.summary
     if "grain_size" in summary:
-        yield Statement(Mark.NOTE, f"The error is statistical only: {summary['grain_size']['note']}.")
+        yield Statement(Mark.NOTE, sentence(summary["grain_size"]["note"]))
     if "scaled_speed" in summary:
         yield Statement(Mark.NOTE, sentence(summary["scaled_speed"]["note"]))
     if load := _wall_load(summary):
@@ -200,11 +243,6 @@ def _gaps(result: Result) -> Iterator[Statement]:
         worst = max(errors, key=lambda name: abs(errors[name]))
         yield Statement(
             Mark.NOTE, f"The field's discretisation is off by some {100.0 * errors[worst]:.2g} % ({worst}; estimated)."
-        )
-    if summary and summary.get("discretisation_error") is None:
-        yield Statement(
-            Mark.NOTE,
-            "What the time step of the grains and the mesh do to the torque was not measured; emclutch accuracy does.",
         )
     if result.folder.lacks_pictures():
         yield Statement(Mark.POOR, f"Its pictures are missing; draw them with: emclutch plot {result.folder.path}")
