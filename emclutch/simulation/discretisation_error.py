@@ -15,6 +15,7 @@ from emclutch.knobs import KNOBS, Knob, knobs_of
 from emclutch.results import OutputError
 from emclutch.results.ladder import Ladder, Total
 from emclutch.results.ladders import DRIVE, device_hash, find_ladder
+from emclutch.results.recommended import STATISTICS
 from emclutch.results.statistics import Estimate
 from emclutch.scene.case import Case
 from emclutch.scene.input_files import hashed_input_files
@@ -24,8 +25,6 @@ from emclutch.simulation.resume import flat_scene
 FAR = 2.0
 """Factor of step size beyond the rungs from which on the law is said to be extrapolated."""
 SPEEDS = ("motion.rotor.speed", "motion.disc.speed")
-STATISTICS = "statistics"
-"""The part of a total error that is no knob's."""
 
 
 def device_of(case: Case, plan: Plan) -> str:

@@ -83,11 +83,10 @@ def _answer(case: Case, ladder: Ladder, folder: Path, target: float) -> Answer:
     return Answer(target, Obstacle(found[0].largest, None, None, reason, found[0]))
 
 
-def scene_for(case: Case, ladder: Ladder, choice: Choice, target: float, name: str) -> str:
-    """Return a scene with a choice's settings as the text of a file, ready to run.
+def case_for(case: Case, ladder: Ladder, choice: Choice, target: float) -> Case:
+    """Return a case with a choice's settings, that runs until statistics and discretisation together reach a target.
 
-    Its paths are absolute, so that it can lie anywhere. SceneError or ValueError where the scene, or its plan, refuses
-    the settings.
+    SceneError or ValueError where the scene, or its plan, refuses the settings.
     """
     case = with_settings(case, choice.settings)
     allowed = math.sqrt(target**2 - choice.total.half_width**2)
@@ -102,7 +101,13 @@ def scene_for(case: Case, ladder: Ladder, choice: Choice, target: float, name: s
         values["time.end"] = f"strain {start + ladder.strain:.6g}"
         if ladder.strain > start * 1.01:  # else the average begins in the middle, which is there
             values["time.average_from"] = f"strain {start:.6g}"
-    values |= {key: str(path.resolve()) for key, path in input_files(case.scene).items()}
+    return case.with_values(values)
+
+
+def scene_for(case: Case, ladder: Ladder, choice: Choice, target: float, name: str) -> str:
+    """Return the scene of `case_for` as the text of a file, ready to run: its paths are absolute."""
+    case = case_for(case, ladder, choice, target)
+    values: dict[str, Any] = {key: str(path.resolve()) for key, path in input_files(case.scene).items()}
     for material, entry in case.data.get("materials", {}).items():
         folder = Path() if case.path is None else case.path.parent
         values |= {

@@ -91,7 +91,7 @@ def test_statistics_and_discretisation_add_in_quadrature():
     statistics = TORQUE.half_width() / 2.0
     assert found["total_error"] == pytest.approx(math.hypot(statistics, 0.03))
     assert found["corrected_torque"] == {"mean": 1.6, "half_width": pytest.approx(1.6 * found["total_error"])}
-    assert found["largest_part"] == {"name": "statistics", "half_width": statistics}
+    assert found["largest_part"] == {"name": "packings", "half_width": statistics}
     coarser = corrected(TORQUE, Total({"sector": KnobError(0.25, 0.1)}, {}))
     assert coarser["largest_part"]["name"] == "sector"
 
