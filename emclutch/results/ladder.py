@@ -6,8 +6,9 @@ some packings, or a quantity without noise. A *ladder* are the rungs of all knob
 **Error of a setting.** ln T = ln T_0 + c (h^p - h_0^p) over the step size h of a knob of known order p, by weighted
 least squares; b = c (h^p - h_0^p) is the relative error of a setting, positive where the torque is too large. Its
 interval is Student's t, the scatter between packings pooled over all rungs (that of a rung of twice the grains being
-smaller by the root of two), so that few packings a rung suffice. Where noise is absent, or the order is not known, p is
-fitted.
+smaller by the root of two), so that few packings a rung suffice. Whether rungs follow the law says a test of their
+misfit (F, 5 %). Where they do not, all orders from p/2 to 2 p that pass it are taken, and the half width has how far
+their errors lie apart. Where noise is absent p is fitted, to three rungs or more over a factor of 2 in h.
 
 **One noise in all knobs.** All ladders share the packings at the scene's own settings, so that their errors are
 correlated: the part that this noise has in each (`KnobError.shared`) is added with its sign, all else in quadrature.
@@ -34,11 +35,12 @@ from typing import Any
 
 import numpy as np
 
-SAFETY = {"follows": 1.25, "not checked": 1.5, "no law": 3.0}
+SAFETY = {"follows": 1.25, "other order": 1.25, "not checked": 1.5, "no law": 3.0}
 SMALL = 0.01
 """Half width of an error that needs no decision."""
 ORDERS = np.linspace(0.5, 8.0, 301)
 MISFIT = 0.1  # of the range of the rungs: largest residual of rungs without noise that follow a law
+NARROW = 2.0  # coarsest over finest step size: over less no order is seen
 SIGNIFICANCE = 0.05
 CONFIDENCE = 0.95
 
@@ -325,6 +327,7 @@ class _Fit:
     slope_half: float = 0.0
     slope_shared: float = 0.0
     misfit: float = 0.0  # largest distance of a rung from the line
+    others: tuple[tuple[float, float], ...] = ()  # order and slope of other laws that the rungs allow
     observed: float | None = None
     differences: dict[float, KnobError] = field(default_factory=dict)  # without a law, by step size
 
@@ -338,11 +341,13 @@ class _Fit:
         change = min(self.slope * x, 5.0)
         model = SAFETY["no law" if outside else self.verdict] - 1.0
         model *= abs(change) if self.verdict != "no law" else max(abs(change), self.misfit)
-        return KnobError(math.expm1(change), math.hypot(self.slope_half * x, model), self.slope_shared * x)
+        apart = max((abs(c * (h**p - self.limit**p) - change) for p, c in self.others), default=0.0)
+        half = math.hypot(self.slope_half * x, model, apart)
+        return KnobError(math.expm1(change), half, self.slope_shared * x)
 
 
 def _fitted(ladder: KnobLadder) -> _Fit | None:
-    rungs = [rung for rung in ladder.rungs if rung.value]
+    rungs = sorted((rung for rung in ladder.rungs if rung.value), key=lambda rung: -rung.step_size)
     if len(rungs) < 2 or any(rung.value * (rungs[0].value or 0.0) <= 0.0 for rung in rungs if rung.value):
         return None
     h = np.array([rung.step_size for rung in rungs])
@@ -350,7 +355,8 @@ def _fitted(ladder: KnobLadder) -> _Fit | None:
     error = np.array([rung.error for rung in rungs])
     if not error.any():
         return _without_noise(ladder, h, y)
-    own = np.array([math.isclose(rung.setting, ladder.own, rel_tol=1e-6) for rung in rungs])
+    shares = ladder.basis is Basis.TORQUE
+    own = np.array([shares and math.isclose(rung.setting, ladder.own, rel_tol=1e-6) for rung in rungs])
     half = student(ladder.freedom) * error
     return _differences(h, y, half, own) if ladder.order is None else _line(ladder, h, y, error, own)
 
@@ -360,7 +366,7 @@ def _without_noise(ladder: KnobLadder, h: np.ndarray, y: np.ndarray) -> _Fit:
     low, high = (ORDERS[0], ORDERS[-1]) if ladder.order is None else (0.5 * ladder.order, 2.0 * ladder.order)
     orders = ORDERS[(ORDERS >= low) & (ORDERS <= high)]
     spread = float(np.ptp(y))
-    if h.size > 2 and spread > 0.0:
+    if h.size > 2 and spread > 0.0 and h.max() >= NARROW * h.min():
         best = None
         for p in orders:
             x = h**p - ladder.limit**p
@@ -394,31 +400,58 @@ def _differences(h: np.ndarray, y: np.ndarray, half: np.ndarray, own: np.ndarray
 
 
 def _line(ladder: KnobLadder, h: np.ndarray, y: np.ndarray, error: np.ndarray, own: np.ndarray) -> _Fit:
-    """Weighted least squares of noisy rungs over the law, and the test whether they follow it."""
-    from scipy.special import chdtrc, fdtrc
-
+    """Weighted least squares of noisy rungs over the law, or over those of other orders where they do not follow it."""
     assert ladder.order is not None
-    x, weight = h**ladder.order - ladder.limit**ladder.order, error**-2
-    mean_x, mean_y = (float(weight @ one / weight.sum()) for one in (x, y))
-    spread = float(weight @ (x - mean_x) ** 2)
-    slope = float(weight @ ((x - mean_x) * (y - mean_y))) / spread
-    left = y - mean_y - slope * (x - mean_x)
-    verdict = "not checked"
-    if h.size > 2:
-        chi2, freedom = float(weight @ left**2), h.size - 2
-        by_chance = (
-            chdtrc(freedom, chi2) if math.isinf(ladder.freedom) else fdtrc(freedom, ladder.freedom, chi2 / freedom)
-        )
-        verdict = "follows" if by_chance >= SIGNIFICANCE else "no law"
+    law = _Line.of(ladder, ladder.order, h, y, error)
+    verdict, others = "not checked" if h.size == 2 else "follows" if law.passes else "no law", []
+    if verdict == "no law":
+        allowed = ORDERS[(ORDERS >= 0.5 * ladder.order) & (ORDERS <= 2.0 * ladder.order)]
+        others = [one for p in allowed if (one := _Line.of(ladder, float(p), h, y, error)).passes]
+    if others:
+        verdict, law = "other order", max(others, key=lambda one: one.by_chance)
     quantile = student(ladder.freedom)
-    shared = float(((x - mean_x) / error)[own].sum()) / spread  # of the slope, by the noise of the own rung
+    shared = float(((law.x - law.mean) / error)[own].sum()) / law.spread  # of the slope, by the noise of the own rung
     return _Fit(
         verdict,
         float(h.max()),
-        ladder.order,
+        law.p,
         ladder.limit,
-        slope,
-        quantile * spread**-0.5,
+        law.slope,
+        quantile * law.spread**-0.5,
         quantile * shared,
-        float(np.abs(left).max()),
+        law.misfit,
+        others=tuple((one.p, one.slope) for one in others),
+        observed=law.p if others else None,
     )
+
+
+@dataclass(frozen=True)
+class _Line:
+    """Weighted least squares of noisy rungs over x = h^p - h_0^p."""
+
+    p: float
+    x: np.ndarray
+    mean: float
+    spread: float
+    slope: float
+    misfit: float
+    by_chance: float
+
+    @property
+    def passes(self) -> bool:
+        return self.by_chance >= SIGNIFICANCE
+
+    @classmethod
+    def of(cls, ladder: KnobLadder, p: float, h: np.ndarray, y: np.ndarray, error: np.ndarray) -> _Line:
+        from scipy.special import chdtrc, fdtrc
+
+        x, weight = h**p - ladder.limit**p, error**-2
+        mean_x, mean_y = (float(weight @ one / weight.sum()) for one in (x, y))
+        spread = float(weight @ (x - mean_x) ** 2)
+        slope = float(weight @ ((x - mean_x) * (y - mean_y))) / spread
+        left = y - mean_y - slope * (x - mean_x)
+        chi2, freedom = float(weight @ left**2), max(h.size - 2, 1)
+        by_chance = (
+            chdtrc(freedom, chi2) if math.isinf(ladder.freedom) else fdtrc(freedom, ladder.freedom, chi2 / freedom)
+        )
+        return cls(p, x, mean_x, spread, slope, float(np.abs(left).max()), float(by_chance))

@@ -255,9 +255,7 @@ def _candidates(ladder: Ladder, knob: KnobLadder, most: int) -> list[_Candidate]
         if error is None:
             continue
         cost, scatter = rung.cost, 1.0
-        if knob.basis is Basis.LATER and ladder.strain is not None:  # the averaged stretch remains as long
-            cost = (rung.setting + ladder.strain) / (knob.own + ladder.strain)
-        elif knob.basis is Basis.TORQUE and ladder.scatter > 0.0 and rung.error > 0.0:
+        if knob.basis is Basis.TORQUE and ladder.scatter > 0.0 and rung.error > 0.0:
             scatter = rung.error * math.sqrt(rung.packings) / ladder.scatter
         found.append(_Candidate(rung, error, cost, scatter))
     while len(found) > most:  # those that others beat, then those with the smallest difference to their neighbour

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cached_property
+from typing import Any
 
 from emclutch.knobs import KNOBS
 from emclutch.scene.case import Case
-from emclutch.simulation.plan import make_plan
+from emclutch.simulation.plan import Plan, make_plan
 
 SAME = 1e-3
 """Of a setting: what is nearer to the scene's own is left as the scene has it."""
 
 
 def with_settings(case: Case, settings: Mapping[str, float]) -> Case:
-    """Return a case with settings of its knobs, one after another in their order.
+    """Return a case with settings of its knobs, set one after another in their order.
 
     What the program chooses itself follows from the settings before it, as the contact's stiffness from the grains'
     diameter; it is set, if another one is wanted, by the same factor.
@@ -27,7 +29,7 @@ def with_settings(case: Case, settings: Mapping[str, float]) -> Case:
     SceneError, ValueError
         The scene, or its plan, refuses one.
     """
-    _, plan = make_plan(case)
+    plan: Any = _PlanOnDemand(case)
     own = {one.name: one.own(case.scene, plan) for one in KNOBS if one.name in settings}
     for knob in KNOBS:
         if knob.name not in settings:
@@ -36,5 +38,20 @@ def with_settings(case: Case, settings: Mapping[str, float]) -> Case:
         if abs(factor - 1.0) > SAME:
             setting = float(f"{factor * knob.own(case.scene, plan):.6g}")
             case = case.with_values(knob.values(case.scene, plan, setting))
-            _, plan = make_plan(case)
+            plan = _PlanOnDemand(case)
+    make_plan(case)
     return case
+
+
+class _PlanOnDemand:
+    """The plan of a case, made when it is first asked for: it may solve for a field, and most knobs need none."""
+
+    def __init__(self, case: Case) -> None:
+        self._case = case
+
+    @cached_property
+    def _plan(self) -> Plan:
+        return make_plan(self._case)[1]
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._plan, name)
