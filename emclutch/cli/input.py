@@ -13,7 +13,8 @@ from emclutch.scene.case import Case, load_case, read_toml, removes
 from emclutch.scene.errors import Fault, SceneError, shown
 from emclutch.scene.fault_report import key_fault
 from emclutch.scene.model import Scene
-from emclutch.scene.units import Quantity
+from emclutch.scene.share import ShareEntry
+from emclutch.scene.units import Quantity, Time, quantity_of
 
 if TYPE_CHECKING:
     from emclutch.scene.design import Search
@@ -125,6 +126,29 @@ def read_list(text: str, quantity: Quantity, option: str) -> list[float]:
         raise SceneError([Fault(option, shown(text), message)], "command line")
     first, last = _read_all(ends, quantity, option)
     return np.linspace(first, last, int(count)).tolist()
+
+
+def read_budget(text: str | None) -> float | None:
+    """Return a wall-clock time [s] of ``20min``; SceneError for what is none."""
+    if text is None:
+        return None
+    try:
+        return quantity_of(Time).read(number_or_text(text))
+    except ValueError as error:
+        raise SceneError([Fault("--budget", shown(text), f"{error}; write it as in '20min'")], "command line") from None
+
+
+def read_targets(text: str) -> list[float]:
+    """Return the shares of ``10 %, 5 %, 3 %``; SceneError with every entry that is none."""
+    found, faults = [], []
+    for entry in text.split(","):
+        try:
+            found.append(float(ShareEntry().read(entry.strip())))
+        except ValueError as error:
+            faults.append(Fault("--for", shown(entry.strip()), str(error)))
+    if faults:
+        raise SceneError(faults, "command line")
+    return found
 
 
 def read_line(text: str) -> tuple[float, ...]:

@@ -111,6 +111,19 @@ Force = Annotated[bool, typer.Option("--force", help="run also where more memory
 Jobs = Annotated[
     int, typer.Option("--jobs", callback=_within(1), help="points that run at a time, each in a process of its own")
 ]
+JobsOfCores = Annotated[
+    int | None,
+    typer.Option(
+        "--jobs", callback=_within(1), help="packings at a time, each in a process of its own; default: the cores"
+    ),
+]
+Budget = Annotated[
+    str | None, typer.Option("--budget", metavar="TIME", help="wall-clock time of the study; default: 20min")
+]
+Targets = Annotated[
+    str, typer.Option("--for", metavar="LIST", help="half widths of the torque's 95 % interval to find settings for")
+]
+ResumeAccuracy = Annotated[bool, typer.Option("--resume", help="continue the study in the folder of --out")]
 DryRun = Annotated[bool, typer.Option("--dry-run", help="stop after the plan; nothing is written")]
 TrustScripts = Annotated[
     bool,

@@ -8,7 +8,15 @@ import typer
 
 from emclutch.cli import options as opt
 from emclutch.cli.errors import explained
-from emclutch.cli.input import check_threads, load, run_to_resume, search, study_to_check
+from emclutch.cli.input import (
+    check_threads,
+    load,
+    read_budget,
+    read_targets,
+    run_to_resume,
+    search,
+    study_to_check,
+)
 from emclutch.cli.output import print_design, print_json, print_plan, print_study, stress_line, torque_line
 from emclutch.scene.errors import Fault, SceneError
 
@@ -108,20 +116,30 @@ def sweep(
 def accuracy(
     case: opt.CaseFile,
     out: opt.Out = None,
+    budget: opt.Budget = None,
+    jobs: opt.JobsOfCores = None,
+    resume: opt.ResumeAccuracy = False,
+    targets: opt.Targets = "10 %, 5 %, 3 %",
     sets: opt.Sets = None,
-    threads: opt.Threads = None,
     trust_scripts: opt.TrustScripts = False,
 ) -> None:
-    """Measure what accuracy costs in time."""
+    """Measure what accuracy costs: the error of every numerical setting, and the cheapest settings for a target."""
     with explained():
-        check_threads(threads)
+        if resume and out is None:
+            message = "needs a study that was begun; name its folder with --out"
+            raise SceneError([Fault("--resume", "", message)], "command line")
+        wanted, seconds = read_targets(targets), read_budget(budget)
         read = load(case, sets, trust_scripts)
         from emclutch.results import Progress
         from emclutch.studies.accuracy import accuracy as measure_accuracy
 
         with Progress() as progress:
-            folder = measure_accuracy(read, out=out, threads=threads, progress=progress)
-        typer.echo(f"results and pictures: {folder}")
+            found = measure_accuracy(
+                read, out=out, budget=seconds, jobs=jobs, resume=resume, targets=wanted, progress=progress
+            )
+        for line in found.lines:
+            typer.echo(line)
+        typer.echo(f"results and pictures: {found.folder}")
 
 
 def design(

@@ -85,6 +85,13 @@ class Progress:
         print(f"{100.0 * self._latest:3.0f} %  {text}", file=self.stream, flush=True)
         self._line_time = time.monotonic()
 
+    def note(self, text: str) -> None:
+        """Print a line that stays."""
+        if self._bar is not None:
+            self._bar.console.print(text, highlight=False)
+        else:
+            print(text, file=self.stream, flush=True)
+
     def _left(self, fraction: float) -> str:
         now = time.monotonic()
         if fraction >= 1.0:

@@ -1,12 +1,548 @@
-"""Accuracy study: the ladder of a scene's knobs within a budget, and the settings for wanted accuracies."""
+"""Accuracy study: the ladder of a scene's knobs within a budget, and the settings for wanted accuracies.
+
+Packings at the scene's own settings come first; what they cost, and how much they scatter, decides what the budget is
+enough for (`emclutch.studies.accuracy_plan`). Magnetic knobs are turned on the grains at the end of the first of them.
+Every packing is a task in a folder of its own, and depends on its scene and seed alone; ``plan.json`` holds every
+decision. So a study that is stopped, or killed, continues to the same ladder.
+"""
 
 from __future__ import annotations
 
+import json
+import logging
+import threading
+from collections.abc import Callable, Sequence
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
+from contextlib import nullcontext
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
-from emclutch.scene.case import Case
+from emclutch.knobs import FROZEN, TORQUE, Knob, knobs_of
+from emclutch.results import OutputError, RunFolder
+from emclutch.results.atomic_file import replace_json, replace_text
+from emclutch.results.errors import Interrupted, RunError
+from emclutch.results.folder_lock import has_files, locked_folder
+from emclutch.results.history import last_time
+from emclutch.results.ladder import Ladder
+from emclutch.results.ladders import save_ladder
+from emclutch.results.run_folder import logging_to
+from emclutch.results.text import format_duration
+from emclutch.scene.case import Case, as_case
+from emclutch.scene.errors import Fault, SceneError, bad_input_for
+from emclutch.scene.replica_count import cores_at_hand, replica_seed
+from emclutch.simulation.plan import Plan, make_plan
+from emclutch.simulation.resume import differing_keys, flat_scene
+from emclutch.studies.accuracy_ladder import Measured, ladder_of, refuse_no_torque, scatter_of
+from emclutch.studies.accuracy_plan import BASE, OfferedKnob, OfferedRung, allocate, packings_for
+from emclutch.studies.accuracy_rungs import (
+    PlannedRung,
+    Turned,
+    base_of,
+    first_strains,
+    planned_rungs,
+    refuse_what_has_no_ladder,
+    source_of,
+    turned,
+    turns_of,
+)
+from emclutch.studies.accuracy_tasks import GRAINS, AccuracyTask, TaskResult, perform, result_in
+from emclutch.studies.tasks import STOP
+from emclutch.studies.workers import ctrl_c_sets, worker_pool
+
+log = logging.getLogger(__name__)
+BUDGET = 1200.0
+TARGETS = (0.10, 0.05, 0.03)
+BASE_PACKINGS = 4
+FROZEN_SHARE = 0.25
+"""Of the budget, for the knobs without noise."""
+OVERRUN = 1.2
+"""Processor time of all tasks over the budget, from which on no more is begun."""
+WARM_UP_WINDOWS = 3
+LOOK_SECONDS = 0.5
+PLAN = "plan.json"
 
 
-def accuracy(case: Case, *, out: str | Path | None = None, threads: int | None = None, progress=None) -> Path:
-    """Measure the ladder of a scene (being written)."""
-    raise NotImplementedError
+@dataclass(frozen=True)
+class AccuracyResult:
+    """An accuracy study.
+
+    Attributes
+    ----------
+    folder : Path
+    ladder : Ladder
+    lines : tuple of str
+        What it has found, in words.
+    """
+
+    folder: Path
+    ladder: Ladder
+    lines: tuple[str, ...] = ()
+
+
+def accuracy(
+    case: Case | str | Path,
+    *,
+    out: str | Path | None = None,
+    budget: float | None = None,
+    jobs: int | None = None,
+    resume: bool = False,
+    targets: Sequence[float] = TARGETS,
+    progress=None,
+) -> AccuracyResult:
+    """Measure what each numerical setting of a scene adds to its torque's error, and what it costs.
+
+    The folder holds ``ladder.json``, tables, a picture and a scene for each target that can be reached; ``plan.json``
+    with what was decided; a folder for each packing. Runs of the same device find the ladder by themselves.
+
+    Parameters
+    ----------
+    case : Case, or the path of a scene file.
+    out : folder; default: the next free studies/<case>-accuracy-<nnn>.
+    budget : wall-clock time [s]; default 20 min. Four packings at the scene's own settings are run in any case.
+    jobs : packings at a time, each on one thread of a process of its own; default: the cores at hand. A script that
+        asks for more than one must do so under ``if __name__ == "__main__":``. What a packing gives does not depend on
+        it.
+    resume : continue the study in `out`, with its own budget.
+    targets : relative half widths of the torque's 95 % interval to find settings for.
+    progress : as of `emclutch.run`; if it has note(text), that is told what the study is going to cost.
+
+    Raises
+    ------
+    SceneError
+        Before anything runs: no torque on a disc, nothing to vary, or a setting in `accuracy.ladders` that the scene
+        does not take.
+    OutputError
+        The folder is in use, not empty, or of another scene.
+    RunError
+        A packing at the scene's own settings failed; `Interrupted` after Ctrl-C: what is done is kept.
+    ValueError
+        `jobs` is less than 1.
+    """
+    case, jobs = as_case(case), cores_at_hand() if jobs is None else jobs
+    if jobs < 1:
+        raise ValueError(f"jobs = {jobs}; allowed: 1 or more")
+    refuse_what_has_no_ladder(case)
+    folder = Path(out) if out is not None else RunFolder.next_path(f"{case.name}-accuracy", "studies")
+    _refuse_folder(folder, resume)
+    base = base_of(case)
+    with bad_input_for(case.path):
+        plan = make_plan(base, threads=1)[1]
+    asked = threading.Event()
+    with ctrl_c_sets(asked), worker_pool(jobs) if jobs > 1 else nullcontext(_Here()) as executor:
+        hands = _Hands(executor, jobs, asked)
+        known = None if resume else _begun(case, base, plan, budget or BUDGET, jobs, hands, progress)
+        with locked_folder(folder):
+            _refuse_folder(folder, resume)  # nobody has written it meanwhile
+            (folder / STOP).unlink(missing_ok=True)
+            with logging_to(folder / "study.log", [__name__]):
+                if known is None:
+                    known = _read_plan(folder, case, budget)
+                else:
+                    replace_json(folder / PLAN, known)
+                    case.write_toml(folder / "case.toml")
+                study = _Study(case, base, plan, folder, known, hands, progress)
+                try:
+                    ladder = study.measure()
+                finally:
+                    (folder / STOP).unlink(missing_ok=True)
+                replace_text(folder / "ladder.json", ladder.to_json())
+                save_ladder(ladder)
+                lines = _presented(case, ladder, folder, targets)
+    return AccuracyResult(folder, ladder, tuple(lines))
+
+
+def _presented(case: Case, ladder: Ladder, folder: Path, targets: Sequence[float]) -> list[str]:
+    from emclutch.studies.accuracy_answers import present  # local: it draws
+
+    return present(case, ladder, folder, targets)
+
+
+def _refuse_folder(folder: Path, resume: bool) -> None:
+    """Raise OutputError where a study cannot begin, or has nothing to continue."""
+    if resume and not (folder / PLAN).is_file():
+        raise OutputError(f"nothing to resume in {folder}: it has no {PLAN}; name the study's folder with --out")
+    if not resume and folder.is_dir() and has_files(folder):
+        how = "continue it with --resume, or " if (folder / PLAN).is_file() else ""
+        raise OutputError(f"{folder} is not empty; {how}write elsewhere with --out")
+
+
+def _read_plan(folder: Path, case: Case, budget: float | None) -> dict[str, Any]:
+    """Return the decisions of a study; OutputError where it is of another scene or budget."""
+    try:
+        known = json.loads((folder / PLAN).read_text(encoding="utf-8"))
+        keys = differing_keys(flat_scene(known["case"]), flat_scene(case.toml()))
+        begun = float(known["budget"])
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise OutputError(f"cannot read {folder / PLAN}: {error}; begin a new study with --out") from None
+    if keys:
+        raise OutputError(f"the study in {folder} is of another scene ({', '.join(keys)}); begin a new one with --out")
+    if budget is not None and budget != begun:
+        raise OutputError(
+            f"the study in {folder} has a budget of {format_duration(begun)}, by which it was planned; continue it "
+            "without --budget, or begin a new one with --out"
+        )
+    return known
+
+
+def _begun(
+    case: Case, base: Case, plan: Plan, budget: float, jobs: int, hands: _Hands, progress: Any
+) -> dict[str, Any]:
+    """Plan every setting, and return what stands in plan.json before anything runs."""
+    first = BASE_PACKINGS * plan.cost.seconds["total"] / min(jobs, BASE_PACKINGS)
+    if first > budget:
+        message = (
+            f"is less than the {BASE_PACKINGS} packings at the scene's own settings take with {jobs} jobs, about "
+            f"{format_duration(first)}; give {format_duration(5.0 * first)} or more"
+        )
+        raise SceneError([Fault("--budget", f"{budget:g} s", message)], source_of(case))
+    tasks = turns_of(base, plan)
+    found: dict[int, Turned] = {}
+    _say(progress, 0.0, "every setting is planned")
+    hands.all(turned, tasks, lambda n, one: found.__setitem__(n, one))
+    if hands.stopped:
+        raise Interrupted("stopped before the study began")
+    rungs = planned_rungs(base, tasks, [found[n] for n in range(len(tasks))])
+    return {
+        "case": case.toml(),
+        "budget": budget,
+        "jobs": jobs,
+        "seconds": plan.cost.seconds["total"],
+        "rungs": [asdict(one) for one in _distinct(base, plan, rungs)],
+        "frozen": None,
+        "packings": None,
+        "left_out": {},
+        "begun": None,
+    }
+
+
+def _distinct(base: Case, plan: Plan, rungs: Sequence[PlannedRung]) -> list[PlannedRung]:
+    """Leave out settings that come out as the scene's own, or as another one."""
+    seen = {one.name: [one.own(base.scene, plan)] for one in knobs_of(base.scene)}
+    kept = []
+    for rung in rungs:
+        if all(abs(rung.setting / one - 1.0) > 1e-3 for one in seen[rung.knob]):
+            seen[rung.knob].append(rung.setting)
+            kept.append(rung)
+    return kept
+
+
+class _Study:
+    """A study that goes on: what is known, and what is to be done next."""
+
+    def __init__(
+        self, case: Case, base: Case, plan: Plan, folder: Path, known: dict[str, Any], hands: _Hands, progress: Any
+    ) -> None:
+        self.case, self.base, self.plan, self.folder, self.known, self.hands = case, base, plan, folder, known, hands
+        self.progress = progress
+        self.rungs = [PlannedRung(**one) for one in known["rungs"]]
+        self.knobs = {one.name: one for one in knobs_of(base.scene)}
+        self.starts = tuple(first_strains(base, plan))
+        self.results: dict[str, TaskResult] = {}
+        self.budget = known["budget"] * known["jobs"]
+        self.share = 0.0
+        hands.stop_file = folder / STOP
+
+    def measure(self) -> Ladder:
+        """Do all tasks, and return the ladder."""
+        self._tell_cost()
+        warm = self.base.with_values({"time.end": WARM_UP_WINDOWS * self.plan.end / self.plan.windows})
+        self._do([self._task(warm, "warm-up", starts=(0.0,))], "a short run compiles the kernels")
+        self._refuse_failed("warm-up")
+        packings = [self._packing(BASE, 0.0, n) for n in range(BASE_PACKINGS)]
+        self._do(packings, "packings at the scene's own settings")
+        for task in packings:
+            self._refuse_failed(task.folder)
+        refuse_no_torque([self.results[task.folder] for task in packings])
+        self._tell_scatter()
+        self._measure_frozen()
+        self._measure_torque()
+        return ladder_of(self._measured())
+
+    # what is done -----------------------------------------------------------------------------------------------
+
+    def _measure_frozen(self) -> None:
+        """Turn the knobs without noise on standing grains, the cheapest settings first."""
+        frozen = [one for one in self.knobs.values() if one.measured_on == FROZEN]
+        if not frozen:
+            return
+        own = {task.folder: task for task in (self._standing(knob, None) for knob in frozen)}
+        self._do(list(own.values()), "field and moments of standing grains")
+        if self.known["frozen"] is None:
+            ratio = max(self.results[name].seconds for name in own) / max(self._planning(None), 1e-3)
+            room, chosen = FROZEN_SHARE * self.budget - sum(self.results[name].seconds for name in own), []
+            number = [n for n, one in enumerate(self.rungs) if self.knobs[one.knob].measured_on == FROZEN]
+            for n in sorted(number, key=lambda n: (self.rungs[n].planning, n)):
+                room -= ratio * self._planning(self.rungs[n])
+                if room >= 0.0:
+                    chosen.append(n)
+            self._decide(frozen=chosen)
+        tasks = [self._standing(self.knobs[self.rungs[n].knob], self.rungs[n]) for n in self.known["frozen"]]
+        self._do(tasks, "field and moments of standing grains")
+
+    def _planning(self, rung: PlannedRung | None) -> float:
+        """Return the processor time of a setting's mesh and field [s]; of the scene's own that of most others."""
+        all_of_them = sorted(one.planning for one in self.rungs)
+        usual = all_of_them[len(all_of_them) // 2] if all_of_them else 1.0
+        return usual if rung is None else max(rung.planning, usual)
+
+    def _measure_torque(self) -> None:
+        """Plan the other packings once, and run them until the budget is used up by a fifth more."""
+        if self.known["packings"] is None:
+            room = self.known["budget"] - self._spent() / self.known["jobs"]
+            offers = [self._offer(one) for one in self.knobs.values() if one.measured_on == TORQUE]
+            found = allocate(offers, BASE_PACKINGS, self._seconds(), room, self.known["jobs"])
+            self._decide(packings=[list(one) for one in found.packings], left_out=found.left_out)
+        tasks = self._other_packings()
+        log.info("%d more packings are run; left out: %s", len(tasks), self.known["left_out"])
+        self._do(tasks, "packings", limited=True)
+
+    def _seconds(self, rung: PlannedRung | None = None) -> float:
+        """Return what a packing of a rung, or at the scene's own settings, takes [s]; predicted before one was run."""
+        base = [
+            self.results[name].seconds
+            for n in range(BASE_PACKINGS)
+            if (name := packing_name(BASE, 0.0, n)) in self.results
+        ]
+        own = sum(base) / len(base) if base else self.known["seconds"]
+        return own if rung is None else own * rung.seconds / self.known["seconds"]
+
+    def _offer(self, knob: type[Knob]) -> OfferedKnob:
+        own = float(knob.own(self.base.scene, self.plan))
+        here = OfferedRung(own, knob.step_size(own), self._seconds(), 1.0)
+        others = tuple(
+            OfferedRung(one.setting, one.step_size, self._seconds(one), self.plan.cost.grains / one.grains)
+            for one in self.rungs
+            if one.knob == knob.name
+        )
+        return OfferedKnob(knob.name, knob.order, knob.limit(self.base.scene, self.plan), here, others)
+
+    def _other_packings(self) -> list[AccuracyTask]:
+        number: dict[tuple[str, float], int] = {(BASE, 0.0): BASE_PACKINGS}
+        tasks = []
+        for knob, setting in self.known["packings"]:
+            n = number.get((knob, setting), 0)
+            number[knob, setting] = n + 1
+            tasks.append(self._packing(knob, setting, n))
+        return tasks
+
+    def _measured(self) -> Measured:
+        """Return all results, by knob and setting; packings that were not run are left out."""
+        packings: dict[tuple[str, float], list[TaskResult]] = {}
+        keys = [(BASE, 0.0)] * BASE_PACKINGS + [(knob, setting) for knob, setting in self.known["packings"]]
+        names = [packing_name(BASE, 0.0, n) for n in range(BASE_PACKINGS)]
+        names += [task.folder for task in self._other_packings()]
+        for key, name in zip(keys, names, strict=True):
+            if name in self.results:
+                packings.setdefault(key, []).append(self.results[name])
+        standing = {}
+        for knob in self.knobs.values():
+            if knob.measured_on == FROZEN:
+                standing[knob.name, float(knob.own(self.base.scene, self.plan))] = self._standing(knob, None).folder
+        for n in self.known["frozen"] or ():
+            rung = self.rungs[n]
+            standing[rung.knob, rung.setting] = self._standing(self.knobs[rung.knob], rung).folder
+        return Measured(
+            case=self.case,
+            base=self.base,
+            plan=self.plan,
+            rungs=tuple(self.rungs),
+            starts=self.starts,
+            packings=packings,
+            standing={key: self.results[name] for key, name in standing.items()},
+            left_out=self.known["left_out"],
+            budget=self.known["budget"],
+            jobs=self.known["jobs"],
+            spent=self._spent(),
+        )
+
+    # tasks ------------------------------------------------------------------------------------------------------
+
+    def _packing(self, knob: str, setting: float, number: int) -> AccuracyTask:
+        values: dict[str, Any] = {"scene.seed": replica_seed(self.case.scene.scene.seed, number)}
+        if knob != BASE:
+            values |= self._rung(knob, setting).values
+        name = packing_name(knob, setting, number)
+        return self._task(
+            self.base.with_values(values), name, starts=self.starts, keeps_grains=name == packing_name(BASE, 0.0, 0)
+        )
+
+    def _standing(self, knob: type[Knob], rung: PlannedRung | None) -> AccuracyTask:
+        """Return the task of a setting on standing grains; None: the scene's own."""
+        own_key = knob.key if knob.key.startswith("effects.") and knob.key.endswith(".tolerance") else ""
+        if rung is None:
+            setting, case = float(knob.own(self.base.scene, self.plan)), self.base
+        else:
+            setting, case = rung.setting, self.base.with_values(rung.values)
+        name = standing_name(knob.name, setting) if rung or own_key else standing_name("own", 0.0)
+        return self._task(case, name, grains=f"{packing_name(BASE, 0.0, 0)}/{GRAINS}", own_key=own_key)
+
+    def _task(self, case: Case, name: str, **more: Any) -> AccuracyTask:
+        path = None if case.path is None else str(case.path.resolve())
+        return AccuracyTask(case.data, path, case.trust_scripts, str(self.folder.resolve()), name, **more)
+
+    def _rung(self, knob: str, setting: float) -> PlannedRung:
+        return next(one for one in self.rungs if one.knob == knob and one.setting == setting)
+
+    def _do(self, tasks: Sequence[AccuracyTask], text: str, limited: bool = False) -> None:
+        """Do those tasks that are not done yet; `limited`: until the budget is overrun."""
+        for task in tasks:
+            if (found := result_in(task.target)) is not None:
+                self.results[task.folder] = found
+        left = [(n, task) for n, task in enumerate(tasks) if task.folder not in self.results]
+        handed = self.known["begun"]
+
+        def may_begin(number: int) -> bool:
+            nonlocal handed
+            if not limited:
+                return True
+            if handed is None and self._spent() > OVERRUN * self.budget:
+                handed = left[number][0]
+                log.warning("the budget is used up: %d packings are not run", len(tasks) - handed)
+                self._decide(begun=handed)
+            return handed is None or left[number][0] < handed
+
+        def take(number: int, outcome: TaskResult | str) -> None:
+            if isinstance(outcome, str):
+                self.hands.stopped = True
+                return
+            folder = left[number][1].folder
+            self.results[folder] = outcome
+            log.info("%s: %s", folder, outcome.failure or f"{outcome.value} in {outcome.seconds:.3g} s")
+            done = len(tasks) - len(left) + sum(task.folder in self.results for _, task in left)
+            _say(self.progress, self._fraction(), f"{text}: {done} of {len(tasks)}")
+
+        _say(self.progress, self._fraction(), text)
+        self.hands.all(perform, [task for _, task in left], take, may_begin, lambda numbers: self._look(left, numbers))
+        if self.hands.stopped:
+            raise Interrupted(
+                f"stopped with {len(self.results)} tasks done; continue with the same command and --out {self.folder} "
+                "--resume"
+            )
+
+    def _look(self, left: Sequence[tuple[int, AccuracyTask]], numbers: Sequence[int]) -> None:
+        """Tell how far the packings are that run."""
+        part = 0.0
+        for number in numbers:
+            task = left[number][1]
+            reached = None if task.grains else last_time(RunFolder(task.target).history)
+            part += (reached or 0.0) / self.plan.end * self._seconds()
+        _say(self.progress, self._fraction(part), None)
+
+    def _spent(self) -> float:
+        """Return the processor time so far [s]."""
+        return sum(one.seconds for one in self.results.values()) + sum(one.planning for one in self.rungs)
+
+    def _fraction(self, more: float = 0.0) -> float:
+        """Return how much of the budget, or of what is planned, is done."""
+        self.share = max(self.share, min((self._spent() + more) / self.budget, 0.99))
+        return self.share
+
+    def _decide(self, **values: Any) -> None:
+        self.known |= values
+        replace_json(self.folder / PLAN, self.known)
+
+    def _refuse_failed(self, name: str) -> None:
+        if failure := self.results[name].failure:
+            raise RunError(
+                f"{name}, at the scene's own settings, has failed: {failure}; change the scene, and begin a new study "
+                f"with --out\n(log: {self.folder / name / 'run.log'})"
+            )
+
+    # words ------------------------------------------------------------------------------------------------------
+
+    def _tell_cost(self) -> None:
+        each, jobs = self.known["seconds"], self.known["jobs"]
+        words = (
+            f"{len(self.knobs)} knobs with {len(self.rungs)} settings beside the scene's own; a packing of "
+            f"{self.plan.cost.grains} grains takes about {format_duration(each)} of processor time, by estimate; "
+            f"{format_duration(self.known['budget'])} with {jobs} at a time, {format_duration(self.budget)} of "
+            f"processor time, are enough for some {self.budget / each:.0f} packings"
+        )
+        log.info("%s", words)
+        _note(self.progress, words)
+
+    def _tell_scatter(self) -> None:
+        values = [self.results[packing_name(BASE, 0.0, n)].value for n in range(BASE_PACKINGS)]
+        scatter = scatter_of([float(one or 0.0) for one in values])
+        words = (
+            f"packings differ by {100.0 * scatter:.2g} % (standard deviation of {len(values)}): to tell a difference "
+            f"of 5 % two settings need {packings_for(0.05, scatter)} packings each, of 2 % "
+            f"{packings_for(0.02, scatter)}"
+        )
+        log.info("%s", words)
+        _note(self.progress, words)
+
+
+def packing_name(knob: str, setting: float, number: int) -> str:
+    """Return the folder of a packing in that of the study."""
+    return f"{knob}-{setting:.6g}/{number:02d}" if knob else f"own/{number:02d}"
+
+
+def standing_name(knob: str, setting: float) -> str:
+    """Return the folder of a setting on standing grains."""
+    return f"standing/{knob}-{setting:.6g}" if setting else f"standing/{knob}"
+
+
+class _Hands:
+    """Hands tasks to an executor, so many at a time, until they are done or the user stops."""
+
+    def __init__(self, executor: Executor, jobs: int, asked: threading.Event) -> None:
+        self.executor, self.jobs, self.asked = executor, jobs, asked
+        self.stop_file: Path | None = None
+        self.stopped = False
+
+    def all(
+        self,
+        function: Callable[[Any], Any],
+        tasks: Sequence[Any],
+        take: Callable[[int, Any], None],
+        may_begin: Callable[[int], bool] = lambda number: True,
+        look: Callable[[Sequence[int]], None] = lambda numbers: None,
+    ) -> None:
+        """Do the tasks in their order; `take` gets number and outcome of each. `may_begin` false ends the series."""
+        waiting = list(range(len(tasks)))
+        running: dict[Future[Any], int] = {}
+        try:
+            while True:
+                while waiting and len(running) < self.jobs and not (self.asked.is_set() or self.stopped):
+                    if not may_begin(waiting[0]):
+                        waiting.clear()
+                        break
+                    number = waiting.pop(0)
+                    running[self.executor.submit(function, tasks[number])] = number
+                if self.asked.is_set():
+                    self.stopped = True
+                    if self.stop_file is not None:
+                        self.stop_file.touch()
+                if not running:
+                    return
+                for future in wait(running, LOOK_SECONDS, FIRST_COMPLETED).done:
+                    take(running.pop(future), future.result())
+                look(list(running.values()))
+        except BrokenExecutor as error:
+            raise RunError(
+                "a process of the study ended without a message; it was killed, most often for want of memory, or the "
+                "calling script lacks its if __name__ == '__main__'; continue with --resume, and fewer --jobs"
+            ) from error
+
+
+class _Here(Executor):
+    """Executor that does a task in this process, at once."""
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **more: Any) -> Future[Any]:
+        """Return the finished future."""
+        future: Future[Any] = Future()
+        future.set_result(fn(*args, **more))
+        return future
+
+
+def _say(progress: Any, fraction: float, text: str | None) -> None:
+    if progress is not None:
+        progress.update(fraction, text)
+
+
+def _note(progress: Any, text: str) -> None:
+    note = getattr(progress, "note", None)
+    if note is not None:
+        note(text)

@@ -45,14 +45,18 @@ class FrozenState:
     seconds: float
 
 
-def frozen_state(case: Case, position: np.ndarray, diameter: np.ndarray | float | None = None) -> FrozenState:
+def frozen_state(
+    case: Case, position: np.ndarray, diameter: np.ndarray | float | None = None, own_key: str = ""
+) -> FrozenState:
     """Solve for grains at (n, 3) [m] of diameters (n,) [m], by default the scene's, at time 0 of the coil's course.
 
-    Raises what field and moments raise where they do not converge.
+    Moments and feedback are solved far more finely than the scene says, but for a tolerance with the dotted key
+    `own_key`, which stays the scene's. Raises what field and moments raise where they do not converge.
     """
     effects = case.scene.effects
     exact = ((effects.attraction, MOMENTS_TOLERANCE), (effects.feedback, FEEDBACK_TOLERANCE))
-    case = case.with_values({f"effects.{one.name}.tolerance": value for one, value in exact if one is not None})
+    tolerances = {f"effects.{one.name}.tolerance": value for one, value in exact if one is not None}
+    case = case.with_values({key: value for key, value in tolerances.items() if key != own_key})
     device, plan = make_plan(case)
     d = case.scene.grains.largest_diameter if diameter is None else diameter
     radius = 0.5 * np.broadcast_to(np.asarray(d, dtype=float), len(position))

@@ -9,13 +9,9 @@ from __future__ import annotations
 
 import io
 import logging
-import signal
 import threading
-from collections.abc import Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
-from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 from emclutch.results import OutputError, Result, RunFolder, load_result
 from emclutch.results.errors import Interrupted, RunError
@@ -33,7 +29,7 @@ from emclutch.simulation.resume import seconds_of
 from emclutch.studies.points import PointFolder, folders_of_points, unclaimed
 from emclutch.studies.tables import Done, disc_torque, label_of, write_failures, write_tables
 from emclutch.studies.tasks import STOP, PointOutcome, PointTask, run_point
-from emclutch.studies.workers import threads_of_a_worker, worker_pool
+from emclutch.studies.workers import ctrl_c_sets, threads_of_a_worker, worker_pool
 
 log = logging.getLogger(__name__)
 LOOK_SECONDS = 0.5  # between two looks at the points that run
@@ -158,7 +154,7 @@ class _StudyRun:
         running: dict[Future[PointOutcome], int] = {}
         asked = threading.Event()
         try:
-            with _ctrl_c_sets(asked):
+            with ctrl_c_sets(asked):
                 while True:
                     ends = asked.is_set()
                     while not ends and (at_a_time is None or len(running) < at_a_time):
@@ -333,22 +329,3 @@ class _Part:
 
     def announce(self, text: str) -> None:
         self._table.announce(self._number, text)
-
-
-@contextmanager
-def _ctrl_c_sets(asked: threading.Event) -> Iterator[None]:
-    """Ctrl-C sets an event inside a ``with`` block; a second one stops at once."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-
-    def ask(number: int, frame: Any) -> None:
-        if asked.is_set():
-            raise KeyboardInterrupt
-        asked.set()
-
-    former = signal.signal(signal.SIGINT, ask)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, former)

@@ -6,7 +6,10 @@ import multiprocessing
 import os
 import signal
 import threading
+from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from typing import Any
 
 from geometry.kernels.threads import default_threads
 
@@ -48,3 +51,22 @@ def leave_ctrl_c_to_the_study() -> None:
     While a point runs, `emclutch.simulation.run` answers the signal itself, with a checkpoint.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+@contextmanager
+def ctrl_c_sets(asked: threading.Event) -> Iterator[None]:
+    """Ctrl-C sets an event inside a ``with`` block; a second one stops at once."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def ask(number: int, frame: Any) -> None:
+        if asked.is_set():
+            raise KeyboardInterrupt
+        asked.set()
+
+    former = signal.signal(signal.SIGINT, ask)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, former)

@@ -1,0 +1,229 @@
+"""The rungs of an accuracy study: the scene that is run, and each knob's settings as scenes that can be planned."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from time import process_time
+from typing import Any
+
+from emclutch.knobs import HISTORIES, Knob, knobs_of
+from emclutch.knobs.powder import StartUp
+from emclutch.scene.case import Case, case_from
+from emclutch.scene.errors import Fault, SceneError, bad_input_for, shown
+from emclutch.scene.multiple import STRAIN, Multiple
+from emclutch.scene.replica_count import has_steady_torque
+from emclutch.scene.start_up import start_up_strain
+from emclutch.scene.timing import instant_in_words
+from emclutch.simulation.plan import Plan, make_plan
+
+QUIET: dict[str, Any] = {
+    "accuracy.replicas": 1,
+    "accuracy.target": None,
+    "time.until": None,
+    "time.average_from": None,
+    "output.folder": None,
+    "output.snapshots": 0,
+    "output.pictures": False,
+    "output.profiles": False,
+    "output.checkpoint": False,
+    "output.formats": [],
+    "output.energy_budget": False,
+}
+START_UPS = 2.0
+"""Length of a packing's run, in strains of the start-up."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedRung:
+    """One setting of a knob that the scene takes, before anything runs.
+
+    Attributes
+    ----------
+    knob : str
+    setting : float
+        That the planned scene has: a sector is as wide as asked or wider.
+    step_size : float
+    values : dict of str to Any
+        Entries of the scene; empty at its own setting.
+    grains : int
+    seconds : float
+        Predicted processor time of a packing [s].
+    planning : float
+        Processor time of mesh, field and plan [s].
+    """
+
+    knob: str
+    setting: float
+    step_size: float
+    values: dict[str, Any]
+    grains: int
+    seconds: float
+    planning: float
+
+    @property
+    def is_own(self) -> bool:
+        """Return whether it is the scene's own setting."""
+        return not self.values
+
+
+@dataclass(frozen=True, slots=True)
+class TurnTask:
+    """One setting to plan, as plain data for any process."""
+
+    data: dict[str, Any]
+    path: str | None
+    trust_scripts: bool
+    knob: str
+    values: dict[str, Any]
+    asked: float
+
+
+@dataclass(frozen=True, slots=True)
+class Turned:
+    """A setting that was planned, or the faults of its scene."""
+
+    rung: PlannedRung | None
+    faults: tuple[str, ...] = ()
+
+
+def base_of(case: Case) -> Case:
+    """Return the scene of one packing: of a length that does not depend on the result, and without output."""
+    values = dict(QUIET)
+    if case.scene.accuracy.time_end is not None:
+        end = case.scene.accuracy.time_end
+        values["time.end"] = str(end) if isinstance(end, Multiple) else end
+    elif is_sheared(case):
+        values["time.end"] = STRAIN.format(f"{START_UPS * start_up_strain(case.scene):g}")
+    return case.with_values(values)
+
+
+def is_sheared(case: Case) -> bool:
+    """Return whether the gap is sheared at a constant rate, so that lengths are strains."""
+    scene = case.scene
+    return StartUp.applies(scene) and has_steady_torque(scene) and scene.motion.largest_slip > 0.0
+
+
+def refuse_what_has_no_ladder(case: Case) -> None:
+    """Raise SceneError for a scene without the torque to compare, or without a knob."""
+    case.need_grains()
+    if not case.scene.geometry.has_axis:
+        message = "has no disc, and accuracy is measured by the disc's torque; take a clutch, a drum or a shear_cell"
+        raise SceneError([Fault("geometry.kind", shown(case.scene.geometry.name()), message)], source_of(case))
+    if not knobs_of(case.scene):
+        message = "leaves nothing to vary: the step is fixed and no field is solved; take 'auto'"
+        raise SceneError([Fault("time.step", shown(case.scene.span.step), message)], source_of(case))
+
+
+def source_of(case: Case) -> str:
+    """Return the name of a case's file."""
+    return "scene" if case.path is None else str(case.path)
+
+
+def first_strains(base: Case, plan: Plan) -> list[float | str]:
+    """Return from where on the torque is averaged, a strain or a time [s]: the scene's own first, then what is tried.
+
+    Where the run is too short for the start-up, its second half.
+    """
+    end = base.scene.span.end
+    if not is_sheared(base) or not isinstance(end, Multiple):
+        return [0.5 * plan.end]
+    own, *others = StartUp.own(base.scene, plan), *StartUp.ladder(base.scene, plan)
+    if own >= end.value:
+        return [STRAIN.format(f"{0.5 * end.value:g}")]
+    kept = [one for one in others if one < end.value * (1.0 - 1e-9) and one != own]
+    return [STRAIN.format(f"{one:g}") for one in (own, *kept)]
+
+
+def turns_of(base: Case, plan: Plan) -> list[TurnTask]:
+    """Return the settings to plan: all of each knob, but the scene's own.
+
+    Raises
+    ------
+    SceneError
+        Of a setting in `accuracy.ladders` that the scene does not take: all of them at once.
+    """
+    tasks, faults = [], []
+    path = None if base.path is None else str(base.path.resolve())
+    for knob in knobs_of(base.scene):
+        if knob.measured_on == HISTORIES:
+            faults += _late_starts(base, plan, knob)
+            continue
+        own = knob.own(base.scene, plan)
+        for setting in knob.ladder(base.scene, plan):
+            if setting == own:
+                continue
+            values = knob.values(base.scene, plan, setting)
+            try:
+                turned = base.with_values(values)
+            except SceneError as error:
+                faults += _faults(base, knob, setting, [str(fault) for fault in error.faults])
+            else:
+                tasks.append(TurnTask(turned.data, path, base.trust_scripts, knob.name, values, setting))
+    if faults:
+        raise SceneError(faults, source_of(base))
+    return tasks
+
+
+def turned(task: TurnTask) -> Turned:
+    """Plan one setting."""
+    begin = process_time()
+    try:
+        case = case_from(
+            task.data, None, None if task.path is None else Path(task.path), trust_scripts=task.trust_scripts
+        )
+        with bad_input_for(case.path):
+            _, plan = make_plan(case, threads=1)
+    except SceneError as error:
+        return Turned(None, tuple(str(fault) for fault in error.faults))
+    return Turned(rung_of(case, plan, task.knob, task.values, process_time() - begin))
+
+
+def rung_of(case: Case, plan: Plan, name: str, values: dict[str, Any], planning: float) -> PlannedRung:
+    """Return the rung that a planned scene is."""
+    knob = next(one for one in knobs_of(case.scene) if one.name == name)
+    setting = float(knob.own(case.scene, plan))
+    seconds = plan.cost.seconds["total"]
+    return PlannedRung(name, setting, knob.step_size(setting), values, plan.cost.grains, seconds, planning)
+
+
+def planned_rungs(base: Case, tasks: Sequence[TurnTask], found: Sequence[Turned]) -> list[PlannedRung]:
+    """Return the rungs that the scene takes; SceneError for those of `accuracy.ladders` that it does not."""
+    faults: list[Fault] = []
+    for task, one in zip(tasks, found, strict=True):
+        if one.rung is None:
+            knob = next(knob for knob in knobs_of(base.scene) if knob.name == task.knob)
+            faults += _faults(base, knob, task.asked, one.faults)
+    if faults:
+        raise SceneError(faults, source_of(base))
+    return [one.rung for one in found if one.rung is not None]
+
+
+def _faults(base: Case, knob: type[Knob], setting: float, why: Sequence[str]) -> list[Fault]:
+    """Return the fault of a setting that the scene lists; of the usual ones none, they are left out."""
+    if getattr(base.scene.accuracy.ladders, knob.name) is None:
+        return []
+    message = f"is none that the scene can have: {'; '.join(why)}; remove it from the list, or change the scene"
+    return [Fault(f"accuracy.ladders.{knob.name}", f"{setting:g}", message)]
+
+
+def _late_starts(base: Case, plan: Plan, knob: type[Knob]) -> list[Fault]:
+    end = base.scene.span.end
+    asked = getattr(base.scene.accuracy.ladders, knob.name) or ()
+    if not isinstance(end, Multiple):
+        return [] if not asked else [
+            Fault(
+                f"accuracy.ladders.{knob.name}", shown(list(asked)),
+                f"is in strains, and the packings end at {instant_in_words(end)}; give accuracy.time_end as a strain, "
+                "or remove the list",
+            )
+        ]  # fmt: skip
+    return [
+        Fault(
+            f"accuracy.ladders.{knob.name}", f"{one:g}",
+            f"is not before the end of the packings, {end}; lower it, or raise accuracy.time_end",
+        )
+        for one in asked
+        if one >= end.value
+    ]  # fmt: skip
