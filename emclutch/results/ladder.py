@@ -13,6 +13,9 @@ their errors lie apart. Where noise is absent p is fitted, to three rungs or mor
 **One noise in all knobs.** All ladders share the packings at the scene's own settings, so that their errors are
 correlated: the part that this noise has in each (`KnobError.shared`) is added with its sign, all else in quadrature.
 
+**Interaction.** Each knob is measured with all others at the scene's own settings, and their errors are multiplied.
+That errors b_i and b_j may do more to each other adds b_i b_j to the half width, in quadrature over all pairs.
+
 **What the law lacks.** As for the grid convergence index (P. J. Roache, J. Fluids Eng. 116 (1994) 405-413; ASME V&V
 20-2009, section 2), the extrapolation is not trusted fully: the half width of the error is that of its statistics, plus
 in quadrature (F - 1) |b|, with F = 1.25 where three rungs or more follow the law, 1.5 where two rungs leave it
@@ -188,7 +191,13 @@ class Total:
         """Of its 95 % interval: the parts' in quadrature, but that of the noise they share by their sum."""
         parts = self.parts.values()
         own = sum(one.half_width**2 - one.shared**2 for one in parts)
-        return math.sqrt(max(0.0, own) + sum(one.shared for one in parts) ** 2)
+        return math.sqrt(max(0.0, own) + sum(one.shared for one in parts) ** 2 + self.interaction**2)
+
+    @property
+    def interaction(self) -> float:
+        """Half width for what errors may do to each other: the products of all pairs, in quadrature."""
+        squares = [one.bias**2 for one in self.parts.values()]
+        return math.sqrt(max(0.0, 0.5 * (sum(squares) ** 2 - sum(one**2 for one in squares))))
 
     @property
     def largest(self) -> str | None:
@@ -199,8 +208,8 @@ class Total:
         """Return plain values for JSON."""
         parts = {name: asdict(one) | {"decided": one.is_decided} for name, one in self.parts.items()}
         return {
-            "bias": self.bias, "half_width": self.half_width, "largest": self.largest, "parts": parts,
-            "unknown": self.unknown,
+            "bias": self.bias, "half_width": self.half_width, "interaction": self.interaction,
+            "largest": self.largest, "parts": parts, "unknown": self.unknown,
         }  # fmt: skip
 
 

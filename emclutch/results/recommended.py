@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 
 import numpy as np
@@ -20,8 +20,8 @@ from emclutch.results.statistics import STOPPING_ALLOWANCE
 
 PACKINGS = (4, 6, 8, 12, 16, 24)
 """Numbers of packings that a run with `time.until` looks at (emclutch.simulation.stopping_rule)."""
-STATISTICS = "packings"
-"""Name of the statistical part beside the knobs'."""
+STATISTICS, INTERACTION = "packings", "interaction"
+"""Names of the parts that are no knob's: of the packings' mean, and of what errors may do to each other."""
 MOST_SETTINGS = 4  # of a knob that are combined with those of others
 MOST_COMBINATIONS = 1_000_000
 MOST_WITHOUT_NOISE = 64  # combinations of the knobs without noise, on their frontier
@@ -57,8 +57,9 @@ class Choice:
 
     @property
     def parts(self) -> dict[str, float]:
-        """Half widths by knob, and that of the packings; the widest first."""
-        parts = {STATISTICS: self.statistical} | {name: one.half_width for name, one in self.total.parts.items()}
+        """Half widths by knob, of the packings and of the interaction; the widest first."""
+        parts = {STATISTICS: self.statistical, INTERACTION: self.total.interaction}
+        parts |= {name: one.half_width for name, one in self.total.parts.items()}
         return dict(sorted(parts.items(), key=lambda part: -part[1]))
 
     @property
@@ -125,11 +126,13 @@ class Combinations:
         self._chosen = np.zeros((1, 0), dtype=np.int8)
         self.cost, self.scatter = np.ones(1), np.full(1, ladder.scatter)
         self._variance, self._shared = np.zeros(1), np.zeros(1)
+        self._squares, self._fourth = np.zeros(1), np.zeros(1)  # sums of powers of the biases
         for knob, candidates in zip(self._knobs, found, strict=True):
             self._combine(candidates)
             if knob.basis is Basis.PULL:
                 self._keep_frontier()
-        self.discretisation = np.sqrt(self._variance + self._shared**2)
+        interaction = np.maximum(0.0, 0.5 * (self._squares**2 - self._fourth))
+        self.discretisation = np.sqrt(self._variance + self._shared**2 + interaction)
 
     def _combine(self, candidates: list[_Candidate]) -> None:
         """Combine what there is with the settings of one more knob."""
@@ -141,6 +144,8 @@ class Combinations:
         own = [max(0.0, one.error.half_width**2 - one.error.shared**2) for one in candidates]
         self._variance = np.add.outer(self._variance, own).ravel()
         self._shared = np.add.outer(self._shared, [one.error.shared for one in candidates]).ravel()
+        self._squares = np.add.outer(self._squares, [one.error.bias**2 for one in candidates]).ravel()
+        self._fourth = np.add.outer(self._fourth, [one.error.bias**4 for one in candidates]).ravel()
 
     def _keep_frontier(self) -> None:
         """Keep what no cheaper combination is as accurate as; of knobs without noise there is no other trade."""
@@ -151,6 +156,7 @@ class Combinations:
             kept = kept[np.linspace(0, len(kept) - 1, MOST_WITHOUT_NOISE).round().astype(int)]
         self._chosen, self.cost, self.scatter = self._chosen[kept], self.cost[kept], self.scatter[kept]
         self._variance, self._shared = self._variance[kept], self._shared[kept]
+        self._squares, self._fourth = self._squares[kept], self._fourth[kept]
 
     def statistical(self, packings: int) -> np.ndarray:
         """Return the half widths of the packings' mean (m,)."""
@@ -214,19 +220,29 @@ def recommended(ladder: Ladder, target: float, most: int = 20) -> list[Choice] |
     if found:
         return found
     best = all_of_them.nearest()
-    spent = sum(rung.seconds * rung.packings for knob in ladder.knobs for rung in knob.rungs)
-    return Obstacle(best.largest, best.parts[best.largest], spent * (best.half_width / target) ** 2, best=best)
+    return Obstacle(best.largest, best.parts[best.largest], _spent(ladder) * (best.half_width / target) ** 2, best=best)
 
 
 def own_choice(ladder: Ladder, packings: int = PACKINGS[0]) -> Choice:
     """Return the scene's own settings, with a number of packings."""
     errors = {one.knob: error for one in ladder.knobs if (error := one.own_error) is not None}
-    return Choice(
-        {one.knob: one.own for one in ladder.knobs},
-        Total(errors, dict(ladder.unknown)),
-        packings,
-        statistical_half_width(ladder.scatter, packings),
-        ladder.seconds * packings,
+    settings = {one.knob: one.own for one in ladder.knobs}
+    statistical = statistical_half_width(ladder.scatter, packings)
+    return Choice(settings, Total(errors, dict(ladder.unknown)), packings, statistical, ladder.seconds * packings)
+
+
+def choice_with(ladder: Ladder, knob: KnobLadder, rung: Rung, packings: int) -> Choice | None:
+    """Return the scene's own settings but for one; None where its error is not known."""
+    own = own_choice(ladder, packings)
+    error = None if rung.value is None else knob.error(rung.step_size)
+    if error is None:
+        return None
+    return replace(
+        own,
+        settings=own.settings | {knob.knob: rung.setting},
+        total=Total(own.total.parts | {knob.knob: error}, own.total.unknown),
+        statistical=own.statistical * _scatter_ratio(ladder, knob, rung),
+        seconds=own.seconds * rung.cost,
     )
 
 
@@ -235,6 +251,18 @@ def statistical_half_width(scatter: float, packings: int) -> float:
     from scipy.special import stdtrit
 
     return float(stdtrit(packings - 1, 1.0 - STOPPING_ALLOWANCE * 0.025)) * scatter / math.sqrt(packings)
+
+
+def _spent(ladder: Ladder) -> float:
+    """Return the processor time of the packings and solutions that a ladder comes from [s]."""
+    rungs = [
+        rung
+        for knob in ladder.knobs
+        if knob.basis is not Basis.LATER
+        for rung in knob.rungs
+        if knob.basis is Basis.PULL or not math.isclose(rung.setting, knob.own, rel_tol=1e-6)
+    ]
+    return ladder.packings * ladder.seconds + sum(rung.packings * rung.seconds for rung in rungs)
 
 
 @dataclass(frozen=True, slots=True)
@@ -254,15 +282,19 @@ def _candidates(ladder: Ladder, knob: KnobLadder, most: int) -> list[_Candidate]
         error = None if rung.value is None else knob.error(rung.step_size)
         if error is None:
             continue
-        cost, scatter = rung.cost, 1.0
-        if knob.basis is Basis.TORQUE and ladder.scatter > 0.0 and rung.error > 0.0:
-            scatter = rung.error * math.sqrt(rung.packings) / ladder.scatter
-        found.append(_Candidate(rung, error, cost, scatter))
+        found.append(_Candidate(rung, error, rung.cost, _scatter_ratio(ladder, knob, rung)))
     while len(found) > most:  # those that others beat, then those with the smallest difference to their neighbour
         beaten = [one for one in found if not _is_own(knob, one) and any(_beats(other, one) for other in found)]
         others = [one for one in found if not _is_own(knob, one)]
         found.remove(beaten[0] if beaten else min(others[:-1] or others, key=lambda one: abs(math.log(one.cost))))
     return found
+
+
+def _scatter_ratio(ladder: Ladder, knob: KnobLadder, rung: Rung) -> float:
+    """Return how much packings of a rung differ, over those at the scene's own settings: more grains scatter less."""
+    if knob.basis is not Basis.TORQUE or ladder.scatter <= 0.0 or rung.error <= 0.0:
+        return 1.0
+    return rung.error * math.sqrt(rung.packings) / ladder.scatter
 
 
 def _is_own(knob: KnobLadder, one: _Candidate) -> bool:

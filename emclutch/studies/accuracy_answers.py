@@ -12,6 +12,7 @@ import tomli_w
 
 from emclutch.results.atomic_file import replace_text
 from emclutch.results.ladder import Ladder
+from emclutch.results.pictures.accuracy import accuracy_picture
 from emclutch.results.recommended import Choice, Obstacle, own_choice, recommended
 from emclutch.results.report.render import html, markdown
 from emclutch.results.text import format_duration
@@ -33,10 +34,10 @@ MOST_PACKINGS = 64  # that a scene may ask for
 
 
 def present(case: Case, ladder: Ladder, folder: Path, targets: Sequence[float]) -> list[str]:
-    """Write tables, a page and a scene for each target that is reached; return what the terminal shows.
+    """Write tables, a picture, a page and a scene for each target that is reached; return what the terminal shows.
 
-    Writes ``accuracy.csv``, ``accuracy.md``, ``accuracy.html`` and scenes as ``target_10_percent.toml``, in place of
-    earlier ones.
+    Writes ``accuracy.csv``, ``accuracy.png``, ``accuracy.md``, ``accuracy.html`` and scenes as
+    ``target_10_percent.toml``, in place of earlier ones.
 
     Parameters
     ----------
@@ -44,6 +45,12 @@ def present(case: Case, ladder: Ladder, folder: Path, targets: Sequence[float]) 
     """
     answers = [_answer(case, ladder, folder, target) for target in sorted(targets, reverse=True)]
     _write_csv(folder / "accuracy.csv", rows_of(ladder))
+    accuracy_picture(
+        folder / "accuracy.png",
+        ladder,
+        [(one.target, one.found) for one in answers],
+        title=f"What accuracy costs: {ladder.case}",
+    )
     replace_text(folder / "accuracy.md", markdown(study_page(ladder, answers, folder, BOLD_MARKDOWN), folder))
     replace_text(folder / "accuracy.html", html(study_page(ladder, answers, folder, BOLD_HTML)))
     return [*_terminal_table(answers), *(one.in_words() for one in answers), closing_sentence(ladder, answers)]

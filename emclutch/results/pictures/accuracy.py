@@ -1,0 +1,185 @@
+"""Cost against error: what each setting of a scene changes, and what the best combination of all costs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from emclutch.results.ladder import KnobLadder, Ladder
+from emclutch.results.pictures.figure import COLOURS, MARKERS, label_panel, new_figure, save_picture
+from emclutch.results.recommended import (
+    INTERACTION,
+    STATISTICS,
+    Choice,
+    Combinations,
+    Obstacle,
+    choice_with,
+    own_choice,
+)
+from emclutch.results.text import format_duration
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+PACKINGS = 8
+"""Of the points of a line: with them the packings count less than most settings."""
+NAMED = 3
+"""Lines with a name at most; the colours of all stand in the panel beside."""
+MOVES = 1.05
+"""Factor of the total error over the settings of a knob from which on it has a name."""
+TIMES = (1, 3, 10, 30, 60, 180, 600, 1800, 3600, 3 * 3600, 10 * 3600, 30 * 3600, 100 * 3600, 300 * 3600, 1000 * 3600)
+REACHED, NOT_REACHED = "#1d7a3a", "0.4"
+
+
+def accuracy_picture(
+    path: str | Path,
+    ladder: Ladder,
+    answers: Sequence[tuple[float, Choice | Obstacle]],
+    *,
+    title: str | None = None,
+) -> Path:
+    """Draw the total error against processor time, a line a knob, and the parts of the scene's own error beside it.
+
+    Parameters
+    ----------
+    path : PNG to write.
+    ladder : of a device. A line has the settings of one knob, all others being the scene's own; settings that failed
+        are crosses at the top. The frontier has what no cheaper combination of all settings is as accurate as.
+    answers : half width that is wanted, relative, and what reaches it: a circle; a dashed line for what nothing does.
+    """
+    figure, (cost, parts) = new_figure(13.0, 6.0, title, columns=2, width_ratios=(1.45, 1.0))
+    own = own_choice(ladder, PACKINGS)
+    looks = {
+        knob.knob: _Look(COLOURS[number % len(COLOURS)], MARKERS[number % len(MARKERS)])
+        for number, knob in enumerate(ladder.knobs)
+    }
+    seconds, half = Combinations(ladder).frontier()
+    cost.plot(seconds, 100.0 * half, color="black", lw=5.0, alpha=0.16, drawstyle="steps-post",
+              solid_capstyle="round", label="best combination of all settings and packings")  # fmt: skip
+    lines = {knob.knob: _line(ladder, knob) for knob in ladder.knobs}
+    named = sorted(lines, key=lambda name: _moves(lines[name]), reverse=True)[:NAMED]
+    for knob in ladder.knobs:
+        is_named = knob.knob in named and _moves(lines[knob.knob]) >= MOVES
+        _draw_knob(cost, ladder, knob, lines[knob.knob], looks[knob.knob], is_named)
+    cost.plot(own.seconds, 100.0 * own.half_width, "*", ms=17, mfc="gold", mec="black", zorder=6,
+              label=f"this scene, {PACKINGS} packings")  # fmt: skip
+    for target, found in answers:
+        _draw_target(cost, target, found)
+    label_panel(cost, f"Error against cost (lines: one setting changed, {PACKINGS} packings)")
+    _name_axes(cost)
+    cost.legend(loc="upper right", fontsize=9, frameon=False)
+    _draw_parts(parts, ladder, own, looks)
+    return save_picture(figure, path)
+
+
+@dataclass(frozen=True, slots=True)
+class _Look:
+    colour: str
+    marker: str
+
+
+def _line(ladder: Ladder, knob: KnobLadder) -> list[tuple[float, float, float]]:
+    """Return setting, processor time [s] and total half width [%] of the settings of a knob, from coarse to fine."""
+    return [
+        (rung.setting, choice.seconds, 100.0 * choice.half_width)
+        for rung in sorted(knob.rungs, key=lambda one: -one.step_size)
+        if (choice := choice_with(ladder, knob, rung, PACKINGS)) is not None
+    ]
+
+
+def _moves(line: list[tuple[float, float, float]]) -> float:
+    """Return the factor over which the settings of a knob move the total error."""
+    half = [one[2] for one in line]
+    return max(half) / min(half) if half else 1.0
+
+
+def _draw_knob(
+    axis: Axes, ladder: Ladder, knob: KnobLadder, line: list[tuple[float, float, float]], look: _Look, is_named: bool
+) -> None:
+    """Draw the settings of a knob, with their numbers and its name where it is one of those that count most."""
+    if line:
+        settings, x, y = (np.array(one) for one in zip(*line, strict=True))
+        axis.plot(x, y, color=look.colour, lw=1.3, marker=look.marker, ms=6)
+        if is_named:
+            own = int(np.argmin(np.abs(settings / knob.own - 1.0)))
+            for place in range(len(settings)):
+                if place != own:
+                    axis.annotate(f"{settings[place]:.3g}", (x[place], y[place]), xytext=(5, 5), fontsize=8,
+                                  textcoords="offset points", color=look.colour)  # fmt: skip
+            end = int(np.argmax(np.abs(np.log(y / y[own]))))
+            axis.annotate(_name(knob.knob), (x[end], y[end]), xytext=(8, -12), fontsize=9,
+                          textcoords="offset points", color=look.colour)  # fmt: skip
+    failed = [rung.cost * ladder.seconds * PACKINGS for rung in knob.rungs if rung.failure]
+    axis.plot(failed, [0.97] * len(failed), color=look.colour, ls="", marker="x", ms=8, mew=2,
+              transform=axis.get_xaxis_transform())  # fmt: skip
+
+
+def _draw_target(axis: Axes, target: float, found: Choice | Obstacle) -> None:
+    reached = isinstance(found, Choice)
+    colour = REACHED if reached else NOT_REACHED
+    axis.axhline(100.0 * target, color=colour, lw=0.9, ls="-" if reached else (0, (6, 4)), zorder=1)
+    words = f"{100.0 * target:g} %"
+    if isinstance(found, Choice):
+        axis.plot(found.seconds, 100.0 * found.half_width, "o", ms=12, mfc="none", mec=colour, mew=2.2, zorder=7)
+        words += f": {format_duration(found.seconds)}"
+    else:
+        words += f": not reached, limited by {_name(found.knob)}"
+    axis.annotate(words, (0.995, 100.0 * target), xycoords=axis.get_yaxis_transform(), ha="right", va="bottom",
+                  fontsize=9, color=colour, xytext=(0, 2), textcoords="offset points")  # fmt: skip
+
+
+def _draw_parts(axis: Axes, ladder: Ladder, own: Choice, looks: dict[str, _Look]) -> None:
+    """Draw the error of each setting with its interval, the widest at the top, and their total at the bottom."""
+    rows: list[tuple[str, float, float, _Look, bool]] = []
+    for name, half in own.parts.items():
+        if name == INTERACTION:
+            continue
+        if name == STATISTICS:
+            rows.append((f"{PACKINGS} packings", 0.0, half, _Look("0.35", "o"), True))
+        else:
+            error, knob = own.total.parts[name], ladder.knob(name)
+            setting = "" if knob is None else f" {knob.own:.3g}"
+            rows.append((_name(name) + setting, error.bias, half, looks[name], error.is_decided))
+    rows.append(("total", own.total.bias, own.half_width, _Look("black", "*"), True))
+    for place, (_, bias, half, look, decided) in enumerate(rows):
+        axis.errorbar(100.0 * bias, place, xerr=100.0 * half, fmt=look.marker, color=look.colour, capsize=4, lw=1.6,
+                      ms=12 if look.marker == "*" and look.colour == "black" else 7,
+                      mfc=look.colour if decided else "white")  # fmt: skip
+    unknown = [f"{_name(name)}: not measured" for name in own.total.unknown]
+    labels = [*(row[0] for row in rows), *unknown]
+    axis.set_yticks(range(len(labels)), labels, fontsize=9)
+    for label, row in zip(axis.get_yticklabels(), rows, strict=False):
+        label.set_color(row[3].colour)
+    axis.axhline(len(rows) - 1.5, color="black", lw=0.6)
+    axis.axvline(0.0, color="black", lw=0.8)
+    axis.set_ylim(len(labels) - 0.4, -0.6)
+    axis.set_xlabel("error of the torque, 95 % interval [%]")
+    axis.grid(axis="x", alpha=0.25)
+    label_panel(axis, "This scene: what each setting adds (hollow: undecided)")
+
+
+def _name(knob: str) -> str:
+    return knob.replace("_", " ")
+
+
+def _name_axes(axis: Axes) -> None:
+    axis.set(xscale="log", yscale="log", xlabel="processor time of a run")
+    axis.set_ylabel("torque known to ± [%], 95 % interval, bias corrected")
+    axis.margins(x=0.06, y=0.1)
+    low, high = axis.get_xlim()
+    times = [one for one in TIMES if low <= one <= high]
+    axis.set_xticks(times, [_duration(one) for one in times])
+    axis.set_xticks([], minor=True)
+    low, high = axis.get_ylim()
+    shares = [a * 10.0**k for k in range(-2, 4) for a in (1, 2, 3, 5, 7) if low <= a * 10.0**k <= high]
+    axis.set_yticks(shares, [f"{one:g}" for one in shares])
+    axis.set_yticks([], minor=True)
+    axis.grid(alpha=0.25)
+
+
+def _duration(seconds: int) -> str:
+    return format_duration(seconds) if seconds < 3600 else f"{seconds // 3600} h"

@@ -1,0 +1,121 @@
+"""The cheapest combination of a ladder's settings that reaches a target, by comparison with a search of them all."""
+
+import itertools
+import math
+
+import pytest
+
+from emclutch.results.ladder import Basis, KnobLadder, Ladder, Rung, Total
+from emclutch.results.recommended import (
+    PACKINGS,
+    Combinations,
+    Obstacle,
+    choice_with,
+    own_choice,
+    recommended,
+    statistical_half_width,
+)
+from emclutch.simulation.stopping_rule import COUNTS
+
+SCATTER = 0.03
+
+
+def noisy(name, settings, values, costs, *, grains=None, order=2.0):
+    """A knob measured by torques; `grains` over those at the own, first, setting."""
+    grains = grains or [1.0] * len(settings)
+    rungs = tuple(
+        Rung(s, 1.0 / s, v, SCATTER / math.sqrt(g * 4), 4, 10.0 * c, c)
+        for s, v, c, g in zip(settings, values, costs, grains, strict=True)
+    )
+    return KnobLadder(name, f"key.{name}", Basis.TORQUE, settings[0], order, 0.0, rungs, 20.0)
+
+
+def standing(name, settings, values, costs):
+    rungs = tuple(Rung(s, s, v, 0.0, 1, 0.5, c) for s, v, c in zip(settings, values, costs, strict=True))
+    return KnobLadder(name, f"key.{name}", Basis.PULL, settings[1], None, 0.0, rungs)
+
+
+def ladder(**unknown):
+    knobs = (
+        standing("mesh", (2.0, 1.0, 0.5, 0.25), (1.08, 1.02, 1.005, 1.00125), (0.9, 1.0, 1.2, 2.0)),
+        noisy("grains", (4.0, 6.0, 8.0), (1.1, 1.045, 1.025), (1.0, 3.3, 8.0), grains=(1.0, 2.25, 4.0)),
+        noisy("step", (10.0, 20.0, 40.0), (1.1, 1.101, 1.1), (1.0, 2.0, 4.0)),
+    )
+    return Ladder("abc", "case", {}, 1.1, SCATTER, 20.0, 9.0, 4, 10.0, knobs, unknown)
+
+
+def by_search(whole, target):
+    """Processor time of the cheapest of all combinations [s], with the error of `Total`."""
+    best = math.inf
+    for rungs in itertools.product(*(one.rungs for one in whole.knobs)):
+        total = Total({k.knob: k.error(r.step_size) for k, r in zip(whole.knobs, rungs, strict=True)}, {})
+        scatter = math.prod(r.error * math.sqrt(r.packings) / SCATTER for r in rungs if r.error) * SCATTER
+        for n in PACKINGS:
+            if math.hypot(statistical_half_width(scatter, n), total.half_width) <= target:
+                best = min(best, 10.0 * n * math.prod(r.cost for r in rungs))
+    return best
+
+
+@pytest.mark.parametrize("target", [0.12, 0.08, 0.06, 0.05])
+def test_the_first_choice_is_the_cheapest_that_reaches_the_target(target):
+    found = recommended(ladder(), target)
+    assert found[0].seconds == pytest.approx(by_search(ladder(), target))
+    assert all(one.half_width <= target for one in found)
+    assert [one.seconds for one in found] == sorted(one.seconds for one in found)
+
+
+def test_a_choice_has_the_error_of_its_settings():
+    whole = ladder()
+    choice = recommended(whole, 0.06)[0]
+    assert choice.total == whole.total({
+        one.knob: next(r.step_size for r in one.rungs if r.setting == choice.settings[one.knob]) for one in whole.knobs
+    })  # fmt: skip
+    assert choice.half_width == pytest.approx(math.hypot(choice.statistical, choice.total.half_width))
+    assert choice.figure_of_merit == pytest.approx(1.0 / (choice.half_width**2 * choice.seconds))
+    assert choice.parts[choice.largest] == max(choice.parts.values())
+
+
+def test_more_grains_scatter_less():
+    whole = ladder()
+    grains = whole.knob("grains")
+    finest = choice_with(whole, grains, grains.rungs[-1], 8)
+    assert finest.statistical == pytest.approx(0.5 * own_choice(whole, 8).statistical)
+    assert finest.seconds == pytest.approx(8.0 * own_choice(whole, 8).seconds)
+
+
+def test_what_is_not_reached_names_the_widest_part_and_a_time_that_falls_with_the_square():
+    at_1, at_2 = (recommended(ladder(), target) for target in (0.005, 0.01))
+    assert isinstance(at_1, Obstacle)
+    assert at_1.knob == at_1.best.largest
+    assert at_1.half_width == at_1.best.parts[at_1.knob]
+    assert at_1.seconds == pytest.approx(4.0 * at_2.seconds)
+
+
+def test_a_knob_that_was_not_measured_is_in_the_way():
+    found = recommended(ladder(sector="not measured in this budget: about 7 min more"), 0.2)
+    assert isinstance(found, Obstacle)
+    assert (found.knob, found.half_width) == ("sector", None)
+    assert "7 min" in found.reason
+
+
+def test_no_cheaper_combination_is_as_accurate_as_one_on_the_frontier():
+    seconds, half = Combinations(ladder()).frontier()
+    assert (seconds[1:] > seconds[:-1]).all()
+    assert (half[1:] < half[:-1]).all()
+    for target in (0.1, 0.06):
+        assert seconds[half <= target][0] == pytest.approx(by_search(ladder(), target))
+
+
+def test_many_knobs_are_combined_within_bounds():
+    """Settings that others beat go first, then some of each knob; the scene's own and the finest remain."""
+    knobs = tuple(
+        noisy(f"knob{n}", (1.0, 2.0, 3.0, 4.0, 5.0, 6.0), (1.0,) * 6, (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)) for n in range(12)
+    )
+    whole = Ladder("abc", "case", {}, 1.0, SCATTER, 20.0, None, 4, 10.0, knobs)
+    found = Combinations(whole)
+    assert 2 <= len(found.cost) <= 1_000_000
+    assert found.cost.min() == 1.0
+
+
+def test_packings_are_those_that_a_run_looks_at():
+    assert COUNTS[: len(PACKINGS)] == PACKINGS
