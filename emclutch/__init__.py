@@ -22,9 +22,9 @@ if TYPE_CHECKING:  # the same names for type checkers and editors, which do not 
     from emclutch.scene.study import read_study
     from emclutch.simulation.check import Checked, check
     from emclutch.simulation.plan import Plan, plan
-    from emclutch.simulation.run import run
     from emclutch.simulation.window_state import CallbackError, WindowState
     from emclutch.studies.accuracy import accuracy
+    from emclutch.studies.accuracy_target import run
     from emclutch.studies.design_search import DesignResult, design
     from emclutch.studies.field_result import FieldResult, field
     from emclutch.studies.fit import FitResult, fit
@@ -66,7 +66,7 @@ __all__ = [
 __getattr__, __dir__ = lazy_attributes(
     __name__,
     {
-        "run": "emclutch.simulation.run:run",
+        "run": "emclutch.studies.accuracy_target:run",
         "WindowState": "emclutch.simulation.window_state:WindowState",
         "CallbackError": "emclutch.simulation.window_state:CallbackError",
         "check": "emclutch.simulation.check:check",

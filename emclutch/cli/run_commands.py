@@ -45,7 +45,7 @@ def run(
             print_plan(read, as_json, threads)
             return
         from emclutch.results import Progress
-        from emclutch.simulation.run import run as run_scene
+        from emclutch.studies.accuracy_target import run as run_scene
 
         with nullcontext() if as_json else Progress() as progress:
             result = run_scene(read, out=out, threads=threads, resume=resume, progress=progress, force=force)

@@ -17,6 +17,7 @@ import numpy as np
 
 from emclutch.results.ladder import Basis, KnobError, KnobLadder, Ladder, Rung, Total
 from emclutch.results.statistics import STOPPING_ALLOWANCE
+from emclutch.results.text import format_duration, per_cent
 
 PACKINGS = (4, 6, 8, 12, 16, 24)
 """Numbers of packings that a run with `time.until` looks at (emclutch.simulation.stopping_rule)."""
@@ -72,6 +73,15 @@ class Choice:
         """1 / (half width^2 processor time) [1/s]; larger is better."""
         return 1.0 / (self.half_width**2 * self.seconds)
 
+    def in_words(self) -> str:
+        """Return cost, accuracy, largest part and settings."""
+        settings = ", ".join(f"{name.replace('_', ' ')} {setting:.4g}" for name, setting in self.settings.items())
+        return (
+            f"about {self.packings} packings, {format_duration(self.seconds)} of processor time, for "
+            f"{per_cent(self.half_width)}; largest part: {self.largest.replace('_', ' ')}, "
+            f"{per_cent(self.parts[self.largest])}; {settings}"
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class Obstacle:
@@ -96,6 +106,13 @@ class Obstacle:
     seconds: float | None
     reason: str = ""
     best: Choice | None = None
+
+    def in_words(self) -> str:
+        """Return why a target is not reached."""
+        if self.half_width is None:
+            return f"not reachable in this budget: limited by {self.knob}: {self.reason}"
+        about = "" if self.seconds is None else f", about {format_duration(self.seconds)} of processor time"
+        return f"not reachable in this budget: limited by {self.knob}, known to ± {per_cent(self.half_width)}{about}"
 
 
 class Combinations:

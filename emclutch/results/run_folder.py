@@ -236,7 +236,7 @@ class RunFolder:
         replace_json(self.provenance, values)
 
     def add_to_provenance(self, **known: Any) -> None:
-        """Add entries to ``provenance.json`` that are known at the end of a run alone."""
+        """Add entries to ``provenance.json``, or replace them."""
         replace_json(self.provenance, self.read_provenance() | known)
 
     def read_provenance(self) -> dict[str, Any]:

@@ -33,6 +33,11 @@ def format_duration(seconds: float) -> str:
     return f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60:02d} min"
 
 
+def per_cent(share: float) -> str:
+    """Return a share in per cent with two digits."""
+    return f"{float(f'{100.0 * share:.2g}'):g} %"
+
+
 def format_torque(torque: Estimate, unit: str = "N m", factor: float = 1.0) -> str:
     """Return a torque with its 95 % interval by Student's t, in a unit that is `factor` from N m.
 

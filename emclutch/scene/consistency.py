@@ -201,6 +201,21 @@ def _accuracy(draft: Draft) -> Iterator[Fault]:
         )
 
 
+def _target(draft: Draft) -> Iterator[Fault]:
+    """A target of accuracy decides itself when a run ends, by the torque on a disc."""
+    scene = draft.scene
+    if scene.accuracy.target is None:
+        return
+    if scene.time.until is not None:
+        yield draft.fault(
+            "accuracy.target",
+            f"ends a run itself, by statistics and discretisation together, and time.until = '{scene.time.until}' does "
+            "by statistics alone; remove one of them",
+        )
+    if scene.geometry.measured != "torque":
+        yield draft.fault("accuracy.target", "needs a disc whose torque is measured; remove it")
+
+
 def _replicas(draft: Draft) -> Iterator[Fault]:
     scene = draft.scene
     if (scene.accuracy.replicas or 1) > 1 and packs_alike(scene):
@@ -252,6 +267,7 @@ CHECKS: tuple[tuple[Check, tuple[str, ...]], ...] = (
     *(check for effect in EFFECTS for check in effect.CHECKS),
     (_motion, (GEOMETRY_KIND, "motion", "surfaces")),
     (_accuracy, ("accuracy", "time")),
+    (_target, (GEOMETRY_KIND, "accuracy", "time", "particles")),
     (one_slip, ("geometry", "accuracy", "time", "motion", "effects", "particles", "coil")),
     (_replicas, (GEOMETRY_KIND, "accuracy", "time", "particles")),
 )

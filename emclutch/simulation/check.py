@@ -14,6 +14,7 @@ from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import SceneError, bad_input_for
 from emclutch.scene.grain_smear import moments_are_fed_back
 from emclutch.scene.usual_ranges import FLUX_DENSITY
+from emclutch.simulation.discretisation_error import accuracy_in_words
 from emclutch.simulation.forecast.expected_field import chains_in_words, field_in_chains, powder_in_words
 from emclutch.simulation.plan import make_plan
 from emclutch.simulation.plan_in_words import paths_in_words, plan_in_words
@@ -105,6 +106,8 @@ def _check(case: Case, threads: int | None) -> Checked:
     size = grain_size(scene, device)
     if size is not None:
         words["grain size"] = with_warnings(size.in_words(), *size.warnings())
+    if scene.geometry.measured == "torque" and scene.geometry.has_axis:
+        words["accuracy"] = accuracy_in_words(case, made)
     words |= paths_in_words(case)
     warnings = (*case.warnings, *(text for one in scene.effects.present for text in one.limits(scene, made.M_max)))
     title, effects, missing = scene.scene.title, scene.effects.active, left_out(scene, device, made, expected)

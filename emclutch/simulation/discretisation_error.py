@@ -15,8 +15,9 @@ from emclutch.knobs import KNOBS, Knob, knobs_of
 from emclutch.results import OutputError
 from emclutch.results.ladder import Ladder, Total
 from emclutch.results.ladders import DRIVE, device_hash, find_ladder
-from emclutch.results.recommended import STATISTICS
+from emclutch.results.recommended import STATISTICS, Obstacle, recommended
 from emclutch.results.statistics import Estimate
+from emclutch.results.text import format_duration, per_cent
 from emclutch.scene.case import Case
 from emclutch.scene.input_files import hashed_input_files
 from emclutch.simulation.plan import Plan
@@ -93,6 +94,34 @@ def discretisation_error(case: Case, plan: Plan, torque: Estimate | None, shear_
         "note": _other_drive(ladder, flat),
     }
     return {"discretisation_error": entry | corrected(torque, total)}
+
+
+def accuracy_in_words(case: Case, plan: Plan) -> str:
+    """Return what is known of a case's accuracy before it is run, and what its target costs."""
+    target, budget = case.scene.accuracy.target, format_duration(case.scene.accuracy.budget)
+    try:
+        found = find_ladder(device_of(case, plan))
+    except OutputError as error:
+        return str(error)
+    if found is None and target is None:
+        return f"error of the settings unknown: no ladder of this device; find it with: {how_to_find(case)}"
+    if found is None:
+        return (
+            f"{target}: no ladder of this device; it is measured first, which takes up to {budget} (accuracy.budget), "
+            "and says what the run costs"
+        )
+    ladder, path = found
+    if target is not None:
+        choices = recommended(ladder, target)
+        words = choices.in_words() if isinstance(choices, Obstacle) else choices[0].in_words()
+        return f"{target}: {words} (by {path})"
+    total = total_at(ladder, settings_of(case, plan))
+    text = f"settings move the torque by {100.0 * total.bias:+.2g} % +- {per_cent(total.half_width)}"
+    if total.largest is not None:
+        size = per_cent(total.parts[total.largest].half_width)
+        text += f"; largest part: {total.largest.replace('_', ' ')}, {size}"
+    text += "".join(f"; not in it: {name.replace('_', ' ')} ({why})" for name, why in total.unknown.items())
+    return f"{text} (by {path})"
 
 
 def how_to_find(case: Case) -> str:

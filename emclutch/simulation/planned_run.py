@@ -62,6 +62,8 @@ def plan_run(request: RunRequest) -> PlannedRun:
         input_files=hashed_input_files(scene),
         grains_from=None if request.grains is None else request.grains.as_dict(),
     )
+    if request.target is not None:
+        folder.add_to_provenance(accuracy_target=float(request.target))
     conditions = steady_conditions(plan.scene, device)
     folder.write_plan(
         {

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from emclutch.results import Result, RunFolder
 from emclutch.results.history import last_time
 from emclutch.scene.case import Case, as_case
+from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.replica_count import max_replica_count, replicas_side_by_side
 from emclutch.simulation.finished_run import finish_run
 from emclutch.simulation.interruption import interruptible
@@ -36,40 +38,25 @@ def run(
     start: str | Path | None = None,
     force: bool = False,
     callback: Callable[[WindowState], object] | None = None,
+    accuracy_target: float | None = None,
 ) -> Result:
-    """Run a scene and return its result: the first of its replicas, with the torque of all of them.
-
-    The other replicas (`accuracy.replicas`, and with `time.until` as many more as its rule asks for) are processes
-    in addition to this one, as many at a time as there are cores for; their folders lie under its own.
+    """Run a scene whose settings are its own and return its result; see `emclutch.run`, which takes a target, too.
 
     Parameters
     ----------
-    case : Case, or the path of a scene file
-    out : folder of the run; default: the scene's `output.folder`, or the next free runs/<case>-<nnn>.
-    threads : of the kernels of each replica; default: ``OMP_NUM_THREADS``, or what a trial in the first windows finds
-        to pay of the cores, shared out among the replicas. The result does not depend on it.
-    resume : continue from the checkpoint in `out`; a run that was killed before it wrote one starts again there.
-    progress : object with update(fraction, text), or None; if it has announce(text) too, what is being compiled, and
-        how long it has to go; if it has stop_asked, and that is true after a window, the run ends there as
-        after Ctrl-C.
-    start : folder of a finished run whose grains this one begins with (`emclutch.simulation.warm_start`), in place of
-        a packing; it says nothing more where a run is resumed from a checkpoint.
-    force : run also where more memory or disk is needed than is free.
-    callback : called with the `emclutch.WindowState` after every window of the first replica; where it returns true,
-        all replicas end with a checkpoint, and the result, of what was run, says so (`Result.stopped`).
+    case, out, threads, resume, progress, start, force, callback : as of `emclutch.run`
+    accuracy_target : total error that the settings were chosen for (`emclutch.studies.accuracy_target`): the run's
+        folder keeps it, and its summary says whether it was reached.
 
     Raises
     ------
-    CallbackError
-        The callback raised an error.
-    OutputError
-        The folder is in use or cannot be written; what is to be resumed belongs to another scene, or a file that the
-        scene names has changed; the run to start from has no checkpoint, or other grains.
-    RunError
-        More memory or disk is needed than is free, a solver did not converge, grains do not fit, a contact failed;
-        `Interrupted` after Ctrl-C.
+    CallbackError, OutputError, RunError
+        As `emclutch.run`.
+    SceneError
+        The scene has a target itself.
     """
     case = as_case(case)
+    refuse_target(case)
     target = out or case.scene.output.folder or RunFolder.next_path(case.name)
     case.need_grains()  # before the lock makes a folder, as the next line
     grains = None if start is None or resume else starting_grains(case, start)
@@ -88,7 +75,18 @@ def run(
                 case, folder, count, threads=threads, slots=slots, tune_threads=tune_threads, resume=resume, start=start
             ) as replicas,
         ):
-            return _run(RunRequest(case, opened, reporter, replicas, stop, tune_threads, force, grains, callback))
+            request = RunRequest(case, opened, reporter, replicas, stop, tune_threads, force, grains, callback)
+            return _run(replace(request, target=accuracy_target))
+
+
+def refuse_target(case: Case) -> None:
+    """Raise SceneError for a scene whose settings are still to be chosen for `accuracy.target`."""
+    if (target := case.scene.accuracy.target) is not None:
+        message = (
+            "needs settings that are chosen first; run the scene with emclutch.run or the command emclutch run, or "
+            "remove accuracy.target and set time.until = 'torque 5 %'"
+        )
+        raise SceneError([Fault("accuracy.target", f"'{target}'", message)], str(case.path or "scene"))
 
 
 def run_replica(

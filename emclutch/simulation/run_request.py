@@ -40,6 +40,8 @@ class RunRequest:
     callback : callable or None
     orders : Orders or None
         Of one of the other replicas.
+    target : float or None
+        Total error that the settings were chosen for, relative.
     """
 
     case: Case
@@ -52,6 +54,7 @@ class RunRequest:
     grains: StartingGrains | None
     callback: Callable[[WindowState], object] | None = None
     orders: Orders | None = None
+    target: float | None = None
 
     @property
     def folder(self) -> RunFolder:

@@ -127,6 +127,9 @@ def summarise(
         summary["work_magnetic_over_slip"] = work_over_slip(history, start)
     summary |= {"grains": plan.count, "sectors": simulation.n_sectors, "dt": plan.dt} | numerics_summary(history)
     summary |= discretisation_error(case, plan, torque, strain_rate(plan.scene, device))
+    if (asked := folder.read_provenance().get("accuracy_target")) is not None:
+        total = (summary["discretisation_error"] or {}).get("total_error")
+        summary["accuracy_target"] = {"asked": asked, "reached": total is not None and total <= asked}
     measured = {"field": WALL_FIELD, "magnetic": WALL_MAGNETIC, "contact": WALL_CONTACT, "total": WALL_TOTAL}
     summary["seconds"] = {part: float(history[name].sum()) for part, name in measured.items() if name in history}
     processor = processor_seconds((history, *others), threads_in_use())

@@ -15,7 +15,7 @@ from emclutch.results.ladder import Ladder
 from emclutch.results.pictures.accuracy import accuracy_picture
 from emclutch.results.recommended import Choice, Obstacle, own_choice, recommended
 from emclutch.results.report.render import html, markdown
-from emclutch.results.text import format_duration
+from emclutch.results.text import format_duration, per_cent
 from emclutch.scene.case import Case, load_case
 from emclutch.scene.errors import SceneError
 from emclutch.scene.input_files import input_files
@@ -25,7 +25,6 @@ from emclutch.studies.accuracy_tables import (
     BOLD_MARKDOWN,
     Answer,
     parts_in_words,
-    per_cent,
     rows_of,
     study_page,
 )

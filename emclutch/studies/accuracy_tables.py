@@ -15,7 +15,7 @@ from emclutch.results.ladder import Basis, KnobError, KnobLadder, Ladder, Rung
 from emclutch.results.recommended import Choice, Obstacle, own_choice
 from emclutch.results.report.content import Block, Page, Picture, Statements, Table
 from emclutch.results.report.verdict import Mark, Statement
-from emclutch.results.text import format_duration
+from emclutch.results.text import format_duration, per_cent
 from emclutch.scene.replica_count import cores_at_hand
 
 UNITS = {one.name: one.unit for one in KNOBS}
@@ -51,20 +51,7 @@ class Answer:
         found = self.found
         if isinstance(found, Choice):
             return f"{per_cent(self.target)}: emclutch run {self.file}"
-        return f"{per_cent(self.target)}: {obstacle_in_words(found)}"
-
-
-def obstacle_in_words(found: Obstacle) -> str:
-    """Return why a target is not reached."""
-    if found.half_width is None:
-        return f"not reachable in this budget: limited by {found.knob}: {found.reason}"
-    about = "" if found.seconds is None else f", about {format_duration(found.seconds)} of processor time"
-    return f"not reachable in this budget: limited by {found.knob}, known to ± {per_cent(found.half_width)}{about}"
-
-
-def per_cent(share: float) -> str:
-    """Return a share in per cent with two digits."""
-    return f"{float(f'{100.0 * share:.2g}'):g} %"
+        return f"{per_cent(self.target)}: {found.in_words()}"
 
 
 def error_in_words(error: KnobError | None) -> str:
@@ -146,7 +133,7 @@ def _answers(ladder: Ladder, answers: Sequence[Answer], bold: str) -> Table:
         if isinstance(one.found, Choice):
             rows.append(_answer_row(per_cent(one.target), ladder, one.found, bold, one.file.name if one.file else ""))
         else:
-            rows.append((per_cent(one.target), obstacle_in_words(one.found), *[""] * 7))
+            rows.append((per_cent(one.target), one.found.in_words(), *[""] * 7))
     head = (
         "target", "settings that differ", "packings", "processor time", f"on {cores_at_hand()} cores", "bias",
         "known to", "parts", "1/(error² time) [1/h]", "scene",

@@ -15,6 +15,7 @@ from emclutch.simulation.forecast.space import shortage
 from emclutch.simulation.plan import make_plan
 from emclutch.simulation.resume import flat_scene
 from emclutch.simulation.stopping_rule import stopping_rule
+from emclutch.studies.accuracy_target import cases_of
 from emclutch.studies.points import PointFolder
 from emclutch.studies.workers import threads_of_a_worker
 
@@ -60,6 +61,7 @@ class StudyForecast:
     jobs : int
         Points at a time.
     seconds, earliest : wall-clock time of all [s], as those of a point.
+    needs_ladders : whether points have a target of accuracy, and their devices no ladder yet.
     """
 
     title: str
@@ -68,6 +70,7 @@ class StudyForecast:
     jobs: int
     seconds: float
     earliest: float
+    needs_ladders: bool = False
 
     @property
     def memory(self) -> float:
@@ -86,10 +89,11 @@ class StudyForecast:
     def in_words(self) -> str:
         """One line: the sum, and what stands against it."""
         kept = f" ({self.done} more are done)" if self.done else ""
+        first = "; ladders of devices that have none are measured first (accuracy.budget)" if self.needs_ladders else ""
         text = (
             f"{len(self.points)} {'point' if len(self.points) == 1 else 'points'}{kept}, {self.jobs} at a time: "
             f"{time_in_words(self.seconds, self.earliest)}, up to {self.memory:.0f} MiB of memory, "
-            f"{self.disk:.0f} MiB on disk; predicted, without compiling"
+            f"{self.disk:.0f} MiB on disk; predicted, without compiling{first}"
         )
         warning = shortage(self.memory)
         return f"{text}; WARNING: {warning}; or take fewer --jobs" if warning else text
@@ -114,10 +118,11 @@ def predict_study(study: StudySection, jobs: int = 1, folders: Sequence[PointFol
     """
     points: dict[int, PointForecast] = {}
     planned: dict[str, PointForecast] = {}
-    faults = []
-    for number, (values, case) in enumerate(study.cases()):
+    faults, needs_ladders = [], False
+    for number, (values, case) in enumerate(cases_of(study)):
         if folders and folders[number].is_done:
             continue
+        needs_ladders |= case.scene.accuracy.target is not None
         reached = folders[number].reached if folders else 0.0
         label = ", ".join(f"{key} = {value}" for key, value in values.items())
         alike = repr((reached, {key: value for key, value in flat_scene(case.toml()).items() if key != SEED}))
@@ -142,6 +147,7 @@ def predict_study(study: StudySection, jobs: int = 1, folders: Sequence[PointFol
         jobs,
         latest,
         min(earliest, latest),
+        needs_ladders,
     )
 
 

@@ -22,6 +22,7 @@ from emclutch.results.history import last_time
 from emclutch.scene.case import Case
 from emclutch.scene.study import StudySection
 from emclutch.simulation.resume import differing_keys, flat_scene, may_change, refuse_changed_files, seconds_of
+from emclutch.studies.accuracy_target import cases_of
 
 POINT = "point-"
 _NUMBERED = re.compile(rf"{POINT}(\d+)")
@@ -99,7 +100,7 @@ def points_in(study: StudySection, folder: Path) -> list[PointFolder]:
     """The folders of a study's points, in its order; none where the study has no folder."""
     if not folder.is_dir():
         return []
-    return folders_of_points(folder, [case for _, case in study.cases()], fixed=study.values)
+    return folders_of_points(folder, [case for _, case in cases_of(study)], fixed=study.values)
 
 
 def unclaimed(folder: Path, points: Sequence[PointFolder]) -> list[str]:

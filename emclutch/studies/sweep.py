@@ -26,6 +26,7 @@ from emclutch.scene.study import StudySection, read_study
 from emclutch.scene.timing import instant_in_words
 from emclutch.simulation.missing_pictures import draw_missing
 from emclutch.simulation.resume import seconds_of
+from emclutch.studies.accuracy_target import cases_of
 from emclutch.studies.points import PointFolder, folders_of_points, unclaimed
 from emclutch.studies.tables import Done, disc_torque, label_of, write_failures, write_tables
 from emclutch.studies.tasks import STOP, PointOutcome, PointTask, run_point
@@ -127,7 +128,8 @@ class _StudyRun:
         self.study, self.folder, self.threads, self.resume, self.table = study, folder, threads, resume, table
         self.force = force
         self.share = share  # processes of this study on this machine
-        self.points = list(study.cases())
+        self.points = list(cases_of(study, _Announced(), measure=True))
+        self.asked = [case.scene.accuracy.target for _, case in study.cases()]
         self.targets = folders_of_points(folder, [case for _, case in self.points], fixed=study.values)
         if others := unclaimed(folder, self.targets):
             log.info("of none of the study's points, and left as they are: %s", ", ".join(others))
@@ -254,8 +256,9 @@ class _StudyRun:
         if threads is None and self.share > 1:
             threads = threads_of_a_worker(self.share * replica_count(case.scene))
         return PointTask(
-            case.data, path, case.trust_scripts, str(point.path.resolve()), threads, resumed, start, self.force
-        )
+            case.data, path, case.trust_scripts, str(point.path.resolve()), threads, resumed, start, self.force,
+            self.asked[number],
+        )  # fmt: skip
 
     def _take(self, number: int, outcome: PointOutcome) -> None:
         if outcome.state == DONE:
@@ -316,6 +319,16 @@ def _goes_on(case: Case, point: PointFolder, resume: bool) -> bool:
     else:
         log.info("%s starts", name)
     return False
+
+
+class _Announced:
+    """Progress of the ladders that are measured before the points."""
+
+    def update(self, fraction: float, text: str) -> None:
+        """Nothing: the table of points has not begun."""
+
+    def announce(self, text: str) -> None:
+        log.info("%s", text)
 
 
 class _Part:

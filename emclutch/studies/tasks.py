@@ -39,6 +39,7 @@ class PointTask:
     resume : continue from the checkpoint in `folder`.
     start : folder of the run whose grains the point begins with; None packs its own.
     force : run also where more memory is needed than is free.
+    target : total error that the settings were chosen for, relative; None: they were not.
     """
 
     data: dict[str, Any]
@@ -49,6 +50,7 @@ class PointTask:
     resume: bool = False
     start: str | None = None
     force: bool = False
+    target: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +87,7 @@ def run_point(task: PointTask, progress: Any = None) -> PointOutcome:
             resume=task.resume,
             start=task.start,
             force=task.force,
+            accuracy_target=task.target,
         )
     except (Interrupted, KeyboardInterrupt):
         return PointOutcome(STOPPED)

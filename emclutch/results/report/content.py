@@ -26,10 +26,10 @@ from emclutch.results.columns import (
 )
 from emclutch.results.grain_profiles import profile_column, read_profiles
 from emclutch.results.replicated_mean import drift_in_words
-from emclutch.results.report.verdict import Mark, Statement, in_words, percentage, sentence, verdict
+from emclutch.results.report.verdict import Mark, Statement, in_words, sentence, verdict
 from emclutch.results.study_folder import StudyFolder, is_study, read_study, refresh_in_words
 from emclutch.results.study_result import grain_size_lines
-from emclutch.results.text import format_stress, format_time, format_torque
+from emclutch.results.text import format_stress, format_time, format_torque, per_cent
 
 LeftOutOf = Callable[[Result], Sequence[LeftOut]]
 """What the scene of a run leaves out, see `emclutch.simulation.check`."""
@@ -399,7 +399,7 @@ def _torques(result: Result) -> list[tuple[str, str]]:
     rows += [
         (
             f"error by the setting of {in_words(name)}",
-            f"{100.0 * part['bias']:+.2g} % +- {percentage(part['half_width'])}, at {part['setting']:.4g}",
+            f"{100.0 * part['bias']:+.2g} % +- {per_cent(part['half_width'])}, at {part['setting']:.4g}",
         )
         for name, part in found.get("parts", {}).items()
     ]

@@ -12,7 +12,7 @@ import numpy as np
 
 from emclutch.results import Estimate, Result
 from emclutch.results.columns import DISC_SPEED, ROTOR_SPEED, SHEAR_STRESS, TIME, TORQUE_DISC
-from emclutch.results.text import format_stress, format_time, format_torque
+from emclutch.results.text import format_stress, format_time, format_torque, per_cent
 from particles.dem.overlap_limits import SOFT
 
 RPM = 30.0 / math.pi
@@ -159,9 +159,9 @@ def _total_error(summary: dict[str, Any]) -> Iterator[Statement]:
     if total is None:
         known = "statistical error unknown"
     else:
-        known = f"+- {torque['half_width']:.2g} N m (95 %), total error {percentage(total)}"
+        known = f"+- {torque['half_width']:.2g} N m (95 %), total error {per_cent(total)}"
     if largest is not None:
-        known += f"; largest part: {in_words(largest['name'])}, {percentage(largest['half_width'])}"
+        known += f"; largest part: {in_words(largest['name'])}, {per_cent(largest['half_width'])}"
     text = f"without the error of its settings ({100.0 * found['bias']:+.2g} %): {torque['mean']:.4g} N m {known}"
     for what, names in (("not in it", found["unknown"]), ("extrapolated", found["extrapolated"])):
         text += "".join(f"; {what}: {in_words(name)} ({why})" for name, why in names.items())
@@ -174,12 +174,7 @@ def _total_error(summary: dict[str, Any]) -> Iterator[Statement]:
     if asked is not None:
         reached = "reached" if asked["reached"] else "not reached"
         mark = Mark.POOR if missed else Mark.GOOD
-        yield Statement(mark, f"accuracy.target = {percentage(asked['asked'])}: {reached}")
-
-
-def percentage(share: float) -> str:
-    """Return a share in per cent, two digits."""
-    return f"{100.0 * share:.2g} %"
+        yield Statement(mark, f"accuracy.target = {per_cent(asked['asked'])}: {reached}")
 
 
 def in_words(name: str) -> str:

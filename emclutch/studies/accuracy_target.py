@@ -1,0 +1,219 @@
+"""`accuracy.target`: a scene gets the cheapest settings by which its torque is known as well as it asks for.
+
+They follow from the ladder of its device (`emclutch.results.recommended`), which is measured within `accuracy.budget`
+where there is none. The scene that is run has these settings in place of the target, and ends (`time.until`) as soon as
+statistics and discretisation together, in quadrature, are as small as the target; so a run's folder can be resumed, and
+repeated, without the ladder.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from emclutch.results import Result
+from emclutch.results.errors import OutputError
+from emclutch.results.ladders import find_ladder, ladder_folder
+from emclutch.results.recommended import STATISTICS, Choice, Obstacle, recommended
+from emclutch.results.text import per_cent
+from emclutch.scene.case import Case, as_case
+from emclutch.scene.errors import Fault, SceneError, bad_input_for
+from emclutch.scene.multiple import STRAIN
+from emclutch.scene.replica_count import cores_at_hand
+from emclutch.scene.start_up import start_up_strain
+from emclutch.scene.study import StudySection
+from emclutch.simulation.discretisation_error import device_of
+from emclutch.simulation.plan import make_plan
+from emclutch.simulation.run import run as run_scene
+from emclutch.simulation.window_state import WindowState
+
+KEY = "accuracy.target"
+
+
+@dataclass(frozen=True, slots=True)
+class Settled:
+    """A case whose settings reach a target.
+
+    Attributes
+    ----------
+    case : Case
+        Without the target.
+    choice : Choice
+    ladder : Path
+        Where they follow from.
+    """
+
+    case: Case
+    choice: Choice
+    ladder: Path
+
+
+def run(
+    case: Case | str | Path,
+    *,
+    out: str | Path | None = None,
+    threads: int | None = None,
+    resume: bool = False,
+    progress=None,
+    start: str | Path | None = None,
+    force: bool = False,
+    callback: Callable[[WindowState], object] | None = None,
+) -> Result:
+    """Run a scene and return its result: the first of its replicas, with the torque of all of them.
+
+    The other replicas (`accuracy.replicas`, and with `time.until` as many more as its rule asks for) are processes
+    in addition to this one, as many at a time as there are cores for; their folders lie under its own.
+
+    A scene with `accuracy.target` is run with the settings of the ladder of its device. Where there is none it is
+    measured first, in processes of their own: a script does that under ``if __name__ == "__main__":``.
+
+    Parameters
+    ----------
+    case : Case, or the path of a scene file
+    out : folder of the run; default: the scene's `output.folder`, or the next free runs/<case>-<nnn>.
+    threads : of the kernels of each replica; default: ``OMP_NUM_THREADS``, or what a trial in the first windows finds
+        to pay of the cores, shared out among the replicas. The result does not depend on it.
+    resume : continue from the checkpoint in `out`; a run that was killed before it wrote one starts again there.
+    progress : object with update(fraction, text), or None; if it has announce(text) too, what is being compiled, and
+        how long it has to go; if it has stop_asked, and that is true after a window, the run ends there as
+        after Ctrl-C.
+    start : folder of a finished run whose grains this one begins with (`emclutch.simulation.warm_start`), in place of
+        a packing; it says nothing more where a run is resumed from a checkpoint.
+    force : run also where more memory or disk is needed than is free.
+    callback : called with the `emclutch.WindowState` after every window of the first replica; where it returns true,
+        all replicas end with a checkpoint, and the result, of what was run, says so (`Result.stopped`).
+
+    Raises
+    ------
+    SceneError
+        The scene has faults, or no settings reach its target.
+    CallbackError
+        The callback raised an error.
+    OutputError
+        The folder is in use or cannot be written; what is to be resumed belongs to another scene, or a file that the
+        scene names has changed; the run to start from has no checkpoint, or other grains; the ladder is damaged.
+    RunError
+        More memory or disk is needed than is free, a solver did not converge, grains do not fit, a contact failed;
+        `Interrupted` after Ctrl-C.
+    """
+    case = as_case(case)
+    target = case.scene.accuracy.target
+    return run_scene(
+        with_target(case, progress), out=out, threads=threads, resume=resume, progress=progress, start=start,
+        force=force, callback=callback, accuracy_target=target,
+    )  # fmt: skip
+
+
+def with_target(case: Case, progress: Any = None) -> Case:
+    """Return a case in which settings stand for `accuracy.target`; one without a target as it is.
+
+    Raises
+    ------
+    SceneError
+        No settings reach it: by what it is limited, and what to do.
+    OutputError
+        The ladder is damaged.
+    RunError
+        The ladder could not be measured; `Interrupted` after Ctrl-C: it is continued by the next call.
+    """
+    if case.scene.accuracy.target is None:
+        return case
+    found = settled(case)
+    if found is None:
+        _measure(case, progress)
+        found = settled(case)
+        assert found is not None  # the study has written it, or failed
+    announce = getattr(progress, "announce", None)
+    if announce is not None:
+        announce(f"{KEY} = {case.scene.accuracy.target}: {found.choice.in_words()} (by {found.ladder})")
+    return found.case
+
+
+def settled(case: Case) -> Settled | None:
+    """Return the settings that a case's target needs, by the ladder of its device; None where there is no ladder.
+
+    Raises as `with_target`.
+    """
+    target = case.scene.accuracy.target
+    assert target is not None
+    with bad_input_for(case.path):
+        plan = make_plan(case)[1]
+    known = find_ladder(device_of(case, plan))
+    if known is None:
+        return None
+    ladder, path = known
+    from emclutch.studies.accuracy_answers import case_for  # local: most scenes have no target
+
+    found = recommended(ladder, target)
+    if isinstance(found, Obstacle):
+        raise _unreachable(case, found.in_words(), found)
+    refusal: Exception | None = None
+    for choice in found:
+        try:
+            return Settled(case_for(case, ladder, choice, target), choice, path)
+        except (SceneError, ValueError) as error:
+            refusal = error
+    raise _unreachable(case, f"the scene refuses the settings together: {refusal}", None)
+
+
+def cases_of(
+    study: StudySection, progress: Any = None, *, measure: bool = False
+) -> Iterator[tuple[dict[str, Any], Case]]:
+    """Yield the values and the case of each point of a study, with settings for its target.
+
+    `measure`: also a ladder that is missing; else such a case is left as it is.
+    """
+    for values, case in study.cases():
+        if case.scene.accuracy.target is not None:
+            if measure:
+                case = with_target(case, progress)
+            elif (found := settled(case)) is not None:
+                case = found.case
+        yield values, case
+
+
+def _measure(case: Case, progress: Any) -> None:
+    """Measure the ladder of a case within its budget, in a folder by which the same case finds it again."""
+    from emclutch.studies.accuracy import accuracy  # local, as above
+
+    name = hashlib.sha256(case.toml().encode()).hexdigest()[:16]
+    folder = ladder_folder() / f"study-{name}"
+    begun = (folder / "plan.json").is_file()
+    if folder.is_dir() and not begun and any(folder.iterdir()):
+        raise OutputError(f"{folder} holds no study of this version; remove it, and run again")
+    settings: dict[str, Any] = {"budget": case.scene.accuracy.budget, "resume": begun}
+    settings["targets"] = (float(case.scene.accuracy.target or 0.0),)
+    accuracy(case, out=folder, progress=progress, **settings)
+
+
+def _unreachable(case: Case, why: str, found: Obstacle | None) -> SceneError:
+    best = None if found is None else found.best
+    command = f"emclutch accuracy {case.path or 'CASE'}"
+    if found is not None and found.knob == STATISTICS:
+        ways = [f"measure longer packings: {command} --set accuracy.time_end={_longer_end(case)}"]
+    else:
+        ways = [f"measure the ladder for longer: {command} --budget {_longer(case, found)}"]
+    if best is not None:
+        ways.append(f"ask for {per_cent(1.05 * best.half_width)}")
+    fault = Fault(KEY, f"'{case.scene.accuracy.target}'", f"{why}; {', or '.join(ways)}")
+    return SceneError([fault], "scene" if case.path is None else str(case.path))
+
+
+def _longer_end(case: Case) -> str:
+    """Return an end of the ladder's packings by which they scatter less, as an entry of a scene."""
+    end = case.scene.accuracy.time_end
+    if isinstance(end, float):
+        return f"'{4e3 * end:.4g} ms'"
+    strain = 2.0 * start_up_strain(case.scene) if end is None else end.value
+    return f"'{STRAIN.format(f'{4.0 * strain:.4g}')}'"
+
+
+def _longer(case: Case, found: Obstacle | None) -> str:
+    """Return a budget by which a target may be reached, as an entry of a scene."""
+    seconds = 3.0 * case.scene.accuracy.budget
+    if found is not None and found.seconds is not None:
+        seconds = max(seconds, found.seconds / cores_at_hand())
+    return f"{max(1, round(seconds / 60.0))}min" if seconds < 7200.0 else f"{round(seconds / 3600.0)}h"

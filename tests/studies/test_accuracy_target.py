@@ -1,0 +1,110 @@
+"""`accuracy.target`: settings by the device's ladder stand for it, a run ends at the total error, or says why not."""
+
+import math
+
+import pytest
+from made_up_ladder import cell, contact_step, ladder
+
+import emclutch
+from emclutch.results import RunFolder
+from emclutch.results.ladders import VARIABLE, save_ladder
+from emclutch.scene.errors import SceneError
+from emclutch.scene.study import read_study
+from emclutch.simulation.discretisation_error import accuracy_in_words, device_of
+from emclutch.simulation.plan import make_plan
+from emclutch.simulation.run import run as run_with_settings
+from emclutch.studies import accuracy_target
+from emclutch.studies.accuracy_target import cases_of, with_target
+
+ENDS = {"time__average_from": None, "accuracy__replicas": None}
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """Where ladders are looked for in one test."""
+    monkeypatch.setenv(VARIABLE, str(tmp_path / "ladders"))
+    return tmp_path / "ladders"
+
+
+def with_ladder(case, *knobs, **values):
+    plan = make_plan(case)[1]
+    save_ladder(ladder(device_of(case, plan), *knobs, **values))
+    return plan
+
+
+def test_settings_and_end_follow_from_the_ladder(folder):
+    case = cell(accuracy__target="5 %", **ENDS)
+    with_ladder(case, contact_step(0.04, 0.004), scatter=0.02)
+    found = with_target(case).scene
+    assert found.accuracy.target is None and found.span.steps_per_contact == 10.0  # a quarter of the cost
+    discretisation = contact_step(0.04, 0.004).error(0.1).half_width
+    assert found.span.until.relative == pytest.approx(math.sqrt(0.05**2 - discretisation**2), abs=1e-4)
+    finer = cell(accuracy__target="2 %", **ENDS)
+    assert with_target(finer).scene.span.steps_per_contact == 20.0
+
+
+def test_a_case_without_a_target_is_left_alone(folder):
+    case = cell()
+    assert with_target(case) is case
+
+
+def test_a_missing_ladder_is_measured_within_the_budget(folder, monkeypatch):
+    asked = {}
+
+    def stand_in(case, **given):
+        asked.update(given)
+        with_ladder(case, contact_step(0.04, 0.004), scatter=0.02)
+
+    monkeypatch.setattr("emclutch.studies.accuracy.accuracy", stand_in)
+    case = cell(accuracy__target="5 %", accuracy__budget="3 min", **ENDS)
+    assert "up to 3 min (accuracy.budget)" in accuracy_in_words(case, make_plan(case)[1])
+    assert with_target(case).scene.span.until is not None
+    assert asked["budget"] == 180.0 and asked["targets"] == (0.05,) and not asked["resume"]
+    assert folder in asked["out"].parents
+    assert "of processor time" in accuracy_in_words(case, make_plan(case)[1])
+
+
+def test_what_cannot_be_reached_is_an_error_with_its_limit_and_a_remedy(folder):
+    case = cell(accuracy__target="1 %", **ENDS)
+    with_ladder(case, contact_step(0.3, 0.02), scatter=0.02)
+    with pytest.raises(SceneError, match=r"limited by contact_step.*emclutch accuracy CASE --budget \d+.*or ask for"):
+        with_target(case)
+    with_ladder(case, contact_step(0.04, 0.2), scatter=0.2)
+    with pytest.raises(SceneError, match=r"limited by packings.*accuracy.time_end='strain 72'"):
+        with_target(case)
+    with_ladder(case, contact_step(0.0, 0.001), unknown={"sector": "not measured in this budget: about 4 min"})
+    with pytest.raises(SceneError, match="limited by sector: not measured in this budget: about 4 min"):
+        with_target(case)
+
+
+def test_a_target_does_not_go_with_an_end_by_statistics_nor_into_a_run_as_it_is(tmp_path):
+    with pytest.raises(SceneError, match=r"time.until = 'torque 5 %' does by statistics alone; remove one of them"):
+        cell(accuracy__target="3 %", time__until="torque 5 %")
+    with pytest.raises(SceneError, match="needs settings that are chosen first"):
+        run_with_settings(cell(accuracy__target="3 %"), out=tmp_path / "run")
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_run_says_whether_it_has_reached_its_target_also_when_it_continues(folder, tmp_path):
+    case = cell(accuracy__target="50 %", time__average_from="0.2 ms")
+    with_ladder(case, contact_step(0.04, 0.004), scatter=0.02)
+    result = emclutch.run(case, out=tmp_path / "run", callback=lambda state: state.window == 5)
+    assert result.summary["accuracy_target"] == {"asked": 0.5, "reached": False}  # nothing is known of its error
+    written = RunFolder(tmp_path / "run").read_scene()
+    assert "target" not in written["accuracy"] and written["time"]["until"].startswith("torque")
+    again = emclutch.run(tmp_path / "run" / "case.toml", out=tmp_path / "run", resume=True)
+    total = again.summary["discretisation_error"]["total_error"]
+    assert again.summary["accuracy_target"] == {"asked": 0.5, "reached": total is not None and total <= 0.5}
+
+
+def test_points_of_a_study_get_settings_where_their_ladder_is_known(folder, tmp_path):
+    case = cell(**ENDS)
+    (tmp_path / "case.toml").write_text(case.toml())
+    (tmp_path / "study.toml").write_text(
+        '[study]\ncase = "case.toml"\n[study.values]\n"accuracy.target" = ["5 %", "2 %"]\n'
+    )
+    study = read_study(tmp_path / "study.toml")
+    assert [one.scene.accuracy.target for _, one in cases_of(study)] == [0.05, 0.02]
+    with_ladder(case, contact_step(0.04, 0.004), scatter=0.02)
+    assert [one.scene.span.steps_per_contact for _, one in cases_of(study)] == [10.0, 20.0]
+    assert accuracy_target.settled(case.with_values({"accuracy.target": "5 %"})).choice.packings >= 4
