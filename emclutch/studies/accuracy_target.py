@@ -184,9 +184,10 @@ def _measure(case: Case, progress: Any) -> None:
     begun = (folder / "plan.json").is_file()
     if folder.is_dir() and not begun and any(folder.iterdir()):
         raise OutputError(f"{folder} holds no study of this version; remove it, and run again")
-    settings: dict[str, Any] = {"budget": case.scene.accuracy.budget, "resume": begun}
-    settings["targets"] = (float(case.scene.accuracy.target or 0.0),)
-    accuracy(case, out=folder, progress=progress, **settings)
+    target = float(case.scene.accuracy.target or 0.0)
+    accuracy(
+        case, out=folder, budget=case.scene.accuracy.budget, resume=begun, targets=(target,), progress=progress
+    )  # fmt: skip
 
 
 def _unreachable(case: Case, why: str, found: Obstacle | None) -> SceneError:

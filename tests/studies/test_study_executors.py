@@ -32,7 +32,7 @@ class Runs:
     def __init__(self):
         self.acts, self.asked = {}, []
 
-    def __call__(self, case, *, out, threads, progress, resume, start, force):
+    def __call__(self, case, *, out, threads, progress, resume, start, force, accuracy_target):
         friction = case.scene.contact.friction
         self.asked.append((friction, None if start is None else Path(start).name, threads))
         folder = RunFolder.create(out, case.toml(), resume=resume)

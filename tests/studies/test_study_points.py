@@ -32,7 +32,7 @@ class Runs:
         self.asked = []
         self.dies = False
 
-    def __call__(self, case, *, out, threads, progress, resume, start, force):
+    def __call__(self, case, *, out, threads, progress, resume, start, force, accuracy_target=None):
         folder = RunFolder.create(out, case.toml(), resume=resume)
         self.asked.append((Path(out).name, resume, case.scene.time.end))
         if self.dies:
