@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from emclutch.knobs.knob import Knob
 from emclutch.scene.units import LinearSpeed, Time, number, quantity_of
 
@@ -40,10 +42,29 @@ class Overlap(Knob):
 
     @classmethod
     def values(cls, scene, plan, setting):
-        stiffness = plan.contact.stiffness
-        if scene.contact.law == "linear":
-            return {"contact.stiffness": float(f"{stiffness.value * stiffness.overlap / setting:.6g}")}
-        return {cls.key: setting}
+        if scene.contact.needs_a_load:
+            return {cls.key: setting}
+        return {f"contact.{key}": value for key, value in _stiffer(scene, plan.contact.stiffness, setting).items()}
+
+
+def _stiffer(scene, stiffness, overlap: float) -> dict[str, float]:
+    """Return the stiffnesses that a scene gives, all by the factor with which grains press in so far."""
+    from scipy.optimize import brentq
+
+    from emclutch.simulation.contact_plan import largest_overlap
+
+    contact = scene.contact
+    names = (key for key in type(contact).model_fields if key.endswith(contact.stiffness_entry.name))
+    given = {key: value for key in names if (value := getattr(contact, key)) is not None}
+
+    def scaled(exponent: float) -> dict[str, float]:
+        return {key: float(f"{math.exp(exponent) * value:.6g}") for key, value in given.items()}
+
+    def excess(exponent: float) -> float:
+        chosen = contact.model_copy(update=scaled(exponent))
+        return math.log(largest_overlap(chosen, scene.grains, stiffness.load.force, stiffness.speed) / overlap)
+
+    return scaled(brentq(excess, -20.0, 20.0, rtol=1e-4))
 
 
 class ContactStep(Knob):
@@ -66,7 +87,7 @@ class ContactStep(Knob):
 
     @classmethod
     def usual(cls, scene, plan):
-        return (10.0, 14.0, 40.0)
+        return (10.0, 14.0, 20.0, 40.0)
 
 
 class RigidStep(Knob):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -61,7 +62,7 @@ class Knob(ABC):
         """Return the settings, the scene's own among them, from coarse to fine."""
         asked = getattr(scene.accuracy.ladders, cls.name)
         own = cls.own(scene, plan)
-        others = [one for one in asked or cls.usual(scene, plan) if abs(one / own - 1.0) > 1e-3]
+        others = [one for one in asked or cls.usual(scene, plan) if not math.isclose(one, own, rel_tol=1e-3)]
         return tuple(sorted({own, *others}, reverse=not cls.finer_is_larger))
 
     @classmethod

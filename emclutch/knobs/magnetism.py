@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from emclutch.knobs.knob import FROZEN, Knob
-from emclutch.scene.grain_smear import MIN_WIDTH, moments_are_fed_back, narrowest_gap
+from emclutch.scene.grain_smear import MIN_WIDTH, TRUE_WIDTH, moments_are_fed_back, narrowest_gap
 from emclutch.scene.units import Time, number, quantity_of
 
 
@@ -29,10 +29,11 @@ class SmearWidth(Knob):
 
     @classmethod
     def usual(cls, scene, plan):
+        least = TRUE_WIDTH if scene.effects.attraction.has_necks else MIN_WIDTH
         widest = narrowest_gap(scene) / scene.grains.largest_diameter
         if scene.grains.sector is not None:
             widest = min(widest, 0.5 * sector_width(scene))
-        return tuple(a for a in (2.0, 2.25, 2.5, 3.0, 3.5) if MIN_WIDTH <= a <= widest * (1.0 + 1e-9))
+        return tuple(a for a in (2.0, 2.25, 2.5, 2.75, 3.0, 3.5) if least <= a <= widest * (1.0 + 1e-9))
 
 
 class MomentTolerance(Knob):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import asin, degrees, floor, log10, pi, sin
 from typing import Any
 
 from emclutch.knobs.knob import HISTORIES, Knob
@@ -33,7 +34,8 @@ class GrainsAcross(Knob):
     @classmethod
     def applies(cls, scene):
         grains = scene.grains
-        return grains.real_diameter is not None and grains.diameter is not None and _is_sheared(scene)
+        sized = grains.real_diameter is not None and grains.diameter is not None and grains.packing != "file"
+        return sized and _has_a_gap(scene)
 
     @classmethod
     def own(cls, scene, plan):
@@ -46,10 +48,14 @@ class GrainsAcross(Knob):
 
     @classmethod
     def values(cls, scene, plan, setting):
-        found: dict[str, Any] = {cls.key: float(f"{scene.grains.diameter * grains_across(scene) / setting:.6g}")}
-        if scene.grains.sector is not None:
-            found["particles.sector"] = DIAMETERS.format(f"{sector_width(scene):.4g}")
-        return found
+        grains, finer = scene.grains, setting / grains_across(scene)
+        diameter, angle = float(f"{grains.diameter / finer:.6g}"), grains.sector
+        found: dict[str, Any] = {cls.key: diameter}
+        if angle is not None:
+            width = sector_width(scene)
+            found |= _sector_entry(scene, width, diameter)
+            angle = _angle(scene, width, diameter)
+        return found | _count_entry(scene, finer**3 * (1.0 if angle is None else angle / grains.sector))
 
     @classmethod
     def limit(cls, scene, plan):
@@ -72,7 +78,7 @@ class SectorWidth(Knob):
 
     @classmethod
     def applies(cls, scene):
-        return scene.grains.sector is not None
+        return scene.grains.sector is not None and scene.grains.packing != "file"
 
     @classmethod
     def own(cls, scene, plan):
@@ -80,11 +86,14 @@ class SectorWidth(Knob):
 
     @classmethod
     def usual(cls, scene, plan):
-        return tuple(factor * sector_width(scene) for factor in (2.0, 4.0) if factor * scene.grains.sector < 3.0)
+        sectors = (_sectors(scene, factor * scene.grains.sector) for factor in (2.0, 4.0))
+        return tuple(_width(scene, 2.0 * pi / n, scene.grains.largest_diameter) for n in sectors if n > 1)
 
     @classmethod
     def values(cls, scene, plan, setting):
-        return {cls.key: DIAMETERS.format(f"{setting:.4g}")}
+        d = scene.grains.largest_diameter
+        ratio = _angle(scene, setting, d) / scene.grains.sector
+        return _sector_entry(scene, setting, d) | _count_entry(scene, ratio)
 
 
 class InertialNumber(Knob):
@@ -128,20 +137,66 @@ class StartUp(Knob):
 
     @classmethod
     def applies(cls, scene):
-        return _is_sheared(scene)
+        from emclutch.scene.slip_checks import why_no_slip  # local: the schema imports the knobs
+
+        is_time = isinstance(scene.time.average_from, float)
+        return _has_a_gap(scene) and not is_time and not why_no_slip(scene)
 
     @classmethod
     def own(cls, scene, plan):
-        return start_up_strain(scene)
+        given = scene.time.average_from
+        return start_up_strain(scene) if given is None else given.value
 
     @classmethod
     def usual(cls, scene, plan):
-        return (0.5 * start_up_strain(scene), 1.5 * start_up_strain(scene))
+        return (0.5 * cls.own(scene, plan), 1.5 * cls.own(scene, plan))
 
     @classmethod
     def values(cls, scene, plan, setting):
         return {cls.key: f"strain {setting:g}"}
 
 
-def _is_sheared(scene) -> bool:
+def _has_a_gap(scene) -> bool:
     return scene.geometry.has_axis and scene.shape().sheared_gap(scene.grains.region) is not None
+
+
+def _pitches(scene) -> int | None:
+    """Return the slots around, of whose pitches a sector has a whole number; None without slots in the field."""
+    slotted = getattr(scene.geometry, "slotted", {}) if scene.coil_field is not None else {}
+    return next((slots.count for slots in slotted.values()), None)
+
+
+def _sectors(scene, angle: float) -> int:
+    """Return how many sectors the ring has that are as wide as an angle [rad] or wider."""
+    most, pitches = floor(2.0 * pi / angle + 1e-6), _pitches(scene)
+    return most if pitches is None else max((n for n in range(1, most + 1) if pitches % n == 0), default=1)
+
+
+def _width(scene, angle: float, diameter: float) -> float:
+    """Return the width of a sector [diameters], see `sector_width`; of grains of any diameter [m]."""
+    return (
+        sector_width(scene)
+        * sin(0.5 * angle)
+        / sin(0.5 * scene.grains.sector)
+        * (scene.grains.largest_diameter / diameter)
+    )
+
+
+def _angle(scene, width: float, diameter: float) -> float:
+    """Return the angle [rad] of the sector that is as wide or wider, in grains of a diameter [m]."""
+    half = width / _width(scene, pi, diameter)
+    return 2.0 * pi / _sectors(scene, 2.0 * asin(min(half, 1.0)))
+
+
+def _sector_entry(scene, width: float, diameter: float) -> dict[str, Any]:
+    """Return the entry of a width; with slots as an angle, which smaller grains leave as it is."""
+    if _pitches(scene) is None:
+        places = 3 - floor(log10(width))  # rounded down: rounded up the ring might have a sector less
+        return {SectorWidth.key: DIAMETERS.format(f"{floor(width * 10.0**places) / 10.0**places:.12g}")}
+    return {SectorWidth.key: f"{degrees(_angle(scene, width, diameter)):.12g} deg"}
+
+
+def _count_entry(scene, factor: float) -> dict[str, Any]:
+    """Return the entry of so many times the grains; none where the scene does not count them."""
+    count = scene.grains.count
+    return {} if count is None else {"particles.count": max(1, round(factor * count))}

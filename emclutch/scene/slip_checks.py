@@ -24,20 +24,20 @@ def one_slip(draft: Draft) -> Iterator[Fault]:
     for key, given in zip(("time.end", "time.average_from", "accuracy.time_end"), times, strict=True):
         if not isinstance(given, Multiple):
             continue
-        if reason := _why_no_slip(scene):
+        if reason := why_no_slip(scene):
             yield draft.fault(key, f"is a shear strain, and {reason}; give a time, e.g. '20 ms'")
     if scene.accuracy.inertial_number is None:
         return
     if scene.geometry.is_periodic:
         reason = "and a sheared box has a rate of its own: give geometry.inertial_number"
-    elif found := _why_no_slip(scene) or _why_speed_counts(scene):
+    elif found := why_no_slip(scene) or _why_speed_counts(scene):
         reason = f"and {found}"
     else:
         return
     yield draft.fault(INERTIAL_NUMBER, f"sets the slip of the gap, {reason}, or remove accuracy.inertial_number")
 
 
-def _why_no_slip(scene: Scene) -> str:
+def why_no_slip(scene: Scene) -> str:
     """Return why the gap has no constant slip that the scene says; empty where it has one."""
     if scene.geometry.is_periodic:
         return ""

@@ -13,6 +13,7 @@ from coupling import magnetic_load, snap_in_overlap
 from emclutch.device_model.device import Device
 from emclutch.effects.effect import Load
 from emclutch.scene.contact import ContactSection
+from emclutch.scene.grains import ParticlesSection
 from emclutch.simulation.contacts_in_words import load_in_words
 from emclutch.simulation.forecast.expected_speeds import impact_speed
 from emclutch.simulation.stiffness import Stiffness
@@ -104,20 +105,27 @@ def contacts_under_load(scene, device: Device, M_max: float, speed: float) -> tu
         )
     between, at_walls = contact.laws(mass=mass, diameter=d, force=load.force, speed=speed)
 
-    def deepest_of(chosen: ContactSection) -> float:
-        inner, outer = chosen.laws(mass=mass, diameter=d, force=load.force, speed=speed)
-        return max(
-            inner.overlap_under(load.force, 0.5 * mass, speed, 0.25 * d),
-            outer.overlap_under(load.force, mass, speed, 0.5 * d),
-        )
+    def overlap_of(chosen: ContactSection) -> float:
+        return largest_overlap(chosen, particles, load.force, speed)
 
-    deepest = deepest_of(contact)
-    if deepest > STOPS * d:
-        raise ValueError(_too_soft(contact, lambda chosen: deepest_of(chosen) / d, load_in_words(load, speed)))
+    if overlap_of(contact) > STOPS:
+        raise ValueError(_too_soft(contact, overlap_of, load_in_words(load, speed)))
+    deepest = overlap_of(contact) * d
     value = between.stiffness_at(deepest, 0.25 * d)
     snap = snap_in_overlap(chained, d, value) if M_max > 0.0 else None
     stiffness = Stiffness(value, not contact.needs_a_load, contact.law, deepest / d, load, speed, snap, neck)
     return PairLaws.of_one(between, at_walls=at_walls, **scene.effects.contact_terms()), stiffness
+
+
+def largest_overlap(contact: ContactSection, particles: ParticlesSection, force: float, speed: float) -> float:
+    """Return the overlap of the largest grains over their diameter under a load [N] and an impact [m/s]."""
+    d = particles.largest_diameter
+    mass = particles.density * pi / 6.0 * d**3
+    inner, outer = contact.laws(mass=mass, diameter=d, force=force, speed=speed)
+    return (
+        max(inner.overlap_under(force, 0.5 * mass, speed, 0.25 * d), outer.overlap_under(force, mass, speed, 0.5 * d))
+        / d
+    )
 
 
 def _loads(scene, device: Device, M_max: float, chained: float) -> Iterator[Load]:

@@ -1,0 +1,98 @@
+"""A turned knob gives a valid scene with the wanted setting, and leaves the amount of powder alone."""
+
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from emclutch.knobs import FROZEN, HISTORIES, KNOBS, knobs_of
+from emclutch.knobs.powder import GrainsAcross, SectorWidth
+from emclutch.scene.case import Case, load_case, read_toml
+from emclutch.scene.errors import SceneError
+from emclutch.scene.slip_checks import why_no_slip
+from emclutch.scene.start_up import start_up_strain
+from emclutch.simulation.plan import Plan, plan
+
+CASES = Path(__file__).parents[2] / "cases"
+SHIPPED = sorted(
+    path
+    for path in (*CASES.glob("*.toml"), *CASES.glob("thesis/*.toml"))
+    if "particles" in (data := read_toml(path)) and "study" not in data
+)
+TURNED = ("quickstart", "hard/dense_hertz_mindlin", "hard/dense_walton_braun", "hard/rigid_and_elastic",
+          "hard/rigid_jam", "hard/friction_of_five")  # fmt: skip
+
+
+def planned(path: Path) -> tuple[Case, Plan]:
+    """Return a scene with a coarse mesh, long enough for every knob, and its plan."""
+    case = load_case(path)
+    scene = case.scene
+    values = {"time.until": None}
+    if scene.geometry.has_axis and not why_no_slip(scene):
+        values["time.end"] = f"strain {2.0 * start_up_strain(scene):g}"
+    if scene.coil_field is not None:
+        values["field.size_factor"] = 4.0
+    case = case.with_values(values)
+    return case, plan(case, threads=1)
+
+
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
+def test_ladders_go_from_coarse_to_fine_through_the_scenes_own_setting(path):
+    if "slotted" in path.stem:
+        pytest.skip("its field is solved in 3D, for many seconds; its sector has a test of its own")
+    case, planning = planned(path)
+    for knob in knobs_of(case.scene):
+        ladder = knob.ladder(case.scene, planning)
+        steps = [knob.step_size(setting) for setting in ladder]
+        assert knob.own(case.scene, planning) in ladder, knob.name
+        assert all(coarse > fine for coarse, fine in pairwise(steps)), knob.name
+        for setting in ladder:
+            case.with_values(knob.values(case.scene, planning, setting))
+
+
+@pytest.mark.parametrize("name", TURNED)
+def test_a_turned_scene_has_the_setting_and_the_same_amount_of_powder(name):
+    case, before = planned(CASES / f"{name}.toml")
+    for knob in knobs_of(case.scene):
+        if knob.measured_on == FROZEN:
+            continue  # they are keys of the scene as they stand, and a finer field takes long
+        own, ladder = knob.own(case.scene, before), knob.ladder(case.scene, before)
+        setting = ladder[0] if ladder[0] != own else ladder[-1]
+        turned = case.with_values(knob.values(case.scene, before, setting))
+        after = plan(turned, threads=1)
+        assert knob.own(turned.scene, after) == pytest.approx(setting, rel=0.02), knob.name
+        assert powder(turned, after) == pytest.approx(powder(case, before), rel=0.02), knob.name
+
+
+def powder(case: Case, planning: Plan) -> float:
+    """Return the volume of all grains of the device [m^3]."""
+    grains = case.scene.grains
+    return planning.count * grains.grain_volume * grains.n_sectors
+
+
+def test_a_sector_between_slots_keeps_a_whole_number_of_pitches():
+    scene = (case := load_case(CASES / "slotted_disc.toml")).scene
+    for knob, settings in ((SectorWidth, SectorWidth.usual(scene, None)), (GrainsAcross, (5.0, 12.0))):
+        for setting in settings:
+            turned = case.with_values(knob.values(scene, None, setting))
+            assert knob.own(turned.scene, None) == pytest.approx(setting, rel=1e-3)
+
+
+def test_ladders_of_a_scene_are_taken_as_they_stand():
+    case, _ = planned(CASES / "hard/dense_hertz_mindlin.toml")
+    asked = case.with_values({"accuracy.ladders.contact_step": [12, 30]})
+    knob = next(one for one in KNOBS if one.name == "contact_step")
+    assert knob.ladder(asked.scene, plan(asked, threads=1)) == (12.0, 20.0, 30.0)
+
+
+def test_an_unknown_knob_is_refused_with_the_nearest_name():
+    case, _ = planned(CASES / "hard/dense_hertz_mindlin.toml")
+    with pytest.raises(SceneError, match="contact_step"):
+        case.with_values({"accuracy.ladders.contact_steps": [12, 30]})
+    with pytest.raises(SceneError, match=r"accuracy\.ladders\.contact_step"):
+        case.with_values({"accuracy.ladders.contact_step": [5]})
+
+
+def test_a_free_shaft_has_no_start_up_in_strains():
+    knobs = {one.name for one in knobs_of(load_case(CASES / "lock_up.toml").scene)}
+    assert not any(one.name in knobs for one in KNOBS if one.measured_on == HISTORIES)
