@@ -8,21 +8,19 @@ decision. So a study that is stopped, or killed, continues to the same ladder.
 
 from __future__ import annotations
 
-import json
 import logging
 import threading
-from collections.abc import Callable, Sequence
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
+from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from emclutch.knobs import FROZEN, TORQUE, Knob, knobs_of
-from emclutch.results import OutputError, RunFolder
+from emclutch.results import RunFolder
 from emclutch.results.atomic_file import replace_json, replace_text
 from emclutch.results.errors import Interrupted, RunError
-from emclutch.results.folder_lock import has_files, locked_folder
+from emclutch.results.folder_lock import locked_folder
 from emclutch.results.history import last_time
 from emclutch.results.ladder import Ladder
 from emclutch.results.ladders import save_ladder
@@ -32,7 +30,6 @@ from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import Fault, SceneError, bad_input_for
 from emclutch.scene.replica_count import cores_at_hand, replica_seed
 from emclutch.simulation.plan import Plan, make_plan
-from emclutch.simulation.resume import differing_keys, flat_scene
 from emclutch.studies.accuracy_ladder import Measured, ladder_of, refuse_no_torque, scatter_of
 from emclutch.studies.accuracy_plan import BASE, OfferedKnob, OfferedRung, allocate, packings_for
 from emclutch.studies.accuracy_rungs import (
@@ -47,6 +44,8 @@ from emclutch.studies.accuracy_rungs import (
     turns_of,
 )
 from emclutch.studies.accuracy_tasks import GRAINS, AccuracyTask, TaskResult, perform, result_in
+from emclutch.studies.resumable import read_plan, refuse_folder
+from emclutch.studies.task_queue import InThisProcess, TaskQueue, note, tell
 from emclutch.studies.tasks import STOP
 from emclutch.studies.workers import ctrl_c_sets, worker_pool
 
@@ -124,20 +123,20 @@ def accuracy(
         raise ValueError(f"jobs = {jobs}; allowed: 1 or more")
     refuse_what_has_no_ladder(case)
     folder = Path(out) if out is not None else RunFolder.next_path(f"{case.name}-accuracy", "studies")
-    _refuse_folder(folder, resume)
+    refuse_folder(folder, resume, PLAN)
     base = base_of(case)
     with bad_input_for(case.path):
         plan = make_plan(base, threads=1)[1]
     asked = threading.Event()
-    with ctrl_c_sets(asked), worker_pool(jobs) if jobs > 1 else nullcontext(_Here()) as executor:
-        hands = _Hands(executor, jobs, asked)
+    with ctrl_c_sets(asked), worker_pool(jobs) if jobs > 1 else nullcontext(InThisProcess()) as executor:
+        hands = TaskQueue(executor, jobs, asked)
         known = None if resume else _begun(case, base, plan, budget or BUDGET, jobs, hands, progress)
         with locked_folder(folder):
-            _refuse_folder(folder, resume)  # nobody has written it meanwhile
+            refuse_folder(folder, resume, PLAN)  # nobody has written it meanwhile
             (folder / STOP).unlink(missing_ok=True)
             with logging_to(folder / "study.log", [__name__]):
                 if known is None:
-                    known = _read_plan(folder, case, budget)
+                    known = read_plan(folder / PLAN, case, budget)
                 else:
                     replace_json(folder / PLAN, known)
                     case.write_toml(folder / "case.toml")
@@ -158,35 +157,8 @@ def _presented(case: Case, ladder: Ladder, folder: Path, targets: Sequence[float
     return present(case, ladder, folder, targets)
 
 
-def _refuse_folder(folder: Path, resume: bool) -> None:
-    """Raise OutputError where a study cannot begin, or has nothing to continue."""
-    if resume and not (folder / PLAN).is_file():
-        raise OutputError(f"nothing to resume in {folder}: it has no {PLAN}; name the study's folder with --out")
-    if not resume and folder.is_dir() and has_files(folder):
-        how = "continue it with --resume, or " if (folder / PLAN).is_file() else ""
-        raise OutputError(f"{folder} is not empty; {how}write elsewhere with --out")
-
-
-def _read_plan(folder: Path, case: Case, budget: float | None) -> dict[str, Any]:
-    """Return the decisions of a study; OutputError where it is of another scene or budget."""
-    try:
-        known = json.loads((folder / PLAN).read_text(encoding="utf-8"))
-        keys = differing_keys(flat_scene(known["case"]), flat_scene(case.toml()))
-        begun = float(known["budget"])
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise OutputError(f"cannot read {folder / PLAN}: {error}; begin a new study with --out") from None
-    if keys:
-        raise OutputError(f"the study in {folder} is of another scene ({', '.join(keys)}); begin a new one with --out")
-    if budget is not None and budget != begun:
-        raise OutputError(
-            f"the study in {folder} has a budget of {format_duration(begun)}, by which it was planned; continue it "
-            "without --budget, or begin a new one with --out"
-        )
-    return known
-
-
 def _begun(
-    case: Case, base: Case, plan: Plan, budget: float, jobs: int, hands: _Hands, progress: Any
+    case: Case, base: Case, plan: Plan, budget: float, jobs: int, hands: TaskQueue, progress: Any
 ) -> dict[str, Any]:
     """Plan every setting, and return what stands in plan.json before anything runs."""
     first = BASE_PACKINGS * plan.cost.seconds["total"] / min(jobs, BASE_PACKINGS)
@@ -198,7 +170,7 @@ def _begun(
         raise SceneError([Fault("--budget", f"{budget:g} s", message)], source_of(case))
     tasks = turns_of(base, plan)
     found: dict[int, Turned] = {}
-    _say(progress, 0.0, "every setting is planned")
+    tell(progress, 0.0, "every setting is planned")
     hands.all(turned, tasks, lambda n, one: found.__setitem__(n, one))
     if hands.stopped:
         raise Interrupted("stopped before the study began")
@@ -231,7 +203,7 @@ class _Study:
     """A study that goes on: what is known, and what is to be done next."""
 
     def __init__(
-        self, case: Case, base: Case, plan: Plan, folder: Path, known: dict[str, Any], hands: _Hands, progress: Any
+        self, case: Case, base: Case, plan: Plan, folder: Path, known: dict[str, Any], hands: TaskQueue, progress: Any
     ) -> None:
         self.case, self.base, self.plan, self.folder, self.known, self.hands = case, base, plan, folder, known, hands
         self.progress = progress
@@ -410,9 +382,9 @@ class _Study:
             self.results[folder] = outcome
             log.info("%s: %s", folder, outcome.failure or f"{outcome.value} in {outcome.seconds:.3g} s")
             done = len(tasks) - len(left) + sum(task.folder in self.results for _, task in left)
-            _say(self.progress, self._fraction(), f"{text}: {done} of {len(tasks)}")
+            tell(self.progress, self._fraction(), f"{text}: {done} of {len(tasks)}")
 
-        _say(self.progress, self._fraction(), text)
+        tell(self.progress, self._fraction(), text)
         self.hands.all(perform, [task for _, task in left], take, may_begin, lambda numbers: self._look(left, numbers))
         if self.hands.stopped:
             raise Interrupted(
@@ -427,7 +399,7 @@ class _Study:
             task = left[number][1]
             reached = None if task.grains else last_time(RunFolder(task.target).history)
             part += (reached or 0.0) / self.plan.end * self._seconds()
-        _say(self.progress, self._fraction(part), None)
+        tell(self.progress, self._fraction(part), None)
 
     def _spent(self) -> float:
         """Return the processor time so far [s]."""
@@ -460,7 +432,7 @@ class _Study:
             f"processor time, are enough for some {self.budget / each:.0f} packings"
         )
         log.info("%s", words)
-        _note(self.progress, words)
+        note(self.progress, words)
 
     def _tell_scatter(self) -> None:
         values = [self.results[packing_name(BASE, 0.0, n)].value for n in range(BASE_PACKINGS)]
@@ -471,7 +443,7 @@ class _Study:
             f"{packings_for(0.02, scatter)}"
         )
         log.info("%s", words)
-        _note(self.progress, words)
+        note(self.progress, words)
 
 
 def packing_name(knob: str, setting: float, number: int) -> str:
@@ -482,67 +454,3 @@ def packing_name(knob: str, setting: float, number: int) -> str:
 def standing_name(knob: str, setting: float) -> str:
     """Return the folder of a setting on standing grains."""
     return f"standing/{knob}-{setting:.6g}" if setting else f"standing/{knob}"
-
-
-class _Hands:
-    """Hands tasks to an executor, so many at a time, until they are done or the user stops."""
-
-    def __init__(self, executor: Executor, jobs: int, asked: threading.Event) -> None:
-        self.executor, self.jobs, self.asked = executor, jobs, asked
-        self.stop_file: Path | None = None
-        self.stopped = False
-
-    def all(
-        self,
-        function: Callable[[Any], Any],
-        tasks: Sequence[Any],
-        take: Callable[[int, Any], None],
-        may_begin: Callable[[int], bool] = lambda number: True,
-        look: Callable[[Sequence[int]], None] = lambda numbers: None,
-    ) -> None:
-        """Do the tasks in their order; `take` gets number and outcome of each. `may_begin` false ends the series."""
-        waiting = list(range(len(tasks)))
-        running: dict[Future[Any], int] = {}
-        try:
-            while True:
-                while waiting and len(running) < self.jobs and not (self.asked.is_set() or self.stopped):
-                    if not may_begin(waiting[0]):
-                        waiting.clear()
-                        break
-                    number = waiting.pop(0)
-                    running[self.executor.submit(function, tasks[number])] = number
-                if self.asked.is_set():
-                    self.stopped = True
-                    if self.stop_file is not None:
-                        self.stop_file.touch()
-                if not running:
-                    return
-                for future in wait(running, LOOK_SECONDS, FIRST_COMPLETED).done:
-                    take(running.pop(future), future.result())
-                look(list(running.values()))
-        except BrokenExecutor as error:
-            raise RunError(
-                "a process of the study ended without a message; it was killed, most often for want of memory, or the "
-                "calling script lacks its if __name__ == '__main__'; continue with --resume, and fewer --jobs"
-            ) from error
-
-
-class _Here(Executor):
-    """Executor that does a task in this process, at once."""
-
-    def submit(self, fn: Callable[..., Any], /, *args: Any, **more: Any) -> Future[Any]:
-        """Return the finished future."""
-        future: Future[Any] = Future()
-        future.set_result(fn(*args, **more))
-        return future
-
-
-def _say(progress: Any, fraction: float, text: str | None) -> None:
-    if progress is not None:
-        progress.update(fraction, text)
-
-
-def _note(progress: Any, text: str) -> None:
-    note = getattr(progress, "note", None)
-    if note is not None:
-        note(text)
