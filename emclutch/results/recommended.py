@@ -21,7 +21,7 @@ from emclutch.results.text import format_duration, per_cent
 
 PACKINGS = (4, 6, 8, 12, 16, 24)
 """Numbers of packings that a run with `time.until` looks at (emclutch.simulation.stopping_rule)."""
-STATISTICS, INTERACTION = "packings", "interaction"
+STATISTICS, INTERACTION = "statistics", "interaction"
 """Names of the parts that are no knob's: of the packings' mean, and of what errors may do to each other."""
 MOST_SETTINGS = 4  # of a knob that are combined with those of others
 MOST_COMBINATIONS = 1_000_000

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +13,10 @@ import tomli_w
 from emclutch.results.atomic_file import replace_text
 from emclutch.results.ladder import Ladder
 from emclutch.results.pictures.accuracy import accuracy_picture
-from emclutch.results.recommended import Choice, Obstacle, own_choice, recommended
+from emclutch.results.recommended import Choice, Combinations, Obstacle, own_choice, recommended
 from emclutch.results.report.render import html, markdown
 from emclutch.results.text import format_duration, per_cent
-from emclutch.scene.case import Case, load_case
+from emclutch.scene.case import Case
 from emclutch.scene.errors import SceneError
 from emclutch.scene.input_files import input_files
 from emclutch.simulation.knob_settings import with_settings
@@ -30,6 +30,7 @@ from emclutch.studies.accuracy_tables import (
 )
 
 MOST_PACKINGS = 64  # that a scene may ask for
+MOST_REFUSALS = 6  # of combinations by the scene, after which there is no answer
 
 
 def present(case: Case, ladder: Ladder, folder: Path, targets: Sequence[float]) -> list[str]:
@@ -69,24 +70,54 @@ def closing_sentence(ladder: Ladder, answers: Sequence[Answer]) -> str:
 
 
 def _answer(case: Case, ladder: Ladder, folder: Path, target: float) -> Answer:
-    """Find the cheapest settings that the scene takes together, and write their scene."""
+    """Write the scene of the cheapest settings."""
     path = folder / f"target_{100.0 * target:g}_percent.toml"
     path.unlink(missing_ok=True)
-    found = recommended(ladder, target)
+    found = cheapest_case(case, ladder, target)
     if isinstance(found, Obstacle):
         return Answer(target, found)
-    refusal: Exception | None = None
-    for choice in found:
+    choice, run = found
+    replace_text(path, scene_text(run, ladder, choice, target, path.name))
+    return Answer(target, choice, path)
+
+
+def cheapest_case(case: Case, ladder: Ladder, target: float) -> tuple[Choice, Case] | Obstacle:
+    """Return the cheapest settings that the scene takes together, and the case with them; or why there are none."""
+    first = recommended(ladder, target, most=1)
+    if isinstance(first, Obstacle):
+        return first
+    refused: list[dict[str, float]] = []
+    reason = ""
+    for choice in Combinations(ladder).reaching(target):
+        if any(one.items() <= choice.settings.items() for one in refused):
+            continue
         try:
-            replace_text(path, scene_for(case, ladder, choice, target, path.name))
-            load_case(path)
+            return choice, case_for(case, ladder, choice, target)
         except (SceneError, ValueError) as error:
-            refusal = error
-            path.unlink(missing_ok=True)
-        else:
-            return Answer(target, choice, path)
-    reason = f"the scene refuses the settings together: {refusal}"
-    return Answer(target, Obstacle(found[0].largest, None, None, reason, found[0]))
+            refused.append(_to_blame(case, ladder, choice.settings))
+            reason = f"the scene refuses {', '.join(refused[-1])} at these settings: {error}"
+            if len(refused) == MOST_REFUSALS:
+                break
+    return Obstacle(next(iter(refused[-1])), None, None, reason, first[0])
+
+
+def _to_blame(case: Case, ladder: Ladder, settings: Mapping[str, float]) -> dict[str, float]:
+    """Return those of some refused settings without each of which the scene takes the others; all where there is none.
+
+    Each setting alone was measured; it is pairs that do not fit.
+    """
+    others = {one.knob: one.own for one in ladder.knobs}
+    changed = [name for name, setting in settings.items() if not math.isclose(setting, others[name], rel_tol=1e-6)]
+    found = {name: settings[name] for name in changed if _takes(case, {**settings, name: others[name]})}
+    return found or {name: settings[name] for name in changed}
+
+
+def _takes(case: Case, settings: Mapping[str, float]) -> bool:
+    try:
+        with_settings(case, settings)
+    except (SceneError, ValueError):
+        return False
+    return True
 
 
 def case_for(case: Case, ladder: Ladder, choice: Choice, target: float) -> Case:
@@ -110,9 +141,8 @@ def case_for(case: Case, ladder: Ladder, choice: Choice, target: float) -> Case:
     return case.with_values(values)
 
 
-def scene_for(case: Case, ladder: Ladder, choice: Choice, target: float, name: str) -> str:
-    """Return the scene of `case_for` as the text of a file, ready to run: its paths are absolute."""
-    case = case_for(case, ladder, choice, target)
+def scene_text(case: Case, ladder: Ladder, choice: Choice, target: float, name: str) -> str:
+    """Return a case of `case_for` as the text of a file that can lie anywhere: its paths are absolute."""
     values: dict[str, Any] = {key: str(path.resolve()) for key, path in input_files(case.scene).items()}
     for material, entry in case.data.get("materials", {}).items():
         folder = Path() if case.path is None else case.path.parent

@@ -1,0 +1,147 @@
+"""What an accuracy study says: scenes that load and have the settings of the ladder, tables, one sentence."""
+
+import math
+import tomllib
+
+import pandas
+import pytest
+from made_up_ladder import cell, contact_step, ladder
+
+from emclutch.knobs import knobs_of
+from emclutch.results.ladder import Basis, KnobLadder, Rung
+from emclutch.results.recommended import Choice, recommended
+from emclutch.scene.case import load_case
+from emclutch.simulation.plan import make_plan
+from emclutch.studies.accuracy_answers import case_for, present, scene_text
+from emclutch.studies.accuracy_tables import error_in_words, per_cent, rows_of
+
+OWN_SECTOR = 11.4
+
+
+@pytest.fixture(scope="module")
+def case():
+    return cell(particles__sector="40 deg", time__end="strain 18", time__average_from=None)
+
+
+@pytest.fixture(scope="module")
+def own(case):
+    plan = make_plan(case)[1]
+    return {one.name: one.own(case.scene, plan) for one in knobs_of(case.scene)}
+
+
+def knobs(own, noise=0.01):
+    sector = KnobLadder(
+        "sector", "particles.sector", Basis.TORQUE, own["sector"], 2.0, 0.0,
+        tuple(
+            Rung(f * own["sector"], 1.0 / (f * own["sector"]), 2.0 * (1.0 + 0.03 / f**2), noise / f**0.5, 2, 3.0 * f, f)
+            for f in (1.0, 2.0)
+        ), 20.0,
+    )  # fmt: skip
+    refresh = KnobLadder(
+        "update_interval", "effects.dipoles.update_every", Basis.TORQUE, own["update_interval"], 1.0, 0.0,
+        tuple(Rung(f * own["update_interval"], f * own["update_interval"], 2.0 * (1.0 + 0.002 * f), noise, 2, 3.0 / f,
+                   (1.0 + 1.0 / f) / 2.0) for f in (4.0, 2.0, 1.0)), 20.0,
+    )  # fmt: skip
+    moments = KnobLadder(
+        "moment_tolerance", "effects.dipoles.tolerance", Basis.PULL, own["moment_tolerance"], 1.0, 0.0,
+        (*(Rung(h, h, 5.0 * (1.0 + 2.0 * h), 0.0, 1, 0.2, 1.0) for h in (1e-2, 3e-3, 1e-3)),
+         Rung(1e-4, 1e-4, None, 0.0, 0, 0.2, 1.2, "the sweeps do not converge")),
+    )  # fmt: skip
+    return sector, contact_step(0.004, 0.01, own["contact_step"]), refresh, moments
+
+
+@pytest.fixture
+def without_picture(monkeypatch):
+    monkeypatch.setattr("emclutch.studies.accuracy_answers.accuracy_picture", lambda *_, **__: None)
+
+
+def whole(own, **values):
+    return ladder("abc", *knobs(own), scatter=0.02, **values)
+
+
+def test_scenes_have_the_settings_that_the_ladder_says(tmp_path, case, own, without_picture):
+    lines = present(case, whole(own), tmp_path, (0.05, 0.1))
+    for target in (0.05, 0.1):
+        found = load_case(tmp_path / f"target_{100 * target:g}_percent.toml")
+        choice = recommended(whole(own), target)[0]
+        plan = make_plan(found)[1]
+        for knob in knobs_of(found.scene):
+            if knob.name in choice.settings:
+                assert knob.own(found.scene, plan) == pytest.approx(choice.settings[knob.name], rel=0.01), knob.name
+        statistical = found.scene.time.until.relative
+        assert math.hypot(statistical, choice.total.half_width) == pytest.approx(target, rel=0.01)
+        assert statistical >= choice.statistical
+        assert found.scene.accuracy.replicas is None
+        assert found.scene.accuracy.max_replicas >= 24
+        assert str(found.scene.time.end) == "strain 18"
+    assert "5 %" in lines[-1]
+    assert "10 %" in lines[-1]
+
+
+def test_a_scene_says_where_it_comes_from_and_by_what_its_torque_is_to_be_divided(case, own):
+    of = whole(own)
+    choice = recommended(of, 0.05)[0]
+    text = scene_text(case_for(case, of, choice, 0.05), of, choice, 0.05, "target_5_percent.toml")
+    head = [line for line in text.splitlines() if line.startswith("#")]
+    assert tomllib.loads(text)["time"]["until"].startswith("torque ")
+    for words in ("emclutch run target_5_percent.toml", "2026-01-01", "abc", f"{1.0 + choice.total.bias:.4g}"):
+        assert any(words in line for line in head), words
+
+
+def test_settings_that_are_the_scenes_own_remain_automatic(case, own):
+    of = whole(own)
+    choice = recommended(of, 0.05)[0]
+    kept = Choice(dict(own), choice.total, 4, 0.01, 1.0)
+    data = case_for(case, of, kept, 0.05).data
+    assert data["effects"] == case.data["effects"]
+    assert data["particles"] == case.data["particles"]
+
+
+def test_a_combination_that_the_scene_refuses_is_passed_over(tmp_path, case, own, without_picture):
+    """Settings are measured one at a time; a wide sector that does not fit the ring is not the answer."""
+    sector, *others = knobs(own)
+    wide = Rung(500.0, 1.0 / 500.0, 2.0, 0.001, 2, 0.1, 0.01)
+    of = ladder("abc", KnobLadder("sector", "particles.sector", Basis.TORQUE, own["sector"], 2.0, 0.0,
+                                  (*sector.rungs, wide), 20.0), *others, scatter=0.02)  # fmt: skip
+    assert recommended(of, 0.1)[0].settings["sector"] == 500.0
+    present(case, of, tmp_path, (0.1,))
+    assert load_case(tmp_path / "target_10_percent.toml").scene.grains.sector < 3.2
+
+
+def test_what_is_not_reached_has_a_reason_and_no_scene(tmp_path, case, own, without_picture):
+    (tmp_path / "target_0.1_percent.toml").write_text("of an earlier study")
+    lines = present(case, whole(own), tmp_path, (0.001,))
+    assert any("not reachable in this budget: limited by" in line and "known to ±" in line for line in lines)
+    assert not list(tmp_path.glob("target*"))
+    reason = {"grains_across": "not measured in this budget: about 9 min more"}
+    lines = present(case, whole(own, unknown=reason), tmp_path, (0.1,))
+    assert any("limited by grains_across" in line and "9 min" in line for line in lines)
+
+
+def test_tables_have_every_setting(tmp_path, case, own):
+    of = whole(own)
+    present(case, of, tmp_path, (0.05,))
+    table = pandas.read_csv(tmp_path / "accuracy.csv")
+    assert len(table) == sum(len(one.rungs) for one in of.knobs) == len(rows_of(of))
+    assert table["own"].sum() == len(of.knobs)
+    row = table[(table.knob == "sector") & table.own].iloc[0]
+    assert row.bias == pytest.approx(of.knob("sector").own_error.bias)
+    assert table.failure.dropna().tolist() == ["the sweeps do not converge"]
+    text, page = ((tmp_path / name).read_text() for name in ("accuracy.md", "accuracy.html"))
+    largest = recommended(of, 0.05)[0].largest
+    assert f"**{largest} " in text
+    assert f"<b>{largest} " in page
+    assert "data:image/png" in page
+    assert "(accuracy.png)" in text
+    for name in ("sector", "update_interval", "friction"):
+        assert name in text
+        assert name in page
+
+
+def test_an_undecided_error_says_so(own):
+    sector, step, *_ = knobs(own, noise=0.05)
+    assert error_in_words(sector.own_error).startswith("undecided: ")
+    assert error_in_words(None) == "not known"
+    assert not error_in_words(contact_step(0.2, 0.0).own_error).startswith("undecided")
+    assert per_cent(0.09612) == "9.6 %"
+    assert step is not None
