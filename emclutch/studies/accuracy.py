@@ -27,19 +27,19 @@ from emclutch.results.ladders import save_ladder
 from emclutch.results.run_folder import logging_to
 from emclutch.results.text import format_duration
 from emclutch.scene.case import Case, as_case
-from emclutch.scene.errors import Fault, SceneError, bad_input_for
+from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.replica_count import cores_at_hand, replica_seed
-from emclutch.simulation.plan import Plan, make_plan
 from emclutch.studies.accuracy_ladder import Measured, ladder_of, refuse_no_torque, scatter_of
 from emclutch.studies.accuracy_plan import BASE, OfferedKnob, OfferedRung, allocate, packings_for
 from emclutch.studies.accuracy_rungs import (
+    Base,
     PlannedRung,
     Turned,
     base_of,
-    first_strains,
     planned_rungs,
     refuse_what_has_no_ladder,
     source_of,
+    starts_of,
     turned,
     turns_of,
 )
@@ -125,12 +125,10 @@ def accuracy(
     folder = Path(out) if out is not None else RunFolder.next_path(f"{case.name}-accuracy", "studies")
     refuse_folder(folder, resume, PLAN)
     base = base_of(case)
-    with bad_input_for(case.path):
-        plan = make_plan(base, threads=1)[1]
     asked = threading.Event()
     with ctrl_c_sets(asked), worker_pool(jobs) if jobs > 1 else nullcontext(InThisProcess()) as executor:
         hands = TaskQueue(executor, jobs, asked)
-        known = None if resume else _begun(case, base, plan, budget or BUDGET, jobs, hands, progress)
+        known = None if resume else _begun(case, base, budget or BUDGET, jobs, hands, progress)
         with locked_folder(folder):
             refuse_folder(folder, resume, PLAN)  # nobody has written it meanwhile
             (folder / STOP).unlink(missing_ok=True)
@@ -140,7 +138,7 @@ def accuracy(
                 else:
                     replace_json(folder / PLAN, known)
                     case.write_toml(folder / "case.toml")
-                study = _Study(case, base, plan, folder, known, hands, progress)
+                study = _Study(case, base, folder, known, hands, progress)
                 try:
                     ladder = study.measure()
                 finally:
@@ -157,18 +155,16 @@ def _presented(case: Case, ladder: Ladder, folder: Path, targets: Sequence[float
     return present(case, ladder, folder, targets)
 
 
-def _begun(
-    case: Case, base: Case, plan: Plan, budget: float, jobs: int, hands: TaskQueue, progress: Any
-) -> dict[str, Any]:
+def _begun(case: Case, base: Base, budget: float, jobs: int, hands: TaskQueue, progress: Any) -> dict[str, Any]:
     """Plan every setting, and return what stands in plan.json before anything runs."""
-    first = BASE_PACKINGS * plan.cost.seconds["total"] / min(jobs, BASE_PACKINGS)
+    first = BASE_PACKINGS * base.plan.cost.seconds["total"] / min(jobs, BASE_PACKINGS)
     if first > budget:
         message = (
             f"is less than the {BASE_PACKINGS} packings at the scene's own settings take with {jobs} jobs, about "
             f"{format_duration(first)}; give {format_duration(5.0 * first)} or more"
         )
         raise SceneError([Fault("--budget", f"{budget:g} s", message)], source_of(case))
-    tasks = turns_of(base, plan)
+    tasks = turns_of(base)
     found: dict[int, Turned] = {}
     tell(progress, 0.0, "every setting is planned")
     hands.all(turned, tasks, lambda n, one: found.__setitem__(n, one))
@@ -179,8 +175,8 @@ def _begun(
         "case": case.toml(),
         "budget": budget,
         "jobs": jobs,
-        "seconds": plan.cost.seconds["total"],
-        "rungs": [asdict(one) for one in _distinct(base, plan, rungs)],
+        "seconds": base.plan.cost.seconds["total"],
+        "rungs": [asdict(one) for one in _distinct(base, rungs)],
         "frozen": None,
         "packings": None,
         "left_out": {},
@@ -188,9 +184,9 @@ def _begun(
     }
 
 
-def _distinct(base: Case, plan: Plan, rungs: Sequence[PlannedRung]) -> list[PlannedRung]:
+def _distinct(base: Base, rungs: Sequence[PlannedRung]) -> list[PlannedRung]:
     """Leave out settings that come out as the scene's own, or as another one."""
-    seen = {one.name: [one.own(base.scene, plan)] for one in knobs_of(base.scene)}
+    seen = {one.name: [one.own(base.scene, base.plan)] for one in knobs_of(base.scene)}
     kept = []
     for rung in rungs:
         if all(abs(rung.setting / one - 1.0) > 1e-3 for one in seen[rung.knob]):
@@ -203,13 +199,13 @@ class _Study:
     """A study that goes on: what is known, and what is to be done next."""
 
     def __init__(
-        self, case: Case, base: Case, plan: Plan, folder: Path, known: dict[str, Any], hands: TaskQueue, progress: Any
+        self, case: Case, base: Base, folder: Path, known: dict[str, Any], hands: TaskQueue, progress: Any
     ) -> None:
-        self.case, self.base, self.plan, self.folder, self.known, self.hands = case, base, plan, folder, known, hands
+        self.case, self.base, self.folder, self.known, self.hands = case, base, folder, known, hands
         self.progress = progress
         self.rungs = [PlannedRung(**one) for one in known["rungs"]]
         self.knobs = {one.name: one for one in knobs_of(base.scene)}
-        self.starts = tuple(first_strains(base, plan))
+        self.starts = tuple(starts_of(base))
         self.results: dict[str, TaskResult] = {}
         self.budget = known["budget"] * known["jobs"]
         self.share = 0.0
@@ -218,10 +214,10 @@ class _Study:
     def measure(self) -> Ladder:
         """Do all tasks, and return the ladder."""
         self._tell_cost()
-        warm = self.base.with_values({"time.end": WARM_UP_WINDOWS * self.plan.end / self.plan.windows})
+        warm = self.base.case.with_values({"time.end": WARM_UP_WINDOWS * self.base.plan.end / self.base.plan.windows})
         self._do([self._task(warm, "warm-up", starts=(0.0,))], "a short run compiles the kernels")
         self._refuse_failed("warm-up")
-        packings = [self._packing(BASE, 0.0, n) for n in range(BASE_PACKINGS)]
+        packings = [self._packing(BASE, 0.0, packing_name(BASE, 0.0, n)) for n in range(BASE_PACKINGS)]
         self._do(packings, "packings at the scene's own settings")
         for task in packings:
             self._refuse_failed(task.folder)
@@ -261,11 +257,11 @@ class _Study:
     def _measure_torque(self) -> None:
         """Plan the other packings once, and run them until the budget is used up by a fifth more."""
         if self.known["packings"] is None:
-            room = self.known["budget"] - self._spent() / self.known["jobs"]
+            room = self.known["budget"] / self._busy() - self._spent() / self.known["jobs"]
             offers = [self._offer(one) for one in self.knobs.values() if one.measured_on == TORQUE]
             found = allocate(offers, BASE_PACKINGS, self._seconds(), room, self.known["jobs"])
             self._decide(packings=[list(one) for one in found.packings], left_out=found.left_out)
-        tasks = self._other_packings()
+        tasks = [self._packing(*key, name) for key, name in self._order()]
         log.info("%d more packings are run; left out: %s", len(tasks), self.known["left_out"])
         self._do(tasks, "packings", limited=True)
 
@@ -280,44 +276,44 @@ class _Study:
         return own if rung is None else own * rung.seconds / self.known["seconds"]
 
     def _offer(self, knob: type[Knob]) -> OfferedKnob:
-        own = float(knob.own(self.base.scene, self.plan))
+        own = float(knob.own(self.base.scene, self.base.plan))
         here = OfferedRung(own, knob.step_size(own), self._seconds(), 1.0)
         others = tuple(
-            OfferedRung(one.setting, one.step_size, self._seconds(one), self.plan.cost.grains / one.grains)
+            OfferedRung(one.setting, one.step_size, self._seconds(one), self.base.plan.cost.grains / one.grains)
             for one in self.rungs
             if one.knob == knob.name
         )
-        return OfferedKnob(knob.name, knob.order, knob.limit(self.base.scene, self.plan), here, others)
+        return OfferedKnob(knob.name, knob.order, knob.limit(self.base.scene, self.base.plan), here, others)
 
-    def _other_packings(self) -> list[AccuracyTask]:
+    def _order(self) -> list[tuple[tuple[str, float], str]]:
+        """Return knob and setting, and the folder, of each packing that was planned after the first ones."""
         number: dict[tuple[str, float], int] = {(BASE, 0.0): BASE_PACKINGS}
-        tasks = []
+        found = []
         for knob, setting in self.known["packings"]:
             n = number.get((knob, setting), 0)
             number[knob, setting] = n + 1
-            tasks.append(self._packing(knob, setting, n))
-        return tasks
+            found.append(((knob, setting), packing_name(knob, setting, n)))
+        return found
 
     def _measured(self) -> Measured:
         """Return all results, by knob and setting; packings that were not run are left out."""
         packings: dict[tuple[str, float], list[TaskResult]] = {}
-        keys = [(BASE, 0.0)] * BASE_PACKINGS + [(knob, setting) for knob, setting in self.known["packings"]]
-        names = [packing_name(BASE, 0.0, n) for n in range(BASE_PACKINGS)]
-        names += [task.folder for task in self._other_packings()]
-        for key, name in zip(keys, names, strict=True):
+        first = [((BASE, 0.0), packing_name(BASE, 0.0, n)) for n in range(BASE_PACKINGS)]
+        for key, name in (*first, *self._order()):
             if name in self.results:
                 packings.setdefault(key, []).append(self.results[name])
         standing = {}
         for knob in self.knobs.values():
             if knob.measured_on == FROZEN:
-                standing[knob.name, float(knob.own(self.base.scene, self.plan))] = self._standing(knob, None).folder
+                standing[knob.name, float(knob.own(self.base.scene, self.base.plan))] = self._standing(
+                    knob, None
+                ).folder
         for n in self.known["frozen"] or ():
             rung = self.rungs[n]
             standing[rung.knob, rung.setting] = self._standing(self.knobs[rung.knob], rung).folder
         return Measured(
             case=self.case,
             base=self.base,
-            plan=self.plan,
             rungs=tuple(self.rungs),
             starts=self.starts,
             packings=packings,
@@ -330,22 +326,26 @@ class _Study:
 
     # tasks ------------------------------------------------------------------------------------------------------
 
-    def _packing(self, knob: str, setting: float, number: int) -> AccuracyTask:
+    def _packing(self, knob: str, setting: float, name: str) -> AccuracyTask:
+        """Return the task of a packing, whose seed follows from its number, the last part of its name."""
+        number = int(Path(name).name)
         values: dict[str, Any] = {"scene.seed": replica_seed(self.case.scene.scene.seed, number)}
         if knob != BASE:
             values |= self._rung(knob, setting).values
-        name = packing_name(knob, setting, number)
         return self._task(
-            self.base.with_values(values), name, starts=self.starts, keeps_grains=name == packing_name(BASE, 0.0, 0)
+            self.base.case.with_values(values),
+            name,
+            starts=self.starts,
+            keeps_grains=name == packing_name(BASE, 0.0, 0),
         )
 
     def _standing(self, knob: type[Knob], rung: PlannedRung | None) -> AccuracyTask:
         """Return the task of a setting on standing grains; None: the scene's own."""
         own_key = knob.key if knob.key.startswith("effects.") and knob.key.endswith(".tolerance") else ""
         if rung is None:
-            setting, case = float(knob.own(self.base.scene, self.plan)), self.base
+            setting, case = float(knob.own(self.base.scene, self.base.plan)), self.base.case
         else:
-            setting, case = rung.setting, self.base.with_values(rung.values)
+            setting, case = rung.setting, self.base.case.with_values(rung.values)
         name = standing_name(knob.name, setting) if rung or own_key else standing_name("own", 0.0)
         return self._task(case, name, grains=f"{packing_name(BASE, 0.0, 0)}/{GRAINS}", own_key=own_key)
 
@@ -368,7 +368,7 @@ class _Study:
             nonlocal handed
             if not limited:
                 return True
-            if handed is None and self._spent() > OVERRUN * self.budget:
+            if handed is None and self._spent() > OVERRUN * self.budget / self._busy():
                 handed = left[number][0]
                 log.warning("the budget is used up: %d packings are not run", len(tasks) - handed)
                 self._decide(begun=handed)
@@ -398,16 +398,28 @@ class _Study:
         for number in numbers:
             task = left[number][1]
             reached = None if task.grains else last_time(RunFolder(task.target).history)
-            part += (reached or 0.0) / self.plan.end * self._seconds()
+            part += (reached or 0.0) / self.base.plan.end * self._seconds()
         tell(self.progress, self._fraction(part), None)
 
     def _spent(self) -> float:
         """Return the processor time so far [s]."""
         return sum(one.seconds for one in self.results.values()) + sum(one.planning for one in self.rungs)
 
+    def _busy(self) -> float:
+        """Return how much longer the first packings took than their processor time: by what else the machine does."""
+        first = [self.results[packing_name(BASE, 0.0, n)] for n in range(BASE_PACKINGS)]
+        return max(1.0, sum(one.wall for one in first) / sum(one.seconds for one in first))
+
     def _fraction(self, more: float = 0.0) -> float:
-        """Return how much of the budget, or of what is planned, is done."""
-        self.share = max(self.share, min((self._spent() + more) / self.budget, 0.99))
+        """Return how much of what is planned, or before that of the budget, is done."""
+        total = self.budget
+        if self.known["packings"] is not None:
+            planned = {(one.knob, one.setting): self._seconds(one) for one in self.rungs} | {
+                (BASE, 0.0): self._seconds()
+            }
+            left = [planned[key] for key, name in self._order() if name not in self.results]
+            total = self._spent() + sum(left)
+        self.share = max(self.share, min((self._spent() + more) / total, 0.99))
         return self.share
 
     def _decide(self, **values: Any) -> None:
@@ -427,7 +439,7 @@ class _Study:
         each, jobs = self.known["seconds"], self.known["jobs"]
         words = (
             f"{len(self.knobs)} knobs with {len(self.rungs)} settings beside the scene's own; a packing of "
-            f"{self.plan.cost.grains} grains takes about {format_duration(each)} of processor time, by estimate; "
+            f"{self.base.plan.cost.grains} grains takes about {format_duration(each)} of processor time, by estimate; "
             f"{format_duration(self.known['budget'])} with {jobs} at a time, {format_duration(self.budget)} of "
             f"processor time, are enough for some {self.budget / each:.0f} packings"
         )

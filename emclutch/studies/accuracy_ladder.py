@@ -16,12 +16,11 @@ from emclutch.results.ladders import DRIVE
 from emclutch.results.provenance import provenance
 from emclutch.results.text import format_duration
 from emclutch.scene.case import Case
-from emclutch.scene.multiple import Multiple
 from emclutch.simulation.discretisation_error import device_of
-from emclutch.simulation.plan import Plan, make_plan
+from emclutch.simulation.plan import make_plan
 from emclutch.simulation.resume import flat_scene
 from emclutch.studies.accuracy_plan import BASE
-from emclutch.studies.accuracy_rungs import PlannedRung
+from emclutch.studies.accuracy_rungs import Base, PlannedRung
 from emclutch.studies.accuracy_tasks import TaskResult, strain_of
 
 
@@ -31,10 +30,9 @@ class Measured:
 
     Attributes
     ----------
-    case, base : Case
-        The scene, and that of one packing.
-    plan : Plan
-        Of one packing.
+    case : Case
+    base : Base
+        Of its packings.
     rungs : tuple of PlannedRung
         All settings but the scene's own.
     starts : tuple
@@ -53,8 +51,7 @@ class Measured:
     """
 
     case: Case
-    base: Case
-    plan: Plan
+    base: Base
     rungs: tuple[PlannedRung, ...]
     starts: tuple[float | str, ...]
     packings: Mapping[tuple[str, float], Sequence[TaskResult]]
@@ -84,7 +81,7 @@ class Measured:
         if knob == BASE:
             return 1.0
         rung = next(one for one in self.rungs if one.knob == knob and one.setting == setting)
-        return self.plan.cost.grains / rung.grains
+        return self.base.plan.cost.grains / rung.grains
 
 
 def ladder_of(found: Measured) -> Ladder:
@@ -146,7 +143,7 @@ def failure_of(some: Sequence[TaskResult], torque: float) -> str:
 
 
 def _knob_ladder(knob: type[Knob], found: Measured, scatter: float, freedom: float) -> KnobLadder:
-    own = float(knob.own(found.base.scene, found.plan))
+    own = float(knob.own(found.base.scene, found.base.plan))
     basis = Basis.TORQUE
     if knob.measured_on == FROZEN:
         basis, freedom, rungs = Basis.PULL, math.inf, _standing_rungs(knob, own, found)
@@ -156,7 +153,7 @@ def _knob_ladder(knob: type[Knob], found: Measured, scatter: float, freedom: flo
     else:
         rungs = _torque_rungs(knob, own, found, scatter)
     ordered = tuple(sorted(rungs, key=lambda one: -one.step_size))
-    limit = knob.limit(found.base.scene, found.plan)
+    limit = knob.limit(found.base.scene, found.base.plan)
     return KnobLadder(knob.name, knob.key, basis, own, knob.order, limit, ordered, freedom)
 
 
@@ -184,7 +181,7 @@ def _torque_rung(
 
 
 def _unmeasured(planned: PlannedRung, found: Measured) -> Rung:
-    cost = planned.seconds / found.plan.cost.seconds["total"]
+    cost = planned.seconds / found.base.plan.cost.seconds["total"]
     return Rung(planned.setting, planned.step_size, None, 0.0, 0, cost * found.seconds, cost)
 
 
@@ -194,7 +191,7 @@ def _standing_rungs(knob: type[Knob], own: float, found: Measured) -> list[Rung]
     for setting in (own, *planned):
         step_size = knob.step_size(setting)
         result = found.standing.get((knob.name, setting))
-        cost = planned[setting].seconds / found.plan.cost.seconds["total"] if setting in planned else 1.0
+        cost = planned[setting].seconds / found.base.plan.cost.seconds["total"] if setting in planned else 1.0
         if result is None:
             rungs.append(_unmeasured(planned[setting], found))
         else:
@@ -209,7 +206,7 @@ def _later_rungs(knob: type[Knob], found: Measured) -> tuple[list[Rung], float]:
     the rung, and 0 of the latest start, which the others are compared with.
     """
     strains = [strain for one in found.starts if (strain := strain_of(one)) is not None]
-    if len(strains) < 2:
+    if len(strains) < 2 or found.base.strain is None:
         return [], math.inf
     latest = strains.index(max(strains))
     rows, weights = [], []
@@ -227,23 +224,16 @@ def _later_rungs(knob: type[Knob], found: Measured) -> tuple[list[Rung], float]:
     rungs = []
     for n, strain in enumerate(strains):
         value = found.torque * (1.0 + mean[n]) / (1.0 + mean[0])
-        cost = _longer(strain, own, found)
+        cost = (found.base.strain + strain - own) / found.base.strain  # of a run that averages as long
         rungs.append(
             Rung(strain, knob.step_size(strain), float(value), float(error[n]), len(rows), found.seconds, cost)
         )
     return rungs, freedom
 
 
-def _longer(strain: float, own: float, found: Measured) -> float:
-    """Return the cost of a run from a later start on, over one from the scene's own, that averages as long."""
-    end = found.base.scene.span.end
-    assert isinstance(end, Multiple)
-    return (strain + end.value - own) / end.value
-
-
 def _averaged_strain(found: Measured) -> float | None:
-    end, start = found.base.scene.span.end, strain_of(found.starts[0])
-    return None if start is None or not isinstance(end, Multiple) else end.value - start
+    start = strain_of(found.starts[0])
+    return None if start is None or found.base.strain is None else found.base.strain - start
 
 
 def _why_unknown(name: str, ladder: KnobLadder, found: Measured) -> str:
@@ -251,7 +241,9 @@ def _why_unknown(name: str, ladder: KnobLadder, found: Measured) -> str:
         wall = found.left_out[name] / found.jobs
         return f"not measured in this budget: about {format_duration(wall)} more"
     if failed := [f"{one.setting:.4g}: {one.failure}" for one in ladder.rungs if one.failure]:
-        return f"every other setting failed ({'; '.join(failed)})"
+        return f"fewer than two settings have a value ({'; '.join(failed)})"
+    if not ladder.rungs:
+        return "the packings end before the start-up does, or nothing is sheared; raise accuracy.time_end"
     if any(not one.packings for one in ladder.rungs):
         wall = sum(one.seconds for one in ladder.rungs if not one.packings) / found.jobs
         return f"not measured in this budget: about {format_duration(wall)} more"

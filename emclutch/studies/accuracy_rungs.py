@@ -12,11 +12,13 @@ from emclutch.knobs import HISTORIES, Knob, knobs_of
 from emclutch.knobs.powder import StartUp
 from emclutch.scene.case import Case, case_from
 from emclutch.scene.errors import Fault, SceneError, bad_input_for, shown
+from emclutch.scene.model import Scene
 from emclutch.scene.multiple import STRAIN, Multiple
 from emclutch.scene.replica_count import has_steady_torque
 from emclutch.scene.start_up import start_up_strain
 from emclutch.scene.timing import instant_in_words
 from emclutch.simulation.plan import Plan, make_plan
+from emclutch.simulation.scaled_slip import strain_rate
 
 QUIET: dict[str, Any] = {
     "accuracy.replicas": 1,
@@ -88,15 +90,46 @@ class Turned:
     faults: tuple[str, ...] = ()
 
 
-def base_of(case: Case) -> Case:
-    """Return the scene of one packing: of a length that does not depend on the result, and without output."""
+@dataclass(frozen=True, slots=True)
+class Base:
+    """What every packing of a study is at the scene's own settings.
+
+    Attributes
+    ----------
+    case : Case
+    plan : Plan
+    strain : float or None
+        Shear strain of a packing's run; None: nothing is sheared at a constant rate.
+    """
+
+    case: Case
+    plan: Plan
+    strain: float | None
+
+    @property
+    def scene(self) -> Scene:
+        """Return the scene of one packing."""
+        return self.case.scene
+
+
+def base_of(case: Case) -> Base:
+    """Return what every packing is: of a length that does not depend on the result, and without output.
+
+    SceneError where it cannot be planned.
+    """
     values = dict(QUIET)
     if case.scene.accuracy.time_end is not None:
         end = case.scene.accuracy.time_end
         values["time.end"] = str(end) if isinstance(end, Multiple) else end
     elif is_sheared(case):
         values["time.end"] = STRAIN.format(f"{START_UPS * start_up_strain(case.scene):g}")
-    return case.with_values(values)
+    base = case.with_values(values)
+    with bad_input_for(case.path):
+        device, plan = make_plan(base, threads=1)
+    end = base.scene.span.end
+    rate = strain_rate(plan.scene, device) if is_sheared(case) else 0.0
+    strain = end.value if isinstance(end, Multiple) else rate * plan.end
+    return Base(base, plan, strain if rate else None)
 
 
 def is_sheared(case: Case) -> bool:
@@ -121,22 +154,21 @@ def source_of(case: Case) -> str:
     return "scene" if case.path is None else str(case.path)
 
 
-def first_strains(base: Case, plan: Plan) -> list[float | str]:
+def starts_of(base: Base) -> list[float | str]:
     """Return from where on the torque is averaged, a strain or a time [s]: the scene's own first, then what is tried.
 
-    Where the run is too short for the start-up, its second half.
+    Where the run is too short for the start-up, or nothing is sheared, its second half.
     """
-    end = base.scene.span.end
-    if not is_sheared(base) or not isinstance(end, Multiple):
-        return [0.5 * plan.end]
-    own, *others = StartUp.own(base.scene, plan), *StartUp.ladder(base.scene, plan)
-    if own >= end.value:
-        return [STRAIN.format(f"{0.5 * end.value:g}")]
-    kept = [one for one in others if one < end.value * (1.0 - 1e-9) and one != own]
+    if base.strain is None:
+        return [0.5 * base.plan.end]
+    own = StartUp.own(base.scene, base.plan)
+    if own >= base.strain:
+        return [STRAIN.format(f"{0.5 * base.strain:g}")]
+    kept = [one for one in StartUp.ladder(base.scene, base.plan) if one < base.strain * (1.0 - 1e-9) and one != own]
     return [STRAIN.format(f"{one:g}") for one in (own, *kept)]
 
 
-def turns_of(base: Case, plan: Plan) -> list[TurnTask]:
+def turns_of(base: Base) -> list[TurnTask]:
     """Return the settings to plan: all of each knob, but the scene's own.
 
     Raises
@@ -145,10 +177,11 @@ def turns_of(base: Case, plan: Plan) -> list[TurnTask]:
         Of a setting in `accuracy.ladders` that the scene does not take: all of them at once.
     """
     tasks, faults = [], []
-    path = None if base.path is None else str(base.path.resolve())
+    case, plan = base.case, base.plan
+    path = None if case.path is None else str(case.path.resolve())
     for knob in knobs_of(base.scene):
         if knob.measured_on == HISTORIES:
-            faults += _late_starts(base, plan, knob)
+            faults += _late_starts(base, knob)
             continue
         own = knob.own(base.scene, plan)
         for setting in knob.ladder(base.scene, plan):
@@ -156,13 +189,13 @@ def turns_of(base: Case, plan: Plan) -> list[TurnTask]:
                 continue
             values = knob.values(base.scene, plan, setting)
             try:
-                turned = base.with_values(values)
+                turned = case.with_values(values)
             except SceneError as error:
                 faults += _faults(base, knob, setting, [str(fault) for fault in error.faults])
             else:
-                tasks.append(TurnTask(turned.data, path, base.trust_scripts, knob.name, values, setting))
+                tasks.append(TurnTask(turned.data, path, case.trust_scripts, knob.name, values, setting))
     if faults:
-        raise SceneError(faults, source_of(base))
+        raise SceneError(faults, source_of(base.case))
     return tasks
 
 
@@ -188,7 +221,7 @@ def rung_of(case: Case, plan: Plan, name: str, values: dict[str, Any], planning:
     return PlannedRung(name, setting, knob.step_size(setting), values, plan.cost.grains, seconds, planning)
 
 
-def planned_rungs(base: Case, tasks: Sequence[TurnTask], found: Sequence[Turned]) -> list[PlannedRung]:
+def planned_rungs(base: Base, tasks: Sequence[TurnTask], found: Sequence[Turned]) -> list[PlannedRung]:
     """Return the rungs that the scene takes; SceneError for those of `accuracy.ladders` that it does not."""
     faults: list[Fault] = []
     for task, one in zip(tasks, found, strict=True):
@@ -196,11 +229,11 @@ def planned_rungs(base: Case, tasks: Sequence[TurnTask], found: Sequence[Turned]
             knob = next(knob for knob in knobs_of(base.scene) if knob.name == task.knob)
             faults += _faults(base, knob, task.asked, one.faults)
     if faults:
-        raise SceneError(faults, source_of(base))
+        raise SceneError(faults, source_of(base.case))
     return [one.rung for one in found if one.rung is not None]
 
 
-def _faults(base: Case, knob: type[Knob], setting: float, why: Sequence[str]) -> list[Fault]:
+def _faults(base: Base, knob: type[Knob], setting: float, why: Sequence[str]) -> list[Fault]:
     """Return the fault of a setting that the scene lists; of the usual ones none, they are left out."""
     if getattr(base.scene.accuracy.ladders, knob.name) is None:
         return []
@@ -208,22 +241,12 @@ def _faults(base: Case, knob: type[Knob], setting: float, why: Sequence[str]) ->
     return [Fault(f"accuracy.ladders.{knob.name}", f"{setting:g}", message)]
 
 
-def _late_starts(base: Case, plan: Plan, knob: type[Knob]) -> list[Fault]:
-    end = base.scene.span.end
+def _late_starts(base: Base, knob: type[Knob]) -> list[Fault]:
     asked = getattr(base.scene.accuracy.ladders, knob.name) or ()
-    if not isinstance(end, Multiple):
-        return [] if not asked else [
-            Fault(
-                f"accuracy.ladders.{knob.name}", shown(list(asked)),
-                f"is in strains, and the packings end at {instant_in_words(end)}; give accuracy.time_end as a strain, "
-                "or remove the list",
-            )
-        ]  # fmt: skip
-    return [
-        Fault(
-            f"accuracy.ladders.{knob.name}", f"{one:g}",
-            f"is not before the end of the packings, {end}; lower it, or raise accuracy.time_end",
-        )
-        for one in asked
-        if one >= end.value
-    ]  # fmt: skip
+    end = instant_in_words(base.scene.span.end)
+    end = end if base.strain is None or end.startswith("strain") else f"{end}, a strain of {base.strain:.4g}"
+    message = f"is not before the end of the packings, {end}; lower it, or raise accuracy.time_end"
+    if base.strain is None:
+        message = "is a shear strain, and nothing is sheared at a constant rate; remove the list"
+    late = [one for one in asked if base.strain is None or one >= base.strain]
+    return [Fault(f"accuracy.ladders.{knob.name}", f"{one:g}", message) for one in late]

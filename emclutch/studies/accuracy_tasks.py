@@ -10,7 +10,7 @@ import json
 import shutil
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from time import process_time
+from time import perf_counter, process_time
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -89,8 +89,8 @@ class TaskResult:
         Mean torque from the scene's own start-up on [N m], or magnetic pull of standing grains [J].
     means : list of float
         Mean torque from each of the task's starts on [N m].
-    seconds : float
-        Processor time [s].
+    seconds, wall : float
+        Processor time and wall-clock time [s].
     grains, steps : int
     failure : str
         Why there is no value.
@@ -98,6 +98,7 @@ class TaskResult:
 
     value: float | None
     seconds: float
+    wall: float
     means: list[float] = field(default_factory=list)
     grains: int = 0
     steps: int = 0
@@ -125,35 +126,34 @@ def perform(task: AccuracyTask) -> TaskResult | str:
         return STOPPED
     if task.target.is_dir():  # of a process that was ended
         shutil.rmtree(task.target)
-    begin = process_time()
+    begin, failure = (process_time(), perf_counter()), ""
     try:
-        found = _pull(task) if task.grains else _packing(task, asked)
+        value, means, grains, steps = _pull(task) if task.grains else _packing(task, asked)
     except (Interrupted, KeyboardInterrupt):
         return STOPPED
     except (RunError, SceneError, RuntimeError, ValueError) as error:
-        found = TaskResult(None, process_time() - begin, failure=_in_short(error))
+        value, means, grains, steps, failure = None, [], 0, 0, _in_short(error)
+    seconds, wall = process_time() - begin[0], perf_counter() - begin[1]
+    found = TaskResult(value, seconds, wall, means, grains, steps, failure)
     task.target.mkdir(parents=True, exist_ok=True)
     replace_json(task.target / RESULT, asdict(found))
     return found
 
 
-def _packing(task: AccuracyTask, asked: StopAsked) -> TaskResult:
-    begin = process_time()
+def _packing(task: AccuracyTask, asked: StopAsked) -> tuple[float | None, list[float], int, int]:
+    """Return the mean torque from the first start on, from each of them, grains and steps."""
     keep = _LastGrains(task.target / GRAINS) if task.keeps_grains else None
     result = run(task.case, out=task.target, threads=1, progress=asked, callback=keep)
-    seconds = process_time() - begin
     history = result.history
     means = [mean_from(history, _time(start, RunFolder(task.target))) for start in task.starts]
-    summary = result.summary
-    return TaskResult(means[0], seconds, means, int(summary["grains"]), int(history["steps"].sum()))
+    return means[0], means, int(result.summary["grains"]), int(history["steps"].sum())
 
 
-def _pull(task: AccuracyTask) -> TaskResult:
-    begin = process_time()
+def _pull(task: AccuracyTask) -> tuple[float | None, list[float], int, int]:
+    """Return the magnetic pull of standing grains, and their number."""
     with np.load(Path(task.study) / task.grains) as kept:
         position, radius = kept["position"], kept["radius"]
-    found = frozen_state(task.case, position, 2.0 * radius, own_key=task.own_key)
-    return TaskResult(found.stress, process_time() - begin, grains=len(position))
+    return frozen_state(task.case, position, 2.0 * radius, own_key=task.own_key).stress, [], len(position), 0
 
 
 def mean_from(history: pandas.DataFrame, start: float) -> float:

@@ -49,7 +49,12 @@ class TaskQueue:
                 for future in wait(running, LOOK_SECONDS, FIRST_COMPLETED).done:
                     take(running.pop(future), future.result())
                 look(list(running.values()))
-        except BrokenExecutor as error:
+        except BaseException as error:
+            if self.stop_file is not None:
+                self.stop_file.touch()
+            wait(running)  # they end at the sight of the file
+            if not isinstance(error, BrokenExecutor):
+                raise
             raise RunError(
                 "a process of the study ended without a message; it was killed, most often for want of memory, or the "
                 "calling script lacks its if __name__ == '__main__'; continue with --resume, and fewer --jobs"
