@@ -102,14 +102,19 @@ def cheapest_case(case: Case, ladder: Ladder, target: float) -> tuple[Choice, Ca
 
 
 def _to_blame(case: Case, ladder: Ladder, settings: Mapping[str, float]) -> dict[str, float]:
-    """Return those of some refused settings without each of which the scene takes the others; all where there is none.
-
-    Each setting alone was measured; it is pairs that do not fit.
-    """
-    others = {one.knob: one.own for one in ladder.knobs}
-    changed = [name for name, setting in settings.items() if not math.isclose(setting, others[name], rel_tol=1e-6)]
-    found = {name: settings[name] for name in changed if _takes(case, {**settings, name: others[name]})}
-    return found or {name: settings[name] for name in changed}
+    """Return the part of some refused settings that the scene refuses by itself: most often two that do not fit."""
+    own = {one.knob: one.own for one in ladder.knobs}
+    changed = {name: one for name, one in settings.items() if not math.isclose(one, own[name], rel_tol=1e-6)}
+    taken: dict[str, float] = {}
+    for name, setting in changed.items():
+        if _takes(case, own | taken | {name: setting}):
+            taken[name] = setting
+            continue
+        for other in [{}, *({one: taken[one]} for one in taken)]:
+            if not _takes(case, own | other | {name: setting}):
+                return {name: setting} | other
+        return taken | {name: setting}
+    return changed
 
 
 def _takes(case: Case, settings: Mapping[str, float]) -> bool:
