@@ -57,7 +57,8 @@ FROZEN_SHARE = 0.25
 """Of the budget, for the knobs without noise."""
 OVERRUN = 1.2
 """Processor time of all tasks over the budget, from which on no more is begun."""
-WARM_UP_WINDOWS = 3
+BUSIEST = 2.0
+WARM_UP, WARM_UP_WINDOWS = "warm-up", 3
 LOOK_SECONDS = 0.5
 PLAN = "plan.json"
 
@@ -166,8 +167,12 @@ def _begun(case: Case, base: Base, budget: float, jobs: int, hands: TaskQueue, p
         raise SceneError([Fault("--budget", f"{budget:g} s", message)], source_of(case))
     tasks = turns_of(base)
     found: dict[int, Turned] = {}
-    tell(progress, 0.0, "every setting is planned")
-    hands.all(turned, tasks, lambda n, one: found.__setitem__(n, one))
+
+    def take(number: int, one: Turned) -> None:
+        found[number] = one
+        tell(progress, 0.0, f"settings are planned: {len(found)} of {len(tasks)}")
+
+    hands.all(turned, tasks, take)
     if hands.stopped:
         raise Interrupted("stopped before the study began")
     rungs = planned_rungs(base, tasks, [found[n] for n in range(len(tasks))])
@@ -215,8 +220,8 @@ class _Study:
         """Do all tasks, and return the ladder."""
         self._tell_cost()
         warm = self.base.case.with_values({"time.end": WARM_UP_WINDOWS * self.base.plan.end / self.base.plan.windows})
-        self._do([self._task(warm, "warm-up", starts=(0.0,))], "a short run compiles the kernels")
-        self._refuse_failed("warm-up")
+        self._do([self._task(warm, WARM_UP, starts=(0.0,))], "a short run compiles the kernels")
+        self._refuse_failed(WARM_UP)
         packings = [self._packing(BASE, 0.0, packing_name(BASE, 0.0, n)) for n in range(BASE_PACKINGS)]
         self._do(packings, "packings at the scene's own settings")
         for task in packings:
@@ -262,7 +267,7 @@ class _Study:
             found = allocate(offers, BASE_PACKINGS, self._seconds(), room, self.known["jobs"])
             self._decide(packings=[list(one) for one in found.packings], left_out=found.left_out)
         tasks = [self._packing(*key, name) for key, name in self._order()]
-        log.info("%d more packings are run; left out: %s", len(tasks), self.known["left_out"])
+        self._tell_packings(len(tasks))
         self._do(tasks, "packings", limited=True)
 
     def _seconds(self, rung: PlannedRung | None = None) -> float:
@@ -402,13 +407,18 @@ class _Study:
         tell(self.progress, self._fraction(part), None)
 
     def _spent(self) -> float:
-        """Return the processor time so far [s]."""
-        return sum(one.seconds for one in self.results.values()) + sum(one.planning for one in self.rungs)
+        """Return the processor time so far [s], without that of compiling, once on a machine."""
+        tasks = sum(one.seconds for name, one in self.results.items() if name != WARM_UP)
+        return tasks + sum(one.planning for one in self.rungs)
 
     def _busy(self) -> float:
-        """Return how much longer the first packings took than their processor time: by what else the machine does."""
+        """Return how much longer the first packings took than their processor time, by what else the machine does.
+
+        At most `BUSIEST`: on a machine that is busier still the study takes longer than its budget, and tells as much.
+        """
         first = [self.results[packing_name(BASE, 0.0, n)] for n in range(BASE_PACKINGS)]
-        return max(1.0, sum(one.wall for one in first) / sum(one.seconds for one in first))
+        found = sum(one.wall for one in first) / sum(one.seconds for one in first)
+        return min(max(1.0, found), BUSIEST)
 
     def _fraction(self, more: float = 0.0) -> float:
         """Return how much of what is planned, or before that of the budget, is done."""
@@ -454,6 +464,16 @@ class _Study:
             f"of 5 % two settings need {packings_for(0.05, scatter)} packings each, of 2 % "
             f"{packings_for(0.02, scatter)}"
         )
+        log.info("%s", words)
+        note(self.progress, words)
+
+    def _tell_packings(self, number: int) -> None:
+        names = sorted({knob for knob, _ in self.known["packings"]} - {BASE})
+        words = f"{number} more packings, for {', '.join(names) or 'no knob'}"
+        if self._busy() > 1.3:
+            words += f"; other programs are busy too: all takes {self._busy():.1f} times as long, or longer"
+        if self.known["left_out"]:
+            words += f"; the budget has no room for {', '.join(self.known['left_out'])}"
         log.info("%s", words)
         note(self.progress, words)
 

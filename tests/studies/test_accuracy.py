@@ -1,0 +1,222 @@
+"""An accuracy study gives the same ladder however often it is killed on the way, within its budget.
+
+Its packings are stood in for by a torque that is known in closed form, of a cost as it is predicted; one real packing
+is run.
+"""
+
+import json
+import zlib
+
+import numpy as np
+import pytest
+
+import emclutch
+from emclutch.results import load_result
+from emclutch.results.errors import Interrupted, OutputError, RunError
+from emclutch.results.ladders import find_ladder
+from emclutch.scene.case import case_from
+from emclutch.scene.errors import SceneError
+from emclutch.studies import accuracy as study
+from emclutch.studies import accuracy_rungs, accuracy_tasks
+from emclutch.studies.accuracy_tasks import GRAINS, AccuracyTask, perform, result_in
+from emclutch.studies.frozen_state import frozen_state
+
+CELL = {
+    "scene": {"title": "sheared annulus", "seed": 3},
+    "geometry": {"kind": "shear_cell", "inner_radius": 10e-3, "outer_radius": 11.2e-3, "height": 0.6e-3},
+    "field": {"source": "uniform", "field_strength": "400 kA/m", "direction": "radial"},
+    "particles": {"diameter": "0.3 mm", "solid_fraction": 0.5, "sector": "12 deg", "initial_velocity": "sheared"},
+    "motion": {"rotor": {"speed": "1500 rpm"}, "disc": {"speed": 0.0}},
+    "effects": {"magnetic_force": {}, "dipoles": {"cutoff": 2.5, "model": "mutual"}, "saturation": {}},
+    "time": {"end": "5 ms", "window": "20 us", "until": "torque 10 %"},
+}
+BUDGET = 480.0
+
+
+class Killed(BaseException):
+    """End of a process without a word."""
+
+
+class Packings:
+    """Torque 1 N m (1 + 20/steps^2 ...), 5 % of noise by the seed; time passes as it is predicted, by this clock."""
+
+    def __init__(self, slower=1.0):
+        self.clock, self.done, self.kill_at, self.fails, self.slower = 0.0, [], None, {}, slower
+
+    def __call__(self, task, asked):
+        self._ends(task)
+        scene = task.case.scene
+        for key, words in self.fails.items():
+            if key in task.folder:
+                raise RunError(words)
+        noise = np.random.default_rng(zlib.crc32(task.folder.encode())).normal(0.0, 0.05)
+        torque = (1.0 + 0.5 * (10.0 / scene.span.steps_per_contact) ** 2) * np.exp(noise)
+        self.clock += self.slower * (20.0 if task.folder != "warm-up" else 1.0)
+        return torque, [torque * (1.0 + 0.01 * n) for n, _ in enumerate(task.starts)], 57, 100
+
+    def pull(self, task):
+        self._ends(task)
+        self.clock += 1.0
+        return 2.0 + task.case.scene.effects.attraction.tolerance, [], 57, 0
+
+    def _ends(self, task):
+        if self.kill_at is not None and len(self.done) == self.kill_at:
+            self.kill_at = None
+            task.target.mkdir(parents=True)
+            (task.target / "history.csv").write_text("half a r")
+            raise Killed
+        self.done.append(task.folder)
+
+
+@pytest.fixture
+def packings(monkeypatch, tmp_path):
+    found = Packings()
+    monkeypatch.setenv("EMCLUTCH_LADDERS", str(tmp_path / "ladders"))
+    monkeypatch.setattr(accuracy_tasks, "_packing", found)
+    monkeypatch.setattr(accuracy_tasks, "_pull", found.pull)
+    monkeypatch.setattr(study, "_presented", lambda *given: ["found"])
+    for module in (accuracy_tasks, accuracy_rungs):
+        monkeypatch.setattr(module, "process_time", lambda: found.clock)
+    monkeypatch.setattr(accuracy_tasks, "perf_counter", lambda: found.clock)
+    return found
+
+
+def ladder_without_dates(result):
+    values = json.loads((result.folder / "ladder.json").read_text())
+    del values["machine"]
+    return values
+
+
+def test_a_study_that_is_killed_twice_gives_the_same_ladder(packings, tmp_path):
+    case = case_from(CELL)
+    whole = emclutch.accuracy(case, out=tmp_path / "whole", budget=BUDGET, jobs=1)
+    order, packings.done = packings.done, []
+    for kill_at in (3, 12):
+        packings.kill_at = kill_at
+        with pytest.raises(Killed):
+            emclutch.accuracy(
+                case, out=tmp_path / "cut", budget=None if packings.done else BUDGET, jobs=1, resume=bool(packings.done)
+            )
+    cut = emclutch.accuracy(case, out=tmp_path / "cut", jobs=1, resume=True)
+    assert packings.done == order  # nothing is done twice, in the same order
+    assert ladder_without_dates(cut) == ladder_without_dates(whole)
+    again = emclutch.accuracy(case, out=tmp_path / "cut", jobs=1, resume=True)
+    assert ladder_without_dates(again) == ladder_without_dates(whole) and packings.done == order
+
+
+def test_the_ladder_has_every_knob_and_runs_of_the_device_find_it(packings, tmp_path):
+    case = case_from(CELL)
+    found = emclutch.accuracy(case, out=tmp_path / "out", budget=BUDGET, jobs=1)
+    ladder = found.ladder
+    assert find_ladder(ladder.device)[0] == ladder and found.lines == ("found",)
+    assert {one.knob for one in ladder.knobs} == {
+        "sector", "start_up", "moment_tolerance", "overlap", "contact_step", "update_interval",
+    } - set(ladder.unknown)  # fmt: skip
+    assert packings.clock <= study.OVERRUN * BUDGET
+    steps = ladder.knob("contact_step")
+    coarse = next(one for one in steps.rungs if one.setting == 10.0)
+    assert coarse.value == pytest.approx(1.5, abs=3.0 * coarse.error * 1.5) and coarse.packings > 1
+    assert ladder.scatter == pytest.approx(0.05, rel=0.5) and ladder.strain == 9.0
+    own_error = steps.own_error
+    assert abs(own_error.bias - 0.125) < own_error.half_width
+    assert ladder.knob("moment_tolerance").own_error.half_width < 0.01  # no noise
+    later = ladder.knob("start_up").rungs
+    assert [one.setting for one in later] == [4.5, 9.0, 13.5] and later[-1].error == 0.0
+
+
+def test_what_the_budget_has_no_room_for_is_unknown_and_stays_so(packings, tmp_path):
+    """Packings that take far longer than the first ones end the study early; it does not begin others later."""
+    case, beginning = case_from(CELL), 7
+    plan, out = study.allocate, tmp_path / "out"
+
+    def slow_from_now_on(*given):
+        packings.slower = 8.0
+        return plan(*given)
+
+    study.allocate, found = slow_from_now_on, None
+    try:
+        found = emclutch.accuracy(case, out=out, budget=BUDGET, jobs=1)
+    finally:
+        study.allocate = plan
+    known = json.loads((out / "plan.json").read_text())
+    assert known["begun"] is not None and known["begun"] < len(known["packings"])
+    assert len(packings.done) < len(known["packings"]) + beginning and found.ladder.unknown
+    assert all("not measured in this budget: about" in words for words in found.ladder.unknown.values())
+    done = list(packings.done)
+    again = emclutch.accuracy(case, out=out, jobs=1, resume=True)
+    assert packings.done == done and ladder_without_dates(again) == ladder_without_dates(found)
+
+
+def test_a_rung_that_fails_says_so_and_the_scene_itself_ends_the_study(packings, tmp_path):
+    packings.fails = {"overlap-": "grains press in too far"}
+    found = emclutch.accuracy(case_from(CELL), out=tmp_path / "rung", budget=BUDGET, jobs=1)
+    assert "grains press in too far" in found.ladder.unknown["overlap"]
+    packings.fails = {"own/02": "no"}
+    with pytest.raises(RunError, match=r"own/02, at the scene's own settings, has failed: no; change the scene"):
+        emclutch.accuracy(case_from(CELL), out=tmp_path / "own", budget=BUDGET, jobs=1)
+
+
+def test_ctrl_c_keeps_what_is_done(packings, tmp_path, monkeypatch):
+    monkeypatch.setattr(packings, "pull", lambda task: (_ for _ in ()).throw(KeyboardInterrupt))
+    monkeypatch.setattr(accuracy_tasks, "_pull", packings.pull)
+    with pytest.raises(Interrupted, match=r"stopped with 5 tasks done; continue with .* --resume"):
+        emclutch.accuracy(case_from(CELL), out=tmp_path / "out", budget=BUDGET, jobs=1)
+
+
+def test_faults_are_told_before_anything_runs(packings, tmp_path):
+    def refused(values, **options):
+        case = case_from(CELL).with_values(values)
+        with pytest.raises(SceneError) as error:
+            emclutch.accuracy(case, out=tmp_path / "out", budget=options.get("budget", BUDGET), jobs=1)
+        assert not (tmp_path / "out").exists() and not packings.done
+        return str(error.value)
+
+    text = refused({"accuracy.ladders.sector": [1.0], "accuracy.ladders.start_up": [5.0, 30.0]})
+    assert "accuracy.ladders.sector = 1" in text and "remove it from the list" in text
+    assert "accuracy.ladders.start_up = 30 is not before the end of the packings, strain 18" in text
+    text = refused({"accuracy.ladders.overlap": [0.01, 1e-4], "time.step": "0.08 us"})
+    assert text.count("accuracy.ladders.overlap") == 1 and "accuracy.ladders.overlap = 0.0001 is none that" in text
+    assert "--budget = 1 s is less than the 4 packings" in refused({}, budget=1.0)
+
+
+def test_a_scene_without_a_disc_is_refused(tmp_path):
+    box = CELL | {"geometry": {"kind": "sheared_box", "size": 3 * [2e-3], "shear_rate": 500.0}}
+    box |= {"field": CELL["field"] | {"direction": "z", "means": "macroscopic"}, "motion": {}, "time": {"end": "1 ms"}}
+    box |= {"particles": {"diameter": "0.3 mm", "solid_fraction": 0.35}}
+    with pytest.raises(SceneError, match="has no disc, and accuracy is measured by the disc's torque"):
+        emclutch.accuracy(case_from(box), out=tmp_path / "out")
+
+
+def test_folders_of_other_studies_are_refused(packings, tmp_path):
+    case, out = case_from(CELL), tmp_path / "out"
+    with pytest.raises(OutputError, match=r"nothing to resume"):
+        emclutch.accuracy(case, out=out, jobs=1, resume=True)
+    emclutch.accuracy(case, out=out, budget=BUDGET, jobs=1)
+    with pytest.raises(OutputError, match="is not empty; continue it with --resume"):
+        emclutch.accuracy(case, out=out, jobs=1)
+    with pytest.raises(OutputError, match=r"is of another scene \(field.field_strength\)"):
+        emclutch.accuracy(case.with_values({"field.field_strength": "1 kA/m"}), out=out, jobs=1, resume=True)
+    with pytest.raises(OutputError, match="has a budget of 8 min"):
+        emclutch.accuracy(case, out=out, jobs=1, budget=60.0, resume=True)
+
+
+def test_a_packing_gives_the_mean_torque_of_its_run_and_the_grains_that_stand_still(tmp_path):
+    case = case_from(CELL).with_values({"accuracy.time_end": "strain 0.2"})
+    base = accuracy_rungs.base_of(case)
+    assert accuracy_rungs.starts_of(base) == ["strain 0.1"]  # a run shorter than the start-up: its second half
+    task = AccuracyTask(base.case.data, None, False, str(tmp_path), "own/00", ("strain 0.1",), keeps_grains=True)
+    found = perform(task)
+    history = load_result(task.target).history
+    assert found == result_in(task.target) and found.seconds > 0.0 and found.grains == 57
+    ends = np.append(0.0, history.time)
+    impulse = np.append(0.0, np.cumsum(np.diff(ends) * history.torque_disc))
+    start = 0.1 / load_result(task.target).folder.read_plan()["shear_rate"]
+    expected = (impulse[-1] - np.interp(start, ends, impulse)) / (ends[-1] - start)
+    assert ends[-1] > 2.0 * start and found.value == pytest.approx(expected, rel=1e-9)
+    standing = AccuracyTask(
+        base.case.data, None, False, str(tmp_path), "standing/own", grains=f"own/00/{GRAINS}",
+        own_key="effects.dipoles.tolerance",
+    )  # fmt: skip
+    kept = np.load(task.target / GRAINS)
+    own, exact = perform(standing).value, frozen_state(base.case, kept["position"], 2.0 * kept["radius"]).stress
+    assert own != exact and own == pytest.approx(exact, rel=0.01)
