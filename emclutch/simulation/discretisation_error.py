@@ -25,6 +25,7 @@ from emclutch.simulation.resume import flat_scene
 
 FAR = 2.0
 """Factor of step size beyond the rungs from which on the law is said to be extrapolated."""
+COUNT = "particles.count"
 SPEEDS = ("motion.rotor.speed", "motion.disc.speed")
 
 
@@ -39,6 +40,9 @@ def device_of(case: Case, plan: Plan) -> str:
     numerical = {key for one in knobs for key in (one.key, *one.values(scene, plan, one.own(scene, plan)))}
     if scene.accuracy.inertial_number is not None:
         numerical |= set(SPEEDS)
+    if scene.grains.count is not None and COUNT in numerical:
+        volume = scene.grains.count * scene.grains.grain_volume / (scene.grains.sector or 2.0 * math.pi)
+        flat["particles.volume"] = f"{volume:.2g}"  # counts are whole numbers, and follow from the size of the grains
     return device_hash(flat, dict.fromkeys(numerical))
 
 

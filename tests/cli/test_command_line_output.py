@@ -99,6 +99,27 @@ def test_a_lock_and_soft_grains_are_reported_last():
     assert "grains too soft" in line
 
 
+def test_the_last_lines_name_the_total_error_and_its_largest_part():
+    torque = {"mean": 0.9, "standard_error": 0.02, "batches": 4, "replicas": 4, "converged": True, "reason": "steady"}
+    unknown = {"torque": torque, "discretisation_error": None, "discretisation_error_note": "no ladder; find with: X"}
+    (line,) = closing_lines(SimpleNamespace(summary=unknown))
+    assert line == "the interval is statistical only, the error of the settings unknown: no ladder; find with: X"
+    found = {
+        "bias": 0.2, "half_width": 0.051, "unknown": {"sector": "no time"}, "extrapolated": {}, "total_error": 0.076,
+        "corrected_torque": {"mean": 0.75, "half_width": 0.057}, "ladder": {"note": "measured at coil.current = 2.0"},
+        "largest_part": {"name": "grains_across", "half_width": 0.051},
+    }  # fmt: skip
+    asked = {"asked": 0.05, "reached": False}
+    lines = closing_lines(
+        SimpleNamespace(summary={"torque": torque, "discretisation_error": found, "accuracy_target": asked})
+    )
+    assert lines == [
+        "without the error of its settings (+20 %): 0.75 N m +- 0.057 N m (95 %), total error 7.6 %; largest part: "
+        "grains across, 5.1 %; not in it: sector (no time); measured at coil.current = 2.0",
+        "accuracy.target = 5 %: not reached",
+    ]
+
+
 @pytest.mark.parametrize(
     ("values", "reported"),
     [

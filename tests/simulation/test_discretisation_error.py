@@ -43,6 +43,13 @@ def test_a_device_is_the_same_with_other_numerical_settings(values):
     assert device_of(*planned(**values)) == device_of(*planned())
 
 
+def test_grains_that_are_counted_are_of_the_device_by_their_volume():
+    counted = {"particles__solid_fraction": None, "particles__count": 140, "particles__stands_for": "60 um"}
+    finer = counted | {"particles__diameter": "0.2 mm", "particles__count": round(140 * 1.5**3)}
+    assert device_of(*planned(**counted)) == device_of(*planned(**finer))
+    assert device_of(*planned(**counted)) != device_of(*planned(**counted | {"particles__count": 120}))
+
+
 @pytest.mark.parametrize("values", [
     {"contact__friction": 0.1}, {"geometry__outer_radius": 11.3e-3}, {"particles__diameter": "0.29 mm"},
     {"effects__saturation": None}, {"motion__rotor__speed": "5000 rpm"}, {"particles__stands_for": "60 um"},
@@ -91,7 +98,7 @@ def test_statistics_and_discretisation_add_in_quadrature():
     statistics = TORQUE.half_width() / 2.0
     assert found["total_error"] == pytest.approx(math.hypot(statistics, 0.03))
     assert found["corrected_torque"] == {"mean": 1.6, "half_width": pytest.approx(1.6 * found["total_error"])}
-    assert found["largest_part"] == {"name": "packings", "half_width": statistics}
+    assert found["largest_part"] == {"name": "statistics", "half_width": statistics}
     coarser = corrected(TORQUE, Total({"sector": KnobError(0.25, 0.1)}, {}))
     assert coarser["largest_part"]["name"] == "sector"
 
@@ -110,6 +117,6 @@ def test_without_a_ladder_the_command_is_named_and_a_damaged_one_is_no_failure(f
 
 
 def test_a_start_up_is_known_by_where_the_run_began_to_average():
-    case, plan = planned()
+    case, plan = planned(time__average_from=None)
     assert settings_of(case, plan)["start_up"] == 9.0 and settings_of(case, plan, 20.0)["start_up"] == 20.0
     assert extrapolated(ladder("", contact_step(0.1)), {"start_up": 9.0}) == {}
