@@ -26,6 +26,7 @@ if TYPE_CHECKING:  # the same names for type checkers and editors, which do not 
     from emclutch.studies.accuracy import accuracy
     from emclutch.studies.accuracy_target import run
     from emclutch.studies.design_search import DesignResult, design
+    from emclutch.studies.effect_contributions import EffectsResult, effect_contributions
     from emclutch.studies.field_result import FieldResult, field
     from emclutch.studies.fit import FitResult, fit
     from emclutch.studies.mesh import MeshedScene, mesh
@@ -37,6 +38,7 @@ __all__ = [
     "Case",
     "Checked",
     "DesignResult",
+    "EffectsResult",
     "FieldResult",
     "FitResult",
     "MeshedScene",
@@ -50,6 +52,7 @@ __all__ = [
     "accuracy",
     "check",
     "design",
+    "effect_contributions",
     "field",
     "fit",
     "load_case",
@@ -83,6 +86,8 @@ __getattr__, __dir__ = lazy_attributes(
         "design": "emclutch.studies.design_search:design",
         "DesignResult": "emclutch.studies.design_search:DesignResult",
         "accuracy": "emclutch.studies.accuracy:accuracy",
+        "effect_contributions": "emclutch.studies.effect_contributions:effect_contributions",
+        "EffectsResult": "emclutch.studies.effect_contributions:EffectsResult",
         "OutputError": "emclutch.results:OutputError",
         "RunError": "emclutch.results.errors:RunError",
         "Result": "emclutch.results:Result",

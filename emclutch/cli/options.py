@@ -124,6 +124,9 @@ Targets = Annotated[
     str, typer.Option("--for", metavar="LIST", help="half widths of the torque's 95 % interval to find settings for")
 ]
 ResumeAccuracy = Annotated[bool, typer.Option("--resume", help="continue the study in the folder of --out")]
+OfEffects = Annotated[
+    bool, typer.Option("--effects", help="what each effect adds to torque and cost, in place of the settings' errors")
+]
 DryRun = Annotated[bool, typer.Option("--dry-run", help="stop after the plan; nothing is written")]
 TrustScripts = Annotated[
     bool,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import nullcontext
+from typing import Any
 
 import typer
 
@@ -120,6 +121,7 @@ def accuracy(
     jobs: opt.JobsOfCores = None,
     resume: opt.ResumeAccuracy = False,
     targets: opt.Targets = "10 %, 5 %, 3 %",
+    effects: opt.OfEffects = False,
     sets: opt.Sets = None,
     trust_scripts: opt.TrustScripts = False,
 ) -> None:
@@ -131,12 +133,17 @@ def accuracy(
         wanted, seconds = read_targets(targets), read_budget(budget)
         read = load(case, sets, trust_scripts)
         from emclutch.results import Progress
+        from emclutch.studies.accuracy import AccuracyResult
         from emclutch.studies.accuracy import accuracy as measure_accuracy
+        from emclutch.studies.effect_contributions import EffectsResult, effect_contributions
 
+        options: dict[str, Any] = {"out": out, "budget": seconds, "jobs": jobs, "resume": resume}
+        found: AccuracyResult | EffectsResult
         with Progress() as progress:
-            found = measure_accuracy(
-                read, out=out, budget=seconds, jobs=jobs, resume=resume, targets=wanted, progress=progress
-            )
+            if effects:
+                found = effect_contributions(read, **options, progress=progress)
+            else:
+                found = measure_accuracy(read, **options, targets=wanted, progress=progress)
         for line in found.lines:
             typer.echo(line)
         typer.echo(f"results and pictures: {found.folder}")

@@ -1,0 +1,154 @@
+"""What each effect of a scene adds to its torque and to its cost, from packings with it and without it.
+
+The difference of two means of independent packings has Welch's interval (B. L. Welch, Biometrika 34 (1947) 28-35):
+Student's t of f = (a + b)^2 / (a^2/(n_a - 1) + b^2/(n_b - 1)) degrees of freedom, a and b being the squared standard
+errors of the means. No scatter is taken from one scene to another: without an effect it may be a different one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from emclutch.results.ladder import student
+from emclutch.results.text import per_cent
+
+
+@dataclass(frozen=True, slots=True)
+class Without:
+    """The packings of a scene without an effect, or of the whole scene.
+
+    Attributes
+    ----------
+    effect : str
+        That is left out; empty: none.
+    others : tuple of str
+        Effects that need it, and are left out with it.
+    torques : tuple of float
+        Of its packings [N m].
+    seconds : float
+        Processor time of a packing [s].
+    reason : str
+        Why there are no packings of it.
+    """
+
+    effect: str
+    others: tuple[str, ...] = ()
+    torques: tuple[float, ...] = ()
+    seconds: float = math.nan
+    reason: str = ""
+
+    @property
+    def names(self) -> str:
+        """Return the effect, and those that are left out with it."""
+        return ", ".join((self.effect, *self.others))
+
+    @property
+    def torque(self) -> Interval | None:
+        """Return the mean torque [N m] with its 95 % interval; None of less than two packings."""
+        if len(self.torques) < 2:
+            return None
+        error, freedom = _standard_error(self.torques), len(self.torques) - 1.0
+        return Interval(float(np.mean(self.torques)), student(freedom) * error)
+
+
+@dataclass(frozen=True, slots=True)
+class Interval:
+    """A mean and half its 95 % interval, in the same unit."""
+
+    mean: float
+    half_width: float
+
+    @property
+    def is_decided(self) -> bool:
+        """Return whether it is known to differ from zero."""
+        return abs(self.mean) > self.half_width
+
+
+@dataclass(frozen=True, slots=True)
+class Contributions:
+    """A scene, and the same without each of its effects.
+
+    Attributes
+    ----------
+    case : str
+    whole : Without
+        The scene with all of its effects.
+    without : tuple of Without
+        In the order of the effects.
+    absent : tuple of str
+        Effects that the scene does not have.
+    """
+
+    case: str
+    whole: Without
+    without: tuple[Without, ...]
+    absent: tuple[str, ...]
+
+    def torque(self, one: Without) -> Interval | None:
+        """Return what an effect, with those that need it, adds to the torque [N m]; None where it was not measured."""
+        return None if one.torque is None else difference(self.whole.torques, one.torques)
+
+    def share(self, one: Without) -> Interval | None:
+        """Return `torque` over that of the whole scene, whose own error is left to `torque`."""
+        added, all_of_it = self.torque(one), self.whole.torque
+        if added is None or all_of_it is None or all_of_it.mean == 0.0:
+            return None
+        return Interval(added.mean / all_of_it.mean, added.half_width / abs(all_of_it.mean))
+
+    def seconds(self, one: Without) -> float | None:
+        """Return what an effect, with those that need it, adds to the processor time of a packing [s]."""
+        return None if one.torque is None else self.whole.seconds - one.seconds
+
+    @property
+    def measured(self) -> list[Without]:
+        """Return the effects without which there are packings."""
+        return [one for one in self.without if one.torque is not None]
+
+    def in_words(self) -> str:
+        """Say in one sentence what carries the torque, what costs the time, and what is open."""
+        torque, measured = self.whole.torque, self.measured
+        assert torque is not None
+        head = f"{self.case}: {_torque(torque)} for {self.whole.seconds:.3g} s of processor time a packing"
+        added = {one: found for one in measured if (found := self.torque(one)) is not None}
+        decided = [one for one in measured if added[one].is_decided]
+        parts = []
+        if decided:
+            most = max(decided, key=lambda one: abs(added[one].mean))
+            parts.append(f"most of the torque changes with {_with(most)}: {_torque(added[most], '+')}")
+        if measured:
+            dearest = max(measured, key=lambda one: self.whole.seconds - one.seconds)
+            saved = self.whole.seconds - dearest.seconds
+            if saved > 0.0:
+                parts.append(f"the dearest is {_with(dearest)}, {per_cent(saved / self.whole.seconds)} of the time")
+        undecided = [one.effect for one in measured if not added[one].is_decided]
+        if undecided:
+            parts.append(f"undecided with so many packings: {', '.join(undecided)}")
+        return "; ".join([head, *parts]) + "."
+
+
+def difference(a: Sequence[float], b: Sequence[float]) -> Interval:
+    """Return mean(a) - mean(b) of independent samples, two of each at the least, with Welch's 95 % interval."""
+    squares = [_standard_error(one) ** 2 for one in (a, b)]
+    spread = sum(squares)
+    mean = float(np.mean(a) - np.mean(b))
+    if spread == 0.0:
+        return Interval(mean, 0.0)
+    freedom = spread**2 / sum(one**2 / (len(sample) - 1) for one, sample in zip(squares, (a, b), strict=True))
+    return Interval(mean, student(freedom) * math.sqrt(spread))
+
+
+def _standard_error(sample: Sequence[float]) -> float:
+    return float(np.std(sample, ddof=1)) / math.sqrt(len(sample))
+
+
+def _with(one: Without) -> str:
+    return one.effect + (f" (with {' and '.join(one.others)})" if one.others else "")
+
+
+def _torque(one: Interval, sign: str = "") -> str:
+    digits = max(0, 1 - math.floor(math.log10(one.half_width))) if one.half_width > 0.0 else 3
+    return f"{one.mean:{sign}.{digits}f} ± {one.half_width:.{digits}f} N m"

@@ -1,0 +1,411 @@
+"""What each effect adds: a scene, and the same without each of its effects, in packings of equal length.
+
+An effect that others need is left out together with them: which ones the scene's own checks say. All scenes are
+sheared at the same speeds to the same strain; stiffness, step and windows that the program chooses are each scene's
+own, since what an effect calls for is a part of its cost. What a scene does not have is not simulated, and costs
+nothing.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import nullcontext
+from dataclasses import dataclass
+from itertools import combinations
+from pathlib import Path
+from statistics import fmean
+from typing import Any
+
+from emclutch.effects import EFFECTS
+from emclutch.results import RunFolder
+from emclutch.results.atomic_file import replace_json, replace_text
+from emclutch.results.effect_contributions import Contributions, Without
+from emclutch.results.errors import Interrupted, RunError
+from emclutch.results.folder_lock import locked_folder
+from emclutch.results.pictures.effect_contributions import effects_picture
+from emclutch.results.report.content import Page, Picture, Statements, Table
+from emclutch.results.report.render import markdown
+from emclutch.results.report.verdict import Mark, Statement
+from emclutch.results.run_folder import logging_to
+from emclutch.results.text import format_duration, per_cent
+from emclutch.scene.case import Case, as_case
+from emclutch.scene.errors import Fault, SceneError, bad_input_for
+from emclutch.scene.replica_count import cores_at_hand, replica_seed
+from emclutch.simulation.plan import make_plan
+from emclutch.studies.accuracy import BUDGET, WARM_UP_WINDOWS
+from emclutch.studies.accuracy_rungs import base_of, first_strains, refuse_what_has_no_ladder, source_of
+from emclutch.studies.accuracy_tasks import AccuracyTask, TaskResult, perform, result_in
+from emclutch.studies.resumable import read_plan, refuse_folder
+from emclutch.studies.task_queue import InThisProcess, TaskQueue, note, tell
+from emclutch.studies.tasks import STOP
+from emclutch.studies.workers import ctrl_c_sets, worker_pool
+
+log = logging.getLogger(__name__)
+PLAN = "effects_plan.json"
+FEWEST, MOST = 3, 16
+"""Rounds: in each one packing without each effect, and two of the whole scene, which is in all differences."""
+OF_WHOLE = 2
+WHOLE = "whole"
+
+
+@dataclass(frozen=True, slots=True)
+class Removal:
+    """An effect that is left out, with those that need it, or the reason why the scene cannot be without it."""
+
+    effect: str
+    others: tuple[str, ...] = ()
+    reason: str = ""
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """Return the entries of the scene without them."""
+        return {f"effects.{name}": None for name in (self.effect, *self.others) if name}
+
+    @property
+    def folder(self) -> str:
+        """Return the folder of its packings in that of the study."""
+        return f"without-{self.effect}" if self.effect else WHOLE
+
+
+@dataclass(frozen=True, slots=True)
+class EffectsResult:
+    """A study of what each effect adds."""
+
+    folder: Path
+    contributions: Contributions
+    lines: tuple[str, ...]
+
+
+def removals(case: Case) -> list[Removal]:
+    """Return for each effect of a scene what is left out with it, the fewest others with which the scene is valid.
+
+    An effect that a setting of another section or effect needs, as saturation is needed by necks, is not left out: the
+    scene without it would be another one in more than an effect.
+    """
+    return [_removal(case, name) for name in case.scene.effects.active]
+
+
+def _removal(case: Case, name: str) -> Removal:
+    active = case.scene.effects.active
+    for fault in _faults(case, Removal(name)):
+        if fault.key.removeprefix("effects.") not in active:
+            return Removal(name, reason=str(fault))
+    others = [other for other in active if other != name]
+    for size in range(len(others) + 1):
+        for some in combinations(others, size):
+            if not _faults(case, Removal(name, some)):
+                return Removal(name, some)
+    return Removal(name, reason="the scene is not valid without it, whatever else is left out")
+
+
+def _faults(case: Case, removal: Removal) -> Sequence[Fault]:
+    try:
+        case.with_values(removal.values)
+    except SceneError as error:
+        return error.faults
+    return ()
+
+
+def effect_contributions(
+    case: Case | str | Path,
+    *,
+    out: str | Path | None = None,
+    budget: float | None = None,
+    jobs: int | None = None,
+    resume: bool = False,
+    progress=None,
+) -> EffectsResult:
+    """Measure torque and cost of a scene without each of its effects.
+
+    The folder holds ``effects.csv``, ``effects.md``, ``effects.png`` and a folder for each packing.
+
+    Parameters
+    ----------
+    case : Case, or the path of a scene file.
+    out : folder; default: the next free studies/<case>-effects-<nnn>.
+    budget : wall-clock time [s]; default 20 min. Three packings without each effect are run in any case.
+    jobs, resume, progress : as of `emclutch.studies.accuracy.accuracy`.
+
+    Raises
+    ------
+    SceneError
+        Before anything runs: no torque on a disc, no effect that could be left out, a budget that is too short.
+    OutputError
+        The folder is in use, not empty, or of another scene.
+    RunError
+        A packing of the whole scene failed; `Interrupted` after Ctrl-C: what is done is kept.
+    ValueError
+        `jobs` is less than 1.
+    """
+    case, jobs = as_case(case), cores_at_hand() if jobs is None else jobs
+    if jobs < 1:
+        raise ValueError(f"jobs = {jobs}; allowed: 1 or more")
+    refuse_what_has_no_ladder(case)
+    if not case.scene.effects.active:
+        raise SceneError([Fault("effects", "", "has no table: there is nothing to leave out")], source_of(case))
+    folder = Path(out) if out is not None else RunFolder.next_path(f"{case.name}-effects", "studies")
+    refuse_folder(folder, resume, PLAN)
+    begun = None if resume else _begun(case, budget or BUDGET, jobs)
+    asked = threading.Event()
+    with (
+        ctrl_c_sets(asked),
+        worker_pool(jobs) if jobs > 1 else nullcontext(InThisProcess()) as executor,
+        locked_folder(folder),
+    ):
+        refuse_folder(folder, resume, PLAN)  # nobody has written it meanwhile
+        (folder / STOP).unlink(missing_ok=True)
+        with logging_to(folder / "study.log", [__name__]):
+            known = read_plan(folder / PLAN, case, budget) if begun is None else begun
+            if begun is not None:
+                replace_json(folder / PLAN, known)
+                case.write_toml(folder / "case.toml")
+            queue = TaskQueue(executor, jobs, asked)
+            queue.stop_file = folder / STOP
+            try:
+                found = _Study(case, folder, known, queue, progress).measure()
+            finally:
+                (folder / STOP).unlink(missing_ok=True)
+            lines = present(found, folder)
+    return EffectsResult(folder, found, tuple(lines))
+
+
+def _begun(case: Case, budget: float, jobs: int) -> dict[str, Any]:
+    """Plan every scene, and return what is decided before anything runs."""
+    base, starts = _scene_of_packings(case)
+    rows, seconds = [], 0.0
+    for one in (Removal(""), *removals(base)):
+        predicted = 0.0
+        if not one.reason:
+            try:
+                predicted = make_plan(base.with_values(one.values), threads=1)[1].cost.seconds["total"]
+            except ValueError as error:
+                one = Removal(one.effect, one.others, reason=str(error))
+        seconds += predicted * (1 if one.effect else OF_WHOLE)
+        rows.append({"effect": one.effect, "others": list(one.others), "reason": one.reason, "seconds": predicted})
+    least = FEWEST * seconds / jobs
+    if least > budget:
+        message = (
+            f"is less than {FEWEST} packings without each effect take with {jobs} jobs, about "
+            f"{format_duration(least)}; give {format_duration(1.5 * least)} or more"
+        )
+        raise SceneError([Fault("--budget", f"{budget:g} s", message)], source_of(case))
+    return {
+        "case": case.toml(),
+        "starts": starts,
+        "budget": budget,
+        "jobs": jobs,
+        "rows": rows,
+        "round": seconds,
+        "rounds": None,
+    }
+
+
+def _scene_of_packings(case: Case) -> tuple[Case, list[float | str]]:
+    """Return the scene of a packing, at speeds that do not follow from its effects, and where its average begins."""
+    base = base_of(case)
+    with bad_input_for(case.path):
+        plan = make_plan(base, threads=1)[1]
+    starts = first_strains(base, plan)[:1]
+    if plan.scaled is not None:
+        speeds = {f"motion.{name}.speed": plan.scaled.factor * speed for name, speed in plan.scaled.speeds.items()}
+        base = base.with_values(speeds | {"accuracy.inertial_number": None})
+    return base, starts
+
+
+class _Study:
+    """A study that goes on: what is decided, and the packings that are done."""
+
+    def __init__(self, case: Case, folder: Path, known: dict[str, Any], queue: TaskQueue, progress: Any) -> None:
+        self.case, self.folder, self.known, self.queue, self.progress = case, folder, known, queue, progress
+        self.base, _ = _scene_of_packings(case)
+        self.rows = [Removal(row["effect"], tuple(row["others"]), row["reason"]) for row in known["rows"]]
+        self.run_rows = [one for one in self.rows if not one.reason]
+        self.results: dict[str, TaskResult] = {}
+        self.budget = known["budget"] * known["jobs"]
+
+    def measure(self) -> Contributions:
+        """Run all packings, and return what was found."""
+        self._tell_cost()
+        self._do([self._warm_up(one) for one in self.run_rows], "short runs compile the kernels")
+        self._do(list(self._round(0)), "packings")
+        if self.known["rounds"] is None:
+            each = sum(self.results[task.folder].seconds for task in self._round(0))
+            left = self.budget - sum(one.seconds for one in self.results.values())
+            self.known["rounds"] = min(MOST, max(FEWEST, 1 + int(left / each)))
+            replace_json(self.folder / PLAN, self.known)
+        self._do([task for n in range(1, self.known["rounds"]) for task in self._round(n)], "packings")
+        whole, *without = [self._found(one) for one in self.rows]
+        absent = tuple(one.name for one in EFFECTS if one.name not in self.case.scene.effects.active)
+        return Contributions(self.case.name, whole, tuple(without), absent)
+
+    def _round(self, number: int) -> Iterator[AccuracyTask]:
+        for row, one in enumerate(self.run_rows):
+            each = OF_WHOLE if not one.effect else 1
+            for n in range(each * number, each * (number + 1)):
+                seed = replica_seed(self.case.scene.scene.seed, n + 1000 * row)  # packings of their own: independent
+                yield self._task(one, f"{one.folder}/{n:02d}", {"scene.seed": seed})
+
+    def _warm_up(self, one: Removal) -> AccuracyTask:
+        case = self.base.with_values(one.values)
+        plan = make_plan(case, threads=1)[1]
+        end = WARM_UP_WINDOWS * plan.end / plan.windows
+        return self._task(one, f"warm-up/{one.folder}", {"time.end": end}, starts=(0.0,))
+
+    def _task(self, one: Removal, folder: str, values: dict[str, Any], **more: Any) -> AccuracyTask:
+        case = self.base.with_values(one.values | values)
+        path = None if case.path is None else str(case.path.resolve())
+        options = {"starts": tuple(self.known["starts"])} | more
+        return AccuracyTask(case.data, path, case.trust_scripts, str(self.folder.resolve()), folder, **options)
+
+    def _do(self, tasks: Sequence[AccuracyTask], text: str) -> None:
+        """Do those tasks that are not done yet; RunError where the whole scene fails."""
+        for task in tasks:
+            if (done := result_in(task.target)) is not None:
+                self.results[task.folder] = done
+        left = [task for task in tasks if task.folder not in self.results]
+
+        def take(number: int, outcome: TaskResult | str) -> None:
+            if isinstance(outcome, str):
+                self.queue.stopped = True
+                return
+            name = left[number].folder
+            self.results[name] = outcome
+            log.info("%s: %s", name, outcome.failure or f"{outcome.value} N m in {outcome.seconds:.3g} s")
+            done = sum(task.folder in self.results for task in tasks)
+            tell(self.progress, self._fraction(), f"{text}: {done} of {len(tasks)}")
+
+        tell(self.progress, self._fraction(), text)
+        self.queue.all(perform, left, take)
+        if self.queue.stopped:
+            raise Interrupted(
+                f"stopped with {len(self.results)} packings done; continue with the same command and --out "
+                f"{self.folder} --resume"
+            )
+        for task in tasks:
+            failure = self.results[task.folder].failure
+            if failure and WHOLE in Path(task.folder).parts:
+                raise RunError(f"{task.folder} has failed: {failure}; change the scene, and begin a new study with "
+                               f"--out\n(log: {task.target / 'run.log'})")  # fmt: skip
+
+    def _fraction(self) -> float:
+        rounds = self.known["rounds"] or max(FEWEST, self.budget / self.known["round"])
+        spent = sum(one.seconds for one in self.results.values())
+        return min(0.99, spent / max(rounds * self.known["round"], 1e-9))
+
+    def _found(self, one: Removal) -> Without:
+        if one.reason:
+            return Without(one.effect, one.others, reason=one.reason)
+        done = [self.results[name] for name in self.results if Path(name).parent == Path(one.folder)]
+        good = [found for found in done if found.value is not None]
+        failures = [found.failure for found in done if found.failure]
+        return Without(
+            one.effect,
+            one.others,
+            tuple(float(found.value) for found in good if found.value is not None),
+            fmean(found.seconds for found in good) if good else float("nan"),
+            f"{len(failures)} of {len(done)} packings failed: {failures[0]}" if failures else "",
+        )
+
+    def _tell_cost(self) -> None:
+        known = self.known
+        words = (
+            f"{len(self.run_rows) - 1} of {len(self.rows) - 1} effects can be left out; a packing without each of them "
+            f"and {OF_WHOLE} of the whole scene take about {format_duration(known['round'])} of processor time, by "
+            f"estimate; {format_duration(known['budget'])} with {known['jobs']} at a time are enough for some "
+            f"{min(MOST, self.budget / known['round']):.0f} of each"
+        )
+        log.info("%s", words)
+        note(self.progress, words)
+
+
+def present(found: Contributions, folder: Path) -> list[str]:
+    """Write ``effects.csv``, ``effects.png`` and ``effects.md``; return what the terminal shows."""
+    import pandas
+
+    replace_text(folder / "effects.csv", pandas.DataFrame(rows_of(found)).to_csv(index=False))
+    title = f"What each effect adds: {found.case}"
+    effects_picture(folder / "effects.png", found, title=title)
+    table = _table(found)
+    remarks = [
+        Statement(Mark.NOTE, found.in_words()),
+        Statement(
+            Mark.NOTE,
+            'What an effect adds is the whole scene less the scene without it, and without what needs it ("nor"); '
+            "95 % intervals by Student's t over the packings. Undecided: the interval holds zero.",
+        ),
+        *(Statement(Mark.NOTE, f"{one.effect}: {one.reason}") for one in found.without if one.reason),
+    ]
+    if found.absent:
+        remarks.append(Statement(Mark.NOTE, f"Not in this scene, and at no cost: {', '.join(found.absent)}."))
+    picture = Picture("torque and processor time without each effect", folder / "effects.png")
+    page = Page(folder, title, "", {"Torque and cost": [table, Statements(remarks)], "Picture": [picture]})
+    replace_text(folder / "effects.md", markdown(page, folder))
+    return [*_in_columns(table), found.in_words()]
+
+
+def rows_of(found: Contributions) -> list[dict[str, Any]]:
+    """Return the rows of ``effects.csv``: torques [N m], half widths of 95 % intervals, processor time [s]."""
+    rows = []
+    for one in (found.whole, *found.without):
+        torque, added = one.torque, found.torque(one) if one.effect else None
+        rows.append(
+            {
+                "left_out": one.effect,
+                "with_it": " ".join(one.others),
+                "packings": len(one.torques),
+                "torque": None if torque is None else torque.mean,
+                "half_width": None if torque is None else torque.half_width,
+                "adds_torque": None if added is None else added.mean,
+                "adds_half_width": None if added is None else added.half_width,
+                "decided": None if added is None else added.is_decided,
+                "seconds": one.seconds,
+                "adds_seconds": found.seconds(one) if one.effect else None,
+                "reason": one.reason,
+            }
+        )
+    return rows
+
+
+def _table(found: Contributions) -> Table:
+    head = ("scene", "packings", "torque [N m]", "the effect adds [N m]", "of the torque", "seconds a packing", "adds")
+    rows = []
+    for one in (found.whole, *found.without):
+        torque, added, share = one.torque, found.torque(one), found.share(one)
+        name = f"without {one.effect}" if one.effect else "whole"
+        if one.others:
+            name += f" (nor {', '.join(one.others)})"
+        if torque is None or added is None or share is None:
+            rows.append((name, str(len(one.torques)), "cannot be left out", "", "", "", ""))
+            continue
+        row = (name, str(len(one.torques)), f"{torque.mean:.3g} ± {torque.half_width:.2g}")
+        seconds = f"{one.seconds:.3g}"
+        if not one.effect:
+            rows.append((*row, "", "", seconds, ""))
+            continue
+        undecided = "" if added.is_decided else "undecided: "
+        cost = (found.whole.seconds - one.seconds) / found.whole.seconds
+        rows.append(
+            (
+                *row,
+                f"{undecided}{added.mean:+.3g} ± {added.half_width:.2g}",
+                f"{100.0 * share.mean:+.2g} ± {per_cent(share.half_width)}",
+                seconds,
+                f"{100.0 * cost:+.2g} %",
+            )
+        )
+    return Table(rows, head, (1, 2, 3, 4, 5, 6))
+
+
+def _in_columns(table: Table) -> list[str]:
+    """Return a table as lines for the terminal."""
+    lines = [table.head, *table.rows]
+    widths = [max(len(line[n]) for line in lines) for n in range(len(table.head))]
+    return [
+        "  ".join(
+            cell.rjust(width) if n in table.numbers else cell.ljust(width)
+            for n, (cell, width) in enumerate(zip(line, widths, strict=True))
+        ).rstrip()
+        for line in lines
+    ]
