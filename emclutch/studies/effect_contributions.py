@@ -31,11 +31,11 @@ from emclutch.results.report.verdict import Mark, Statement
 from emclutch.results.run_folder import logging_to
 from emclutch.results.text import format_duration, per_cent
 from emclutch.scene.case import Case, as_case
-from emclutch.scene.errors import Fault, SceneError, bad_input_for
+from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.replica_count import cores_at_hand, replica_seed
 from emclutch.simulation.plan import make_plan
 from emclutch.studies.accuracy import BUDGET, WARM_UP_WINDOWS
-from emclutch.studies.accuracy_rungs import base_of, first_strains, refuse_what_has_no_ladder, source_of
+from emclutch.studies.accuracy_rungs import base_of, refuse_what_has_no_ladder, source_of, starts_of
 from emclutch.studies.accuracy_tasks import AccuracyTask, TaskResult, perform, result_in
 from emclutch.studies.resumable import read_plan, refuse_folder
 from emclutch.studies.task_queue import InThisProcess, TaskQueue, note, tell
@@ -47,7 +47,7 @@ PLAN = "effects_plan.json"
 FEWEST, MOST = 3, 16
 """Rounds: in each one packing without each effect, and two of the whole scene, which is in all differences."""
 OF_WHOLE = 2
-WHOLE = "whole"
+WHOLE, WARM_UP = "whole", "warm-up"
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,13 +205,11 @@ def _begun(case: Case, budget: float, jobs: int) -> dict[str, Any]:
 def _scene_of_packings(case: Case) -> tuple[Case, list[float | str]]:
     """Return the scene of a packing, at speeds that do not follow from its effects, and where its average begins."""
     base = base_of(case)
-    with bad_input_for(case.path):
-        plan = make_plan(base, threads=1)[1]
-    starts = first_strains(base, plan)[:1]
-    if plan.scaled is not None:
-        speeds = {f"motion.{name}.speed": plan.scaled.factor * speed for name, speed in plan.scaled.speeds.items()}
-        base = base.with_values(speeds | {"accuracy.inertial_number": None})
-    return base, starts
+    scene, scaled = base.case, base.plan.scaled
+    if scaled is not None:
+        speeds = {f"motion.{name}.speed": scaled.factor * speed for name, speed in scaled.speeds.items()}
+        scene = scene.with_values(speeds | {"accuracy.inertial_number": None})
+    return scene, starts_of(base)[:1]
 
 
 class _Study:
@@ -231,9 +229,8 @@ class _Study:
         self._do([self._warm_up(one) for one in self.run_rows], "short runs compile the kernels")
         self._do(list(self._round(0)), "packings")
         if self.known["rounds"] is None:
-            each = sum(self.results[task.folder].seconds for task in self._round(0))
-            left = self.budget - sum(one.seconds for one in self.results.values())
-            self.known["rounds"] = min(MOST, max(FEWEST, 1 + int(left / each)))
+            each = sum(self.results[task.folder].wall for task in self._round(0))
+            self.known["rounds"] = min(MOST, max(FEWEST, int(self.budget / each)))
             replace_json(self.folder / PLAN, self.known)
         self._do([task for n in range(1, self.known["rounds"]) for task in self._round(n)], "packings")
         whole, *without = [self._found(one) for one in self.rows]
@@ -251,7 +248,7 @@ class _Study:
         case = self.base.with_values(one.values)
         plan = make_plan(case, threads=1)[1]
         end = WARM_UP_WINDOWS * plan.end / plan.windows
-        return self._task(one, f"warm-up/{one.folder}", {"time.end": end}, starts=(0.0,))
+        return self._task(one, f"{WARM_UP}/{one.folder}", {"time.end": end}, starts=(0.0,))
 
     def _task(self, one: Removal, folder: str, values: dict[str, Any], **more: Any) -> AccuracyTask:
         case = self.base.with_values(one.values | values)
@@ -291,7 +288,7 @@ class _Study:
 
     def _fraction(self) -> float:
         rounds = self.known["rounds"] or max(FEWEST, self.budget / self.known["round"])
-        spent = sum(one.seconds for one in self.results.values())
+        spent = sum(one.seconds for name, one in self.results.items() if not name.startswith(WARM_UP))
         return min(0.99, spent / max(rounds * self.known["round"], 1e-9))
 
     def _found(self, one: Removal) -> Without:

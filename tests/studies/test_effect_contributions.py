@@ -99,7 +99,7 @@ def test_tables_have_every_effect_and_the_reason_of_those_that_stay(tmp_path):
 
 
 class Packings:
-    """Stands for the runs of a study: a torque by seed, 2 s each; the third one to come is stopped, once."""
+    """Stands for the runs of a study: a torque by seed, 2 s of wall-clock each; the third one to come is stopped, once."""
 
     def __init__(self):
         self.done, self.stops = [], 2
@@ -109,7 +109,7 @@ class Packings:
             self.stops = -1
             return STOPPED
         self.done.append(task.folder)
-        result = TaskResult(1.0 + (task.case.scene.scene.seed % 7) / 100.0, 2.0)
+        result = TaskResult(1.0 + (task.case.scene.scene.seed % 7) / 100.0, 1.0, 2.0)
         task.target.mkdir(parents=True)
         replace_json(task.target / "result.json", asdict(result))
         return result
@@ -124,8 +124,8 @@ def test_a_study_that_continues_runs_nothing_twice_and_ends_with_the_same_table(
     found = effect_contributions(case, out=stopped, jobs=1, resume=True)
     assert len(set(packings.done)) == len(packings.done)
     rounds = json.loads((stopped / "effects_plan.json").read_text())["rounds"]
-    assert rounds == 1 + (100 - 3 * 2 - 4 * 2) // 8  # a short run of each scene; a round: two whole ones, two others
-    assert len(packings.done) == 3 + 4 * rounds
+    assert rounds == 100 // (4 * 2)  # of two whole scenes and two others
+    assert len(packings.done) == 3 + 4 * rounds  # and a short run of each
     assert found.contributions == effect_contributions(case, out=whole, **options).contributions
     assert {one.effect for one in found.contributions.measured} == {"gravity", "rolling_friction"}
 
