@@ -99,7 +99,7 @@ def test_tables_have_every_effect_and_the_reason_of_those_that_stay(tmp_path):
 
 
 class Packings:
-    """Stands for the runs of a study: a torque by seed, 2 s of wall-clock each; the third one to come is stopped, once."""
+    """Stands for the runs of a study: a torque by seed, 2 s each; the third to come is stopped."""
 
     def __init__(self):
         self.done, self.stops = [], 2
