@@ -18,6 +18,7 @@ import numpy as np
 from emclutch.results.ladder import Basis, KnobError, KnobLadder, Ladder, Rung, Total
 from emclutch.results.statistics import STOPPING_ALLOWANCE
 from emclutch.results.text import format_duration, per_cent
+from emclutch.results.torque_curves import NORMAL
 
 PACKINGS = (4, 6, 8, 12, 16, 24)
 """Numbers of packings that a run with `time.until` looks at (emclutch.simulation.stopping_rule)."""
@@ -70,8 +71,11 @@ class Choice:
 
     @property
     def figure_of_merit(self) -> float:
-        """1 / (half width^2 processor time) [1/s]; larger is better."""
-        return 1.0 / (self.half_width**2 * self.seconds)
+        """1 / (error^2 processor time) [1/s], larger is better; the error is the half width over 1.96.
+
+        Where the packings are all the error it is that of a run (`emclutch.results.statistics.Estimate`).
+        """
+        return NORMAL**2 / (self.half_width**2 * self.seconds)
 
     def in_words(self) -> str:
         """Return cost, accuracy, largest part and settings."""

@@ -136,7 +136,7 @@ def _answers(ladder: Ladder, answers: Sequence[Answer], bold: str) -> Table:
             rows.append((per_cent(one.target), one.found.in_words(), *[""] * 7))
     head = (
         "target", "settings that differ", "packings", "processor time", f"on {cores_at_hand()} cores", "bias",
-        "known to", "parts", "1/(error² time) [1/h]", "scene",
+        "known to", "parts", "figure of merit [1/h]", "scene",
     )  # fmt: skip
     return Table([row + ("",) * (len(head) - len(row)) for row in rows], head, (2, 3, 4, 5, 6, 8))
 
@@ -180,7 +180,8 @@ def _remarks(ladder: Ladder, answers: Sequence[Answer]) -> list[Statement]:
         Statement(
             Mark.NOTE,
             'A bias is what the settings add to the torque; the torque is to be divided by 1 + bias. "Known to" is '
-            "half the 95 % interval of the torque so corrected: of its packings and its settings, in quadrature.",
+            "half the 95 % interval of the torque so corrected: of its packings and its settings, in quadrature. "
+            "Figure of merit: 1 / (error² processor time), the error being half of that.",
         )
     ]
     if corrected:

@@ -71,7 +71,7 @@ def test_a_choice_has_the_error_of_its_settings():
         one.knob: next(r.step_size for r in one.rungs if r.setting == choice.settings[one.knob]) for one in whole.knobs
     })  # fmt: skip
     assert choice.half_width == pytest.approx(math.hypot(choice.statistical, choice.total.half_width))
-    assert choice.figure_of_merit == pytest.approx(1.0 / (choice.half_width**2 * choice.seconds))
+    assert choice.figure_of_merit == pytest.approx((1.96 / choice.half_width) ** 2 / choice.seconds, rel=1e-3)
     assert choice.parts[choice.largest] == max(choice.parts.values())
 
 
