@@ -4,9 +4,10 @@ The half width of a knob's error at the scene's own setting is s g: s is how muc
 the law of the knob, the packings of its rungs, and how many grains each has. s is the same in all knobs, so that what
 is run follows from the g and from what a packing costs, before anything is known of torques:
 
-1. Each knob gets a minimum, the cheapest knobs first: two packings at the setting that tells most of its error for its
-   cost, and one at the next best, by which the law is checked; where that does not fit, fewer.
-2. What is left goes, one packing after the other, where it lowers the sum of all g^2 most for its seconds: to a rung,
+1. Each knob gets a packing at the setting that tells most of its error for its cost, the cheapest knobs first; where
+   that does not fit, at the next one.
+2. Each gets one at another setting too, by which its law is checked.
+3. What is left goes, one packing after the other, where it lowers the sum of all g^2 most for its seconds: to a rung,
    or to the scene's own settings, which count in all knobs.
 """
 
@@ -73,6 +74,15 @@ class OfferedKnob:
         ladder = KnobLadder(self.name, "", Basis.TORQUE, self.own.setting, self.order, self.limit, counted)
         return math.inf if len(counted) < 2 or ladder.own_error is None else ladder.own_error.half_width
 
+    def ranked(self, base_packings: int) -> list[tuple[str, float]]:
+        """Return its rungs, that which tells most of the error for its seconds first."""
+
+        def merit(rung: OfferedRung) -> float:
+            spread = self.spread({(BASE, 0.0): base_packings, (self.name, rung.setting): 1})
+            return spread * math.sqrt(rung.seconds)
+
+        return [(self.name, one.setting) for one in sorted(self.rungs, key=lambda one: (merit(one), one.setting))]
+
     @staticmethod
     def _rung(one: OfferedRung, packings: int) -> Rung:
         error = math.sqrt(one.variance / packings) if packings else math.inf
@@ -106,25 +116,23 @@ def allocate(
     seconds[BASE, 0.0] = base_seconds
     count = {(BASE, 0.0): base_packings}
     order: list[tuple[str, float]] = []
-    least = {one.name: _minima(one, base_packings) for one in knobs}
+    ranked = {one.name: one.ranked(base_packings) for one in knobs if one.rungs}
     left_out: dict[str, float] = {}
 
     def fits(more: Sequence[tuple[str, float]]) -> bool:
         return makespan([seconds[one] for one in (*order, *more)], jobs) <= room
 
-    def cost(packings: Sequence[tuple[str, float]]) -> float:
-        return sum(seconds[one] for one in packings)
-
-    offered = [one for one in knobs if least[one.name]]
-    for knob in sorted(offered, key=lambda one: (min(cost(some) for some in least[one.name]), one.name)):
-        chosen = next((some for some in least[knob.name] if fits(some)), None)
-        if chosen is None:
-            left_out[knob.name] = min(cost(some) for some in least[knob.name])
-            continue
-        order += chosen
-        for one in chosen:
-            count[one] = count.get(one, 0) + 1
-    measured = [one for one in offered if one.name not in left_out]
+    for again in (False, True):
+        for name in sorted(ranked, key=lambda one: (seconds[ranked[one][0]], one)):
+            if name in left_out:
+                continue
+            chosen = next((one for one in ranked[name] if one not in count and fits([one])), None)
+            if chosen is not None:
+                order.append(chosen)
+                count[chosen] = 1
+            elif not again:
+                left_out[name] = min(seconds[one] for one in ranked[name])
+    measured = [one for one in knobs if one.name in ranked and one.name not in left_out]
     extra: list[tuple[str, float]] = []
     open_to = {(one.name, rung.setting) for one in measured for rung in one.rungs} | {(BASE, 0.0)}
 
@@ -142,25 +150,6 @@ def allocate(
         extra = longer
         count[best] = count.get(best, 0) + 1
     return Allocation((*order, *extra), left_out)
-
-
-def _minima(knob: OfferedKnob, base_packings: int) -> list[list[tuple[str, float]]]:
-    """Return what a knob gets at the least, in the order of preference; empty without a rung."""
-
-    def merit(rung: OfferedRung) -> float:
-        spread = knob.spread({(BASE, 0.0): base_packings, (knob.name, rung.setting): 2})
-        return spread * math.sqrt(rung.seconds)
-
-    ranked = [(knob.name, one.setting) for one in sorted(knob.rungs, key=lambda one: (merit(one), one.setting))]
-    if not ranked:
-        return []
-    cheapest = min(knob.rungs, key=lambda one: (one.seconds, one.setting))
-    return [
-        *([[ranked[0], ranked[0], ranked[1]]] if len(ranked) > 1 else []),
-        [ranked[0], ranked[0]],
-        [ranked[0]],
-        [(knob.name, cheapest.setting)],
-    ]
 
 
 def makespan(seconds: Sequence[float], jobs: int) -> float:

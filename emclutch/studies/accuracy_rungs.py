@@ -14,7 +14,7 @@ from emclutch.scene.case import Case, case_from
 from emclutch.scene.errors import Fault, SceneError, bad_input_for, shown
 from emclutch.scene.model import Scene
 from emclutch.scene.multiple import STRAIN, Multiple
-from emclutch.scene.replica_count import has_steady_torque
+from emclutch.scene.replica_count import has_steady_torque, packs_alike
 from emclutch.scene.start_up import start_up_strain
 from emclutch.scene.timing import instant_in_words
 from emclutch.simulation.plan import Plan, make_plan
@@ -139,11 +139,19 @@ def is_sheared(case: Case) -> bool:
 
 
 def refuse_what_has_no_ladder(case: Case) -> None:
-    """Raise SceneError for a scene without the torque to compare; knobs every scene of grains has."""
+    """Raise SceneError for a scene without the torque, or the packings, to compare; knobs every scene of grains has."""
     case.need_grains()
+    faults, kind = [], case.scene.geometry.name()
     if not case.scene.geometry.has_axis:
         message = "has no disc, and accuracy is measured by the disc's torque; take a clutch, a drum or a shear_cell"
-        raise SceneError([Fault("geometry.kind", shown(case.scene.geometry.name()), message)], source_of(case))
+        faults.append(Fault("geometry.kind", shown(kind), message))
+    if packs_alike(case.scene):
+        message = (
+            "begins every packing alike, so that nothing tells noise from error; take 'random', or particles.noise"
+        )
+        faults.append(Fault("particles.packing", shown(case.scene.grains.packing), message))
+    if faults:
+        raise SceneError(faults, source_of(case))
 
 
 def source_of(case: Case) -> str:

@@ -130,7 +130,7 @@ def test_what_the_budget_has_no_room_for_is_unknown_and_stays_so(packings, tmp_p
     plan, out = study.allocate, tmp_path / "out"
 
     def slow_from_now_on(*given):
-        packings.slower = 8.0
+        packings.slower = 30.0
         return plan(*given)
 
     study.allocate, found = slow_from_now_on, None
@@ -185,6 +185,12 @@ def test_a_scene_without_a_disc_is_refused(tmp_path):
     box |= {"particles": {"diameter": "0.3 mm", "solid_fraction": 0.35}}
     with pytest.raises(SceneError, match="has no disc, and accuracy is measured by the disc's torque"):
         emclutch.accuracy(case_from(box), out=tmp_path / "out")
+
+
+def test_a_scene_that_packs_alike_is_refused(tmp_path):
+    lattice = CELL | {"particles": CELL["particles"] | {"packing": "lattice", "solid_fraction": 0.3}}
+    with pytest.raises(SceneError, match=r"particles.packing = 'lattice' begins every packing alike"):
+        emclutch.accuracy(case_from(lattice), out=tmp_path / "out")
 
 
 def test_folders_of_other_studies_are_refused(packings, tmp_path):

@@ -24,7 +24,7 @@ def test_every_knob_that_can_be_paid_gets_its_minimum_and_the_dearest_are_left_o
     knobs = [knob("dear", 400.0), knob("cheap", 5.0, 5.0), knob("usual", 10.0, 12.0), knob("endless", 1e6)]
     found = allocate(knobs, 4, 10.0, 300.0, 2)
     names = [name for name, _ in found.packings]
-    assert names.count("cheap") >= 3 and names.count("usual") >= 3
+    assert {"cheap", "usual"} <= set(names) and len({one for one in found.packings if one[0] == "usual"}) == 2
     assert set(found.left_out) == {"dear", "endless"} and found.left_out["dear"] == 400.0
     assert "dear" not in names and names.index("cheap") < names.index("usual")
 
