@@ -180,7 +180,6 @@ def _begun(case: Case, base: Base, budget: float, jobs: int, hands: TaskQueue, p
         "case": case.toml(),
         "budget": budget,
         "jobs": jobs,
-        "seconds": base.plan.cost.seconds["total"],
         "rungs": [asdict(one) for one in _distinct(base, rungs)],
         "frozen": None,
         "packings": None,
@@ -277,8 +276,8 @@ class _Study:
             for n in range(BASE_PACKINGS)
             if (name := packing_name(BASE, 0.0, n)) in self.results
         ]
-        own = sum(base) / len(base) if base else self.known["seconds"]
-        return own if rung is None else own * rung.seconds / self.known["seconds"]
+        own = sum(base) / len(base) if base else self.base.plan.cost.seconds["total"]
+        return own if rung is None else own * rung.seconds / self.base.seconds
 
     def _offer(self, knob: type[Knob]) -> OfferedKnob:
         own = float(knob.own(self.base.scene, self.base.plan))
@@ -446,7 +445,7 @@ class _Study:
     # words ------------------------------------------------------------------------------------------------------
 
     def _tell_cost(self) -> None:
-        each, jobs = self.known["seconds"], self.known["jobs"]
+        each, jobs = self._seconds(), self.known["jobs"]
         words = (
             f"{len(self.knobs)} knobs with {len(self.rungs)} settings beside the scene's own; a packing of "
             f"{self.base.plan.cost.grains} grains takes about {format_duration(each)} of processor time, by estimate; "

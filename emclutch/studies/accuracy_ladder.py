@@ -181,7 +181,7 @@ def _torque_rung(
 
 
 def _unmeasured(planned: PlannedRung, found: Measured) -> Rung:
-    cost = planned.seconds / found.base.plan.cost.seconds["total"]
+    cost = planned.seconds / found.base.seconds
     return Rung(planned.setting, planned.step_size, None, 0.0, 0, cost * found.seconds, cost)
 
 
@@ -191,7 +191,7 @@ def _standing_rungs(knob: type[Knob], own: float, found: Measured) -> list[Rung]
     for setting in (own, *planned):
         step_size = knob.step_size(setting)
         result = found.standing.get((knob.name, setting))
-        cost = planned[setting].seconds / found.base.plan.cost.seconds["total"] if setting in planned else 1.0
+        cost = planned[setting].seconds / found.base.seconds if setting in planned else 1.0
         if result is None:
             rungs.append(_unmeasured(planned[setting], found))
         else:

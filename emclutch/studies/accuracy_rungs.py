@@ -17,6 +17,7 @@ from emclutch.scene.multiple import STRAIN, Multiple
 from emclutch.scene.replica_count import has_steady_torque, packs_alike
 from emclutch.scene.start_up import start_up_strain
 from emclutch.scene.timing import instant_in_words
+from emclutch.simulation.forecast.machine_speed import slowness
 from emclutch.simulation.plan import Plan, make_plan
 from emclutch.simulation.scaled_slip import strain_rate
 
@@ -51,7 +52,8 @@ class PlannedRung:
         Entries of the scene; empty at its own setting.
     grains : int
     seconds : float
-        Predicted processor time of a packing [s].
+        Predicted processor time of a packing on the reference machine [s]: the speed of this one, which each process
+        finds out by itself, does not enter.
     planning : float
         Processor time of mesh, field and plan [s].
     """
@@ -110,6 +112,11 @@ class Base:
     def scene(self) -> Scene:
         """Return the scene of one packing."""
         return self.case.scene
+
+    @property
+    def seconds(self) -> float:
+        """Return the predicted processor time of a packing on the reference machine [s]."""
+        return _reference_seconds(self.plan)
 
 
 def base_of(case: Case) -> Base:
@@ -222,8 +229,12 @@ def rung_of(case: Case, plan: Plan, name: str, values: dict[str, Any], planning:
     """Return the rung that a planned scene is."""
     knob = next(one for one in knobs_of(case.scene) if one.name == name)
     setting = float(knob.own(case.scene, plan))
-    seconds = plan.cost.seconds["total"]
+    seconds = _reference_seconds(plan)
     return PlannedRung(name, setting, knob.step_size(setting), values, plan.cost.grains, seconds, planning)
+
+
+def _reference_seconds(plan: Plan) -> float:
+    return plan.cost.seconds["total"] / slowness()
 
 
 def planned_rungs(base: Base, tasks: Sequence[TurnTask], found: Sequence[Turned]) -> list[PlannedRung]:
