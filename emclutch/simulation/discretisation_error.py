@@ -7,6 +7,7 @@ summary says which command finds it.
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Mapping
 from typing import Any
@@ -23,6 +24,7 @@ from emclutch.scene.input_files import hashed_input_files
 from emclutch.simulation.plan import Plan
 from emclutch.simulation.resume import flat_scene
 
+log = logging.getLogger(__name__)
 FAR = 2.0
 """Factor of step size beyond the rungs from which on the law is said to be extrapolated."""
 COUNT = "particles.count"
@@ -73,11 +75,18 @@ def discretisation_error(case: Case, plan: Plan, torque: Estimate | None, shear_
     """
     if torque is None or not torque.mean:
         return _unknown("the run has no torque on the disc, of which ladders are")
-    device = device_of(case, plan)
     try:
-        found = find_ladder(device)
+        return _by_ladder(case, plan, torque, shear_rate)
     except OutputError as error:
         return _unknown(str(error))
+    except Exception as error:  # a run that has come to its end does not fail of what is said about it
+        log.exception("the discretisation error cannot be told")
+        return _unknown(f"defect of the program, please report it: {type(error).__name__}: {error}")
+
+
+def _by_ladder(case: Case, plan: Plan, torque: Estimate, shear_rate: float) -> dict[str, Any]:
+    device = device_of(case, plan)
+    found = find_ladder(device)
     if found is None:
         return _unknown(f"no ladder of this device has been measured; find it with: {how_to_find(case)}")
     ladder, path = found

@@ -157,14 +157,15 @@ def _total_error(summary: dict[str, Any]) -> Iterator[Statement]:
         return
     torque, total, largest = found["corrected_torque"], found["total_error"], found["largest_part"]
     if total is None:
-        known = "statistical error unknown"
+        known = ", statistical error unknown"
     else:
-        known = f"+- {torque['half_width']:.2g} N m (95 %), total error {per_cent(total)}"
+        known = f" +- {torque['half_width']:.2g} N m (95 %), total error {per_cent(total)}"
     if largest is not None:
         known += f"; largest part: {in_words(largest['name'])}, {per_cent(largest['half_width'])}"
-    text = f"without the error of its settings ({100.0 * found['bias']:+.2g} %): {torque['mean']:.4g} N m {known}"
-    for what, names in (("not in it", found["unknown"]), ("extrapolated", found["extrapolated"])):
-        text += "".join(f"; {what}: {in_words(name)} ({why})" for name, why in names.items())
+    text = f"without the error of its settings ({100.0 * found['bias']:+.2g} %): {torque['mean']:.4g} N m{known}"
+    if found["unknown"]:
+        text += f"; not in it, for not measured: {', '.join(map(in_words, found['unknown']))}"
+    text += "".join(f"; extrapolated: {in_words(name)} is {why}" for name, why in found["extrapolated"].items())
     if found["ladder"]["note"]:
         text += f"; {found['ladder']['note']}"
     asked = summary.get("accuracy_target")
