@@ -41,10 +41,19 @@ class Overlap(Knob):
         return factor < 1.0 or (softer >= NECK_MARGIN * plan.contact.stiffness.neck and deep <= SOFT)
 
     @classmethod
+    def keys(cls, scene):
+        return (cls.key, *(f"contact.{name}" for name in _stiffnesses(scene.contact)))
+
+    @classmethod
     def values(cls, scene, plan, setting):
         if scene.contact.needs_a_load:
             return {cls.key: setting}
         return {f"contact.{key}": value for key, value in _stiffer(scene, plan.contact.stiffness, setting).items()}
+
+
+def _stiffnesses(contact) -> list[str]:
+    """Return the entries that give the stiffness, between grains and at walls."""
+    return [key for key in type(contact).model_fields if key.endswith(contact.stiffness_entry.name)]
 
 
 def _stiffer(scene, stiffness, overlap: float) -> dict[str, float]:
@@ -54,8 +63,7 @@ def _stiffer(scene, stiffness, overlap: float) -> dict[str, float]:
     from emclutch.simulation.contact_plan import largest_overlap
 
     contact = scene.contact
-    names = (key for key in type(contact).model_fields if key.endswith(contact.stiffness_entry.name))
-    given = {key: value for key in names if (value := getattr(contact, key)) is not None}
+    given = {key: value for key in _stiffnesses(contact) if (value := getattr(contact, key)) is not None}
 
     def scaled(exponent: float) -> dict[str, float]:
         return {key: float(f"{math.exp(exponent) * value:.6g}") for key, value in given.items()}

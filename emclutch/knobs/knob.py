@@ -53,6 +53,11 @@ class Knob(ABC):
         """Return the settings that are tried where the scene lists none; its own need not be among them."""
 
     @classmethod
+    def keys(cls, scene: Scene) -> tuple[str, ...]:
+        """Return the dotted keys that give a scene its setting: those of `values`, and what else may say it."""
+        return (cls.key,)
+
+    @classmethod
     def values(cls, scene: Scene, plan: Plan, setting: float) -> dict[str, Any]:
         """Return the entries of a scene, by dotted key, that give it a setting."""
         return {cls.key: setting}

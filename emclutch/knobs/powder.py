@@ -11,6 +11,8 @@ from emclutch.scene.multiple import DIAMETERS
 from emclutch.scene.start_up import start_up_strain
 from emclutch.scene.units import number
 
+COUNT = "particles.count"
+
 
 def grains_across(scene) -> float:
     """Return the width of the sheared gap, in grains."""
@@ -45,6 +47,10 @@ class GrainsAcross(Knob):
     def usual(cls, scene, plan):
         real = grains_across(scene) * scene.grains.mean_diameter / scene.grains.real_diameter
         return tuple(n for n in (4.0, 5.0, 6.0, 8.0, 12.0, 16.0) if n <= real)
+
+    @classmethod
+    def keys(cls, scene):
+        return (cls.key, SectorWidth.key, COUNT)
 
     @classmethod
     def values(cls, scene, plan, setting):
@@ -88,6 +94,10 @@ class SectorWidth(Knob):
     def usual(cls, scene, plan):
         sectors = (_sectors(scene, factor * scene.grains.sector) for factor in (2.0, 4.0))
         return tuple(_width(scene, 2.0 * pi / n, scene.grains.largest_diameter) for n in sectors if n > 1)
+
+    @classmethod
+    def keys(cls, scene):
+        return (cls.key, COUNT)
 
     @classmethod
     def values(cls, scene, plan, setting):
@@ -199,4 +209,4 @@ def _sector_entry(scene, width: float, diameter: float) -> dict[str, Any]:
 def _count_entry(scene, factor: float) -> dict[str, Any]:
     """Return the entry of so many times the grains; none where the scene does not count them."""
     count = scene.grains.count
-    return {} if count is None else {"particles.count": max(1, round(factor * count))}
+    return {} if count is None else {COUNT: max(1, round(factor * count))}

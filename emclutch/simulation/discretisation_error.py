@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from emclutch.knobs import KNOBS, Knob, knobs_of
+from emclutch.knobs.powder import COUNT
 from emclutch.results import OutputError
 from emclutch.results.ladder import Ladder, Total
 from emclutch.results.ladders import DRIVE, device_hash, find_ladder
@@ -27,19 +28,17 @@ from emclutch.simulation.resume import flat_scene
 log = logging.getLogger(__name__)
 FAR = 2.0
 """Factor of step size beyond the rungs from which on the law is said to be extrapolated."""
-COUNT = "particles.count"
 SPEEDS = ("motion.rotor.speed", "motion.disc.speed")
 
 
-def device_of(case: Case, plan: Plan) -> str:
+def device_of(case: Case) -> str:
     """Return the hash by which the ladder of a device is found: of all but numerical settings, seed, drive and output.
 
     Where the speed follows from an inertial number it is a numerical setting, too. A file counts with its content.
     """
     scene, flat = case.scene, flat_scene(case.toml())
     flat |= {key: file["sha256"] for key, file in hashed_input_files(scene).items()}
-    knobs = knobs_of(scene)
-    numerical = {key for one in knobs for key in (one.key, *one.values(scene, plan, one.own(scene, plan)))}
+    numerical = {key for one in knobs_of(scene) for key in one.keys(scene)}
     if scene.accuracy.inertial_number is not None:
         numerical |= set(SPEEDS)
     if scene.grains.count is not None and COUNT in numerical:
@@ -85,7 +84,7 @@ def discretisation_error(case: Case, plan: Plan, torque: Estimate | None, shear_
 
 
 def _by_ladder(case: Case, plan: Plan, torque: Estimate, shear_rate: float) -> dict[str, Any]:
-    device = device_of(case, plan)
+    device = device_of(case)
     found = find_ladder(device)
     if found is None:
         return _unknown(f"no ladder of this device has been measured; find it with: {how_to_find(case)}")
@@ -113,7 +112,7 @@ def accuracy_in_words(case: Case, plan: Plan) -> str:
     """Return what is known of a case's accuracy before it is run, and what its target costs."""
     target, budget = case.scene.accuracy.target, format_duration(case.scene.accuracy.budget)
     try:
-        found = find_ladder(device_of(case, plan))
+        found = find_ladder(device_of(case))
     except OutputError as error:
         return str(error)
     if found is None and target is None:
@@ -173,7 +172,7 @@ def extrapolated(ladder: Ladder, settings: Mapping[str, float]) -> dict[str, str
         h = knob.step_size(settings[knob.name])
         if h > FAR * max(sizes):
             found[knob.name] = f"{h / max(sizes):.2g} times as coarse as the coarsest that was measured"
-        elif h < min(sizes) / FAR:
+        elif 0.0 < h < min(sizes) / FAR:
             found[knob.name] = f"{min(sizes) / h:.2g} times as fine as the finest that was measured"
     return found
 

@@ -17,7 +17,6 @@ from emclutch.results.provenance import provenance
 from emclutch.results.text import format_duration
 from emclutch.scene.case import Case
 from emclutch.simulation.discretisation_error import device_of
-from emclutch.simulation.plan import make_plan
 from emclutch.simulation.resume import flat_scene
 from emclutch.studies.accuracy_plan import BASE
 from emclutch.studies.accuracy_rungs import Base, PlannedRung
@@ -102,7 +101,7 @@ def ladder_of(found: Measured) -> Ladder:
             unknown[knob.name] = _why_unknown(knob.name, ladder, found)
     flat = flat_scene(found.case.toml())
     return Ladder(
-        device=device_of(found.case, make_plan(found.case, threads=1)[1]),
+        device=device_of(found.case),
         case=found.case.name,
         drive={key: flat[key] for key in DRIVE if key in flat},
         torque=found.torque,

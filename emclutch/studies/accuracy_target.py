@@ -20,13 +20,12 @@ from emclutch.results.ladders import find_ladder, ladder_folder
 from emclutch.results.recommended import STATISTICS, Choice, Obstacle, recommended
 from emclutch.results.text import per_cent
 from emclutch.scene.case import Case, as_case
-from emclutch.scene.errors import Fault, SceneError, bad_input_for
+from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.multiple import STRAIN
 from emclutch.scene.replica_count import cores_at_hand
 from emclutch.scene.start_up import start_up_strain
 from emclutch.scene.study import StudySection
 from emclutch.simulation.discretisation_error import device_of
-from emclutch.simulation.plan import make_plan
 from emclutch.simulation.run import run as run_scene
 from emclutch.simulation.window_state import WindowState
 
@@ -139,9 +138,7 @@ def settled(case: Case) -> Settled | None:
     """
     target = case.scene.accuracy.target
     assert target is not None
-    with bad_input_for(case.path):
-        plan = make_plan(case)[1]
-    known = find_ladder(device_of(case, plan))
+    known = find_ladder(device_of(case))
     if known is None:
         return None
     ladder, path = known

@@ -6,6 +6,7 @@ import pytest
 from made_up_ladder import cell, contact_step, ladder
 
 import emclutch
+from emclutch.knobs import knobs_of
 from emclutch.results.ladder import KnobError, Total
 from emclutch.results.ladders import VARIABLE, save_ladder
 from emclutch.results.statistics import Estimate
@@ -40,14 +41,22 @@ def planned(**values):
     {"output__pictures": True},
 ])  # fmt: skip
 def test_a_device_is_the_same_with_other_numerical_settings(values):
-    assert device_of(*planned(**values)) == device_of(*planned())
+    assert device_of(cell(**values)) == device_of(cell())
+
+
+def test_keys_of_a_knob_are_those_that_its_values_set():
+    counted = {"particles__solid_fraction": None, "particles__count": 140, "particles__stands_for": "60 um"}
+    for values in ({}, counted, {"contact__stiffness": None}, {"time__average_from": None}):
+        case, plan = planned(**values)
+        for knob in knobs_of(case.scene):
+            assert set(knob.values(case.scene, plan, knob.own(case.scene, plan))) <= set(knob.keys(case.scene))
 
 
 def test_grains_that_are_counted_are_of_the_device_by_their_volume():
     counted = {"particles__solid_fraction": None, "particles__count": 140, "particles__stands_for": "60 um"}
     finer = counted | {"particles__diameter": "0.2 mm", "particles__count": round(140 * 1.5**3)}
-    assert device_of(*planned(**counted)) == device_of(*planned(**finer))
-    assert device_of(*planned(**counted)) != device_of(*planned(**counted | {"particles__count": 120}))
+    assert device_of(cell(**counted)) == device_of(cell(**finer))
+    assert device_of(cell(**counted)) != device_of(cell(**counted | {"particles__count": 120}))
 
 
 @pytest.mark.parametrize("values", [
@@ -55,24 +64,24 @@ def test_grains_that_are_counted_are_of_the_device_by_their_volume():
     {"effects__saturation": None}, {"motion__rotor__speed": "5000 rpm"}, {"particles__stands_for": "60 um"},
 ])  # fmt: skip
 def test_another_device_is_another_one(values):
-    assert device_of(*planned(**values)) != device_of(*planned())
+    assert device_of(cell(**values)) != device_of(cell())
 
 
 def test_the_size_of_grains_that_stand_for_others_and_speeds_of_an_inertial_number_are_numerical():
     coarse = {"particles__stands_for": "60 um", "accuracy__inertial_number": 0.05}
     finer = coarse | {"particles__diameter": "0.2 mm", "motion__rotor__speed": "5000 rpm"}
-    assert device_of(*planned(**coarse)) == device_of(*planned(**finer))
+    assert device_of(cell(**coarse)) == device_of(cell(**finer))
 
 
 def test_current_and_mesh_are_not_of_the_device():
-    case, plan = load_case("cases/quickstart.toml"), planned()[1]  # any plan has what settings change
+    case = load_case("cases/quickstart.toml")
     other = case.with_values({"coil.current": "0.5 A", "field.size_factor": 1.4, "scene.seed": 9})
-    assert device_of(case, plan) == device_of(other, plan)
+    assert device_of(case) == device_of(other)
 
 
 def test_a_run_has_the_error_of_its_ladder(folder, tmp_path):
-    case, plan = planned()
-    device = device_of(case, plan)
+    case = cell()
+    device = device_of(case)
     file = save_ladder(ladder(device, contact_step(0.04), drive={"coil.current": 1.0}, unknown={"sector": "no time"}))
     summary = emclutch.run(case, out=tmp_path / "run").summary
     error = summary["discretisation_error"]
@@ -86,7 +95,7 @@ def test_a_run_has_the_error_of_its_ladder(folder, tmp_path):
 
 def test_settings_of_the_run_count_and_far_ones_are_told(folder):
     case, plan = planned(time__steps_per_contact=90.0)
-    save_ladder(ladder(device_of(case, plan), contact_step(0.04)))
+    save_ladder(ladder(device_of(case), contact_step(0.04)))
     error = discretisation_error(case, plan, TORQUE)["discretisation_error"]
     assert error["bias"] == pytest.approx(math.exp(math.log(1.04) * (20.0 / 90.0) ** 2) - 1.0)
     assert error["extrapolated"] == {"contact_step": "2.2 times as fine as the finest that was measured"}
@@ -108,7 +117,7 @@ def test_without_a_ladder_the_command_is_named_and_a_damaged_one_is_no_failure(f
     none = discretisation_error(case, plan, TORQUE)
     assert none["discretisation_error"] is None
     assert none["discretisation_error_note"].endswith("find it with: emclutch accuracy CASE --budget 10min")
-    device = device_of(case, plan)
+    device = device_of(case)
     folder.mkdir()
     for text in ("{", "[]", '"text"', "{}", ladder(device, contact_step(0.1)).to_json().replace("0.05", '"x"')):
         (folder / f"{device}.json").write_text(text)

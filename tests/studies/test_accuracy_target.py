@@ -27,9 +27,7 @@ def folder(tmp_path, monkeypatch):
 
 
 def with_ladder(case, *knobs, **values):
-    plan = make_plan(case)[1]
-    save_ladder(ladder(device_of(case, plan), *knobs, **values))
-    return plan
+    save_ladder(ladder(device_of(case), *knobs, **values))
 
 
 def test_settings_and_end_follow_from_the_ladder(folder):
