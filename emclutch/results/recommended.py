@@ -134,8 +134,9 @@ class Combinations:
 
     def __init__(self, ladder: Ladder) -> None:
         self.ladder = ladder
-        noisy = [one for one in ladder.knobs if one.basis is not Basis.PULL]
-        self._knobs = [one for one in ladder.knobs if one.basis is Basis.PULL] + noisy
+        known = [one for one in ladder.knobs if one.own_error is not None]
+        noisy = [one for one in known if one.basis is not Basis.PULL]
+        self._knobs = [one for one in known if one.basis is Basis.PULL] + noisy
         found = [_candidates(ladder, one, MOST_SETTINGS) for one in self._knobs]
         most = MOST_SETTINGS
         while most > 1 and math.prod(map(len, found[-len(noisy) :] if noisy else [])) > (
@@ -144,6 +145,7 @@ class Combinations:
             most -= 1
             found = [_candidates(ladder, one, most) for one in self._knobs]
         self._candidates = found
+        self._others = sum(error.bias**2 for one in noisy if (error := one.own_error) is not None)
         self._chosen = np.zeros((1, 0), dtype=np.int8)
         self.cost, self.scatter = np.ones(1), np.full(1, ladder.scatter)
         self._variance, self._shared = np.zeros(1), np.zeros(1)
@@ -169,10 +171,11 @@ class Combinations:
         self._fourth = np.add.outer(self._fourth, [one.error.bias**4 for one in candidates]).ravel()
 
     def _keep_frontier(self) -> None:
-        """Keep what no cheaper combination is as accurate as; of knobs without noise there is no other trade."""
-        order = np.lexsort((self._variance, self.cost))
-        least = np.minimum.accumulate(self._variance[order])
-        kept = order[np.r_[True, self._variance[order][1:] < least[:-1]]]
+        """Keep what no cheaper combination is as accurate as, with the interaction at the scene's other settings."""
+        square = self._variance + self._others * self._squares
+        order = np.lexsort((square, self.cost))
+        least = np.minimum.accumulate(square[order])
+        kept = order[np.r_[True, square[order][1:] < least[:-1]]]
         if len(kept) > MOST_WITHOUT_NOISE:
             kept = kept[np.linspace(0, len(kept) - 1, MOST_WITHOUT_NOISE).round().astype(int)]
         self._chosen, self.cost, self.scatter = self._chosen[kept], self.cost[kept], self.scatter[kept]
@@ -191,7 +194,7 @@ class Combinations:
         ]
         return Choice(
             {name: one.rung.setting for name, one in chosen},
-            Total({name: one.error for name, one in chosen}, dict(self.ladder.unknown)),
+            Total({name: one.error for name, one in chosen}, unknown_of(self.ladder)),
             packings,
             statistical_half_width(float(self.scatter[number]), packings),
             float(self.cost[number]) * self.ladder.seconds * packings,
@@ -233,9 +236,10 @@ def recommended(ladder: Ladder, target: float, most: int = 20) -> list[Choice] |
     target : half the 95 % interval that is wanted, relative
     most : how many are returned; a scene may refuse the first ones, since settings are measured one at a time
     """
-    if ladder.unknown:
-        knob, reason = next(iter(ladder.unknown.items()))
-        return Obstacle(knob, None, None, reason)
+    if unknown := unknown_of(ladder):
+        (knob, reason), *others = unknown.items()
+        more = f"; nor {', '.join(name for name, _ in others)}" if others else ""
+        return Obstacle(knob, None, None, reason + more)
     all_of_them = Combinations(ladder)
     found = list(islice(all_of_them.reaching(target), most))
     if found:
@@ -244,12 +248,23 @@ def recommended(ladder: Ladder, target: float, most: int = 20) -> list[Choice] |
     return Obstacle(best.largest, best.parts[best.largest], _spent(ladder) * (best.half_width / target) ** 2, best=best)
 
 
+def unknown_of(ladder: Ladder) -> dict[str, str]:
+    """Return the knobs whose error at the scene's own setting is not known: why."""
+    failed = {
+        one.knob: "; ".join(f"{rung.setting:.4g}: {rung.failure}" for rung in one.rungs if rung.failure)
+        or "no other setting"
+        for one in ladder.knobs
+        if one.own_error is None
+    }
+    return ladder.unknown | failed
+
+
 def own_choice(ladder: Ladder, packings: int = PACKINGS[0]) -> Choice:
     """Return the scene's own settings, with a number of packings."""
     errors = {one.knob: error for one in ladder.knobs if (error := one.own_error) is not None}
     settings = {one.knob: one.own for one in ladder.knobs}
     statistical = statistical_half_width(ladder.scatter, packings)
-    return Choice(settings, Total(errors, dict(ladder.unknown)), packings, statistical, ladder.seconds * packings)
+    return Choice(settings, Total(errors, unknown_of(ladder)), packings, statistical, ladder.seconds * packings)
 
 
 def choice_with(ladder: Ladder, knob: KnobLadder, rung: Rung, packings: int) -> Choice | None:

@@ -12,7 +12,7 @@ from markupsafe import Markup
 
 from emclutch.knobs import KNOBS
 from emclutch.results.ladder import Basis, KnobError, KnobLadder, Ladder, Rung
-from emclutch.results.recommended import Choice, Obstacle, own_choice
+from emclutch.results.recommended import Choice, Obstacle, own_choice, unknown_of
 from emclutch.results.report.content import Block, Page, Picture, Statements, Table
 from emclutch.results.report.verdict import Mark, Statement
 from emclutch.results.text import format_duration, per_cent
@@ -188,7 +188,7 @@ def _remarks(ladder: Ladder, answers: Sequence[Answer]) -> list[Statement]:
         remarks.append(Statement(Mark.NOTE, "Some targets are reached by that correction: the bias alone is larger."))
     remarks += [
         Statement(Mark.POOR, f"Not measured: {name.replace('_', ' ')} ({reason}); the errors are without it.")
-        for name, reason in ladder.unknown.items()
+        for name, reason in unknown_of(ladder).items()
     ]
     return [*remarks, Statement(Mark.NOTE, NOT_IN_IT)]
 

@@ -58,20 +58,21 @@ def accuracy_picture(
         for number, knob in enumerate(ladder.knobs)
     }
     seconds, half = Combinations(ladder).frontier()
-    cost.plot(seconds, 100.0 * half, color="black", lw=5.0, alpha=0.16, drawstyle="steps-post",
-              solid_capstyle="round", label="best combination of all settings and packings")  # fmt: skip
+    cost.plot(seconds, 100.0 * half, color="black", lw=5.0, alpha=0.16, drawstyle="steps-post", solid_capstyle="round")
+    cost.annotate("best combination of settings and packings", (seconds[0], 100.0 * half[0]), xytext=(8, 6),
+                  textcoords="offset points", fontsize=9, color="0.35")  # fmt: skip
     lines = {knob.knob: _line(ladder, knob) for knob in ladder.knobs}
     named = sorted(lines, key=lambda name: _moves(lines[name]), reverse=True)[:NAMED]
     for knob in ladder.knobs:
         is_named = knob.knob in named and _moves(lines[knob.knob]) >= MOVES
         _draw_knob(cost, ladder, knob, lines[knob.knob], looks[knob.knob], is_named)
-    cost.plot(own.seconds, 100.0 * own.half_width, "*", ms=17, mfc="gold", mec="black", zorder=6,
-              label=f"this scene, {PACKINGS} packings")  # fmt: skip
+    cost.plot(own.seconds, 100.0 * own.half_width, "*", ms=17, mfc="gold", mec="black", zorder=6, gid="this scene")
+    cost.annotate("this scene", (own.seconds, 100.0 * own.half_width), xytext=(-8, -14), textcoords="offset points",
+                  ha="right", fontsize=9, fontweight="bold")  # fmt: skip
     for target, found in answers:
         _draw_target(cost, target, found)
     label_panel(cost, f"Error against cost (lines: one setting changed, {PACKINGS} packings)")
     _name_axes(cost)
-    cost.legend(loc="upper right", fontsize=9, frameon=False)
     _draw_parts(parts, ladder, own, looks)
     return save_picture(figure, path)
 
@@ -114,8 +115,11 @@ def _draw_knob(
             axis.annotate(_name(knob.knob), (x[end], y[end]), xytext=(8, -12), fontsize=9,
                           textcoords="offset points", color=look.colour)  # fmt: skip
     failed = [rung.cost * ladder.seconds * PACKINGS for rung in knob.rungs if rung.failure]
-    axis.plot(failed, [0.97] * len(failed), color=look.colour, ls="", marker="x", ms=8, mew=2,
-              transform=axis.get_xaxis_transform())  # fmt: skip
+    above = axis.get_xaxis_transform()
+    for seconds in failed:
+        axis.plot(seconds, 0.96, color=look.colour, ls="", marker="x", ms=8, mew=2, transform=above)
+        axis.annotate(f"{_name(knob.knob)} failed", (seconds, 0.96), xycoords=above, xytext=(8, 0), va="center",
+                      textcoords="offset points", fontsize=9, color=look.colour)  # fmt: skip
 
 
 def _draw_target(axis: Axes, target: float, found: Choice | Obstacle) -> None:
@@ -144,17 +148,21 @@ def _draw_parts(axis: Axes, ladder: Ladder, own: Choice, looks: dict[str, _Look]
             error, knob = own.total.parts[name], ladder.knob(name)
             setting = "" if knob is None else f" {knob.own:.3g}"
             rows.append((_name(name) + setting, error.bias, half, looks[name], error.is_decided))
-    rows.append(("total", own.total.bias, own.half_width, _Look("black", "*"), True))
-    for place, (_, bias, half, look, decided) in enumerate(rows):
+    unknown = own.total.unknown
+    for place in range(len(rows), len(rows) + len(unknown)):
+        axis.annotate("not measured", (0.0, place), xytext=(6, 0), textcoords="offset points", va="center", fontsize=9,
+                      color="0.4")  # fmt: skip
+    labels = [*(row[0] for row in rows), *map(_name, unknown)]
+    places = [*range(len(rows)), len(labels)]
+    labels.append("total of what was measured" if unknown else "total")
+    rows.append(("", own.total.bias, own.half_width, _Look("black", "*"), True))
+    for place, (_, bias, half, look, decided) in zip(places, rows, strict=True):
         axis.errorbar(100.0 * bias, place, xerr=100.0 * half, fmt=look.marker, color=look.colour, capsize=4, lw=1.6,
-                      ms=12 if look.marker == "*" and look.colour == "black" else 7,
-                      mfc=look.colour if decided else "white")  # fmt: skip
-    unknown = [f"{_name(name)}: not measured" for name in own.total.unknown]
-    labels = [*(row[0] for row in rows), *unknown]
+                      ms=12 if place == places[-1] else 7, mfc=look.colour if decided else "white")  # fmt: skip
     axis.set_yticks(range(len(labels)), labels, fontsize=9)
-    for label, row in zip(axis.get_yticklabels(), rows, strict=False):
+    for label, row in zip(axis.get_yticklabels(), rows[:-1], strict=False):
         label.set_color(row[3].colour)
-    axis.axhline(len(rows) - 1.5, color="black", lw=0.6)
+    axis.axhline(len(labels) - 1.5, color="black", lw=0.6)
     axis.axvline(0.0, color="black", lw=0.8)
     axis.set_ylim(len(labels) - 0.4, -0.6)
     axis.set_xlabel("error of the torque, 95 % interval [%]")
@@ -169,7 +177,7 @@ def _name(knob: str) -> str:
 def _name_axes(axis: Axes) -> None:
     axis.set(xscale="log", yscale="log", xlabel="processor time of a run")
     axis.set_ylabel("torque known to ± [%], 95 % interval, bias corrected")
-    axis.margins(x=0.06, y=0.1)
+    axis.margins(x=0.06, y=0.16)
     low, high = axis.get_xlim()
     times = [one for one in TIMES if low <= one <= high]
     axis.set_xticks(times, [_duration(one) for one in times])
