@@ -9,13 +9,23 @@ from emclutch.scene.units import LinearSpeed, Time, number, quantity_of
 
 
 class Overlap(Knob):
-    """Largest overlap to be expected, over the diameter: how stiff contacts are."""
+    """Largest overlap to be expected, over the diameter: how stiff contacts are.
+
+    Friction of dense shear falls as grains soften (A. Singh et al., New J. Phys. 17 (2015) 043028). 200 grains in a
+    periodic box under imposed pressure, 10 packings each: shear stress -1.7, 0, +2.6, +6.0 % (each +- 2.3 %, 95 %) at
+    overlaps of 0.04, 0.02, 0.01, 0.005. ln T over the overlap is no line (p = 0.02); over its root it is, and leaves
+    -4.1 +- 1.3 % at 0.005. In magnetised powder, whose contacts are loaded far below the largest load, a step from 0.02
+    to 0.005 is not resolved: +2.4 +- 4.0 %.
+    """
 
     name = "overlap"
     key = "contact.max_overlap"
     entry = number("0.005", 1e-5, 0.05)
-    theory = "grains that press in lose gap and gain contacts: first order in the overlap; steps grow with its root"
-    order = 1.0
+    theory = (
+        "soft grains rub less, the torque is too small: as the root of the overlap under imposed pressure; in "
+        "magnetised powder not resolved, below 7 % at 0.02; the step grows with the root"
+    )
+    order = 0.5
 
     @classmethod
     def applies(cls, scene):
@@ -81,7 +91,10 @@ class ContactStep(Knob):
     name = "contact_step"
     key = "time.steps_per_contact"
     entry = number("20", 10.0, 200.0)
-    theory = "velocity Verlet: second order in the step; cost in proportion to the steps"
+    theory = (
+        "velocity Verlet: second order in the step; not resolved in sheared powder, below 4 % at 10 steps; cost in "
+        "proportion to the steps"
+    )
     order = 2.0
     finer_is_larger = True
 
