@@ -20,6 +20,8 @@ from emclutch.scene.replica_count import cores_at_hand
 
 UNITS = {one.name: one.unit for one in KNOBS}
 SHORT = {Basis.TORQUE: "torque", Basis.PULL: "magnetic pull", Basis.LATER: "torque, later"}
+MACHINE = ("date", "processor", "cores", "jobs")
+"""Of a ladder's machine, what stands at the head of the page."""
 SMALLEST_PART = 0.1
 """Of the half width: smaller parts are not named."""
 BOLD_MARKDOWN, BOLD_HTML = "**{}**", "<b>{}</b>"
@@ -106,7 +108,10 @@ def rows_of(ladder: Ladder) -> list[dict[str, Any]]:
 
 def study_page(ladder: Ladder, answers: Sequence[Answer], folder: Path, bold: str) -> Page:
     """Return the page of a study; `bold` is the form of what is set in bold, ``**{}**`` or ``<b>{}</b>``."""
-    machine = ", ".join(f"{key} {value}" for key, value in ladder.machine.items())
+    known = {key: ladder.machine[key] for key in MACHINE if key in ladder.machine}
+    if "processor_seconds" in ladder.machine:
+        known["processor time"] = format_duration(ladder.machine["processor_seconds"])
+    machine = ", ".join(f"{key} {value}" for key, value in known.items())
     picture: list[Block] = []
     if (folder / "accuracy.png").is_file():
         picture = [
