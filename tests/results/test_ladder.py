@@ -59,7 +59,7 @@ def test_the_interval_of_the_own_setting_holds_its_error(order, coefficient, h, 
     """In 93 % of draws at the least; where there is no error hardly more often than the 95 % that are asked for."""
     random = np.random.default_rng(33)
     held = []
-    for _ in range(400):
+    for _ in range(300):
         samples, truth = drawn(random, h, own, order, coefficient)
         others = [1.0 + SCATTER * random.standard_normal(4) for _ in range(3)]
         held.append(holds(measured(h, samples, [*samples, *others], order, 0.0, own).own_error, truth))
@@ -72,7 +72,7 @@ def test_the_total_holds_the_sum_of_errors_that_share_one_noise():
     """The packings at the own settings are in all ladders: what they add is summed, in quadrature it is too small."""
     random = np.random.default_rng(1)
     h, held, by_quadrature = (1.0, 0.5, 0.25), [], []
-    for _ in range(400):
+    for _ in range(300):
         base = 1.0 + SCATTER * random.standard_normal(4)
         drawn_ones = [drawn(random, h, 0, 1.0, c, base=base * math.exp(-c)) for c in (0.0, 0.02, 0.0, -0.01, 0.0, 0.0)]
         groups = [base, *(one for samples, _ in drawn_ones for one in samples[1:])]
