@@ -30,7 +30,7 @@ CELL = {
     "effects": {"magnetic_force": {}, "dipoles": {"cutoff": 2.5, "model": "mutual"}, "saturation": {}},
     "time": {"end": "5 ms", "window": "20 us", "until": "torque 10 %"},
 }
-BUDGET = 480.0
+BUDGET = 330.0
 
 
 class Killed(BaseException):
@@ -115,7 +115,7 @@ def test_the_ladder_has_every_knob_and_runs_of_the_device_find_it(packings, tmp_
     assert packings.clock <= study.OVERRUN * BUDGET
     steps = ladder.knob("contact_step")
     coarse = next(one for one in steps.rungs if one.setting == 10.0)
-    assert coarse.value == pytest.approx(1.5, abs=3.0 * coarse.error * 1.5) and coarse.packings > 1
+    assert coarse.value == pytest.approx(1.5, abs=3.0 * coarse.error * 1.5) and coarse.packings > 0
     assert ladder.scatter == pytest.approx(0.05, rel=0.5) and ladder.strain == 9.0
     own_error = steps.own_error
     assert abs(own_error.bias - 0.125) < own_error.half_width
@@ -202,7 +202,7 @@ def test_folders_of_other_studies_are_refused(packings, tmp_path):
         emclutch.accuracy(case, out=out, jobs=1)
     with pytest.raises(OutputError, match=r"is of another scene \(field.field_strength\)"):
         emclutch.accuracy(case.with_values({"field.field_strength": "1 kA/m"}), out=out, jobs=1, resume=True)
-    with pytest.raises(OutputError, match="has a budget of 8 min"):
+    with pytest.raises(OutputError, match="has a budget of 6 min"):
         emclutch.accuracy(case, out=out, jobs=1, budget=60.0, resume=True)
 
 
@@ -210,7 +210,8 @@ def test_a_packing_gives_the_mean_torque_of_its_run_and_the_grains_that_stand_st
     case = case_from(CELL).with_values({"accuracy.time_end": "strain 0.2"})
     base = accuracy_rungs.base_of(case)
     assert accuracy_rungs.starts_of(base) == ["strain 0.1"]  # a run shorter than the start-up: its second half
-    task = AccuracyTask(base.case.data, None, False, str(tmp_path), "own/00", ("strain 0.1",), keeps_grains=True)
+    data = base.case.with_values({"output.energy_budget": True}).data  # the step that other tests compile
+    task = AccuracyTask(data, None, False, str(tmp_path), "own/00", ("strain 0.1",), keeps_grains=True)
     found = perform(task)
     history = load_result(task.target).history
     assert found == result_in(task.target) and found.seconds > 0.0 and found.grains == 57
