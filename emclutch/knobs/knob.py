@@ -12,8 +12,8 @@ if TYPE_CHECKING:
     from emclutch.simulation.plan import Plan
 
 FROZEN, TORQUE, HISTORIES = "frozen", "torque", "histories"
-"""Where a knob is measured: on the magnetic pull of grains that stand still, which has no noise; on the mean torque of
-several packings; on the histories of the packings at the scene's own settings."""
+"""Where a knob is measured: on the squared moments of grains that stand still, which have no noise; on the mean torque
+of several packings; on the histories of the packings at the scene's own settings."""
 
 
 class Knob(ABC):

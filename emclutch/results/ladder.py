@@ -52,7 +52,7 @@ class Basis(StrEnum):
     """Quantity of a rung."""
 
     TORQUE = "torque"
-    PULL = "magnetic pull of standing grains, to which the torque is taken to be in proportion"
+    MOMENTS = "sum of squared moments of standing grains, to which the torque is taken to be in proportion"
     LATER = "torque of the same packings over a later stretch"
 
 

@@ -135,8 +135,8 @@ class Combinations:
     def __init__(self, ladder: Ladder) -> None:
         self.ladder = ladder
         known = [one for one in ladder.knobs if one.own_error is not None]
-        noisy = [one for one in known if one.basis is not Basis.PULL]
-        self._knobs = [one for one in known if one.basis is Basis.PULL] + noisy
+        noisy = [one for one in known if one.basis is not Basis.MOMENTS]
+        self._knobs = [one for one in known if one.basis is Basis.MOMENTS] + noisy
         found = [_candidates(ladder, one, MOST_SETTINGS) for one in self._knobs]
         most = MOST_SETTINGS
         while most > 1 and math.prod(map(len, found[-len(noisy) :] if noisy else [])) > (
@@ -152,7 +152,7 @@ class Combinations:
         self._squares, self._fourth = np.zeros(1), np.zeros(1)  # sums of powers of the biases
         for knob, candidates in zip(self._knobs, found, strict=True):
             self._combine(candidates)
-            if knob.basis is Basis.PULL:
+            if knob.basis is Basis.MOMENTS:
                 self._keep_frontier()
         interaction = np.maximum(0.0, 0.5 * (self._squares**2 - self._fourth))
         self.discretisation = np.sqrt(self._variance + self._shared**2 + interaction)
@@ -296,7 +296,7 @@ def _spent(ladder: Ladder) -> float:
         for knob in ladder.knobs
         if knob.basis is not Basis.LATER
         for rung in knob.rungs
-        if knob.basis is Basis.PULL or not math.isclose(rung.setting, knob.own, rel_tol=1e-6)
+        if knob.basis is Basis.MOMENTS or not math.isclose(rung.setting, knob.own, rel_tol=1e-6)
     ]
     return ladder.packings * ladder.seconds + sum(rung.packings * rung.seconds for rung in rungs)
 

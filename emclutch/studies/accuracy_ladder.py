@@ -145,7 +145,7 @@ def _knob_ladder(knob: type[Knob], found: Measured, scatter: float, freedom: flo
     own = float(knob.own(found.base.scene, found.base.plan))
     basis = Basis.TORQUE
     if knob.measured_on == FROZEN:
-        basis, freedom, rungs = Basis.PULL, math.inf, _standing_rungs(knob, own, found)
+        basis, freedom, rungs = Basis.MOMENTS, math.inf, _standing_rungs(knob, own, found)
     elif knob.measured_on == HISTORIES:
         basis = Basis.LATER
         rungs, freedom = _later_rungs(knob, found)

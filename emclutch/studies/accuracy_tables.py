@@ -19,7 +19,7 @@ from emclutch.results.text import format_duration, per_cent
 from emclutch.scene.replica_count import cores_at_hand
 
 UNITS = {one.name: one.unit for one in KNOBS}
-SHORT = {Basis.TORQUE: "torque", Basis.PULL: "magnetic pull", Basis.LATER: "torque, later"}
+SHORT = {Basis.TORQUE: "torque", Basis.MOMENTS: "squared moments", Basis.LATER: "torque, later"}
 MACHINE = ("date", "processor", "cores", "jobs")
 """Of a ladder's machine, what stands at the head of the page."""
 SMALLEST_PART = 0.1

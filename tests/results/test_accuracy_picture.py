@@ -26,7 +26,7 @@ def whole(**values):
     )
     failing = (Rung(0.01, 0.01, 1.02, 0.0, 1, 0.1, 0.9), Rung(1e-3, 1e-3, 1.0, 0.0, 1, 0.1),
                Rung(1e-4, 1e-4, None, 0.0, 0, 0.1, 1.5, "no convergence"))  # fmt: skip
-    moments = KnobLadder("moment_tolerance", "effects.dipoles.tolerance", Basis.PULL, 1e-3, 1.0, 0.0, failing)
+    moments = KnobLadder("moment_tolerance", "effects.dipoles.tolerance", Basis.MOMENTS, 1e-3, 1.0, 0.0, failing)
     return ladder("abc", step, moments, **({"scatter": 0.02} | values))
 
 

@@ -16,7 +16,7 @@ def rungs_of(h, values, errors=None, packings=1):
 
 
 def ladder_of(h, values, errors=None, *, order=2.0, limit=0.0, freedom=math.inf, own=0):
-    basis = Basis.PULL if errors is None else Basis.TORQUE
+    basis = Basis.MOMENTS if errors is None else Basis.TORQUE
     return KnobLadder("knob", "key", basis, 1.0 / h[own], order, limit, rungs_of(h, values, errors), freedom)
 
 

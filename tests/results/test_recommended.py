@@ -32,7 +32,7 @@ def noisy(name, settings, values, costs, *, grains=None, order=2.0):
 
 def standing(name, settings, values, costs):
     rungs = tuple(Rung(s, s, v, 0.0, 1, 0.5, c) for s, v, c in zip(settings, values, costs, strict=True))
-    return KnobLadder(name, f"key.{name}", Basis.PULL, settings[1], None, 0.0, rungs)
+    return KnobLadder(name, f"key.{name}", Basis.MOMENTS, settings[1], None, 0.0, rungs)
 
 
 def ladder(**unknown):

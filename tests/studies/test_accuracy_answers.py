@@ -43,7 +43,7 @@ def knobs(own, noise=0.01):
                    (1.0 + 1.0 / f) / 2.0) for f in (4.0, 2.0, 1.0)), 20.0,
     )  # fmt: skip
     moments = KnobLadder(
-        "moment_tolerance", "effects.dipoles.tolerance", Basis.PULL, own["moment_tolerance"], 1.0, 0.0,
+        "moment_tolerance", "effects.dipoles.tolerance", Basis.MOMENTS, own["moment_tolerance"], 1.0, 0.0,
         (*(Rung(h, h, 5.0 * (1.0 + 2.0 * h), 0.0, 1, 0.2, 1.0) for h in (1e-2, 3e-3, 1e-3)),
          Rung(1e-4, 1e-4, None, 0.0, 0, 0.2, 1.2, "the sweeps do not converge")),
     )  # fmt: skip
