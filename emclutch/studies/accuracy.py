@@ -59,7 +59,7 @@ OVERRUN = 1.2
 """Processor time of all tasks over the budget, from which on no more is begun."""
 BUSIEST = 2.0
 WARM_UP, WARM_UP_WINDOWS = "warm-up", 3
-LOOK_SECONDS = 0.5
+TELL_SHARE = 0.01
 PLAN = "plan.json"
 
 
@@ -212,7 +212,7 @@ class _Study:
         self.starts = tuple(starts_of(base))
         self.results: dict[str, TaskResult] = {}
         self.budget = known["budget"] * known["jobs"]
-        self.share = 0.0
+        self.share = self.told = 0.0
         hands.stop_file = folder / STOP
 
     def measure(self) -> Ladder:
@@ -403,7 +403,10 @@ class _Study:
             task = left[number][1]
             reached = None if task.grains else last_time(RunFolder(task.target).history)
             part += (reached or 0.0) / self.base.plan.end * self._seconds()
-        tell(self.progress, self._fraction(part), None)
+        now = self._fraction(part)
+        if now - self.told >= TELL_SHARE:
+            self.told = now
+            tell(self.progress, now, None)
 
     def _spent(self) -> float:
         """Return the processor time so far [s], without that of compiling, once on a machine."""

@@ -257,7 +257,6 @@ def _machine(found: Measured) -> dict[str, Any]:
         "cores": known["machine"]["cores"],
         "jobs": found.jobs,
         "budget": found.budget,
-        "processor_seconds": found.spent,
+        "processor_seconds": round(found.spent),
         "commit": known["commit"],
-        "versions": known["versions"],
     }
