@@ -8,7 +8,7 @@ from pathlib import Path
 from time import process_time
 from typing import Any
 
-from emclutch.knobs import HISTORIES, Knob, knobs_of
+from emclutch.knobs import HISTORIES, KNOBS, Knob, knobs_of
 from emclutch.knobs.powder import StartUp
 from emclutch.scene.case import Case, case_from
 from emclutch.scene.errors import Fault, SceneError, bad_input_for, shown
@@ -186,9 +186,9 @@ def turns_of(base: Base) -> list[TurnTask]:
     Raises
     ------
     SceneError
-        Of a setting in `accuracy.ladders` that the scene does not take: all of them at once.
+        Of a setting in `accuracy.ladders` that the scene does not take, or of a list that says nothing: all at once.
     """
-    tasks, faults = [], []
+    tasks, faults = [], _lists_of_nothing(base.scene)
     case, plan = base.case, base.plan
     path = None if case.path is None else str(case.path.resolve())
     for knob in knobs_of(base.scene):
@@ -255,6 +255,22 @@ def _faults(base: Base, knob: type[Knob], setting: float, why: Sequence[str]) ->
         return []
     message = f"is none that the scene can have: {'; '.join(why)}; remove it from the list, or change the scene"
     return [Fault(f"accuracy.ladders.{knob.name}", f"{setting:g}", message)]
+
+
+def _lists_of_nothing(scene: Scene) -> list[Fault]:
+    """Return the faults of lists in `accuracy.ladders` that are empty, or of a setting that the scene does not have."""
+    faults, own = [], knobs_of(scene)
+    for knob in KNOBS:
+        asked = getattr(scene.accuracy.ladders, knob.name)
+        if asked is None:
+            continue
+        key = f"accuracy.ladders.{knob.name}"
+        if knob not in own:
+            message = f"is of {knob.key}, which has no part in this scene; remove it"
+            faults.append(Fault(key, shown(list(asked)), message))
+        elif not asked:
+            faults.append(Fault(key, "[]", "has no setting; name one or more, or remove it for the usual ones"))
+    return faults
 
 
 def _late_starts(base: Base, knob: type[Knob]) -> list[Fault]:

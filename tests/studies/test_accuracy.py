@@ -177,6 +177,9 @@ def test_faults_are_told_before_anything_runs(packings, tmp_path):
     text = refused({"accuracy.ladders.overlap": [0.01, 1e-4], "time.step": "0.08 us"})
     assert text.count("accuracy.ladders.overlap") == 1 and "accuracy.ladders.overlap = 0.0001 is none that" in text
     assert "--budget = 1 s is less than the 4 packings" in refused({}, budget=1.0)
+    text = refused({"accuracy.ladders.rigid_step": ["1 us"], "accuracy.ladders.contact_step": []})
+    assert "accuracy.ladders.rigid_step = [1e-06] is of contact.dvi.step, which has no part in this scene" in text
+    assert "accuracy.ladders.contact_step = [] has no setting" in text
 
 
 def test_a_scene_without_a_disc_is_refused(tmp_path):
