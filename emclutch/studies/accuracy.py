@@ -50,7 +50,7 @@ from emclutch.studies.tasks import STOP
 from emclutch.studies.workers import ctrl_c_sets, worker_pool
 
 log = logging.getLogger(__name__)
-BUDGET = 1200.0
+BUDGET, BUDGET_OPTION = 1200.0, "--budget"
 TARGETS = (0.10, 0.05, 0.03)
 BASE_PACKINGS = 4
 FROZEN_SHARE = 0.25
@@ -164,7 +164,7 @@ def _begun(case: Case, base: Base, budget: float, jobs: int, hands: TaskQueue, p
             f"is less than the {BASE_PACKINGS} packings at the scene's own settings take with {jobs} jobs, about "
             f"{format_duration(first)}; give {format_duration(5.0 * first)} or more"
         )
-        raise SceneError([Fault("--budget", f"{budget:g} s", message)], source_of(case))
+        raise SceneError([Fault(BUDGET_OPTION, f"{budget:g} s", message)], source_of(case))
     tasks = turns_of(base)
     found: dict[int, Turned] = {}
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +29,7 @@ from emclutch.simulation.discretisation_error import device_of
 from emclutch.simulation.run import run as run_scene
 from emclutch.simulation.window_state import WindowState
 
-KEY = "accuracy.target"
+KEY, BUDGET_KEY = "accuracy.target", "accuracy.budget"
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,7 +174,7 @@ def cases_of(
 
 def _measure(case: Case, progress: Any) -> None:
     """Measure the ladder of a case within its budget, in a folder by which the same case finds it again."""
-    from emclutch.studies.accuracy import accuracy  # local, as above
+    from emclutch.studies.accuracy import BUDGET_OPTION, accuracy  # local, as above
 
     name = hashlib.sha256(case.toml().encode()).hexdigest()[:16]
     folder = ladder_folder() / f"study-{name}"
@@ -182,9 +182,14 @@ def _measure(case: Case, progress: Any) -> None:
     if folder.is_dir() and not begun and any(folder.iterdir()):
         raise OutputError(f"{folder} holds no study of this version; remove it, and run again")
     target = float(case.scene.accuracy.target or 0.0)
-    accuracy(
-        case, out=folder, budget=case.scene.accuracy.budget, resume=begun, targets=(target,), progress=progress
-    )  # fmt: skip
+    try:
+        accuracy(
+            case, out=folder, budget=case.scene.accuracy.budget, resume=begun, targets=(target,), progress=progress
+        )  # fmt: skip
+    except SceneError as error:  # what is an option there is a key here
+        raise SceneError(
+            [replace(one, key=BUDGET_KEY) if one.key == BUDGET_OPTION else one for one in error.faults], error.source
+        ) from None
 
 
 def _unreachable(case: Case, why: str, found: Obstacle | None) -> SceneError:
