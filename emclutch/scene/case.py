@@ -106,6 +106,11 @@ def load_case(path: str | Path, overrides: Mapping[str, Any] | None = None, *, t
             [Fault("study", "", f"makes this file a study of many scenes; use: emclutch sweep {path}")],
             str(path),
         )
+    if "design" in data:
+        raise SceneError(
+            [Fault("design", "", f"makes this file the search of a value; use: emclutch design {path}")],
+            str(path),
+        )
     return case_from(data, overrides or {}, path, trust_scripts=trust_scripts)
 
 

@@ -5,12 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from emclutch.scene.section import Entry
-from emclutch.scene.units import number
 
 if TYPE_CHECKING:
     from pydantic import GetJsonSchemaHandler
 
-_PER_CENT = number("5", 0.1, 50.0)
+_LEAST, _MOST = 0.1, 50.0  # per cent
 
 
 class Share(float):
@@ -39,9 +38,12 @@ class ShareEntry(Entry):
         if not text.endswith("%"):
             raise ValueError(f"is not a share in per cent; write it as in '{self.sample}'")
         try:
-            return Share(0.01 * _PER_CENT.read(text.removesuffix("%").strip()))
-        except ValueError as error:
-            raise ValueError(f"{error}; in per cent, as in '{self.sample}'") from None
+            per_cent = float(text.removesuffix("%"))
+        except ValueError:
+            raise ValueError(f"is not a share in per cent; write it as in '{self.sample}'") from None
+        if not _LEAST <= per_cent <= _MOST:
+            raise ValueError(f"is out of range; allowed: {self.range_text}, e.g. '{self.sample}'")
+        return Share(0.01 * per_cent)
 
     def __get_pydantic_json_schema__(self, schema: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         return {"type": "string", "examples": [self.sample]}
