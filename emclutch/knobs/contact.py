@@ -9,7 +9,7 @@ from emclutch.scene.units import LinearSpeed, Time, number, quantity_of
 
 
 class Overlap(Knob):
-    """Largest overlap to be expected, over the diameter: how stiff contacts are.
+    """Largest expected overlap, over the diameter, which sets the stiffness of contacts.
 
     Friction of dense shear falls as grains soften (A. Singh et al., New J. Phys. 17 (2015) 043028). 200 grains in a
     periodic box under imposed pressure, 10 packings each: shear stress -1.7, 0, +2.6, +6.0 % (each +- 2.3 %, 95 %) at
@@ -22,8 +22,8 @@ class Overlap(Knob):
     key = "contact.max_overlap"
     entry = number("0.005", 1e-5, 0.05)
     theory = (
-        "soft grains rub less, the torque is too small: as the root of the overlap under imposed pressure; in "
-        "magnetised powder not resolved, below 7 % at 0.02; the step grows with the root"
+        "softer grains have less friction under imposed pressure, the torque is too small, by the root of the overlap; "
+        "in magnetised powder not resolved, below 7 % at 0.02; the time step grows with the root"
     )
     order = 0.5
 
@@ -86,7 +86,7 @@ def _stiffer(scene, stiffness, overlap: float) -> dict[str, float]:
 
 
 class ContactStep(Knob):
-    """Steps in the duration of a contact."""
+    """Time steps in the duration of a contact."""
 
     name = "contact_step"
     key = "time.steps_per_contact"
@@ -112,7 +112,7 @@ class ContactStep(Knob):
 
 
 class RigidStep(Knob):
-    """Step of rigid grains."""
+    """Time step of rigid grains."""
 
     name = "rigid_step"
     key = "contact.dvi.step"
@@ -135,7 +135,7 @@ class RigidStep(Knob):
 
 
 class RigidTolerance(Knob):
-    """Residual of rigid contacts that a step is solved to."""
+    """Residual at which the contact solver of rigid grains ends a step."""
 
     name = "rigid_tolerance"
     key = "contact.dvi.tolerance"
@@ -158,7 +158,7 @@ class RigidTolerance(Knob):
 
 
 class RigidSweeps(Knob):
-    """Sweeps over all contacts that a step of rigid grains may take."""
+    """Most sweeps over all contacts that the solver of rigid grains may take in a step."""
 
     name = "rigid_sweeps"
     key = "contact.dvi.max_sweeps"

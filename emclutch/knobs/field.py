@@ -7,14 +7,14 @@ from emclutch.scene.units import number
 
 
 class FieldMesh(Knob):
-    """Size of the elements, over the program's own."""
+    """Element size, as a factor of the program's own choice."""
 
     name = "field_mesh"
     key = "field.size_factor"
     entry = number("1", 0.1, 4.0)
     theory = (
         "elements of order p: error h^(2p) in smooth fields, h^(4/3) where corners of iron dominate (their field has "
-        "the exponent 2/3); solves of n log n"
+        "the exponent 2/3); a solution costs n log n in the n unknowns"
     )
     order = None
     measured_on = FROZEN
@@ -33,7 +33,7 @@ class FieldMesh(Knob):
 
 
 class FieldTolerance(Knob):
-    """Error estimate of flux linkage and gap field until which the mesh is refined."""
+    """Estimated error of flux linkage and gap field at which refinement of the mesh ends."""
 
     name = "field_tolerance"
     key = "field.tolerance"

@@ -1,4 +1,4 @@
-"""Knobs of the grains' magnetism: width of the smear, moments and their updates, feedback to the field."""
+"""Knobs of the grains' magnetism: smearing width, moments and their updates, feedback to the field."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from emclutch.scene.units import Time, number, quantity_of
 
 
 class SmearWidth(Knob):
-    """Width over which grains are spread where their moments are fed back; within it they attract one by one."""
+    """Width over which a grain's moment is smeared for the field; pairs that are nearer attract one by one."""
 
     name = "smear_width"
     key = "effects.dipoles.cutoff"
@@ -37,7 +37,7 @@ class SmearWidth(Knob):
 
 
 class MomentTolerance(Knob):
-    """Residual of the grains' moments."""
+    """Residual at which the iteration for the grains' moments ends."""
 
     name = "moment_tolerance"
     key = "effects.dipoles.tolerance"
@@ -60,12 +60,12 @@ class MomentTolerance(Knob):
 
 
 class FeedbackTolerance(Knob):
-    """Difference between the grains' magnetisation and the field's, from which on the field is solved again."""
+    """Difference between the grains' magnetisation and that in the field, above which the field is solved again."""
 
     name = "feedback_tolerance"
     key = "effects.back_reaction.tolerance"
     entry = number("0.02", 1e-6, 1.0)
-    theory = "the error of the field in the powder is in proportion to it; solves are the fewer the larger it is"
+    theory = "the error of the field in the powder is in proportion to it; a larger one needs fewer solutions"
     order = 1.0
     measured_on = FROZEN
 
@@ -90,7 +90,7 @@ class UpdateInterval(Knob):
     entry = number("20", 1.0, 10_000.0)
     theory = (
         "held forces lag by half the interval: first order in it; not resolved in sheared powder with necks, below 5 % "
-        "at 400 steps; the magnetic part of the cost is inverse to it"
+        "at 400 steps; the magnetic part of the cost is inversely proportional to it"
     )
     order = 1.0
     unit = "steps"

@@ -75,8 +75,9 @@ class SectorWidth(Knob):
     key = "particles.sector"
     entry = number("6", 1.0, 1e6)
     theory = (
-        "images of a grain repeat it: the error falls faster than any power beyond the correlation of the flow, and as "
-        "1/L^2 at the least; twice the sector costs twice as much and scatters less by the root of 2"
+        "a periodic sector repeats itself around the ring: the error falls faster than any power beyond the "
+        "correlation of the flow, and as 1/L^2 at the least; twice the sector costs twice as much and scatters less by "
+        "the root of 2"
     )
     order = 2.0
     finer_is_larger = True
@@ -112,7 +113,10 @@ class InertialNumber(Knob):
     name = "inertial_number"
     key = "accuracy.inertial_number"
     entry = number("0.1", 0.0, 1.0, above=True)
-    theory = "friction rises with the inertial number, first order in it; steps for a strain are inverse to it"
+    theory = (
+        "friction rises with the inertial number, first order in it; the steps of a strain are inversely proportional "
+        "to it"
+    )
     order = 1.0
 
     @classmethod
@@ -139,7 +143,7 @@ class StartUp(Knob):
     name = "start_up"
     key = "time.average_from"
     entry = number("9", 0.0, 1e6, above=True)
-    theory = "a torque that still starts up is too large in magnetised powder; later averages cost longer runs"
+    theory = "the torque of the start-up is too large in magnetised powder; averages from later on need longer runs"
     order = None
     measured_on = HISTORIES
     finer_is_larger = True
