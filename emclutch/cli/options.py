@@ -121,7 +121,10 @@ Budget = Annotated[
     str | None, typer.Option("--budget", metavar="TIME", help="wall-clock time of the study; default: 20min")
 ]
 Targets = Annotated[
-    str, typer.Option("--for", metavar="LIST", help="half widths of the torque's 95 % interval to find settings for")
+    str,
+    typer.Option(
+        "--for", metavar="LIST", help="accuracies to find settings for: half the torque's 95 % interval; in quotes"
+    ),
 ]
 ResumeAccuracy = Annotated[bool, typer.Option("--resume", help="continue the study in the folder of --out")]
 OfEffects = Annotated[

@@ -1,27 +1,28 @@
 """Ladders of a device: how much each numerical setting moves its torque, and what it costs.
 
-A *rung* is one setting of a knob (`emclutch.knobs`), all others being the scene's own; its value is the mean torque of
-some packings, or a quantity without noise. A *ladder* are the rungs of all knobs of a device.
+A *knob* (`emclutch.knobs`) is a numerical parameter. A *rung* is one setting of it, all others being the scene's own;
+its value is the mean torque of some packings, or a quantity without noise. A *ladder* is the rungs of all knobs.
 
 **Error of a setting.** ln T = ln T_0 + c (h^p - h_0^p) over the step size h of a knob of known order p, by weighted
-least squares; b = c (h^p - h_0^p) is the relative error of a setting, positive where the torque is too large. Its
-interval is Student's t, the scatter between packings pooled over all rungs (that of a rung of twice the grains being
-smaller by the root of two), so that few packings a rung suffice. Whether rungs follow the law says a test of their
-misfit (F, 5 %). Where they do not, all orders from p/2 to 2 p that pass it are taken, and the half width has how far
-their errors lie apart. Where noise is absent p is fitted, to three rungs or more over a factor of 2 in h.
+least squares; the relative error of a setting is b = T/T_0 - 1, positive where the torque is too large. Its interval is
+Student's t, with the scatter between packings pooled over all rungs (that of a rung of twice the grains is smaller by
+the root of two), so that few packings a rung suffice. Whether the rungs follow the law is decided by an F test of their
+misfit, at 5 %. Where they do not, all orders from p/2 to 2 p that pass it are taken, and how far their errors differ is
+in the half width. Where noise is absent p is fitted, to three rungs or more over a factor of 2 in h.
 
-**One noise in all knobs.** All ladders share the packings at the scene's own settings, so that their errors are
+**One noise in all knobs.** All knobs share the packings at the scene's own settings, so that their errors are
 correlated: the part that this noise has in each (`KnobError.shared`) is added with its sign, all else in quadrature.
 
-**Interaction.** Each knob is measured with all others at the scene's own settings, and their errors are multiplied.
-That errors b_i and b_j may do more to each other adds b_i b_j to the half width, in quadrature over all pairs.
+**Interaction.** Each knob is measured with all others at the scene's own settings, and the factors 1 + b are
+multiplied. That two settings may change each other's errors adds b_i b_j to the half width, in quadrature over pairs.
 
 **What the law lacks.** As for the grid convergence index (P. J. Roache, J. Fluids Eng. 116 (1994) 405-413; ASME V&V
 20-2009, section 2), the extrapolation is not trusted fully: the half width of the error is that of its statistics, plus
 in quadrature (F - 1) |b|, with F = 1.25 where three rungs or more follow the law, 1.5 where two rungs leave it
-unchecked, and 3 where the rungs do not follow it, or at settings coarser than all of them; where they do not follow it
-with the largest misfit, or without noise the largest difference from finer rungs, in place of |b| if that is larger (L.
-Eca, M. Hoekstra, J. Comput. Phys. 262 (2014) 104-130). Without a law nothing is said of settings coarser than all.
+unchecked, and 3 where the rungs do not follow it, or at settings coarser than all of them. Where they do not follow it
+the largest misfit, or without noise the largest difference from finer rungs, takes the place of |b| if that is larger
+(L. Eca, M. Hoekstra, J. Comput. Phys. 262 (2014) 104-130). Noisy rungs of a knob without a known order have their
+difference from the finest one as b, with F = 1.5. Without a law nothing is said of settings coarser than all.
 
 **Decided** is a knob whose error at the scene's setting is known to be different from zero, or smaller than `SMALL`;
 all others are undecided, and count with their half width all the same.
@@ -183,7 +184,7 @@ class Total:
 
     @property
     def bias(self) -> float:
-        """Sum of the errors, relative."""
+        """Relative error by all settings together: the product of all 1 + b, less 1."""
         return math.expm1(sum(math.log1p(max(one.bias, -0.9)) for one in self.parts.values()))
 
     @property

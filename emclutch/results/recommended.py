@@ -73,7 +73,8 @@ class Choice:
     def figure_of_merit(self) -> float:
         """1 / (error^2 processor time) [1/s], larger is better; the error is the half width over 1.96.
 
-        Where the packings are all the error it is that of a run (`emclutch.results.statistics.Estimate`).
+        Where many packings are all the error it is nearly that of a run (`emclutch.results.statistics.Estimate`),
+        whose error is the standard error; of four packings the half width is 2 times 1.96 of these, and this a quarter.
         """
         return NORMAL**2 / (self.half_width**2 * self.seconds)
 
@@ -114,9 +115,12 @@ class Obstacle:
     def in_words(self) -> str:
         """Return why a target is not reached."""
         if self.half_width is None:
-            return f"not reachable in this budget: limited by {self.knob}: {self.reason}"
-        about = "" if self.seconds is None else f", about {format_duration(self.seconds)} of processor time"
-        return f"not reachable in this budget: limited by {self.knob}, known to ± {per_cent(self.half_width)}{about}"
+            return f"not reachable by what was measured: limited by {self.knob}: {self.reason}"
+        about = "" if self.seconds is None else f"; a study of about {format_duration(self.seconds)} of processor time"
+        return (
+            f"not reachable by what was measured: limited by {self.knob}, known to ± {per_cent(self.half_width)}"
+            f"{about and f'{about} may know enough'}"
+        )
 
 
 class Combinations:
@@ -201,7 +205,7 @@ class Combinations:
         )
 
     def reaching(self, target: float) -> Iterator[Choice]:
-        """Yield what reaches a half width, the cheapest first; of each combination with the fewest packings."""
+        """Yield what reaches a half width, the cheapest first; each combination with the fewest packings that do."""
         cost = np.full(len(self.cost), np.inf)
         packings = np.zeros(len(self.cost), dtype=int)
         for n in PACKINGS:
@@ -215,11 +219,11 @@ class Combinations:
             yield self.choice(int(number), int(packings[number]))
 
     def nearest(self) -> Choice:
-        """Return what is the most accurate."""
+        """Return the most accurate combination."""
         return self.choice(int(np.argmin(np.hypot(self.statistical(PACKINGS[-1]), self.discretisation))), PACKINGS[-1])
 
     def frontier(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return processor times [s] and half widths (k,) of what no cheaper combination is as accurate as."""
+        """Return processor times [s] and half widths (k,) of the combinations that no cheaper one is as accurate as."""
         seconds = np.concatenate([n * self.cost for n in PACKINGS]) * self.ladder.seconds
         half = np.concatenate([np.hypot(self.statistical(n), self.discretisation) for n in PACKINGS])
         order = np.lexsort((half, seconds))
@@ -238,7 +242,7 @@ def recommended(ladder: Ladder, target: float, most: int = 20) -> list[Choice] |
     """
     if unknown := unknown_of(ladder):
         (knob, reason), *others = unknown.items()
-        more = f"; nor {', '.join(name for name, _ in others)}" if others else ""
+        more = f"; nor was {', '.join(name for name, _ in others)} measured" if others else ""
         return Obstacle(knob, None, None, reason + more)
     all_of_them = Combinations(ladder)
     found = list(islice(all_of_them.reaching(target), most))

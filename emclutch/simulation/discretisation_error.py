@@ -73,7 +73,7 @@ def discretisation_error(case: Case, plan: Plan, torque: Estimate | None, shear_
         None, with `discretisation_error_note`, where it is not known.
     """
     if torque is None or not torque.mean:
-        return _unknown("the run has no torque on the disc, of which ladders are")
+        return _unknown("the run has no steady torque on the disc, to which ladders refer")
     try:
         return _by_ladder(case, plan, torque, shear_rate)
     except OutputError as error:
@@ -87,7 +87,7 @@ def _by_ladder(case: Case, plan: Plan, torque: Estimate, shear_rate: float) -> d
     device = device_of(case)
     found = find_ladder(device)
     if found is None:
-        return _unknown(f"no ladder of this device has been measured; find it with: {how_to_find(case)}")
+        return _unknown(f"no ladder of this device has been measured; measure it with: {how_to_find(case)}")
     ladder, path = found
     strain = None if torque.start is None else torque.start * shear_rate
     settings = settings_of(case, plan, strain)
@@ -116,7 +116,7 @@ def accuracy_in_words(case: Case, plan: Plan) -> str:
     except OutputError as error:
         return str(error)
     if found is None and target is None:
-        return f"error of the settings unknown: no ladder of this device; find it with: {how_to_find(case)}"
+        return f"error of the settings unknown: no ladder of this device; measure it with: {how_to_find(case)}"
     if found is None:
         return (
             f"{target}: no ladder of this device; it is measured first, which takes up to {budget} (accuracy.budget), "
@@ -132,13 +132,13 @@ def accuracy_in_words(case: Case, plan: Plan) -> str:
     if total.largest is not None:
         size = per_cent(total.parts[total.largest].half_width)
         text += f"; largest part: {total.largest.replace('_', ' ')}, {size}"
-    text += "".join(f"; not in it: {name.replace('_', ' ')} ({why})" for name, why in total.unknown.items())
+    text += "".join(f"; not included: {name.replace('_', ' ')} ({why})" for name, why in total.unknown.items())
     return f"{text} (by {path})"
 
 
 def how_to_find(case: Case) -> str:
-    """Return the command that measures the ladder of a case."""
-    return f"emclutch accuracy {case.path or 'CASE'} --budget 10min"
+    """Return the command that measures the ladder of a case, in its usual time."""
+    return f"emclutch accuracy {case.path or 'CASE'}"
 
 
 def total_at(ladder: Ladder, settings: Mapping[str, float]) -> Total:

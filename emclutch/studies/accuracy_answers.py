@@ -61,11 +61,12 @@ def closing_sentence(ladder: Ladder, answers: Sequence[Answer]) -> str:
     own = own_choice(ladder)
     found = [(one.target, one.found) for one in answers if isinstance(one.found, Choice)]
     reached = [f"{per_cent(target)} for {format_duration(choice.seconds)}" for target, choice in found]
-    costs = f"; {', '.join(reached)} of processor time" if reached else "; no target is reached in this budget"
+    costs = f"; {', '.join(reached)} of processor time" if reached else "; no target is reached by what was measured"
     torque = ladder.torque / (1.0 + own.total.bias)
     return (
-        f"{ladder.case}: {ladder.torque:.3g} N m with {own.packings} packings, {100.0 * own.total.bias:+.2g} % by its "
-        f"settings, so {torque:.3g} N m ± {per_cent(own.half_width)}, most of it by {own.largest}{costs}."
+        f"{ladder.case}: {ladder.torque:.3g} N m, mean of {ladder.packings} packings, {100.0 * own.total.bias:+.2g} % "
+        f"by its settings, so {torque:.3g} N m; a run of {own.packings} packings knows it to ± "
+        f"{per_cent(own.half_width)}, most of it by {own.largest.replace('_', ' ')}{costs}."
     )
 
 

@@ -115,7 +115,7 @@ def test_the_last_lines_name_the_total_error_and_its_largest_part():
     )
     assert lines == [
         "without the error of its settings (+20 %): 0.75 N m +- 0.057 N m (95 %), total error 7.6 %; largest part: "
-        "grains across, 5.1 %; not in it, for not measured: sector; measured at coil.current = 2.0",
+        "grains across, 5.1 %; not included, since not measured: sector; measured at coil.current = 2.0",
         "accuracy.target = 5 %: not reached",
     ]
 

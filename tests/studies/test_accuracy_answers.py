@@ -111,7 +111,7 @@ def test_a_combination_that_the_scene_refuses_is_passed_over(tmp_path, case, own
 def test_what_is_not_reached_has_a_reason_and_no_scene(tmp_path, case, own, without_picture):
     (tmp_path / "target_0.1_percent.toml").write_text("of an earlier study")
     lines = present(case, whole(own), tmp_path, (0.001,))
-    assert any("not reachable in this budget: limited by" in line and "known to ±" in line for line in lines)
+    assert any("not reachable by what was measured: limited by" in line and "known to ±" in line for line in lines)
     assert not list(tmp_path.glob("target*"))
     reason = {"grains_across": "not measured in this budget: about 9 min more"}
     lines = present(case, whole(own, unknown=reason), tmp_path, (0.1,))

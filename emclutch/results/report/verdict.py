@@ -164,7 +164,7 @@ def _total_error(summary: dict[str, Any]) -> Iterator[Statement]:
         known += f"; largest part: {in_words(largest['name'])}, {per_cent(largest['half_width'])}"
     text = f"without the error of its settings ({100.0 * found['bias']:+.2g} %): {torque['mean']:.4g} N m{known}"
     if found["unknown"]:
-        text += f"; not in it, for not measured: {', '.join(map(in_words, found['unknown']))}"
+        text += f"; not included, since not measured: {', '.join(map(in_words, found['unknown']))}"
     text += "".join(f"; extrapolated: {in_words(name)} is {why}" for name, why in found["extrapolated"].items())
     if found["ladder"]["note"]:
         text += f"; {found['ladder']['note']}"
