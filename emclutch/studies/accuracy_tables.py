@@ -192,7 +192,7 @@ def _remarks(ladder: Ladder, answers: Sequence[Answer]) -> list[Statement]:
     if corrected:
         remarks.append(Statement(Mark.NOTE, "Some targets are reached by that correction: the bias alone is larger."))
     remarks += [
-        Statement(Mark.POOR, f"Not measured: {name.replace('_', ' ')} ({reason}); the errors are without it.")
+        Statement(Mark.POOR, f"Error of {name.replace('_', ' ')} not included: {reason}.")
         for name, reason in unknown_of(ladder).items()
     ]
     return [*remarks, Statement(Mark.NOTE, NOT_IN_IT)]
