@@ -200,6 +200,9 @@ def turns_of(base: Base) -> list[TurnTask]:
             if setting == own:
                 continue
             values = knob.values(base.scene, plan, setting)
+            if isinstance(values.get(knob.key), int) and values[knob.key] != setting:
+                faults += _faults(base, knob, setting, [f"{knob.key} is a whole number"])
+                continue
             try:
                 turned = case.with_values(values)
             except SceneError as error:
