@@ -166,6 +166,7 @@ class RigidSweeps(Knob):
     theory = "steps that end at the limit miss the tolerance; no error where none does"
     order = None
     finer_is_larger = True
+    is_whole = True
 
     @classmethod
     def applies(cls, scene):

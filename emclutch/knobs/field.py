@@ -65,6 +65,7 @@ class ElementOrder(Knob):
     order = None
     measured_on = FROZEN
     finer_is_larger = True
+    is_whole = True
 
     @classmethod
     def applies(cls, scene):

@@ -34,6 +34,7 @@ class Knob(ABC):
     measured_on: ClassVar[str] = TORQUE
     finer_is_larger: ClassVar[bool] = False
     unit: ClassVar[str] = ""
+    is_whole: ClassVar[bool] = False
     entry: ClassVar[Any]
     """Mark of a setting's type, with its range: `emclutch.scene.units.number`, or the metadata of `Time`."""
 

@@ -83,34 +83,34 @@ class FeedbackTolerance(Knob):
 
 
 class UpdateInterval(Knob):
-    """Steps between evaluations of moments and of the forces that are held in between."""
+    """Time between evaluations of moments and of the forces that are held in between, in durations of a contact."""
 
     name = "update_interval"
     key = "effects.dipoles.update_every"
-    entry = number("20", 1.0, 10_000.0)
+    entry = number("2.5", 0.005, 1000.0)
     theory = (
         "held forces lag by half the interval: first order in it; not resolved in sheared powder with necks, below 5 % "
-        "at 400 steps; the magnetic part of the cost is inversely proportional to it"
+        "at 20 contacts; the magnetic part of the cost is inversely proportional to it"
     )
     order = 1.0
-    unit = "steps"
+    unit = "contacts"
 
     @classmethod
     def applies(cls, scene):
-        return scene.effects.attraction is not None and scene.contact.method == "dem"
+        return scene.effects.attraction is not None and scene.contact.method == "dem" and scene.span.step is None
 
     @classmethod
     def own(cls, scene, plan):
-        return plan.steps_per_update
+        return plan.steps_per_update / scene.span.steps_per_contact
 
     @classmethod
     def usual(cls, scene, plan):
         own = cls.own(scene, plan)
-        return tuple(min(10_000, factor * own) for factor in (4, 2))
+        return tuple(factor * own for factor in (4, 2) if factor * plan.steps_per_update <= 10_000)
 
     @classmethod
     def values(cls, scene, plan, setting):
-        return {cls.key: round(setting)}
+        return {cls.key: max(1, round(setting * scene.span.steps_per_contact))}
 
 
 class CouplingWindow(Knob):

@@ -134,7 +134,7 @@ class InertialNumber(Knob):
 
     @classmethod
     def limit(cls, scene, plan):
-        return min(plan.scaled.real, scene.accuracy.inertial_number)
+        return plan.scaled.real
 
 
 class StartUp(Knob):

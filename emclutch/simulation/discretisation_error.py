@@ -10,7 +10,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from emclutch.knobs import KNOBS, Knob, knobs_of
 from emclutch.knobs.powder import COUNT
@@ -24,23 +24,25 @@ from emclutch.scene.case import Case
 from emclutch.scene.input_files import hashed_input_files
 from emclutch.simulation.plan import Plan
 from emclutch.simulation.resume import flat_scene
+from emclutch.simulation.scaled_slip import strain_rate
+
+if TYPE_CHECKING:
+    from emclutch.device_model.device import Device
 
 log = logging.getLogger(__name__)
 FAR = 2.0
 """Factor of step size beyond the rungs from which on the law is said to be extrapolated."""
-SPEEDS = ("motion.rotor.speed", "motion.disc.speed")
 
 
 def device_of(case: Case) -> str:
     """Return the hash by which the ladder of a device is found: of all but numerical settings, seed, drive and output.
 
-    Where the speed follows from an inertial number it is a numerical setting, too. A file counts with its content.
+    Speeds count also where an inertial number takes their place: at them the real powder has its own, where the error
+    of another one begins. A file counts with its content.
     """
     scene, flat = case.scene, flat_scene(case.toml())
     flat |= {key: file["sha256"] for key, file in hashed_input_files(scene).items()}
     numerical = {key for one in knobs_of(scene) for key in one.keys(scene)}
-    if scene.accuracy.inertial_number is not None:
-        numerical |= set(SPEEDS)
     if scene.grains.count is not None and COUNT in numerical:
         volume = scene.grains.count * scene.grains.grain_volume / (scene.grains.sector or 2.0 * math.pi)
         flat["particles.volume"] = f"{volume:.2g}"  # counts are whole numbers, and follow from the size of the grains
@@ -55,14 +57,16 @@ def settings_of(case: Case, plan: Plan, averaged_from: float | None = None) -> d
     return found
 
 
-def discretisation_error(case: Case, plan: Plan, torque: Estimate | None, shear_rate: float = 0.0) -> dict[str, Any]:
+def discretisation_error(
+    case: Case, plan: Plan, torque: Estimate | None, device: Device | None = None
+) -> dict[str, Any]:
     """Return the entries of a run's summary, in plain values.
 
     Parameters
     ----------
     case, plan : of the run.
     torque : its steady torque [N m]; None: it has none.
-    shear_rate : of its gap [1/s]; 0: nothing is sheared.
+    device : whose gap is sheared; None: nothing is.
 
     Returns
     -------
@@ -75,7 +79,7 @@ def discretisation_error(case: Case, plan: Plan, torque: Estimate | None, shear_
     if torque is None or not torque.mean:
         return _unknown("the run has no steady torque on the disc, to which ladders refer")
     try:
-        return _by_ladder(case, plan, torque, shear_rate)
+        return _by_ladder(case, plan, torque, device)
     except OutputError as error:
         return _unknown(str(error))
     except Exception as error:  # a run that has come to its end does not fail of what is said about it
@@ -83,23 +87,24 @@ def discretisation_error(case: Case, plan: Plan, torque: Estimate | None, shear_
         return _unknown(f"defect of the program, please report it: {type(error).__name__}: {error}")
 
 
-def _by_ladder(case: Case, plan: Plan, torque: Estimate, shear_rate: float) -> dict[str, Any]:
-    device = device_of(case)
-    found = find_ladder(device)
+def _by_ladder(case: Case, plan: Plan, torque: Estimate, device: Device | None) -> dict[str, Any]:
+    name = device_of(case)
+    found = find_ladder(name)
     if found is None:
         return _unknown(f"no ladder of this device has been measured; measure it with: {how_to_find(case)}")
     ladder, path = found
-    strain = None if torque.start is None else torque.start * shear_rate
+    rate = 0.0 if device is None else strain_rate(plan.scene, device)
+    strain = None if torque.start is None else torque.start * rate
     settings = settings_of(case, plan, strain)
     total = total_at(ladder, settings)
     flat = flat_scene(case.toml())
     entry = total.as_dict()
-    for name in entry["parts"]:
-        entry["parts"][name]["setting"] = settings[name]
+    for knob in entry["parts"]:
+        entry["parts"][knob]["setting"] = settings[knob]
     entry["extrapolated"] = extrapolated(ladder, settings)
     entry["ladder"] = {
         "file": str(path),
-        "device": device,
+        "device": name,
         "case": ladder.case,
         "date": ladder.machine.get("date"),
         "drive": ladder.drive,

@@ -10,6 +10,7 @@ from emclutch.knobs import KNOBS
 from emclutch.scene.case import Case
 from emclutch.simulation.plan import Plan, make_plan
 
+DIMENSIONAL = ("s", "m/s")
 SAME = 1e-3
 """Of a setting: what is nearer to the scene's own is left as the scene has it."""
 
@@ -17,8 +18,8 @@ SAME = 1e-3
 def with_settings(case: Case, settings: Mapping[str, float]) -> Case:
     """Return a case with settings of its knobs, set one after another in their order.
 
-    What the program chooses itself follows from the settings before it, as the contact's stiffness from the grains'
-    diameter; it is set, if another one is wanted, by the same factor.
+    What the program chooses itself follows from the settings before it, as the step from the grains' diameter; times
+    and speeds are set, if others are wanted, by the same factor.
 
     Parameters
     ----------
@@ -36,7 +37,8 @@ def with_settings(case: Case, settings: Mapping[str, float]) -> Case:
             continue
         factor = settings[knob.name] / own[knob.name]
         if abs(factor - 1.0) > SAME:
-            setting = float(f"{factor * knob.own(case.scene, plan):.6g}")
+            wanted = factor * knob.own(case.scene, plan) if knob.unit in DIMENSIONAL else settings[knob.name]
+            setting = float(f"{wanted:.6g}")
             case = case.with_values(knob.values(case.scene, plan, setting))
             plan = _PlanOnDemand(case)
     make_plan(case)

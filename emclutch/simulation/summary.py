@@ -46,7 +46,6 @@ from emclutch.scene.replica_count import replica_seed
 from emclutch.simulation.discretisation_error import discretisation_error
 from emclutch.simulation.observables import Observables
 from emclutch.simulation.planned_run import PlannedRun
-from emclutch.simulation.scaled_slip import strain_rate
 from emclutch.simulation.structure import structure_summary
 from emclutch.simulation.threads import threads_in_use
 from emclutch.simulation.torque_trigger import how_it_ended
@@ -127,10 +126,11 @@ def summarise(
         start = torque.start if torque is not None else measured.get("stress", {}).get("start")
         summary["work_magnetic_over_slip"] = work_over_slip(history, start)
     summary |= {"grains": plan.count, "sectors": simulation.n_sectors, "dt": plan.dt} | numerics_summary(history)
-    summary |= discretisation_error(case, plan, torque, strain_rate(plan.scene, device))
+    summary |= discretisation_error(case, plan, torque, device)
     if (asked := folder.read_provenance().get("accuracy_target")) is not None:
-        total = (summary["discretisation_error"] or {}).get("total_error")
-        summary["accuracy_target"] = {"asked": asked, "reached": total is not None and total <= asked * ROUNDING}
+        found = summary["discretisation_error"] or {}
+        is_known = found.get("total_error") is not None and not found["unknown"]
+        summary["accuracy_target"] = {"asked": asked, "reached": is_known and found["total_error"] <= asked * ROUNDING}
     measured = {"field": WALL_FIELD, "magnetic": WALL_MAGNETIC, "contact": WALL_CONTACT, "total": WALL_TOTAL}
     summary["seconds"] = {part: float(history[name].sum()) for part, name in measured.items() if name in history}
     processor = processor_seconds((history, *others), threads_in_use())

@@ -58,6 +58,8 @@ FROZEN_SHARE = 0.25
 OVERRUN = 1.2
 """Processor time of all tasks over the budget, from which on no more is begun."""
 BUSIEST = 2.0
+FIRST_SEED = 1_000_000
+"""Number of the first packing's seed (`replica_seed`): a run of the scene, which counts from 0, has other packings."""
 WARM_UP, WARM_UP_WINDOWS = "warm-up", 3
 TELL_SHARE = 0.01
 PLAN = "plan.json"
@@ -124,7 +126,11 @@ def accuracy(
         raise ValueError(f"jobs = {jobs}; allowed: 1 or more")
     refuse_what_has_no_ladder(case)
     folder = Path(out) if out is not None else RunFolder.next_path(f"{case.name}-accuracy", "studies")
-    refuse_folder(folder, resume, PLAN)
+    if folder.is_dir():
+        with locked_folder(folder):
+            refuse_folder(folder, resume, PLAN)
+    else:
+        refuse_folder(folder, resume, PLAN)
     base = base_of(case)
     asked = threading.Event()
     with ctrl_c_sets(asked), worker_pool(jobs) if jobs > 1 else nullcontext(InThisProcess()) as executor:
@@ -333,7 +339,7 @@ class _Study:
     def _packing(self, knob: str, setting: float, name: str) -> AccuracyTask:
         """Return the task of a packing, whose seed follows from its number, the last part of its name."""
         number = int(Path(name).name)
-        values: dict[str, Any] = {"scene.seed": replica_seed(self.case.scene.scene.seed, number)}
+        values: dict[str, Any] = {"scene.seed": replica_seed(self.case.scene.scene.seed, FIRST_SEED + number)}
         if knob != BASE:
             values |= self._rung(knob, setting).values
         return self._task(

@@ -199,10 +199,10 @@ def turns_of(base: Base) -> list[TurnTask]:
         for setting in knob.ladder(base.scene, plan):
             if setting == own:
                 continue
-            values = knob.values(base.scene, plan, setting)
-            if isinstance(values.get(knob.key), int) and values[knob.key] != setting:
+            if knob.is_whole and setting != round(setting):
                 faults += _faults(base, knob, setting, [f"{knob.key} is a whole number"])
                 continue
+            values = knob.values(base.scene, plan, setting)
             try:
                 turned = case.with_values(values)
             except SceneError as error:

@@ -198,7 +198,9 @@ def ended(folder: Path) -> None:
 
 
 def _without_clocks(summary: dict[str, Any]) -> dict[str, Any]:
-    return {key: value for key, value in summary.items() if key not in ("seconds", "plan")}
+    clocks = ("seconds", "plan", "figure_of_merit")
+    paths = ("discretisation_error_note",)  # names the scene's file, for a run that continues its folder's
+    return {key: value for key, value in summary.items() if key not in (*clocks, *paths)}
 
 
 def _arrays(path: Path) -> dict[str, tuple]:

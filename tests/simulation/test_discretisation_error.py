@@ -67,10 +67,11 @@ def test_another_device_is_another_one(values):
     assert device_of(cell(**values)) != device_of(cell())
 
 
-def test_the_size_of_grains_that_stand_for_others_and_speeds_of_an_inertial_number_are_numerical():
+def test_the_size_of_grains_that_stand_for_others_is_numerical_and_the_speed_is_not():
     coarse = {"particles__stands_for": "60 um", "accuracy__inertial_number": 0.05}
-    finer = coarse | {"particles__diameter": "0.2 mm", "motion__rotor__speed": "5000 rpm"}
+    finer = coarse | {"particles__diameter": "0.2 mm"}
     assert device_of(cell(**coarse)) == device_of(cell(**finer))
+    assert device_of(cell(**coarse)) != device_of(cell(**coarse | {"motion__rotor__speed": "5000 rpm"}))
 
 
 def test_current_and_mesh_are_not_of_the_device():
