@@ -180,7 +180,8 @@ def test_faults_are_told_before_anything_runs(packings, tmp_path):
     text = refused({"accuracy.ladders.rigid_step": ["1 us"], "accuracy.ladders.contact_step": []})
     assert "accuracy.ladders.rigid_step = [1e-06] is of contact.dvi.step, which has no part in this scene" in text
     assert "accuracy.ladders.contact_step = [] has no setting" in text
-    text = refused({"contact.method": "dvi", "particles.sector": None, "accuracy.ladders.rigid_sweeps": [2.5]}, budget=1e6)
+    rigid = {"contact.method": "dvi", "particles.sector": None}
+    text = refused(rigid | {"accuracy.ladders.rigid_sweeps": [2.5]}, budget=1e6)
     assert "rigid_sweeps = 2.5 is none that the scene can have: contact.dvi.max_sweeps is a whole" in text
 
 
