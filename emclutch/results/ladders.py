@@ -58,4 +58,4 @@ def find_ladder(device: str, folder: Path | None = None) -> tuple[Ladder, Path] 
     try:
         return Ladder.from_json(path.read_text(encoding="utf-8")), path
     except (OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError) as error:
-        raise OutputError(f"{path} is no ladder of this version ({error}); remove it, and measure anew") from None
+        raise OutputError(f"{path} is no ladder of this version ({error}); remove it, and measure again") from None

@@ -24,9 +24,9 @@ PACKINGS = (4, 6, 8, 12, 16, 24)
 """Numbers of packings that a run with `time.until` looks at (emclutch.simulation.stopping_rule)."""
 STATISTICS, INTERACTION = "statistics", "interaction"
 """Names of the parts that are no knob's: of the packings' mean, and of what errors may do to each other."""
-MOST_SETTINGS = 4  # of a knob that are combined with those of others
-MOST_COMBINATIONS = 1_000_000
-MOST_WITHOUT_NOISE = 64  # combinations of the knobs without noise, on their frontier
+MAX_SETTINGS = 4  # of a knob that are combined with those of others
+MAX_COMBINATIONS = 1_000_000
+MAX_WITHOUT_NOISE = 64  # combinations of the knobs without noise, on their frontier
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,10 +141,10 @@ class Combinations:
         known = [one for one in ladder.knobs if one.own_error is not None]
         noisy = [one for one in known if one.basis is not Basis.MOMENTS]
         self._knobs = [one for one in known if one.basis is Basis.MOMENTS] + noisy
-        found = [_candidates(ladder, one, MOST_SETTINGS) for one in self._knobs]
-        most = MOST_SETTINGS
+        found = [_candidates(ladder, one, MAX_SETTINGS) for one in self._knobs]
+        most = MAX_SETTINGS
         while most > 1 and math.prod(map(len, found[-len(noisy) :] if noisy else [])) > (
-            MOST_COMBINATIONS // MOST_WITHOUT_NOISE
+            MAX_COMBINATIONS // MAX_WITHOUT_NOISE
         ):
             most -= 1
             found = [_candidates(ladder, one, most) for one in self._knobs]
@@ -180,8 +180,8 @@ class Combinations:
         order = np.lexsort((square, self.cost))
         least = np.minimum.accumulate(square[order])
         kept = order[np.r_[True, square[order][1:] < least[:-1]]]
-        if len(kept) > MOST_WITHOUT_NOISE:
-            kept = kept[np.linspace(0, len(kept) - 1, MOST_WITHOUT_NOISE).round().astype(int)]
+        if len(kept) > MAX_WITHOUT_NOISE:
+            kept = kept[np.linspace(0, len(kept) - 1, MAX_WITHOUT_NOISE).round().astype(int)]
         self._chosen, self.cost, self.scatter = self._chosen[kept], self.cost[kept], self.scatter[kept]
         self._variance, self._shared = self._variance[kept], self._shared[kept]
         self._squares, self._fourth = self._squares[kept], self._fourth[kept]

@@ -29,8 +29,8 @@ from emclutch.studies.accuracy_tables import (
     study_page,
 )
 
-MOST_PACKINGS = 64  # that a scene may ask for
-MOST_REFUSALS = 6  # of combinations by the scene, after which there is no answer
+MAX_PACKINGS = 64  # that a scene may ask for
+MAX_REFUSALS = 6  # of combinations by the scene, after which there is no answer
 
 
 def present(case: Case, ladder: Ladder, folder: Path, targets: Sequence[float]) -> list[str]:
@@ -97,7 +97,7 @@ def cheapest_case(case: Case, ladder: Ladder, target: float) -> tuple[Choice, Ca
         except (SceneError, ValueError) as error:
             refused.append(_to_blame(case, ladder, choice.settings))
             reason = f"the scene refuses {', '.join(refused[-1])} at these settings: {error}"
-            if len(refused) == MOST_REFUSALS:
+            if len(refused) == MAX_REFUSALS:
                 break
     return Obstacle(next(iter(refused[-1])), None, None, reason, first[0])
 
@@ -137,7 +137,7 @@ def case_for(case: Case, ladder: Ladder, choice: Choice, target: float) -> Case:
         "time.until": f"torque {math.floor(1e4 * allowed) / 100.0:g} %",
         "accuracy.target": None,
         "accuracy.replicas": None,
-        "accuracy.max_replicas": min(MOST_PACKINGS, max(24, 2 * choice.packings)),
+        "accuracy.max_replicas": min(MAX_PACKINGS, max(24, 2 * choice.packings)),
     }
     start = choice.settings.get("start_up")
     if start is not None and ladder.strain is not None:

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 from emclutch.results.ladder import Basis, KnobLadder, Rung
 
-MOST = 64
+MAX_PACKINGS = 64
 """Packings of one rung."""
 BASE = ""
 """In place of a knob: the scene's own settings."""
@@ -144,7 +144,7 @@ def allocate(
     while measured and open_to:
         best = max(sorted(open_to), key=gain)
         longer = sorted([*extra, best], key=lambda one: (-seconds[one], one))  # the short ones last fill the gaps
-        if count.get(best, 0) >= MOST or not fits(longer):
+        if count.get(best, 0) >= MAX_PACKINGS or not fits(longer):
             open_to.discard(best)
             continue
         extra = longer

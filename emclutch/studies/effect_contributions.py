@@ -44,7 +44,7 @@ from emclutch.studies.workers import ctrl_c_sets, worker_pool
 
 log = logging.getLogger(__name__)
 PLAN = "effects_plan.json"
-FEWEST, MOST = 3, 16
+MIN_ROUNDS, MAX_ROUNDS = 3, 16
 """Rounds: in each one packing without each effect, and two of the whole scene, which is in all differences."""
 OF_WHOLE = 2
 WHOLE, WARM_UP = "whole", "warm-up"
@@ -184,10 +184,10 @@ def _begun(case: Case, budget: float, jobs: int) -> dict[str, Any]:
                 one = Removal(one.effect, one.others, reason=str(error))
         seconds += predicted * (1 if one.effect else OF_WHOLE)
         rows.append({"effect": one.effect, "others": list(one.others), "reason": one.reason, "seconds": predicted})
-    least = FEWEST * seconds / jobs
+    least = MIN_ROUNDS * seconds / jobs
     if least > budget:
         message = (
-            f"is less than {FEWEST} packings without each effect take with {jobs} jobs, about "
+            f"is less than {MIN_ROUNDS} packings without each effect take with {jobs} jobs, about "
             f"{format_duration(least)}; give {format_duration(1.5 * least)} or more"
         )
         raise SceneError([Fault("--budget", f"{budget:g} s", message)], source_of(case))
@@ -230,7 +230,7 @@ class _Study:
         self._do(list(self._round(0)), "packings")
         if self.known["rounds"] is None:
             each = sum(self.results[task.folder].wall for task in self._round(0))
-            self.known["rounds"] = min(MOST, max(FEWEST, int(self.budget / each)))
+            self.known["rounds"] = min(MAX_ROUNDS, max(MIN_ROUNDS, int(self.budget / each)))
             replace_json(self.folder / PLAN, self.known)
         self._do([task for n in range(1, self.known["rounds"]) for task in self._round(n)], "packings")
         whole, *without = [self._found(one) for one in self.rows]
@@ -287,7 +287,7 @@ class _Study:
                                f"--out\n(log: {task.target / 'run.log'})")  # fmt: skip
 
     def _fraction(self) -> float:
-        rounds = self.known["rounds"] or max(FEWEST, self.budget / self.known["round"])
+        rounds = self.known["rounds"] or max(MIN_ROUNDS, self.budget / self.known["round"])
         spent = sum(one.seconds for name, one in self.results.items() if not name.startswith(WARM_UP))
         return min(0.99, spent / max(rounds * self.known["round"], 1e-9))
 
@@ -311,7 +311,7 @@ class _Study:
             f"{len(self.run_rows) - 1} of {len(self.rows) - 1} effects can be left out; a packing without each of them "
             f"and {OF_WHOLE} of the whole scene take about {format_duration(known['round'])} of processor time, by "
             f"estimate; {format_duration(known['budget'])} with {known['jobs']} at a time are enough for some "
-            f"{min(MOST, self.budget / known['round']):.0f} of each"
+            f"{min(MAX_ROUNDS, self.budget / known['round']):.0f} of each"
         )
         log.info("%s", words)
         note(self.progress, words)

@@ -123,7 +123,7 @@ def test_without_a_ladder_the_command_is_named_and_a_damaged_one_is_no_failure(f
     for text in ("{", "[]", '"text"', "{}", ladder(device, contact_step(0.1)).to_json().replace("0.05", '"x"')):
         (folder / f"{device}.json").write_text(text)
         damaged = discretisation_error(case, plan, TORQUE)
-        assert damaged["discretisation_error"] is None and "measure anew" in damaged["discretisation_error_note"]
+        assert damaged["discretisation_error"] is None and "measure again" in damaged["discretisation_error_note"]
 
 
 def test_a_start_up_is_known_by_where_the_run_began_to_average():

@@ -4,7 +4,15 @@ import math
 
 import pytest
 
-from emclutch.studies.accuracy_plan import BASE, MOST, OfferedKnob, OfferedRung, allocate, makespan, packings_for
+from emclutch.studies.accuracy_plan import (
+    BASE,
+    MAX_PACKINGS,
+    OfferedKnob,
+    OfferedRung,
+    allocate,
+    makespan,
+    packings_for,
+)
 
 OWN = OfferedRung(20.0, 1 / 20, 10.0, 1.0)
 
@@ -68,7 +76,7 @@ def test_half_widths_are_those_of_two_means_where_a_knob_has_two_settings():
 
 def test_an_ample_budget_ends_at_the_largest_number_of_packings():
     found = allocate([knob("a", 1.0)], 4, 1.0, 1e6, 1)
-    assert counted(found) == {(BASE, 0.0): MOST, ("a", 10.0): MOST}
+    assert counted(found) == {(BASE, 0.0): MAX_PACKINGS, ("a", 10.0): MAX_PACKINGS}
 
 
 def test_without_a_knob_that_is_measured_nothing_is_run():
