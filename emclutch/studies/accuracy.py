@@ -30,7 +30,18 @@ from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.replica_count import cores_at_hand, replica_seed
 from emclutch.studies.accuracy_ladder import Measured, ladder_of, refuse_no_torque, scatter_of
-from emclutch.studies.accuracy_plan import BASE, OfferedKnob, OfferedRung, allocate, packings_for
+from emclutch.studies.accuracy_plan import (
+    BASE,
+    OWN,
+    OfferedKnob,
+    OfferedRung,
+    Torques,
+    first_packings,
+    left_out,
+    makespan,
+    more_packings,
+    packings_for,
+)
 from emclutch.studies.accuracy_rungs import (
     Base,
     PlannedRung,
@@ -188,8 +199,8 @@ def _begun(case: Case, base: Base, budget: float, jobs: int, hands: TaskQueue, p
         "jobs": jobs,
         "rungs": [asdict(one) for one in _distinct(base, rungs)],
         "frozen": None,
-        "packings": None,
-        "left_out": {},
+        "first": None,
+        "more": None,
         "begun": None,
     }
 
@@ -265,25 +276,39 @@ class _Study:
         return usual if rung is None else max(rung.planning, usual)
 
     def _measure_torque(self) -> None:
-        """Plan the other packings once, and run them until the budget is used up by a fifth more."""
-        if self.known["packings"] is None:
-            room = self.known["budget"] / self._busy() - self._spent() / self.known["jobs"]
+        """Run a packing of each knob that fits in, then what else lowers the error until the budget is used up."""
+        jobs = self.known["jobs"]
+        offers = [self._offer(one) for one in self.knobs.values() if one.measured_on == TORQUE]
+        room = self.known["budget"] / self._busy() - self._spent() / jobs
+        if self.known["first"] is None:
+            self._decide(first=first_packings(offers, BASE_PACKINGS, room, jobs))
+        first = [self._packing(*key, name) for key, name in self._order()]
+        self._tell_packings(self.known["first"])
+        self._do(first, "packings", limited=True)
+        if self.known["more"] is None:
+            run = [self.results[task.folder] for task in first if task.folder in self.results]
+            room -= makespan([one.seconds for one in run], jobs)
+            measured = self._measured()
             offers = [self._offer(one) for one in self.knobs.values() if one.measured_on == TORQUE]
-            found = allocate(offers, BASE_PACKINGS, self._seconds(), room, self.known["jobs"])
-            self._decide(packings=[list(one) for one in found.packings], left_out=found.left_out)
-        tasks = [self._packing(*key, name) for key, name in self._order()]
-        self._tell_packings(len(tasks))
-        self._do(tasks, "packings", limited=True)
+            count = {key: len(some) for key, some in measured.packings.items()}
+            found = Torques(measured.means, *measured.scatter)
+            self._decide(more=more_packings(offers, count, found, self._seconds(), room, jobs))
+        more = [self._packing(*key, name) for key, name in self._order()[len(first) :]]
+        self._tell_packings(self.known["more"])
+        self._do(more, "packings", limited=True)
 
     def _seconds(self, rung: PlannedRung | None = None) -> float:
         """Return what a packing of a rung, or at the scene's own settings, takes [s]; predicted before one was run."""
-        base = [
-            self.results[name].seconds
-            for n in range(BASE_PACKINGS)
-            if (name := packing_name(BASE, 0.0, n)) in self.results
-        ]
-        own = sum(base) / len(base) if base else self.base.plan.cost.seconds["total"]
-        return own if rung is None else own * rung.seconds / self.base.seconds
+        if run := self._run(BASE if rung is None else rung.knob, 0.0 if rung is None else rung.setting):
+            return sum(one.seconds for one in run) / len(run)
+        if rung is None:
+            return self.base.plan.cost.seconds["total"]
+        return self._seconds() * rung.seconds / self.base.seconds
+
+    def _run(self, knob: str, setting: float) -> list[TaskResult]:
+        """Return the first packings of a setting that were run."""
+        names = [packing_name(knob, setting, n) for n in range(BASE_PACKINGS)]
+        return [self.results[name] for name in names if name in self.results]
 
     def _offer(self, knob: type[Knob]) -> OfferedKnob:
         own = float(knob.own(self.base.scene, self.base.plan))
@@ -291,15 +316,15 @@ class _Study:
         others = tuple(
             OfferedRung(one.setting, one.step_size, self._seconds(one), self.base.plan.cost.grains / one.grains)
             for one in self.rungs
-            if one.knob == knob.name
+            if one.knob == knob.name and not any(run.failure for run in self._run(one.knob, one.setting))
         )
         return OfferedKnob(knob.name, knob.order, knob.limit(self.base.scene, self.base.plan), here, others)
 
     def _order(self) -> list[tuple[tuple[str, float], str]]:
         """Return knob and setting, and the folder, of each packing that was planned after the first ones."""
-        number: dict[tuple[str, float], int] = {(BASE, 0.0): BASE_PACKINGS}
+        number: dict[tuple[str, float], int] = {OWN: BASE_PACKINGS}
         found = []
-        for knob, setting in self.known["packings"]:
+        for knob, setting in (*(self.known["first"] or ()), *(self.known["more"] or ())):
             n = number.get((knob, setting), 0)
             number[knob, setting] = n + 1
             found.append(((knob, setting), packing_name(knob, setting, n)))
@@ -307,6 +332,7 @@ class _Study:
 
     def _measured(self) -> Measured:
         """Return all results, by knob and setting; packings that were not run are left out."""
+        offers = [self._offer(one) for one in self.knobs.values() if one.measured_on == TORQUE]
         packings: dict[tuple[str, float], list[TaskResult]] = {}
         first = [((BASE, 0.0), packing_name(BASE, 0.0, n)) for n in range(BASE_PACKINGS)]
         for key, name in (*first, *self._order()):
@@ -328,7 +354,7 @@ class _Study:
             starts=self.starts,
             packings=packings,
             standing={key: self.results[name] for key, name in standing.items()},
-            left_out=self.known["left_out"],
+            left_out=left_out(offers, [key for key, _ in self._order()]),
             budget=self.known["budget"],
             jobs=self.known["jobs"],
             spent=self._spent(),
@@ -431,7 +457,7 @@ class _Study:
     def _fraction(self, more: float = 0.0) -> float:
         """Return how much of what is planned, or before that of the budget, is done."""
         total = self.budget
-        if self.known["packings"] is not None:
+        if self.known["first"] is not None:
             planned = {(one.knob, one.setting): self._seconds(one) for one in self.rungs} | {
                 (BASE, 0.0): self._seconds()
             }
@@ -475,13 +501,13 @@ class _Study:
         log.info("%s", words)
         note(self.progress, words)
 
-    def _tell_packings(self, number: int) -> None:
-        names = sorted({knob for knob, _ in self.known["packings"]} - {BASE})
-        words = f"{number} more packings, for {', '.join(names) or 'no knob'}"
+    def _tell_packings(self, packings: Sequence[tuple[str, float]]) -> None:
+        names = sorted({knob or "the scene's own settings" for knob, _ in packings})
+        words = f"{len(packings)} more packings, for {', '.join(names) or 'no knob'}"
         if self._busy() > 1.3:
             words += f"; other programs are busy too: all takes {self._busy():.1f} times as long, or longer"
-        if self.known["left_out"]:
-            words += f"; the budget has no room for {', '.join(self.known['left_out'])}"
+        if self.known["more"] is not None and (without := self._measured().left_out):
+            words += f"; the budget has no room for {', '.join(without)}"
         log.info("%s", words)
         note(self.progress, words)
 

@@ -75,6 +75,24 @@ class Measured:
         """Return the processor time of one of them [s]."""
         return float(np.mean([one.seconds for one in self.own]))
 
+    @property
+    def means(self) -> dict[tuple[str, float], float]:
+        """Return the mean torque of each setting that has one [N m]."""
+        return {
+            key: float(np.mean([one.value for one in some]))
+            for key, some in self.packings.items()
+            if some and not failure_of(some, self.torque)
+        }
+
+    @property
+    def scatter(self) -> tuple[float, float]:
+        """Return the relative standard deviation of packings at the scene's own settings, and its freedom."""
+        return pooled_scatter([
+            ([float(one.value) for one in some if one.value is not None], self.variance(*key))
+            for key, some in self.packings.items()
+            if not failure_of(some, self.torque)
+        ])  # fmt: skip
+
     def variance(self, knob: str, setting: float) -> float:
         """Return the variance of a rung's packings over that of the scene's own: by the numbers of grains."""
         if knob == BASE:
@@ -86,12 +104,7 @@ class Measured:
 def ladder_of(found: Measured) -> Ladder:
     """Return the ladder of a study; RunError where the torque at the scene's own settings has no sign."""
     refuse_no_torque(found.own)
-    groups = [
-        ([float(one.value) for one in some if one.value is not None], found.variance(*key))
-        for key, some in found.packings.items()
-        if not failure_of(some, found.torque)
-    ]
-    scatter, freedom = pooled_scatter(groups)
+    scatter, freedom = found.scatter
     knobs, unknown = [], {}
     for knob in knobs_of(found.base.scene):
         ladder = _knob_ladder(knob, found, scatter, freedom)

@@ -1,14 +1,12 @@
 """Which packings an accuracy study runs within its budget.
 
-The half width of a knob's error at the scene's own setting is s g: s is how much packings scatter, and g follows from
-the law of the knob, the packings of its rungs, and how many grains each has. s is the same in all knobs, so that what
-is run follows from the g and from what a packing costs, before anything is known of torques:
-
 1. Each knob gets a packing at the setting that tells most of its error for its cost, the cheapest knobs first; where
-   that does not fit, at the next one.
-2. Each gets one at another setting too, by which its law is checked.
-3. What is left goes, one packing after the other, where it lowers the sum of all g^2 most for its seconds: to a rung,
-   or to the scene's own settings, which count in all knobs.
+   that does not fit, at the next one. The half width of its error is g times the scatter between packings, and g
+   follows from the law of the knob, the packings of its rungs, and how many grains each has.
+2. When these are run, what is left of the budget goes, one packing after the other, where it lowers the half width of
+   the total error most for its seconds, by the torques and the scatter that were found: to another packing of a
+   setting, or of the scene's own, which count in all knobs, where noise is what is not known; to a third setting where
+   it is whether a large error follows its law.
 """
 
 from __future__ import annotations
@@ -18,12 +16,17 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from emclutch.results.ladder import Basis, KnobLadder, Rung
+from emclutch.results.ladder import Basis, KnobError, KnobLadder, Rung, Total
 
 MAX_PACKINGS = 64
 """Packings of one rung."""
 BASE = ""
 """In place of a knob: the scene's own settings."""
+OWN = (BASE, 0.0)
+UNKNOWN = KnobError(0.0, 1.0)
+"""Of a knob without a packing: any error is possible."""
+Key = tuple[str, float]
+"""Knob and setting."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,90 +69,138 @@ class OfferedKnob:
     own: OfferedRung
     rungs: tuple[OfferedRung, ...]
 
-    def spread(self, packings: Mapping[tuple[str, float], int]) -> float:
-        """Return g above, of the numbers of packings by knob and setting; infinite where nothing is known."""
-        rungs = [self._rung(self.own, packings.get((BASE, 0.0), 0))]
-        rungs += [self._rung(one, packings.get((self.name, one.setting), 0)) for one in self.rungs]
-        counted = tuple(sorted((one for one in rungs if one.packings), key=lambda one: -one.step_size))
-        ladder = KnobLadder(self.name, "", Basis.TORQUE, self.own.setting, self.order, self.limit, counted)
-        return math.inf if len(counted) < 2 or ladder.own_error is None else ladder.own_error.half_width
+    def error(
+        self, packings: Mapping[Key, int], found: Torques | None = None, freedom: float = math.inf
+    ) -> KnobError | None:
+        """Return the error at the scene's own setting, of some numbers of packings; None where nothing is known.
 
-    def ranked(self, base_packings: int) -> list[tuple[str, float]]:
+        Without torques the half width is g above. Those of settings that were not run are what the law of the knob
+        says by the others.
+        """
+        counts = {self.own: packings.get(OWN, 0)} | {
+            one: packings.get((self.name, one.setting), 0) for one in self.rungs
+        }
+        if found is None:
+            return self._ladder({one: (1.0, n) for one, n in counts.items() if n}, 1.0, freedom).own_error
+        known = {one: found.means[key] for one in counts if (key := self._key(one)) in found.means}
+        law = self._ladder({one: (torque, counts[one]) for one, torque in known.items()}, found.scatter, freedom)
+        here = law.own_error
+        for one, n in counts.items():
+            if n and one not in known:
+                there = law.error(one.step_size)
+                ratio = 1.0 if here is None or there is None else (1.0 + there.bias) / (1.0 + here.bias)
+                known[one] = ratio * found.means[OWN]
+        run = {one: (torque, counts[one]) for one, torque in known.items() if counts[one]}
+        return self._ladder(run, found.scatter, freedom).own_error
+
+    def ranked(self, base_packings: int) -> list[Key]:
         """Return its rungs, that which tells most of the error for its seconds first."""
 
         def merit(rung: OfferedRung) -> float:
-            spread = self.spread({(BASE, 0.0): base_packings, (self.name, rung.setting): 1})
-            return spread * math.sqrt(rung.seconds)
+            error = self.error({OWN: base_packings, (self.name, rung.setting): 1})
+            return math.inf if error is None else error.half_width * math.sqrt(rung.seconds)
 
         return [(self.name, one.setting) for one in sorted(self.rungs, key=lambda one: (merit(one), one.setting))]
 
-    @staticmethod
-    def _rung(one: OfferedRung, packings: int) -> Rung:
-        error = math.sqrt(one.variance / packings) if packings else math.inf
-        return Rung(one.setting, one.step_size, 1.0, error, packings, one.seconds)
+    def _key(self, rung: OfferedRung) -> Key:
+        return OWN if rung is self.own else (self.name, rung.setting)
+
+    def _ladder(self, rungs: Mapping[OfferedRung, tuple[float, int]], scatter: float, freedom: float) -> KnobLadder:
+        ordered = sorted(rungs.items(), key=lambda item: -item[0].step_size)
+        made = tuple(
+            Rung(one.setting, one.step_size, torque, scatter * math.sqrt(one.variance / n), n, one.seconds)
+            for one, (torque, n) in ordered
+        )
+        return KnobLadder(self.name, "", Basis.TORQUE, self.own.setting, self.order, self.limit, made, freedom)
 
 
 @dataclass(frozen=True, slots=True)
-class Allocation:
-    """What is to be run.
+class Torques:
+    """What the packings so far have given.
 
     Attributes
     ----------
-    packings : tuple of (knob, setting)
-        In the order in which they are begun; (`BASE`, 0) is another packing at the scene's own settings.
-    left_out : dict of str to float
-        Knobs that do not fit in, and the processor time that the least of them needs [s].
+    means : mapping of Key to float
+        Mean torque [N m] of a setting, and of the scene's own (`OWN`).
+    scatter : float
+        Relative standard deviation between packings of the scene's own settings.
+    freedom : float
+        Its degrees of freedom.
     """
 
-    packings: tuple[tuple[str, float], ...]
-    left_out: dict[str, float]
+    means: Mapping[Key, float]
+    scatter: float
+    freedom: float
 
 
-def allocate(
-    knobs: Sequence[OfferedKnob], base_packings: int, base_seconds: float, room: float, jobs: int
-) -> Allocation:
-    """Share out a wall-clock time `room` [s] of `jobs` processes, see above; a pure function of what is given.
+def first_packings(knobs: Sequence[OfferedKnob], base_packings: int, room: float, jobs: int) -> tuple[Key, ...]:
+    """Return a packing of each knob that fits into a wall-clock time `room` [s] of `jobs` processes, longest first.
 
-    `base_packings` at the scene's own settings are there already; one more takes `base_seconds`.
+    `base_packings` at the scene's own settings are there already.
     """
-    seconds = {(one.name, rung.setting): rung.seconds for one in knobs for rung in one.rungs}
-    seconds[BASE, 0.0] = base_seconds
-    count = {(BASE, 0.0): base_packings}
-    order: list[tuple[str, float]] = []
+    seconds = _seconds_of(knobs, 0.0)
     ranked = {one.name: one.ranked(base_packings) for one in knobs if one.rungs}
-    left_out: dict[str, float] = {}
+    chosen: list[Key] = []
+    for name in sorted(ranked, key=lambda one: (seconds[ranked[one][0]], one)):
+        for one in ranked[name]:
+            more = _longest_first([*chosen, one], seconds)
+            if makespan([seconds[key] for key in more], jobs) <= room:
+                chosen = more
+                break
+    return tuple(chosen)
 
-    def fits(more: Sequence[tuple[str, float]]) -> bool:
-        return makespan([seconds[one] for one in (*order, *more)], jobs) <= room
 
-    for again in (False, True):
-        for name in sorted(ranked, key=lambda one: (seconds[ranked[one][0]], one)):
-            if name in left_out:
-                continue
-            chosen = next((one for one in ranked[name] if one not in count and fits([one])), None)
-            if chosen is not None:
-                order.append(chosen)
-                count[chosen] = 1
-            elif not again:
-                left_out[name] = min(seconds[one] for one in ranked[name])
-    measured = [one for one in knobs if one.name in ranked and one.name not in left_out]
-    extra: list[tuple[str, float]] = []
-    open_to = {(one.name, rung.setting) for one in measured for rung in one.rungs} | {(BASE, 0.0)}
+def more_packings(
+    knobs: Sequence[OfferedKnob],
+    count: Mapping[Key, int],
+    found: Torques,
+    base_seconds: float,
+    room: float,
+    jobs: int,
+) -> tuple[Key, ...]:
+    """Return what else fits into a wall-clock time `room` [s], longest first; a pure function of what is given.
 
-    def gain(packing: tuple[str, float]) -> float:
-        more = count | {packing: count.get(packing, 0) + 1}
-        moved = [one for one in measured if packing[0] in (BASE, one.name)]
-        return sum(one.spread(count) ** 2 - one.spread(more) ** 2 for one in moved) / seconds[packing]
+    `count` packings are there already, with the torques `found`; one more of the scene's own takes `base_seconds`.
+    """
+    seconds, count = _seconds_of(knobs, base_seconds), dict(count)
+    knobs = [one for one in knobs if one.rungs]
+    chosen: list[Key] = []
+    open_to = set(seconds) if knobs else set()
 
-    while measured and open_to:
-        best = max(sorted(open_to), key=gain)
-        longer = sorted([*extra, best], key=lambda one: (-seconds[one], one))  # the short ones last fill the gaps
-        if count.get(best, 0) >= MAX_PACKINGS or not fits(longer):
+    def half_width(count: Mapping[Key, int]) -> float:
+        freedom = found.freedom + sum(max(n, 1) - 1 for n in count.values()) - begun
+        return Total({one.name: one.error(count, found, freedom) or UNKNOWN for one in knobs}, {}).half_width
+
+    begun = sum(max(n, 1) - 1 for n in count.values())
+    while open_to:
+        now = half_width(count) ** 2
+        gains = {
+            one: (now - half_width(count | {one: count.get(one, 0) + 1}) ** 2) / seconds[one] for one in sorted(open_to)
+        }
+        best = max(gains, key=lambda one: gains[one])
+        longer = _longest_first([*chosen, best], seconds)  # the short ones last fill the gaps
+        if gains[best] <= 0.0:
+            break
+        if count.get(best, 0) >= MAX_PACKINGS or makespan([seconds[one] for one in longer], jobs) > room:
             open_to.discard(best)
             continue
-        extra = longer
+        chosen = longer
         count[best] = count.get(best, 0) + 1
-    return Allocation((*order, *extra), left_out)
+    return tuple(chosen)
+
+
+def left_out(knobs: Sequence[OfferedKnob], packings: Sequence[Key]) -> dict[str, float]:
+    """Return the knobs without a packing, and the processor time that the least of them needs [s]."""
+    run = {name for name, _ in packings}
+    return {one.name: min(rung.seconds for rung in one.rungs) for one in knobs if one.rungs and one.name not in run}
+
+
+def _seconds_of(knobs: Sequence[OfferedKnob], base_seconds: float) -> dict[Key, float]:
+    return {(one.name, rung.setting): rung.seconds for one in knobs for rung in one.rungs} | {OWN: base_seconds}
+
+
+def _longest_first(packings: Sequence[Key], seconds: Mapping[Key, float]) -> list[Key]:
+    return sorted(packings, key=lambda one: (-seconds[one], one))
 
 
 def makespan(seconds: Sequence[float], jobs: int) -> float:

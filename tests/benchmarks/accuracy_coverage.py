@@ -20,6 +20,7 @@ import numpy as np
 import emclutch
 from emclutch.results.ladder import student
 from emclutch.scene.replica_count import replica_seed
+from emclutch.studies.accuracy_rungs import is_sheared
 
 REFERENCE_SEED, FRESH_SEED = 777, 5000
 QUIET = {
@@ -27,26 +28,35 @@ QUIET = {
     "output.energy_budget": False,
 }  # fmt: skip
 FIRST_STRAIN, LAST_STRAIN = 10.0, 42.0
+LONGER, FIRST_SHARE = 3.0, 1.0 / 6.0
+"""Without a shear strain: length of a reference over that of the scene, and the share of it that is left out."""
 
 
-def finer(case: emclutch.Case) -> dict[str, object]:
-    """Return settings whose errors are a fraction of those of the scene."""
+def finer(case: emclutch.Case) -> tuple[dict[str, object], float]:
+    """Return settings whose errors are a fraction of those of the scene, and the share of a run that is left out."""
     plan = emclutch.plan(case)
-    return {
-        "accuracy.replicas": 1, "time.until": None, "time.end": f"strain {LAST_STRAIN:g}",
-        "particles.sector": "12 diameters", "time.steps_per_contact": 28.0, "contact.stiffness": 2.0 * plan.stiffness,
-        "effects.dipoles.tolerance": 3e-4, "effects.dipoles.update_every": max(1, plan.steps_per_update // 2),
+    values: dict[str, object] = {
+        "accuracy.replicas": 1, "time.until": None, "time.steps_per_contact": 28.0,
+        "contact.stiffness": 2.0 * plan.stiffness,
     }  # fmt: skip
+    if case.scene.grains.sector is not None:
+        values["particles.sector"] = "12 diameters"
+    if case.scene.effects.dipoles is not None:
+        values["effects.dipoles.tolerance"] = 3e-4
+        values["effects.dipoles.update_every"] = max(1, plan.steps_per_update // 2)
+    if is_sheared(case):
+        return values | {"time.end": f"strain {LAST_STRAIN:g}"}, FIRST_STRAIN / LAST_STRAIN
+    return values | {"time.end": LONGER * plan.end}, FIRST_SHARE
 
 
 def reference(case: emclutch.Case, out: Path, count: int) -> None:
     """Run finer packings, and append their torques."""
-    values = finer(case)
+    values, left_out = finer(case)
     for number in range(count):
         seed = replica_seed(REFERENCE_SEED, number + 1)
         folder = Path("runs") / f"reference-{case.name}-{number}"
         history = emclutch.run(case.with_values(QUIET | values | {"scene.seed": seed}), out=folder, threads=1).history
-        late = history[history.time > history.time.iloc[-1] * FIRST_STRAIN / LAST_STRAIN]
+        late = history[history.time > left_out * history.time.iloc[-1]]
         append(out, {"seed": seed, "torque": float(np.average(late.torque_disc, weights=np.gradient(late.time)))})
 
 

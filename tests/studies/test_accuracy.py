@@ -126,21 +126,21 @@ def test_the_ladder_has_every_knob_and_runs_of_the_device_find_it(packings, tmp_
 
 def test_what_the_budget_has_no_room_for_is_unknown_and_stays_so(packings, tmp_path):
     """Packings that take far longer than the first ones end the study early; it does not begin others later."""
-    case, beginning = case_from(CELL), 7
-    plan, out = study.allocate, tmp_path / "out"
+    case, beginning = case_from(CELL), 10
+    plan, out = study.first_packings, tmp_path / "out"
 
     def slow_from_now_on(*given):
         packings.slower = 30.0
         return plan(*given)
 
-    study.allocate, found = slow_from_now_on, None
+    study.first_packings, found = slow_from_now_on, None
     try:
         found = emclutch.accuracy(case, out=out, budget=BUDGET, jobs=1)
     finally:
-        study.allocate = plan
+        study.first_packings = plan
     known = json.loads((out / "plan.json").read_text())
-    assert known["begun"] is not None and known["begun"] < len(known["packings"])
-    assert len(packings.done) < len(known["packings"]) + beginning and found.ladder.unknown
+    assert known["begun"] is not None and known["begun"] < len(known["first"]) and not known["more"]
+    assert len(packings.done) < len(known["first"]) + beginning and found.ladder.unknown
     assert all("not measured in this budget: about" in words for words in found.ladder.unknown.values())
     done = list(packings.done)
     again = emclutch.accuracy(case, out=out, jobs=1, resume=True)

@@ -4,65 +4,86 @@ import math
 
 import pytest
 
+from emclutch.results.ladder import Total
 from emclutch.studies.accuracy_plan import (
-    BASE,
     MAX_PACKINGS,
+    OWN,
     OfferedKnob,
     OfferedRung,
-    allocate,
+    Torques,
+    first_packings,
+    left_out,
     makespan,
+    more_packings,
     packings_for,
 )
 
-OWN = OfferedRung(20.0, 1 / 20, 10.0, 1.0)
+OWN_RUNG = OfferedRung(20.0, 1 / 20, 10.0, 1.0)
 
 
 def knob(name, *seconds, order=2.0, variance=1.0):
     """A knob whose rungs, of a half, a third, ... of the own step size's inverse, take these seconds."""
     rungs = tuple(OfferedRung(20.0 / (n + 2), (n + 2) / 20.0, one, variance) for n, one in enumerate(seconds))
-    return OfferedKnob(name, order, 0.0, OWN, rungs)
+    return OfferedKnob(name, order, 0.0, OWN_RUNG, rungs)
 
 
-def spent(found, knobs, base=10.0):
-    seconds = {(one.name, rung.setting): rung.seconds for one in knobs for rung in one.rungs} | {(BASE, 0.0): base}
-    return [seconds[one] for one in found.packings]
+def seconds_of(knobs, packings, base=10.0):
+    seconds = {(one.name, rung.setting): rung.seconds for one in knobs for rung in one.rungs} | {OWN: base}
+    return [seconds[one] for one in packings]
 
 
-def test_every_knob_that_can_be_paid_gets_its_minimum_and_the_dearest_are_left_out():
+def measured(knobs, packings, torque=lambda name, h: 1.0, scatter=0.02):
+    """Counts and torques after some packings: four of the scene's own, one of each other."""
+    count = {OWN: 4} | {one: packings.count(one) for one in packings}
+    h = {(one.name, rung.setting): rung.step_size for one in knobs for rung in one.rungs} | {OWN: OWN_RUNG.step_size}
+    return count, Torques({one: torque(one[0], h[one]) for one in count}, scatter, 3.0)
+
+
+def test_every_knob_that_can_be_paid_gets_a_packing_and_the_dearest_are_left_out():
     knobs = [knob("dear", 400.0), knob("cheap", 5.0, 5.0), knob("usual", 10.0, 12.0), knob("endless", 1e6)]
-    found = allocate(knobs, 4, 10.0, 300.0, 2)
-    names = [name for name, _ in found.packings]
-    assert {"cheap", "usual"} <= set(names) and len({one for one in found.packings if one[0] == "usual"}) == 2
-    assert set(found.left_out) == {"dear", "endless"} and found.left_out["dear"] == 400.0
-    assert "dear" not in names and names.index("cheap") < names.index("usual")
+    found = first_packings(knobs, 4, 300.0, 2)
+    assert sorted(name for name, _ in found) == ["cheap", "usual"]
+    assert left_out(knobs, found) == {"dear": 400.0, "endless": 1e6}
+    assert seconds_of(knobs, found) == sorted(seconds_of(knobs, found), reverse=True)
 
 
 @pytest.mark.parametrize("room", [0.0, 20.0, 75.0, 200.0])
 @pytest.mark.parametrize("jobs", [1, 2, 5])
 def test_the_budget_is_kept(room, jobs):
     knobs = [knob("a", 7.0, 9.0), knob("b", 31.0, 17.0, variance=0.5), knob("c", 60.0)]
-    found = allocate(knobs, 4, 10.0, room, jobs)
-    assert makespan(spent(found, knobs), jobs) <= room
-    assert {name for name, _ in found.packings} - {BASE} | set(found.left_out) == {"a", "b", "c"}
-    assert allocate(knobs, 4, 10.0, room, jobs) == found
+    first = first_packings(knobs, 4, room, jobs)
+    assert makespan(seconds_of(knobs, first), jobs) <= room
+    given = measured(knobs, first)
+    more = more_packings(knobs, *given, 10.0, room, jobs)
+    assert makespan(seconds_of(knobs, more), jobs) <= room
+    assert more_packings(knobs, *given, 10.0, room, jobs) == more
+    if room == 200.0:
+        assert not left_out(knobs, [*first, *more])
 
 
-def test_dearer_rungs_get_fewer_packings_and_more_of_them_lower_every_half_width():
+def test_dearer_rungs_get_fewer_packings_and_more_of_them_lower_the_half_width():
     knobs = [knob("dear", 40.0), knob("cheap", 10.0)]
-    count = {
-        name: [one for one, _ in allocate(knobs, 4, 10.0, 500.0, 2).packings].count(name) for name in ("dear", "cheap")
-    }
-    assert count["dear"] < count["cheap"]
-    few, many = (
-        sum(one.spread({(BASE, 0.0): 4} | counted(allocate(knobs, 4, 10.0, room, 2))) ** 2 for one in knobs)
-        for room in (200.0, 500.0)
-    )
-    assert many < few
+    first = first_packings(knobs, 4, 500.0, 2)
+    count, found = measured(knobs, first)
+    more = more_packings(knobs, count, found, 10.0, 500.0, 2)
+    names = [name for name, _ in more]
+    assert names.count("dear") < names.count("cheap")
+    halves = [
+        Total({one.name: one.error(counts, found, found.freedom) for one in knobs}, {}).half_width
+        for counts in (count, count | {one: more.count(one) + count.get(one, 0) for one in more})
+    ]
+    assert halves[1] < 0.7 * halves[0]
 
 
-def counted(found):
-    base = sum(one == (BASE, 0.0) for one in found.packings)
-    return {one: found.packings.count(one) for one in set(found.packings)} | {(BASE, 0.0): 4 + base}
+def test_a_large_error_gets_a_third_setting_and_small_ones_more_packings():
+    """ln T = 25 h^2 of one knob: the safety factor of 1.5 falls to 1.25 where three settings follow the law."""
+    knobs = [knob("large", 40.0, 40.0), knob("small", 40.0, 40.0)]
+    first = first_packings(knobs, 4, 100.0, 2)
+    assert len(first) == 2
+    given = measured(knobs, first, lambda name, h: math.exp(25.0 * h**2) if name != "small" else math.exp(25.0 / 400.0))
+    more = more_packings(knobs, *given, 10.0, 45.0, 1)
+    third = next(one for one in more if one[0] == "large")
+    assert third not in first and all(name != "small" for name, _ in more)
 
 
 def test_half_widths_are_those_of_two_means_where_a_knob_has_two_settings():
@@ -70,17 +91,24 @@ def test_half_widths_are_those_of_two_means_where_a_knob_has_two_settings():
     one = knob("a", 10.0, variance=0.5)
     x, x_own = (2 / 20) ** 2, (1 / 20) ** 2
     expected = 1.96 * math.sqrt(1 / 4 + 0.5 / 3) * x_own / (x - x_own)
-    assert one.spread({(BASE, 0.0): 4, ("a", 10.0): 3}) == pytest.approx(expected, rel=1e-9)
-    assert math.isinf(one.spread({(BASE, 0.0): 4}))
+    assert one.error({OWN: 4, ("a", 10.0): 3}).half_width == pytest.approx(expected, rel=1e-9)
+    assert one.error({OWN: 4}) is None
 
 
 def test_an_ample_budget_ends_at_the_largest_number_of_packings():
-    found = allocate([knob("a", 1.0)], 4, 1.0, 1e6, 1)
-    assert counted(found) == {(BASE, 0.0): MAX_PACKINGS, ("a", 10.0): MAX_PACKINGS}
+    knobs = [knob("a", 1.0)]
+    count, found = measured(knobs, first_packings(knobs, 4, 1e6, 1))
+    more = more_packings(knobs, count, found, 1.0, 1e6, 1)
+    assert more.count(OWN) == MAX_PACKINGS - 4 and more.count(("a", 10.0)) == MAX_PACKINGS - 1
 
 
-def test_without_a_knob_that_is_measured_nothing_is_run():
-    assert allocate([knob("a")], 4, 10.0, 100.0, 1).packings == ()
+def test_without_a_knob_nothing_is_run():
+    knobs = [knob("a")]
+    assert (
+        first_packings(knobs, 4, 100.0, 1)
+        == ()
+        == more_packings(knobs, {OWN: 4}, Torques({OWN: 1.0}, 0.1, 3.0), 10.0, 100.0, 1)
+    )
 
 
 def test_packings_for_a_difference():
