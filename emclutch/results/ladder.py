@@ -47,6 +47,8 @@ MISFIT = 0.1  # of the range of the rungs: largest residual of rungs without noi
 NARROW = 2.0  # coarsest over finest step size: over less no order is seen
 SIGNIFICANCE = 0.05
 CONFIDENCE = 0.95
+INTERACTION = "interaction"
+"""Name of the part that is no knob's: what errors may do to each other."""
 
 
 class Basis(StrEnum):
@@ -101,11 +103,14 @@ class KnobError:
     shared : float
         The part of `half_width` by the noise of the scene's own settings, which all knobs share; with the sign of its
         effect on the bias.
+    noise : float
+        The part of `half_width` by all noise, which more packings lower.
     """
 
     bias: float
     half_width: float
     shared: float = 0.0
+    noise: float = 0.0
 
     @property
     def is_decided(self) -> bool:
@@ -201,9 +206,23 @@ class Total:
         return math.sqrt(max(0.0, 0.5 * (sum(squares) ** 2 - sum(one**2 for one in squares))))
 
     @property
+    def noise(self) -> float:
+        """The part of the half width by noise, which more packings of the ladder lower."""
+        parts = self.parts.values()
+        own = sum(one.noise**2 - one.shared**2 for one in parts)
+        return math.sqrt(max(0.0, own) + sum(one.shared for one in parts) ** 2)
+
+    @property
+    def widths(self) -> dict[str, float]:
+        """Return the half width by each knob, and by the interaction where there is one."""
+        widths = {name: one.half_width for name, one in self.parts.items()}
+        return widths | ({INTERACTION: self.interaction} if self.interaction else {})
+
+    @property
     def largest(self) -> str | None:
-        """Return the knob of the widest part."""
-        return max(self.parts, key=lambda name: self.parts[name].half_width, default=None)
+        """Return the name of the widest part."""
+        widths = self.widths
+        return max(widths, key=lambda name: widths[name], default=None)
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain values for JSON."""
@@ -261,6 +280,17 @@ class Ladder:
     def knob(self, name: str) -> KnobLadder | None:
         """Return the rungs of a knob; None where it has none."""
         return next((one for one in self.knobs if one.knob == name), None)
+
+    def corrected_torque(self, total: Total) -> tuple[float, float]:
+        """Return the torque without the error of the scene's own settings [N m], and half its 95 % interval, relative.
+
+        Its packings are also those that the errors are measured by: their noise raises the torque and the biases
+        alike, and counts by what is left of it.
+        """
+        statistical = student(self.freedom) * self.scatter / math.sqrt(self.packings)
+        shared = sum(one.shared for one in total.parts.values())
+        half = math.sqrt(max(0.0, total.half_width**2 - shared**2) + (statistical - shared) ** 2)
+        return self.torque / (1.0 + total.bias), half
 
     def total(self, step_sizes: Mapping[str, float]) -> Total:
         """Return the discretisation error at some step sizes, one for each knob of a scene."""
@@ -353,7 +383,7 @@ class _Fit:
         model *= abs(change) if self.verdict != "no law" else max(abs(change), self.misfit)
         apart = max((abs(c * (h**p - self.limit**p) - change) for p, c in self.others), default=0.0)
         half = math.hypot(self.slope_half * x, model, apart)
-        return KnobError(math.expm1(change), half, self.slope_shared * x)
+        return KnobError(math.expm1(change), half, self.slope_shared * x, abs(self.slope_half * x))
 
 
 def _fitted(ladder: KnobLadder) -> _Fit | None:
@@ -403,9 +433,8 @@ def _differences(h: np.ndarray, y: np.ndarray, half: np.ndarray, own: np.ndarray
     for i, one in enumerate(h):
         difference = float(y[i] - y[-1])
         shared = float(half[i] * own[i] - half[-1] * own[-1])
-        found[float(one)] = KnobError(
-            math.expm1(difference), math.hypot(float(half[i]), float(half[-1]), model * difference), shared
-        )
+        noise = math.hypot(float(half[i]), float(half[-1]))
+        found[float(one)] = KnobError(math.expm1(difference), math.hypot(noise, model * difference), shared, noise)
     return _Fit("no law", float(h.max()), differences=found)
 
 

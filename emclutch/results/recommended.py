@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import islice
 
 import numpy as np
 
@@ -22,8 +21,8 @@ from emclutch.results.torque_curves import NORMAL
 
 PACKINGS = (4, 6, 8, 12, 16, 24)
 """Numbers of packings that a run with `time.until` looks at (emclutch.simulation.stopping_rule)."""
-STATISTICS, INTERACTION = "statistics", "interaction"
-"""Names of the parts that are no knob's: of the packings' mean, and of what errors may do to each other."""
+STATISTICS = "statistics"
+"""Name of the part that is no knob's: of the packings' mean."""
 MAX_SETTINGS = 4  # of a knob that are combined with those of others
 MAX_COMBINATIONS = 1_000_000
 MAX_WITHOUT_NOISE = 64  # combinations of the knobs without noise, on their frontier
@@ -60,8 +59,7 @@ class Choice:
     @property
     def parts(self) -> dict[str, float]:
         """Half widths by knob, of the packings and of the interaction; the widest first."""
-        parts = {STATISTICS: self.statistical, INTERACTION: self.total.interaction}
-        parts |= {name: one.half_width for name, one in self.total.parts.items()}
+        parts = {STATISTICS: self.statistical} | self.total.widths
         return dict(sorted(parts.items(), key=lambda part: -part[1]))
 
     @property
@@ -95,11 +93,12 @@ class Obstacle:
     Attributes
     ----------
     knob : str
-        That limits the accuracy.
+        That limits the accuracy; `STATISTICS` and `INTERACTION` stand beside the knobs.
     half_width : float or None
         Its part at the best combination, relative; None: it was not measured.
     seconds : float or None
-        Processor time of a study that would know enough [s]: half widths fall as 1/sqrt(time).
+        Processor time of a study of the same settings that would know enough [s]: what is noise falls as
+        1/sqrt(time). None: what is not noise is too much by itself.
     reason : str
         Why it was not measured.
     best : Choice or None
@@ -116,11 +115,12 @@ class Obstacle:
         """Return why a target is not reached."""
         if self.half_width is None:
             return f"not reachable by what was measured: limited by {self.knob}: {self.reason}"
-        about = "" if self.seconds is None else f"; a study of about {format_duration(self.seconds)} of processor time"
-        return (
-            f"not reachable by what was measured: limited by {self.knob}, known to ± {per_cent(self.half_width)}"
-            f"{about and f'{about} may know enough'}"
-        )
+        if self.knob == STATISTICS and self.best is not None:
+            return f"not reachable: {self.best.packings} packings have a {STATISTICS} part of ± {per_cent(self.half_width)}"
+        words = f"not reachable by what was measured: limited by {self.knob}, known to ± {per_cent(self.half_width)}"
+        if self.seconds is not None:
+            return f"{words}; a study of about {format_duration(self.seconds)} of processor time may know enough"
+        return f"{words}, which more packings of the same settings do not lower"
 
 
 class Combinations:
@@ -232,24 +232,38 @@ class Combinations:
         return seconds[kept], half[kept]
 
 
-def recommended(ladder: Ladder, target: float, most: int = 20) -> list[Choice] | Obstacle:
-    """Return the cheapest settings that reach a half width, cheapest first; or why there are none.
+def recommended(ladder: Ladder, target: float) -> Choice | Obstacle:
+    """Return the cheapest settings that reach a half width of the torque's 95 % interval, relative; or why none do."""
+    return next(reaching(ladder, target), None) or obstacle(ladder, target)
 
-    Parameters
-    ----------
-    target : half the 95 % interval that is wanted, relative
-    most : how many are returned; a scene may refuse the first ones, since settings are measured one at a time
+
+def reaching(ladder: Ladder, target: float) -> Iterator[Choice]:
+    """Yield all settings that reach a half width, the cheapest first; none where a knob was not measured.
+
+    A scene may refuse some of them together, since settings are measured one at a time.
     """
+    if not unknown_of(ladder):
+        yield from Combinations(ladder).reaching(target)
+
+
+def obstacle(ladder: Ladder, target: float) -> Obstacle:
+    """Return by what the most accurate combination is limited: by noise, or by what more packings do not lower."""
     if unknown := unknown_of(ladder):
         (knob, reason), *others = unknown.items()
         more = f"; nor was {', '.join(name for name, _ in others)} measured" if others else ""
         return Obstacle(knob, None, None, reason + more)
-    all_of_them = Combinations(ladder)
-    found = list(islice(all_of_them.reaching(target), most))
-    if found:
-        return found
-    best = all_of_them.nearest()
-    return Obstacle(best.largest, best.parts[best.largest], _spent(ladder) * (best.half_width / target) ** 2, best=best)
+    best = Combinations(ladder).nearest()
+    noise = best.total.noise
+    room = target**2 - (best.half_width**2 - noise**2)
+    if room > 0.0:
+        return Obstacle(best.largest, best.parts[best.largest], _spent(ladder) * noise**2 / room, best=best)
+    errors = best.total.parts
+    lasting = {
+        name: math.sqrt(max(0.0, half**2 - (errors[name].noise ** 2 if name in errors else 0.0)))
+        for name, half in best.parts.items()
+    }
+    knob = max(lasting, key=lambda name: lasting[name])
+    return Obstacle(knob, best.parts[knob], None, best=best)
 
 
 def unknown_of(ladder: Ladder) -> dict[str, str]:

@@ -17,12 +17,13 @@ from emclutch.knobs.powder import COUNT
 from emclutch.results import OutputError
 from emclutch.results.ladder import Ladder, Total
 from emclutch.results.ladders import DRIVE, device_hash, find_ladder
-from emclutch.results.recommended import STATISTICS, Obstacle, recommended
+from emclutch.results.recommended import STATISTICS, Obstacle
 from emclutch.results.statistics import Estimate
 from emclutch.results.text import format_duration, per_cent
 from emclutch.scene.case import Case
 from emclutch.scene.input_files import hashed_input_files
 from emclutch.simulation.plan import Plan
+from emclutch.simulation.recommended_case import cheapest_case
 from emclutch.simulation.resume import flat_scene
 from emclutch.simulation.scaled_slip import strain_rate
 
@@ -129,13 +130,13 @@ def accuracy_in_words(case: Case, plan: Plan) -> str:
         )
     ladder, path = found
     if target is not None:
-        choices = recommended(ladder, target)
-        words = choices.in_words() if isinstance(choices, Obstacle) else choices[0].in_words()
+        answer = cheapest_case(case, ladder, target)
+        words = answer.in_words() if isinstance(answer, Obstacle) else answer[0].in_words()
         return f"{target}: {words} (by {path})"
     total = total_at(ladder, settings_of(case, plan))
     text = f"settings move the torque by {100.0 * total.bias:+.2g} % +- {per_cent(total.half_width)}"
     if total.largest is not None:
-        size = per_cent(total.parts[total.largest].half_width)
+        size = per_cent(total.widths[total.largest])
         text += f"; largest part: {total.largest.replace('_', ' ')}, {size}"
     text += "".join(f"; not included: {name.replace('_', ' ')} ({why})" for name, why in total.unknown.items())
     return f"{text} (by {path})"
@@ -156,13 +157,12 @@ def corrected(torque: Estimate, total: Total) -> dict[str, Any]:
     assert torque.mean is not None
     mean, half = torque.mean / (1.0 + total.bias), torque.half_width()
     share = None if half is None else math.hypot(half / abs(torque.mean), total.half_width)
-    largest, size = total.largest, 0.0 if total.largest is None else total.parts[total.largest].half_width
-    if half is not None and (largest is None or half / abs(torque.mean) >= size):
-        largest, size = STATISTICS, half / abs(torque.mean)
+    widths = total.widths | ({} if half is None else {STATISTICS: half / abs(torque.mean)})
+    largest = max(widths, key=lambda name: widths[name], default=None)
     return {
         "corrected_torque": {"mean": mean, "half_width": None if share is None else share * abs(mean)},
         "total_error": share,
-        "largest_part": None if largest is None else {"name": largest, "half_width": size},
+        "largest_part": None if largest is None else {"name": largest, "half_width": widths[largest]},
     }
 
 

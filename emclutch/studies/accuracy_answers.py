@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import io
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,13 +12,12 @@ import tomli_w
 from emclutch.results.atomic_file import replace_text
 from emclutch.results.ladder import Ladder
 from emclutch.results.pictures.accuracy import accuracy_picture
-from emclutch.results.recommended import Choice, Combinations, Obstacle, own_choice, recommended
+from emclutch.results.recommended import Choice, Obstacle, own_choice
 from emclutch.results.report.render import html, markdown
 from emclutch.results.text import format_duration, per_cent
 from emclutch.scene.case import Case
-from emclutch.scene.errors import SceneError
 from emclutch.scene.input_files import input_files
-from emclutch.simulation.knob_settings import with_settings
+from emclutch.simulation.recommended_case import cheapest_case
 from emclutch.studies.accuracy_tables import (
     BOLD_HTML,
     BOLD_MARKDOWN,
@@ -28,9 +26,6 @@ from emclutch.studies.accuracy_tables import (
     rows_of,
     study_page,
 )
-
-MAX_PACKINGS = 64  # that a scene may ask for
-MAX_REFUSALS = 6  # of combinations by the scene, after which there is no answer
 
 
 def present(case: Case, ladder: Ladder, folder: Path, targets: Sequence[float]) -> list[str]:
@@ -62,11 +57,11 @@ def closing_sentence(ladder: Ladder, answers: Sequence[Answer]) -> str:
     found = [(one.target, one.found) for one in answers if isinstance(one.found, Choice)]
     reached = [f"{per_cent(target)} for {format_duration(choice.seconds)}" for target, choice in found]
     costs = f"; {', '.join(reached)} of processor time" if reached else "; no target is reached by what was measured"
-    torque = ladder.torque / (1.0 + own.total.bias)
+    torque, half = ladder.corrected_torque(own.total)
     return (
         f"{ladder.case}: {ladder.torque:.3g} N m, mean of {ladder.packings} packings, {100.0 * own.total.bias:+.2g} % "
-        f"by its settings, so {torque:.3g} N m; a run of {own.packings} packings knows it to ± "
-        f"{per_cent(own.half_width)}, most of it by {own.largest.replace('_', ' ')}{costs}."
+        f"by its settings, so {torque:.3g} N m ± {per_cent(half)}; least is known of "
+        f"{own.largest.replace('_', ' ')}{costs}."
     )
 
 
@@ -80,71 +75,6 @@ def _answer(case: Case, ladder: Ladder, folder: Path, target: float) -> Answer:
     choice, run = found
     replace_text(path, scene_text(run, ladder, choice, target, path.name))
     return Answer(target, choice, path)
-
-
-def cheapest_case(case: Case, ladder: Ladder, target: float) -> tuple[Choice, Case] | Obstacle:
-    """Return the cheapest settings that the scene takes together, and the case with them; or why there are none."""
-    first = recommended(ladder, target, most=1)
-    if isinstance(first, Obstacle):
-        return first
-    refused: list[dict[str, float]] = []
-    reason = ""
-    for choice in Combinations(ladder).reaching(target):
-        if any(one.items() <= choice.settings.items() for one in refused):
-            continue
-        try:
-            return choice, case_for(case, ladder, choice, target)
-        except (SceneError, ValueError) as error:
-            refused.append(_to_blame(case, ladder, choice.settings))
-            reason = f"the scene refuses {', '.join(refused[-1])} at these settings: {error}"
-            if len(refused) == MAX_REFUSALS:
-                break
-    return Obstacle(next(iter(refused[-1])), None, None, reason, first[0])
-
-
-def _to_blame(case: Case, ladder: Ladder, settings: Mapping[str, float]) -> dict[str, float]:
-    """Return the part of some refused settings that the scene refuses by itself: most often two that do not fit."""
-    own = {one.knob: one.own for one in ladder.knobs}
-    changed = {name: one for name, one in settings.items() if not math.isclose(one, own[name], rel_tol=1e-6)}
-    taken: dict[str, float] = {}
-    for name, setting in changed.items():
-        if _takes(case, own | taken | {name: setting}):
-            taken[name] = setting
-            continue
-        for other in [{}, *({one: taken[one]} for one in taken)]:
-            if not _takes(case, own | other | {name: setting}):
-                return {name: setting} | other
-        return taken | {name: setting}
-    return changed
-
-
-def _takes(case: Case, settings: Mapping[str, float]) -> bool:
-    try:
-        with_settings(case, settings)
-    except (SceneError, ValueError):
-        return False
-    return True
-
-
-def case_for(case: Case, ladder: Ladder, choice: Choice, target: float) -> Case:
-    """Return a case with a choice's settings, that runs until statistics and discretisation together reach a target.
-
-    SceneError or ValueError where the scene, or its plan, refuses the settings.
-    """
-    case = with_settings(case, choice.settings)
-    allowed = math.sqrt(target**2 - choice.total.half_width**2)
-    values: dict[str, Any] = {
-        "time.until": f"torque {math.floor(1e4 * allowed) / 100.0:g} %",
-        "accuracy.target": None,
-        "accuracy.replicas": None,
-        "accuracy.max_replicas": min(MAX_PACKINGS, max(24, 2 * choice.packings)),
-    }
-    start = choice.settings.get("start_up")
-    if start is not None and ladder.strain is not None:
-        values["time.end"] = f"strain {start + ladder.strain:.6g}"
-        if ladder.strain > start * 1.01:  # else the average begins in the middle, which is there
-            values["time.average_from"] = f"strain {start:.6g}"
-    return case.with_values(values)
 
 
 def scene_text(case: Case, ladder: Ladder, choice: Choice, target: float, name: str) -> str:

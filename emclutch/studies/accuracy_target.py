@@ -14,10 +14,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from emclutch.knobs import KNOBS
 from emclutch.results import Result
 from emclutch.results.errors import OutputError
 from emclutch.results.ladders import find_ladder, ladder_folder
-from emclutch.results.recommended import STATISTICS, Choice, Obstacle, recommended
+from emclutch.results.recommended import STATISTICS, Choice, Obstacle
 from emclutch.results.text import per_cent
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import Fault, SceneError
@@ -26,6 +27,7 @@ from emclutch.scene.replica_count import cores_at_hand
 from emclutch.scene.start_up import start_up_strain
 from emclutch.scene.study import StudySection
 from emclutch.simulation.discretisation_error import device_of
+from emclutch.simulation.recommended_case import cheapest_case
 from emclutch.simulation.run import run as run_scene
 from emclutch.simulation.window_state import WindowState
 
@@ -142,18 +144,11 @@ def settled(case: Case) -> Settled | None:
     if known is None:
         return None
     ladder, path = known
-    from emclutch.studies.accuracy_answers import case_for  # local: most scenes have no target
-
-    found = recommended(ladder, target)
+    found = cheapest_case(case, ladder, target)
     if isinstance(found, Obstacle):
-        raise _unreachable(case, found.in_words(), found)
-    refusal: Exception | None = None
-    for choice in found:
-        try:
-            return Settled(case_for(case, ladder, choice, target), choice, path)
-        except (SceneError, ValueError) as error:
-            refusal = error
-    raise _unreachable(case, f"the scene refuses the settings together: {refusal}", None)
+        raise _unreachable(case, found)
+    choice, turned = found
+    return Settled(turned, choice, path)
 
 
 def cases_of(
@@ -192,16 +187,17 @@ def _measure(case: Case, progress: Any) -> None:
         ) from None
 
 
-def _unreachable(case: Case, why: str, found: Obstacle | None) -> SceneError:
-    best = None if found is None else found.best
-    command = f"emclutch accuracy {case.path or 'CASE'}"
-    if found is not None and found.knob == STATISTICS:
-        ways = [f"measure longer packings: {command} --set accuracy.time_end={_longer_end(case)}"]
-    else:
-        ways = [f"measure the ladder for longer: {command} --budget {_longer(case, found)}"]
-    if best is not None:
-        ways.append(f"ask for {per_cent(1.05 * best.half_width)}")
-    fault = Fault(KEY, f"'{case.scene.accuracy.target}'", f"{why}; {', or '.join(ways)}")
+def _unreachable(case: Case, found: Obstacle) -> SceneError:
+    command, ways = f"emclutch accuracy {case.path or 'CASE'}", []
+    if found.knob == STATISTICS:
+        ways.append(f"measure longer packings: {command} --set accuracy.time_end={_longer_end(case)}")
+    elif found.seconds is not None or found.half_width is None:
+        ways.append(f"measure the ladder for longer: {command} --budget {_longer(case, found)}")
+    elif found.knob in (one.name for one in KNOBS):
+        ways.append(f"list finer settings in accuracy.ladders.{found.knob}, and measure again: {command}")
+    if found.best is not None:
+        ways.append(f"ask for {per_cent(1.05 * found.best.half_width)}")
+    fault = Fault(KEY, f"'{case.scene.accuracy.target}'", f"{found.in_words()}; {', or '.join(ways)}")
     return SceneError([fault], "scene" if case.path is None else str(case.path))
 
 
@@ -214,9 +210,9 @@ def _longer_end(case: Case) -> str:
     return f"'{STRAIN.format(f'{4.0 * strain:.4g}')}'"
 
 
-def _longer(case: Case, found: Obstacle | None) -> str:
+def _longer(case: Case, found: Obstacle) -> str:
     """Return a budget by which a target may be reached, as an entry of a scene."""
     seconds = 3.0 * case.scene.accuracy.budget
-    if found is not None and found.seconds is not None:
+    if found.seconds is not None:
         seconds = max(seconds, found.seconds / cores_at_hand())
     return f"{max(1, round(seconds / 60.0))}min" if seconds < 7200.0 else f"{round(seconds / 3600.0)}h"

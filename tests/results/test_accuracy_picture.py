@@ -32,7 +32,7 @@ def whole(**values):
 
 def test_the_frontier_lies_below_every_line_and_targets_are_marked(drawn):
     of = whole()
-    found = recommended(of, 0.05)[0]
+    found = recommended(of, 0.05)
     far = recommended(of, 0.001)
     assert isinstance(far, Obstacle)
     accuracy.accuracy_picture("x.png", of, [(0.05, found), (0.001, far)])

@@ -8,10 +8,12 @@ import pytest
 from emclutch.results.ladder import Basis, KnobLadder, Ladder, Rung, Total
 from emclutch.results.recommended import (
     PACKINGS,
+    STATISTICS,
     Combinations,
     Obstacle,
     choice_with,
     own_choice,
+    reaching,
     recommended,
     statistical_half_width,
 )
@@ -58,7 +60,8 @@ def by_search(whole, target):
 
 @pytest.mark.parametrize("target", [0.12, 0.08, 0.06, 0.05])
 def test_the_first_choice_is_the_cheapest_that_reaches_the_target(target):
-    found = recommended(ladder(), target)
+    found = list(reaching(ladder(), target))
+    assert recommended(ladder(), target) == found[0]
     assert found[0].seconds == pytest.approx(by_search(ladder(), target))
     assert all(one.half_width <= target for one in found)
     assert [one.seconds for one in found] == sorted(one.seconds for one in found)
@@ -66,7 +69,7 @@ def test_the_first_choice_is_the_cheapest_that_reaches_the_target(target):
 
 def test_a_choice_has_the_error_of_its_settings():
     whole = ladder()
-    choice = recommended(whole, 0.06)[0]
+    choice = recommended(whole, 0.06)
     assert choice.total == whole.total({
         one.knob: next(r.step_size for r in one.rungs if r.setting == choice.settings[one.knob]) for one in whole.knobs
     })  # fmt: skip
@@ -83,12 +86,16 @@ def test_more_grains_scatter_less():
     assert finest.seconds == pytest.approx(8.0 * own_choice(whole, 8).seconds)
 
 
-def test_what_is_not_reached_names_the_widest_part_and_a_time_that_falls_with_the_square():
-    at_1, at_2 = (recommended(ladder(), target) for target in (0.005, 0.01))
-    assert isinstance(at_1, Obstacle)
-    assert at_1.knob == at_1.best.largest
-    assert at_1.half_width == at_1.best.parts[at_1.knob]
-    assert at_1.seconds == pytest.approx(4.0 * at_2.seconds)
+def test_what_is_not_reached_names_its_limit_and_by_noise_a_time_that_falls_with_the_square():
+    best = Combinations(ladder()).nearest()
+    lasting = math.sqrt(best.half_width**2 - best.total.noise**2)
+    targets = [lasting + share * (best.half_width - lasting) for share in (0.2, 0.6)]
+    longer, shorter = (recommended(ladder(), target) for target in targets)
+    assert longer.knob == best.largest and longer.half_width == best.parts[longer.knob]
+    ratio = (targets[1] ** 2 - lasting**2) / (targets[0] ** 2 - lasting**2)
+    assert longer.seconds == pytest.approx(ratio * shorter.seconds)
+    beyond = recommended(ladder(), 0.9 * lasting)
+    assert beyond.seconds is None and beyond.knob == STATISTICS and "24 packings" in beyond.in_words()
 
 
 def test_a_knob_that_was_not_measured_is_in_the_way():

@@ -12,7 +12,8 @@ from emclutch.results.ladder import Basis, KnobLadder, Rung
 from emclutch.results.recommended import Choice, recommended
 from emclutch.scene.case import load_case
 from emclutch.simulation.plan import make_plan
-from emclutch.studies.accuracy_answers import case_for, present, scene_text
+from emclutch.simulation.recommended_case import case_for
+from emclutch.studies.accuracy_answers import present, scene_text
 from emclutch.studies.accuracy_tables import error_in_words, per_cent, rows_of
 
 OWN_SECTOR = 11.4
@@ -63,7 +64,7 @@ def test_scenes_have_the_settings_that_the_ladder_says(tmp_path, case, own, with
     lines = present(case, whole(own), tmp_path, (0.05, 0.1))
     for target in (0.05, 0.1):
         found = load_case(tmp_path / f"target_{100 * target:g}_percent.toml")
-        choice = recommended(whole(own), target)[0]
+        choice = recommended(whole(own), target)
         plan = make_plan(found)[1]
         for knob in knobs_of(found.scene):
             if knob.name in choice.settings:
@@ -80,7 +81,7 @@ def test_scenes_have_the_settings_that_the_ladder_says(tmp_path, case, own, with
 
 def test_a_scene_says_where_it_comes_from_and_by_what_its_torque_is_to_be_divided(case, own):
     of = whole(own)
-    choice = recommended(of, 0.05)[0]
+    choice = recommended(of, 0.05)
     text = scene_text(case_for(case, of, choice, 0.05), of, choice, 0.05, "target_5_percent.toml")
     head = [line for line in text.splitlines() if line.startswith("#")]
     assert tomllib.loads(text)["time"]["until"].startswith("torque ")
@@ -90,7 +91,7 @@ def test_a_scene_says_where_it_comes_from_and_by_what_its_torque_is_to_be_divide
 
 def test_settings_that_are_the_scenes_own_remain_automatic(case, own):
     of = whole(own)
-    choice = recommended(of, 0.05)[0]
+    choice = recommended(of, 0.05)
     kept = Choice(dict(own), choice.total, 4, 0.01, 1.0)
     data = case_for(case, of, kept, 0.05).data
     assert data["effects"] == case.data["effects"]
@@ -103,7 +104,7 @@ def test_a_combination_that_the_scene_refuses_is_passed_over(tmp_path, case, own
     wide = Rung(500.0, 1.0 / 500.0, 2.0, 0.001, 2, 0.1, 0.01)
     of = ladder("abc", KnobLadder("sector", "particles.sector", Basis.TORQUE, own["sector"], 2.0, 0.0,
                                   (*sector.rungs, wide), 20.0), *others, scatter=0.02)  # fmt: skip
-    assert recommended(of, 0.1)[0].settings["sector"] == 500.0
+    assert recommended(of, 0.1).settings["sector"] == 500.0
     present(case, of, tmp_path, (0.1,))
     assert load_case(tmp_path / "target_10_percent.toml").scene.grains.sector < 3.2
 
@@ -128,7 +129,7 @@ def test_tables_have_every_setting(tmp_path, case, own):
     assert row.bias == pytest.approx(of.knob("sector").own_error.bias)
     assert table.failure.dropna().tolist() == ["the sweeps do not converge"]
     text, page = ((tmp_path / name).read_text() for name in ("accuracy.md", "accuracy.html"))
-    largest = recommended(of, 0.05)[0].largest
+    largest = recommended(of, 0.05).largest
     assert f"**{largest} " in text
     assert f"<b>{largest} " in page
     assert "data:image/png" in page

@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from emclutch.results.ladder import KnobLadder, Ladder
+from emclutch.results.ladder import INTERACTION, KnobLadder, Ladder
 from emclutch.results.pictures.figure import COLOURS, MARKERS, label_panel, new_figure, save_picture
 from emclutch.results.recommended import (
-    INTERACTION,
     STATISTICS,
     Choice,
     Combinations,
