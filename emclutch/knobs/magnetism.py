@@ -114,7 +114,10 @@ class UpdateInterval(Knob):
 
 
 class CouplingWindow(Knob):
-    """Interval after which the field is compared with the grains' magnetisation, and solved again where it differs."""
+    """Interval after which the field is compared with the grains' magnetisation, and solved again where it differs.
+
+    In seconds at the scene's own speeds: where an inertial number scales them the strain of a window counts.
+    """
 
     name = "coupling_window"
     key = "time.window"
@@ -132,11 +135,19 @@ class CouplingWindow(Knob):
 
     @classmethod
     def own(cls, scene, plan):
-        return plan.division.steps * plan.dt
+        return plan.division.steps * plan.dt * _speed_factor(plan)
 
     @classmethod
     def usual(cls, scene, plan):
         return (4.0 * cls.own(scene, plan),)
+
+    @classmethod
+    def values(cls, scene, plan, setting):
+        return {cls.key: setting / _speed_factor(plan)}
+
+
+def _speed_factor(plan) -> float:
+    return 1.0 if plan.scaled is None else plan.scaled.factor
 
 
 def sector_width(scene) -> float:

@@ -161,9 +161,12 @@ class KnobLadder:
         """Return the order that fits rungs without noise best; None where the law's is taken, or none fits."""
         return None if self._fit is None else self._fit.observed
 
-    def error(self, step_size: float) -> KnobError | None:
-        """Return the error of a setting by its step size; None where the rungs say nothing."""
-        return None if self._fit is None else self._fit.error(step_size)
+    def error(self, step_size: float, limit: float | None = None) -> KnobError | None:
+        """Return the error of a setting by its step size; None where the rungs say nothing.
+
+        `limit`: step size without error, where it is another one than the ladder's.
+        """
+        return None if self._fit is None else self._fit.error(step_size, self.limit if limit is None else limit)
 
     @property
     def own_error(self) -> KnobError | None:
@@ -292,12 +295,15 @@ class Ladder:
         half = math.sqrt(max(0.0, total.half_width**2 - shared**2) + (statistical - shared) ** 2)
         return self.torque / (1.0 + total.bias), half
 
-    def total(self, step_sizes: Mapping[str, float]) -> Total:
-        """Return the discretisation error at some step sizes, one for each knob of a scene."""
+    def total(self, step_sizes: Mapping[str, float], limits: Mapping[str, float] | None = None) -> Total:
+        """Return the discretisation error at some step sizes, one for each knob of a scene.
+
+        `limits`: step sizes without error by knob, where they are others than the ladder's.
+        """
         parts, unknown = {}, {}
         for name, h in step_sizes.items():
             ladder = self.knob(name)
-            found = None if ladder is None else ladder.error(h)
+            found = None if ladder is None else ladder.error(h, (limits or {}).get(name))
             if found is None:
                 unknown[name] = self.unknown.get(name) or (
                     "the ladder has no rungs of it"
@@ -362,7 +368,6 @@ class _Fit:
     verdict: str
     coarsest: float  # step size
     p: float | None = None
-    limit: float = 0.0
     slope: float = 0.0
     slope_half: float = 0.0
     slope_shared: float = 0.0
@@ -371,17 +376,17 @@ class _Fit:
     observed: float | None = None
     differences: dict[float, KnobError] = field(default_factory=dict)  # without a law, by step size
 
-    def error(self, h: float) -> KnobError | None:
+    def error(self, h: float, limit: float) -> KnobError | None:
         """Return the error at a step size; without a law that of the next coarser rung, None where there is none."""
         outside = h > self.coarsest * (1.0 + 1e-6)
         if self.p is None:
             coarser = [one for one in self.differences if one >= h * (1.0 - 1e-6)]
             return self.differences[min(coarser)] if coarser else None
-        x = h**self.p - self.limit**self.p
+        x = h**self.p - limit**self.p
         change = min(self.slope * x, 5.0)
         model = SAFETY["no law" if outside else self.verdict] - 1.0
         model *= abs(change) if self.verdict != "no law" else max(abs(change), self.misfit)
-        apart = max((abs(c * (h**p - self.limit**p) - change) for p, c in self.others), default=0.0)
+        apart = max((abs(c * (h**p - limit**p) - change) for p, c in self.others), default=0.0)
         half = math.hypot(self.slope_half * x, model, apart)
         return KnobError(math.expm1(change), half, self.slope_shared * x, abs(self.slope_half * x))
 
@@ -417,7 +422,7 @@ def _without_noise(ladder: KnobLadder, h: np.ndarray, y: np.ndarray) -> _Fit:
         assert best is not None
         misfit, p, slope = best
         if misfit <= MISFIT * spread and p not in (orders[0], orders[-1]):
-            return _Fit("follows", float(h.max()), p, ladder.limit, slope, misfit=misfit, observed=p)
+            return _Fit("follows", float(h.max()), p, slope, misfit=misfit, observed=p)
     found = {}
     last_step = abs(float(y[-2] - y[-1]))
     for i, one in enumerate(h):
@@ -454,7 +459,6 @@ def _line(ladder: KnobLadder, h: np.ndarray, y: np.ndarray, error: np.ndarray, o
         verdict,
         float(h.max()),
         law.p,
-        ladder.limit,
         law.slope,
         quantile * law.spread**-0.5,
         quantile * shared,

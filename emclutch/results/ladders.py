@@ -16,6 +16,8 @@ from emclutch.results.ladder import Ladder
 FOLDER = Path("runs") / "ladders"
 VARIABLE = "EMCLUTCH_LADDERS"
 """Environment variable of another folder."""
+SHIPPED = Path(__file__).with_name("shipped_ladders")
+"""Ladders of shipped scenes, that come with the program."""
 DRIVE = ("coil.current", "coil.voltage")
 """Keys that the error hardly depends on: written beside the ladder."""
 WITHOUT = ("scene.", "time.", "accuracy.", "output.", *DRIVE)
@@ -42,18 +44,21 @@ def device_hash(flat_scene: Mapping[str, Any], knob_keys: Mapping[str, Any]) -> 
     return hashlib.sha256(json.dumps(kept, sort_keys=True, default=str).encode()).hexdigest()[:16]
 
 
-def save_ladder(ladder: Ladder, folder: Path | None = None) -> Path:
+def save_ladder(ladder: Ladder) -> Path:
     """Write a ladder where runs of its device find it, in place of an earlier one; return the file."""
-    target = (folder or ladder_folder()) / f"{ladder.device}.json"
+    target = ladder_folder() / f"{ladder.device}.json"
     target.parent.mkdir(parents=True, exist_ok=True)
     replace_text(target, ladder.to_json())
     return target
 
 
-def find_ladder(device: str, folder: Path | None = None) -> tuple[Ladder, Path] | None:
-    """Return the ladder of a device and its file; None where there is none. OutputError for a damaged file."""
-    path = (folder or ladder_folder()) / f"{device}.json"
-    if not path.is_file():
+def find_ladder(device: str) -> tuple[Ladder, Path] | None:
+    """Return the ladder of a device and its file, one's own before one that is shipped; None where there is none.
+
+    OutputError for a damaged file.
+    """
+    path = next((one for folder in (ladder_folder(), SHIPPED) if (one := folder / f"{device}.json").is_file()), None)
+    if path is None:
         return None
     try:
         return Ladder.from_json(path.read_text(encoding="utf-8")), path

@@ -116,7 +116,8 @@ class Obstacle:
         if self.half_width is None:
             return f"not reachable by what was measured: limited by {self.knob}: {self.reason}"
         if self.knob == STATISTICS and self.best is not None:
-            return f"not reachable: {self.best.packings} packings have a {STATISTICS} part of ± {per_cent(self.half_width)}"
+            half = per_cent(self.half_width)
+            return f"not reachable: {self.best.packings} packings have a {STATISTICS} part of ± {half}"
         words = f"not reachable by what was measured: limited by {self.knob}, known to ± {per_cent(self.half_width)}"
         if self.seconds is not None:
             return f"{words}; a study of about {format_duration(self.seconds)} of processor time may know enough"

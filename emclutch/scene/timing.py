@@ -88,7 +88,7 @@ class AccuracySection(Section):
         "it is reached",
     )
     budget: Time = Field(
-        default=600.0, description="wall-clock time that the ladder of `target` may take where there is none yet"
+        default=1200.0, description="wall-clock time that the ladder of `target` may take where there is none yet"
     )
     ladders: LaddersSection = LaddersSection()
     time_end: TimeOrStrain | None = Field(

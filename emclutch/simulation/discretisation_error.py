@@ -10,6 +10,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from emclutch.knobs import KNOBS, Knob, knobs_of
@@ -22,6 +23,7 @@ from emclutch.results.statistics import Estimate
 from emclutch.results.text import format_duration, per_cent
 from emclutch.scene.case import Case
 from emclutch.scene.input_files import hashed_input_files
+from emclutch.simulation.forecast.machine_speed import slowness
 from emclutch.simulation.plan import Plan
 from emclutch.simulation.recommended_case import cheapest_case
 from emclutch.simulation.resume import flat_scene
@@ -31,6 +33,8 @@ if TYPE_CHECKING:
     from emclutch.device_model.device import Device
 
 log = logging.getLogger(__name__)
+SAME_SPEED = 1.2
+"""Ratio of two measured speeds up to which they are one machine's."""
 FAR = 2.0
 """Factor of step size beyond the rungs from which on the law is said to be extrapolated."""
 
@@ -48,6 +52,19 @@ def device_of(case: Case) -> str:
         volume = scene.grains.count * scene.grains.grain_volume / (scene.grains.sector or 2.0 * math.pi)
         flat["particles.volume"] = f"{volume:.2g}"  # counts are whole numbers, and follow from the size of the grains
     return device_hash(flat, dict.fromkeys(numerical))
+
+
+def ladder_of_device(case: Case) -> tuple[Ladder, Path] | None:
+    """Return the ladder of a case's device, with the times of this machine, and its file; None where there is none.
+
+    OutputError for a damaged file.
+    """
+    found = find_ladder(device_of(case))
+    if found is None:
+        return None
+    ladder, path = found
+    ratio = slowness() / ladder.machine.get("slowness", slowness())
+    return (ladder if 1.0 / SAME_SPEED < ratio < SAME_SPEED else replace(ladder, seconds=ratio * ladder.seconds)), path
 
 
 def settings_of(case: Case, plan: Plan, averaged_from: float | None = None) -> dict[str, float]:
@@ -89,15 +106,14 @@ def discretisation_error(
 
 
 def _by_ladder(case: Case, plan: Plan, torque: Estimate, device: Device | None) -> dict[str, Any]:
-    name = device_of(case)
-    found = find_ladder(name)
+    found = ladder_of_device(case)
     if found is None:
         return _unknown(f"no ladder of this device has been measured; measure it with: {how_to_find(case)}")
     ladder, path = found
     rate = 0.0 if device is None else strain_rate(plan.scene, device)
     strain = None if torque.start is None else torque.start * rate
     settings = settings_of(case, plan, strain)
-    total = total_at(ladder, settings)
+    total = total_at(ladder, settings, plan)
     flat = flat_scene(case.toml())
     entry = total.as_dict()
     for knob in entry["parts"]:
@@ -105,7 +121,7 @@ def _by_ladder(case: Case, plan: Plan, torque: Estimate, device: Device | None) 
     entry["extrapolated"] = extrapolated(ladder, settings)
     entry["ladder"] = {
         "file": str(path),
-        "device": name,
+        "device": ladder.device,
         "case": ladder.case,
         "date": ladder.machine.get("date"),
         "drive": ladder.drive,
@@ -118,7 +134,7 @@ def accuracy_in_words(case: Case, plan: Plan) -> str:
     """Return what is known of a case's accuracy before it is run, and what its target costs."""
     target, budget = case.scene.accuracy.target, format_duration(case.scene.accuracy.budget)
     try:
-        found = find_ladder(device_of(case))
+        found = ladder_of_device(case)
     except OutputError as error:
         return str(error)
     if found is None and target is None:
@@ -133,7 +149,7 @@ def accuracy_in_words(case: Case, plan: Plan) -> str:
         answer = cheapest_case(case, ladder, target)
         words = answer.in_words() if isinstance(answer, Obstacle) else answer[0].in_words()
         return f"{target}: {words} (by {path})"
-    total = total_at(ladder, settings_of(case, plan))
+    total = total_at(ladder, settings_of(case, plan), plan)
     text = f"settings move the torque by {100.0 * total.bias:+.2g} % +- {per_cent(total.half_width)}"
     if total.largest is not None:
         size = per_cent(total.widths[total.largest])
@@ -147,9 +163,14 @@ def how_to_find(case: Case) -> str:
     return f"emclutch accuracy {case.path or 'CASE'}"
 
 
-def total_at(ladder: Ladder, settings: Mapping[str, float]) -> Total:
-    """Return the error at some settings, one for each knob of a scene."""
-    return ladder.total({one.name: one.step_size(settings[one.name]) for one in _knobs(settings)})
+def total_at(ladder: Ladder, settings: Mapping[str, float], plan: Plan) -> Total:
+    """Return the error at some settings, one for each knob of a planned scene.
+
+    What has no error is as the plan says: at another current the real powder has another inertial number.
+    """
+    knobs = _knobs(settings)
+    step_sizes = {one.name: one.step_size(settings[one.name]) for one in knobs}
+    return ladder.total(step_sizes, {one.name: one.limit(plan.scene, plan) for one in knobs})
 
 
 def corrected(torque: Estimate, total: Total) -> dict[str, Any]:

@@ -17,6 +17,7 @@ from emclutch.results.provenance import provenance
 from emclutch.results.text import format_duration
 from emclutch.scene.case import Case
 from emclutch.simulation.discretisation_error import device_of
+from emclutch.simulation.forecast.machine_speed import slowness
 from emclutch.simulation.resume import flat_scene
 from emclutch.studies.accuracy_plan import BASE
 from emclutch.studies.accuracy_rungs import Base, PlannedRung
@@ -268,6 +269,7 @@ def _machine(found: Measured) -> dict[str, Any]:
         "date": known["written"],
         "processor": known["machine"]["cpu"],
         "cores": known["machine"]["cores"],
+        "slowness": round(slowness(), 3),
         "jobs": found.jobs,
         "budget": found.budget,
         "processor_seconds": round(found.spent),

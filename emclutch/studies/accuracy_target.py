@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import Any
 
 from emclutch.knobs import KNOBS
-from emclutch.results import Result
+from emclutch.results import Result, RunFolder
 from emclutch.results.errors import OutputError
-from emclutch.results.ladders import find_ladder, ladder_folder
+from emclutch.results.ladders import ladder_folder
 from emclutch.results.recommended import STATISTICS, Choice, Obstacle
 from emclutch.results.text import per_cent
 from emclutch.scene.case import Case, as_case
@@ -26,7 +26,7 @@ from emclutch.scene.multiple import STRAIN
 from emclutch.scene.replica_count import cores_at_hand
 from emclutch.scene.start_up import start_up_strain
 from emclutch.scene.study import StudySection
-from emclutch.simulation.discretisation_error import device_of
+from emclutch.simulation.discretisation_error import ladder_of_device
 from emclutch.simulation.recommended_case import cheapest_case
 from emclutch.simulation.run import run as run_scene
 from emclutch.simulation.window_state import WindowState
@@ -102,6 +102,8 @@ def run(
     """
     case = as_case(case)
     target = case.scene.accuracy.target
+    if resume and (folder := out or case.scene.output.folder) is not None:
+        RunFolder(folder).has_checkpoint()  # raises where there is nothing to continue, before a ladder is measured
     return run_scene(
         with_target(case, progress), out=out, threads=threads, resume=resume, progress=progress, start=start,
         force=force, callback=callback, accuracy_target=target,
@@ -140,7 +142,7 @@ def settled(case: Case) -> Settled | None:
     """
     target = case.scene.accuracy.target
     assert target is not None
-    known = find_ladder(device_of(case))
+    known = ladder_of_device(case)
     if known is None:
         return None
     ladder, path = known

@@ -6,7 +6,7 @@ import pytest
 from made_up_ladder import cell, contact_step, ladder
 
 import emclutch
-from emclutch.results import RunFolder
+from emclutch.results import OutputError, RunFolder
 from emclutch.results.ladders import VARIABLE, save_ladder
 from emclutch.scene.errors import SceneError
 from emclutch.scene.study import read_study
@@ -96,6 +96,12 @@ def test_a_run_says_whether_it_has_reached_its_target_also_when_it_continues(fol
     again = emclutch.run(tmp_path / "run" / "case.toml", out=tmp_path / "run", resume=True)
     total = again.summary["discretisation_error"]["total_error"]
     assert again.summary["accuracy_target"] == {"asked": 0.5, "reached": total is not None and total <= 0.5}
+
+
+def test_nothing_is_measured_for_a_run_that_cannot_be_continued(folder, tmp_path):
+    with pytest.raises(OutputError, match="nowhere"):
+        emclutch.run(cell(accuracy__target="5 %", **ENDS), out=tmp_path / "nowhere", resume=True)
+    assert not folder.exists()
 
 
 def test_points_of_a_study_get_settings_where_their_ladder_is_known(folder, tmp_path):
