@@ -25,6 +25,8 @@ STATISTICS = "statistics"
 """Name of the part that is no knob's: of the packings' mean."""
 MAX_SETTINGS = 4  # of a knob that are combined with those of others
 MAX_COMBINATIONS = 1_000_000
+NEGLIGIBLE = 0.002
+"""Error of the scene's own setting that makes finer ones pointless, whatever they are predicted to cost."""
 MAX_WITHOUT_NOISE = 64  # combinations of the knobs without noise, on their frontier
 
 
@@ -338,6 +340,9 @@ def _candidates(ladder: Ladder, knob: KnobLadder, most: int) -> list[_Candidate]
         if error is None:
             continue
         found.append(_Candidate(rung, error, rung.cost, _scatter_ratio(ladder, knob, rung)))
+    own = next((one for one in found if _is_own(knob, one)), None)
+    if own is not None and abs(own.error.bias) + own.error.half_width <= NEGLIGIBLE:
+        found = [one for one in found if one.rung.step_size >= own.rung.step_size]  # a finer one gains nothing
     while len(found) > most:  # those that others beat, then those with the smallest difference to their neighbour
         beaten = [one for one in found if not _is_own(knob, one) and any(_beats(other, one) for other in found)]
         others = [one for one in found if not _is_own(knob, one)]

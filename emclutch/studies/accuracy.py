@@ -9,22 +9,18 @@ decision. So a study that is stopped, or killed, continues to the same ladder.
 from __future__ import annotations
 
 import logging
-import threading
 from collections.abc import Sequence
-from contextlib import nullcontext
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from emclutch.knobs import FROZEN, TORQUE, Knob, knobs_of
 from emclutch.results import RunFolder
-from emclutch.results.atomic_file import replace_json, replace_text
-from emclutch.results.errors import Interrupted, RunError
-from emclutch.results.folder_lock import locked_folder
+from emclutch.results.atomic_file import replace_text
+from emclutch.results.errors import Interrupted
 from emclutch.results.history import last_time
 from emclutch.results.ladder import Ladder
 from emclutch.results.ladders import save_ladder
-from emclutch.results.run_folder import logging_to
 from emclutch.results.text import format_duration
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import Fault, SceneError
@@ -54,14 +50,12 @@ from emclutch.studies.accuracy_rungs import (
     turned,
     turns_of,
 )
-from emclutch.studies.accuracy_tasks import GRAINS, AccuracyTask, TaskResult, perform, result_in
-from emclutch.studies.resumable import read_plan, refuse_folder
-from emclutch.studies.task_queue import InThisProcess, TaskQueue, note, tell
-from emclutch.studies.tasks import STOP
-from emclutch.studies.workers import ctrl_c_sets, worker_pool
+from emclutch.studies.accuracy_tasks import GRAINS, AccuracyTask, TaskResult
+from emclutch.studies.resumable import BUDGET, ResumableStudy, begun_study
+from emclutch.studies.task_queue import TaskQueue, tell
 
 log = logging.getLogger(__name__)
-BUDGET, BUDGET_OPTION = 1200.0, "--budget"
+BUDGET_OPTION = "--budget"
 TARGETS = (0.10, 0.05, 0.03)
 BASE_PACKINGS = 4
 FROZEN_SHARE = 0.25
@@ -137,33 +131,16 @@ def accuracy(
         raise ValueError(f"jobs = {jobs}; allowed: 1 or more")
     refuse_what_has_no_ladder(case)
     folder = Path(out) if out is not None else RunFolder.next_path(f"{case.name}-accuracy", "studies")
-    if folder.is_dir():
-        with locked_folder(folder):
-            refuse_folder(folder, resume, PLAN)
-    else:
-        refuse_folder(folder, resume, PLAN)
     base = base_of(case)
-    asked = threading.Event()
-    with ctrl_c_sets(asked), worker_pool(jobs) if jobs > 1 else nullcontext(InThisProcess()) as executor:
-        hands = TaskQueue(executor, jobs, asked)
-        known = None if resume else _begun(case, base, budget or BUDGET, jobs, hands, progress)
-        with locked_folder(folder):
-            refuse_folder(folder, resume, PLAN)  # nobody has written it meanwhile
-            (folder / STOP).unlink(missing_ok=True)
-            with logging_to(folder / "study.log", [__name__]):
-                if known is None:
-                    known = read_plan(folder / PLAN, case, budget)
-                else:
-                    replace_json(folder / PLAN, known)
-                    case.write_toml(folder / "case.toml")
-                study = _Study(case, base, folder, known, hands, progress)
-                try:
-                    ladder = study.measure()
-                finally:
-                    (folder / STOP).unlink(missing_ok=True)
-                replace_text(folder / "ladder.json", ladder.to_json())
-                save_ladder(ladder)
-                lines = _presented(case, ladder, folder, targets)
+
+    def begin(queue: TaskQueue) -> dict[str, Any]:
+        return _begun(case, base, budget or BUDGET, jobs, queue, progress)
+
+    with begun_study(case, folder, PLAN, resume=resume, budget=budget, jobs=jobs, begin=begin) as (known, queue):
+        ladder = _Study(case, base, folder, known, queue, progress).measure()
+        replace_text(folder / "ladder.json", ladder.to_json())
+        save_ladder(ladder)
+        lines = _presented(case, ladder, folder, targets)
     return AccuracyResult(folder, ladder, tuple(lines))
 
 
@@ -173,7 +150,7 @@ def _presented(case: Case, ladder: Ladder, folder: Path, targets: Sequence[float
     return present(case, ladder, folder, targets)
 
 
-def _begun(case: Case, base: Base, budget: float, jobs: int, hands: TaskQueue, progress: Any) -> dict[str, Any]:
+def _begun(case: Case, base: Base, budget: float, jobs: int, queue: TaskQueue, progress: Any) -> dict[str, Any]:
     """Plan every setting, and return what stands in plan.json before anything runs."""
     first = BASE_PACKINGS * base.plan.cost.seconds["total"] / min(jobs, BASE_PACKINGS)
     if first > budget:
@@ -189,8 +166,8 @@ def _begun(case: Case, base: Base, budget: float, jobs: int, hands: TaskQueue, p
         found[number] = one
         tell(progress, 0.0, f"settings are planned: {len(found)} of {len(tasks)}")
 
-    hands.all(turned, tasks, take)
-    if hands.stopped:
+    queue.all(turned, tasks, take)
+    if queue.stopped:
         raise Interrupted("stopped before the study began")
     rungs = planned_rungs(base, tasks, [found[n] for n in range(len(tasks))])
     return {
@@ -216,32 +193,29 @@ def _distinct(base: Base, rungs: Sequence[PlannedRung]) -> list[PlannedRung]:
     return kept
 
 
-class _Study:
-    """A study that goes on: what is known, and what is to be done next."""
+class _Study(ResumableStudy):
+    """What is to be done next."""
 
     def __init__(
-        self, case: Case, base: Base, folder: Path, known: dict[str, Any], hands: TaskQueue, progress: Any
+        self, case: Case, base: Base, folder: Path, known: dict[str, Any], queue: TaskQueue, progress: Any
     ) -> None:
-        self.case, self.base, self.folder, self.known, self.hands = case, base, folder, known, hands
-        self.progress = progress
+        super().__init__(folder, PLAN, known, queue, progress)
+        self.case, self.base = case, base
         self.rungs = [PlannedRung(**one) for one in known["rungs"]]
         self.knobs = {one.name: one for one in knobs_of(base.scene)}
         self.starts = tuple(starts_of(base))
-        self.results: dict[str, TaskResult] = {}
-        self.budget = known["budget"] * known["jobs"]
         self.share = self.told = 0.0
-        hands.stop_file = folder / STOP
 
     def measure(self) -> Ladder:
         """Do all tasks, and return the ladder."""
         self._tell_cost()
         warm = self.base.case.with_values({"time.end": WARM_UP_WINDOWS * self.base.plan.end / self.base.plan.windows})
-        self._do([self._task(warm, WARM_UP, starts=(0.0,))], "a short run compiles the kernels")
-        self._refuse_failed(WARM_UP)
+        self.do([self._task(warm, WARM_UP, starts=(0.0,))], "a short run compiles the kernels")
+        self.refuse_failed(WARM_UP)
         packings = [self._packing(BASE, 0.0, packing_name(BASE, 0.0, n)) for n in range(BASE_PACKINGS)]
-        self._do(packings, "packings at the scene's own settings")
+        self.do(packings, "packings at the scene's own settings", look=self._look)
         for task in packings:
-            self._refuse_failed(task.folder)
+            self.refuse_failed(task.folder)
         refuse_no_torque([self.results[task.folder] for task in packings])
         self._tell_scatter()
         self._measure_frozen()
@@ -256,7 +230,7 @@ class _Study:
         if not frozen:
             return
         own = {task.folder: task for task in (self._standing(knob, None) for knob in frozen)}
-        self._do(list(own.values()), "field and moments of standing grains")
+        self.do(list(own.values()), "field and moments of standing grains")
         if self.known["frozen"] is None:
             ratio = max(self.results[name].seconds for name in own) / max(self._planning(None), 1e-3)
             room, chosen = FROZEN_SHARE * self.budget - sum(self.results[name].seconds for name in own), []
@@ -265,9 +239,9 @@ class _Study:
                 room -= ratio * self._planning(self.rungs[n])
                 if room >= 0.0:
                     chosen.append(n)
-            self._decide(frozen=chosen)
+            self.decide(frozen=chosen)
         tasks = [self._standing(self.knobs[self.rungs[n].knob], self.rungs[n]) for n in self.known["frozen"]]
-        self._do(tasks, "field and moments of standing grains")
+        self.do(tasks, "field and moments of standing grains")
 
     def _planning(self, rung: PlannedRung | None) -> float:
         """Return the processor time of a setting's mesh and field [s]; of the scene's own that of most others."""
@@ -281,10 +255,9 @@ class _Study:
         offers = [self._offer(one) for one in self.knobs.values() if one.measured_on == TORQUE]
         room = self.known["budget"] / self._busy() - self._spent() / jobs
         if self.known["first"] is None:
-            self._decide(first=first_packings(offers, BASE_PACKINGS, room, jobs))
-        first = [self._packing(*key, name) for key, name in self._order()]
+            self.decide(first=first_packings(offers, BASE_PACKINGS, room, jobs))
         self._tell_packings(self.known["first"])
-        self._do(first, "packings", limited=True)
+        first = self._do_packings(0, len(self.known["first"]))
         if self.known["more"] is None:
             run = [self.results[task.folder] for task in first if task.folder in self.results]
             room -= makespan([one.seconds for one in run], jobs)
@@ -292,10 +265,22 @@ class _Study:
             offers = [self._offer(one) for one in self.knobs.values() if one.measured_on == TORQUE]
             count = {key: len(some) for key, some in measured.packings.items()}
             found = Torques(measured.means, *measured.scatter)
-            self._decide(more=more_packings(offers, count, found, self._seconds(), room, jobs))
-        more = [self._packing(*key, name) for key, name in self._order()[len(first) :]]
+            self.decide(more=more_packings(offers, count, found, self._seconds(), room, jobs))
         self._tell_packings(self.known["more"])
-        self._do(more, "packings", limited=True)
+        self._do_packings(len(first), len(first) + len(self.known["more"]))
+
+    def _do_packings(self, begin: int, end: int) -> list[AccuracyTask]:
+        """Run those of the planned packings, but for what overruns the budget; return their tasks."""
+        tasks = [self._packing(*key, name) for key, name in self._order()[begin:end]]
+
+        def may_begin(number: int) -> bool:
+            if self.known["begun"] is None and self._spent() > OVERRUN * self.budget / self._busy():
+                log.warning("the budget is used up: %d packings are not run", len(tasks) - number)
+                self.decide(begun=begin + number)
+            return self.known["begun"] is None or begin + number < self.known["begun"]
+
+        self.do(tasks, "packings", may_begin, self._look)
+        return tasks
 
     def _seconds(self, rung: PlannedRung | None = None) -> float:
         """Return what a packing of a rung, or at the scene's own settings, takes [s]; predicted before one was run."""
@@ -392,50 +377,13 @@ class _Study:
     def _rung(self, knob: str, setting: float) -> PlannedRung:
         return next(one for one in self.rungs if one.knob == knob and one.setting == setting)
 
-    def _do(self, tasks: Sequence[AccuracyTask], text: str, limited: bool = False) -> None:
-        """Do those tasks that are not done yet; `limited`: until the budget is overrun."""
-        for task in tasks:
-            if (found := result_in(task.target)) is not None:
-                self.results[task.folder] = found
-        left = [(n, task) for n, task in enumerate(tasks) if task.folder not in self.results]
-        handed = self.known["begun"]
-
-        def may_begin(number: int) -> bool:
-            nonlocal handed
-            if not limited:
-                return True
-            if handed is None and self._spent() > OVERRUN * self.budget / self._busy():
-                handed = left[number][0]
-                log.warning("the budget is used up: %d packings are not run", len(tasks) - handed)
-                self._decide(begun=handed)
-            return handed is None or left[number][0] < handed
-
-        def take(number: int, outcome: TaskResult | str) -> None:
-            if isinstance(outcome, str):
-                self.hands.stopped = True
-                return
-            folder = left[number][1].folder
-            self.results[folder] = outcome
-            log.info("%s: %s", folder, outcome.failure or f"{outcome.value} in {outcome.seconds:.3g} s")
-            done = len(tasks) - len(left) + sum(task.folder in self.results for _, task in left)
-            tell(self.progress, self._fraction(), f"{text}: {done} of {len(tasks)}")
-
-        tell(self.progress, self._fraction(), text)
-        self.hands.all(perform, [task for _, task in left], take, may_begin, lambda numbers: self._look(left, numbers))
-        if self.hands.stopped:
-            raise Interrupted(
-                f"stopped with {len(self.results)} tasks done; continue with the same command and --out {self.folder} "
-                "--resume"
-            )
-
-    def _look(self, left: Sequence[tuple[int, AccuracyTask]], numbers: Sequence[int]) -> None:
+    def _look(self, running: list[AccuracyTask]) -> None:
         """Tell how far the packings are that run."""
         part = 0.0
-        for number in numbers:
-            task = left[number][1]
+        for task in running:
             reached = None if task.grains else last_time(RunFolder(task.target).history)
             part += (reached or 0.0) / self.base.plan.end * self._seconds()
-        now = self._fraction(part)
+        now = self.fraction(part)
         if now - self.told >= TELL_SHARE:
             self.told = now
             tell(self.progress, now, None)
@@ -454,7 +402,7 @@ class _Study:
         found = sum(one.wall for one in first) / sum(one.seconds for one in first)
         return min(max(1.0, found), BUSIEST)
 
-    def _fraction(self, more: float = 0.0) -> float:
+    def fraction(self, more: float = 0.0) -> float:
         """Return how much of what is planned, or before that of the budget, is done."""
         total = self.budget
         if self.known["first"] is not None:
@@ -466,17 +414,6 @@ class _Study:
         self.share = max(self.share, min((self._spent() + more) / total, 0.99))
         return self.share
 
-    def _decide(self, **values: Any) -> None:
-        self.known |= values
-        replace_json(self.folder / PLAN, self.known)
-
-    def _refuse_failed(self, name: str) -> None:
-        if failure := self.results[name].failure:
-            raise RunError(
-                f"{name}, at the scene's own settings, has failed: {failure}; change the scene, and begin a new study "
-                f"with --out\n(log: {self.folder / name / 'run.log'})"
-            )
-
     # words ------------------------------------------------------------------------------------------------------
 
     def _tell_cost(self) -> None:
@@ -487,8 +424,7 @@ class _Study:
             f"{format_duration(self.known['budget'])} with {jobs} at a time, {format_duration(self.budget)} of "
             f"processor time, are enough for some {self.budget / each:.0f} packings"
         )
-        log.info("%s", words)
-        note(self.progress, words)
+        self.say(words)
 
     def _tell_scatter(self) -> None:
         values = [self.results[packing_name(BASE, 0.0, n)].value for n in range(BASE_PACKINGS)]
@@ -498,8 +434,7 @@ class _Study:
             f"of 5 % two settings need {packings_for(0.05, scatter)} packings each, of 2 % "
             f"{packings_for(0.02, scatter)}"
         )
-        log.info("%s", words)
-        note(self.progress, words)
+        self.say(words)
 
     def _tell_packings(self, packings: Sequence[tuple[str, float]]) -> None:
         names = sorted({knob or "the scene's own settings" for knob, _ in packings})
@@ -508,8 +443,7 @@ class _Study:
             words += f"; other programs are busy too: all takes {self._busy():.1f} times as long, or longer"
         if self.known["more"] is not None and (without := self._measured().left_out):
             words += f"; the budget has no room for {', '.join(without)}"
-        log.info("%s", words)
-        note(self.progress, words)
+        self.say(words)
 
 
 def packing_name(knob: str, setting: float, number: int) -> str:

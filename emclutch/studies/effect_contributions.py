@@ -9,9 +9,7 @@ nothing.
 from __future__ import annotations
 
 import logging
-import threading
 from collections.abc import Iterator, Sequence
-from contextlib import nullcontext
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
@@ -20,27 +18,22 @@ from typing import Any
 
 from emclutch.effects import EFFECTS
 from emclutch.results import RunFolder
-from emclutch.results.atomic_file import replace_json, replace_text
+from emclutch.results.atomic_file import replace_text
 from emclutch.results.effect_contributions import Contributions, Without
-from emclutch.results.errors import Interrupted, RunError
-from emclutch.results.folder_lock import locked_folder
 from emclutch.results.pictures.effect_contributions import effects_picture
 from emclutch.results.report.content import Page, Picture, Statements, Table
 from emclutch.results.report.render import markdown
 from emclutch.results.report.verdict import Mark, Statement
-from emclutch.results.run_folder import logging_to
 from emclutch.results.text import format_duration, per_cent
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.replica_count import cores_at_hand, replica_seed
 from emclutch.simulation.plan import make_plan
-from emclutch.studies.accuracy import BUDGET, WARM_UP_WINDOWS
+from emclutch.studies.accuracy import WARM_UP_WINDOWS
 from emclutch.studies.accuracy_rungs import base_of, refuse_what_has_no_ladder, source_of, starts_of
-from emclutch.studies.accuracy_tasks import AccuracyTask, TaskResult, perform, result_in
-from emclutch.studies.resumable import read_plan, refuse_folder
-from emclutch.studies.task_queue import InThisProcess, TaskQueue, note, tell
-from emclutch.studies.tasks import STOP
-from emclutch.studies.workers import ctrl_c_sets, worker_pool
+from emclutch.studies.accuracy_tasks import AccuracyTask
+from emclutch.studies.resumable import BUDGET, ResumableStudy, begun_study
+from emclutch.studies.task_queue import TaskQueue
 
 log = logging.getLogger(__name__)
 PLAN = "effects_plan.json"
@@ -146,28 +139,13 @@ def effect_contributions(
     if not case.scene.effects.active:
         raise SceneError([Fault("effects", "", "has no table: there is nothing to leave out")], source_of(case))
     folder = Path(out) if out is not None else RunFolder.next_path(f"{case.name}-effects", "studies")
-    refuse_folder(folder, resume, PLAN)
-    begun = None if resume else _begun(case, budget or BUDGET, jobs)
-    asked = threading.Event()
-    with (
-        ctrl_c_sets(asked),
-        worker_pool(jobs) if jobs > 1 else nullcontext(InThisProcess()) as executor,
-        locked_folder(folder),
-    ):
-        refuse_folder(folder, resume, PLAN)  # nobody has written it meanwhile
-        (folder / STOP).unlink(missing_ok=True)
-        with logging_to(folder / "study.log", [__name__]):
-            known = read_plan(folder / PLAN, case, budget) if begun is None else begun
-            if begun is not None:
-                replace_json(folder / PLAN, known)
-                case.write_toml(folder / "case.toml")
-            queue = TaskQueue(executor, jobs, asked)
-            queue.stop_file = folder / STOP
-            try:
-                found = _Study(case, folder, known, queue, progress).measure()
-            finally:
-                (folder / STOP).unlink(missing_ok=True)
-            lines = present(found, folder)
+
+    def begin(queue: TaskQueue) -> dict[str, Any]:
+        return _begun(case, budget or BUDGET, jobs)
+
+    with begun_study(case, folder, PLAN, resume=resume, budget=budget, jobs=jobs, begin=begin) as (known, queue):
+        found = _Study(case, folder, known, queue, progress).measure()
+        lines = present(found, folder)
     return EffectsResult(folder, found, tuple(lines))
 
 
@@ -212,27 +190,25 @@ def _scene_of_packings(case: Case) -> tuple[Case, list[float | str]]:
     return scene, starts_of(base)[:1]
 
 
-class _Study:
-    """A study that goes on: what is decided, and the packings that are done."""
+class _Study(ResumableStudy):
+    """Its packings, round by round."""
 
     def __init__(self, case: Case, folder: Path, known: dict[str, Any], queue: TaskQueue, progress: Any) -> None:
-        self.case, self.folder, self.known, self.queue, self.progress = case, folder, known, queue, progress
+        super().__init__(folder, PLAN, known, queue, progress)
+        self.case = case
         self.base, _ = _scene_of_packings(case)
         self.rows = [Removal(row["effect"], tuple(row["others"]), row["reason"]) for row in known["rows"]]
         self.run_rows = [one for one in self.rows if not one.reason]
-        self.results: dict[str, TaskResult] = {}
-        self.budget = known["budget"] * known["jobs"]
 
     def measure(self) -> Contributions:
         """Run all packings, and return what was found."""
         self._tell_cost()
-        self._do([self._warm_up(one) for one in self.run_rows], "short runs compile the kernels")
-        self._do(list(self._round(0)), "packings")
+        self._run([self._warm_up(one) for one in self.run_rows], "short runs compile the kernels")
+        self._run(list(self._round(0)), "packings")
         if self.known["rounds"] is None:
             each = sum(self.results[task.folder].wall for task in self._round(0))
-            self.known["rounds"] = min(MAX_ROUNDS, max(MIN_ROUNDS, int(self.budget / each)))
-            replace_json(self.folder / PLAN, self.known)
-        self._do([task for n in range(1, self.known["rounds"]) for task in self._round(n)], "packings")
+            self.decide(rounds=min(MAX_ROUNDS, max(MIN_ROUNDS, int(self.budget / each))))
+        self._run([task for n in range(1, self.known["rounds"]) for task in self._round(n)], "packings")
         whole, *without = [self._found(one) for one in self.rows]
         absent = tuple(one.name for one in EFFECTS if one.name not in self.case.scene.effects.active)
         return Contributions(self.case.name, whole, tuple(without), absent)
@@ -256,37 +232,14 @@ class _Study:
         options = {"starts": tuple(self.known["starts"])} | more
         return AccuracyTask(case.data, path, case.trust_scripts, str(self.folder.resolve()), folder, **options)
 
-    def _do(self, tasks: Sequence[AccuracyTask], text: str) -> None:
+    def _run(self, tasks: Sequence[AccuracyTask], text: str) -> None:
         """Do those tasks that are not done yet; RunError where the whole scene fails."""
+        self.do(tasks, text)
         for task in tasks:
-            if (done := result_in(task.target)) is not None:
-                self.results[task.folder] = done
-        left = [task for task in tasks if task.folder not in self.results]
+            if WHOLE in Path(task.folder).parts:
+                self.refuse_failed(task.folder)
 
-        def take(number: int, outcome: TaskResult | str) -> None:
-            if isinstance(outcome, str):
-                self.queue.stopped = True
-                return
-            name = left[number].folder
-            self.results[name] = outcome
-            log.info("%s: %s", name, outcome.failure or f"{outcome.value} N m in {outcome.seconds:.3g} s")
-            done = sum(task.folder in self.results for task in tasks)
-            tell(self.progress, self._fraction(), f"{text}: {done} of {len(tasks)}")
-
-        tell(self.progress, self._fraction(), text)
-        self.queue.all(perform, left, take)
-        if self.queue.stopped:
-            raise Interrupted(
-                f"stopped with {len(self.results)} packings done; continue with the same command and --out "
-                f"{self.folder} --resume"
-            )
-        for task in tasks:
-            failure = self.results[task.folder].failure
-            if failure and WHOLE in Path(task.folder).parts:
-                raise RunError(f"{task.folder} has failed: {failure}; change the scene, and begin a new study with "
-                               f"--out\n(log: {task.target / 'run.log'})")  # fmt: skip
-
-    def _fraction(self) -> float:
+    def fraction(self) -> float:
         rounds = self.known["rounds"] or max(MIN_ROUNDS, self.budget / self.known["round"])
         spent = sum(one.seconds for name, one in self.results.items() if not name.startswith(WARM_UP))
         return min(0.99, spent / max(rounds * self.known["round"], 1e-9))
@@ -313,8 +266,7 @@ class _Study:
             f"estimate; {format_duration(known['budget'])} with {known['jobs']} at a time are enough for some "
             f"{min(MAX_ROUNDS, self.budget / known['round']):.0f} of each"
         )
-        log.info("%s", words)
-        note(self.progress, words)
+        self.say(words)
 
 
 def present(found: Contributions, folder: Path) -> list[str]:

@@ -1,16 +1,159 @@
-"""Folders of studies that continue after they were stopped or killed: their file of decisions says how."""
+"""Studies of many tasks that continue after they were stopped or killed.
+
+A file of decisions in the study's folder says what is to be run, and the folder of each task whether it is done
+(`emclutch.studies.accuracy_tasks`); so a study that continues comes to the same end.
+"""
 
 from __future__ import annotations
 
 import json
+import logging
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
 from emclutch.results import OutputError
-from emclutch.results.folder_lock import has_files
+from emclutch.results.atomic_file import replace_json
+from emclutch.results.errors import Interrupted, RunError
+from emclutch.results.folder_lock import has_files, locked_folder
+from emclutch.results.run_folder import logging_to
 from emclutch.results.text import format_duration
 from emclutch.scene.case import Case
 from emclutch.simulation.resume import differing_keys, flat_scene
+from emclutch.studies.accuracy_tasks import AccuracyTask, TaskResult, perform, result_in
+from emclutch.studies.task_queue import InThisProcess, TaskQueue, note, tell
+from emclutch.studies.tasks import STOP
+from emclutch.studies.workers import ctrl_c_sets, worker_pool
+
+log = logging.getLogger(__name__)
+BUDGET = 1200.0
+"""Wall-clock time of a study that is told none [s]."""
+
+
+@contextmanager
+def begun_study(
+    case: Case,
+    folder: Path,
+    plan: str,
+    *,
+    resume: bool,
+    budget: float | None,
+    jobs: int,
+    begin: Callable[[TaskQueue], dict[str, Any]],
+) -> Iterator[tuple[dict[str, Any], TaskQueue]]:
+    """Hold the folder of a study; yield its decisions, and a queue of `jobs` processes that Ctrl-C ends.
+
+    `begin` returns the decisions of a new study, as plain values; those of another one are read from the file `plan`.
+    """
+    if folder.is_dir():
+        with locked_folder(folder):
+            refuse_folder(folder, resume, plan)
+    else:
+        refuse_folder(folder, resume, plan)
+    asked = threading.Event()
+    with ctrl_c_sets(asked), worker_pool(jobs) if jobs > 1 else nullcontext(InThisProcess()) as executor:
+        queue = TaskQueue(executor, jobs, asked)
+        known = None if resume else begin(queue)
+        with locked_folder(folder):
+            refuse_folder(folder, resume, plan)  # nobody has written it meanwhile
+            queue.stop_file = folder / STOP
+            queue.stop_file.unlink(missing_ok=True)
+            with logging_to(folder / "study.log", ["emclutch.studies"]):
+                if known is None:
+                    known = read_plan(folder / plan, case, budget)
+                else:
+                    replace_json(folder / plan, known)
+                    case.write_toml(folder / "case.toml")
+                try:
+                    yield known, queue
+                finally:
+                    queue.stop_file.unlink(missing_ok=True)
+
+
+class ResumableStudy:
+    """A study that goes on: what is decided, and what is done.
+
+    Attributes
+    ----------
+    folder : Path
+    plan : str
+        Name of its file of decisions.
+    known : dict of str to Any
+        The decisions.
+    results : dict of str to TaskResult
+        By the task's folder.
+    budget : float
+        Processor time [s].
+    """
+
+    def __init__(self, folder: Path, plan: str, known: dict[str, Any], queue: TaskQueue, progress: Any) -> None:
+        self.folder, self.plan, self.known, self.queue, self.progress = folder, plan, known, queue, progress
+        self.results: dict[str, TaskResult] = {}
+        self.budget = known["budget"] * known["jobs"]
+
+    def fraction(self) -> float:
+        """Return how much is done, 0 to 1."""
+        raise NotImplementedError
+
+    def do(
+        self,
+        tasks: Sequence[AccuracyTask],
+        text: str,
+        may_begin: Callable[[int], bool] = lambda number: True,
+        look: Callable[[list[AccuracyTask]], None] = lambda running: None,
+    ) -> None:
+        """Do those tasks that are not done yet; Interrupted where the user stops it.
+
+        `may_begin` false, of a task's number, ends the series; `look` gets what is running, every now and then.
+        """
+        for task in tasks:
+            if (done := result_in(task.target)) is not None:
+                self.results[task.folder] = done
+        left = [(n, task) for n, task in enumerate(tasks) if task.folder not in self.results]
+
+        def take(number: int, outcome: TaskResult | str) -> None:
+            if isinstance(outcome, str):
+                self.queue.stopped = True
+                return
+            folder = left[number][1].folder
+            self.results[folder] = outcome
+            log.info("%s: %s", folder, outcome.failure or f"{outcome.value} in {outcome.seconds:.3g} s")
+            done = sum(task.folder in self.results for task in tasks)
+            tell(self.progress, self.fraction(), f"{text}: {done} of {len(tasks)}")
+
+        tell(self.progress, self.fraction(), text)
+        self.queue.all(
+            perform,
+            [task for _, task in left],
+            take,
+            lambda number: may_begin(left[number][0]),
+            lambda numbers: look([left[n][1] for n in numbers]),
+        )
+        if self.queue.stopped:
+            raise Interrupted(
+                f"stopped with {len(self.results)} tasks done; continue with the same command and --out {self.folder} "
+                "--resume"
+            )
+
+    def decide(self, **values: Any) -> None:
+        """Add to the decisions, and write them."""
+        self.known |= values
+        replace_json(self.folder / self.plan, self.known)
+
+    def say(self, words: str) -> None:
+        """Tell the log, and who watches, what is going to be done."""
+        log.info("%s", words)
+        note(self.progress, words)
+
+    def refuse_failed(self, name: str) -> None:
+        """Raise RunError where a task has failed that all else refers to."""
+        if failure := self.results[name].failure:
+            raise RunError(
+                f"{name}, at the scene's own settings, has failed: {failure}; change the scene, and begin a new study "
+                f"with --out\n(log: {self.folder / name / 'run.log'})"
+            )
 
 
 def refuse_folder(folder: Path, resume: bool, plan: str) -> None:

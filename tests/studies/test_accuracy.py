@@ -87,11 +87,11 @@ def ladder_without_dates(result):
     return values
 
 
-def test_a_study_that_is_killed_twice_gives_the_same_ladder(packings, tmp_path):
+def test_a_study_that_is_killed_again_and_again_gives_the_same_ladder(packings, tmp_path):
     case = case_from(CELL)
     whole = emclutch.accuracy(case, out=tmp_path / "whole", budget=BUDGET, jobs=1)
     order, packings.done = packings.done, []
-    for kill_at in (3, 12):
+    for kill_at in (3, 12, 15):
         packings.kill_at = kill_at
         with pytest.raises(Killed):
             emclutch.accuracy(

@@ -16,6 +16,7 @@ from emclutch.results.errors import Interrupted
 from emclutch.scene.case import case_from, load_case
 from emclutch.scene.errors import SceneError
 from emclutch.studies import effect_contributions as study
+from emclutch.studies import resumable
 from emclutch.studies.accuracy_tasks import STOPPED, TaskResult
 from emclutch.studies.effect_contributions import effect_contributions, present, removals
 
@@ -116,7 +117,7 @@ class Packings:
 
 
 def test_a_study_that_continues_runs_nothing_twice_and_ends_with_the_same_table(tmp_path, monkeypatch):
-    monkeypatch.setattr(study, "perform", packings := Packings())
+    monkeypatch.setattr(resumable, "perform", packings := Packings())
     case, options = case_from(TOY), {"budget": 100.0, "jobs": 1}
     stopped, whole = tmp_path / "stopped", tmp_path / "whole"
     with pytest.raises(Interrupted, match="--resume"):

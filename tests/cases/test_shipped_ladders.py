@@ -1,0 +1,30 @@
+"""A shipped ladder is that of the shipped scene whose name it bears, and says what the scene's settings do to its torque."""
+
+from pathlib import Path
+
+import pytest
+
+from emclutch.results.ladder import Ladder
+from emclutch.results.ladders import SHIPPED, VARIABLE
+from emclutch.scene.case import load_case
+from emclutch.simulation.discretisation_error import accuracy_in_words, device_of, ladder_of_device
+from emclutch.simulation.plan import make_plan
+
+CASES = Path(__file__).parents[2] / "cases"
+LADDERS = sorted(SHIPPED.glob("*.json"))
+
+
+def test_the_quickstart_has_one(monkeypatch, tmp_path):
+    monkeypatch.setenv(VARIABLE, str(tmp_path))
+    case = load_case(CASES / "quickstart.toml")
+    _, path = ladder_of_device(case)
+    assert path in LADDERS
+    assert "largest part: " in accuracy_in_words(case, make_plan(case)[1])
+
+
+@pytest.mark.parametrize("path", LADDERS, ids=lambda path: path.stem)
+def test_it_is_of_a_shipped_scene_as_it_is_now(path):
+    ladder = Ladder.from_json(path.read_text())
+    assert device_of(load_case(CASES / f"{ladder.case}.toml")) == ladder.device == path.stem
+    total = ladder.total({one.knob: one.rungs[0].step_size for one in ladder.knobs})
+    assert ladder.unknown == {} and total.unknown == {} and ladder.machine["slowness"] > 0.0
