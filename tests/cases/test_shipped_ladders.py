@@ -1,4 +1,4 @@
-"""A shipped ladder is that of the shipped scene whose name it bears, and says what the scene's settings do to its torque."""
+"""A shipped ladder is that of the shipped scene whose name it has, and knows the error of each of its settings."""
 
 from pathlib import Path
 

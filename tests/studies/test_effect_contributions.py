@@ -15,7 +15,6 @@ from emclutch.results.effect_contributions import Contributions, Without, differ
 from emclutch.results.errors import Interrupted
 from emclutch.scene.case import case_from, load_case
 from emclutch.scene.errors import SceneError
-from emclutch.studies import effect_contributions as study
 from emclutch.studies import resumable
 from emclutch.studies.accuracy_tasks import STOPPED, TaskResult
 from emclutch.studies.effect_contributions import effect_contributions, present, removals
