@@ -7,8 +7,9 @@ its value is the mean torque of some packings, or a quantity without noise. A *l
 least squares; the relative error of a setting is b = T/T_0 - 1, positive where the torque is too large. Its interval is
 Student's t, with the scatter between packings pooled over all rungs (that of a rung of twice the grains is smaller by
 the root of two), so that few packings a rung suffice. Whether the rungs follow the law is decided by an F test of their
-misfit, at 5 %. Where they do not, all orders from p/2 to 2 p that pass it are taken, and how far their errors differ is
-in the half width. Where noise is absent p is fitted, to three rungs or more over a factor of 2 in h.
+misfit, at 5 %. Where they do not, the error is the middle of what p and all orders from p/2 to 2 p that pass it say,
+and half of how far these differ is added to the half width. Where noise is absent p is fitted, to three rungs or more
+over a factor of 2 in h.
 
 **One noise in all knobs.** All knobs share the packings at the scene's own settings, so that their errors are
 correlated: the part that this noise has in each (`KnobError.shared`) is added with its sign, all else in quadrature.
@@ -383,11 +384,11 @@ class _Fit:
             coarser = [one for one in self.differences if one >= h * (1.0 - 1e-6)]
             return self.differences[min(coarser)] if coarser else None
         x = h**self.p - limit**self.p
-        change = min(self.slope * x, 5.0)
+        changes = [min(c * (h**p - limit**p), 5.0) for p, c in ((self.p, self.slope), *self.others)]
+        change, apart = 0.5 * (max(changes) + min(changes)), 0.5 * (max(changes) - min(changes))
         model = SAFETY["no law" if outside else self.verdict] - 1.0
         model *= abs(change) if self.verdict != "no law" else max(abs(change), self.misfit)
-        apart = max((abs(c * (h**p - limit**p) - change) for p, c in self.others), default=0.0)
-        half = math.hypot(self.slope_half * x, model, apart)
+        half = apart + math.hypot(self.slope_half * x, model)
         return KnobError(math.expm1(change), half, self.slope_shared * x, abs(self.slope_half * x))
 
 
@@ -451,8 +452,8 @@ def _line(ladder: KnobLadder, h: np.ndarray, y: np.ndarray, error: np.ndarray, o
     if verdict == "no law":
         allowed = ORDERS[(ORDERS >= 0.5 * ladder.order) & (ORDERS <= 2.0 * ladder.order)]
         others = [one for p in allowed if (one := _Line.of(ladder, float(p), h, y, error)).passes]
-    if others:
-        verdict, law = "other order", max(others, key=lambda one: one.by_chance)
+    if others:  # the law is not dropped: it is refused in 5 % of all cases where it holds
+        verdict, others, law = "other order", [law, *others], max(others, key=lambda one: one.by_chance)
     quantile = student(ladder.freedom)
     shared = float(((law.x - law.mean) / error)[own].sum()) / law.spread  # of the slope, by the noise of the own rung
     return _Fit(

@@ -25,6 +25,7 @@ STATISTICS = "statistics"
 """Name of the part that is no knob's: of the packings' mean."""
 MAX_SETTINGS = 4  # of a knob that are combined with those of others
 MAX_COMBINATIONS = 1_000_000
+FINER = 2  # packings of a setting that a longer study measures besides
 NEGLIGIBLE = 0.002
 """Error of the scene's own setting that makes finer ones pointless, whatever they are predicted to cost."""
 MAX_WITHOUT_NOISE = 64  # combinations of the knobs without noise, on their frontier
@@ -99,8 +100,8 @@ class Obstacle:
     half_width : float or None
         Its part at the best combination, relative; None: it was not measured.
     seconds : float or None
-        Processor time of a study of the same settings that would know enough [s]: what is noise falls as
-        1/sqrt(time). None: what is not noise is too much by itself.
+        Processor time of a study that may know enough [s]: what is noise falls as 1/sqrt(time), and settings that it
+        had no time for may lower the rest. None: more time does not help.
     reason : str
         Why it was not measured.
     best : Choice or None
@@ -266,7 +267,9 @@ def obstacle(ladder: Ladder, target: float) -> Obstacle:
         for name, half in best.parts.items()
     }
     knob = max(lasting, key=lambda name: lasting[name])
-    return Obstacle(knob, best.parts[knob], None, best=best)
+    limiting = ladder.knob(knob)
+    left = [] if limiting is None else [one.seconds for one in limiting.rungs if not (one.packings or one.failure)]
+    return Obstacle(knob, best.parts[knob], _spent(ladder) + FINER * min(left) if left else None, best=best)
 
 
 def unknown_of(ladder: Ladder) -> dict[str, str]:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,7 @@ from emclutch.studies.accuracy_ladder import Measured, ladder_of, refuse_no_torq
 from emclutch.studies.accuracy_plan import (
     BASE,
     OWN,
+    Key,
     OfferedKnob,
     OfferedRung,
     Torques,
@@ -60,6 +62,8 @@ TARGETS = (0.10, 0.05, 0.03)
 BASE_PACKINGS = 4
 FROZEN_SHARE = 0.25
 """Of the budget, for the knobs without noise."""
+ROOMS = (1.0, 0.5, 1.0)
+"""Share of the time left that each stage of packings plans for; what it finds decides the next."""
 OVERRUN = 1.2
 """Processor time of all tasks over the budget, from which on no more is begun."""
 BUSIEST = 2.0
@@ -176,8 +180,7 @@ def _begun(case: Case, base: Base, budget: float, jobs: int, queue: TaskQueue, p
         "jobs": jobs,
         "rungs": [asdict(one) for one in _distinct(base, rungs)],
         "frozen": None,
-        "first": None,
-        "more": None,
+        "stages": [],
         "begun": None,
     }
 
@@ -252,22 +255,24 @@ class _Study(ResumableStudy):
     def _measure_torque(self) -> None:
         """Run a packing of each knob that fits in, then what else lowers the error until the budget is used up."""
         jobs = self.known["jobs"]
-        offers = [self._offer(one) for one in self.knobs.values() if one.measured_on == TORQUE]
         room = self.known["budget"] / self._busy() - self._spent() / jobs
-        if self.known["first"] is None:
-            self.decide(first=first_packings(offers, BASE_PACKINGS, room, jobs))
-        self._tell_packings(self.known["first"])
-        first = self._do_packings(0, len(self.known["first"]))
-        if self.known["more"] is None:
-            run = [self.results[task.folder] for task in first if task.folder in self.results]
+        for number, share in enumerate(ROOMS):
+            if number == len(self.known["stages"]):
+                self.decide(stages=[*self.known["stages"], self._planned(number, share * room)])
+            self._tell_packings(self.known["stages"][number])
+            begin = sum(map(len, self.known["stages"][:number]))
+            tasks = self._do_packings(begin, begin + len(self.known["stages"][number]))
+            run = [self.results[task.folder] for task in tasks if task.folder in self.results]
             room -= makespan([one.seconds for one in run], jobs)
-            measured = self._measured()
-            offers = [self._offer(one) for one in self.knobs.values() if one.measured_on == TORQUE]
-            count = {key: len(some) for key, some in measured.packings.items()}
-            found = Torques(measured.means, *measured.scatter)
-            self.decide(more=more_packings(offers, count, found, self._seconds(), room, jobs))
-        self._tell_packings(self.known["more"])
-        self._do_packings(len(first), len(first) + len(self.known["more"]))
+
+    def _planned(self, stage: int, room: float) -> tuple[Key, ...]:
+        """Return the packings of a stage that fit into a wall-clock time [s]."""
+        offers, jobs = self._offers(), self.known["jobs"]
+        if stage == 0:
+            return first_packings(offers, BASE_PACKINGS, room, jobs)
+        measured = self._measured()
+        count = {key: len(some) for key, some in measured.packings.items()}
+        return more_packings(offers, count, Torques(measured.means, *measured.scatter), self._seconds(), room, jobs)
 
     def _do_packings(self, begin: int, end: int) -> list[AccuracyTask]:
         """Run those of the planned packings, but for what overruns the budget; return their tasks."""
@@ -295,6 +300,9 @@ class _Study(ResumableStudy):
         names = [packing_name(knob, setting, n) for n in range(BASE_PACKINGS)]
         return [self.results[name] for name in names if name in self.results]
 
+    def _offers(self) -> list[OfferedKnob]:
+        return [self._offer(one) for one in self.knobs.values() if one.measured_on == TORQUE]
+
     def _offer(self, knob: type[Knob]) -> OfferedKnob:
         own = float(knob.own(self.base.scene, self.base.plan))
         here = OfferedRung(own, knob.step_size(own), self._seconds(), 1.0)
@@ -309,7 +317,7 @@ class _Study(ResumableStudy):
         """Return knob and setting, and the folder, of each packing that was planned after the first ones."""
         number: dict[tuple[str, float], int] = {OWN: BASE_PACKINGS}
         found = []
-        for knob, setting in (*(self.known["first"] or ()), *(self.known["more"] or ())):
+        for knob, setting in chain(*self.known["stages"]):
             n = number.get((knob, setting), 0)
             number[knob, setting] = n + 1
             found.append(((knob, setting), packing_name(knob, setting, n)))
@@ -317,7 +325,6 @@ class _Study(ResumableStudy):
 
     def _measured(self) -> Measured:
         """Return all results, by knob and setting; packings that were not run are left out."""
-        offers = [self._offer(one) for one in self.knobs.values() if one.measured_on == TORQUE]
         packings: dict[tuple[str, float], list[TaskResult]] = {}
         first = [((BASE, 0.0), packing_name(BASE, 0.0, n)) for n in range(BASE_PACKINGS)]
         for key, name in (*first, *self._order()):
@@ -339,7 +346,7 @@ class _Study(ResumableStudy):
             starts=self.starts,
             packings=packings,
             standing={key: self.results[name] for key, name in standing.items()},
-            left_out=left_out(offers, [key for key, _ in self._order()]),
+            left_out=left_out(self._offers(), [key for key, _ in self._order()]),
             budget=self.known["budget"],
             jobs=self.known["jobs"],
             spent=self._spent(),
@@ -405,7 +412,7 @@ class _Study(ResumableStudy):
     def fraction(self, more: float = 0.0) -> float:
         """Return how much of what is planned, or before that of the budget, is done."""
         total = self.budget
-        if self.known["first"] is not None:
+        if len(self.known["stages"]) == len(ROOMS):
             planned = {(one.knob, one.setting): self._seconds(one) for one in self.rungs} | {
                 (BASE, 0.0): self._seconds()
             }
@@ -441,7 +448,7 @@ class _Study(ResumableStudy):
         words = f"{len(packings)} more packings, for {', '.join(names) or 'no knob'}"
         if self._busy() > 1.3:
             words += f"; other programs are busy too: all takes {self._busy():.1f} times as long, or longer"
-        if self.known["more"] is not None and (without := self._measured().left_out):
+        if len(self.known["stages"]) > 1 and (without := self._measured().left_out):
             words += f"; the budget has no room for {', '.join(without)}"
         self.say(words)
 

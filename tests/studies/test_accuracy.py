@@ -139,8 +139,9 @@ def test_what_the_budget_has_no_room_for_is_unknown_and_stays_so(packings, tmp_p
     finally:
         study.first_packings = plan
     known = json.loads((out / "plan.json").read_text())
-    assert known["begun"] is not None and known["begun"] < len(known["first"]) and not known["more"]
-    assert len(packings.done) < len(known["first"]) + beginning and found.ladder.unknown
+    first, *others = known["stages"]
+    assert known["begun"] is not None and known["begun"] < len(first) and not any(others)
+    assert len(packings.done) < len(first) + beginning and found.ladder.unknown
     assert all("not measured in this budget: about" in words for words in found.ladder.unknown.values())
     done = list(packings.done)
     again = emclutch.accuracy(case, out=out, jobs=1, resume=True)
