@@ -267,9 +267,15 @@ def obstacle(ladder: Ladder, target: float) -> Obstacle:
         for name, half in best.parts.items()
     }
     knob = max(lasting, key=lambda name: lasting[name])
-    limiting = ladder.knob(knob)
-    left = [] if limiting is None else [one.seconds for one in limiting.rungs if not (one.packings or one.failure)]
-    return Obstacle(knob, best.parts[knob], _spent(ladder) + FINER * min(left) if left else None, best=best)
+    return Obstacle(knob, best.parts[knob], _with_finer_settings(ladder, ladder.knob(knob)), best=best)
+
+
+def _with_finer_settings(ladder: Ladder, knob: KnobLadder | None) -> float | None:
+    """Return the processor time of a study with a finer setting of a knob than this one [s]; None: it has no finer."""
+    rungs = () if knob is None else knob.rungs
+    finest = min((one.step_size for one in rungs if one.value is not None), default=0.0)
+    left = [one.seconds for one in rungs if one.step_size < finest and not one.failure]
+    return _spent(ladder) + FINER * min(left) if left else None
 
 
 def unknown_of(ladder: Ladder) -> dict[str, str]:

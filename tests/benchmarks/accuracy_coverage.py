@@ -24,8 +24,8 @@ from emclutch.studies.accuracy_rungs import is_sheared
 
 REFERENCE_SEED, FRESH_SEED = 777, 5000
 QUIET = {
-    "output.snapshots": 0, "output.pictures": False, "output.checkpoint": False, "output.formats": [],
-    "output.energy_budget": False,
+    "time.until": None, "output.snapshots": 0, "output.pictures": False, "output.checkpoint": False,
+    "output.formats": [], "output.energy_budget": False,
 }  # fmt: skip
 FIRST_STRAIN, LAST_STRAIN = 10.0, 42.0
 LONGER, FIRST_SHARE = 3.0, 1.0 / 6.0

@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from dataclasses import replace
 
 import pytest
 
@@ -96,6 +97,18 @@ def test_what_is_not_reached_names_its_limit_and_by_noise_a_time_that_falls_with
     assert longer.seconds == pytest.approx(ratio * shorter.seconds)
     beyond = recommended(ladder(), 0.9 * lasting)
     assert beyond.seconds is None and beyond.knob == STATISTICS and "24 packings" in beyond.in_words()
+
+
+def test_where_the_law_is_what_is_not_known_a_longer_study_measures_a_finer_setting():
+    """(F - 1) |b| is not noise: what is advised is the time so far, and two packings of a setting that had no time."""
+    large = noisy("grains", (4.0, 6.0), (1.6, 1.2), (1.0, 3.0))
+    finer = Rung(9.0, 1.0 / 9.0, None, 0.0, 0, 80.0, 8.0)
+    known, left = (
+        Ladder("abc", "case", {}, 1.6, SCATTER, 20.0, None, 4, 10.0, (replace(large, rungs=rungs),))
+        for rungs in (large.rungs, (*large.rungs, finer))
+    )
+    assert recommended(known, 0.02).seconds is None
+    assert recommended(left, 0.02).seconds == pytest.approx(4 * 10.0 + 4 * 30.0 + 2 * 80.0)
 
 
 def test_a_knob_that_was_not_measured_is_in_the_way():
