@@ -1,21 +1,21 @@
 """How often runs with `accuracy.target` are right: fresh packings against a reference of far more effort.
 
-    python tests/benchmarks/accuracy_coverage.py SCENE.toml REFERENCE.csv TARGET COUNT OUT.csv [FIRST]
+    python tests/benchmarks/accuracy_coverage.py run SCENE.toml TARGET COUNT RUNS.csv [FIRST]
+    python tests/benchmarks/accuracy_coverage.py reference SCENE.toml COUNT REFERENCE.csv
+    python tests/benchmarks/accuracy_coverage.py judge RUNS.csv REFERENCE.csv [REFERENCE.csv ...]
 
 Each run has a seed of its own, that no run of the ladder has. It is right where its torque without the bias of its
-settings, with its total error, holds the reference. The reference's own half width is added in quadrature.
-REFERENCE.csv: torque of each packing of a finer scene [N m], made by
-
-    python tests/benchmarks/accuracy_coverage.py SCENE.toml REFERENCE.csv reference COUNT
+settings, with its total error, holds the reference: the mean torque of packings of a finer scene, sheared for longer,
+whose own half width, Student's t, is added in quadrature.
 """
 
 from __future__ import annotations
 
-import csv
 import sys
 from pathlib import Path
 
 import numpy as np
+import pandas
 
 import emclutch
 from emclutch.results.ladder import student
@@ -49,7 +49,7 @@ def finer(case: emclutch.Case) -> tuple[dict[str, object], float]:
     return values | {"time.end": LONGER * plan.end}, FIRST_SHARE
 
 
-def reference(case: emclutch.Case, out: Path, count: int) -> None:
+def reference(case: emclutch.Case, count: int, out: Path) -> None:
     """Run finer packings, and append their torques."""
     values, left_out = finer(case)
     for number in range(count):
@@ -57,49 +57,63 @@ def reference(case: emclutch.Case, out: Path, count: int) -> None:
         folder = Path("runs") / f"reference-{case.name}-{number}"
         history = emclutch.run(case.with_values(QUIET | values | {"scene.seed": seed}), out=folder, threads=1).history
         late = history[history.time > left_out * history.time.iloc[-1]]
-        append(out, {"seed": seed, "torque": float(np.average(late.torque_disc, weights=np.gradient(late.time)))})
+        torque = float(np.average(late.torque_disc, weights=np.gradient(late.time)))
+        append(out, {"scene": case.name, "seed": seed, "torque": torque})
 
 
-def fresh(case: emclutch.Case, torques: np.ndarray, target: str, seeds: range, out: Path) -> None:
-    """Run the scene to its target with fresh packings, and append whether each run is right."""
-    truth = float(torques.mean())
-    of_truth = student(len(torques) - 1.0) * float(torques.std(ddof=1)) / len(torques) ** 0.5 / truth
+def run(case: emclutch.Case, target: str, seeds: range, out: Path) -> None:
+    """Run the scene to its target with fresh packings, and append what each run says of its torque."""
     for seed in seeds:
         folder = Path("runs") / f"fresh-{case.name}-{target.replace(' ', '')}-{seed}"
         turned = case.with_values(QUIET | {"accuracy.target": target, "scene.seed": seed})
         summary = emclutch.run(turned, out=folder).summary
         found = summary["discretisation_error"]
-        error = found["corrected_torque"]["mean"] / truth - 1.0
         append(out, {
             "scene": case.name, "target": target, "seed": seed, "torque": summary["torque"]["mean"],
-            "corrected": found["corrected_torque"]["mean"], "half_width": found["total_error"], "reference": truth,
-            "reference_half_width": of_truth, "error": error,
-            "right": abs(error) <= np.hypot(found["total_error"], of_truth),
-            "packings": summary["torque"]["replicas"], "seconds": summary["seconds"]["whole_run"],
+            "bias": found["bias"], "corrected": found["corrected_torque"]["mean"], "half_width": found["total_error"],
+            "reached": summary["accuracy_target"]["reached"], "packings": summary["torque"]["replicas"],
+            "seconds": summary["seconds"]["processor"],
         })  # fmt: skip
+
+
+def judge(runs: pandas.DataFrame, references: pandas.DataFrame) -> pandas.DataFrame:
+    """Return a row for each scene and target: how many runs are right, median error and half width, processor time."""
+    rows = []
+    for (scene, target), some in runs.groupby(["scene", "target"], sort=False):
+        torques = references.torque[references.scene == scene]
+        truth = torques.mean()
+        of_truth = student(len(torques) - 1.0) * torques.std(ddof=1) / len(torques) ** 0.5 / truth
+        error = (some.corrected / truth - 1.0).abs()
+        median, half = error.median(), some.half_width.median()
+        rows.append({
+            "scene": scene, "target": target, "runs": len(some),
+            "right": int((error <= np.hypot(some.half_width, of_truth)).sum()), "reached": int(some.reached.sum()),
+            "error": median, "half_width": half, "ratio": half / median,
+            "mean_error": (some.corrected / truth - 1.0).mean(), "reference": truth,
+            "reference_half_width": of_truth, "packings": some.packings.median(), "seconds": some.seconds.median(),
+        })  # fmt: skip
+    return pandas.DataFrame(rows)
 
 
 def append(path: Path, row: dict[str, object]) -> None:
     """Append a row to a CSV, with its head where it is new."""
-    is_new = not path.exists()
-    with path.open("a", newline="", encoding="utf-8") as stream:
-        writer = csv.DictWriter(stream, list(row), lineterminator="\n")
-        if is_new:
-            writer.writeheader()
-        writer.writerow(row)
+    pandas.DataFrame([row]).to_csv(path, mode="a", header=not path.exists(), index=False)
 
 
 def main() -> None:
     """See the module."""
-    scene, known, target, count = sys.argv[1], Path(sys.argv[2]), sys.argv[3], int(sys.argv[4])
-    case = emclutch.load_case(scene)
-    if target == "reference":
-        reference(case, known, count)
+    mode, first, *others = sys.argv[1:]
+    if mode == "judge":
+        references = pandas.concat([pandas.read_csv(one) for one in others])
+        print(judge(pandas.read_csv(first), references).to_string(index=False, float_format="%.4g"))
         return
-    with known.open(encoding="utf-8") as stream:
-        torques = np.array([float(row["torque"]) for row in csv.DictReader(stream)])
-    first = FRESH_SEED + (int(sys.argv[6]) if len(sys.argv) > 6 else 0)
-    fresh(case, torques, target, range(first, first + count), Path(sys.argv[5]))
+    case = emclutch.load_case(first)
+    if mode == "reference":
+        reference(case, int(others[0]), Path(others[1]))
+        return
+    target, count, out, *start = others
+    begin = FRESH_SEED + (int(start[0]) if start else 0)
+    run(case, target, range(begin, begin + int(count)), Path(out))
 
 
 if __name__ == "__main__":
