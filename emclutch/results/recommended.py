@@ -25,6 +25,7 @@ STATISTICS = "statistics"
 """Name of the part that is no knob's: of the packings' mean."""
 MAX_SETTINGS = 4  # of a knob that are combined with those of others
 MAX_COMBINATIONS = 1_000_000
+SAME = 1.0 - 1e-6
 FINER = 2  # packings of a setting that a longer study measures besides
 NEGLIGIBLE = 0.002
 """Error of the scene's own setting that makes finer ones pointless, whatever they are predicted to cost."""
@@ -346,8 +347,8 @@ def _candidates(ladder: Ladder, knob: KnobLadder, most: int) -> list[_Candidate]
     found = []
     for rung in knob.rungs:
         error = None if rung.value is None else knob.error(rung.step_size)
-        if error is None:
-            continue
+        if error is None or (knob.basis is Basis.LATER and rung.setting < knob.own * SAME):
+            continue  # an average that begins in the start-up drifts, and a run goes on until it knows by how much
         found.append(_Candidate(rung, error, rung.cost, _scatter_ratio(ladder, knob, rung)))
     own = next((one for one in found if _is_own(knob, one)), None)
     if own is not None and abs(own.error.bias) + own.error.half_width <= NEGLIGIBLE:

@@ -14,7 +14,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from emclutch.knobs import KNOBS, Knob, knobs_of
+from emclutch.knobs import knobs_of
 from emclutch.knobs.powder import COUNT
 from emclutch.results import OutputError
 from emclutch.results.ladder import Ladder, Total
@@ -25,6 +25,7 @@ from emclutch.results.text import format_duration, per_cent
 from emclutch.scene.case import Case
 from emclutch.scene.input_files import hashed_input_files
 from emclutch.simulation.forecast.machine_speed import slowness
+from emclutch.simulation.knob_settings import applying, settings_of, total_at
 from emclutch.simulation.plan import Plan
 from emclutch.simulation.recommended_case import cheapest_case
 from emclutch.simulation.resume import flat_scene
@@ -66,14 +67,6 @@ def ladder_of_device(case: Case) -> tuple[Ladder, Path] | None:
     ladder, path = found
     ratio = slowness() / ladder.machine.get("slowness", slowness())
     return (ladder if 1.0 / SAME_SPEED < ratio < SAME_SPEED else replace(ladder, seconds=ratio * ladder.seconds)), path
-
-
-def settings_of(case: Case, plan: Plan, averaged_from: float | None = None) -> dict[str, float]:
-    """Return the setting of each knob of a scene; `averaged_from`: strain from which on a run has averaged."""
-    found = {one.name: float(one.own(case.scene, plan)) for one in knobs_of(case.scene)}
-    if averaged_from and "start_up" in found:
-        found["start_up"] = averaged_from
-    return found
 
 
 def discretisation_error(
@@ -164,16 +157,6 @@ def how_to_find(case: Case) -> str:
     return f"emclutch accuracy {case.path or 'CASE'}"
 
 
-def total_at(ladder: Ladder, settings: Mapping[str, float], plan: Plan) -> Total:
-    """Return the error at some settings, one for each knob of a planned scene.
-
-    What has no error is as the plan says: at another current the real powder has another inertial number.
-    """
-    knobs = _knobs(settings)
-    step_sizes = {one.name: one.step_size(settings[one.name]) for one in knobs}
-    return ladder.total(step_sizes, {one.name: one.limit(plan.scene, plan) for one in knobs})
-
-
 def corrected(torque: Estimate, total: Total) -> dict[str, Any]:
     """Return a torque without its bias [N m], with half its 95 % interval, and that relative to it; None: unknown."""
     assert torque.mean is not None
@@ -191,7 +174,7 @@ def corrected(torque: Estimate, total: Total) -> dict[str, Any]:
 def extrapolated(ladder: Ladder, settings: Mapping[str, float]) -> dict[str, str]:
     """Return the knobs whose settings lie far beyond the rungs, with how far."""
     found = {}
-    for knob in _knobs(settings):
+    for knob in applying(settings):
         rungs = ladder.knob(knob.name)
         sizes = [] if rungs is None else [one.step_size for one in rungs.rungs if one.value]
         if not sizes:
@@ -202,10 +185,6 @@ def extrapolated(ladder: Ladder, settings: Mapping[str, float]) -> dict[str, str
         elif 0.0 < h < min(sizes) / FAR:
             found[knob.name] = f"{min(sizes) / h:.2g} times as fine as the finest that was measured"
     return found
-
-
-def _knobs(settings: Mapping[str, float]) -> list[type[Knob]]:
-    return [one for one in KNOBS if one.name in settings]
 
 
 def _unknown(why: str) -> dict[str, Any]:

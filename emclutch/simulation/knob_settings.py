@@ -1,4 +1,4 @@
-"""A scene with other settings of its knobs."""
+"""Settings of a scene's knobs: what they are, the error that a ladder knows of them, a scene with others."""
 
 from __future__ import annotations
 
@@ -6,13 +6,37 @@ from collections.abc import Mapping
 from functools import cached_property
 from typing import Any
 
-from emclutch.knobs import KNOBS
+from emclutch.knobs import KNOBS, Knob, knobs_of
+from emclutch.results.ladder import Ladder, Total
 from emclutch.scene.case import Case
 from emclutch.simulation.plan import Plan, make_plan
 
 DIMENSIONAL = ("s", "m/s")
 SAME = 1e-3
 """Of a setting: what is nearer to the scene's own is left as the scene has it."""
+
+
+def settings_of(case: Case, plan: Plan, averaged_from: float | None = None) -> dict[str, float]:
+    """Return the setting of each knob of a scene; `averaged_from`: strain from which on a run has averaged."""
+    found = {one.name: float(one.own(case.scene, plan)) for one in knobs_of(case.scene)}
+    if averaged_from and "start_up" in found:
+        found["start_up"] = averaged_from
+    return found
+
+
+def total_at(ladder: Ladder, settings: Mapping[str, float], plan: Plan) -> Total:
+    """Return the error at some settings, one for each knob of a planned scene.
+
+    What has no error is as the plan says: at another current the real powder has another inertial number.
+    """
+    knobs = applying(settings)
+    step_sizes = {one.name: one.step_size(settings[one.name]) for one in knobs}
+    return ladder.total(step_sizes, {one.name: one.limit(plan.scene, plan) for one in knobs})
+
+
+def applying(settings: Mapping[str, float]) -> list[type[Knob]]:
+    """Return the knobs of some settings."""
+    return [one for one in KNOBS if one.name in settings]
 
 
 def with_settings(case: Case, settings: Mapping[str, float]) -> Case:

@@ -4,35 +4,41 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from emclutch.results.ladder import Ladder
 from emclutch.results.recommended import Choice, Obstacle, obstacle, reaching
 from emclutch.scene.case import Case
 from emclutch.scene.errors import SceneError
-from emclutch.simulation.knob_settings import with_settings
+from emclutch.simulation.knob_settings import settings_of, total_at, with_settings
+from emclutch.simulation.plan import make_plan
 
 MAX_PACKINGS = 64  # that a scene may ask for
+SAFER = 0.95  # half width that is wanted where the scene takes settings somewhat coarser than they are
 MAX_REFUSALS = 6  # of combinations by the scene, after which there is no answer
 
 
 def cheapest_case(case: Case, ladder: Ladder, target: float) -> tuple[Choice, Case] | Obstacle:
     """Return the cheapest settings that the scene takes together, and the case with them; or why there are none."""
     refused: list[dict[str, float]] = []
-    reason, first = "", None
+    reason, first, wanted = "", None, target
     for choice in reaching(ladder, target):
         first = first or choice
-        if any(one.items() <= choice.settings.items() for one in refused):
+        if choice.half_width > wanted or any(one.items() <= choice.settings.items() for one in refused):
             continue
         try:
-            return choice, case_for(case, ladder, choice, target)
+            found = case_for(case, ladder, choice, target)
+            if found is not None:
+                return found
+            wanted *= SAFER
         except (SceneError, ValueError) as error:
             refused.append(_to_blame(case, ladder, choice.settings))
             reason = f"the scene refuses {', '.join(refused[-1])} at these settings: {error}"
             if len(refused) == MAX_REFUSALS:
                 break
     if not refused:
-        return obstacle(ladder, target)
+        return obstacle(ladder, wanted)
     return Obstacle(next(iter(refused[-1])), None, None, reason, first)
 
 
@@ -60,15 +66,15 @@ def _takes(case: Case, settings: Mapping[str, float]) -> bool:
     return True
 
 
-def case_for(case: Case, ladder: Ladder, choice: Choice, target: float) -> Case:
+def case_for(case: Case, ladder: Ladder, choice: Choice, target: float) -> tuple[Choice, Case] | None:
     """Return a case with a choice's settings, that runs until statistics and discretisation together reach a target.
 
-    SceneError or ValueError where the scene, or its plan, refuses the settings.
+    The choice is returned as the scene takes it: a window, or a sector, may come out somewhat larger. None where its
+    error is then larger than the target. SceneError or ValueError where the scene, or its plan, refuses
+    the settings.
     """
     case = with_settings(case, choice.settings)
-    allowed = math.sqrt(target**2 - choice.total.half_width**2)
     values: dict[str, Any] = {
-        "time.until": f"torque {math.floor(1e4 * allowed) / 100.0:g} %",
         "accuracy.target": None,
         "accuracy.replicas": None,
         "accuracy.max_replicas": min(MAX_PACKINGS, max(24, 2 * choice.packings)),
@@ -78,4 +84,11 @@ def case_for(case: Case, ladder: Ladder, choice: Choice, target: float) -> Case:
         values["time.end"] = f"strain {start + ladder.strain:.6g}"
         if ladder.strain > start * 1.01:  # else the average begins in the middle, which is there
             values["time.average_from"] = f"strain {start:.6g}"
-    return case.with_values(values)
+    case = case.with_values(values)
+    plan = make_plan(case)[1]
+    settings = settings_of(case, plan, start)
+    choice = replace(choice, total=total_at(ladder, {name: settings[name] for name in choice.settings}, plan))
+    if choice.total.unknown or choice.half_width > target:
+        return None
+    allowed = math.sqrt(target**2 - choice.total.half_width**2)
+    return choice, case.with_values({"time.until": f"torque {math.floor(1e4 * allowed) / 100.0:g} %"})

@@ -82,7 +82,7 @@ def test_scenes_have_the_settings_that_the_ladder_says(tmp_path, case, own, with
 def test_a_scene_says_where_it_comes_from_and_by_what_its_torque_is_to_be_divided(case, own):
     of = whole(own)
     choice = recommended(of, 0.05)
-    text = scene_text(case_for(case, of, choice, 0.05), of, choice, 0.05, "target_5_percent.toml")
+    text = scene_text(case_for(case, of, choice, 0.05)[1], of, choice, 0.05, "target_5_percent.toml")
     head = [line for line in text.splitlines() if line.startswith("#")]
     assert tomllib.loads(text)["time"]["until"].startswith("torque ")
     for words in ("emclutch run target_5_percent.toml", "2026-01-01", "abc", f"{1.0 + choice.total.bias:.4g}"):
@@ -93,7 +93,7 @@ def test_settings_that_are_the_scenes_own_remain_automatic(case, own):
     of = whole(own)
     choice = recommended(of, 0.05)
     kept = Choice(dict(own), choice.total, 4, 0.01, 1.0)
-    data = case_for(case, of, kept, 0.05).data
+    data = case_for(case, of, kept, 0.5)[1].data
     assert data["effects"] == case.data["effects"]
     assert data["particles"] == case.data["particles"]
 
