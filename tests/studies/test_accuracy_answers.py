@@ -92,7 +92,7 @@ def test_a_scene_says_where_it_comes_from_and_by_what_its_torque_is_to_be_divide
 def test_settings_that_are_the_scenes_own_remain_automatic(case, own):
     of = whole(own)
     choice = recommended(of, 0.05)
-    kept = Choice(dict(own), choice.total, 4, 0.01, 1.0)
+    kept = Choice({one.knob: own[one.knob] for one in of.knobs}, choice.total, 4, 0.01, 1.0)
     data = case_for(case, of, kept, 0.5)[1].data
     assert data["effects"] == case.data["effects"]
     assert data["particles"] == case.data["particles"]
