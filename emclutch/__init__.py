@@ -23,10 +23,10 @@ if TYPE_CHECKING:  # the same names for type checkers and editors, which do not 
     from emclutch.simulation.check import Checked, check
     from emclutch.simulation.plan import Plan, plan
     from emclutch.simulation.window_state import CallbackError, WindowState
-    from emclutch.studies.accuracy import accuracy
-    from emclutch.studies.accuracy_target import run
+    from emclutch.studies.accuracy.effect_contributions import EffectsResult, effect_contributions
+    from emclutch.studies.accuracy.study import accuracy
+    from emclutch.studies.accuracy.target import run
     from emclutch.studies.design_search import DesignResult, design
-    from emclutch.studies.effect_contributions import EffectsResult, effect_contributions
     from emclutch.studies.field_result import FieldResult, field
     from emclutch.studies.fit import FitResult, fit
     from emclutch.studies.mesh import MeshedScene, mesh
@@ -69,7 +69,7 @@ __all__ = [
 __getattr__, __dir__ = lazy_attributes(
     __name__,
     {
-        "run": "emclutch.studies.accuracy_target:run",
+        "run": "emclutch.studies.accuracy.target:run",
         "WindowState": "emclutch.simulation.window_state:WindowState",
         "CallbackError": "emclutch.simulation.window_state:CallbackError",
         "check": "emclutch.simulation.check:check",
@@ -85,9 +85,9 @@ __getattr__, __dir__ = lazy_attributes(
         "sweep": "emclutch.studies.sweep:sweep",
         "design": "emclutch.studies.design_search:design",
         "DesignResult": "emclutch.studies.design_search:DesignResult",
-        "accuracy": "emclutch.studies.accuracy:accuracy",
-        "effect_contributions": "emclutch.studies.effect_contributions:effect_contributions",
-        "EffectsResult": "emclutch.studies.effect_contributions:EffectsResult",
+        "accuracy": "emclutch.studies.accuracy.study:accuracy",
+        "effect_contributions": "emclutch.studies.accuracy.effect_contributions:effect_contributions",
+        "EffectsResult": "emclutch.studies.accuracy.effect_contributions:EffectsResult",
         "OutputError": "emclutch.results:OutputError",
         "RunError": "emclutch.results.errors:RunError",
         "Result": "emclutch.results:Result",

@@ -46,7 +46,7 @@ def run(
             print_plan(read, as_json, threads)
             return
         from emclutch.results import Progress
-        from emclutch.studies.accuracy_target import run as run_scene
+        from emclutch.studies.accuracy.target import run as run_scene
 
         with nullcontext() if as_json else Progress() as progress:
             result = run_scene(read, out=out, threads=threads, resume=resume, progress=progress, force=force)
@@ -133,9 +133,9 @@ def accuracy(
         wanted, seconds = read_targets(targets), read_budget(budget)
         read = load(case, sets, trust_scripts)
         from emclutch.results import Progress
-        from emclutch.studies.accuracy import AccuracyResult
-        from emclutch.studies.accuracy import accuracy as measure_accuracy
-        from emclutch.studies.effect_contributions import EffectsResult, effect_contributions
+        from emclutch.studies.accuracy.effect_contributions import EffectsResult, effect_contributions
+        from emclutch.studies.accuracy.study import AccuracyResult
+        from emclutch.studies.accuracy.study import accuracy as measure_accuracy
 
         options: dict[str, Any] = {"out": out, "budget": seconds, "jobs": jobs, "resume": resume}
         found: AccuracyResult | EffectsResult

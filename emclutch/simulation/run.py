@@ -45,7 +45,7 @@ def run(
     Parameters
     ----------
     case, out, threads, resume, progress, start, force, callback : as of `emclutch.run`
-    accuracy_target : total error that the settings were chosen for (`emclutch.studies.accuracy_target`): the run's
+    accuracy_target : total error that the settings were chosen for (`emclutch.studies.accuracy.target`): the run's
         folder keeps it, and its summary says whether it was reached.
 
     Raises

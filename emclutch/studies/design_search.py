@@ -193,7 +193,7 @@ def design(
     result = DesignResult(folder, search, value, expected, (low, high), is_cut, law.tried(), found, correction)
     _write(result)
     if confirm:
-        from emclutch.studies.accuracy_target import run  # local: a search alone compiles no kernel
+        from emclutch.studies.accuracy.target import run  # local: a search alone compiles no kernel
 
         result = replace(result, run=run(found, out=folder / "run", threads=threads, progress=progress))
         if result.ratio:

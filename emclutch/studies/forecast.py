@@ -15,7 +15,7 @@ from emclutch.simulation.forecast.space import shortage
 from emclutch.simulation.plan import make_plan
 from emclutch.simulation.resume import flat_scene
 from emclutch.simulation.stopping_rule import stopping_rule
-from emclutch.studies.accuracy_target import cases_of
+from emclutch.studies.accuracy.target import cases_of
 from emclutch.studies.points import PointFolder
 from emclutch.studies.workers import threads_of_a_worker
 

@@ -22,7 +22,7 @@ from emclutch.results.history import last_time
 from emclutch.scene.case import Case
 from emclutch.scene.study import StudySection
 from emclutch.simulation.resume import differing_keys, flat_scene, may_change, refuse_changed_files, seconds_of
-from emclutch.studies.accuracy_target import cases_of
+from emclutch.studies.accuracy.target import cases_of
 
 POINT = "point-"
 _NUMBERED = re.compile(rf"{POINT}(\d+)")

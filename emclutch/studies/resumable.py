@@ -1,7 +1,7 @@
 """Studies of many tasks that continue after they were stopped or killed.
 
 A file of decisions in the study's folder says what is to be run, and the folder of each task whether it is done
-(`emclutch.studies.accuracy_tasks`); so a study that continues comes to the same end.
+(`emclutch.studies.accuracy.tasks`); so a study that continues comes to the same end.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from emclutch.results.run_folder import logging_to
 from emclutch.results.text import format_duration
 from emclutch.scene.case import Case
 from emclutch.simulation.resume import differing_keys, flat_scene
-from emclutch.studies.accuracy_tasks import AccuracyTask, TaskResult, perform, result_in
+from emclutch.studies.accuracy.tasks import AccuracyTask, TaskResult, perform, result_in
 from emclutch.studies.task_queue import InThisProcess, TaskQueue, note, tell
 from emclutch.studies.tasks import STOP
 from emclutch.studies.workers import ctrl_c_sets, worker_pool

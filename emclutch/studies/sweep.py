@@ -26,7 +26,7 @@ from emclutch.scene.study import StudySection, read_study
 from emclutch.scene.timing import instant_in_words
 from emclutch.simulation.missing_pictures import draw_missing
 from emclutch.simulation.resume import seconds_of
-from emclutch.studies.accuracy_target import cases_of
+from emclutch.studies.accuracy.target import cases_of
 from emclutch.studies.points import PointFolder, folders_of_points, unclaimed
 from emclutch.studies.tables import Done, disc_torque, label_of, write_failures, write_tables
 from emclutch.studies.tasks import STOP, PointOutcome, PointTask, run_point

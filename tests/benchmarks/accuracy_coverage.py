@@ -20,7 +20,7 @@ import pandas
 import emclutch
 from emclutch.results.ladder import student
 from emclutch.scene.replica_count import replica_seed
-from emclutch.studies.accuracy_rungs import is_sheared
+from emclutch.studies.accuracy.rungs import is_sheared
 
 REFERENCE_SEED, FRESH_SEED = 777, 5000
 QUIET = {

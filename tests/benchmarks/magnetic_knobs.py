@@ -24,7 +24,7 @@ from emclutch.results.record import Record
 from emclutch.scene.case import Case
 from emclutch.simulation.assembly import simulation_of
 from emclutch.simulation.plan import make_plan
-from emclutch.studies.frozen_state import MOMENTS_TOLERANCE, FrozenState, frozen_state, pull_across
+from emclutch.studies.accuracy.frozen_state import MOMENTS_TOLERANCE, FrozenState, frozen_state, pull_across
 from particles import DEM, Grains
 
 WIDTHS = (2.5, 3.0, 3.5)  # diameters

@@ -169,7 +169,7 @@ def test_force_is_not_refused(monkeypatch):
 
 @pytest.mark.parametrize("command", ["run", "sweep"])
 def test_the_command_line_hands_on_force(command, monkeypatch, tmp_path):
-    import emclutch.studies.accuracy_target
+    import emclutch.studies.accuracy.target
     import emclutch.studies.tasks
 
     asked = {}
@@ -178,7 +178,7 @@ def test_the_command_line_hands_on_force(command, monkeypatch, tmp_path):
         asked.update(given)
         raise RunError("seen")
 
-    monkeypatch.setattr(emclutch.studies.accuracy_target, "run_scene", stand_in)
+    monkeypatch.setattr(emclutch.studies.accuracy.target, "run_scene", stand_in)
     monkeypatch.setattr(emclutch.studies.tasks, "run", stand_in)
     case, study = tmp_path / "case.toml", tmp_path / "study.toml"
     case.write_text(case_from(CELL, {}).toml())

@@ -16,10 +16,11 @@ from emclutch.results.errors import Interrupted, OutputError, RunError
 from emclutch.results.ladders import find_ladder
 from emclutch.scene.case import case_from
 from emclutch.scene.errors import SceneError
-from emclutch.studies import accuracy as study
-from emclutch.studies import accuracy_rungs, accuracy_tasks
-from emclutch.studies.accuracy_tasks import GRAINS, AccuracyTask, perform, result_in
-from emclutch.studies.frozen_state import frozen_state
+from emclutch.studies.accuracy import rungs as accuracy_rungs
+from emclutch.studies.accuracy import study
+from emclutch.studies.accuracy import tasks as accuracy_tasks
+from emclutch.studies.accuracy.frozen_state import frozen_state
+from emclutch.studies.accuracy.tasks import GRAINS, AccuracyTask, perform, result_in
 
 CELL = {
     "scene": {"title": "sheared annulus", "seed": 3},

@@ -13,8 +13,8 @@ from emclutch.results.recommended import Choice, recommended
 from emclutch.scene.case import load_case
 from emclutch.simulation.plan import make_plan
 from emclutch.simulation.recommended_case import case_for
-from emclutch.studies.accuracy_answers import present, scene_text
-from emclutch.studies.accuracy_tables import error_in_words, per_cent, rows_of
+from emclutch.studies.accuracy.answers import present, scene_text
+from emclutch.studies.accuracy.tables import error_in_words, per_cent, rows_of
 
 OWN_SECTOR = 11.4
 
@@ -53,7 +53,7 @@ def knobs(own, noise=0.01):
 
 @pytest.fixture
 def without_picture(monkeypatch):
-    monkeypatch.setattr("emclutch.studies.accuracy_answers.accuracy_picture", lambda *_, **__: None)
+    monkeypatch.setattr("emclutch.studies.accuracy.answers.accuracy_picture", lambda *_, **__: None)
 
 
 def whole(own, **values):

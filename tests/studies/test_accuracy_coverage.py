@@ -11,7 +11,7 @@ from scipy.special import stdtrit
 
 from emclutch.results.ladder import Basis, KnobLadder, Ladder, Rung, pooled_scatter
 from emclutch.results.recommended import Choice, recommended
-from emclutch.studies.accuracy_plan import (
+from emclutch.studies.accuracy.plan import (
     OWN,
     OfferedKnob,
     OfferedRung,

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from emclutch.results.ladder import Total
-from emclutch.studies.accuracy_plan import (
+from emclutch.studies.accuracy.plan import (
     MAX_PACKINGS,
     OWN,
     OfferedKnob,

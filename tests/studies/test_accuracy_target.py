@@ -13,8 +13,8 @@ from emclutch.scene.study import read_study
 from emclutch.simulation.discretisation_error import accuracy_in_words, device_of
 from emclutch.simulation.plan import make_plan
 from emclutch.simulation.run import run as run_with_settings
-from emclutch.studies import accuracy_target
-from emclutch.studies.accuracy_target import cases_of, with_target
+from emclutch.studies.accuracy import target as accuracy_target
+from emclutch.studies.accuracy.target import cases_of, with_target
 
 ENDS = {"time__average_from": None, "accuracy__replicas": None}
 
@@ -53,7 +53,7 @@ def test_a_missing_ladder_is_measured_within_the_budget(folder, monkeypatch):
         asked.update(given)
         with_ladder(case, contact_step(0.04, 0.004), scatter=0.02)
 
-    monkeypatch.setattr("emclutch.studies.accuracy.accuracy", stand_in)
+    monkeypatch.setattr("emclutch.studies.accuracy.study.accuracy", stand_in)
     case = cell(accuracy__target="5 %", accuracy__budget="3 min", **ENDS)
     assert "up to 3 min (accuracy.budget)" in accuracy_in_words(case, make_plan(case)[1])
     assert with_target(case).scene.span.until is not None

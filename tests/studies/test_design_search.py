@@ -14,7 +14,7 @@ from emclutch.results import HistoryWriter, RunFolder, load_result
 from emclutch.scene.case import case_from
 from emclutch.scene.design import read_design
 from emclutch.scene.errors import SceneError
-from emclutch.studies import accuracy_target as run_case
+from emclutch.studies.accuracy import target as run_case
 from emclutch.studies.design_search import expectation_of
 
 QUICKSTART = Path(__file__).resolve().parents[2] / "cases" / "quickstart.toml"

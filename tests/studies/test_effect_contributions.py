@@ -16,8 +16,8 @@ from emclutch.results.errors import Interrupted
 from emclutch.scene.case import case_from, load_case
 from emclutch.scene.errors import SceneError
 from emclutch.studies import resumable
-from emclutch.studies.accuracy_tasks import STOPPED, TaskResult
-from emclutch.studies.effect_contributions import effect_contributions, present, removals
+from emclutch.studies.accuracy.effect_contributions import effect_contributions, present, removals
+from emclutch.studies.accuracy.tasks import STOPPED, TaskResult
 
 CASES = Path(__file__).parents[2] / "cases"
 TOY = {

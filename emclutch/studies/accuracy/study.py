@@ -1,7 +1,7 @@
 """Accuracy study: the ladder of a scene's knobs within a budget, and the settings for wanted accuracies.
 
 Packings at the scene's own settings come first; what they cost, and how much they scatter, decides what the budget is
-enough for (`emclutch.studies.accuracy_plan`). Magnetic knobs are turned on the grains at the end of the first of them.
+enough for (`emclutch.studies.accuracy.plan`). Magnetic knobs are turned on the grains at the end of the first of them.
 Every packing is a task in a folder of its own, and depends on its scene and seed alone; ``plan.json`` holds every
 decision. So a study that is stopped, or killed, continues to the same ladder.
 """
@@ -26,8 +26,8 @@ from emclutch.results.text import format_duration
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.replica_count import cores_at_hand, replica_seed
-from emclutch.studies.accuracy_ladder import Measured, ladder_of, refuse_no_torque, scatter_of
-from emclutch.studies.accuracy_plan import (
+from emclutch.studies.accuracy.measured_ladder import Measured, ladder_of, refuse_no_torque, scatter_of
+from emclutch.studies.accuracy.plan import (
     BASE,
     OWN,
     Key,
@@ -40,7 +40,7 @@ from emclutch.studies.accuracy_plan import (
     more_packings,
     packings_for,
 )
-from emclutch.studies.accuracy_rungs import (
+from emclutch.studies.accuracy.rungs import (
     Base,
     PlannedRung,
     Turned,
@@ -52,7 +52,7 @@ from emclutch.studies.accuracy_rungs import (
     turned,
     turns_of,
 )
-from emclutch.studies.accuracy_tasks import GRAINS, AccuracyTask, TaskResult
+from emclutch.studies.accuracy.tasks import GRAINS, AccuracyTask, TaskResult
 from emclutch.studies.resumable import BUDGET, ResumableStudy, begun_study
 from emclutch.studies.task_queue import TaskQueue, tell
 
@@ -149,7 +149,7 @@ def accuracy(
 
 
 def _presented(case: Case, ladder: Ladder, folder: Path, targets: Sequence[float]) -> list[str]:
-    from emclutch.studies.accuracy_answers import present  # local: it draws
+    from emclutch.studies.accuracy.answers import present  # local: it draws
 
     return present(case, ladder, folder, targets)
 

@@ -19,9 +19,9 @@ from emclutch.scene.case import Case
 from emclutch.simulation.discretisation_error import device_of
 from emclutch.simulation.forecast.machine_speed import slowness
 from emclutch.simulation.resume import flat_scene
-from emclutch.studies.accuracy_plan import BASE
-from emclutch.studies.accuracy_rungs import Base, PlannedRung
-from emclutch.studies.accuracy_tasks import TaskResult, strain_of
+from emclutch.studies.accuracy.plan import BASE
+from emclutch.studies.accuracy.rungs import Base, PlannedRung
+from emclutch.studies.accuracy.tasks import TaskResult, strain_of
 
 
 @dataclass(frozen=True)

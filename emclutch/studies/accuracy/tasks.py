@@ -26,7 +26,7 @@ from emclutch.scene.multiple import STRAIN
 from emclutch.simulation.resume import seconds_of
 from emclutch.simulation.run import run
 from emclutch.simulation.window_state import WindowState
-from emclutch.studies.frozen_state import frozen_state
+from emclutch.studies.accuracy.frozen_state import frozen_state
 from emclutch.studies.tasks import StopAsked
 
 if TYPE_CHECKING:

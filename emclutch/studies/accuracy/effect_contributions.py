@@ -29,9 +29,9 @@ from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.replica_count import cores_at_hand, replica_seed
 from emclutch.simulation.plan import make_plan
-from emclutch.studies.accuracy import WARM_UP_WINDOWS
-from emclutch.studies.accuracy_rungs import base_of, refuse_what_has_no_ladder, source_of, starts_of
-from emclutch.studies.accuracy_tasks import AccuracyTask
+from emclutch.studies.accuracy.rungs import base_of, refuse_what_has_no_ladder, source_of, starts_of
+from emclutch.studies.accuracy.study import WARM_UP_WINDOWS
+from emclutch.studies.accuracy.tasks import AccuracyTask
 from emclutch.studies.resumable import BUDGET, ResumableStudy, begun_study
 from emclutch.studies.task_queue import TaskQueue
 
@@ -119,7 +119,7 @@ def effect_contributions(
     case : Case, or the path of a scene file.
     out : folder; default: the next free studies/<case>-effects-<nnn>.
     budget : wall-clock time [s]; default 20 min. Three packings without each effect are run in any case.
-    jobs, resume, progress : as of `emclutch.studies.accuracy.accuracy`.
+    jobs, resume, progress : as of `emclutch.studies.accuracy.study.accuracy`.
 
     Raises
     ------

@@ -18,7 +18,7 @@ from emclutch.results.text import format_duration, per_cent
 from emclutch.scene.case import Case
 from emclutch.scene.input_files import input_files
 from emclutch.simulation.recommended_case import cheapest_case
-from emclutch.studies.accuracy_tables import (
+from emclutch.studies.accuracy.tables import (
     BOLD_HTML,
     BOLD_MARKDOWN,
     Answer,

@@ -171,7 +171,7 @@ def cases_of(
 
 def _measure(case: Case, progress: Any) -> None:
     """Measure the ladder of a case within its budget, in a folder by which the same case finds it again."""
-    from emclutch.studies.accuracy import BUDGET_OPTION, accuracy  # local, as above
+    from emclutch.studies.accuracy.study import BUDGET_OPTION, accuracy  # local, as above
 
     name = hashlib.sha256(case.toml().encode()).hexdigest()[:16]
     folder = ladder_folder() / f"study-{name}"

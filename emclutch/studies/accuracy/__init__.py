@@ -1,0 +1,1 @@
+"""The price of accuracy: ladders of numerical settings, cheapest settings for a wanted accuracy, what effects add."""
