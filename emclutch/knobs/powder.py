@@ -46,7 +46,7 @@ class GrainsAcross(Knob):
     @classmethod
     def usual(cls, scene, plan):
         real = grains_across(scene) * scene.grains.mean_diameter / scene.grains.real_diameter
-        return tuple(n for n in (4.0, 5.0, 6.0, 8.0, 12.0, 16.0) if n <= real)
+        return tuple(n for n in (4.0, 5.0, 6.0, 8.0, 12.0, 16.0, real) if n <= min(real, 16.0))
 
     @classmethod
     def keys(cls, scene):
@@ -93,8 +93,9 @@ class SectorWidth(Knob):
 
     @classmethod
     def usual(cls, scene, plan):
-        sectors = (_sectors(scene, factor * scene.grains.sector) for factor in (2.0, 4.0))
-        return tuple(_width(scene, 2.0 * pi / n, scene.grains.largest_diameter) for n in sectors if n > 1)
+        wider = [n for factor in (2.0, 4.0) if (n := _sectors(scene, factor * scene.grains.sector)) > 1]
+        sectors = wider or [_sectors(scene, 0.5 * scene.grains.sector)]
+        return tuple(_width(scene, 2.0 * pi / n, scene.grains.largest_diameter) for n in sectors)
 
     @classmethod
     def keys(cls, scene):

@@ -33,6 +33,8 @@ class Without:
         Processor time of a packing [s].
     reason : str
         Why there are no packings of it.
+    was_run : bool
+        Whether any was begun.
     """
 
     effect: str
@@ -40,6 +42,7 @@ class Without:
     torques: tuple[float, ...] = ()
     seconds: float = math.nan
     reason: str = ""
+    was_run: bool = True
 
     @property
     def names(self) -> str:

@@ -23,7 +23,8 @@ in quadrature (F - 1) |b|, with F = 1.25 where three rungs or more follow the la
 unchecked, and 3 where the rungs do not follow it, or at settings coarser than all of them. Where they do not follow it
 the largest misfit, or without noise the largest difference from finer rungs, takes the place of |b| if that is larger
 (L. Eca, M. Hoekstra, J. Comput. Phys. 262 (2014) 104-130). Noisy rungs of a knob without a known order have their
-difference from the finest one as b, with F = 1.5. Without a law nothing is said of settings coarser than all.
+difference from the finest one as b, or that of the last two if it is larger, with F = 1.5. Without a law nothing is
+said of settings coarser than all.
 
 **Decided** is a knob whose error at the scene's setting is known to be different from zero, or smaller than `SMALL`;
 all others are undecided, and count with their half width all the same.
@@ -34,7 +35,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from enum import StrEnum
 from typing import Any
 
@@ -43,11 +44,13 @@ import numpy as np
 SAFETY = {"follows": 1.25, "other order": 1.25, "not checked": 1.5, "no law": 3.0}
 SMALL = 0.01
 """Half width of an error that needs no decision."""
-ORDERS = np.linspace(0.5, 8.0, 301)
+ORDERS = np.linspace(0.5, 8.0, 151)
 MISFIT = 0.1  # of the range of the rungs: largest residual of rungs without noise that follow a law
 NARROW = 2.0  # coarsest over finest step size: over less no order is seen
 SIGNIFICANCE = 0.05
 CONFIDENCE = 0.95
+VERSION = 1
+"""Of the file: settings, units and step sizes of the knobs are those of this version."""
 INTERACTION = "interaction"
 """Name of the part that is no knob's: what errors may do to each other."""
 
@@ -56,8 +59,10 @@ class Basis(StrEnum):
     """Quantity of a rung."""
 
     TORQUE = "torque"
-    MOMENTS = "sum of squared moments of standing grains, to which the torque is taken to be in proportion"
-    LATER = "torque of the same packings over a later stretch"
+    MOMENTS = "moments"
+    """Sum of squared moments of standing grains, to which the torque is taken to be in proportion."""
+    LATER = "later"
+    """Torque of the same packings over a later stretch."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,10 +174,14 @@ class KnobLadder:
         """
         return None if self._fit is None else self._fit.error(step_size, self.limit if limit is None else limit)
 
+    def is_own(self, setting: float) -> bool:
+        """Return whether a setting is the scene's own."""
+        return math.isclose(setting, self.own, rel_tol=1e-6)
+
     @property
     def own_error(self) -> KnobError | None:
         """Return the error of the scene's own setting."""
-        own = [rung for rung in self.rungs if math.isclose(rung.setting, self.own, rel_tol=1e-6)]
+        own = [rung for rung in self.rungs if self.is_own(rung.setting)]
         return self.error(own[0].step_size) if own else None
 
 
@@ -285,6 +294,14 @@ class Ladder:
         """Return the rungs of a knob; None where it has none."""
         return next((one for one in self.knobs if one.knob == name), None)
 
+    def on_another_machine(self, slower: float) -> Ladder:
+        """Return the ladder with the times of a machine that is slower by a factor."""
+        knobs = tuple(
+            replace(one, rungs=tuple(replace(rung, seconds=slower * rung.seconds) for rung in one.rungs))
+            for one in self.knobs
+        )
+        return replace(self, seconds=slower * self.seconds, knobs=knobs)
+
     def corrected_torque(self, total: Total) -> tuple[float, float]:
         """Return the torque without the error of the scene's own settings [N m], and half its 95 % interval, relative.
 
@@ -317,7 +334,7 @@ class Ladder:
 
     def to_json(self) -> str:
         """Return the ladder as text."""
-        values = asdict(self)
+        values = {"version": VERSION} | asdict(self)
         for one in values["knobs"]:
             del one["_fit"]
             one["freedom"] = None if math.isinf(one["freedom"]) else one["freedom"]
@@ -327,6 +344,8 @@ class Ladder:
     def from_json(cls, text: str) -> Ladder:
         """Read what `to_json` wrote; ValueError or KeyError for anything else."""
         values = json.loads(text)
+        if values.pop("version", None) != VERSION:
+            raise ValueError("it is of another version of the program")
         knobs = []
         for one in values.pop("knobs"):
             rungs = tuple(Rung(**rung) for rung in one.pop("rungs"))
@@ -388,7 +407,8 @@ class _Fit:
         change, apart = 0.5 * (max(changes) + min(changes)), 0.5 * (max(changes) - min(changes))
         model = SAFETY["no law" if outside else self.verdict] - 1.0
         model *= abs(change) if self.verdict != "no law" else max(abs(change), self.misfit)
-        half = apart + math.hypot(self.slope_half * x, model)
+        left = 0.0 if self.slope_half else self.misfit  # of rungs without noise, which noise does not explain
+        half = apart + math.hypot(self.slope_half * x, model, left)
         return KnobError(math.expm1(change), half, self.slope_shared * x, abs(self.slope_half * x))
 
 
@@ -402,7 +422,7 @@ def _fitted(ladder: KnobLadder) -> _Fit | None:
     if not error.any():
         return _without_noise(ladder, h, y)
     shares = ladder.basis is Basis.TORQUE
-    own = np.array([shares and math.isclose(rung.setting, ladder.own, rel_tol=1e-6) for rung in rungs])
+    own = np.array([shares and ladder.is_own(rung.setting) for rung in rungs])
     half = student(ladder.freedom) * error
     return _differences(h, y, half, own) if ladder.order is None else _line(ladder, h, y, error, own)
 
@@ -436,11 +456,13 @@ def _differences(h: np.ndarray, y: np.ndarray, half: np.ndarray, own: np.ndarray
     """Differences of noisy rungs from the finest one, where nothing is known of their law."""
     model = SAFETY["not checked"] - 1.0
     found = {}
+    last_step = abs(float(y[-2] - y[-1]))  # what the finest one lacks is no better known
     for i, one in enumerate(h):
         difference = float(y[i] - y[-1])
         shared = float(half[i] * own[i] - half[-1] * own[-1])
-        noise = math.hypot(float(half[i]), float(half[-1]))
-        found[float(one)] = KnobError(math.expm1(difference), math.hypot(noise, model * difference), shared, noise)
+        noise = math.hypot(float(half[min(i, len(h) - 2)]), float(half[-1]))
+        half_width = math.hypot(noise, model * max(abs(difference), last_step))
+        found[float(one)] = KnobError(math.expm1(difference), half_width, shared, noise)
     return _Fit("no law", float(h.max()), differences=found)
 
 

@@ -260,9 +260,10 @@ def obstacle(ladder: Ladder, target: float) -> Obstacle:
     best = Combinations(ladder).nearest()
     noise = best.total.noise
     room = target**2 - (best.half_width**2 - noise**2)
-    if room > 0.0:
-        return Obstacle(best.largest, best.parts[best.largest], _spent(ladder) * noise**2 / room, best=best)
     errors = best.total.parts
+    if room > 0.0 and noise > 0.0:
+        knob = max(errors, key=lambda name: errors[name].noise)
+        return Obstacle(knob, best.parts[knob], _spent(ladder) * noise**2 / room, best=best)
     lasting = {
         name: math.sqrt(max(0.0, half**2 - (errors[name].noise ** 2 if name in errors else 0.0)))
         for name, half in best.parts.items()
@@ -327,7 +328,7 @@ def _spent(ladder: Ladder) -> float:
         for knob in ladder.knobs
         if knob.basis is not Basis.LATER
         for rung in knob.rungs
-        if knob.basis is Basis.MOMENTS or not math.isclose(rung.setting, knob.own, rel_tol=1e-6)
+        if knob.basis is Basis.MOMENTS or not knob.is_own(rung.setting)
     ]
     return ladder.packings * ladder.seconds + sum(rung.packings * rung.seconds for rung in rungs)
 
@@ -350,12 +351,12 @@ def _candidates(ladder: Ladder, knob: KnobLadder, most: int) -> list[_Candidate]
         if error is None or (knob.basis is Basis.LATER and rung.setting < knob.own * SAME):
             continue  # an average that begins in the start-up drifts, and a run goes on until it knows by how much
         found.append(_Candidate(rung, error, rung.cost, _scatter_ratio(ladder, knob, rung)))
-    own = next((one for one in found if _is_own(knob, one)), None)
+    own = next((one for one in found if knob.is_own(one.rung.setting)), None)
     if own is not None and abs(own.error.bias) + own.error.half_width <= NEGLIGIBLE:
         found = [one for one in found if one.rung.step_size >= own.rung.step_size]  # a finer one gains nothing
     while len(found) > most:  # those that others beat, then those with the smallest difference to their neighbour
-        beaten = [one for one in found if not _is_own(knob, one) and any(_beats(other, one) for other in found)]
-        others = [one for one in found if not _is_own(knob, one)]
+        others = [one for one in found if not knob.is_own(one.rung.setting)]
+        beaten = [one for one in others if any(_beats(other, one) for other in found)]
         found.remove(beaten[0] if beaten else min(others[:-1] or others, key=lambda one: abs(math.log(one.cost))))
     return found
 
@@ -365,10 +366,6 @@ def _scatter_ratio(ladder: Ladder, knob: KnobLadder, rung: Rung) -> float:
     if knob.basis is not Basis.TORQUE or ladder.scatter <= 0.0 or rung.error <= 0.0:
         return 1.0
     return rung.error * math.sqrt(rung.packings) / ladder.scatter
-
-
-def _is_own(knob: KnobLadder, one: _Candidate) -> bool:
-    return math.isclose(one.rung.setting, knob.own, rel_tol=1e-6)
 
 
 def _beats(other: _Candidate, one: _Candidate) -> bool:

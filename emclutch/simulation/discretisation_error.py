@@ -10,7 +10,6 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -66,7 +65,7 @@ def ladder_of_device(case: Case) -> tuple[Ladder, Path] | None:
         return None
     ladder, path = found
     ratio = slowness() / ladder.machine.get("slowness", slowness())
-    return (ladder if 1.0 / SAME_SPEED < ratio < SAME_SPEED else replace(ladder, seconds=ratio * ladder.seconds)), path
+    return (ladder if 1.0 / SAME_SPEED < ratio < SAME_SPEED else ladder.on_another_machine(ratio)), path
 
 
 def discretisation_error(

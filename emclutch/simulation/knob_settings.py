@@ -47,7 +47,8 @@ def with_settings(case: Case, settings: Mapping[str, float]) -> Case:
 
     Parameters
     ----------
-    settings : by the knob's name; those of the case as it is are left alone, so that what is automatic remains so
+    settings : by the knob's name; those of the case as it is are left alone, so that what is automatic remains so, and
+        those of knobs that it does not have too
 
     Raises
     ------
@@ -55,9 +56,9 @@ def with_settings(case: Case, settings: Mapping[str, float]) -> Case:
         The scene, or its plan, refuses one.
     """
     plan: Any = _PlanOnDemand(case)
-    own = {one.name: one.own(case.scene, plan) for one in KNOBS if one.name in settings}
+    own = {one.name: one.own(case.scene, plan) for one in knobs_of(case.scene) if one.name in settings}
     for knob in KNOBS:
-        if knob.name not in settings:
+        if knob.name not in own:
             continue
         factor = settings[knob.name] / own[knob.name]
         if abs(factor - 1.0) > SAME:

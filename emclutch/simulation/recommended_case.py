@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+from emclutch.knobs import knobs_of
 from emclutch.results.ladder import Ladder
 from emclutch.results.recommended import Choice, Obstacle, obstacle, reaching
 from emclutch.scene.case import Case
@@ -15,30 +16,39 @@ from emclutch.simulation.knob_settings import settings_of, total_at, with_settin
 from emclutch.simulation.plan import make_plan
 
 MAX_PACKINGS = 64  # that a scene may ask for
+SMALLEST = 1e-3  # half width that a run is asked for where nothing is left of the target
 SAFER = 0.95  # half width that is wanted where the scene takes settings somewhat coarser than they are
 MAX_REFUSALS = 6  # of combinations by the scene, after which there is no answer
 
 
 def cheapest_case(case: Case, ladder: Ladder, target: float) -> tuple[Choice, Case] | Obstacle:
     """Return the cheapest settings that the scene takes together, and the case with them; or why there are none."""
+    measured = {one.knob for one in ladder.knobs} | set(ladder.unknown)
+    missing = [one.name for one in knobs_of(case.scene) if one.name not in measured]
+    if missing and not ladder.unknown:
+        return Obstacle(missing[0], None, None, "the ladder is of a scene without it")
     refused: list[dict[str, float]] = []
-    reason, first, wanted = "", None, target
+    reason, first, coarser, wanted, tries = "", None, None, target, 0
     for choice in reaching(ladder, target):
         first = first or choice
         if choice.half_width > wanted or any(one.items() <= choice.settings.items() for one in refused):
             continue
         try:
-            found = case_for(case, ladder, choice, target)
-            if found is not None:
-                return found
-            wanted *= SAFER
+            found, turned = case_for(case, ladder, choice, target)
+            if found.half_width <= target:
+                return found, turned
+            coarser, wanted, tries = found, SAFER * wanted, tries + 1
+            if tries == MAX_REFUSALS:
+                break
         except (SceneError, ValueError) as error:
             refused.append(_to_blame(case, ladder, choice.settings))
             reason = f"the scene refuses {', '.join(refused[-1])} at these settings: {error}"
             if len(refused) == MAX_REFUSALS:
                 break
+    if coarser is not None:
+        return Obstacle(coarser.largest, coarser.parts[coarser.largest], None, best=coarser)
     if not refused:
-        return obstacle(ladder, wanted)
+        return obstacle(ladder, target)
     return Obstacle(next(iter(refused[-1])), None, None, reason, first)
 
 
@@ -66,14 +76,12 @@ def _takes(case: Case, settings: Mapping[str, float]) -> bool:
     return True
 
 
-def case_for(case: Case, ladder: Ladder, choice: Choice, target: float) -> tuple[Choice, Case] | None:
+def case_for(case: Case, ladder: Ladder, choice: Choice, target: float) -> tuple[Choice, Case]:
     """Return a case with a choice's settings, that runs until statistics and discretisation together reach a target.
 
-    The choice is returned as the scene takes it: a window, or a sector, may come out somewhat larger. None where its
-    error is then larger than the target. SceneError or ValueError where the scene, or its plan, refuses
-    the settings.
+    The choice is returned as the scene takes it: a window, or a sector, may come out somewhat larger, and its
+    error be larger than the target. SceneError or ValueError where the scene, or its plan, refuses the settings.
     """
-    case = with_settings(case, choice.settings)
     values: dict[str, Any] = {
         "accuracy.target": None,
         "accuracy.replicas": None,
@@ -84,11 +92,8 @@ def case_for(case: Case, ladder: Ladder, choice: Choice, target: float) -> tuple
         values["time.end"] = f"strain {start + ladder.strain:.6g}"
         if ladder.strain > start * 1.01:  # else the average begins in the middle, which is there
             values["time.average_from"] = f"strain {start:.6g}"
-    case = case.with_values(values)
+    case = with_settings(case.with_values(values), choice.settings)
     plan = make_plan(case)[1]
-    settings = settings_of(case, plan, start)
-    choice = replace(choice, total=total_at(ladder, {name: settings[name] for name in choice.settings}, plan))
-    if choice.total.unknown or choice.half_width > target:
-        return None
-    allowed = math.sqrt(target**2 - choice.total.half_width**2)
+    choice = replace(choice, total=total_at(ladder, settings_of(case, plan, start), plan))
+    allowed = math.sqrt(max(target**2 - choice.total.half_width**2, SMALLEST**2))
     return choice, case.with_values({"time.until": f"torque {math.floor(1e4 * allowed) / 100.0:g} %"})

@@ -23,11 +23,12 @@ from emclutch.results.text import format_duration
 from emclutch.scene.case import Case
 from emclutch.simulation.resume import differing_keys, flat_scene
 from emclutch.studies.accuracy.tasks import AccuracyTask, TaskResult, perform, result_in
-from emclutch.studies.task_queue import InThisProcess, TaskQueue, note, tell
+from emclutch.studies.task_queue import InThisProcess, TaskQueue, makespan, note, tell
 from emclutch.studies.tasks import STOP
 from emclutch.studies.workers import ctrl_c_sets, worker_pool
 
 log = logging.getLogger(__name__)
+VERSION = 1
 BUDGET = 1200.0
 """Wall-clock time of a study that is told none [s]."""
 
@@ -64,6 +65,7 @@ def begun_study(
                 if known is None:
                     known = read_plan(folder / plan, case, budget)
                 else:
+                    known["version"] = VERSION
                     replace_json(folder / plan, known)
                     case.write_toml(folder / "case.toml")
                 try:
@@ -84,6 +86,8 @@ class ResumableStudy:
         The decisions.
     results : dict of str to TaskResult
         By the task's folder.
+    elapsed : float
+        Wall-clock time of the tasks done, as if it had never been stopped [s].
     budget : float
         Processor time [s].
     """
@@ -91,6 +95,7 @@ class ResumableStudy:
     def __init__(self, folder: Path, plan: str, known: dict[str, Any], queue: TaskQueue, progress: Any) -> None:
         self.folder, self.plan, self.known, self.queue, self.progress = folder, plan, known, queue, progress
         self.results: dict[str, TaskResult] = {}
+        self.elapsed = 0.0
         self.budget = known["budget"] * known["jobs"]
 
     def fraction(self) -> float:
@@ -136,6 +141,12 @@ class ResumableStudy:
                 f"stopped with {len(self.results)} tasks done; continue with the same command and --out {self.folder} "
                 "--resume"
             )
+        self.elapsed += self.wall(tasks)
+
+    def wall(self, tasks: Sequence[AccuracyTask]) -> float:
+        """Return the wall-clock time of those tasks that are done [s]."""
+        done = [self.results[task.folder].wall for task in tasks if task.folder in self.results]
+        return makespan(done, self.known["jobs"])
 
     def decide(self, **values: Any) -> None:
         """Add to the decisions, and write them."""
@@ -150,9 +161,11 @@ class ResumableStudy:
     def refuse_failed(self, name: str) -> None:
         """Raise RunError where a task has failed that all else refers to."""
         if failure := self.results[name].failure:
+            folder = self.folder / name
             raise RunError(
                 f"{name}, at the scene's own settings, has failed: {failure}; change the scene, and begin a new study "
-                f"with --out\n(log: {self.folder / name / 'run.log'})"
+                f"with --out, or, where its cause is gone, remove {folder} and continue with --resume\n"
+                f"(log: {folder / 'run.log'})"
             )
 
 
@@ -169,6 +182,8 @@ def read_plan(path: Path, case: Case, budget: float | None) -> dict[str, Any]:
     """Return the decisions of a study; OutputError where it is of another scene or budget."""
     try:
         known = json.loads(path.read_text(encoding="utf-8"))
+        if known["version"] != VERSION:
+            raise ValueError("it is of another version of the program")
         keys = differing_keys(flat_scene(known["case"]), flat_scene(case.toml()))
         begun = float(known["budget"])
     except (OSError, ValueError, KeyError, TypeError) as error:

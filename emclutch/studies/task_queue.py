@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import heapq
 import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
@@ -69,6 +70,14 @@ class InThisProcess(Executor):
         future: Future[Any] = Future()
         future.set_result(fn(*args, **more))
         return future
+
+
+def makespan(seconds: Sequence[float], jobs: int) -> float:
+    """Return the time until tasks are done that are begun in this order [s], `jobs` at a time."""
+    ends = [0.0] * max(1, jobs)
+    for one in seconds:
+        heapq.heappush(ends, heapq.heappop(ends) + one)
+    return max(ends)
 
 
 def tell(progress: Any, fraction: float, text: str | None) -> None:

@@ -5,10 +5,14 @@ from pathlib import Path
 import pytest
 
 from emclutch.results.ladder import Ladder
-from emclutch.results.ladders import SHIPPED, VARIABLE
+from emclutch.results.ladders import SHIPPED, VARIABLE, find_ladder
+from emclutch.results.recommended import Obstacle
+from emclutch.results.text import per_cent
 from emclutch.scene.case import load_case
 from emclutch.simulation.discretisation_error import accuracy_in_words, device_of, ladder_of_device
 from emclutch.simulation.plan import make_plan
+from emclutch.simulation.recommended_case import cheapest_case
+from emclutch.studies.accuracy.tables import changes_in_words
 
 CASES = Path(__file__).parents[2] / "cases"
 LADDERS = sorted(SHIPPED.glob("*.json"))
@@ -20,6 +24,20 @@ def test_the_quickstart_has_one(monkeypatch, tmp_path):
     _, path = ladder_of_device(case)
     assert path in LADDERS
     assert "largest part: " in accuracy_in_words(case, make_plan(case)[1])
+
+
+def test_the_page_has_the_answers_of_this_version(monkeypatch, tmp_path):
+    monkeypatch.setenv(VARIABLE, str(tmp_path))
+    case = load_case(CASES / "quickstart.toml")
+    ladder = Ladder.from_json(find_ladder(device_of(case))[1].read_text())
+    page = (CASES.parent / "docs" / "accuracy.md").read_text()
+    for target in (0.10, 0.05, 0.03):
+        answer = cheapest_case(case, ladder, target)
+        if isinstance(answer, Obstacle):
+            assert f"| {per_cent(target)} | {answer.in_words()} |" in page
+        else:
+            settings, packings = changes_in_words(ladder, answer[0]), answer[0].packings
+            assert f"| {per_cent(target)} | {settings} | {packings} |" in page
 
 
 @pytest.mark.parametrize("path", LADDERS, ids=lambda path: path.stem)

@@ -1,5 +1,6 @@
 """Ladders of made-up numbers, for what reads them."""
 
+from emclutch.knobs import knobs_of
 from emclutch.results.ladder import Basis, KnobLadder, Ladder, Rung
 from emclutch.scene.case import case_from
 
@@ -30,6 +31,19 @@ def contact_step(bias, half_width=0.0, own=20.0):
     """Three rungs that follow the second order, and are off by `bias` at 20 steps a contact."""
     rungs = [Rung(n, 1.0 / n, 2.0 * (1.0 + bias) ** ((20.0 / n) ** 2), half_width / 2.0, 4, 3.0) for n in (10, 20, 40)]
     return KnobLadder("contact_step", "time.steps_per_contact", Basis.TORQUE, own, 2.0, 0.0, tuple(rungs), 30.0)
+
+
+def without_error(case, plan, knobs):
+    """Ladders of all other knobs of a scene, whose settings change nothing."""
+    given = {one.knob for one in knobs}
+    others = {one: float(one.own(case.scene, plan)) for one in knobs_of(case.scene) if one.name not in given}
+    return [
+        KnobLadder(
+            one.name, one.key, Basis.MOMENTS, own, None, 0.0,
+            tuple(Rung(f * own, f * one.step_size(own), 5.0, 0.0, 1, 0.2, f) for f in (2.0, 1.0)),
+        )
+        for one, own in others.items()
+    ]  # fmt: skip
 
 
 def ladder(device, *knobs, **values):

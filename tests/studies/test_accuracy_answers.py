@@ -5,7 +5,7 @@ import tomllib
 
 import pandas
 import pytest
-from made_up_ladder import cell, contact_step, ladder
+from made_up_ladder import cell, contact_step, ladder, without_error
 
 from emclutch.knobs import knobs_of
 from emclutch.results.ladder import Basis, KnobLadder, Rung
@@ -56,15 +56,20 @@ def without_picture(monkeypatch):
     monkeypatch.setattr("emclutch.studies.accuracy.answers.accuracy_picture", lambda *_, **__: None)
 
 
-def whole(own, **values):
-    return ladder("abc", *knobs(own), scatter=0.02, **values)
+@pytest.fixture(scope="module")
+def rest(case, own):
+    return without_error(case, make_plan(case)[1], knobs(own))
 
 
-def test_scenes_have_the_settings_that_the_ladder_says(tmp_path, case, own, without_picture):
-    lines = present(case, whole(own), tmp_path, (0.05, 0.1))
+def whole(own, rest, **values):
+    return ladder("abc", *knobs(own), *rest, scatter=0.02, **values)
+
+
+def test_scenes_have_the_settings_that_the_ladder_says(tmp_path, case, own, rest, without_picture):
+    lines = present(case, whole(own, rest), tmp_path, (0.05, 0.1))
     for target in (0.05, 0.1):
         found = load_case(tmp_path / f"target_{100 * target:g}_percent.toml")
-        choice = recommended(whole(own), target)
+        choice = recommended(whole(own, rest), target)
         plan = make_plan(found)[1]
         for knob in knobs_of(found.scene):
             if knob.name in choice.settings:
@@ -79,8 +84,8 @@ def test_scenes_have_the_settings_that_the_ladder_says(tmp_path, case, own, with
     assert "10 %" in lines[-1]
 
 
-def test_a_scene_says_where_it_comes_from_and_by_what_its_torque_is_to_be_divided(case, own):
-    of = whole(own)
+def test_a_scene_says_where_it_comes_from_and_by_what_its_torque_is_to_be_divided(case, own, rest):
+    of = whole(own, rest)
     choice = recommended(of, 0.05)
     text = scene_text(case_for(case, of, choice, 0.05)[1], of, choice, 0.05, "target_5_percent.toml")
     head = [line for line in text.splitlines() if line.startswith("#")]
@@ -89,8 +94,8 @@ def test_a_scene_says_where_it_comes_from_and_by_what_its_torque_is_to_be_divide
         assert any(words in line for line in head), words
 
 
-def test_settings_that_are_the_scenes_own_remain_automatic(case, own):
-    of = whole(own)
+def test_settings_that_are_the_scenes_own_remain_automatic(case, own, rest):
+    of = whole(own, rest)
     choice = recommended(of, 0.05)
     kept = Choice({one.knob: own[one.knob] for one in of.knobs}, choice.total, 4, 0.01, 1.0)
     data = case_for(case, of, kept, 0.5)[1].data
@@ -98,29 +103,29 @@ def test_settings_that_are_the_scenes_own_remain_automatic(case, own):
     assert data["particles"] == case.data["particles"]
 
 
-def test_a_combination_that_the_scene_refuses_is_passed_over(tmp_path, case, own, without_picture):
+def test_a_combination_that_the_scene_refuses_is_passed_over(tmp_path, case, own, rest, without_picture):
     """Settings are measured one at a time; a wide sector that does not fit the ring is not the answer."""
     sector, *others = knobs(own)
     wide = Rung(500.0, 1.0 / 500.0, 2.0, 0.001, 2, 0.1, 0.01)
     of = ladder("abc", KnobLadder("sector", "particles.sector", Basis.TORQUE, own["sector"], 2.0, 0.0,
-                                  (*sector.rungs, wide), 20.0), *others, scatter=0.02)  # fmt: skip
+                                  (*sector.rungs, wide), 20.0), *others, *rest, scatter=0.02)  # fmt: skip
     assert recommended(of, 0.1).settings["sector"] == 500.0
     present(case, of, tmp_path, (0.1,))
     assert load_case(tmp_path / "target_10_percent.toml").scene.grains.sector < 3.2
 
 
-def test_what_is_not_reached_has_a_reason_and_no_scene(tmp_path, case, own, without_picture):
+def test_what_is_not_reached_has_a_reason_and_no_scene(tmp_path, case, own, rest, without_picture):
     (tmp_path / "target_0.1_percent.toml").write_text("of an earlier study")
-    lines = present(case, whole(own), tmp_path, (0.001,))
+    lines = present(case, whole(own, rest), tmp_path, (0.001,))
     assert any("not reachable by what was measured: limited by" in line and "known to ±" in line for line in lines)
     assert not list(tmp_path.glob("target*"))
     reason = {"grains_across": "not measured in this budget: about 9 min more"}
-    lines = present(case, whole(own, unknown=reason), tmp_path, (0.1,))
+    lines = present(case, whole(own, rest, unknown=reason), tmp_path, (0.1,))
     assert any("limited by grains_across" in line and "9 min" in line for line in lines)
 
 
-def test_tables_have_every_setting(tmp_path, case, own):
-    of = whole(own)
+def test_tables_have_every_setting(tmp_path, case, own, rest):
+    of = whole(own, rest)
     present(case, of, tmp_path, (0.05,))
     table = pandas.read_csv(tmp_path / "accuracy.csv")
     assert len(table) == sum(len(one.rungs) for one in of.knobs) == len(rows_of(of))
@@ -139,7 +144,7 @@ def test_tables_have_every_setting(tmp_path, case, own):
         assert name in page
 
 
-def test_an_undecided_error_says_so(own):
+def test_an_undecided_error_says_so(own, rest):
     sector, step, *_ = knobs(own, noise=0.05)
     assert error_in_words(sector.own_error).startswith("undecided: ")
     assert error_in_words(None) == "not known"

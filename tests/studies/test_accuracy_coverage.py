@@ -55,7 +55,7 @@ class Device:
         return math.exp(error) * (1.0 + SCATTER * math.sqrt(variance) * self.random.standard_normal(count))
 
     def study(self):
-        """Return the ladder that a study finds, as `emclutch.studies.accuracy` goes about it."""
+        """Return the ladder that a study finds, as `emclutch.studies.accuracy.study` but with one step less."""
         run = {OWN: list(self.torques({}, 4))}
 
         def do(packings):

@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from made_up_ladder import cell, contact_step, ladder
+from made_up_ladder import cell, contact_step, ladder, without_error
 
 import emclutch
 from emclutch.results import OutputError, RunFolder
@@ -27,7 +27,8 @@ def folder(tmp_path, monkeypatch):
 
 
 def with_ladder(case, *knobs, **values):
-    save_ladder(ladder(device_of(case), *knobs, **values))
+    others = [] if "unknown" in values else without_error(case, make_plan(case)[1], knobs)
+    save_ladder(ladder(device_of(case), *knobs, *others, **values))
 
 
 def test_settings_and_end_follow_from_the_ladder(folder):
@@ -96,6 +97,21 @@ def test_a_run_says_whether_it_has_reached_its_target_also_when_it_continues(fol
     again = emclutch.run(tmp_path / "run" / "case.toml", out=tmp_path / "run", resume=True)
     total = again.summary["discretisation_error"]["total_error"]
     assert again.summary["accuracy_target"] == {"asked": 0.5, "reached": total is not None and total <= 0.5}
+
+
+def test_a_ladder_without_a_setting_of_the_scene_is_not_enough(folder):
+    case = cell(accuracy__target="5 %", **ENDS)
+    plan = make_plan(case)[1]
+    known = [one for one in without_error(case, plan, [contact_step(0.0)]) if one.knob != "overlap"]
+    save_ladder(ladder(device_of(case), contact_step(0.04, 0.004), *known, scatter=0.02))
+    with pytest.raises(SceneError, match="limited by overlap: the ladder is of a scene without it"):
+        with_target(case)
+
+
+def test_an_average_from_a_time_leaves_the_start_up_out(folder):
+    case = cell(accuracy__target="5 %", time__average_from="0.2 ms", accuracy__replicas=None)
+    with_ladder(case, contact_step(0.04, 0.004), scatter=0.02)
+    assert with_target(case).scene.span.steps_per_contact == 10.0
 
 
 def test_nothing_is_measured_for_a_run_that_cannot_be_continued(folder, tmp_path):

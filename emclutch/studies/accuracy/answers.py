@@ -60,8 +60,8 @@ def closing_sentence(ladder: Ladder, answers: Sequence[Answer]) -> str:
     torque, half = ladder.corrected_torque(own.total)
     return (
         f"{ladder.case}: {ladder.torque:.3g} N m, mean of {ladder.packings} packings, {100.0 * own.total.bias:+.2g} % "
-        f"by its settings, so {torque:.3g} N m ± {per_cent(half)}; least is known of "
-        f"{own.largest.replace('_', ' ')}{costs}."
+        f"by its settings, so {torque:.3g} N m ± {per_cent(half)}; largest part of the "
+        f"error: {own.largest.replace('_', ' ')}{costs}."
     )
 
 
@@ -79,7 +79,8 @@ def _answer(case: Case, ladder: Ladder, folder: Path, target: float) -> Answer:
 
 def scene_text(case: Case, ladder: Ladder, choice: Choice, target: float, name: str) -> str:
     """Return a case of `case_for` as the text of a file that can lie anywhere: its paths are absolute."""
-    values: dict[str, Any] = {key: str(path.resolve()) for key, path in input_files(case.scene).items()}
+    values: dict[str, Any] = {"output.folder": None}
+    values |= {key: str(path.resolve()) for key, path in input_files(case.scene).items()}
     for material, entry in case.data.get("materials", {}).items():
         folder = Path() if case.path is None else case.path.parent
         values |= {

@@ -141,7 +141,7 @@ def effect_contributions(
     folder = Path(out) if out is not None else RunFolder.next_path(f"{case.name}-effects", "studies")
 
     def begin(queue: TaskQueue) -> dict[str, Any]:
-        return _begun(case, budget or BUDGET, jobs)
+        return _begun(case, BUDGET if budget is None else budget, jobs)
 
     with begun_study(case, folder, PLAN, resume=resume, budget=budget, jobs=jobs, begin=begin) as (known, queue):
         found = _Study(case, folder, known, queue, progress).measure()
@@ -246,7 +246,7 @@ class _Study(ResumableStudy):
 
     def _found(self, one: Removal) -> Without:
         if one.reason:
-            return Without(one.effect, one.others, reason=one.reason)
+            return Without(one.effect, one.others, reason=one.reason, was_run=False)
         done = [self.results[name] for name in self.results if Path(name).parent == Path(one.folder)]
         good = [found for found in done if found.value is not None]
         failures = [found.failure for found in done if found.failure]
@@ -326,7 +326,8 @@ def _table(found: Contributions) -> Table:
         if one.others:
             name += f" (nor {', '.join(one.others)})"
         if torque is None or added is None or share is None:
-            rows.append((name, str(len(one.torques)), "cannot be left out", "", "", "", ""))
+            why = "failed" if one.was_run else "cannot be left out"
+            rows.append((name, str(len(one.torques)), why, "", "", "", ""))
             continue
         row = (name, str(len(one.torques)), f"{torque.mean:.3g} ± {torque.half_width:.2g}")
         seconds = f"{one.seconds:.3g}"

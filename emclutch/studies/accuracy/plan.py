@@ -11,12 +11,12 @@
 
 from __future__ import annotations
 
-import heapq
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from emclutch.results.ladder import Basis, KnobError, KnobLadder, Rung, Total
+from emclutch.studies.task_queue import makespan
 
 MAX_PACKINGS = 64
 """Packings of one rung."""
@@ -167,9 +167,18 @@ def more_packings(
     chosen: list[Key] = []
     open_to = set(seconds) if knobs else set()
 
+    known: dict[tuple[object, ...], KnobError] = {}
+
+    def error(knob: OfferedKnob, count: Mapping[Key, int], freedom: float) -> KnobError:
+        packings = (count.get(OWN), *(count.get((knob.name, one.setting)) for one in knob.rungs))
+        at = (knob.name, freedom, packings)
+        if at not in known:
+            known[at] = knob.error(count, found, freedom) or UNKNOWN
+        return known[at]
+
     def half_width(count: Mapping[Key, int]) -> float:
         freedom = found.freedom + sum(max(n, 1) - 1 for n in count.values()) - begun
-        return Total({one.name: one.error(count, found, freedom) or UNKNOWN for one in knobs}, {}).half_width
+        return Total({one.name: error(one, count, freedom) for one in knobs}, {}).half_width
 
     begun = sum(max(n, 1) - 1 for n in count.values())
     while open_to:
@@ -201,14 +210,6 @@ def _seconds_of(knobs: Sequence[OfferedKnob], base_seconds: float) -> dict[Key, 
 
 def _longest_first(packings: Sequence[Key], seconds: Mapping[Key, float]) -> list[Key]:
     return sorted(packings, key=lambda one: (-seconds[one], one))
-
-
-def makespan(seconds: Sequence[float], jobs: int) -> float:
-    """Return the time until tasks are done that are begun in this order [s], `jobs` at a time."""
-    ends = [0.0] * max(1, jobs)
-    for one in seconds:
-        heapq.heappush(ends, heapq.heappop(ends) + one)
-    return max(ends)
 
 
 def packings_for(difference: float, scatter: float) -> int:

@@ -66,11 +66,6 @@ class PlannedRung:
     seconds: float
     planning: float
 
-    @property
-    def is_own(self) -> bool:
-        """Return whether it is the scene's own setting."""
-        return not self.values
-
 
 @dataclass(frozen=True, slots=True)
 class TurnTask:
@@ -124,12 +119,15 @@ def base_of(case: Case) -> Base:
 
     SceneError where it cannot be planned.
     """
-    values = dict(QUIET)
+    values, own = dict(QUIET), case.scene.time and case.scene.time.average_from
+    if isinstance(own, Multiple):
+        del values["time.average_from"]  # a strain is a setting of the start-up
     if case.scene.accuracy.time_end is not None:
         end = case.scene.accuracy.time_end
         values["time.end"] = str(end) if isinstance(end, Multiple) else end
     elif is_sheared(case):
-        values["time.end"] = STRAIN.format(f"{START_UPS * start_up_strain(case.scene):g}")
+        start = own.value if isinstance(own, Multiple) else start_up_strain(case.scene)
+        values["time.end"] = STRAIN.format(f"{START_UPS * max(start, start_up_strain(case.scene)):g}")
     base = case.with_values(values)
     with bad_input_for(case.path):
         device, plan = make_plan(base, threads=1)

@@ -65,11 +65,11 @@ FROZEN_SHARE = 0.25
 ROOMS = (1.0, 0.5, 1.0)
 """Share of the time left that each stage of packings plans for; what it finds decides the next."""
 OVERRUN = 1.2
-"""Processor time of all tasks over the budget, from which on no more is begun."""
+"""Wall-clock time over the budget, from which on no more packings are begun."""
 BUSIEST = 2.0
 FIRST_SEED = 1_000_000
 """Number of the first packing's seed (`replica_seed`): a run of the scene, which counts from 0, has other packings."""
-WARM_UP, WARM_UP_WINDOWS = "warm-up", 3
+WARM_UP, WARM_UP_WINDOWS, STANDING = "warm-up", 3, "standing"
 TELL_SHARE = 0.01
 PLAN = "plan.json"
 
@@ -138,7 +138,7 @@ def accuracy(
     base = base_of(case)
 
     def begin(queue: TaskQueue) -> dict[str, Any]:
-        return _begun(case, base, budget or BUDGET, jobs, queue, progress)
+        return _begun(case, base, BUDGET if budget is None else budget, jobs, queue, progress)
 
     with begun_study(case, folder, PLAN, resume=resume, budget=budget, jobs=jobs, begin=begin) as (known, queue):
         ladder = _Study(case, base, folder, known, queue, progress).measure()
@@ -156,7 +156,7 @@ def _presented(case: Case, ladder: Ladder, folder: Path, targets: Sequence[float
 
 def _begun(case: Case, base: Base, budget: float, jobs: int, queue: TaskQueue, progress: Any) -> dict[str, Any]:
     """Plan every setting, and return what stands in plan.json before anything runs."""
-    first = BASE_PACKINGS * base.plan.cost.seconds["total"] / min(jobs, BASE_PACKINGS)
+    first = makespan([base.plan.cost.seconds["total"]] * BASE_PACKINGS, jobs)
     if first > budget:
         message = (
             f"is less than the {BASE_PACKINGS} packings at the scene's own settings take with {jobs} jobs, about "
@@ -254,19 +254,16 @@ class _Study(ResumableStudy):
 
     def _measure_torque(self) -> None:
         """Run a packing of each knob that fits in, then what else lowers the error until the budget is used up."""
-        jobs = self.known["jobs"]
-        room = self.known["budget"] / self._busy() - self._spent() / jobs
         for number, share in enumerate(ROOMS):
             if number == len(self.known["stages"]):
-                self.decide(stages=[*self.known["stages"], self._planned(number, share * room)])
+                room = share * (self.known["budget"] - self._elapsed()) / self._busy()
+                self.decide(stages=[*self.known["stages"], self._planned(number, room)])
             self._tell_packings(self.known["stages"][number])
             begin = sum(map(len, self.known["stages"][:number]))
-            tasks = self._do_packings(begin, begin + len(self.known["stages"][number]))
-            run = [self.results[task.folder] for task in tasks if task.folder in self.results]
-            room -= makespan([one.seconds for one in run], jobs)
+            self._do_packings(begin, begin + len(self.known["stages"][number]))
 
     def _planned(self, stage: int, room: float) -> tuple[Key, ...]:
-        """Return the packings of a stage that fit into a wall-clock time [s]."""
+        """Return the packings of a stage that fit into a wall-clock time of cores that do nothing else [s]."""
         offers, jobs = self._offers(), self.known["jobs"]
         if stage == 0:
             return first_packings(offers, BASE_PACKINGS, room, jobs)
@@ -274,18 +271,17 @@ class _Study(ResumableStudy):
         count = {key: len(some) for key, some in measured.packings.items()}
         return more_packings(offers, count, Torques(measured.means, *measured.scatter), self._seconds(), room, jobs)
 
-    def _do_packings(self, begin: int, end: int) -> list[AccuracyTask]:
-        """Run those of the planned packings, but for what overruns the budget; return their tasks."""
+    def _do_packings(self, begin: int, end: int) -> None:
+        """Run those of the planned packings, but for what overruns the budget."""
         tasks = [self._packing(*key, name) for key, name in self._order()[begin:end]]
 
         def may_begin(number: int) -> bool:
-            if self.known["begun"] is None and self._spent() > OVERRUN * self.budget / self._busy():
+            if self.known["begun"] is None and self._elapsed() + self.wall(tasks) > OVERRUN * self.known["budget"]:
                 log.warning("the budget is used up: %d packings are not run", len(tasks) - number)
                 self.decide(begun=begin + number)
             return self.known["begun"] is None or begin + number < self.known["begun"]
 
         self.do(tasks, "packings", may_begin, self._look)
-        return tasks
 
     def _seconds(self, rung: PlannedRung | None = None) -> float:
         """Return what a packing of a rung, or at the scene's own settings, takes [s]; predicted before one was run."""
@@ -328,7 +324,7 @@ class _Study(ResumableStudy):
         packings: dict[tuple[str, float], list[TaskResult]] = {}
         first = [((BASE, 0.0), packing_name(BASE, 0.0, n)) for n in range(BASE_PACKINGS)]
         for key, name in (*first, *self._order()):
-            if name in self.results:
+            if name in self.results and (key != OWN or self.results[name].value is not None):
                 packings.setdefault(key, []).append(self.results[name])
         standing = {}
         for knob in self.knobs.values():
@@ -400,13 +396,18 @@ class _Study(ResumableStudy):
         tasks = sum(one.seconds for name, one in self.results.items() if name != WARM_UP)
         return tasks + sum(one.planning for one in self.rungs)
 
+    def _elapsed(self) -> float:
+        """Return the wall-clock time so far [s], without that of compiling, once on a machine."""
+        warm_up = self.results[WARM_UP].wall
+        return self.elapsed - warm_up + sum(one.planning for one in self.rungs) / self.known["jobs"]
+
     def _busy(self) -> float:
-        """Return how much longer the first packings took than their processor time, by what else the machine does.
+        """Return how much longer the packings took than their processor time, by what else the machine does.
 
         At most `BUSIEST`: on a machine that is busier still the study takes longer than its budget, and tells as much.
         """
-        first = [self.results[packing_name(BASE, 0.0, n)] for n in range(BASE_PACKINGS)]
-        found = sum(one.wall for one in first) / sum(one.seconds for one in first)
+        run = [one for name, one in self.results.items() if name != WARM_UP and not name.startswith(STANDING)]
+        found = sum(one.wall for one in run) / max(sum(one.seconds for one in run), 1e-9)
         return min(max(1.0, found), BUSIEST)
 
     def fraction(self, more: float = 0.0) -> float:
@@ -460,4 +461,4 @@ def packing_name(knob: str, setting: float, number: int) -> str:
 
 def standing_name(knob: str, setting: float) -> str:
     """Return the folder of a setting on standing grains."""
-    return f"standing/{knob}-{setting:.6g}" if setting else f"standing/{knob}"
+    return f"{STANDING}/{knob}-{setting:.6g}" if setting else f"{STANDING}/{knob}"

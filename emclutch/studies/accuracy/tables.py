@@ -11,7 +11,7 @@ from typing import Any
 from markupsafe import Markup
 
 from emclutch.knobs import KNOBS
-from emclutch.results.ladder import Basis, KnobError, KnobLadder, Ladder, Rung
+from emclutch.results.ladder import Basis, KnobError, KnobLadder, Ladder
 from emclutch.results.recommended import Choice, Obstacle, own_choice, unknown_of
 from emclutch.results.report.content import Block, Page, Picture, Statements, Table
 from emclutch.results.report.verdict import Mark, Statement
@@ -87,7 +87,7 @@ def rows_of(ladder: Ladder) -> list[dict[str, Any]]:
                     "key": knob.key,
                     "setting": rung.setting,
                     "unit": UNITS.get(knob.knob, ""),
-                    "own": _is_own(knob, rung),
+                    "own": knob.is_own(rung.setting),
                     "basis": SHORT[knob.basis],
                     "value": rung.value,
                     "standard_error": rung.error,
@@ -167,7 +167,7 @@ def changes_in_words(ladder: Ladder, choice: Choice) -> str:
     return ", ".join(
         f"{knob.knob} {choice.settings[knob.knob]:.4g}"
         for knob in ladder.knobs
-        if knob.knob in choice.settings and not math.isclose(choice.settings[knob.knob], knob.own, rel_tol=1e-6)
+        if knob.knob in choice.settings and not knob.is_own(choice.settings[knob.knob])
     )
 
 
@@ -228,7 +228,7 @@ def _settings(ladder: Ladder) -> Table:
         for rung in knob.rungs:
             error = None if rung.value is None else knob.error(rung.step_size)
             value = rung.failure or "none" if rung.value is None else f"{rung.value:.4g}"
-            own = " (this scene)" if _is_own(knob, rung) else ""
+            own = " (this scene)" if knob.is_own(rung.setting) else ""
             rows.append(
                 (
                     knob.knob,
@@ -244,6 +244,3 @@ def _settings(ladder: Ladder) -> Table:
     head = ("knob", "setting", "value ± standard error", "measured on", "error", "packings", "seconds each", "cost")
     return Table(rows, head, (5, 6, 7))
 
-
-def _is_own(knob: KnobLadder, rung: Rung) -> bool:
-    return math.isclose(rung.setting, knob.own, rel_tol=1e-6)

@@ -193,13 +193,13 @@ def _unreachable(case: Case, found: Obstacle) -> SceneError:
     command, ways = f"emclutch accuracy {case.path or 'CASE'}", []
     if found.knob == STATISTICS:
         ways.append(f"measure longer packings: {command} --set accuracy.time_end={_longer_end(case)}")
-    elif found.seconds is not None or found.half_width is None:
+    elif found.seconds is not None or "budget" in found.reason:
         ways.append(f"measure the ladder for longer: {command} --budget {_longer(case, found)}")
     elif found.knob in (one.name for one in KNOBS):
-        ways.append(f"list finer settings in accuracy.ladders.{found.knob}, and measure again: {command}")
+        ways.append(f"list other settings in accuracy.ladders.{found.knob}, and measure again: {command}")
     if found.best is not None:
         ways.append(f"ask for {per_cent(1.05 * found.best.half_width)}")
-    fault = Fault(KEY, f"'{case.scene.accuracy.target}'", f"{found.in_words()}; {', or '.join(ways)}")
+    fault = Fault(KEY, f"'{case.scene.accuracy.target}'", "; ".join([found.in_words(), ", or ".join(ways)]).strip("; "))
     return SceneError([fault], "scene" if case.path is None else str(case.path))
 
 
