@@ -25,17 +25,12 @@ import numpy as np
 from coupling.kernel_state import ENTRY, FIRST, IMAGE, N_PAIR, SECOND, TWIN
 from coupling.mirror import FACES_NO_WALL, mirror_height, mirror_moment
 from coupling.pair_fields import MU_0_OVER_4PI, OVER_4PI, charge_factors, field_factors, field_slopes
-from coupling.row_lanes import (
-    first_present,
-    images_of_partners,
-    place_of_partner,
-    vector_of_partner,
-    vector_to_partner,
-)
+from coupling.row_lanes import first_present
 from geometry.kernels.device_functions import device_function
 from geometry.kernels.simd import LANES, from_integers, mask_of_first, select, splat, to_tuple
 from geometry.kernels.simd_math import sqrt
 from geometry.kernels.simd_tables import gather_columns, load, scatter_add
+from particles.periodic_images import images_of_partners, place_of_partner, vector_of_partner, vector_to_partner
 
 MAX_WALLS = 31  # two bits of a word each
 IMAGED_CHUNK = 256  # pairs, or grains, whose images one thread takes at once
@@ -135,7 +130,7 @@ def _block(dx, dy, dz, reach, smear):
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def _load_images(c, seen, heights, place, rows, walls):
     """Of eight images from c on: motion of the partner, strength; of both grains centre [m] and `normal_over` it."""
-    motion = images_of_partners(rows, load(seen, IMAGE, c))
+    motion = images_of_partners(rows.images, load(seen, IMAGE, c))
     tangent_r, tangent_z, _, k = gather_columns(walls, load(seen, WALL, c), 2)
     xi, yi, zi, _ = gather_columns(place, load(seen, FIRST, c), 0)
     xj, yj, zj, _ = gather_columns(place, load(seen, SECOND, c), 0)

@@ -26,18 +26,12 @@ from coupling.image_lanes import (
 )
 from coupling.kernel_state import ENTRY, FIRST, IMAGE, SECOND, TWIN
 from coupling.pair_fields import OVER_4PI
-from coupling.row_lanes import (
-    columns_of,
-    images_of_partners,
-    kinds_of_row,
-    place_of_partner,
-    vector_of_partner,
-    vector_to_partner,
-)
+from coupling.row_lanes import columns_of, kinds_of_row
 from geometry.kernels.device_functions import device_function
 from geometry.kernels.simd import LANES, from_integers, maximum, select, to_integers
 from geometry.kernels.simd_math import sqrt
 from geometry.kernels.simd_tables import gather_columns, gather_two_columns, load, store
+from particles.periodic_images import images_of_partners, place_of_partner, vector_of_partner, vector_to_partner
 
 # columns of a near pair: n; 1/r [1/m]; drop of the applied field [A]; gap [radii], its place in the table and how far
 # below (`gap_place`); radius [m]; kappa/(4 pi r^3) of the part across and its derivative over r
@@ -128,7 +122,7 @@ def slope_along(i, nx, ny, nz, grains):
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def _near_eight(b, table, model, place, drive, slope, rows, near, near_pair):
     i, j = load(near.once, b, FIRST), load(near.once, b, SECOND)
-    image = images_of_partners(rows, load(near.once, b, IMAGE))
+    image = images_of_partners(rows.images, load(near.once, b, IMAGE))
     xi, yi, zi, ri = gather_columns(place, i, 0)
     xj, yj, zj, rj = gather_columns(place, j, 0)
     hx, hy, hz, _ = gather_columns(drive, i, 0)

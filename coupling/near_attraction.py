@@ -16,10 +16,10 @@ from coupling.grain_law_table import GrainLawTable
 from coupling.kernel_state import MagneticGrains, Rows
 from coupling.mutual_moments import Magnetisation, MutualMoments
 from coupling.near_drive_kernels import drive_pairs, drive_walls, take_out
-from coupling.neighbour_rows import images_of
 from geometry import RevolvedWall
 from particles import DEM
 from particles.dem.attraction import Attraction
+from particles.periodicity import images_of
 
 NEAR_GAP = 0.3
 """Gap [radii] beyond which the pull changes slowly and may be held."""

@@ -15,6 +15,7 @@ from numba import njit
 
 from coupling.kernel_state import Rows
 from particles import Periodicity, find_pairs
+from particles.periodicity import images_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,11 +98,3 @@ def fill_rows(half_start, half_other, shift, none, start, other, image, twin):
             place[j] = there + 1
             other[here], image[here], twin[here] = j, none + shift[q], there
             other[there], image[there], twin[there] = i, none - shift[q], here
-
-
-def images_of(periodicity: Periodicity | None) -> np.ndarray:
-    """Images (2 m + 1, 6) by the shift of a pair, of a sector or a periodic box (`particles`); None: one row.
-
-    Columns are cosine and sine of the turn about z, translation (3) [m], and jump of the velocity along x [m/s].
-    """
-    return np.array([[1.0, 0.0, 0.0, 0.0, 0.0, 0.0]]) if periodicity is None else periodicity.images

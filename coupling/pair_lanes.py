@@ -23,10 +23,11 @@ from coupling.influence_kernels import (
     SIZE,
 )
 from coupling.kernel_state import ENTRY, FIRST, IMAGE, SECOND, TWIN
-from coupling.row_lanes import first_present, images_of_partners, vector_of_partner, vector_to_partner
+from coupling.row_lanes import first_present
 from geometry.kernels.device_functions import device_function
 from geometry.kernels.simd import LANES, mask_of_first, maximum, reduce_add, select
 from geometry.kernels.simd_tables import gather_columns, gather_two_columns, load, scatter_columns, store
+from particles.periodic_images import images_of_partners, vector_of_partner, vector_to_partner
 
 MU_0 = 4e-7 * np.pi
 # columns of what is found of a pair: flux [A m], energy w + q D and that across [A^2 m]
@@ -45,7 +46,7 @@ def _ends_of_pair(b, source, rows, known):
     ``source`` (n, 4): dipoles [A m^2] and volumes [m^3]; all in the place of the first grain.
     """
     i, j = load(known.near_once, b, FIRST), load(known.near_once, b, SECOND)
-    turn = images_of_partners(rows, load(known.near_once, b, IMAGE))
+    turn = images_of_partners(rows.images, load(known.near_once, b, IMAGE))
     ax, ay, az, V_i = gather_columns(source, i, 0)
     bx, by, bz, V_j = gather_columns(source, j, 0)
     bx, by, bz = vector_of_partner(turn, bx, by, bz)
@@ -132,7 +133,7 @@ def charge_moments_of_eight(b, place, rows, known, neck, extra):
     nx, ny, nz = load(pair, b, NX), load(pair, b, NY), load(pair, b, NZ)
     own, others = per_radius * ri, per_radius * rj
     e, t = load(known.near_once, b, ENTRY), load(known.near_once, b, TWIN)
-    image = images_of_partners(rows, load(known.near_once, b, IMAGE))
+    image = images_of_partners(rows.images, load(known.near_once, b, IMAGE))
     x, y, z = vector_to_partner(image, others * nx, others * ny, others * nz)
     scatter_columns(extra, first_present(t, e), 0, x, y, z, 0.0 * z)
     scatter_columns(extra, e, 0, own * nx, own * ny, own * nz, 0.0 * nz)

@@ -18,6 +18,7 @@ from geometry.kernels.device_functions import device_function
 from geometry.kernels.simd import LANES, mask_of_first, maximum, movemask, reduce_add, select, splat
 from geometry.kernels.simd_math import sqrt
 from geometry.kernels.simd_tables import eight_indices, gather, gather_column, gather_columns
+from particles.periodic_images import images_of_partners, place_of_partner, vector_of_partner
 
 NEAR, IMAGED = 1, 2  # bits of an entry's kind
 
@@ -51,34 +52,6 @@ def any_crossing(rows, i):
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def images_of_partners(rows, image):
-    """How eight partners stand to the grains that see them: cosine and sine of a turn about z, translation (3) [m]."""
-    c, s, dx, dy = gather_columns(rows.images, image, 0)
-    return c, s, dx, dy, gather_column(rows.images, image, 4)
-
-
-@device_function(error_model="numpy", fastmath={"contract"}, forceinline=True)
-def place_of_partner(image, x, y, z):
-    """Place [m] at which a grain sees its partner, which stands at x, y, z."""
-    c, s, dx, dy, dz = image
-    return c * x - s * y + dx, s * x + c * y + dy, z + dz
-
-
-@device_function(error_model="numpy", fastmath={"contract"}, forceinline=True)
-def vector_of_partner(image, x, y, z):
-    """Vector that a grain sees at its partner, which has x, y, z itself."""
-    c, s, _, _, _ = image
-    return c * x - s * y, s * x + c * y, z
-
-
-@device_function(error_model="numpy", fastmath={"contract"}, forceinline=True)
-def vector_to_partner(image, x, y, z):
-    """Vector that the partner has itself, of what a grain sees there; and components on it as on columns."""
-    c, s, _, _, _ = image
-    return c * x + s * y, c * y - s * x, z
-
-
-@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def kinds_of_row(i, place, height, model, rows, kind):
     """Mark the neighbours of grain i that are a near pair with it, and those with an image that may be within reach.
 
@@ -93,7 +66,7 @@ def kinds_of_row(i, place, height, model, rows, kind):
         near = imaged = 0
         if model.near:
             if crossing:
-                dx, dy, dz = place_of_partner(images_of_partners(rows, gather(rows.image, slot)), dx, dy, dz)
+                dx, dy, dz = place_of_partner(images_of_partners(rows.images, gather(rows.image, slot)), dx, dy, dz)
             dx, dy, dz = x - dx, y - dy, z - dz
             both = ri + rj
             farthest = both + FARTHEST_GAP * 2.0 * ri * rj / both
@@ -117,7 +90,7 @@ def _eight_neighbours(i, first, stop, crossing, place, source, rows):
     x, y, z, radius = gather_columns(place, j, 0)
     mx, my, mz, q = gather_columns(source, j, 0)
     if crossing:
-        image = images_of_partners(rows, gather(rows.image, slot))
+        image = images_of_partners(rows.images, gather(rows.image, slot))
         x, y, z = place_of_partner(image, x, y, z)
         mx, my, mz = vector_of_partner(image, mx, my, mz)
     return (place[i, 0] - x, place[i, 1] - y, place[i, 2] - z), radius, (mx, my, mz), q

@@ -103,6 +103,14 @@ class GrainMotion(ABC):
         self.gravity: Gravity | None = gravity
         if gravity is not None and not callable(gravity):
             self.gravity = np.array(gravity, dtype=float).reshape(3)
+        if self.box is not None and (self.walls or gravity is not None):
+            raise ValueError(
+                "walls or gravity in a sheared box; it repeats in all directions, grains would fall for ever"
+            )
+        if self.sector is not None and isinstance(self.gravity, np.ndarray) and self.gravity[:2].any():
+            raise ValueError(
+                f"gravity = {self.gravity} m/s^2 turns from sector to sector; allowed with a sector: along z only"
+            )
         self.skin = float(skin)
         if not 0.0 < self.skin < np.inf:
             raise ValueError(f"skin = {self.skin * 1e3:g} mm; allowed: more than 0")
@@ -247,6 +255,20 @@ class GrainMotion(ABC):
             self._stale = answer != DONE
             self._raise_stopped(answer, totals)
         return rebuilds
+
+    def _wrap(self, periodicity: Periodicity) -> np.ndarray:
+        """Bring back into the copy of space what has left it; by which shift each grain, a row each."""
+        periodicity.begin_list()
+        g, wraps = self.grains, periodicity.wraps(self.grains.position)
+        moved = np.flatnonzero(wraps.reshape(g.count, -1).any(axis=1))
+        shift = wraps[moved]
+        g.position[moved] = periodicity.place(g.position[moved], shift)
+        g.velocity[moved] = periodicity.sweep(g.velocity[moved], shift)
+        held = [getattr(self, name) for name, turns in self.PER_GRAIN.items() if turns]
+        for array in (g.angular_velocity, g.magnetic_moment, g.dipole, *held):
+            if array is not None:
+                array[moved] = periodicity.turn(array[moved], shift)
+        return wraps
 
     def _refuse_escaped(self, margin: float, remedy: str) -> None:
         """Raise DemError where a grain is farther than ``margin`` [m] outside of the device."""

@@ -113,3 +113,8 @@ class Periodicity(ABC):
     @abstractmethod
     def restore(self, state: dict[str, np.ndarray]) -> None:
         """The inverse of `state`."""
+
+
+def images_of(periodicity: Periodicity | None) -> np.ndarray:
+    """Table of images by the shift of a pair, see `Periodicity.images`; None: one row, that of the grain itself."""
+    return np.array([[1.0, 0.0, 0.0, 0.0, 0.0, 0.0]]) if periodicity is None else periodicity.images

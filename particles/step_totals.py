@@ -157,3 +157,10 @@ class StepTotals:
     def torque_on(self, body: str) -> float:
         """Mean torque about z on ``body`` [N m], all its parts together."""
         return sum(self.torque[body].values())
+
+
+def force_on_ring(force: np.ndarray, ring: int) -> np.ndarray:
+    """A force of all sectors [N], changed in place: what is not axial cancels round a ring of several."""
+    if ring > 1:
+        force[:2] = 0.0
+    return force

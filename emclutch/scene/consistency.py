@@ -124,18 +124,6 @@ def _surfaces(draft: Draft) -> Iterator[Fault]:
             )
 
 
-def _rigid(draft: Draft) -> Iterator[Fault]:
-    """Yield the combinations that rigid grains do not support."""
-    scene = draft.scene
-    if scene.contact.method != "dvi":
-        return
-    if scene.particles is not None and scene.particles.sector is not None:
-        yield draft.fault(
-            "particles.sector",
-            "cannot be combined with contact.method = 'dvi'; remove it (the full ring is simulated), or take 'dem'",
-        )
-
-
 def _fill(draft: Draft) -> Iterator[Fault]:
     particles, shape = draft.scene.particles, draft.scene.shape()
     if shape.faults(None):
@@ -260,7 +248,6 @@ CHECKS: tuple[tuple[Check, tuple[str, ...]], ...] = (
     (_initial_flow, (GEOMETRY_KIND, "particles")),
     (_fill, ("geometry", "particles")),
     (_pour, ("particles", "effects")),
-    (_rigid, ("contact",)),
     (repose_agrees, ("particles", "contact", "effects")),
     (sector_width, ("geometry", "particles", "effects")),
     (field_of_effects, ("effects",)),

@@ -143,14 +143,6 @@ class DEM(ListedGrains):
             overlap_limit=overlap_limit, species=grain_species,
         )  # fmt: skip
         self.laws, self.energy_budget = laws, energy_budget
-        if self.box is not None and (self.walls or gravity is not None):
-            raise ValueError(
-                "walls or gravity in a sheared box; it repeats in all directions, grains would fall for ever"
-            )
-        if self.sector is not None and isinstance(self.gravity, np.ndarray) and self.gravity[:2].any():
-            raise ValueError(
-                f"gravity = {self.gravity} m/s^2 turns from sector to sector; allowed with a sector: along z only"
-            )
         self._fastest = FASTEST * float(np.min(grains.radius)) / self.dt
         self._wall_row = wall_rows(laws, len(self.walls), wall_material, self._device.wall)
         angle = None if self.sector is None else self.sector.angle

@@ -201,19 +201,10 @@ class ListedGrains(GrainMotion):
             self.attraction.listed = True
 
     def _wrap(self, periodicity: Periodicity) -> np.ndarray:
-        """Bring back into the copy of space what has left it; by which shift each grain, a row each."""
-        periodicity.begin_list()
-        g, wraps = self.grains, periodicity.wraps(self.grains.position)
-        moved = np.flatnonzero(wraps.reshape(g.count, -1).any(axis=1))
-        shift = wraps[moved]
-        g.position[moved] = periodicity.place(g.position[moved], shift)
-        g.velocity[moved] = periodicity.sweep(g.velocity[moved], shift)
-        held = [getattr(self, name) for name, turns in self.PER_GRAIN.items() if turns]
-        for array in (g.angular_velocity, g.magnetic_moment, g.dipole, *held):
-            if array is not None:
-                array[moved] = periodicity.turn(array[moved], shift)
+        wraps = super()._wrap(periodicity)
         if self.attraction is not None:
-            self.attraction.wrap(moved, shift, periodicity)
+            moved = np.flatnonzero(wraps.reshape(self.grains.count, -1).any(axis=1))
+            self.attraction.wrap(moved, wraps[moved], periodicity)
         return wraps
 
     def _sort(self, order: np.ndarray) -> None:

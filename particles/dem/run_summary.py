@@ -10,7 +10,7 @@ from particles.bodies import Body
 from particles.dem import box_kernel, total_columns
 from particles.dem.contact_columns import ContactColumns
 from particles.sheared_box import ShearedBox
-from particles.step_totals import BoxStress, EnergyTotals, StepTotals
+from particles.step_totals import BoxStress, EnergyTotals, StepTotals, force_on_ring
 
 TORQUES = {"normal": total_columns.TORQUE_N, "damping": total_columns.TORQUE_D, "tangential": total_columns.TORQUE_T}
 WORKS = {
@@ -37,7 +37,7 @@ def summary(
     share = ring / max(steps, 1)
     rows = dict(zip([body.name for body in bodies], body_totals, strict=True))
     parts = {
-        name: {kind: _force(row[first : first + 3] * share, ring) for kind, first in FORCES.items()}
+        name: {kind: force_on_ring(row[first : first + 3] * share, ring) for kind, first in FORCES.items()}
         for name, row in rows.items()
     }
     return StepTotals(
@@ -62,13 +62,6 @@ def summary(
         rebuilds=rebuilds,
         stress=stress,
     )
-
-
-def _force(force: np.ndarray, ring: int) -> np.ndarray:
-    """A force of all sectors [N]: what is not axial cancels round a ring of several."""
-    if ring > 1:
-        force[:2] = 0.0
-    return force
 
 
 def energy_budget(

@@ -30,6 +30,7 @@ from particles.dvi.gauss_seidel import (
     WALLS,
 )
 from particles.dvi.triangle_contacts import record, search
+from particles.periodic_images import place_as_seen, vector_as_seen
 from particles.walls.wall_kernels import _wall_gap
 
 
@@ -72,6 +73,7 @@ def find_contacts(rows, numbers, near, horizon, compliance, grains, pair_slots, 
         pair_slots.impulse,
         pair_slots.contact_slot,
     )
+    images, shift = pair_slots.images, pair_slots.shift
     wall_start, wall_other, wall_impulse, wall_slot = slots.start, slots.other, slots.impulse, slots.contact_slot
     grain, body, pair_index, pair, wall_index, wall_row = records[:6]
     wall, wall_body = walls.smooth, walls.body
@@ -80,7 +82,8 @@ def find_contacts(rows, numbers, near, horizon, compliance, grains, pair_slots, 
         x, y, z, ri = position[i, 0], position[i, 1], position[i, 2], radius[i]
         for k in range(pair_start[i], pair_start[i + 1]):
             j = pair_other[k]
-            dx, dy, dz = x - position[j, 0], y - position[j, 1], z - position[j, 2]
+            dx, dy, dz = place_as_seen(images, shift, k, position[j, 0], position[j, 1], position[j, 2])
+            dx, dy, dz = x - dx, y - dy, z - dz
             reach = ri + radius[j]
             d2 = dx * dx + dy * dy + dz * dz
             far = reach + h * (bound[i] + bound[j]) + margin + slop * ri  # a touch at rest is a contact
@@ -99,13 +102,13 @@ def find_contacts(rows, numbers, near, horizon, compliance, grains, pair_slots, 
             w_n = grain[i, IM] + grain[j, IM]
             row[IWN] = 1.0 / w_n
             row[IWT] = 1.0 / (w_n * (1.0 + 2.5 * row[ARM] * row[ARM]))
-            before = (
-                (velocity[i, 0] - velocity[j, 0]) * ex
-                + (velocity[i, 1] - velocity[j, 1]) * ey
-                + (velocity[i, 2] - velocity[j, 2]) * ez
-            )
+            ux, uy = vector_as_seen(images, shift, k, velocity[j, 0], velocity[j, 1])
+            ux, uy, uz = velocity[i, 0] - ux, velocity[i, 1] - uy, velocity[i, 2] - velocity[j, 2]
+            before = ux * ex + uy * ey + uz * ez
             set_law(PAIRS, h, slop * min(ri, radius[j]), law, compliance, d - reach, before, row, N_PAIR)
             pair_index[pairs, 0], pair_index[pairs, 1], pair_slot[pairs] = i, j, k
+            if images.shape[0] > 1:
+                records.pair_shift[pairs] = shift[k]
             pairs += 1
         for k in range(wall_start[i], wall_start[i + 1]):
             if wall_other[k] >= wall.shape[0]:  # triangles
@@ -132,12 +135,14 @@ def _near(lo, hi, horizon, grains, pair_slots, near):
     h, margin, slop, _ = horizon
     position, radius, bound = grains.position, grains.radius, grains.bound
     pair_start, pair_other = pair_slots.start, pair_slots.other
+    images, shift = pair_slots.images, pair_slots.shift
     count = 0
     for i in range(lo, hi):
         x, y, z, ri = position[i, 0], position[i, 1], position[i, 2], radius[i]
         for k in range(pair_start[i], pair_start[i + 1]):
             j = pair_other[k]
-            dx, dy, dz = x - position[j, 0], y - position[j, 1], z - position[j, 2]
+            dx, dy, dz = place_as_seen(images, shift, k, position[j, 0], position[j, 1], position[j, 2])
+            dx, dy, dz = x - dx, y - dy, z - dz
             far = ri + radius[j] + h * (bound[i] + bound[j]) + margin + slop * ri
             near[k] = 1 if dx * dx + dy * dy + dz * dz < far * far else 0
             count += near[k]

@@ -48,6 +48,7 @@ from particles.dvi.gauss_seidel import (
 from particles.dvi.local_problem import in_disc
 from particles.dvi.solver_state import Torques, all_of
 from particles.dvi.triangle_contacts import COS_STEP, SIN_STEP
+from particles.periodic_images import vector_as_own, vector_as_seen
 
 # columns of a torque: c, R_eff/R_i, R_eff/R_j (at a wall R_i itself), 1/W (the largest W), mu_r, mu_w; with springs
 # also c_t and the offset of w
@@ -125,7 +126,7 @@ def apply_contact_torques(sign, records, contact_torques):
     pair_torque, wall_torque = contact_torques.pair, contact_torques.wall
     for k in range(pair_index.shape[0]):
         _turn_pair(
-            grain, pair_index[k, 0], pair_index[k, 1], pair_torque[k],
+            records, k, pair_torque[k],
             sign * pair_torque[k, CX], sign * pair_torque[k, CY], sign * pair_torque[k, CZ],
         )  # fmt: skip
     for k in range(wall_index.shape[0]):
@@ -136,12 +137,14 @@ def apply_contact_torques(sign, records, contact_torques):
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
-def _turn_pair(grain, i, j, row, x, y, z):
-    """Add the torque (x, y, z) to the spins of two grains."""
+def _turn_pair(records, k, row, x, y, z):
+    """Add the torque (x, y, z) of pair k to the spins of its grains."""
+    grain, i, j = records.grain, records.pair_index[k, 0], records.pair_index[k, 1]
     a, b = 2.5 * row[QI] * grain[i, IM], 2.5 * row[QJ] * grain[j, IM]
     grain[i, PX] += a * x
     grain[i, PY] += a * y
     grain[i, PZ] += a * z
+    x, y = vector_as_own(records.images, records.pair_shift, k, x, y)
     grain[j, PX] -= b * x
     grain[j, PY] -= b * y
     grain[j, PZ] -= b * z
@@ -174,14 +177,12 @@ def _admissible(row, r_n, ex, ey, ez, x, y, z):
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
-def _pair_velocity(compliance, grain, i, j, row):
-    """w [m/s] of two grains, and what their spring gives."""
+def _pair_velocity(compliance, records, k, row):
+    """w [m/s] of pair k, and what its spring gives."""
+    grain, i, j = records.grain, records.pair_index[k, 0], records.pair_index[k, 1]
     a, b = row[QI], row[QJ]
-    x, y, z = (
-        a * grain[i, PX] - b * grain[j, PX],
-        a * grain[i, PY] - b * grain[j, PY],
-        a * grain[i, PZ] - b * grain[j, PZ],
-    )
+    x, y = vector_as_seen(records.images, records.pair_shift, k, grain[j, PX], grain[j, PY])
+    x, y, z = a * grain[i, PX] - b * x, a * grain[i, PY] - b * y, a * grain[i, PZ] - b * grain[j, PZ]
     if compliance is not None:
         c = row[GIVE]
         x, y, z = x + row[OX] + c * row[CX], y + row[OY] + c * row[CY], z + row[OZ] + c * row[CZ]
@@ -201,7 +202,7 @@ def _wall_velocity(compliance, grain, body, i, b, row):
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def sweep_contact_torques(part, relax, compliance, records, contact_torques):
     """Visit every torque of a part once; returns the largest change of a torque times W [m/s]."""
-    grain, body, pair_index, pair, wall_index, wall = records[:6]
+    grain, body, _, pair, wall_index, wall = records[:6]
     pair_torque, wall_torque = contact_torques.pair, contact_torques.wall
     largest = 0.0
     over = relax if relax > 0.0 else 1.0
@@ -212,13 +213,13 @@ def sweep_contact_torques(part, relax, compliance, records, contact_torques):
         cx, cy, cz = row[CX], row[CY], row[CZ]
         if r_n <= 0.0 and cx == 0.0 and cy == 0.0 and cz == 0.0:
             continue
-        i, j, step = pair_index[k, 0], pair_index[k, 1], over * row[IW]
-        x, y, z = _pair_velocity(compliance, grain, i, j, row)
+        step = over * row[IW]
+        x, y, z = _pair_velocity(compliance, records, k, row)
         x, y, z = _admissible(row, r_n, ex, ey, ez, cx - step * x, cy - step * y, cz - step * z)
         row[CX], row[CY], row[CZ] = x, y, z
         x, y, z = x - cx, y - cy, z - cz
         largest = max(largest, (x * x + y * y + z * z) / (row[IW] * row[IW]))
-        _turn_pair(grain, i, j, row, x, y, z)
+        _turn_pair(records, k, row, x, y, z)
     for k in range(part.w0, part.w1):
         row = wall_torque[k]
         ex, ey, ez = wall[k, EX], wall[k, EY], wall[k, EZ]
@@ -272,11 +273,11 @@ def _at_free_shaft(own, free, row, r_n, ex, ey, ez, wx, wy, wz):
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def contact_torque_residual(part, compliance, records, contact_torques):
     """Largest natural map |c - P(c - w/W)| W over the torques of a part [m/s], P the nearest admissible one."""
-    grain, body, pair_index, pair, wall_index, wall = records[:6]
+    grain, body, _, pair, wall_index, wall = records[:6]
     pair_torque, wall_torque = contact_torques.pair, contact_torques.wall
     worst = 0.0
     for k in range(part.p0, part.p1):
-        x, y, z = _pair_velocity(compliance, grain, pair_index[k, 0], pair_index[k, 1], pair_torque[k])
+        x, y, z = _pair_velocity(compliance, records, k, pair_torque[k])
         worst = max(worst, _violation(pair_torque[k], pair, k, x, y, z))
     for k in range(part.w0, part.w1):
         x, y, z = _wall_velocity(compliance, grain, body, wall_index[k, 0], wall_index[k, 1], wall_torque[k])
@@ -349,8 +350,10 @@ def record_contact_torques(
             continue
         i, j = pair_index[k, 0], pair_index[k, 1]
         a, b = 0.5 * row[QI], 0.5 * row[QJ]
-        wx = a * (grain[i, PX] + radius[i] * spin[i, 0]) - b * (grain[j, PX] + radius[j] * spin[j, 0])
-        wy = a * (grain[i, PY] + radius[i] * spin[i, 1]) - b * (grain[j, PY] + radius[j] * spin[j, 1])
+        wx, wy = grain[j, PX] + radius[j] * spin[j, 0], grain[j, PY] + radius[j] * spin[j, 1]
+        wx, wy = vector_as_seen(records.images, records.pair_shift, k, wx, wy)
+        wx = a * (grain[i, PX] + radius[i] * spin[i, 0]) - b * wx
+        wy = a * (grain[i, PY] + radius[i] * spin[i, 1]) - b * wy
         wz = a * (grain[i, PZ] + radius[i] * spin[i, 2]) - b * (grain[j, PZ] + radius[j] * spin[j, 2])
         ex, ey, ez = pair[k, EX], pair[k, EY], pair[k, EZ]
         total = x * wx + y * wy + z * wz

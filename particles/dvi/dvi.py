@@ -1,6 +1,13 @@
 """DVI: grains whose contacts are solved implicitly; the loop around the compiled step of `particles.dvi.step_kernel`.
 
 A differential variational inequality: contacts are rigid, or compliant on springs that a step need not resolve.
+
+**Held forces** (`DVI.external_force`) are explicit: constant during a step. The stiffest of them is the pull of the
+necks between magnetised grains, which changes within a few hundredths of a radius. That is a negative stiffness,
+which makes grains snap together and rings at no step; below the smallest gap, where contacts are closed, the pull is
+constant, and a contact that holds has no motion that could change it. So no step is unstable, and what a neck asks for
+is accuracy: the pull is its mean over the way that the gap goes at the present velocities (`coupling.effects.dipoles`),
+and h <= 0.1 sqrt(m R/F) (`particles.dvi.dvi_step`).
 """
 
 from __future__ import annotations
@@ -46,6 +53,8 @@ from particles.laws.rolling_friction import RollingFriction
 from particles.laws.twisting_friction import TwistingFriction
 from particles.neighbours.contact_table import ContactTable
 from particles.neighbours.neighbour_list import cell_order
+from particles.periodicity import images_of
+from particles.sector import CyclicSector
 from particles.shafts import Shafts, drives_at
 from particles.step_answers import NOT_FINITE, OVERLAP
 from particles.threads import at_most
@@ -56,6 +65,7 @@ STEPS_PER_CALL = 512  # bounds the table of prescribed speeds
 # way is added
 MARGIN = 0.25
 FAST_SKIN = 4.0  # skin, in ways of the fastest grain in a step: a step from the list and the next, for two grains
+MIN_SKIN = 3.0 + MARGIN  # the same where space is too narrow for more: a step and the drift before it, a list each
 FAST_WALLS = 4.0  # the same for triangles, in ways of their fastest point: three steps from the list and the next
 USUAL_SKIN = 0.8  # of the mean radius
 SLOP = 1e-4  # overlap, as a fraction of the radius, below which positions are left alone
@@ -76,6 +86,8 @@ class DVI(GrainMotion):
         Step [s].
     gravity : array_like, shape (3,), or callable, optional
         Acceleration [m/s^2]; a callable takes times (k,) [s] and returns (k, 3).
+    periodicity : CyclicSector, optional
+        Simulate one wedge of the ring.
     theta : float
         Weight of the new velocity in the drift, 1/2 to 1; at 1 velocities lag by half a step, as in `DEM`.
     friction_cone : "coulomb" or "convex"
@@ -111,7 +123,7 @@ class DVI(GrainMotion):
         *,
         dt: float,
         gravity: Gravity | None = None,
-        sector: None = None,
+        periodicity: CyclicSector | None = None,
         theta: float = 1.0,
         friction_cone: str = "coulomb",
         solver: str = "accelerated",
@@ -123,8 +135,8 @@ class DVI(GrainMotion):
         rolling: RollingFriction | None = None,
         twisting: TwistingFriction | None = None,
     ) -> None:
-        if sector is not None:
-            raise ValueError("rigid grains (DVI) need the full ring; leave the sector out, or use DEM")
+        if not isinstance(periodicity, CyclicSector | None):
+            raise ValueError("rigid grains (DVI) know no sheared box; use DEM")
         if not 0.0 < dt < np.inf:
             raise ValueError(f"dt = {dt:g} s; allowed: more than 0")
         if not 0.5 <= theta <= 1.0:
@@ -138,7 +150,7 @@ class DVI(GrainMotion):
             if value not in allowed:
                 raise ValueError(f"{name} = {value!r}; allowed: {', '.join(allowed)}")
         super().__init__(
-            grains, walls, bodies, dt=dt, gravity=gravity, periodicity=None,
+            grains, walls, bodies, dt=dt, gravity=gravity, periodicity=periodicity,
             skin=USUAL_SKIN * float(np.mean(grains.radius)) if skin is None else skin, overlap_limit=overlap_limit,
         )  # fmt: skip
         self.contact, self.theta = contact, float(theta)
@@ -172,7 +184,7 @@ class DVI(GrainMotion):
     @property
     def contact_force(self) -> np.ndarray:
         """Sum of the contact forces on each grain, mean over the last step [N], shape (n, 3)."""
-        return net_impulses(self._list) / self.dt
+        return net_impulses(self._list, self.periodicity) / self.dt
 
     @property
     def _list(self) -> ImpulseList:
@@ -197,10 +209,10 @@ class DVI(GrainMotion):
 
         rebuilds = self._march(n_steps, totals, call)
         energy = rigid_energy_budget(
-            self.bodies, totals, body_totals, self._resist,
+            self.n_sectors, self.bodies, totals, body_totals, self._resist,
             (kinetic, self.grains.kinetic_energy()), (elastic, float(self._springs.sum())),
         )  # fmt: skip
-        return dvi_totals(n_steps, self.dt, self.bodies, totals, body_totals, energy, rebuilds)
+        return dvi_totals(n_steps, self.dt, self.n_sectors, self.bodies, totals, body_totals, energy, rebuilds)
 
     def _raise_stopped(self, answer: int, totals: np.ndarray) -> None:
         g, dt = self.grains, self.dt
@@ -214,7 +226,7 @@ class DVI(GrainMotion):
 
     def contacts(self) -> ContactTable:
         """The loaded contacts of the last step."""
-        return loaded_contacts(self.grains, self._list, self._device, self.bodies, self.dt)
+        return loaded_contacts(self.grains, self._list, self._device, self.bodies, self.periodicity, self.dt)
 
     def state(self) -> dict[str, np.ndarray]:
         """Everything that `restore` needs to continue bit for bit."""
@@ -274,7 +286,7 @@ class DVI(GrainMotion):
 
     def _arguments(self, n_steps: int, angle: np.ndarray, speed: np.ndarray, totals: DviSums) -> DviArguments:
         g, c, device = self.grains, self._list, self._device
-        external = held_force(self.external_force, g.count)
+        external, images = held_force(self.external_force, g.count), images_of(self.periodicity)
         position, velocity, spin = (np.ascontiguousarray(a) for a in (g.position, g.velocity, g.angular_velocity))
         times = (self.step_count + np.arange(n_steps)) * self.dt
         # the new velocities are those of the end of the step at theta = 1/2, and lag behind it at 1
@@ -290,12 +302,12 @@ class DVI(GrainMotion):
                 position, velocity, spin, np.ascontiguousarray(g.radius), g.mass,
                 gravity_at(self.gravity, times), external, c.reference, self._bound,
             ),
-            PairImpulses(c.pairs.start, c.pairs.other, c.pair_impulse, self._pair_slot),
+            PairImpulses(c.pairs.start, c.pairs.other, c.pair_impulse, self._pair_slot, c.pairs.shift, images),
             WallImpulses(c.wall_start, c.wall_other, c.wall_impulse, self._wall_slot, self._found, self._tally),
             DviWalls(device.rows, device.triangles, device.body, self._turn),
             Shafts(drives, constants, angle, speed, device.reach, c.angles, float(self.n_sectors)),
             Records(self._grain, self._body, self._pair_index, self._pair, self._wall_index, self._wall,
-                    self._pair_group, self._wall_group, self._seen),
+                    self._pair_group, self._wall_group, self._seen, self._pair_shift, images),
             self._contact_torques,
             SweepThreads(self._chunks, True if self._chunks is None else None),
             totals,
@@ -316,6 +328,7 @@ class DVI(GrainMotion):
         p, s = self._list.pairs.count, len(self._list.wall_other)
         self._pair_index, self._wall_index = np.zeros((p, 2), dtype=np.int32), np.zeros((s, 2), dtype=np.int32)
         self._pair_slot, self._wall_slot = np.zeros(p, dtype=np.int32), np.zeros(s, dtype=np.int32)
+        self._pair_shift = np.zeros(p, dtype=np.int8)
         memory = 0 if self._compliance is None else gs.N_SPRING
         self._pair, self._wall = np.zeros((p, gs.N_PAIR + memory)), np.zeros((s, gs.N_WALL_CONTACT + memory))
         self._pair_group, self._wall_group = (np.empty((k, N_GROUP, LANES), dtype=np.int32) for k in (p, s))
@@ -331,9 +344,10 @@ class DVI(GrainMotion):
         self._found, self._tally = np.zeros((triangles, N_FOUND)), np.zeros((triangles, 2), dtype=np.int64)
 
     def _rebuild(self) -> None:
-        """Sort by cells, list the neighbours again, and carry the impulses into it."""
+        """Wrap, sort by cells, list the neighbours again, and carry the impulses into it."""
         g = self.grains
         self._refuse_escaped(float(g.radius.max()), f"the walls may have a slot; or shorten dt = {self.dt:.3g} s")
+        wraps = None if self.periodicity is None else self._wrap(self.periodicity)
         old_id = g.particle_id
         order = cell_order(g.position_radius, 2.0 * float(g.radius.max()) + self.skin)
         if np.any(order[1:] < order[:-1]):
@@ -344,16 +358,19 @@ class DVI(GrainMotion):
         vane = max((abs(b.speed) * r for b, r in zip(self.bodies, self._device.reach, strict=True)), default=0.0)
         fastest = max(fastest, (1.0 + float(self._law[1, 1])) * vane)  # what it strikes
         self._reach = max(self.skin, FAST_SKIN * self.dt * fastest)
+        if self.periodicity is not None:  # a narrow copy of space: lists that last for one step
+            widest = self.periodicity.widest_cutoff(g.position) - 2.0 * float(g.radius.max())
+            self._reach = max(min(self._reach, widest), MIN_SKIN * self.dt * fastest)
         made = ImpulseList.make(
             np.ascontiguousarray(g.position), g.radius, self._reach, self._device, [b.angle for b in self.bodies],
-            max(0.5 * self.skin, FAST_WALLS * self.dt * vane), 6 if self._resist.any() else 3,
+            max(0.5 * self.skin, FAST_WALLS * self.dt * vane), self.periodicity, 6 if self._resist.any() else 3,
         )  # fmt: skip
         if self._impulses is not None:
-            made.take_impulses(self._impulses, old_id, g.particle_id)
+            made.take_impulses(self._impulses, old_id, g.particle_id, self.sector, wraps)
         self._impulses = made
         self._make_room()
         self.list_version += 1
         self._stale = False
 
     def _pressed_in(self) -> float:
-        return pressed_in(self._stiffness, self.grains, self._list, self._device, self.bodies)
+        return pressed_in(self._stiffness, self.grains, self._list, self._device, self.bodies, self.periodicity)

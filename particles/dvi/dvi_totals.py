@@ -9,7 +9,7 @@ import numpy as np
 
 from particles.bodies import Body
 from particles.dvi import end_of_step
-from particles.step_totals import EnergyTotals, StepTotals
+from particles.step_totals import EnergyTotals, StepTotals, force_on_ring
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,25 +51,31 @@ class DviTotals(StepTotals):
 def dvi_totals(
     steps: int,
     dt: float,
+    ring: int,
     bodies: Sequence[Body],
     totals: np.ndarray,
     body_totals: np.ndarray,
     energy: EnergyTotals,
     rebuilds: int,
 ) -> DviTotals:
-    """Totals of ``steps`` of ``dt`` [s], by the sums of the run and of its bodies."""
-    per_step = 1.0 / max(steps, 1)
+    """Totals of ``steps`` of ``dt`` [s], by the sums of the run and of its bodies.
+
+    ``ring`` is the number of sectors, of one of which the sums are.
+    """
+    share = ring / max(steps, 1)
     names = [body.name for body in bodies]
-    normal = body_totals[:, end_of_step.NORMAL_X : end_of_step.NORMAL_Z + 1] * per_step
-    force = body_totals[:, end_of_step.FORCE_X : end_of_step.FORCE_Z + 1] * per_step
+    normal, force = (
+        [force_on_ring(row[first : first + 3] * share, ring) for row in body_totals]
+        for first in (end_of_step.NORMAL_X, end_of_step.FORCE_X)
+    )
     return DviTotals(
         steps=steps,
         duration=steps * dt,
         torque={
             name: {
-                "normal": float(t[end_of_step.TORQUE_N]) * per_step,
+                "normal": float(t[end_of_step.TORQUE_N]) * share,
                 "damping": 0.0,
-                "tangential": float(t[end_of_step.TORQUE_T]) * per_step,
+                "tangential": float(t[end_of_step.TORQUE_T]) * share,
             }
             for name, t in zip(names, body_totals, strict=True)
         },
@@ -82,7 +88,7 @@ def dvi_totals(
             body.name: {
                 "drive": float(t[end_of_step.DRIVE_WORK]),
                 "load": float(t[end_of_step.LOAD_WORK]),
-                "contact": -float(t[end_of_step.BODY_WORK]),
+                "contact": -ring * float(t[end_of_step.BODY_WORK]),
             }
             for body, t in zip(bodies, body_totals, strict=True)
             if body.is_free
@@ -101,11 +107,12 @@ def dvi_totals(
         taken_over=int(totals[end_of_step.TAKEN_OVER]),
         warm_hits=float(totals[end_of_step.KEPT] / max(totals[end_of_step.LOADED], 1.0)),
         projections=int(totals[end_of_step.PROJECTIONS]),
-        stabilisation_work=float(totals[end_of_step.STABILISATION]),
+        stabilisation_work=ring * float(totals[end_of_step.STABILISATION]),
     )
 
 
 def rigid_energy_budget(
+    ring: int,
     bodies: Sequence[Body],
     totals: np.ndarray,
     body_totals: np.ndarray,
@@ -113,20 +120,26 @@ def rigid_energy_budget(
     kinetic: tuple[float, float],
     elastic: tuple[float, float],
 ) -> EnergyTotals:
-    """The energy budget; ``resist`` (2, 2) are mu_r and mu_w, ``kinetic`` and ``elastic`` before and now [J]."""
+    """The energy budget; ``resist`` (2, 2) are mu_r and mu_w.
+
+    ``kinetic`` and ``elastic`` are before and now [J], as all sums those of one of the ``ring``'s sectors.
+    """
+    work = ring * totals
     return EnergyTotals(
-        wall_work={body.name: float(t[end_of_step.BODY_WORK]) for body, t in zip(bodies, body_totals, strict=True)},
-        dissipation={
-            "impact": float(totals[end_of_step.IMPACT]),
-            "sliding": float(totals[end_of_step.SLIDING]),
-            **({"rolling": float(totals[end_of_step.ROLLING])} if resist[:, 0].any() else {}),
-            **({"twisting": float(totals[end_of_step.TWISTING])} if resist[:, 1].any() else {}),
+        wall_work={
+            body.name: ring * float(t[end_of_step.BODY_WORK]) for body, t in zip(bodies, body_totals, strict=True)
         },
-        contact_work=float(totals[end_of_step.CONTACT_WORK]),
-        gravity_work=float(totals[end_of_step.GRAVITY_WORK]),
-        external_work=float(totals[end_of_step.EXTERNAL_WORK]),
-        kinetic_energy=kinetic[1],
-        kinetic_change=kinetic[1] - kinetic[0],
-        elastic_energy=elastic[1],
-        elastic_change=elastic[1] - elastic[0],
+        dissipation={
+            "impact": float(work[end_of_step.IMPACT]),
+            "sliding": float(work[end_of_step.SLIDING]),
+            **({"rolling": float(work[end_of_step.ROLLING])} if resist[:, 0].any() else {}),
+            **({"twisting": float(work[end_of_step.TWISTING])} if resist[:, 1].any() else {}),
+        },
+        contact_work=float(work[end_of_step.CONTACT_WORK]),
+        gravity_work=float(work[end_of_step.GRAVITY_WORK]),
+        external_work=float(work[end_of_step.EXTERNAL_WORK]),
+        kinetic_energy=ring * kinetic[1],
+        kinetic_change=ring * (kinetic[1] - kinetic[0]),
+        elastic_energy=ring * elastic[1],
+        elastic_change=ring * (elastic[1] - elastic[0]),
     )

@@ -26,6 +26,7 @@ from particles.dvi.gauss_seidel import (
     VZ,
 )  # fmt: skip
 from particles.dvi.sweep_chunks import part_of
+from particles.periodic_images import vector_as_seen
 
 # columns of the totals
 (
@@ -54,6 +55,7 @@ def book(part, h, compliance, body_speed, mean_speed, grains, pair_slots, slots,
         slots.impulse,
     )
     grain, _, pair_index, pair, wall_index, wall = records[:6]
+    images, shift = records.images, records.pair_shift
     loaded = kept = 0
     impact = sliding = work = spring_n = spring_t = 0.0
     for k in range(part.p0, part.p1):
@@ -71,15 +73,18 @@ def book(part, h, compliance, body_speed, mean_speed, grains, pair_slots, slots,
         kept += old and not idle
         i, j = pair_index[k, 0], pair_index[k, 1]
         ex, ey, ez, arm = pair[k, EX], pair[k, EY], pair[k, EZ], pair[k, ARM]
-        sx = grain[i, PX] + grain[j, PX] + radius[i] * spin[i, 0] + radius[j] * spin[j, 0]
-        sy = grain[i, PY] + grain[j, PY] + radius[i] * spin[i, 1] + radius[j] * spin[j, 1]
+        wx, wy = vector_as_seen(images, shift, k, grain[j, VX], grain[j, VY])
+        hx, hy = vector_as_seen(images, shift, k, velocity[j, 0], velocity[j, 1])
+        px, py = grain[j, PX] + radius[j] * spin[j, 0], grain[j, PY] + radius[j] * spin[j, 1]
+        px, py = vector_as_seen(images, shift, k, px, py)
+        sx = grain[i, PX] + radius[i] * spin[i, 0] + px
+        sy = grain[i, PY] + radius[i] * spin[i, 1] + py
         sz = grain[i, PZ] + grain[j, PZ] + radius[i] * spin[i, 2] + radius[j] * spin[j, 2]
-        ux = grain[i, VX] - grain[j, VX] + velocity[i, 0] - velocity[j, 0] - arm * (sy * ez - sz * ey)
-        uy = grain[i, VY] - grain[j, VY] + velocity[i, 1] - velocity[j, 1] - arm * (sz * ex - sx * ez)
+        ux = grain[i, VX] - wx + velocity[i, 0] - hx - arm * (sy * ez - sz * ey)
+        uy = grain[i, VY] - wy + velocity[i, 1] - hy - arm * (sz * ex - sx * ez)
         uz = grain[i, VZ] - grain[j, VZ] + velocity[i, 2] - velocity[j, 2] - arm * (sx * ey - sy * ex)
         if compliance is not None:
-            u_n = (grain[i, VX] - grain[j, VX]) * ex + (grain[i, VY] - grain[j, VY]) * ey
-            u_n += (grain[i, VZ] - grain[j, VZ]) * ez
+            u_n = (grain[i, VX] - wx) * ex + (grain[i, VY] - wy) * ey + (grain[i, VZ] - grain[j, VZ]) * ez
             a, b = stored(compliance, gs.PAIRS, pair[k, gs.GAP] + h * u_n, x, y, z, ex, ey, ez)
             spring_n, spring_t = spring_n + a, spring_t + b
         total = 0.5 * (x * ux + y * uy + z * uz)

@@ -13,6 +13,11 @@ Comput. Methods Appl. Mech. Engrg. 177 (1999) 235).
 so that its radius is needed nowhere, and its record is one cache line. The arms R_i a and R_j a add up to the
 distance of the centres (a = 1 where they touch): angular momentum is conserved to round-off.
 
+**Images.** Where space repeats (`particles.periodicity`), a contact may couple its first grain with an image of the
+second. Everything of it is kept as the first grain sees it: velocity and spin of the second are turned to the image,
+the change of its impulse and of its moment is turned back. The contacts of the other copies are those images of it, and
+a free shaft, which all of them turn, is that many times lighter.
+
 **Order.** Groups of up to eight contacts without a common grain are visited at once, which is the same as one contact
 after another (`particles.dvi.contact_groups`); those of all rows of the neighbour list, or in chunks of them
 (`particles.dvi.sweep_chunks`); it follows from the list alone. No branch within a group: wrong guesses would cost more.
@@ -33,6 +38,8 @@ from geometry.kernels.simd_tables import gather_columns, load, scatter_columns
 from particles.dvi.contact_groups import CONTACT, FIRST, N_GROUP, SECOND, group_contacts
 from particles.dvi.local_problem import coulomb_block, natural_map
 from particles.dvi.solver_state import Records, all_of
+from particles.periodic_images import eight_as_own, eight_as_seen, vector_as_own
+from particles.periodicity import N_IMAGE
 
 # columns of a grain: velocity, 1/m, scaled spin
 VX, VY, VZ, IM, PX, PY, PZ = range(7)
@@ -56,6 +63,7 @@ STIFFNESS, TANGENTIAL, MET, DASHPOT, SHARES = range(5)
 def apply_impulses(sign, records):
     """Add to the velocities ``sign`` times what the impulses in the records do."""
     grain, body, pair_index, pair, wall_index, wall = records[:6]
+    images, shift = records.images, records.pair_shift
     for k in range(pair.shape[0]):
         i, j = pair_index[k, 0], pair_index[k, 1]
         x, y, z = sign * pair[k, RX], sign * pair[k, RY], sign * pair[k, RZ]
@@ -68,12 +76,14 @@ def apply_impulses(sign, records):
         grain[i, VX] += a * x
         grain[i, VY] += a * y
         grain[i, VZ] += a * z
-        grain[j, VX] -= b * x
-        grain[j, VY] -= b * y
-        grain[j, VZ] -= b * z
         grain[i, PX] += a * sx
         grain[i, PY] += a * sy
         grain[i, PZ] += a * sz
+        x, y = vector_as_own(images, shift, k, x, y)
+        sx, sy = vector_as_own(images, shift, k, sx, sy)
+        grain[j, VX] -= b * x
+        grain[j, VY] -= b * y
+        grain[j, VZ] -= b * z
         grain[j, PX] += b * sx
         grain[j, PY] += b * sy
         grain[j, PZ] += b * sz
@@ -158,6 +168,7 @@ def sweep_pairs(lo, hi, convex, relax, compliance, records):
     ``convex`` None: exact Coulomb, over-relaxed by ``relax`` (1: not), which the convex law does not read.
     """
     grain, table, pair = records.grain, records.pair_group, records.pair
+    images, shift = records.images, records.pair_shift
     largest = splat(0.0)
     for g in range(lo, hi):
         if table[g, CONTACT, 0] < 0:
@@ -172,17 +183,19 @@ def sweep_pairs(lo, hi, convex, relax, compliance, records):
         inverse, slow, mu, _ = gather_columns(pair, k, IWN)
         springs = _springs(compliance, PAIRS, pair, k, N_PAIR)
         e, r = (ex, ey, ez), (rx, ry, rz)
-        u, s = (vx - wx, vy - wy, vz - wz), (px + qx, py + qy, pz + qz)
+        ux, uy, sx, sy = eight_as_seen(images, shift, k, wx, wy, qx, qy)
+        u, s = (vx - ux, vy - uy, vz - wz), (px + sx, py + sy, pz + qz)
         velocity = _velocity(e, arm, r, u, s, offset, springs)
         x, y, z, change = _change(convex, relax, e, r, inverse, slow, mu, velocity)
         change = change / (inverse * inverse)
         largest = select(change > largest, change, largest)
         scatter_columns(pair, k, RX, rx + x, ry + y, rz + z, offset)
         scatter_columns(grain, i, VX, vx + a * x, vy + a * y, vz + a * z, a)
-        scatter_columns(grain, j, VX, wx - b * x, wy - b * y, wz - b * z, b)
         arm = -2.5 * arm
         sx, sy, sz = arm * (ey * z - ez * y), arm * (ez * x - ex * z), arm * (ex * y - ey * x)
         scatter_columns(grain, i, PX, px + a * sx, py + a * sy, pz + a * sz, rest)
+        x, y, sx, sy = eight_as_own(images, shift, k, x, y, sx, sy)
+        scatter_columns(grain, j, VX, wx - b * x, wy - b * y, wz - b * z, b)
         scatter_columns(grain, j, PX, qx + b * sx, qy + b * sy, qz + b * sz, other_rest)
     return reduce_max(largest) if convex is not None else reduce_max(largest) / (relax * relax)
 
@@ -334,6 +347,7 @@ def residual(part, convex, compliance, records):
         px, py, pz, _ = gather_columns(grain, i, PX)
         wx, wy, wz, _ = gather_columns(grain, j, VX)
         qx, qy, qz, _ = gather_columns(grain, j, PX)
+        wx, wy, qx, qy = eight_as_seen(records.images, records.pair_shift, k, wx, wy, qx, qy)
         u, s = (vx - wx, vy - wy, vz - wz), (px + qx, py + qy, pz + qz)
         missed = _map(convex is not None, pair, k, u, s, _springs(compliance, PAIRS, pair, k, N_PAIR))
         worst = select(missed > worst, missed, worst)
@@ -372,11 +386,14 @@ def _map(convex, row, contacts, u, s, springs):
 # The same for calls from Python: these have a cache, and no kernel calls them
 @device_function(error_model="numpy", fastmath={"contract"})
 def grouped(grain, body, pair_index, pair, wall_index, wall):
-    """Records of so many contacts, with their groups."""
+    """Records of so many contacts in a space that does not repeat, with their groups."""
     pair_group = np.empty((pair.shape[0], N_GROUP, LANES), dtype=np.int32)
     wall_group = np.empty((wall.shape[0], N_GROUP, LANES), dtype=np.int32)
     seen = np.empty((grain.shape[0], 2), dtype=np.int64)
-    records = Records(grain, body, pair_index, pair, wall_index, wall, pair_group, wall_group, seen)
+    shift, images = np.empty(0, dtype=np.int8), np.empty((1, N_IMAGE))
+    records = Records(
+        grain, body, pair_index, pair, wall_index, wall, pair_group, wall_group, seen, shift, images
+    )
     group_contacts(all_of(records), body, IJ, records)
     return records
 

@@ -3,6 +3,9 @@
 A new list takes the impulses over by the sorted keys of its pairs: (smaller id, larger id) of two grains, (id, wall)
 at a wall. An impulse is kept in world axes and acts on the first grain of its pair; where the pair stands the other
 order in the new list its sign changes. Triangles count as walls, numbered on after the smooth ones.
+
+In a sector the first grain i may meet the image of its partner by the shift s. If the grains are turned by w_i and w_j
+when they are wrapped, the impulse on i, as i sees it, becomes R^w_i r, and the one on j, as j sees it, -R^(w_j - s) r.
 """
 
 from __future__ import annotations
@@ -14,6 +17,8 @@ import numpy as np
 
 from particles.neighbours.neighbour_list import find_pairs
 from particles.neighbours.slot_list import SlotList, slots_of
+from particles.periodicity import Periodicity
+from particles.sector import CyclicSector
 from particles.walls.device_walls import DeviceWalls
 
 
@@ -43,11 +48,12 @@ class ImpulseList(SlotList):
         walls: DeviceWalls,
         angles: Sequence[float],
         wall_travel: float,
-        columns: int = 3,
+        periodicity: Periodicity | None,
+        columns: int,
     ) -> ImpulseList:
         """The list at ``position`` (n, 3) [m] and ``angles`` [rad], with ``skin`` [m]; ``columns`` of an impulse."""
         reach = radius + 0.5 * skin
-        pairs = find_pairs(position, 2.0 * float(radius.max()) + skin, None, reach)
+        pairs = find_pairs(position, 2.0 * float(radius.max()) + skin, periodicity, reach)
         start, other = walls.near(position, reach, 2.0 * wall_travel, angles)
         return cls(
             pairs, start, other, position.copy(), np.array(angles, dtype=float), float(wall_travel),
@@ -65,12 +71,32 @@ class ImpulseList(SlotList):
             particle_id[self.wall_rows()] * max(walls, 1 << 20) + self.wall_other,
         )
 
-    def take_impulses(self, old: ImpulseList, old_id: np.ndarray, particle_id: np.ndarray) -> None:
-        """Carry the impulses over from ``old``, whose grains stood in the order ``old_id``."""
+    def take_impulses(
+        self,
+        old: ImpulseList,
+        old_id: np.ndarray,
+        particle_id: np.ndarray,
+        sector: CyclicSector | None,
+        wraps: np.ndarray | None,
+    ) -> None:
+        """Carry the impulses over from ``old``, whose grains stood in the order ``old_id``.
+
+        In a ``sector`` they were turned by ``wraps`` (n,), in the old order.
+        """
         key, sign, wall_key = self.keys(particle_id)
         old_key, old_sign, old_wall_key = old.keys(old_id)
-        self.pair_impulse[:] = sign[:, None] * _values_at(key, old_key, old_sign[:, None] * old.pair_impulse)
-        self.wall_impulse[:] = _values_at(wall_key, old_wall_key, old.wall_impulse)
+        pair_impulse, wall_impulse = old_sign[:, None] * old.pair_impulse, old.wall_impulse
+        if sector is not None and wraps is not None:
+            # those on the grains of smaller number, as these see them
+            first = old_sign > 0.0
+            turns = np.where(first, wraps[old.pairs.rows()], wraps[old.pairs.other] - old.pairs.shift)
+            pair_impulse = _turned(sector, pair_impulse, turns)
+            wall_impulse = _turned(sector, wall_impulse, wraps[old.wall_rows()])
+        pair_impulse = sign[:, None] * _values_at(key, old_key, pair_impulse)
+        if sector is not None:
+            pair_impulse = _turned(sector, pair_impulse, np.where(sign > 0.0, 0, self.pairs.shift))
+        self.pair_impulse[:] = pair_impulse
+        self.wall_impulse[:] = _values_at(wall_key, old_wall_key, wall_impulse)
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Everything that a restart needs."""
@@ -82,6 +108,15 @@ class ImpulseList(SlotList):
         """The inverse of `arrays`."""
         impulses = (state[f"{kind}_impulse"].copy() for kind in ("pair", "wall"))
         return cls(*slots_of(state), float(state["wall_way"]), *impulses)
+
+
+def _turned(sector: CyclicSector, impulse: np.ndarray, turns: np.ndarray) -> np.ndarray:
+    """Rows of impulses and torques (m, 3) or (m, 6), each turned by so many sectors (m,)."""
+    turned = impulse.copy()
+    rows = np.flatnonzero((turns != 0) & impulse.any(axis=1))
+    for first in range(0, impulse.shape[1], 3):
+        turned[rows, first : first + 3] = sector.turn(impulse[rows, first : first + 3], turns[rows])
+    return turned
 
 
 def _values_at(key: np.ndarray, old_key: np.ndarray, value: np.ndarray) -> np.ndarray:

@@ -10,19 +10,25 @@ from particles.bodies import Body
 from particles.dvi.impulse_list import ImpulseList
 from particles.grains import Grains
 from particles.neighbours.contact_table import ContactTable
+from particles.periodicity import Periodicity
 from particles.walls.device_walls import DeviceWalls
 from particles.walls.triangle_kernels import closest_on_triangle
 from particles.walls.wall_kernels import wall_overlaps
 
 
 def loaded_contacts(
-    grains: Grains, listed: ImpulseList, device: DeviceWalls, bodies: Sequence[Body], dt: float
+    grains: Grains,
+    listed: ImpulseList,
+    device: DeviceWalls,
+    bodies: Sequence[Body],
+    periodicity: Periodicity | None,
+    dt: float,
 ) -> ContactTable:
     """The contacts that held an impulse in the last step of ``dt`` [s]."""
     x, radius, c = grains.position, grains.radius, listed
     k = np.flatnonzero(c.pair_impulse[:, :3].any(axis=1))
-    i, j = c.pairs.rows()[k], c.pairs.other[k].astype(np.int64)
-    away = x[j] - x[i]
+    i, j, shift = c.pairs.rows()[k], c.pairs.other[k].astype(np.int64), c.pairs.shift[k].astype(np.int64)
+    away = _places(x, j, shift, periodicity) - x[i]
     reach = radius[i] + radius[j]
     point = x[i] + away * (radius[i] / reach)[:, None]
     w = np.flatnonzero(c.wall_impulse[:, :3].any(axis=1))
@@ -35,17 +41,23 @@ def loaded_contacts(
     return ContactTable(
         np.concatenate([i, row]), np.concatenate([j, none]),
         np.concatenate([np.full(len(i), -1), device.wall[wall]]),
-        np.zeros(len(i) + len(row), dtype=np.int64), np.concatenate([point, at_wall]),
+        np.concatenate([shift, np.zeros(len(row), dtype=np.int64)]), np.concatenate([point, at_wall]),
         np.concatenate([c.pair_impulse[k, :3], c.wall_impulse[w, :3]]) / dt,
         np.concatenate([reach - np.linalg.norm(away, axis=1), depth[:, 0]]),
     )  # fmt: skip
 
 
-def net_impulses(listed: ImpulseList) -> np.ndarray:
+def _places(x: np.ndarray, j: np.ndarray, shift: np.ndarray, periodicity: Periodicity | None) -> np.ndarray:
+    """Centres [m] of the grains ``j`` of pairs at ``shift``, as their partners see them."""
+    return x[j] if periodicity is None else periodicity.place(x[j], shift)
+
+
+def net_impulses(listed: ImpulseList, periodicity: Periodicity | None) -> np.ndarray:
     """Sum of the impulses on each grain in the last step [N s], shape (n, 3)."""
-    net = np.zeros((len(listed.reference), 3))
-    np.add.at(net, listed.pairs.rows(), listed.pair_impulse[:, :3])
-    np.subtract.at(net, listed.pairs.other, listed.pair_impulse[:, :3])
+    net, impulse = np.zeros((len(listed.reference), 3)), listed.pair_impulse[:, :3]
+    np.add.at(net, listed.pairs.rows(), impulse)
+    reaction = impulse if periodicity is None else periodicity.turn(impulse, -listed.pairs.shift)
+    np.subtract.at(net, listed.pairs.other, reaction)
     np.add.at(net, listed.wall_rows(), listed.wall_impulse[:, :3])
     return net
 
@@ -71,14 +83,20 @@ def wall_depths(
 
 
 def pressed_in(
-    stiffness: np.ndarray | None, grains: Grains, listed: ImpulseList, device: DeviceWalls, bodies: Sequence[Body]
+    stiffness: np.ndarray | None,
+    grains: Grains,
+    listed: ImpulseList,
+    device: DeviceWalls,
+    bodies: Sequence[Body],
+    periodicity: Periodicity | None,
 ) -> float:
     """Energy [J] that the normal springs hold at the start, where grains overlap each other or smooth walls."""
     if stiffness is None:
         return 0.0
     g, c = grains, listed
     i, j = c.pairs.rows(), c.pairs.other
-    pairs = g.radius[i] + g.radius[j] - np.linalg.norm(g.position[j] - g.position[i], axis=1)
+    away = _places(g.position, j, c.pairs.shift, periodicity) - g.position[i]
+    pairs = g.radius[i] + g.radius[j] - np.linalg.norm(away, axis=1)
     row, wall = c.wall_rows(), c.wall_other.astype(np.int64)
     smooth = wall < len(device.rows)
     walls = wall_depths(grains, device, bodies, row[smooth], wall[smooth])[:, 0]

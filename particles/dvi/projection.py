@@ -7,6 +7,7 @@ from numba import prange
 
 from geometry.kernels.device_functions import device_function
 from particles.dvi.triangle_contacts import overlapping
+from particles.periodic_images import place_as_seen, vector_as_own
 from particles.walls.triangle_kernels import DISTANCE, TOWARDS_X, TOWARDS_Y, TOWARDS_Z
 from particles.walls.wall_kernels import _wall_gap
 
@@ -62,15 +63,15 @@ def _project_rows(lo, hi, first, slop, step, grains, pair_slots, slots, walls):
     time, of the diameter, whose it is, and the work."""
     position, radius, mass = grains.position, grains.radius, grains.mass
     pair_start, pair_other = pair_slots.start, pair_slots.other
+    images, shift = pair_slots.images, pair_slots.shift
     wall_start, wall_other, found = slots.start, slots.other, slots.found
     wall, triangle, wall_body = walls.smooth, walls.triangle, walls.body
     worst, deepest, at, work = 0.0, 0.0, -1, 0.0
     for i in range(lo, hi):
         for k in range(pair_start[i], pair_start[i + 1]):
             j = pair_other[k]
-            dx, dy, dz = (
-                position[i, 0] - position[j, 0], position[i, 1] - position[j, 1], position[i, 2] - position[j, 2],
-            )  # fmt: skip
+            dx, dy, dz = place_as_seen(images, shift, k, position[j, 0], position[j, 1], position[j, 2])
+            dx, dy, dz = position[i, 0] - dx, position[i, 1] - dy, position[i, 2] - dz
             reach = radius[i] + radius[j]
             d2 = dx * dx + dy * dy + dz * dz
             if d2 >= reach * reach:
@@ -86,6 +87,7 @@ def _project_rows(lo, hi, first, slop, step, grains, pair_slots, slots, walls):
             fraction = (reach - d) / (max(d, 1e-300) * (mass[i] + mass[j]))
             a, b = fraction * mass[j], fraction * mass[i]
             work += _shift(step, grains, i, a * dx, a * dy, a * dz)
+            dx, dy = vector_as_own(images, shift, k, dx, dy)
             work += _shift(step, grains, j, -b * dx, -b * dy, -b * dz)
         for k in range(wall_start[i], wall_start[i + 1]):
             if wall_other[k] >= wall.shape[0]:  # triangles

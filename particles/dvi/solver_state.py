@@ -128,16 +128,22 @@ class PairImpulses(NamedTuple):
         Of the last step [N s], on the first grain (`particles.dvi.impulse_list`).
     contact_slot : ndarray of int32, shape (p,)
         Slot of each contact of the step.
+    shift : ndarray of int8, shape (p,)
+        Which image of the partner it is (`particles.periodicity`).
+    images : ndarray, shape (2 m + 1, 6)
+        Table of images; one row where space does not repeat, and nobody reads a shift.
     """
 
     start: np.ndarray
     other: np.ndarray
     impulse: np.ndarray
     contact_slot: np.ndarray
+    shift: np.ndarray
+    images: np.ndarray
 
 
 class WallImpulses(NamedTuple):
-    """Slots of (grain, wall), row by row, as in `PairImpulses`.
+    """Slots of (grain, wall), row by row, as in `PairImpulses`; no images.
 
     Attributes
     ----------
@@ -186,6 +192,8 @@ class Records(NamedTuple):
         at row k. Where they are fewer than the contacts, -1 follows them. One that is not full repeats its first.
     seen : ndarray of int64, shape (n, 2)
         Scratch: in which groups a grain is, as bits, and the group that these count from.
+    pair_shift, images : ndarray, shapes (p,) int8, (2 m + 1, 6)
+        Which image of its second grain a pair meets, and the table of images, as of `PairImpulses`.
     """
 
     grain: np.ndarray
@@ -197,6 +205,8 @@ class Records(NamedTuple):
     pair_group: np.ndarray
     wall_group: np.ndarray
     seen: np.ndarray
+    pair_shift: np.ndarray
+    images: np.ndarray
 
 
 class Torques(NamedTuple):
@@ -271,7 +281,7 @@ def first_of(records, pairs, walls):
     """The records of the first contacts, so many pairs and walls."""
     return Records(
         records.grain, records.body, records.pair_index[:pairs], records.pair[:pairs], records.wall_index[:walls],
-        records.wall[:walls], records.pair_group, records.wall_group, records.seen,
+        records.wall[:walls], records.pair_group, records.wall_group, records.seen, records.pair_shift, records.images,
     )  # fmt: skip
 
 

@@ -124,7 +124,7 @@ def _find(horizon, compliance, grains, pairs, slots, walls, shafts, records, chu
     if chunk is not None:
         unsorted = Records(
             records.grain, records.body, records.pair_index, records.pair, chunk.found_index, chunk.found,
-            records.pair_group, records.wall_group, records.seen,
+            records.pair_group, records.wall_group, records.seen, records.pair_shift, records.images,
         )  # fmt: skip
         places = WallImpulses(slots.start, slots.other, slots.impulse, chunk.found_slot, slots.found, slots.tally)
         find_in_chunks(horizon, compliance, grains, pairs, places, walls, shafts.speed, unsorted, chunk, chunk.ends)

@@ -19,6 +19,7 @@ import numpy as np
 from geometry.kernels.device_functions import device_function
 from particles.dvi.contact_rows import set_law, set_wall_geometry
 from particles.dvi.gauss_seidel import N_WALL_CONTACT, RX, RY, RZ, SPEED, WALLS
+from particles.periodic_images import place_as_seen
 from particles.walls.triangle_kernels import (
     DISTANCE,
     LEADER,
@@ -106,9 +107,10 @@ def pass_on(h, grains, pair_slots):
                 larger = max(bound[i], bound[j])
                 touch = radius[i] + radius[j]
                 reach = touch + h * (larger - min(bound[i], bound[j]))
-                dx, dy, dz = (
-                    position[i, 0] - position[j, 0], position[i, 1] - position[j, 1], position[i, 2] - position[j, 2],
-                )  # fmt: skip
+                dx, dy, dz = place_as_seen(
+                    pair_slots.images, pair_slots.shift, k, position[j, 0], position[j, 1], position[j, 2]
+                )
+                dx, dy, dz = position[i, 0] - dx, position[i, 1] - dy, position[i, 2] - dz
                 d2 = dx * dx + dy * dy + dz * dz
                 if d2 < reach * reach:
                     pushed = larger - max(np.sqrt(d2) - touch, 0.0) / h

@@ -12,7 +12,7 @@ from geometry import Box
 from geometry.time_profile import TimeProfile
 from geometry.triangle_wall import box_surface
 from geometry.walls import annulus, cylinder
-from particles import DVI, Body, DviContact, FreeShaft, Grains
+from particles import DVI, Body, CyclicSector, DviContact, FreeShaft, Grains
 from particles.dvi import gauss_seidel as gs
 from particles.dvi import sweep_chunks
 from particles.laws.rolling_friction import RollingFriction
@@ -89,6 +89,26 @@ def _vanes(n, **more):
     return _drum(n, vanes=True, rolling=RollingFriction(0.1), twisting=TwistingFriction(0.05), **more)
 
 
+def _sector(n, **more):
+    """A wedge of 20 degrees between a core and a drum that is on a free shaft and carries the grains round."""
+    core, radius, wedge = 40.0 * R, 60.0 * R, CyclicSector(np.pi / 9.0)
+    walls = [
+        cylinder("core", "core", core, 0.0, 1.0),
+        cylinder("shell", "drum", radius, 0.0, 1.0),
+        annulus("low", "drum", 0.0, core, radius),
+    ]
+    bodies = [Body("core"), Body("drum", FreeShaft(1.0), speed=3.0)]
+    r, angle, z = np.meshgrid(
+        np.arange(41.2, 59.0, 2.3) * R, (np.arange(6) + 0.5) * wedge.angle / 6.0, np.arange(1.1, 60.0, 2.3) * R
+    )  # fmt: skip
+    where = np.stack([r * np.cos(angle), r * np.sin(angle), z], axis=-1).reshape(-1, 3)
+    where = where[np.argsort(where[:, 2], kind="stable")][:n]
+    around = 2.0 * np.stack([-where[:, 1], where[:, 0], 0.0 * where[:, 2]], axis=1)
+    grains = Grains.create(where, R, 7850.0, velocity=around)
+    more = {"rolling": RollingFriction(0.1)} | more
+    return DVI(grains, walls, bodies, DviContact(0.4), dt=1e-3, gravity=(0.0, 0.0, -G), periodicity=wedge, **more)
+
+
 def _with_threads(threads, make, n, steps, **more):
     numba.set_num_threads(threads)
     dvi = make(n, **more)
@@ -114,6 +134,7 @@ def _differences(a, b):
         (_drum, 300, 60, {"max_sweeps": 200}),
         (_drum, 3000, 20, {"max_sweeps": 100}),
         (_vanes, 300, 60, {"tolerance": 1e-4, "stiffness": STIFF}),
+        (_sector, 600, 60, {"tolerance": 1e-5, "stiffness": STIFF}),
     ],
 )
 def test_one_and_two_threads_agree_bitwise(make, n, steps, more):

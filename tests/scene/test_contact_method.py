@@ -169,3 +169,34 @@ def test_magnetic_forces_move_rigid_grains_as_elastic_ones(tmp_path):
     scaled = [velocity / time for _, velocity, time in where.values()]
     apart = np.linalg.norm(scaled[0] - scaled[1], axis=1) / np.linalg.norm(scaled[0], axis=1)
     assert np.median(apart[begun]) < 0.1
+
+
+MAGNETISED = {
+    "scene": {"title": "Magnetised powder in a sector of a sheared gap", "seed": 2},
+    "geometry": {
+        "kind": "shear_cell", "inner_radius": "10 mm", "outer_radius": "11.2 mm", "height": "1.2 mm", "steel": True,
+    },
+    "particles": {"diameter": "0.3 mm", "solid_fraction": 0.4, "sector": "12 deg", "initial_velocity": "sheared"},
+    "contact": {"friction": 0.3, "restitution": 0.5},
+    "motion": {"rotor": {"speed": "1000 rpm"}, "disc": {"speed": 0.0}},
+    "field": {"source": "uniform", "field_strength": "80 kA/m", "direction": "radial"},
+    "effects": {
+        "magnetic_force": {}, "dipoles": {"model": "near_field", "cutoff": 2.5}, "saturation": {}, "wall_images": {},
+        "rolling_friction": {"coefficient": 0.2},
+    },
+    "time": {"end": "0.4 ms"},
+    "output": {"snapshots": 1, "pictures": False},
+}  # fmt: skip
+
+
+def test_magnetised_powder_in_a_sector_runs_by_both_methods(tmp_path):
+    """Necks, images in steel and rolling friction: torques of the ring balance, and the mean ones are alike."""
+    torque, columns = {}, {}
+    for method, share in (("dem", 1e-3), ("dvi", 1e-12)):  # of the largest torque: DEM books that of the next step
+        run = emclutch.run(case_from(MAGNETISED, {"contact.method": method}), out=tmp_path / method)
+        history, columns[method] = run.history, set(run.history)
+        assert abs(history["torque_residual"]).max() < share * abs(history["torque_disc"]).max()
+        torque[method] = history["torque_disc"].mean()
+    by_dem_only = {"dissipated_normal_damping", "dissipated_tangential_damping"}
+    assert columns["dem"] - columns["dvi"] == by_dem_only and "missed_steps" in columns["dvi"]
+    assert torque["dvi"] == pytest.approx(torque["dem"], rel=0.2)

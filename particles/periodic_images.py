@@ -1,0 +1,113 @@
+"""Compiled vectors of grains as their periodic images have them, by the table of images of `particles.periodicity`.
+
+A grain meets the image of its partner in row s + m of the table (2 m + 1, 6), with s the shift of their pair; the table
+has one row where space does not repeat. Functions of a pair of a list take the number k of its shift (of eight pairs:
+eight numbers), and return what they are given where there is no image.
+"""
+
+from __future__ import annotations
+
+from geometry.kernels.device_functions import device_function
+from geometry.kernels.simd import any_lane, from_integers
+from geometry.kernels.simd_tables import gather, gather_column, gather_columns, gather_two_columns
+from particles.periodicity import COS, DX, DY, DZ, SIN
+
+
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+def images_of_partners(images, row):
+    """How eight partners stand to the grains that see them: cosine and sine of a turn about z, translation (3) [m]."""
+    c, s, dx, dy = gather_columns(images, row, COS)
+    return c, s, dx, dy, gather_column(images, row, DZ)
+
+
+@device_function(error_model="numpy", fastmath={"contract"}, forceinline=True)
+def place_of_partner(image, x, y, z):
+    """Place [m] at which a grain sees its partner, which stands at x, y, z."""
+    c, s, dx, dy, dz = image
+    return c * x - s * y + dx, s * x + c * y + dy, z + dz
+
+
+@device_function(error_model="numpy", fastmath={"contract"}, forceinline=True)
+def vector_of_partner(image, x, y, z):
+    """Vector that a grain sees at its partner, which has x, y, z itself."""
+    c, s, _, _, _ = image
+    return c * x - s * y, s * x + c * y, z
+
+
+@device_function(error_model="numpy", fastmath={"contract"}, forceinline=True)
+def vector_to_partner(image, x, y, z):
+    """Vector that the partner has itself, of what a grain sees there; and components on it as on columns."""
+    c, s, _, _, _ = image
+    return c * x + s * y, c * y - s * x, z
+
+
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+def place_as_seen(images, shift, k, x, y, z):
+    """Place [m] at which a grain sees the partner of pair k, which stands at x, y, z."""
+    if images.shape[0] > 1:
+        row = images.shape[0] // 2 + shift[k]
+        c, s = images[row, COS], images[row, SIN]
+        x, y = c * x - s * y + images[row, DX], s * x + c * y + images[row, DY]
+        z += images[row, DZ]
+    return x, y, z
+
+
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+def vector_as_seen(images, shift, k, x, y):
+    """Components across the axis of a vector that the partner of pair k has, as the grain sees them."""
+    if images.shape[0] > 1:
+        row = images.shape[0] // 2 + shift[k]
+        c, s = images[row, COS], images[row, SIN]
+        x, y = c * x - s * y, s * x + c * y
+    return x, y
+
+
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+def vector_as_own(images, shift, k, x, y):
+    """The inverse of `vector_as_seen`."""
+    if images.shape[0] > 1:
+        row = images.shape[0] // 2 + shift[k]
+        c, s = images[row, COS], images[row, SIN]
+        x, y = c * x + s * y, c * y - s * x
+    return x, y
+
+
+@device_function(without_refcounts=True, error_model="numpy", forceinline=True)
+def _turns(images, across):
+    """Cosines and sines of eight images by their shifts."""
+    m = images.shape[0] // 2
+    row = (
+        across[0] + m, across[1] + m, across[2] + m, across[3] + m, across[4] + m, across[5] + m, across[6] + m,
+        across[7] + m,
+    )  # fmt: skip
+    return gather_two_columns(images, row, COS)
+
+
+@device_function(without_refcounts=True, error_model="numpy", forceinline=True)
+def _any_across(across):
+    number = from_integers(across)
+    return any_lane(number * number > 0.0)
+
+
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+def eight_as_seen(images, shift, k, ax, ay, bx, by):
+    """`vector_as_seen` of two vectors of each of eight partners."""
+    if images.shape[0] > 1:
+        across = gather(shift, k)
+        if _any_across(across):
+            c, s = _turns(images, across)
+            ax, ay = c * ax - s * ay, s * ax + c * ay
+            bx, by = c * bx - s * by, s * bx + c * by
+    return ax, ay, bx, by
+
+
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+def eight_as_own(images, shift, k, ax, ay, bx, by):
+    """`vector_as_own` of two vectors of each of eight partners."""
+    if images.shape[0] > 1:
+        across = gather(shift, k)
+        if _any_across(across):
+            c, s = _turns(images, across)
+            ax, ay = c * ax + s * ay, c * ay - s * ax
+            bx, by = c * bx + s * by, c * by - s * bx
+    return ax, ay, bx, by
