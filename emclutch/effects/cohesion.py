@@ -1,27 +1,15 @@
-"""[effects.cohesion]: pull between grains that touch (`particles.laws.cohesion`), by DEM only."""
+"""[effects.cohesion]: pull between grains that touch (`particles.laws.cohesion`)."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Annotated, ClassVar, Self
+from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
 from emclutch.effects.effect import EffectSection, Load
 from emclutch.effects.left_out import OFF, LeftOut
-from emclutch.scene.draft import Draft
-from emclutch.scene.errors import Fault
 from emclutch.scene.section import Choice, refuse
 from emclutch.scene.units import Force, WorkOfAdhesion
-
-
-def _by_dem_only(draft: Draft) -> Iterator[Fault]:
-    """Rigid grains have no cohesion."""
-    scene = draft.scene
-    if scene.contact.method == "dvi" and scene.effects is not None and "cohesion" in scene.effects.active:
-        yield Fault(
-            "effects.cohesion", "", "exists with contact.method = 'dem' only; remove the table, or take method = 'dem'"
-        )
 
 
 class CohesionSection(EffectSection):
@@ -30,7 +18,6 @@ class CohesionSection(EffectSection):
     name = "cohesion"
     summary = "grains that touch pull each other"
     size_note = "the stress of a pull goes with 1/d (dmt, jkr) or 1/d^2 (constant)"
-    CHECKS: ClassVar = ((_by_dem_only, ("contact",)),)
 
     model: Annotated[str, Choice(("constant", "dmt", "jkr"))] = Field(
         default="constant",

@@ -104,6 +104,7 @@ def rigid_grains(scene: Scene, plan: Plan, rigid: RigidContacts, grains: Grains,
         stiffness=rigid.springs,
         rolling=rigid.rolling,
         twisting=rigid.twisting,
+        cohesion=rigid.cohesion,
     )
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from coupling import pair_attraction
 from emclutch.scene.model import Scene
 from emclutch.simulation.stiffness import Stiffness
-from particles import DviContact, RollingFriction, TwistingFriction, choose_dvi_step
+from particles import Cohesion, DviContact, RollingFriction, TwistingFriction, choose_dvi_step
 from particles.dem.time_step import TimeStep
 
 TOLERANCE = 1e-4  # of the largest speed to be expected
@@ -28,6 +28,7 @@ class RigidContacts:
     contact : DviContact
     rolling : RollingFriction or None
     twisting : TwistingFriction or None
+    cohesion : Cohesion or None
     tolerance : float
         On the natural map [m/s].
     step : TimeStep
@@ -40,6 +41,7 @@ class RigidContacts:
     contact: DviContact
     rolling: RollingFriction | None
     twisting: TwistingFriction | None
+    cohesion: Cohesion | None
     tolerance: float
     step: TimeStep
     springs: np.ndarray | None = None
@@ -72,12 +74,14 @@ def rigid_contacts(
         If the step asked for is longer than the rules allow and is not allowed by `allow_long_step`, or none follows.
     """
     section, contact, particles = scene.contact.dvi, scene.contact, scene.grains
-    lightest = particles.density * pi / 6.0 * particles.smallest_diameter**3
+    terms, radius = scene.effects.contact_terms(), 0.5 * particles.smallest_diameter
+    cohesion = terms.get("cohesion")
+    adhesion = 0.0 if cohesion is None else float((cohesion.table() @ (1.0, radius)).max())
     step = choose_dvi_step(
-        lightest,
-        0.5 * particles.smallest_diameter,
+        particles.density * pi / 6.0 * particles.smallest_diameter**3,
+        radius,
         speed=speed,
-        attraction=pair_attraction(M_max, particles.smallest_diameter),
+        attraction=max(pair_attraction(M_max, particles.smallest_diameter), adhesion),
         dt=scene.span.step if section.step is None else section.step,
         allow_long_step=section.allow_long_step,
     )
@@ -94,6 +98,6 @@ def rigid_contacts(
         contact.wall_restitution,
         threshold=threshold,
     )
-    terms = scene.effects.contact_terms()
     given, stiffness = (None, None) if springs is None else springs
-    return RigidContacts(rigid, terms.get("rolling"), terms.get("twisting"), tolerance, step, given, stiffness)
+    resist = terms.get("rolling"), terms.get("twisting")
+    return RigidContacts(rigid, *resist, cohesion, tolerance, step, given, stiffness)

@@ -105,8 +105,8 @@ def begin_contact_torques(compliance, radius, pairs, slots, walls, records, cont
                 row[CY] = turn[b, SIN_STEP] * x + turn[b, COS_STEP] * y
         if compliance is not None:
             _set_spring(compliance[WALLS, TANGENTIAL], wall[k, GAP], row)
-    pair_impulse[:, 3:] = 0.0
-    wall_impulse[:, 3:] = 0.0
+    pair_impulse[:, 3:6] = 0.0
+    wall_impulse[:, 3:6] = 0.0
     apply_contact_torques(1.0, records, contact_torques)
 
 

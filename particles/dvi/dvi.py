@@ -49,6 +49,7 @@ from particles.dvi.sweep_chunks import make_sweep_chunks
 from particles.dvi.triangle_contacts import N_TURN
 from particles.grain_motion import GrainMotion, Gravity, gravity_at, held_force
 from particles.grains import Grains
+from particles.laws.cohesion import Cohesion
 from particles.laws.rolling_friction import RollingFriction
 from particles.laws.twisting_friction import TwistingFriction
 from particles.neighbours.contact_table import ContactTable
@@ -107,6 +108,8 @@ class DVI(GrainMotion):
         rigid ones without.
     rolling, twisting : optional
         Resistance to rolling and to twisting (`particles.dvi.contact_torques`).
+    cohesion : Cohesion, optional
+        Pull of contacts (`particles.dvi.adhesion`).
 
     Attributes
     ----------
@@ -134,6 +137,7 @@ class DVI(GrainMotion):
         stiffness: np.ndarray | None = None,
         rolling: RollingFriction | None = None,
         twisting: TwistingFriction | None = None,
+        cohesion: Cohesion | None = None,
     ) -> None:
         if not isinstance(periodicity, CyclicSector | None):
             raise ValueError("rigid grains (DVI) know no sheared box; use DEM")
@@ -160,7 +164,11 @@ class DVI(GrainMotion):
         for column, part in enumerate((rolling, twisting)):
             if part is not None:
                 self._resist[:, column] = part.table()
-        self._law, self._n_contacts = contact.table(), np.zeros(2, dtype=np.int64)
+        self._cohesion = np.zeros((2, 2)) if cohesion is None else cohesion.table()
+        self._law, self._n_contacts = np.hstack([contact.table(), self._cohesion]), np.zeros(2, dtype=np.int64)
+        self._columns = 6 if self._resist.any() else 3  # of a contact's impulse
+        self._pull = self._columns if self._cohesion.any() else 0
+        self._columns += 3 if self._pull else 0
         self._stiffness = None if stiffness is None else np.array(stiffness, dtype=float)
         self._compliance = self._springs_of_step()
         self._springs = np.zeros(4)  # energy [J]: normal, tangential, of rolling, of twisting
@@ -184,7 +192,7 @@ class DVI(GrainMotion):
     @property
     def contact_force(self) -> np.ndarray:
         """Sum of the contact forces on each grain, mean over the last step [N], shape (n, 3)."""
-        return net_impulses(self._list, self.periodicity) / self.dt
+        return net_impulses(self._list, self.periodicity, self._pull) / self.dt
 
     @property
     def _list(self) -> ImpulseList:
@@ -226,7 +234,9 @@ class DVI(GrainMotion):
 
     def contacts(self) -> ContactTable:
         """The loaded contacts of the last step."""
-        return loaded_contacts(self.grains, self._list, self._device, self.bodies, self.periodicity, self.dt)
+        return loaded_contacts(
+            self.grains, self._list, self._device, self.bodies, self.periodicity, self._pull, self.dt
+        )
 
     def state(self) -> dict[str, np.ndarray]:
         """Everything that `restore` needs to continue bit for bit."""
@@ -241,12 +251,12 @@ class DVI(GrainMotion):
         Raises
         ------
         ValueError
-            If the state has another number of grains or bodies, or torques where this DVI has none, or none.
+            If the state has another number of grains or bodies, or torques or pulls where this DVI has none, or none.
         """
-        if state["list_pair_impulse"].shape[1] != self._list.pair_impulse.shape[1]:
+        if state["list_pair_impulse"].shape[1] != self._columns:
             raise ValueError(
-                "of the state and this DVI, one has rolling or twisting friction and the other none; restore it into "
-                "the scene that it came from"
+                "of the state and this DVI, one has rolling or twisting friction, or cohesion, and the other none; "
+                "restore it into the scene that it came from"
             )
         super().restore(state)
         self._body[:, gs.BRAKE], self._springs = state["brake"], state["springs"].copy()
@@ -294,7 +304,7 @@ class DVI(GrainMotion):
         return DviArguments(
             DviCall(
                 n_steps, self.dt, self.theta, 0.5 * self._reach, c.wall_travel, self.overlap_limit, SLOP, MARGIN,
-                self._law, SolverSettings(self._method, self.tolerance, self.max_sweeps), self._n_contacts,
+                self._law, self._pull, SolverSettings(self._method, self.tolerance, self.max_sweeps), self._n_contacts,
             ),
             self._convex,
             self._compliance,
@@ -363,7 +373,7 @@ class DVI(GrainMotion):
             self._reach = max(min(self._reach, widest), MIN_SKIN * self.dt * fastest)
         made = ImpulseList.make(
             np.ascontiguousarray(g.position), g.radius, self._reach, self._device, [b.angle for b in self.bodies],
-            max(0.5 * self.skin, FAST_WALLS * self.dt * vane), self.periodicity, 6 if self._resist.any() else 3,
+            max(0.5 * self.skin, FAST_WALLS * self.dt * vane), self.periodicity, self._columns,
         )  # fmt: skip
         if self._impulses is not None:
             made.take_impulses(self._impulses, old_id, g.particle_id, self.sector, wraps)
@@ -373,4 +383,6 @@ class DVI(GrainMotion):
         self._stale = False
 
     def _pressed_in(self) -> float:
-        return pressed_in(self._stiffness, self.grains, self._list, self._device, self.bodies, self.periodicity)
+        return pressed_in(
+            self._stiffness, self.grains, self._list, self._device, self.bodies, self.periodicity, self._cohesion
+        )

@@ -6,7 +6,8 @@ Nothing vibrates between rigid grains; what a step must resolve is the motion it
   step, with the normals of that place; beyond it grains pass through the edges of vanes, and normals are those of
   other neighbours;
 * **attraction**: h <= 0.1 sqrt(m a/F). Two free grains of radius a that attract each other with F close a gap of a
-  radius in about sqrt(m a/F): magnetic forces, held during a step, change by their own size in that time.
+  radius in about sqrt(m a/F): magnetic forces, held during a step, change by their own size in that time, and adhesion
+  that holds grains back for a step (`particles.dvi.adhesion`) takes a tenth of the speed sqrt(F a/m).
 
 These are rules of accuracy. The scheme itself is stable at any step, so that a longer one may be allowed.
 """
@@ -41,7 +42,7 @@ def choose_dvi_step(
     speed : float
         The largest speed to be expected [m/s], walls included.
     attraction : float
-        The largest magnetic force between two grains, or on one, to be expected [N].
+        The largest magnetic force between two grains, or on one, or pull-off force, to be expected [N].
     dt : float, optional
         A step wished for [s].
     allow_long_step : bool

@@ -45,8 +45,11 @@ N_BOOKED = 7
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
-def book(part, h, compliance, body_speed, mean_speed, grains, pair_slots, slots, records, sums, body_sums):
-    """Keep the impulses of a part for the next step; book work and torques with the mean of old and new velocity."""
+def book(part, h, pull, compliance, body_speed, mean_speed, grains, pair_slots, slots, records, sums, body_sums):
+    """Keep the impulses of a part for the next step; book work and torques with the mean of old and new velocity.
+
+    ``pull``: first column of the pulls, which are booked with the impulses; 0 without.
+    """
     velocity, spin, radius = grains.velocity, grains.spin, grains.radius
     pair_slot, pair_impulse, wall_slot, wall_impulse = (
         pair_slots.contact_slot,
@@ -63,7 +66,11 @@ def book(part, h, compliance, body_speed, mean_speed, grains, pair_slots, slots,
         x, y, z = pair[k, RX], pair[k, RY], pair[k, RZ]
         old = pair_impulse[s, 0] != 0.0 or pair_impulse[s, 1] != 0.0 or pair_impulse[s, 2] != 0.0
         pair_impulse[s, 0], pair_impulse[s, 1], pair_impulse[s, 2] = x, y, z
-        idle = x == 0.0 and y == 0.0 and z == 0.0
+        idle, px, py, pz = x == 0.0 and y == 0.0 and z == 0.0, 0.0, 0.0, 0.0
+        if pull > 0:
+            px, py, pz = pair_impulse[s, pull], pair_impulse[s, pull + 1], pair_impulse[s, pull + 2]
+            idle = idle and px == 0.0 and py == 0.0 and pz == 0.0
+            x, y, z = x + px, y + py, z + pz
         if idle:
             if compliance is None:
                 continue
@@ -75,18 +82,20 @@ def book(part, h, compliance, body_speed, mean_speed, grains, pair_slots, slots,
         ex, ey, ez, arm = pair[k, EX], pair[k, EY], pair[k, EZ], pair[k, ARM]
         wx, wy = vector_as_seen(images, shift, k, grain[j, VX], grain[j, VY])
         hx, hy = vector_as_seen(images, shift, k, velocity[j, 0], velocity[j, 1])
-        px, py = grain[j, PX] + radius[j] * spin[j, 0], grain[j, PY] + radius[j] * spin[j, 1]
-        px, py = vector_as_seen(images, shift, k, px, py)
-        sx = grain[i, PX] + radius[i] * spin[i, 0] + px
-        sy = grain[i, PY] + radius[i] * spin[i, 1] + py
+        sx, sy = grain[j, PX] + radius[j] * spin[j, 0], grain[j, PY] + radius[j] * spin[j, 1]
+        sx, sy = vector_as_seen(images, shift, k, sx, sy)
+        sx += grain[i, PX] + radius[i] * spin[i, 0]
+        sy += grain[i, PY] + radius[i] * spin[i, 1]
         sz = grain[i, PZ] + grain[j, PZ] + radius[i] * spin[i, 2] + radius[j] * spin[j, 2]
         ux = grain[i, VX] - wx + velocity[i, 0] - hx - arm * (sy * ez - sz * ey)
         uy = grain[i, VY] - wy + velocity[i, 1] - hy - arm * (sz * ex - sx * ez)
         uz = grain[i, VZ] - grain[j, VZ] + velocity[i, 2] - velocity[j, 2] - arm * (sx * ey - sy * ex)
         if compliance is not None:
             u_n = (grain[i, VX] - wx) * ex + (grain[i, VY] - wy) * ey + (grain[i, VZ] - grain[j, VZ]) * ez
-            a, b = stored(compliance, gs.PAIRS, pair[k, gs.GAP] + h * u_n, x, y, z, ex, ey, ez)
-            spring_n, spring_t = spring_n + a, spring_t + b
+            gap = pair[k, gs.GAP] + h * u_n
+            a, b = stored(compliance, gs.PAIRS, gap, x, y, z, ex, ey, ez)
+            # a pull F_c holds the overlap delta with the energy -F_c delta
+            spring_n, spring_t = spring_n + a - min(gap, 0.0) / h * (px * ex + py * ey + pz * ez), spring_t + b
         total = 0.5 * (x * ux + y * uy + z * uz)
         normal = 0.5 * (x * ex + y * ey + z * ez) * (ux * ex + uy * ey + uz * ez)
         impact -= normal
@@ -97,7 +106,11 @@ def book(part, h, compliance, body_speed, mean_speed, grains, pair_slots, slots,
         x, y, z = wall[k, RX], wall[k, RY], wall[k, RZ]
         old = wall_impulse[s, 0] != 0.0 or wall_impulse[s, 1] != 0.0 or wall_impulse[s, 2] != 0.0
         wall_impulse[s, 0], wall_impulse[s, 1], wall_impulse[s, 2] = x, y, z
-        idle = x == 0.0 and y == 0.0 and z == 0.0
+        idle, px, py, pz = x == 0.0 and y == 0.0 and z == 0.0, 0.0, 0.0, 0.0
+        if pull > 0:
+            px, py, pz = wall_impulse[s, pull], wall_impulse[s, pull + 1], wall_impulse[s, pull + 2]
+            idle = idle and px == 0.0 and py == 0.0 and pz == 0.0
+            x, y, z = x + px, y + py, z + pz
         if idle:
             if compliance is None:
                 continue
@@ -120,8 +133,9 @@ def book(part, h, compliance, body_speed, mean_speed, grains, pair_slots, slots,
         omega = mean_speed[b]
         if compliance is not None:
             u_n = grain[i, VX] * ex + grain[i, VY] * ey + grain[i, VZ] * ez - body_speed[b] * lever_n
-            a, c = stored(compliance, gs.WALLS, wall[k, gs.GAP] + h * u_n, x, y, z, ex, ey, ez)
-            spring_n, spring_t = spring_n + a, spring_t + c
+            gap = wall[k, gs.GAP] + h * u_n
+            a, c = stored(compliance, gs.WALLS, gap, x, y, z, ex, ey, ez)
+            spring_n, spring_t = spring_n + a - min(gap, 0.0) / h * (px * ex + py * ey + pz * ez), spring_t + c
         normal = r_n * (ux * ex + uy * ey + uz * ez - omega * lever_n)
         impact -= normal
         sliding -= on_grain - omega * lever - normal
@@ -160,15 +174,15 @@ def enter(compliance, booked, totals):
 
 
 @device_function(parallel=True, error_model="numpy", fastmath={"contract"})
-def record_chunks(h, compliance, body_speed, mean_speed, grains, pair_slots, slots, records, chunk, body_totals):
+def record_chunks(h, pull, compliance, body_speed, mean_speed, grains, pair_slots, slots, records, chunk, body_totals):
     """`book` by chunks."""
     rows, pairs, walls, sums, body_sums = chunk.rows, chunk.pairs, chunk.walls, chunk.sums, chunk.body_sums
     count = rows.shape[0] - 1
     for c in prange(count + 1):
         body_sums[c] = 0.0
         book(
-            part_of(c, rows, pairs, walls), h, compliance, body_speed, mean_speed, grains, pair_slots, slots, records,
-            sums[c], body_sums[c],
+            part_of(c, rows, pairs, walls), h, pull, compliance, body_speed, mean_speed, grains, pair_slots, slots,
+            records, sums[c], body_sums[c],
         )  # fmt: skip
     for c in range(count + 1):
         for b in range(body_totals.shape[0]):

@@ -30,9 +30,9 @@ class ImpulseList(SlotList):
     ----------
     wall_travel : float
         How far triangles may move before the list is rebuilt, the step to come included [m].
-    pair_impulse, wall_impulse : ndarray, shapes (p, 3), (s, 3); with torques (p, 6), (s, 6)
+    pair_impulse, wall_impulse : ndarray, shapes (p, 3), (s, 3); (p, 6), (s, 6) with torques or pulls, or 9 columns
         Impulse on the (first) grain in the last step [N s]; zero where there was none. Behind it its torque
-        over R_eff [N s] (`particles.dvi.contact_torques`).
+        over R_eff [N s] (`particles.dvi.contact_torques`), and its pull [N s] (`particles.dvi.adhesion`).
     """
 
     wall_travel: float
@@ -111,7 +111,7 @@ class ImpulseList(SlotList):
 
 
 def _turned(sector: CyclicSector, impulse: np.ndarray, turns: np.ndarray) -> np.ndarray:
-    """Rows of impulses and torques (m, 3) or (m, 6), each turned by so many sectors (m,)."""
+    """Rows of impulses, torques and pulls, three columns each, turned by so many sectors (m,)."""
     turned = impulse.copy()
     rows = np.flatnonzero((turns != 0) & impulse.any(axis=1))
     for first in range(0, impulse.shape[1], 3):

@@ -22,16 +22,18 @@ def loaded_contacts(
     device: DeviceWalls,
     bodies: Sequence[Body],
     periodicity: Periodicity | None,
+    pull: int,
     dt: float,
 ) -> ContactTable:
-    """The contacts that held an impulse in the last step of ``dt`` [s]."""
+    """The contacts that held an impulse in the last step of ``dt`` [s]; ``pull``: see `DviCall`."""
     x, radius, c = grains.position, grains.radius, listed
-    k = np.flatnonzero(c.pair_impulse[:, :3].any(axis=1))
+    pair_impulse, wall_impulse = with_pulls(c.pair_impulse, pull), with_pulls(c.wall_impulse, pull)
+    k = _loaded(c.pair_impulse, pull)
     i, j, shift = c.pairs.rows()[k], c.pairs.other[k].astype(np.int64), c.pairs.shift[k].astype(np.int64)
     away = _places(x, j, shift, periodicity) - x[i]
     reach = radius[i] + radius[j]
     point = x[i] + away * (radius[i] / reach)[:, None]
-    w = np.flatnonzero(c.wall_impulse[:, :3].any(axis=1))
+    w = _loaded(c.wall_impulse, pull)
     row, wall = c.wall_rows()[w], c.wall_other[w].astype(np.int64)
     depth = wall_depths(grains, device, bodies, row, wall)
     seen = np.isfinite(depth[:, 0])
@@ -42,7 +44,7 @@ def loaded_contacts(
         np.concatenate([i, row]), np.concatenate([j, none]),
         np.concatenate([np.full(len(i), -1), device.wall[wall]]),
         np.concatenate([shift, np.zeros(len(row), dtype=np.int64)]), np.concatenate([point, at_wall]),
-        np.concatenate([c.pair_impulse[k, :3], c.wall_impulse[w, :3]]) / dt,
+        np.concatenate([pair_impulse[k], wall_impulse[w]]) / dt,
         np.concatenate([reach - np.linalg.norm(away, axis=1), depth[:, 0]]),
     )  # fmt: skip
 
@@ -52,13 +54,24 @@ def _places(x: np.ndarray, j: np.ndarray, shift: np.ndarray, periodicity: Period
     return x[j] if periodicity is None else periodicity.place(x[j], shift)
 
 
-def net_impulses(listed: ImpulseList, periodicity: Periodicity | None) -> np.ndarray:
-    """Sum of the impulses on each grain in the last step [N s], shape (n, 3)."""
-    net, impulse = np.zeros((len(listed.reference), 3)), listed.pair_impulse[:, :3]
+def with_pulls(impulse: np.ndarray, pull: int) -> np.ndarray:
+    """Impulses and pulls of slots together [N s], shape (p, 3); ``pull``: see `DviCall`."""
+    return impulse[:, :3] + impulse[:, pull : pull + 3] if pull else impulse[:, :3]
+
+
+def _loaded(impulse: np.ndarray, pull: int) -> np.ndarray:
+    """Slots that have an impulse or a pull, (k,)."""
+    columns = [0, 1, 2, *range(pull, pull + 3)] if pull else [0, 1, 2]
+    return np.flatnonzero(impulse[:, columns].any(axis=1))
+
+
+def net_impulses(listed: ImpulseList, periodicity: Periodicity | None, pull: int) -> np.ndarray:
+    """Sum of the impulses on each grain in the last step [N s], shape (n, 3); ``pull``: see `DviCall`."""
+    net, impulse = np.zeros((len(listed.reference), 3)), with_pulls(listed.pair_impulse, pull)
     np.add.at(net, listed.pairs.rows(), impulse)
     reaction = impulse if periodicity is None else periodicity.turn(impulse, -listed.pairs.shift)
     np.subtract.at(net, listed.pairs.other, reaction)
-    np.add.at(net, listed.wall_rows(), listed.wall_impulse[:, :3])
+    np.add.at(net, listed.wall_rows(), with_pulls(listed.wall_impulse, pull))
     return net
 
 
@@ -89,8 +102,12 @@ def pressed_in(
     device: DeviceWalls,
     bodies: Sequence[Body],
     periodicity: Periodicity | None,
+    cohesion: np.ndarray,
 ) -> float:
-    """Energy [J] that the normal springs hold at the start, where grains overlap each other or smooth walls."""
+    """Energy [J] that the normal springs hold at the start, where grains overlap each other or smooth walls.
+
+    ``cohesion`` (2, 2): pull [N] and pull by radius [N/m], between grains and at walls.
+    """
     if stiffness is None:
         return 0.0
     g, c = grains, listed
@@ -100,5 +117,9 @@ def pressed_in(
     row, wall = c.wall_rows(), c.wall_other.astype(np.int64)
     smooth = wall < len(device.rows)
     walls = wall_depths(grains, device, bodies, row[smooth], wall[smooth])[:, 0]
-    by_kind = zip(stiffness[:, 0], (pairs, walls), strict=True)
-    return float(sum(0.5 * k * np.sum(depth[depth > 0.0] ** 2) for k, depth in by_kind))
+    radii = g.radius[i] * g.radius[j] / (g.radius[i] + g.radius[j]), g.radius[row[smooth]]
+    held = 0.0
+    for k, pull, depth, radius in zip(stiffness[:, 0], cohesion, (pairs, walls), radii, strict=True):
+        overlap = np.maximum(depth, 0.0)
+        held += float(np.sum(overlap * (0.5 * k * overlap - pull[0] - pull[1] * radius)))
+    return held

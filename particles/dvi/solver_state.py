@@ -55,8 +55,11 @@ class DviCall(NamedTuple):
         Fraction of the radius.
     margin : float
         Fraction of the fastest grain's displacement that contacts are looked for beyond their own.
-    law : ndarray, shape (2, 3)
-        Friction, restitution and its threshold [m/s] between grains, at walls (`particles.dvi.dvi_contact`).
+    law : ndarray, shape (2, 5)
+        Friction, restitution and its threshold [m/s] between grains, at walls (`particles.dvi.dvi_contact`); pull [N]
+        and pull by radius [N/m] (`particles.laws.cohesion`).
+    pull : int
+        First column of a contact's pull in its impulse; 0 where nothing adheres.
     settings : SolverSettings
     n_contacts : ndarray of int64, shape (2,)
         Pairs and wall contacts of the last step; written.
@@ -71,6 +74,7 @@ class DviCall(NamedTuple):
     slop: float
     margin: float
     law: np.ndarray
+    pull: int
     settings: SolverSettings
     n_contacts: np.ndarray
 
@@ -124,7 +128,7 @@ class PairImpulses(NamedTuple):
     ----------
     start, other : ndarray, shapes (n + 1,), (p,)
         Grain i has the slots ``start[i]`` up to ``start[i + 1]``.
-    impulse : ndarray, shape (p, 3) or (p, 6)
+    impulse : ndarray, shape (p, 3), (p, 6) or (p, 9)
         Of the last step [N s], on the first grain (`particles.dvi.impulse_list`).
     contact_slot : ndarray of int32, shape (p,)
         Slot of each contact of the step.

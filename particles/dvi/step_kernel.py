@@ -25,6 +25,7 @@ from numba import njit
 from geometry.kernels.device_functions import device_function
 from particles.dvi import gauss_seidel as gs
 from particles.dvi.accelerated import solve
+from particles.dvi.adhesion import pull_together
 from particles.dvi.contact_groups import group_contacts
 from particles.dvi.contact_search import find_contacts, find_in_chunks, free_velocities, search_in_chunks
 from particles.dvi.contact_torques import begin_contact_torques, record_contact_torques
@@ -165,6 +166,8 @@ def _begin(call, step, compliance, grains, pairs, slots, walls, shafts, records,
     n_pairs, n_walls = _find(horizon, compliance, grains, pairs, slots, walls, shafts, records, chunk, serial)
     contacts = first_of(records, n_pairs, n_walls)
     gs.apply_impulses(1.0, contacts)
+    if call.pull > 0:
+        pull_together(call, compliance, grains.radius, pairs, slots, contacts)
     if contact_torques.law.shape[0] > 0:
         begin_contact_torques(compliance, grains.radius, pairs, slots, walls, contacts, contact_torques)
     return n_pairs, n_walls, fastest
@@ -198,17 +201,17 @@ def _turn_shafts(call, step, shafts, body, mean, body_totals):
 
 
 @device_function(error_model="numpy", fastmath={"contract"})
-def _book(h, compliance, mean, grains, pairs, slots, shafts, contacts, chunk, serial, totals):
+def _book(h, pull, compliance, mean, grains, pairs, slots, shafts, contacts, chunk, serial, totals):
     """Keep the impulses, and book their works and torques."""
     booked = np.zeros((1, N_BOOKED))
     if serial is not None:
         book(
-            all_of(contacts), h, compliance, shafts.speed, mean, grains, pairs, slots, contacts, booked[0],
+            all_of(contacts), h, pull, compliance, shafts.speed, mean, grains, pairs, slots, contacts, booked[0],
             totals.bodies,
         )  # fmt: skip
     if chunk is not None:
         booked = chunk.sums
-        record_chunks(h, compliance, shafts.speed, mean, grains, pairs, slots, contacts, chunk, totals.bodies)
+        record_chunks(h, pull, compliance, shafts.speed, mean, grains, pairs, slots, contacts, chunk, totals.bodies)
     enter(compliance, booked, totals)
 
 
@@ -218,7 +221,7 @@ def _finish(call, step, compliance, grains, pairs, slots, shafts, contacts, cont
     h, run = call.h, totals.run
     mean = np.empty(shafts.speed.shape[0])
     _turn_shafts(call, step, shafts, contacts.body, mean, totals.bodies)
-    _book(h, compliance, mean, grains, pairs, slots, shafts, contacts, threads.chunk, threads.serial, totals)
+    _book(h, call.pull, compliance, mean, grains, pairs, slots, shafts, contacts, threads.chunk, threads.serial, totals)
     if contact_torques.law.shape[0] > 0:
         rolling, twisting, work = record_contact_torques(
             h, compliance, mean, grains, pairs, slots, contacts, contact_torques, totals, TORQUE_T, BODY_WORK

@@ -72,8 +72,6 @@ def _contact(scene: Table, effects: Table, particles: Table, contact: Table) -> 
     if contact["law"] == "walton_braun" and "stiffness" not in contact:
         for key in ("unloading_stiffness", "wall_unloading_stiffness", "wall_stiffness"):
             contact.pop(key, None)
-    if contact["method"] == "dvi":
-        effects.pop("cohesion", None)
 
 
 def _packing(scene: Table, effects: Table, particles: Table, contact: Table) -> None:

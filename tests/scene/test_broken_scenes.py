@@ -38,8 +38,6 @@ EDITS = {
     "negative size": ({"geometry.gap": "-1 mm"}, "geometry.gap = '-1 mm'", "allowed: > 0 m"),
     "truth value as a number": ({"coil.current": True}, "coil.current = true", "a current is needed"),
     "restitution of nothing": ({"contact.restitution": 0}, "contact.restitution", "allowed: > 0, <= 1"),
-    "rigid grains that stick": ({"contact.method": "dvi", "effects.cohesion.force": "1 mN"},
-        "effects.cohesion", "take method = 'dem'"),
     "a solver of research": ({"contact.dvi.solver": "psor"}, "contact.dvi.solver", "accelerated"),
     "planned effect": ({"effects.heat": {}}, "effects.heat", "remove its table"),
     "unknown dipole model": ({"effects.dipoles.model": "mutaul"}, "effects.dipoles.model", "did you mean 'mutual'?"),

@@ -171,6 +171,19 @@ def test_magnetic_forces_move_rigid_grains_as_elastic_ones(tmp_path):
     assert np.median(apart[begun]) < 0.1
 
 
+def test_grains_that_stick_by_both_methods(tmp_path):
+    """Six weights of pull: torques and the energy budget close, and as many grains hold on to one another."""
+    more = {"effects.cohesion.force": "50 mN", "time.end": "60 ms"}
+    contacts = {}
+    for method in ("dem", "dvi"):
+        history = emclutch.run(scene(method, **more), out=tmp_path / method).history
+        assert abs(history["torque_residual"]).max() < 1e-9 * abs(history["torque_rotor"]).max()
+        fraction = {"dem": 1e-2, "dvi": 1e-12}[method]
+        assert abs(history["energy_residual"]).max() < fraction * history["kinetic_energy"].max()
+        contacts[method] = history["n_contacts"].iloc[-3:].mean()
+    assert contacts["dvi"] == pytest.approx(contacts["dem"], rel=0.2)
+
+
 MAGNETISED = {
     "scene": {"title": "Magnetised powder in a sector of a sheared gap", "seed": 2},
     "geometry": {
