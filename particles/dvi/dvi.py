@@ -370,7 +370,10 @@ class DVI(GrainMotion):
         self._reach = max(self.skin, FAST_SKIN * self.dt * fastest)
         if self.periodicity is not None:  # a narrow copy of space: lists that last for one step
             widest = self.periodicity.widest_cutoff(g.position) - 2.0 * float(g.radius.max())
-            self._reach = max(min(self._reach, widest), MIN_SKIN * self.dt * fastest)
+            if MIN_SKIN * self.dt * fastest > widest > 0.0:
+                limit = float(f"{widest / (MIN_SKIN * g.radius.min()):.3g}")
+                raise run_errors.too_fast(g, self.dt, limit, self.time)
+            self._reach = min(self._reach, widest) if widest > 0.0 else self._reach  # else it is refused as too narrow
         made = ImpulseList.make(
             np.ascontiguousarray(g.position), g.radius, self._reach, self._device, [b.angle for b in self.bodies],
             max(0.5 * self.skin, FAST_WALLS * self.dt * vane), self.periodicity, self._columns,

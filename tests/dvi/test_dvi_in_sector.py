@@ -14,6 +14,8 @@ from particles import (
     Body,
     Cohesion,
     CyclicSector,
+    DemError,
+    DemErrorKind,
     DviContact,
     FreeShaft,
     Grains,
@@ -203,6 +205,15 @@ def test_a_restart_of_a_sector_goes_on_bit_for_bit():
     other.run(60)
     one, two = whole.state(), other.state()
     assert [name for name in one if not np.array_equal(one[name], two[name])] == []
+
+
+def test_a_step_that_a_sector_is_too_narrow_for_is_told():
+    """Grains that move so far that a list of one step would not fit into the wedge: the fastest one is named."""
+    wedge = _wedge()
+    wedge.velocity[3] = [0.0, 0.0, 50.0]
+    with pytest.raises(DemError, match="radii of the smallest grain in a step") as raised:
+        _dvi(wedge, SECTOR, dt=1e-4)
+    assert raised.value.kind is DemErrorKind.TOO_FAST and raised.value.particle_id == 3
 
 
 def test_what_no_sector_can_have_is_refused():

@@ -17,7 +17,6 @@ def agreed(scene: Table) -> Table:
 def _sector(scene: Table, effects: Table, particles: Table, contact: Table) -> None:
     """What turns from sector to sector cannot stand beside one."""
     if "sector" in particles:
-        contact["method"] = "dem"
         effects.get("gravity", {}).pop("direction", None)
         if scene.get("field", {}).get("direction") in ("x", "y"):
             scene["field"]["direction"] = "z"
