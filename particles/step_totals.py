@@ -160,7 +160,7 @@ class StepTotals:
 
 
 def force_on_ring(force: np.ndarray, ring: int) -> np.ndarray:
-    """A force of all sectors [N], changed in place: what is not axial cancels round a ring of several."""
+    """Return a force on the whole ring (3,) [N], changed in place: of several sectors only its axial part is left."""
     if ring > 1:
         force[:2] = 0.0
     return force

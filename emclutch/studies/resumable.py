@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import logging
 import threading
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
@@ -30,7 +31,7 @@ from emclutch.studies.workers import ctrl_c_sets, worker_pool
 log = logging.getLogger(__name__)
 VERSION = 1
 BUDGET = 1200.0
-"""Wall-clock time of a study that is told none [s]."""
+"""Default wall-clock time of a study [s]."""
 
 
 @contextmanager
@@ -74,7 +75,7 @@ def begun_study(
                     queue.stop_file.unlink(missing_ok=True)
 
 
-class ResumableStudy:
+class ResumableStudy(ABC):
     """A study that goes on: what is decided, and what is done.
 
     Attributes
@@ -98,9 +99,9 @@ class ResumableStudy:
         self.elapsed = 0.0
         self.budget = known["budget"] * known["jobs"]
 
+    @abstractmethod
     def fraction(self) -> float:
         """Return how much is done, 0 to 1."""
-        raise NotImplementedError
 
     def do(
         self,

@@ -5,8 +5,8 @@
    follows from the law of the knob, the packings of its rungs, and how many grains each has.
 2. When these are run, half of the time that is left goes, one packing after the other, where it lowers the half width
    of the total error most for its seconds, by the torques and the scatter that were found: to another packing of a
-   setting, or of the scene's own, which count in all knobs, where noise is what is not known; to a third setting where
-   it is whether a large error follows its law. The other half then goes likewise, by all that was found.
+   setting, or of the scene's own, which count in all knobs, where noise dominates; to a third setting where a large
+   error may not follow its law. The other half then goes likewise, by all that was found.
 """
 
 from __future__ import annotations

@@ -243,4 +243,3 @@ def _settings(ladder: Ladder) -> Table:
             )
     head = ("knob", "setting", "value ± standard error", "measured on", "error", "packings", "seconds each", "cost")
     return Table(rows, head, (5, 6, 7))
-
