@@ -3,7 +3,8 @@
 Every combination of the settings that were measured is looked at, with 4 to 24 packings. Its cost is that of a packing
 at the scene's own settings, times the ratio of each setting, times the packings. Its half width has two parts in
 quadrature: that of the packings' mean, t s / sqrt(n) with their scatter s (smaller where a setting means more grains),
-and that of the discretisation (`emclutch.results.ladder.Total`), of a torque that is divided by 1 + bias.
+and that of the discretisation (`emclutch.results.ladder.Total`), of a torque that is divided by 1 + bias. Where the
+ladder does not have the start-up, a run must exclude a drift by itself, which takes more packings than their mean.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from emclutch.results.ladder import Basis, KnobError, KnobLadder, Ladder, Rung, Total
+from emclutch.results.replicated_mean import DRIFT_CONFIDENCE, DRIFT_LIMIT
 from emclutch.results.statistics import STOPPING_ALLOWANCE
 from emclutch.results.text import format_duration, per_cent
 from emclutch.results.torque_curves import NORMAL
@@ -193,7 +195,7 @@ class Combinations:
 
     def statistical(self, packings: int) -> np.ndarray:
         """Return the half widths of the packings' mean (m,)."""
-        return statistical_half_width(1.0, packings) * self.scatter
+        return statistical_half_width(1.0, packings, must_exclude_drift(self.ladder)) * self.scatter
 
     def choice(self, number: int, packings: int) -> Choice:
         """Return a combination with a number of packings."""
@@ -205,7 +207,7 @@ class Combinations:
             {name: one.rung.setting for name, one in chosen},
             Total({name: one.error for name, one in chosen}, unknown_of(self.ladder)),
             packings,
-            statistical_half_width(float(self.scatter[number]), packings),
+            statistical_half_width(float(self.scatter[number]), packings, must_exclude_drift(self.ladder)),
             float(self.cost[number]) * self.ladder.seconds * packings,
         )
 
@@ -295,7 +297,7 @@ def own_choice(ladder: Ladder, packings: int = PACKINGS[0]) -> Choice:
     """Return the scene's own settings, with a number of packings."""
     errors = {one.knob: error for one in ladder.knobs if (error := one.own_error) is not None}
     settings = {one.knob: one.own for one in ladder.knobs}
-    statistical = statistical_half_width(ladder.scatter, packings)
+    statistical = statistical_half_width(ladder.scatter, packings, must_exclude_drift(ladder))
     return Choice(settings, Total(errors, unknown_of(ladder)), packings, statistical, ladder.seconds * packings)
 
 
@@ -314,11 +316,27 @@ def choice_with(ladder: Ladder, knob: KnobLadder, rung: Rung, packings: int) -> 
     )
 
 
-def statistical_half_width(scatter: float, packings: int) -> float:
-    """Return half the 95 % interval of a mean of packings, as wide as the rule that ends a run takes it."""
+def statistical_half_width(scatter: float, packings: int, exclude_drift: bool = False) -> float:
+    """Return half the 95 % interval of a mean of packings, as wide as the rule that ends a run takes it.
+
+    With `exclude_drift` that for which the rule may end a run that does not drift, if all scatter is fluctuation
+    within a packing: a slope of noise makes its ends differ by sqrt(12) times its mean
+    (`emclutch.results.replicated_mean.steadiness`).
+    """
     from scipy.special import stdtrit
 
-    return float(stdtrit(packings - 1, 1.0 - STOPPING_ALLOWANCE * 0.025)) * scatter / math.sqrt(packings)
+    error = scatter / math.sqrt(packings)
+    half = float(stdtrit(packings - 1, 1.0 - STOPPING_ALLOWANCE * 0.025)) * error
+    if not exclude_drift:
+        return half
+    drift = (1.0 + float(stdtrit(3 * packings - 1, DRIFT_CONFIDENCE))) * math.sqrt(12.0) * error
+    return max(half, drift / DRIFT_LIMIT)
+
+
+def must_exclude_drift(ladder: Ladder) -> bool:
+    """Return whether a run must exclude a drift: the ladder does not know the error of the start-up."""
+    start_up = ladder.knob("start_up")
+    return start_up is None or start_up.own_error is None
 
 
 def _spent(ladder: Ladder) -> float:

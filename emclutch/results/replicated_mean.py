@@ -12,7 +12,8 @@
    variance, and one without curvature with mean 0): 3 R - 1 degrees of freedom for R replicas. Slow fluctuations have
    larger slopes than cubic coefficients, which makes the error up to a tenth too small at a correlation time of a tenth
    of the stretch.
-4. **Verdict** (`steadiness`): steady, creeping or not settled.
+4. **Verdict** (`steadiness`): steady, creeping or not settled. To exclude a drift takes several times the packings that
+   the interval needs; it need not be excluded where a ladder has measured the start-up, on more packings than a run has.
 
 Coverage and power, measured with synthetic series: tests/results/test_stopping_rule.py.
 """
@@ -63,6 +64,7 @@ def replicated_mean(
     *,
     average_from: float | None = None,
     settled: float = 0.0,
+    exclude_drift: bool = True,
     wanted: Callable[[float], float] = lambda mean: USUAL * abs(mean),
 ) -> Estimate:
     """Mean, standard error and drift of the steady part that replicas of one signal have in common.
@@ -73,6 +75,7 @@ def replicated_mean(
         (n,) [s]; windows of the first replica are taken for all, up to the earliest end.
     average_from : beginning of the averaged stretch [s]; None chooses it as the module says.
     settled : time [s] before which the averaged stretch does not begin, unless `average_from` says so.
+    exclude_drift : False: the start-up is known to be over by `average_from`.
     wanted : half width of the interval that is asked for, as a function of the mean; the verdict depends on it.
 
     Returns
@@ -141,6 +144,7 @@ def replicated_mean(
         drift_freedom=3.0 * count - 1.0,
         starts_up=starting,
         fluctuation=math.sqrt(float(even.var(axis=1).mean()) * min(1.0, samples / even.shape[1])),
+        exclude_drift=exclude_drift,
     )
     return judged(found, wanted(fit.mean))
 
@@ -179,10 +183,14 @@ def steadiness(found: Estimate, wanted: float) -> Steadiness:
 
     With the drift counted over the run from the end of the start-up on (a later start of the average hides nothing):
     *steady* where a drift of twice `wanted` is excluded, *creeping* where it is not and zero is (95 %), else *not
-    settled*; not settled too where the start-up takes most of the run. Of a single replica: whether it converged.
+    settled*; not settled too where the start-up takes most of the run. Where the start-up is known to be over
+    (`Estimate.exclude_drift` is False) all is steady that does not creep for certain. Of a single replica: whether it
+    converged.
     """
     if found.drift is None or found.drift_error is None or found.drift_freedom is None:
         return Steadiness.STEADY if found.converged else Steadiness.NOT_SETTLED
+    if not found.exclude_drift:
+        return Steadiness.CREEPING if creeps_for_certain(found, wanted) else Steadiness.STEADY
     drift, error = _nominal_drift(found)
     excluded = drift + _quantile(found.drift_freedom, DRIFT_CONFIDENCE) * error < DRIFT_LIMIT * wanted
     if excluded and not found.starts_up:

@@ -70,6 +70,7 @@ class Estimate:
     drift_freedom : degrees of freedom of that error.
     starts_up : whether the start-up takes most of the run, by MSER-5 on the mean over several replicas.
     fluctuation : standard deviation of one replica's mean that its own fluctuation explains [unit of the signal].
+    exclude_drift : whether a small drift is to be excluded; else the start-up is known to be over.
     """
 
     mean: float | None
@@ -88,13 +89,14 @@ class Estimate:
     drift_freedom: float | None = None
     fluctuation: float | None = None
     starts_up: bool = False
+    exclude_drift: bool = True
 
     def half_width(self, confidence: float = 0.95) -> float | None:
         """Half the width of the mean's two-sided confidence interval by Student's t; None: unknown.
 
         Of several replicas, two fifths of the probability of error are kept for the looks of the rule that ends a
-        run, and half the drift over the averaged stretch is added in quadrature, so that the interval tends to hold its
-        two ends too. Of a run of fixed length the interval is wider than it need be.
+        run, and half the drift over the averaged stretch is added in quadrature where it is to be excluded, so that the
+        interval tends to hold its two ends too. Of a run of fixed length the interval is wider than it need be.
         """
         freedom = self.batches - 1 if self.degrees_of_freedom is None else self.degrees_of_freedom
         if self.mean is None or self.standard_error is None or freedom < 1:
@@ -104,7 +106,8 @@ class Estimate:
         if self.drift is None or self.start is None or self.end is None:
             return float(stdtrit(freedom, 0.5 + 0.5 * confidence)) * self.standard_error
         quantile = float(stdtrit(freedom, 1.0 - STOPPING_ALLOWANCE * 0.5 * (1.0 - confidence)))
-        return math.hypot(quantile * self.standard_error, 0.5 * self.drift * (self.end - self.start))
+        drift = self.drift * (self.end - self.start) if self.exclude_drift else 0.0
+        return math.hypot(quantile * self.standard_error, 0.5 * drift)
 
     def interval(self, confidence: float = 0.95) -> tuple[float, float] | None:
         """Two-sided confidence interval of the mean; None: unknown."""

@@ -55,6 +55,8 @@ class SteadyConditions:
         Half the 95 % interval over the torque that is asked for by `time.until`; 0: it asks for none.
     start_up_strain : float
         Shear strain of the gap before which no torque is averaged; 0: unknown.
+    exclude_drift : bool
+        A torque that may drift is not steady; False: its start-up is known to be over by `average_from`.
     """
 
     average_from: float | None = None
@@ -63,6 +65,7 @@ class SteadyConditions:
     negligible: float = 0.0
     share: float = 0.0
     start_up_strain: float = 0.0
+    exclude_drift: bool = True
 
     def wanted(self, mean: float) -> float:
         """Half the interval's width [N m] that is asked for of a torque [N m]; where nothing is, that of `USUAL`."""
@@ -91,9 +94,8 @@ class SteadyConditions:
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> SteadyConditions:
         """Inverse of `as_dict`; what is missing is unknown."""
-        optional = ("average_from", "shear_gap")
-        known = {one.name: values.get(one.name) for one in fields(cls)}
-        return cls(**{name: value if name in optional else value or 0.0 for name, value in known.items()})  # type: ignore[arg-type]
+        known = {one.name: values[one.name] for one in fields(cls) if values.get(one.name) is not None}
+        return cls(**known)
 
 
 def steady_mean_of(
@@ -108,7 +110,13 @@ def steady_mean_of(
     start = conditions.average_from if average_from is None else average_from
     signals = [(each[TIME].to_numpy(), each[column].to_numpy(), durations(each)) for each in histories]
     settled = conditions.settled(histories)
-    return replicated_mean(signals, average_from=start, settled=settled, wanted=conditions.wanted)
+    return replicated_mean(
+        signals,
+        average_from=start,
+        settled=settled,
+        exclude_drift=conditions.exclude_drift or start is None,
+        wanted=conditions.wanted,
+    )
 
 
 def steady_torque(

@@ -38,12 +38,23 @@ class TimeSection(Section):
     average_from: InstantOrStrain | None = Field(
         default=None, description="start of the steady part; default: found in the run"
     )
+    exclude_drift: bool = Field(
+        default=True,
+        description="with `until`, a torque is known only where a drift of twice the half width is excluded; false: the "
+        "start-up is known, and `average_from` is after it; only a torque that drifts for certain is not known",
+    )
 
     @model_validator(mode="after")
     def _nests(self) -> Self:
         if not_before(self.average_from, self.end):
             raise refuse(
                 f"is not before time.end = {instant_in_words(self.end)}; lower it, or raise the end", key="average_from"
+            )
+        if not self.exclude_drift and self.average_from is None:
+            raise refuse(
+                "= false needs time.average_from, the end of the start-up that is known; give it, or leave "
+                "exclude_drift out",
+                key="exclude_drift",
             )
         end = inf if isinstance(self.end, Multiple) else self.end
         if self.window is not None and self.window > end:

@@ -87,4 +87,5 @@ def steady_conditions(scene: Scene, device: Device) -> SteadyConditions:
         negligible,
         share,
         start_up_strain(scene),
+        scene.span.exclude_drift,
     )

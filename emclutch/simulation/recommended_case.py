@@ -90,8 +90,8 @@ def case_for(case: Case, ladder: Ladder, choice: Choice, target: float) -> tuple
     start = choice.settings.get("start_up")
     if start is not None and ladder.strain is not None:
         values["time.end"] = f"strain {start + ladder.strain:.6g}"
-        if ladder.strain > start * 1.01:  # else the average begins in the middle, which is there
-            values["time.average_from"] = f"strain {start:.6g}"
+        values["time.average_from"] = f"strain {start:.6g}"
+        values["time.exclude_drift"] = False  # the start-up is part of the ladder, from more packings than a run has
     case = with_settings(case.with_values(values), choice.settings)
     plan = make_plan(case)[1]
     choice = replace(choice, total=total_at(ladder, settings_of(case, plan, start), plan))

@@ -175,7 +175,7 @@ def _expected_drift(torque: Estimate, count: int, factor: float, wanted: float) 
     """True if a drift is expected to be excluded, if there is none."""
     from scipy.special import stdtrit
 
-    if torque.drift_error is None or torque.end is None or torque.settled is None:
+    if not torque.exclude_drift or torque.drift_error is None or torque.end is None or torque.settled is None:
         return True
     error = torque.drift_error * (torque.end - torque.settled) * math.sqrt(torque.replicas / count / factor)
     return bool((1.0 + float(stdtrit(3.0 * count - 1.0, DRIFT_CONFIDENCE))) * error < DRIFT_LIMIT * wanted)

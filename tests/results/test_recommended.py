@@ -4,6 +4,7 @@ import itertools
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from emclutch.results.ladder import Basis, KnobLadder, Ladder, Rung, Total
@@ -18,6 +19,7 @@ from emclutch.results.recommended import (
     recommended,
     statistical_half_width,
 )
+from emclutch.results.replicated_mean import replicated_mean
 from emclutch.simulation.stopping_rule import COUNTS
 
 SCATTER = 0.03
@@ -38,8 +40,15 @@ def standing(name, settings, values, costs):
     return KnobLadder(name, f"key.{name}", Basis.MOMENTS, settings[1], None, 0.0, rungs)
 
 
+def start_up():
+    """Of an average that may begin at any time."""
+    rungs = tuple(Rung(s, 1.0 / s, 1.1, 0.0, 4, 10.0, s / 9.0) for s in (9.0, 13.5))
+    return KnobLadder("start_up", "time.average_from", Basis.LATER, 9.0, None, 0.0, rungs)
+
+
 def ladder(**unknown):
     knobs = (
+        start_up(),
         standing("mesh", (2.0, 1.0, 0.5, 0.25), (1.08, 1.02, 1.005, 1.00125), (0.9, 1.0, 1.2, 2.0)),
         noisy("grains", (4.0, 6.0, 8.0), (1.1, 1.045, 1.025), (1.0, 3.3, 8.0), grains=(1.0, 2.25, 4.0)),
         noisy("step", (10.0, 20.0, 40.0), (1.1, 1.101, 1.1), (1.0, 2.0, 4.0)),
@@ -66,6 +75,25 @@ def test_the_first_choice_is_the_cheapest_that_reaches_the_target(target):
     assert found[0].seconds == pytest.approx(by_search(ladder(), target))
     assert all(one.half_width <= target for one in found)
     assert [one.seconds for one in found] == sorted(one.seconds for one in found)
+
+
+@pytest.mark.parametrize("packings", [4, 12])
+def test_where_the_start_up_is_not_known_more_packings_are_needed_to_exclude_a_drift(packings):
+    """The rule would end a run of so many packings with half the scatter, if all of it is within packings."""
+    without = replace(ladder(), knobs=ladder().knobs[1:])
+    half = own_choice(without, packings).statistical
+    assert half > 1.4 * own_choice(ladder(), packings).statistical
+    rng = np.random.default_rng(packings)
+    length, windows = 1.0, 40
+    dt = np.full(windows, length / windows)
+    ended = []
+    for _ in range(200):
+        noise = SCATTER * math.sqrt(windows) * rng.standard_normal((packings, windows))
+        found = replicated_mean(
+            [(np.cumsum(dt), 1.0 + one, dt) for one in noise], average_from=0.0, wanted=lambda mean: half
+        )
+        ended.append(found.converged)
+    assert 0.3 < np.mean(ended) < 0.9
 
 
 def test_a_choice_has_the_error_of_its_settings():

@@ -113,6 +113,22 @@ def test_verdicts():
     assert not creeps_for_certain(found, 0.5)
 
 
+def test_where_the_start_up_is_known_only_a_drift_that_is_certain_is_refused():
+    rng = np.random.default_rng(5)
+
+    def known(total, target):
+        signals = [(t, y + total * t / t[-1], dt) for t, y, dt in replicas(rng, 6, 0.0)]
+        found = replicated_mean(signals, average_from=0.0, exclude_drift=False, wanted=lambda mean: target)
+        plain = replicated_mean(signals, average_from=0.0, wanted=lambda mean: target)
+        assert found.half_width() <= plain.half_width()
+        return found
+
+    steady, creeping = known(0.0, 0.02), known(4.0, 0.5)
+    assert steady.converged and steady.reason.startswith("steady:")
+    assert steadiness(creeping, 0.5) is Steadiness.CREEPING and not creeping.converged
+    assert Estimate.from_dict(steady.as_dict()) == steady
+
+
 def test_a_drift_of_twice_the_target_is_rarely_called_steady():
     rng = np.random.default_rng(7)
     steady = [verdict(3.0, rng, target=1.5)[1] is Steadiness.STEADY for _ in range(200)]
