@@ -120,10 +120,13 @@ JobsOfCores = Annotated[
 Budget = Annotated[
     str | None, typer.Option("--budget", metavar="TIME", help="wall-clock time of the study; default: 20min")
 ]
+USUAL_TARGETS = "10 %, 5 %, 3 %"
 Targets = Annotated[
-    str,
+    str | None,
     typer.Option(
-        "--for", metavar="LIST", help="accuracies to find settings for: half the torque's 95 % interval; in quotes"
+        "--for",
+        metavar="LIST",
+        help=f"accuracies to find settings for: half the torque's 95 % interval; in quotes; default: '{USUAL_TARGETS}'",
     ),
 ]
 ResumeAccuracy = Annotated[bool, typer.Option("--resume", help="continue the study in the folder of --out")]

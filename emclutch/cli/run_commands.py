@@ -120,7 +120,7 @@ def accuracy(
     budget: opt.Budget = None,
     jobs: opt.JobsOfCores = None,
     resume: opt.ResumeAccuracy = False,
-    targets: opt.Targets = "10 %, 5 %, 3 %",
+    targets: opt.Targets = None,
     effects: opt.OfEffects = False,
     sets: opt.Sets = None,
     trust_scripts: opt.TrustScripts = False,
@@ -130,7 +130,10 @@ def accuracy(
         if resume and out is None:
             message = "needs a study that was begun; name its folder with --out"
             raise SceneError([Fault("--resume", "", message)], "command line")
-        wanted, seconds = read_targets(targets), read_budget(budget)
+        if effects and targets is not None:
+            message = "has no part in --effects, which chooses no settings; leave one of the two out"
+            raise SceneError([Fault("--for", targets, message)], "command line")
+        wanted, seconds = read_targets(targets or opt.USUAL_TARGETS), read_budget(budget)
         read = load(case, sets, trust_scripts)
         from emclutch.results import Progress
         from emclutch.studies.accuracy.effect_contributions import EffectsResult, effect_contributions

@@ -95,7 +95,9 @@ class GrainSize:
             "times that of the real powder at the same speed"
         )
         excess = self.torque_excess()
-        return text if excess is None else f"{text}; the torque is {excess_in_words(excess)} above that of real size"
+        if excess is None:
+            return text
+        return f"{text}; by the law for all powders their torque is {excess_in_words(excess)} above that of real size"
 
     def warnings(self) -> list[str]:
         """Return what makes the torque doubtful: few grains without a word on the real ones, effects with a size."""

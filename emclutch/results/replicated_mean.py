@@ -13,7 +13,7 @@
    larger slopes than cubic coefficients, which makes the error up to a tenth too small at a correlation time of a tenth
    of the stretch.
 4. **Verdict** (`steadiness`): steady, creeping or not settled. To exclude a drift takes several times the packings that
-   the interval needs; it need not be excluded where a ladder has measured the start-up, on more packings than a run has.
+   the interval needs; it need not be excluded where a ladder has measured the start-up, on more packings than a run.
 
 Coverage and power, measured with synthetic series: tests/results/test_stopping_rule.py.
 """

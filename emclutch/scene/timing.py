@@ -40,8 +40,8 @@ class TimeSection(Section):
     )
     exclude_drift: bool = Field(
         default=True,
-        description="with `until`, a torque is known only where a drift of twice the half width is excluded; false: the "
-        "start-up is known, and `average_from` is after it; only a torque that drifts for certain is not known",
+        description="with `until`, a torque is known only where a drift of twice the half width is excluded; false: "
+        "the start-up is known to be over by `average_from`, and only a torque that drifts for certain is not known",
     )
 
     @model_validator(mode="after")

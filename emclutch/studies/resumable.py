@@ -22,6 +22,7 @@ from emclutch.results.folder_lock import has_files, locked_folder
 from emclutch.results.run_folder import logging_to
 from emclutch.results.text import format_duration
 from emclutch.scene.case import Case
+from emclutch.scene.replica_count import cores_at_hand
 from emclutch.simulation.resume import differing_keys, flat_scene
 from emclutch.studies.accuracy.tasks import AccuracyTask, TaskResult, perform, result_in
 from emclutch.studies.task_queue import InThisProcess, TaskQueue, makespan, note, tell
@@ -32,6 +33,13 @@ log = logging.getLogger(__name__)
 VERSION = 1
 BUDGET = 1200.0
 """Default wall-clock time of a study [s]."""
+
+
+def checked_jobs(jobs: int | None) -> int:
+    """Return the number of tasks that run at a time, by default one for each core; ValueError below 1."""
+    if jobs is not None and jobs < 1:
+        raise ValueError(f"jobs = {jobs}; allowed: 1 or more")
+    return cores_at_hand() if jobs is None else jobs
 
 
 @contextmanager

@@ -27,6 +27,8 @@ EDITS = {
     "key of another section": ({"geometry.diameter": "1 mm"}, "geometry.diameter",
         "did you mean particles.diameter?"),
     "missing key": ({"geometry.gap": None}, "geometry.gap", "a length is needed, e.g. gap = '1 mm'"),
+    "a start-up known to be over, but not when": ({"time.exclude_drift": False}, "time.exclude_drift",
+        "needs time.average_from"),
     "missing section": ({"time": None}, "time", "add the section [time]"),
     "a section that is a number": ({"particles": 3}, "particles", "write [particles]"),
     "wrong dimension": ({"geometry.gap": "3 kg"}, "geometry.gap = '3 kg'",
@@ -288,6 +290,7 @@ def test_a_box_has_no_mesh(tmp_path):
     output = refused(["mesh", str(scene), "--out", str(tmp_path / "new")], str(scene), "clutch and drum")
     assert output.count("geometry.kind") == 1
     refused(["accuracy", str(scene), "--out", str(tmp_path / "new")], "geometry.kind = 'box'", "has no disc")
+    refused(["accuracy", str(scene), "--effects", "--for", "5 %"], "--for = 5 %", "leave one of the two out")
     assert not (tmp_path / "new").exists()
 
 

@@ -27,12 +27,12 @@ from emclutch.results.report.verdict import Mark, Statement
 from emclutch.results.text import format_duration, per_cent
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import Fault, SceneError
-from emclutch.scene.replica_count import cores_at_hand, replica_seed
+from emclutch.scene.replica_count import replica_seed
 from emclutch.simulation.plan import make_plan
 from emclutch.studies.accuracy.rungs import base_of, refuse_what_has_no_ladder, source_of, starts_of
 from emclutch.studies.accuracy.study import WARM_UP_WINDOWS
 from emclutch.studies.accuracy.tasks import AccuracyTask
-from emclutch.studies.resumable import BUDGET, ResumableStudy, begun_study
+from emclutch.studies.resumable import BUDGET, ResumableStudy, begun_study, checked_jobs
 from emclutch.studies.task_queue import TaskQueue
 
 log = logging.getLogger(__name__)
@@ -132,9 +132,7 @@ def effect_contributions(
     ValueError
         `jobs` is less than 1.
     """
-    case, jobs = as_case(case), cores_at_hand() if jobs is None else jobs
-    if jobs < 1:
-        raise ValueError(f"jobs = {jobs}; allowed: 1 or more")
+    case, jobs = as_case(case), checked_jobs(jobs)
     refuse_what_has_no_ladder(case)
     if not case.scene.effects.active:
         raise SceneError([Fault("effects", "", "has no table: there is nothing to leave out")], source_of(case))

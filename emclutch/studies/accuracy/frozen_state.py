@@ -1,4 +1,4 @@
-"""Field, moments and magnetic forces of grains that stand still: what the knobs of the magnetic model are turned on.
+"""Field, moments and magnetic forces of grains that stand still: on which the knobs of the magnetic model are measured.
 
 A torque fluctuates more than most settings change it; moments and forces of the same grains at the same places do not.
 """

@@ -68,7 +68,7 @@ class PlannedRung:
 
 
 @dataclass(frozen=True, slots=True)
-class TurnTask:
+class SettingTask:
     """One setting to plan, as plain data for any process."""
 
     data: dict[str, Any]
@@ -80,7 +80,7 @@ class TurnTask:
 
 
 @dataclass(frozen=True, slots=True)
-class Turned:
+class PlannedSetting:
     """A setting that was planned, or the faults of its scene."""
 
     rung: PlannedRung | None
@@ -178,7 +178,7 @@ def starts_of(base: Base) -> list[float | str]:
     return [STRAIN.format(f"{one:g}") for one in (own, *kept)]
 
 
-def turns_of(base: Base) -> list[TurnTask]:
+def setting_tasks(base: Base) -> list[SettingTask]:
     """Return the settings to plan: all of each knob, but the scene's own.
 
     Raises
@@ -202,17 +202,17 @@ def turns_of(base: Base) -> list[TurnTask]:
                 continue
             values = knob.values(base.scene, plan, setting)
             try:
-                turned = case.with_values(values)
+                changed = case.with_values(values)
             except SceneError as error:
                 faults += _faults(base, knob, setting, [str(fault) for fault in error.faults])
             else:
-                tasks.append(TurnTask(turned.data, path, case.trust_scripts, knob.name, values, setting))
+                tasks.append(SettingTask(changed.data, path, case.trust_scripts, knob.name, values, setting))
     if faults:
         raise SceneError(faults, source_of(base.case))
     return tasks
 
 
-def turned(task: TurnTask) -> Turned:
+def planned_setting(task: SettingTask) -> PlannedSetting:
     """Plan one setting."""
     begin = process_time()
     try:
@@ -222,8 +222,8 @@ def turned(task: TurnTask) -> Turned:
         with bad_input_for(case.path):
             _, plan = make_plan(case, threads=1)
     except SceneError as error:
-        return Turned(None, tuple(str(fault) for fault in error.faults))
-    return Turned(rung_of(case, plan, task.knob, task.values, process_time() - begin))
+        return PlannedSetting(None, tuple(str(fault) for fault in error.faults))
+    return PlannedSetting(rung_of(case, plan, task.knob, task.values, process_time() - begin))
 
 
 def rung_of(case: Case, plan: Plan, name: str, values: dict[str, Any], planning: float) -> PlannedRung:
@@ -238,7 +238,7 @@ def _reference_seconds(plan: Plan) -> float:
     return plan.cost.seconds["total"] / slowness()
 
 
-def planned_rungs(base: Base, tasks: Sequence[TurnTask], found: Sequence[Turned]) -> list[PlannedRung]:
+def planned_rungs(base: Base, tasks: Sequence[SettingTask], found: Sequence[PlannedSetting]) -> list[PlannedRung]:
     """Return the rungs that the scene takes; SceneError for those of `accuracy.ladders` that it does not."""
     faults: list[Fault] = []
     for task, one in zip(tasks, found, strict=True):

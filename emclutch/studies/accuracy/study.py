@@ -1,7 +1,7 @@
 """Accuracy study: the ladder of a scene's knobs within a budget, and the settings for wanted accuracies.
 
 Packings at the scene's own settings come first; what they cost, and how much they scatter, decides what the budget is
-enough for (`emclutch.studies.accuracy.plan`). Magnetic knobs are turned on the grains at the end of the first of them.
+enough for (`emclutch.studies.accuracy.plan`). Magnetic knobs are measured on the grains at the end of the first.
 Every packing is a task in a folder of its own, and depends on its scene and seed alone; ``plan.json`` holds every
 decision. So a study that is stopped, or killed, continues to the same ladder.
 """
@@ -25,7 +25,7 @@ from emclutch.results.ladders import save_ladder
 from emclutch.results.text import format_duration
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import Fault, SceneError
-from emclutch.scene.replica_count import cores_at_hand, replica_seed
+from emclutch.scene.replica_count import replica_seed
 from emclutch.studies.accuracy.measured_ladder import Measured, ladder_of, refuse_no_torque, scatter_of
 from emclutch.studies.accuracy.plan import (
     BASE,
@@ -43,17 +43,17 @@ from emclutch.studies.accuracy.plan import (
 from emclutch.studies.accuracy.rungs import (
     Base,
     PlannedRung,
-    Turned,
+    PlannedSetting,
     base_of,
     planned_rungs,
+    planned_setting,
     refuse_what_has_no_ladder,
+    setting_tasks,
     source_of,
     starts_of,
-    turned,
-    turns_of,
 )
 from emclutch.studies.accuracy.tasks import GRAINS, AccuracyTask, TaskResult
-from emclutch.studies.resumable import BUDGET, ResumableStudy, begun_study
+from emclutch.studies.resumable import BUDGET, ResumableStudy, begun_study, checked_jobs
 from emclutch.studies.task_queue import TaskQueue, tell
 
 log = logging.getLogger(__name__)
@@ -130,9 +130,7 @@ def accuracy(
     ValueError
         `jobs` is less than 1.
     """
-    case, jobs = as_case(case), cores_at_hand() if jobs is None else jobs
-    if jobs < 1:
-        raise ValueError(f"jobs = {jobs}; allowed: 1 or more")
+    case, jobs = as_case(case), checked_jobs(jobs)
     refuse_what_has_no_ladder(case)
     folder = Path(out) if out is not None else RunFolder.next_path(f"{case.name}-accuracy", "studies")
     base = base_of(case)
@@ -163,14 +161,14 @@ def _begun(case: Case, base: Base, budget: float, jobs: int, queue: TaskQueue, p
             f"{format_duration(first)}; give {format_duration(5.0 * first)} or more"
         )
         raise SceneError([Fault(BUDGET_OPTION, f"{budget:g} s", message)], source_of(case))
-    tasks = turns_of(base)
-    found: dict[int, Turned] = {}
+    tasks = setting_tasks(base)
+    found: dict[int, PlannedSetting] = {}
 
-    def take(number: int, one: Turned) -> None:
+    def take(number: int, one: PlannedSetting) -> None:
         found[number] = one
         tell(progress, 0.0, f"settings are planned: {len(found)} of {len(tasks)}")
 
-    queue.all(turned, tasks, take)
+    queue.all(planned_setting, tasks, take)
     if queue.stopped:
         raise Interrupted("stopped before the study began")
     rungs = planned_rungs(base, tasks, [found[n] for n in range(len(tasks))])

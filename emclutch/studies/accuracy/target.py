@@ -149,8 +149,8 @@ def settled(case: Case) -> Settled | None:
     found = cheapest_case(case, ladder, target)
     if isinstance(found, Obstacle):
         raise _unreachable(case, found)
-    choice, turned = found
-    return Settled(turned, choice, path)
+    choice, changed = found
+    return Settled(changed, choice, path)
 
 
 def cases_of(
