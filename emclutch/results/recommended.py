@@ -109,6 +109,8 @@ class Obstacle:
         Why it was not measured.
     best : Choice or None
         The combination that comes nearest.
+    at_least : bool
+        `seconds` are what a finer setting takes, of which nobody knows what it will leave.
     """
 
     knob: str
@@ -116,6 +118,7 @@ class Obstacle:
     seconds: float | None
     reason: str = ""
     best: Choice | None = None
+    at_least: bool = False
 
     def in_words(self) -> str:
         """Return why a target is not reached."""
@@ -126,7 +129,8 @@ class Obstacle:
             return f"not reachable: {self.best.packings} packings have a {STATISTICS} part of ± {half}"
         words = f"not reachable by what was measured: limited by {self.knob}, known to ± {per_cent(self.half_width)}"
         if self.seconds is not None:
-            return f"{words}; a study of about {format_duration(self.seconds)} of processor time may know enough"
+            about = "more than" if self.at_least else "about"
+            return f"{words}; a study of {about} {format_duration(self.seconds)} of processor time may know enough"
         return f"{words}, which more packings of the same settings do not lower"
 
 
@@ -271,7 +275,10 @@ def obstacle(ladder: Ladder, target: float) -> Obstacle:
         for name, half in best.parts.items()
     }
     knob = max(lasting, key=lambda name: lasting[name])
-    return Obstacle(knob, best.parts[knob], _with_finer_settings(ladder, ladder.knob(knob)), best=best)
+    finer = _with_finer_settings(ladder, ladder.knob(knob))
+    if finer is not None:  # and its noise alone must come below the target
+        finer = max(finer, _spent(ladder) * (noise / target) ** 2)
+    return Obstacle(knob, best.parts[knob], finer, best=best, at_least=True)
 
 
 def _with_finer_settings(ladder: Ladder, knob: KnobLadder | None) -> float | None:
