@@ -7,7 +7,16 @@ BIN    := $(VENV)/bin
 GMSH_LIBRARIES := libGLU.so.1 libGL.so.1 libXrender.so.1 libXcursor.so.1 libXft.so.2 libXinerama.so.1 libXfixes.so.3 libgomp.so.1
 GMSH_PACKAGES  := libglu1-mesa libgl1 libxrender1 libxcursor1 libxft2 libxinerama1 libxfixes3 libgomp1
 
-.PHONY: run test laws bench stability setup lint sweep docs dist clean
+.PHONY: help run test laws bench stability setup lint sweep docs dist clean
+help:
+	@echo "make run      set up, and simulate a first scene (CASE=other.toml)"
+	@echo "make test     set up, and run all tests"
+	@echo "make sweep    torque against current"
+	@echo "make bench    measured against other programs"
+	@echo "make docs     documentation as HTML"
+	@echo "make lint     style and types"
+	@echo "make dist     wheel and source distribution"
+	@echo "make clean    remove what was set up, and runs"
 run: setup ; @$(BIN)/emclutch run $(CASE)
 test: setup ; $(BIN)/python -m pytest -n 2 --dist loadfile --max-worker-restart 0 --durations=30
 laws: ; @$(PYTHON) tests/project/laws.py

@@ -313,7 +313,7 @@ class _Log(logging.FileHandler):
 def logging_to(path: Path, loggers: Iterable[str], level: int = logging.INFO) -> Iterator[None]:
     """Append the messages of some loggers to a file inside a ``with`` block."""
     handler = _Log(path, encoding="utf-8")
-    handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)-7s %(name)s: %(message)s"))
+    handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)-7s %(message)s"))
     handler.setLevel(level)
     before = {}
     for name in loggers:

@@ -125,6 +125,8 @@ def test_a_study_is_read_back_with_its_runs(tmp_path):
         emclutch.load_study(file)
     with pytest.raises(emclutch.OutputError, match=r"study\.csv"):
         emclutch.load_study(tmp_path)
+    with pytest.raises(emclutch.OutputError, match="is a study; read it with emclutch.load_study"):
+        emclutch.load_result(tmp_path / "study")
 
 
 def test_type_checkers_see_the_names_that_are_loaded_when_asked_for():
