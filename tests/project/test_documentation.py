@@ -142,9 +142,9 @@ def test_files_that_the_text_names_are_in_the_tree(page):
         assert found or [*(ROOT / "cases").glob(f"{path}.toml")], f"{name_of(page)}: `{path}` is not in the tree"
 
 
-def test_the_tree_that_the_readme_draws_is_there():
+def test_the_source_tree_that_is_drawn_is_there():
     """A line begins with its folder, which lies in the one above that is indented less, and names folders in it."""
-    drawn = next(block for block in blocks(ROOT / "README.md") if not block.language)
+    drawn = next(block for block in blocks(DOCS / "reference" / "source_tree.md") if not block.language)
     outer, drawn_folders = "", set()
     for line in drawn.text.splitlines():
         first, *inner = re.findall(r"(?<![\w/])(\w+)/", line)
