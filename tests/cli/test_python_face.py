@@ -125,7 +125,7 @@ def test_a_study_is_read_back_with_its_runs(tmp_path):
         emclutch.load_study(file)
     with pytest.raises(emclutch.OutputError, match=r"study\.csv"):
         emclutch.load_study(tmp_path)
-    with pytest.raises(emclutch.OutputError, match="is a study; read it with emclutch.load_study"):
+    with pytest.raises(emclutch.OutputError, match=r"is a study; read it with emclutch\.load_study"):
         emclutch.load_result(tmp_path / "study")
 
 
