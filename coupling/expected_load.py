@@ -37,10 +37,24 @@ def neck_load(law, M: float, diameter: float, smallest_gap: float) -> float:
 
     `law` is the grains' (saturating), `smallest_gap` between surfaces in radii.
     """
+    return NECK_PEAK * neck_pull(law, M, diameter, smallest_gap)[0]
+
+
+def neck_pull(law, M: float, diameter: float, smallest_gap: float) -> tuple[float, float]:
+    """Attraction [N] of two near grains alone at the smallest gap, and the work [J] that parts them from there.
+
+    As `neck_load`: both along the field, `pair_table`'s force over the gap; beyond its largest gap that of dipoles,
+    F r/3 at the distance r.
+    """
     Ms, a = saturation(law), 0.5 * diameter
     fields = np.geomspace(1e-4, 10.0, 2001) * Ms  # the field in which a lone grain has M
-    H = float(np.interp(M, sphere_magnetisation(law, fields), fields))
-    return NECK_PEAK * float(pair_table(law).force_of(smallest_gap, H / Ms)) * MU_0 * Ms**2 * a**2
+    h = float(np.interp(M, sphere_magnetisation(law, fields), fields)) / Ms
+    table = pair_table(law)
+    gap = np.geomspace(smallest_gap, table.gap[-1], 200) if smallest_gap < table.gap[-1] else np.array([smallest_gap])
+    force = np.array([float(table.force_of(g, h)) for g in gap])
+    work = float(np.sum(0.5 * (force[1:] + force[:-1]) * np.diff(gap))) + force[-1] * (2.0 + gap[-1]) / 3.0
+    unit = MU_0 * Ms**2 * a**2
+    return float(force[0]) * unit, work * unit * a
 
 
 def neck_stiffness(law, diameter: float, *, at_walls: bool = False) -> float:
@@ -66,6 +80,11 @@ def chain_magnetisation(law, M: float) -> float:
     for _ in range(60):  # contracts by 3 zeta(3)/6 = 0.6 a turn at most
         found = float(np.interp(H + 1.2020569 / 6.0 * found, fields, lone))
     return found
+
+
+def pair_work(M: float, diameter: float) -> float:
+    """Work [J] that parts two touching grains magnetised to M [A/m], F_pair d/3 of coaxial dipoles."""
+    return pair_attraction(M, diameter) * diameter / 3.0
 
 
 def pair_attraction(M: float, diameter: float) -> float:

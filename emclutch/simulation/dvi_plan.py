@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import pi
-from typing import ClassVar
+from math import pi, sqrt
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from coupling import pair_attraction
+from coupling import neck_pull, pair_attraction, pair_work
+from emclutch.device_model.materials import grain_law
 from emclutch.scene.model import Scene
 from emclutch.simulation.stiffness import Stiffness
 from particles import Cohesion, DviContact, RollingFriction, TwistingFriction, choose_dvi_step
@@ -17,6 +18,14 @@ from particles.dem.time_step import TimeStep
 TOLERANCE = 1e-4  # of the largest speed to be expected
 MIN_TOLERANCE = 1e-7  # [m/s]
 MIN_THRESHOLD = 1e-3  # [m/s], of restitution
+
+
+class Pull(NamedTuple):
+    """Attraction of two grains that touch [N], the work [J] of parting them, and what attracts."""
+
+    force: float
+    work: float
+    source: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,11 +86,15 @@ def rigid_contacts(
     terms, radius = scene.effects.contact_terms(), 0.5 * particles.smallest_diameter
     cohesion = terms.get("cohesion")
     adhesion = 0.0 if cohesion is None else float((cohesion.table() @ (1.0, radius)).max())
+    pulls = [one for one in (_magnetic_pull(scene, M_max), Pull(adhesion, adhesion * radius, "cohesion")) if one.force]
+    pull = max(pulls, key=lambda one: one.force / sqrt(one.work), default=Pull(0.0, 1.0, "nothing"))
     step = choose_dvi_step(
         particles.density * pi / 6.0 * particles.smallest_diameter**3,
         radius,
         speed=speed,
-        attraction=max(pair_attraction(M_max, particles.smallest_diameter), adhesion),
+        attraction=pull.force,
+        work=pull.work,
+        source=pull.source,
         dt=scene.span.step if section.step is None else section.step,
         allow_long_step=section.allow_long_step,
     )
@@ -101,3 +114,11 @@ def rigid_contacts(
     given, stiffness = (None, None) if springs is None else springs
     resist = terms.get("rolling"), terms.get("twisting")
     return RigidContacts(rigid, *resist, cohesion, tolerance, step, given, stiffness)
+
+
+def _magnetic_pull(scene: Scene, M: float) -> Pull:
+    """Attraction of two of the smallest grains, magnetised to M [A/m]."""
+    d, attraction, at = scene.grains.smallest_diameter, scene.effects.attraction, f"magnetised to {M / 1e3:.3g} kA/m"
+    if M > 0.0 and attraction is not None and attraction.has_necks:
+        return Pull(*neck_pull(grain_law(scene), M, d, attraction.surface_gap), f"necks between grains {at}")
+    return Pull(pair_attraction(M, d), pair_work(M, d), f"grains {at}")

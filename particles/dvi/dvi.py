@@ -7,7 +7,7 @@ necks between magnetised grains, which changes within a few hundredths of a radi
 which makes grains snap together and rings at no step; below the smallest gap, where contacts are closed, the pull is
 constant, and a contact that holds has no motion that could change it. So no step is unstable, and what a neck asks for
 is accuracy: the pull is its mean over the way that the gap goes at the present velocities (`coupling.effects.dipoles`),
-and h <= 0.1 sqrt(m R/F) (`particles.dvi.dvi_step`).
+and a step in which it adds little to the speeds at which grains part (`particles.dvi.dvi_step`).
 """
 
 from __future__ import annotations
