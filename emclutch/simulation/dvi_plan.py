@@ -87,14 +87,14 @@ def rigid_contacts(
     cohesion = terms.get("cohesion")
     adhesion = 0.0 if cohesion is None else float((cohesion.table() @ (1.0, radius)).max())
     pulls = [one for one in (_magnetic_pull(scene, M_max), Pull(adhesion, adhesion * radius, "cohesion")) if one.force]
-    pull = max(pulls, key=lambda one: one.force / sqrt(one.work), default=Pull(0.0, 1.0, "nothing"))
+    strongest = max(pulls, key=lambda one: one.force / sqrt(one.work), default=Pull(0.0, 1.0, "nothing"))
     step = choose_dvi_step(
         particles.density * pi / 6.0 * particles.smallest_diameter**3,
         radius,
         speed=speed,
-        attraction=pull.force,
-        work=pull.work,
-        source=pull.source,
+        attraction=strongest.force,
+        work=strongest.work,
+        source=strongest.source,
         dt=scene.span.step if section.step is None else section.step,
         allow_long_step=section.allow_long_step,
     )
