@@ -35,6 +35,8 @@ class Knob(ABC):
     finer_is_larger: ClassVar[bool] = False
     unit: ClassVar[str] = ""
     is_whole: ClassVar[bool] = False
+    is_large: ClassVar[bool] = False
+    """Error that is large in most scenes that have the knob: measured before knobs that cost less."""
     entry: ClassVar[Any]
     """Mark of a setting's type, with its range: `emclutch.scene.units.number`, or the metadata of `Time`."""
 

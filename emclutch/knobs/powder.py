@@ -32,6 +32,7 @@ class GrainsAcross(Knob):
     )
     order = 2.0
     finer_is_larger = True
+    is_large = True
 
     @classmethod
     def applies(cls, scene):

@@ -122,6 +122,7 @@ def test_what_is_not_reached_has_a_reason_and_no_scene(tmp_path, case, own, rest
     reason = {"grains_across": "not measured in this budget: about 9 min more"}
     lines = present(case, whole(own, rest, unknown=reason), tmp_path, (0.1,))
     assert any("limited by grains_across" in line and "9 min" in line for line in lines)
+    assert "of its settings that were measured" in lines[-1] and "unknown error of grains across" in lines[-1]
 
 
 def test_tables_have_every_setting(tmp_path, case, own, rest):

@@ -5,6 +5,7 @@ truth here is ln T = c (h^p - h_0^p) for each knob, with a coefficient that is d
 """
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from scipy.special import stdtrit
@@ -113,3 +114,11 @@ def test_runs_with_the_settings_that_were_found_hold_the_truth():
     assert reached[0.10] >= 0.9 * DRAWS and reached[0.05] >= 0.3 * DRAWS
     assert np.mean(np.array(errors) <= halves) >= 0.95
     assert np.median(halves) <= 5.0 * np.median(errors)
+
+
+def test_a_knob_with_a_large_error_is_measured_before_cheaper_ones():
+    offers = Device(np.random.default_rng(0)).offers
+    room = 90.0
+    assert "grains" not in {name for name, _ in first_packings(offers, 4, room, 1)}
+    large = [replace(one, is_large=one.name == "grains") for one in offers]
+    assert [name for name, _ in first_packings(large, 4, room, 1)] == ["grains"]

@@ -58,9 +58,11 @@ def closing_sentence(ladder: Ladder, answers: Sequence[Answer]) -> str:
     reached = [f"{per_cent(target)} for {format_duration(choice.seconds)}" for target, choice in found]
     costs = f"; {', '.join(reached)} of processor time" if reached else "; no target is reached by what was measured"
     torque, half = ladder.corrected_torque(own.total)
+    unknown = ", ".join(name.replace("_", " ") for name in own.total.unknown)
     return (
         f"{ladder.case}: {ladder.torque:.3g} N m, mean of {ladder.packings} packings, {100.0 * own.total.bias:+.2g} % "
-        f"by its settings, so {torque:.3g} N m ± {per_cent(half)}; largest part of the "
+        f"by {'those of its settings that were measured' if unknown else 'its settings'}, so {torque:.3g} N m ± "
+        f"{per_cent(half)}{f', and the unknown error of {unknown}' if unknown else ''}; largest part of the "
         f"error: {own.largest.replace('_', ' ')}{costs}."
     )
 

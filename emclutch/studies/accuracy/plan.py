@@ -61,6 +61,8 @@ class OfferedKnob:
         The scene's own setting.
     rungs : tuple of OfferedRung
         All others.
+    is_large : bool
+        As of the knob.
     """
 
     name: str
@@ -68,6 +70,7 @@ class OfferedKnob:
     limit: float
     own: OfferedRung
     rungs: tuple[OfferedRung, ...]
+    is_large: bool = False
 
     def error(
         self, packings: Mapping[Key, int], found: Torques | None = None, freedom: float = math.inf
@@ -136,12 +139,14 @@ class Torques:
 def first_packings(knobs: Sequence[OfferedKnob], base_packings: int, room: float, jobs: int) -> tuple[Key, ...]:
     """Return a packing of each knob that fits into a wall-clock time `room` [s] of `jobs` processes, longest first.
 
-    `base_packings` at the scene's own settings are there already.
+    Knobs whose error is known to be large come first, then the cheapest. `base_packings` at the scene's own settings
+    are there already.
     """
     seconds = _seconds_of(knobs, 0.0)
+    large = {one.name for one in knobs if one.is_large}
     ranked = {one.name: one.ranked(base_packings) for one in knobs if one.rungs}
     chosen: list[Key] = []
-    for name in sorted(ranked, key=lambda one: (seconds[ranked[one][0]], one)):
+    for name in sorted(ranked, key=lambda one: (one not in large, seconds[ranked[one][0]], one)):
         for one in ranked[name]:
             more = _longest_first([*chosen, one], seconds)
             if makespan([seconds[key] for key in more], jobs) <= room:

@@ -305,7 +305,8 @@ class _Study(ResumableStudy):
             for one in self.rungs
             if one.knob == knob.name and not any(run.failure for run in self._run(one.knob, one.setting))
         )
-        return OfferedKnob(knob.name, knob.order, knob.limit(self.base.scene, self.base.plan), here, others)
+        limit = knob.limit(self.base.scene, self.base.plan)
+        return OfferedKnob(knob.name, knob.order, limit, here, others, knob.is_large)
 
     def _order(self) -> list[tuple[tuple[str, float], str]]:
         """Return knob and setting, and the folder, of each packing that was planned after the first ones."""
