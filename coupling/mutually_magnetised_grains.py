@@ -17,7 +17,7 @@ import numpy as np
 from coupling.finite_grains import refuse_not_finite
 from coupling.layered_field import LayeredField
 from coupling.magnetised_grains import MagnetisedGrains, MomentRow
-from coupling.mutual_moments import Magnetisation, MutualMoments, Necks
+from coupling.mutual_moments import HeldForces, Magnetisation, MutualMoments, Necks
 from coupling.near_attraction import NearAttraction
 from coupling.wall_reflection import steel_walls
 from field import ConvergenceError, MagneticField
@@ -94,17 +94,24 @@ class MutuallyMagnetisedGrains(MagnetisedGrains):
         budget = simulation.motion.energy_budget
         self._stood = (np.array(grains.position), np.array(grains.radius)) if budget else None
 
+    def all_is_held(self, motion: GrainMotion) -> bool:
+        """True if the stress of a sheared box is that of the very forces that are held: no pull follows the gaps."""
+        return motion.box is not None and self.near is None
+
+    def take_virial(self, held: HeldForces, motion: GrainMotion) -> None:
+        """Keep the stress of forces whose virial has been found; others change nothing."""
+        if held.virial is not None and motion.box is not None:
+            self.held_stress = held.virial.T / motion.box.volume
+
     def hold(self, simulation, force: np.ndarray) -> None:
         """Take the sum of all held forces (n, 3) [N] of this update, and let the DEM follow the near gaps."""
         motion, grains, found = simulation.motion, simulation.motion.grains, self.found
-        if found is not None and motion.box is not None:
+        if found is not None and motion.box is not None and not self.all_is_held(motion):
+            # the pulls of near pairs have their stress from each step
             rows = simulation.rows(self.solver.reach)
-            followed = self.near is not None  # the pulls of near pairs have their stress from each step
-            held = self.solver.forces(
-                grains.position, grains.radius, rows, found, attraction=not followed, virial=True
-            )  # fmt: skip
-            assert held.virial is not None
-            self.held_stress = held.virial.T / motion.box.volume
+            self.take_virial(
+                self.solver.forces(grains.position, grains.radius, rows, found, attraction=False, virial=True), motion
+            )
         if self.near is not None and found is not None:
             self.near.hold(motion, found, force)
 

@@ -26,8 +26,16 @@ from coupling.kernel_state import ENTRY, FIRST, IMAGE, SECOND, TWIN
 from coupling.row_lanes import first_present
 from geometry.kernels.device_functions import device_function
 from geometry.kernels.simd import LANES, mask_of_first, maximum, reduce_add, select
-from geometry.kernels.simd_tables import gather_columns, gather_two_columns, load, scatter_columns, store
+from geometry.kernels.simd_tables import (
+    gather_column,
+    gather_columns,
+    gather_two_columns,
+    load,
+    scatter_columns,
+    store,
+)
 from particles.periodic_images import images_of_partners, vector_of_partner, vector_to_partner
+from particles.periodicity import DU
 
 MU_0 = 4e-7 * np.pi
 # columns of what is found of a pair: flux [A m], energy w + q D and that across [A^2 m]
@@ -180,6 +188,7 @@ def near_forces_of_eight(
             ux, uy, uz, _ = gather_columns(moving, i, 0)
             wx, wy, wz, _ = gather_columns(moving, j, 0)
             wx, wy, wz = vector_of_partner(turn, wx, wy, wz)
+            wx = wx + gather_column(rows.images, load(known.near_once, b, IMAGE), DU)
             opening = ((ux - wx) * nx + (uy - wy) * ny + (uz - wz) * nz) / size
             rise = _mean_of_step(b, table, model, gap, opening, ahead, place, fraction, scratch)
         product = ax * bx + ay * by + az * bz - along[0] * along[1]

@@ -22,7 +22,7 @@ from coupling.neighbour_rows import NeighbourRows, neighbour_rows
 from coupling.powder_feedback import FeedbackError
 from coupling.window_budget import WindowBudget
 from coupling.window_row import WindowRow
-from particles import DEM, Barostat, Body, GrainMotion, StepTotals
+from particles import Barostat, Body, GrainMotion, StepTotals
 
 MAX_SOLVES = 30
 """Of one window: beyond it field and moments do not agree, and the run stops."""
@@ -75,14 +75,14 @@ class Simulation:
         They are rebuilt with the grains' list, which sorts the grains, and when grains have moved too far for them.
         """
         motion, periodicity = self.motion, self.motion.periodicity
-        if isinstance(motion, DEM) and motion.box is not None:
+        if motion.box is not None:
             motion.renew_list()
         position = motion.grains.position
         fits = self._rows is not None and (cutoff, motion.list_version) == self._rows_key
         if fits and self._rows is not None and self._rows.is_complete(position, cutoff, periodicity):
             self._rows = self._rows.at_present(periodicity)
             return self._rows
-        if fits and isinstance(motion, DEM) and motion.box is not None:  # the flow has taken grains far out of the box
+        if fits and motion.box is not None:  # the flow has taken grains far out of the box
             motion.invalidate()
             motion.renew_list()
             position = motion.grains.position
@@ -171,7 +171,7 @@ def follow_pressure(simulation: Simulation, totals: StepTotals) -> float:
     Returns the change of its volume [m^3].
     """
     motion = simulation.motion
-    assert simulation.barostat is not None and isinstance(motion, DEM) and motion.box is not None
+    assert simulation.barostat is not None and motion.box is not None
     held = 0.0 if simulation.magnetised is None else float(simulation.magnetised.held_stress[2, 2])
     before = motion.box.volume
     simulation.barostat.follow(motion, totals, held)

@@ -154,6 +154,12 @@ class GrainMotion(ABC):
         return self.skin
 
     @property
+    def _beside_flow(self) -> np.ndarray:
+        """Velocities less the flow's of a sheared box [m/s], (n, 3)."""
+        g = self.grains
+        return g.velocity if self.box is None else g.velocity - self.box.flow(g.position[:, 2])
+
+    @property
     @abstractmethod
     def contact_force(self) -> np.ndarray:
         """Sum of the contact forces on each grain in the last step [N], shape (n, 3)."""
@@ -175,6 +181,36 @@ class GrainMotion(ABC):
         """Say that positions were changed from outside: the list is rebuilt before the next step."""
         self._stale = True
 
+    def renew_list(self) -> bool:
+        """Make the neighbour list again if it is outdated, as `run` would; whether it was.
+
+        For who needs to know, before a run, which pairs its list holds. Grains may be sorted and wrapped.
+        """
+        if not self._outdated:
+            return False
+        self._rebuild()
+        return True
+
+    def stretch(self, factor: float) -> None:
+        """Make the sheared box higher by ``factor``: centres move with it, velocities beside its flow stay.
+
+        Raises
+        ------
+        ValueError
+            The grains are in no sheared box, or a factor that is not above 0.
+        """
+        if self.box is None or not 0.0 < factor < np.inf:
+            raise ValueError(f"factor = {factor} of a box; allowed: above 0, for grains in a sheared box")
+        g, box, reference = self.grains, self.box, self._list.reference
+        g.velocity[:, 0] += box.rate * (factor - 1.0) * g.position[:, 2]
+        g.position[:, 2] *= factor
+        reference[:, 2] *= factor
+        box.stretch(factor)
+        reach = self._interaction + 0.5 * self.list_skin
+        nearer = box.approach(g.position, reference, box.list_strain, box.height, reach) + box.stretched * reach
+        if nearer > self.list_skin:
+            self.invalidate()
+
     def state(self) -> dict[str, np.ndarray]:
         """Everything that `restore` needs to continue bit for bit."""
         arrays = {name: getattr(self.grains, name).copy() for name in RECORDS}
@@ -184,6 +220,8 @@ class GrainMotion(ABC):
             if value is not None:
                 arrays[name] = value.copy()
         arrays |= {f"{LIST}{name}": value.copy() for name, value in self._list.arrays().items()}
+        if self.periodicity is not None:
+            arrays |= self.periodicity.state()
         arrays["bodies"] = np.array([[b.angle, b.speed, b.external_torque] for b in self.bodies]).reshape(-1, 3)
         arrays["counters"] = np.array(
             [self.step_count, self.order_version, self._stale, self.list_version], dtype=np.int64
@@ -199,6 +237,8 @@ class GrainMotion(ABC):
             If the state has another number of grains or bodies, or its contacts remember something else.
         """
         self._restore_grains(state)
+        if self.periodicity is not None:
+            self.periodicity.restore(state)
         for name in self.PER_GRAIN:
             setattr(self, name, array_of(state, name.lstrip("_")))
         self._restore_list({name.removeprefix(LIST): v for name, v in state.items() if name.startswith(LIST)})
@@ -213,6 +253,11 @@ class GrainMotion(ABC):
     @abstractmethod
     def _list(self) -> SlotList:
         """The present list, with what contacts remember."""
+
+    @property
+    @abstractmethod
+    def _interaction(self) -> float:
+        """Largest distance [m] at which a pair acts that the present list must hold."""
 
     @property
     def _outdated(self) -> bool:

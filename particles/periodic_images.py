@@ -10,7 +10,7 @@ from __future__ import annotations
 from geometry.kernels.device_functions import device_function
 from geometry.kernels.simd import any_lane, from_integers
 from geometry.kernels.simd_tables import gather, gather_column, gather_columns, gather_two_columns
-from particles.periodicity import COS, DX, DY, DZ, SIN
+from particles.periodicity import COS, DU, DX, DY, DZ, SIN
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
@@ -63,6 +63,16 @@ def vector_as_seen(images, shift, k, x, y):
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+def velocity_as_seen(images, shift, k, x, y):
+    """`vector_as_seen` of a velocity [m/s], which jumps besides where images move on."""
+    if images.shape[0] > 1:
+        row = images.shape[0] // 2 + shift[k]
+        c, s = images[row, COS], images[row, SIN]
+        x, y = c * x - s * y + images[row, DU], s * x + c * y
+    return x, y
+
+
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def vector_as_own(images, shift, k, x, y):
     """The inverse of `vector_as_seen`."""
     if images.shape[0] > 1:
@@ -73,14 +83,13 @@ def vector_as_own(images, shift, k, x, y):
 
 
 @device_function(without_refcounts=True, error_model="numpy", forceinline=True)
-def _turns(images, across):
-    """Cosines and sines of eight images by their shifts."""
+def _rows(images, across):
+    """Rows of the table of eight images by their shifts."""
     m = images.shape[0] // 2
-    row = (
+    return (
         across[0] + m, across[1] + m, across[2] + m, across[3] + m, across[4] + m, across[5] + m, across[6] + m,
         across[7] + m,
     )  # fmt: skip
-    return gather_two_columns(images, row, COS)
 
 
 @device_function(without_refcounts=True, error_model="numpy", forceinline=True)
@@ -91,12 +100,13 @@ def _any_across(across):
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def eight_as_seen(images, shift, k, ax, ay, bx, by):
-    """`vector_as_seen` of two vectors of each of eight partners."""
+    """`velocity_as_seen` of the velocity a and `vector_as_seen` of the vector b of each of eight partners."""
     if images.shape[0] > 1:
         across = gather(shift, k)
         if _any_across(across):
-            c, s = _turns(images, across)
-            ax, ay = c * ax - s * ay, s * ax + c * ay
+            row = _rows(images, across)
+            c, s = gather_two_columns(images, row, COS)
+            ax, ay = c * ax - s * ay + gather_column(images, row, DU), s * ax + c * ay
             bx, by = c * bx - s * by, s * bx + c * by
     return ax, ay, bx, by
 
@@ -107,7 +117,7 @@ def eight_as_own(images, shift, k, ax, ay, bx, by):
     if images.shape[0] > 1:
         across = gather(shift, k)
         if _any_across(across):
-            c, s = _turns(images, across)
+            c, s = gather_two_columns(images, _rows(images, across), COS)
             ax, ay = c * ax + s * ay, c * ay - s * ax
             bx, by = c * bx + s * by, c * by - s * bx
     return ax, ay, bx, by

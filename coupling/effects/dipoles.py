@@ -29,13 +29,16 @@ class Dipoles(Effect):
             ahead = motion.dt * simulation.steps_per_update if isinstance(motion, DVI) else 0.0
             held = solver.forces(
                 grains.position, grains.radius, simulation.rows(solver.reach), found,
-                velocity=np.ascontiguousarray(grains.velocity), ahead=ahead,
+                velocity=np.ascontiguousarray(grains.velocity), ahead=ahead, virial=magnetised.all_is_held(motion),
             )  # fmt: skip
             force += held.force
+            magnetised.take_virial(held, motion)
             pairs, images = held.torque_pairs, held.torque_walls
             x, H = grains.position, found.applied
             # no inner product of the library's, whose bits depend on threads
             charges = MU_0 * float((found.charge * (x[:, 0] * H[:, 1] - x[:, 1] * H[:, 0])).sum())
+        else:
+            magnetised.held_stress = np.zeros((3, 3))
         carrier = simulation.field_carrier
         if carrier is not None:
             return {carrier.name: pairs + images + charges}

@@ -99,12 +99,6 @@ def _one_amount(draft: Draft) -> Iterator[Fault]:
         )
 
 
-def _elastic(draft: Draft) -> Iterator[Fault]:
-    """The box is one of the discrete element method."""
-    if draft.scene.contact.method != "dem":
-        yield draft.fault("contact.method", "is not available in a periodic box; take method = 'dem'")
-
-
 def _nothing_but_powder(draft: Draft) -> Iterator[Fault]:
     """Weight would let grains fall for ever, a fluid at rest stop them, a surface would be met in every copy."""
     scene = draft.scene
@@ -181,7 +175,6 @@ class ShearedBoxGeometry(GeometrySection):
         (_packed_at_random, ("particles",)),
         (_one_amount, ("geometry", "particles")),
         (_wide_enough, ("geometry", "particles", "effects")),
-        (_elastic, ("contact",)),
         (_nothing_but_powder, ("effects", "surfaces")),
         (_no_profiles, ("output",)),
         (_field_across, ("field",)),

@@ -57,7 +57,7 @@ def simulation_of(device: Device, plan: Plan, grains: Grains) -> Simulation:
     motion: GrainMotion
     box = device.kind.periodic_box(scene)
     if isinstance(plan.contact, RigidContacts):
-        motion = rigid_grains(scene, plan, plan.contact, grains, walls, bodies, gravity)
+        motion = rigid_grains(scene, plan, plan.contact, grains, walls, bodies, gravity, box or plan.sector)
     elif box is not None:
         motion = dem_in_box(box, grains, plan.contact.laws, plan.dt, energy_budget=scene.output.energy_budget)
     else:
@@ -85,7 +85,9 @@ def simulation_of(device: Device, plan: Plan, grains: Grains) -> Simulation:
     return Simulation(motion, acting, magnetised, source, *rhythm, n_sectors, device.kind.barostat(scene))
 
 
-def rigid_grains(scene: Scene, plan: Plan, rigid: RigidContacts, grains: Grains, walls, bodies, gravity) -> DVI:
+def rigid_grains(
+    scene: Scene, plan: Plan, rigid: RigidContacts, grains: Grains, walls, bodies, gravity, periodicity
+) -> DVI:
     """The grains of contact.method = 'dvi'."""
     section = scene.contact.dvi
     return DVI(
@@ -95,7 +97,7 @@ def rigid_grains(scene: Scene, plan: Plan, rigid: RigidContacts, grains: Grains,
         rigid.contact,
         dt=plan.dt,
         gravity=gravity,
-        periodicity=plan.sector,
+        periodicity=periodicity,
         theta=section.theta,
         friction_cone=section.friction_law,
         solver=section.solver,

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 UPDATE_RULES = {
     UpdateRule.ASKED: " as asked",
     UpdateRule.EVERY_STEP: "",
+    UpdateRule.PRESSURE_EVERY_STEP: "",
     UpdateRule.CONTACT: ": half a contact, 1 % of a diameter of travel",
     UpdateRule.PRESSURE: ": half a contact",
     UpdateRule.NEIGHBOURS: ", near pulls every step: at most 2.5 contacts, neighbours 1 % of a diameter further",
@@ -138,7 +139,8 @@ def windows_in_words(division: Windows, strain: float) -> Iterator[tuple[str, st
     if division.rule is not None:
         steps = division.steps_per_update
         every = f"every {steps} steps" if steps > 1 else "every step"
-        what = ("pressure", "followed") if division.rule is UpdateRule.PRESSURE else ("magnetic forces", "evaluated")
+        of_pressure = division.rule in (UpdateRule.PRESSURE, UpdateRule.PRESSURE_EVERY_STEP)
+        what = ("pressure", "followed") if of_pressure else ("magnetic forces", "evaluated")
         yield what[0], f"{what[1]} {every}{UPDATE_RULES[division.rule]}"
     yield (
         "coupling window",

@@ -17,6 +17,7 @@ class UpdateRule(Enum):
 
     ASKED = auto()
     EVERY_STEP = auto()  # the step of rigid grains follows the forces themselves
+    PRESSURE_EVERY_STEP = auto()  # the box follows it after each of them
     CONTACT = auto()  # half a contact, or 1 % of a diameter of travel
     PRESSURE = auto()  # the box follows it twice a contact
     NEIGHBOURS = auto()  # near pulls follow every step; 2.5 contacts, or neighbours 1 % of a diameter further
@@ -94,7 +95,7 @@ def _steps_per_update(scene, dt: float, speed: float, between_layers: float) -> 
     if attraction is not None and attraction.update_every:
         return attraction.update_every, UpdateRule.ASKED
     if scene.contact.method == "dvi":
-        return 1, UpdateRule.EVERY_STEP
+        return 1, UpdateRule.EVERY_STEP if scene.effects.hold_forces else UpdateRule.PRESSURE_EVERY_STEP
     if not scene.effects.hold_forces:
         return max(1, floor(0.5 * scene.time.steps_per_contact)), UpdateRule.PRESSURE
     # near pulls follow every step (`coupling.near_attraction`): what is held then changes with the places of layers

@@ -1,7 +1,7 @@
 """Steady shear of a dry powder at an imposed pressure: what its bulk friction, tau/P, is measured in.
 
 Grains in a sheared periodic box (`particles.sheared_box`) flow along x with the gradient along z; the height of the box
-follows the normal stress sigma_zz, which is the imposed pressure P (`particles.dem.barostat`). There is neither weight
+follows the normal stress sigma_zz, which is the imposed pressure P (`particles.barostat`). There is neither weight
 nor fluid, cohesion or magnetism. The state then depends on numbers without a unit alone (da Cruz, Emam, Prochnow, Roux
 & Chevoir, Phys. Rev. E 72 (2005) 021309; GDR MiDi, Eur. Phys. J. E 14 (2004) 341):
 
@@ -22,7 +22,7 @@ from time import process_time
 
 import numpy as np
 
-from particles.dem.barostat import Barostat
+from particles.barostat import Barostat
 from particles.dem.dem import DEM
 from particles.diagnostics.inertial_number import shear_rate_of
 from particles.grains import Grains

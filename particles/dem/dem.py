@@ -217,19 +217,9 @@ class DEM(ListedGrains):
         ValueError
             The grains are in no sheared box, or a factor that is not above 0.
         """
-        if self.box is None or not 0.0 < factor < np.inf:
-            raise ValueError(f"factor = {factor} of a box; allowed: above 0, for grains in a sheared box")
-        g, box, reference = self.grains, self.box, self._list.reference
-        g.velocity[:, 0] += box.rate * (factor - 1.0) * g.position[:, 2]
-        g.position[:, 2] *= factor
-        reference[:, 2] *= factor
+        super().stretch(factor)
         if self.attraction is not None and "position" in self.attraction.per_grain:
             self.attraction.per_grain["position"][:, 2] *= factor
-        box.stretch(factor)
-        reach = self._reaches()[1] - 0.5 * self.skin
-        nearer = box.approach(g.position, reference, box.list_strain, box.height, reach) + box.stretched * reach
-        if nearer > self.skin:
-            self.invalidate()
 
     def _raise_stopped(self, answer: int, totals: np.ndarray) -> None:
         g, dt = self.grains, self.dt
@@ -348,7 +338,7 @@ class DEM(ListedGrains):
         walls, shift, box = self._device, None if self.periodicity is None else c.pairs.shift, self.box
         images = None if box is None else box.images
         virial = None if box is None else box_kernel.virial_scratch(n_chunks)
-        flow = None if box is None else box_kernel.flow_of(box, self.skin, self._reaches()[1] - self.skin)
+        flow = None if box is None else box_kernel.flow_of(box, self.skin, self._interaction)
         return StepArguments(
             Call(
                 n_steps, self.dt, last_call, (0.5 * self.skin) ** 2, WALL_SKIN * self.skin, self.overlap_limit,

@@ -98,23 +98,11 @@ class ListedGrains(GrainMotion):
         assert self._contacts is not None
         return self._contacts
 
-    def renew_list(self) -> bool:
-        """Make the neighbour list again if it is outdated, as `DEM.run` would; whether it was.
-
-        For who needs to know, before a run, which pairs its list holds. Grains may be sorted and wrapped.
-        """
-        if not self._outdated:
-            return False
-        self._rebuild()
-        return True
-
     def state(self) -> dict[str, np.ndarray]:
         """Everything that `restore` needs to continue bit for bit."""
         arrays = super().state()
         if self.attraction is not None:
             arrays |= self.attraction.state()
-        if self.periodicity is not None:
-            arrays |= self.periodicity.state()
         arrays["counters"] = np.append(arrays["counters"], self._list_step)
         return arrays
 
@@ -132,8 +120,6 @@ class ListedGrains(GrainMotion):
         if attracts and self.attraction is None:
             raise ValueError("the state's grains attract each other; give this DEM the same `attraction` first")
         super().restore(state)
-        if self.periodicity is not None:
-            self.periodicity.restore(state)
         if self.attraction is not None and attracts:
             self.attraction.restore(state)
         else:
@@ -160,6 +146,10 @@ class ListedGrains(GrainMotion):
 
     def _reaches(self) -> tuple[np.ndarray, float]:
         return reaches(self.grains.radius, self.skin, self._near_gap)
+
+    @property
+    def _interaction(self) -> float:
+        return self._reaches()[1] - self.skin
 
     @property
     def _near_gap(self) -> float:

@@ -31,6 +31,8 @@ becomes the rigid law; as h shrinks, the springs, dashpots and sliders of `parti
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
 from geometry.kernels.device_functions import device_function
@@ -84,11 +86,17 @@ def spring_table(dt: float, stiffness: np.ndarray, restitution: np.ndarray) -> n
         )
     rows = []
     for (k_n, k_t), e in zip(springs, restitution, strict=True):
-        fraction, met = calibrated(ROOTS, float(e))
+        fraction, met = _calibrated_roots(float(e))
         limit = ROOTS[met].max() if met.any() else 0.0
         dashpot = 2.0 * min(damping_ratio(max(float(e), MIN_RESTITUTION)), 1.0)
         rows.append(np.concatenate([[k_n, 1.0 / (k_t * dt * dt), limit, dashpot], np.log(fraction)]))
     return np.array(rows)
+
+
+@cache
+def _calibrated_roots(restitution: float) -> tuple[np.ndarray, np.ndarray]:
+    """`calibrated` at `ROOTS`, which takes a tenth of a second."""
+    return calibrated(ROOTS, restitution)
 
 
 def calibrated(root: np.ndarray, restitution: float) -> tuple[np.ndarray, np.ndarray]:

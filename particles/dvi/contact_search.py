@@ -30,7 +30,7 @@ from particles.dvi.gauss_seidel import (
     WALLS,
 )
 from particles.dvi.triangle_contacts import record, search
-from particles.periodic_images import place_as_seen, vector_as_seen
+from particles.periodic_images import place_as_seen, velocity_as_seen
 from particles.walls.wall_kernels import _wall_gap
 
 
@@ -102,7 +102,7 @@ def find_contacts(rows, numbers, near, horizon, compliance, grains, pair_slots, 
             w_n = grain[i, IM] + grain[j, IM]
             row[IWN] = 1.0 / w_n
             row[IWT] = 1.0 / (w_n * (1.0 + 2.5 * row[ARM] * row[ARM]))
-            ux, uy = vector_as_seen(images, shift, k, velocity[j, 0], velocity[j, 1])
+            ux, uy = velocity_as_seen(images, shift, k, velocity[j, 0], velocity[j, 1])
             ux, uy, uz = velocity[i, 0] - ux, velocity[i, 1] - uy, velocity[i, 2] - velocity[j, 2]
             before = ux * ex + uy * ey + uz * ez
             set_law(PAIRS, h, slop * min(ri, radius[j]), law, compliance, d - reach, before, row, N_PAIR)

@@ -20,8 +20,9 @@ from geometry.kernels.simd import LANES
 from geometry.walls import Wall
 from particles import run_errors
 from particles.bodies import Body
+from particles.dem import box_kernel
 from particles.dem.overlap_limits import STOPS
-from particles.dvi import end_of_step
+from particles.dvi import end_of_step, flow_in_box
 from particles.dvi import gauss_seidel as gs
 from particles.dvi import step_kernel as kernel
 from particles.dvi.accelerated import ANDERSON, GAUSS_SEIDEL
@@ -29,7 +30,7 @@ from particles.dvi.compliance import spring_table
 from particles.dvi.contact_groups import N_GROUP
 from particles.dvi.contact_torques import N_SPRING_TORQUE, N_TORQUE, no_contact_torques
 from particles.dvi.dvi_contact import DviContact
-from particles.dvi.dvi_totals import DviTotals, dvi_totals, rigid_energy_budget
+from particles.dvi.dvi_totals import DviTotals, box_stress, dvi_totals, rigid_energy_budget, shear_work
 from particles.dvi.impulse_list import ImpulseList
 from particles.dvi.loaded_contacts import loaded_contacts, net_impulses, pressed_in
 from particles.dvi.solver_state import (
@@ -54,8 +55,7 @@ from particles.laws.rolling_friction import RollingFriction
 from particles.laws.twisting_friction import TwistingFriction
 from particles.neighbours.contact_table import ContactTable
 from particles.neighbours.neighbour_list import cell_order
-from particles.periodicity import images_of
-from particles.sector import CyclicSector
+from particles.periodicity import Periodicity, images_of
 from particles.shafts import Shafts, drives_at
 from particles.step_answers import NOT_FINITE, OVERLAP
 from particles.threads import at_most
@@ -87,8 +87,9 @@ class DVI(GrainMotion):
         Step [s].
     gravity : array_like, shape (3,), or callable, optional
         Acceleration [m/s^2]; a callable takes times (k,) [s] and returns (k, 3).
-    periodicity : CyclicSector, optional
-        Simulate one wedge of the ring.
+    periodicity : Periodicity, optional
+        Simulate one copy of a space that repeats: one wedge of the ring, a sheared box. A box is taken over, its strain
+        is advanced; it has neither walls nor gravity (`particles.dvi.flow_in_box`).
     theta : float
         Weight of the new velocity in the drift, 1/2 to 1; at 1 velocities lag by half a step, as in `DEM`.
     friction_cone : "coulomb" or "convex"
@@ -126,7 +127,7 @@ class DVI(GrainMotion):
         *,
         dt: float,
         gravity: Gravity | None = None,
-        periodicity: CyclicSector | None = None,
+        periodicity: Periodicity | None = None,
         theta: float = 1.0,
         friction_cone: str = "coulomb",
         solver: str = "accelerated",
@@ -139,8 +140,6 @@ class DVI(GrainMotion):
         twisting: TwistingFriction | None = None,
         cohesion: Cohesion | None = None,
     ) -> None:
-        if not isinstance(periodicity, CyclicSector | None):
-            raise ValueError("rigid grains (DVI) know no sheared box; use DEM")
         if not 0.0 < dt < np.inf:
             raise ValueError(f"dt = {dt:g} s; allowed: more than 0")
         if not 0.5 <= theta <= 1.0:
@@ -182,7 +181,7 @@ class DVI(GrainMotion):
         self._reach = self.skin
         self._impulses: ImpulseList | None = None
         self._rebuild()
-        self._springs[0] = self._pressed_in()
+        self._springs[0] = self._elastic = self._pressed_in()
 
     @property
     def list_skin(self) -> float:
@@ -210,17 +209,27 @@ class DVI(GrainMotion):
         totals = np.zeros(end_of_step.N_SUMS)
         totals[kernel.GRAIN] = -1.0
         body_totals = np.zeros((len(self.bodies), end_of_step.N_BODY_SUMS))
-        kinetic, elastic = self.grains.kinetic_energy(), float(self._springs.sum())
+        sums = DviSums(totals, body_totals, self._springs, np.zeros(0 if self.box is None else flow_in_box.N_BOX_SUMS))
+        kinetic, elastic = self._kinetic_now(), self._elastic
 
         def call(left: int, angle: np.ndarray, speed: np.ndarray) -> tuple[int, int]:
-            return self._advance(min(left, STEPS_PER_CALL), angle, speed, totals, body_totals)
+            return self._advance(min(left, STEPS_PER_CALL), angle, speed, sums)
 
         rebuilds = self._march(n_steps, totals, call)
+        self._elastic = float(self._springs.sum())
+        stress = None if self.box is None else box_stress(max(n_steps, 1) * self.dt, self.box, sums.box)
+        work = {} if self.box is None else shear_work(self.box, sums.box)
         energy = rigid_energy_budget(
             self.n_sectors, self.bodies, totals, body_totals, self._resist,
-            (kinetic, self.grains.kinetic_energy()), (elastic, float(self._springs.sum())),
+            (kinetic, self._kinetic_now()), (elastic, self._elastic), work,
         )  # fmt: skip
-        return dvi_totals(n_steps, self.dt, self.n_sectors, self.bodies, totals, body_totals, energy, rebuilds)
+        return dvi_totals(n_steps, self.dt, self.n_sectors, self.bodies, totals, body_totals, energy, rebuilds, stress)
+
+    def stretch(self, factor: float) -> None:
+        """See `GrainMotion.stretch`; what springs then hold more is part of the next run's elastic change."""
+        before = self._pressed_in()
+        super().stretch(factor)
+        self._springs[0] += self._pressed_in() - before
 
     def _raise_stopped(self, answer: int, totals: np.ndarray) -> None:
         g, dt = self.grains, self.dt
@@ -242,7 +251,7 @@ class DVI(GrainMotion):
         """Everything that `restore` needs to continue bit for bit."""
         arrays = super().state()
         arrays["brake"], arrays["springs"] = self._body[:, gs.BRAKE].copy(), self._springs.copy()
-        arrays["scalars"] = np.array([self.dt, self.skin, self._reach])
+        arrays["scalars"], arrays["elastic"] = np.array([self.dt, self.skin, self._reach]), np.array(self._elastic)
         return arrays
 
     def restore(self, state: dict[str, np.ndarray]) -> None:
@@ -261,6 +270,7 @@ class DVI(GrainMotion):
         super().restore(state)
         self._body[:, gs.BRAKE], self._springs = state["brake"], state["springs"].copy()
         self.dt, self.skin, self._reach = (float(v) for v in state["scalars"])
+        self._elastic = float(state.get("elastic", self._springs.sum()))
         self._compliance = self._springs_of_step()
         self._make_room()
 
@@ -269,6 +279,9 @@ class DVI(GrainMotion):
 
     def begin_with(self, state: dict[str, np.ndarray]) -> None:
         """Begin at time 0 with the grains of a `state` and the angles of its bodies; impulses are left behind.
+
+        Of a sheared box the shear rate stays this DVI's, edges and offset are the state's, its strain begins at 0;
+        velocities beside the flow are kept.
 
         Raises
         ------
@@ -280,24 +293,33 @@ class DVI(GrainMotion):
         for body, (angle, _, _) in zip(self.bodies, state["bodies"], strict=True):
             body.angle, body.external_torque = float(angle), 0.0
         self._body[:, gs.BRAKE], self.step_count = 0.0, 0
+        if self.box is not None:
+            rate, z = self.box.rate, self.grains.position[:, 2]
+            self.box.restore(state)
+            self.grains.velocity -= self.box.flow(z)
+            self.box.rate, self.box.strain = rate, 0.0
+            self.grains.velocity += self.box.flow(z)
         self._rebuild()
-        self._springs = np.array([self._pressed_in(), 0.0, 0.0, 0.0])
+        self._elastic = self._pressed_in()
+        self._springs = np.array([self._elastic, 0.0, 0.0, 0.0])
 
-    def _advance(
-        self, n_steps: int, angle: np.ndarray, speed: np.ndarray, totals: np.ndarray, body_totals: np.ndarray
-    ) -> tuple[int, int]:
+    def _advance(self, n_steps: int, angle: np.ndarray, speed: np.ndarray, sums: DviSums) -> tuple[int, int]:
         g = self.grains
-        arguments = self._arguments(n_steps, angle, speed, DviSums(totals, body_totals, self._springs))
+        arguments = self._arguments(n_steps, angle, speed, sums)
         with at_most(1 if self._chunks is None else len(self._chunks.pairs) // 2):
             answer = kernel.run_steps(*arguments)
         state = arguments.grains
         g.position[:], g.velocity[:], g.angular_velocity[:] = state.position, state.velocity, state.spin
+        if self.box is not None:
+            self.box.strain = float(state.flow[box_kernel.STRAIN])
+            self.box.offset = float(state.flow[box_kernel.OFFSET])
         return answer
 
     def _arguments(self, n_steps: int, angle: np.ndarray, speed: np.ndarray, totals: DviSums) -> DviArguments:
         g, c, device = self.grains, self._list, self._device
         external, images = held_force(self.external_force, g.count), images_of(self.periodicity)
         position, velocity, spin = (np.ascontiguousarray(a) for a in (g.position, g.velocity, g.angular_velocity))
+        flow = np.zeros(0) if self.box is None else box_kernel.flow_of(self.box, self._reach, self._interaction)
         times = (self.step_count + np.arange(n_steps)) * self.dt
         # the new velocities are those of the end of the step at theta = 1/2, and lag behind it at 1
         drives, constants = drives_at(self.bodies, times, times + 2.0 * (1.0 - self.theta) * self.dt)
@@ -310,7 +332,7 @@ class DVI(GrainMotion):
             self._compliance,
             DviGrains(
                 position, velocity, spin, np.ascontiguousarray(g.radius), g.mass,
-                gravity_at(self.gravity, times), external, c.reference, self._bound,
+                gravity_at(self.gravity, times), external, c.reference, self._bound, flow,
             ),
             PairImpulses(c.pairs.start, c.pairs.other, c.pair_impulse, self._pair_slot, c.pairs.shift, images),
             WallImpulses(c.wall_start, c.wall_other, c.wall_impulse, self._wall_slot, self._found, self._tally),
@@ -364,7 +386,9 @@ class DVI(GrainMotion):
             old_id = old_id.copy()
             self._sort(order)
         # whatever the step may move must be in the list: fast grains need a thicker skin
-        fastest = float(np.sqrt(np.max(np.sum(g.velocity**2, axis=1))))
+        fastest = float(np.sqrt(np.max(np.sum(self._beside_flow**2, axis=1))))
+        if self.box is not None:
+            fastest += abs(self.box.rate) * float(g.radius.max())
         vane = max((abs(b.speed) * r for b, r in zip(self.bodies, self._device.reach, strict=True)), default=0.0)
         fastest = max(fastest, (1.0 + float(self._law[1, 1])) * vane)  # what it strikes
         self._reach = max(self.skin, FAST_SKIN * self.dt * fastest)
@@ -384,6 +408,20 @@ class DVI(GrainMotion):
         self._make_room()
         self.list_version += 1
         self._stale = False
+
+    @property
+    def _interaction(self) -> float:
+        return 2.0 * float(self.grains.radius.max())
+
+    def _kinetic_now(self) -> float:
+        """Kinetic energy [J] of the present velocities, less the flow's of a sheared box."""
+        if self.box is None:
+            return self.grains.kinetic_energy()
+        g, beside = self.grains, self._beside_flow
+        return 0.5 * float(
+            g.mass @ np.einsum("ij,ij->i", beside, beside)
+            + g.inertia @ np.einsum("ij,ij->i", g.angular_velocity, g.angular_velocity)
+        )
 
     def _pressed_in(self) -> float:
         return pressed_in(

@@ -8,8 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from particles.bodies import Body
-from particles.dvi import end_of_step
-from particles.step_totals import EnergyTotals, StepTotals, force_on_ring
+from particles.dvi import end_of_step, flow_in_box
+from particles.sheared_box import ShearedBox
+from particles.step_totals import BoxStress, EnergyTotals, StepTotals, force_on_ring
+
+FLUXES = (flow_in_box.CONTACT, flow_in_box.MOTION)
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +60,7 @@ def dvi_totals(
     body_totals: np.ndarray,
     energy: EnergyTotals,
     rebuilds: int,
+    stress: BoxStress | None,
 ) -> DviTotals:
     """Totals of ``steps`` of ``dt`` [s], by the sums of the run and of its bodies.
 
@@ -98,7 +102,7 @@ def dvi_totals(
         n_contacts=int(totals[end_of_step.CONTACTS]),
         max_speed=float(totals[end_of_step.MAX_SPEED]),
         rebuilds=rebuilds,
-        stress=None,
+        stress=stress,
         sweeps=int(totals[end_of_step.SWEEPS]),
         max_sweeps=int(totals[end_of_step.MAX_SWEEPS]),
         visits=int(totals[end_of_step.VISITS]),
@@ -119,8 +123,9 @@ def rigid_energy_budget(
     resist: np.ndarray,
     kinetic: tuple[float, float],
     elastic: tuple[float, float],
+    through_shear: dict[str, float],
 ) -> EnergyTotals:
-    """The energy budget; ``resist`` (2, 2) are mu_r and mu_w.
+    """The energy budget; ``resist`` (2, 2) are mu_r and mu_w, ``through_shear`` the works of a sheared box.
 
     ``kinetic`` and ``elastic`` are before and now [J], as all sums those of one of the ``ring``'s sectors.
     """
@@ -135,11 +140,26 @@ def rigid_energy_budget(
             **({"rolling": float(work[end_of_step.ROLLING])} if resist[:, 0].any() else {}),
             **({"twisting": float(work[end_of_step.TWISTING])} if resist[:, 1].any() else {}),
         },
-        contact_work=float(work[end_of_step.CONTACT_WORK]),
+        # what the kernel adds up is the work on the relative motion, that of the flow included
+        contact_work=float(work[end_of_step.CONTACT_WORK]) + through_shear.get("contacts", 0.0),
         gravity_work=float(work[end_of_step.GRAVITY_WORK]),
         external_work=float(work[end_of_step.EXTERNAL_WORK]),
         kinetic_energy=ring * kinetic[1],
         kinetic_change=ring * (kinetic[1] - kinetic[0]),
         elastic_energy=ring * elastic[1],
         elastic_change=ring * (elastic[1] - elastic[0]),
+        shear_work=through_shear,
     )
+
+
+def box_stress(duration: float, box: ShearedBox, sums: np.ndarray) -> BoxStress:
+    """Mean over ``duration`` [s] of what the sums of a sheared box hold (`particles.dvi.flow_in_box`)."""
+    scale = 1.0 / (duration * box.volume)
+    contacts, motion = (scale * sums[first : first + 9].reshape(3, 3) for first in FLUXES)
+    return BoxStress(contacts, np.zeros((3, 3)), motion)
+
+
+def shear_work(box: ShearedBox, sums: np.ndarray) -> dict[str, float]:
+    """Works [J] of the shear on the grains, -rate times the flux of momentum along x across z."""
+    contacts, motion = (-box.rate * float(sums[first + 2]) for first in FLUXES)
+    return {"contacts": contacts, "attraction": 0.0, "motion": motion}

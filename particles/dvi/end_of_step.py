@@ -26,7 +26,7 @@ from particles.dvi.gauss_seidel import (
     VZ,
 )  # fmt: skip
 from particles.dvi.sweep_chunks import part_of
-from particles.periodic_images import vector_as_seen
+from particles.periodic_images import vector_as_seen, velocity_as_seen
 
 # columns of the totals
 (
@@ -80,8 +80,8 @@ def book(part, h, pull, compliance, body_speed, mean_speed, grains, pair_slots, 
         kept += old and not idle
         i, j = pair_index[k, 0], pair_index[k, 1]
         ex, ey, ez, arm = pair[k, EX], pair[k, EY], pair[k, EZ], pair[k, ARM]
-        wx, wy = vector_as_seen(images, shift, k, grain[j, VX], grain[j, VY])
-        hx, hy = vector_as_seen(images, shift, k, velocity[j, 0], velocity[j, 1])
+        wx, wy = velocity_as_seen(images, shift, k, grain[j, VX], grain[j, VY])
+        hx, hy = velocity_as_seen(images, shift, k, velocity[j, 0], velocity[j, 1])
         sx, sy = grain[j, PX] + radius[j] * spin[j, 0], grain[j, PY] + radius[j] * spin[j, 1]
         sx, sy = vector_as_seen(images, shift, k, sx, sy)
         sx += grain[i, PX] + radius[i] * spin[i, 0]
@@ -191,14 +191,19 @@ def record_chunks(h, pull, compliance, body_speed, mean_speed, grains, pair_slot
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
-def move(h, drift, step, grains, grain, totals):
-    """Take the new velocities and drift; returns the largest squared distance from the list's positions."""
-    position, velocity, spin, radius, mass, gravity, external, reference, _ = grains
+def move(h, drift, rate, strain, step, grains, grain, totals):
+    """Take the new velocities and drift; returns the largest squared distance from the list's positions.
+
+    In a sheared box, of the shear ``rate`` [1/s] and the ``strain`` since the list was made at the end of the drift,
+    speeds, works and distances are those beside its flow; elsewhere both are 0.
+    """
+    position, velocity, spin, radius, mass, gravity, external, reference = grains[:8]
     g = min(step, gravity.shape[0] - 1)
     gravity_work = external_work = travel = fastest = 0.0
     for i in range(mass.shape[0]):
         x, y, z = grain[i, VX], grain[i, VY], grain[i, VZ]
-        sx, sy, sz = velocity[i, 0] + x, velocity[i, 1] + y, velocity[i, 2] + z
+        flow = rate * position[i, 2]
+        sx, sy, sz = velocity[i, 0] + x - 2.0 * flow, velocity[i, 1] + y, velocity[i, 2] + z
         if gravity.shape[0] > 0:
             gravity_work += 0.5 * h * mass[i] * (gravity[g, 0] * sx + gravity[g, 1] * sy + gravity[g, 2] * sz)
         if external.shape[0] > 0:
@@ -214,6 +219,8 @@ def move(h, drift, step, grains, grain, totals):
             position[i, 1] - reference[i, 1],
             position[i, 2] - reference[i, 2],
         )
+        dx -= strain * (reference[i, 2] + 0.5 * dz)
+        x -= flow
         d2 = dx * dx + dy * dy + dz * dz + 0.0 * (spin[i, 0] + spin[i, 1] + spin[i, 2])
         if not d2 <= travel:
             travel = d2 if d2 == d2 else np.inf

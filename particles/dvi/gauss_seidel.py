@@ -15,7 +15,8 @@ distance of the centres (a = 1 where they touch): angular momentum is conserved 
 
 **Images.** Where space repeats (`particles.periodicity`), a contact may couple its first grain with an image of the
 second. Everything of it is kept as the first grain sees it: velocity and spin of the second are turned to the image,
-the change of its impulse and of its moment is turned back. The contacts of the other copies are those images of it, and
+the change of its impulse and of its moment is turned back; in a sheared box the image is faster than the grain itself
+(`particles.dvi.flow_in_box`). The contacts of the other copies are those images of it, and
 a free shaft, which all of them turn, is that many times lighter.
 
 **Order.** Groups of up to eight contacts without a common grain are visited at once, which is the same as one contact

@@ -108,6 +108,8 @@ class DviGrains(NamedTuple):
         Centres at which the list was made [m].
     bound : ndarray, shape (n,)
         Scratch: the speed that a grain may have within the step [m/s].
+    flow : ndarray, shape (N_FLOW,) or (0,)
+        Of a sheared box (`particles.dem.box_kernel`); empty outside of one.
     """
 
     position: np.ndarray
@@ -119,6 +121,7 @@ class DviGrains(NamedTuple):
     external: np.ndarray
     reference: np.ndarray
     bound: np.ndarray
+    flow: np.ndarray
 
 
 class PairImpulses(NamedTuple):
@@ -256,11 +259,14 @@ class DviSums(NamedTuple):
     run, bodies : ndarray, shapes (N_SUMS,), (n_bodies, N_BODY_SUMS)
     springs : ndarray, shape (4,)
         Present energy [J] in the normal and tangential springs, in those of rolling and of twisting.
+    box : ndarray, shape (N_BOX_SUMS,) or (0,)
+        Of a sheared box (`particles.dvi.flow_in_box`); empty outside of one.
     """
 
     run: np.ndarray
     bodies: np.ndarray
     springs: np.ndarray
+    box: np.ndarray
 
 
 class DviArguments(NamedTuple):

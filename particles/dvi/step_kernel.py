@@ -23,6 +23,7 @@ import numpy as np
 from numba import njit
 
 from geometry.kernels.device_functions import device_function
+from particles.dem.box_kernel import RATE
 from particles.dvi import gauss_seidel as gs
 from particles.dvi.accelerated import solve
 from particles.dvi.adhesion import pull_together
@@ -53,6 +54,15 @@ from particles.dvi.end_of_step import (
     move,
     record_chunks,
 )
+from particles.dvi.flow_in_box import (
+    add_drift,
+    add_impulses,
+    add_shifts,
+    bound_beside_flow,
+    nearer_by_flow,
+    shear,
+    strain_of_list,
+)
 from particles.dvi.gauss_seidel import BRAKE, IJ
 from particles.dvi.projection import project
 from particles.dvi.solver_state import Horizon, Records, WallImpulses, all_of, first_of
@@ -65,11 +75,14 @@ PROJECTION_SWEEPS = 5  # a jam that needs more gets them in the next steps
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
-def _drift_half(call, grains, shafts, walls):
+def _drift_half(call, grains, pairs, shafts, walls, box):
     """Stage 1: to the middle of the step."""
     h, theta = call.h, call.theta
     position, velocity = grains.position, grains.velocity
     if theta < 1.0:
+        if box.shape[0] > 0:
+            add_drift((1.0 - theta) * h, grains, velocity, box)
+            shear((1.0 - theta) * h, grains.flow, pairs.images)
         for i in range(position.shape[0]):
             for c in range(3):
                 position[i, c] += (1.0 - theta) * h * velocity[i, c]
@@ -144,18 +157,25 @@ def _begin(call, step, compliance, grains, pairs, slots, walls, shafts, records,
     Returns the numbers of pairs and walls that are contacts, and the largest speed [m/s].
     """
     h, chunk, serial = call.h, threads.chunk, threads.serial
-    _drift_half(call, grains, shafts, walls)
+    _drift_half(call, grains, pairs, shafts, walls, totals.box)
+    before = grains.position[:0]
+    if totals.box.shape[0] > 0:
+        before = grains.position.copy()
     deepest, at, work, count = project(
         call.slop if compliance is None else np.inf, PROJECTION_SWEEPS, step, grains, pairs, slots, walls, chunk,
         serial,
     )  # fmt: skip
     totals.run[STABILISATION] += work
     totals.run[PROJECTIONS] += count
+    if totals.box.shape[0] > 0 and count > 0:
+        add_shifts(before, grains, totals.box)
     if deepest > totals.run[MAX_OVERLAP]:
         totals.run[MAX_OVERLAP], totals.run[GRAIN] = deepest, at
 
     _free_bodies(h, step, shafts, records.body)
     fastest = free_velocities(h, step, grains, records.grain)
+    if totals.box.shape[0] > 0:
+        fastest = bound_beside_flow(grains, records.grain)
     if walls.triangle.shape[0] > 0:
         horizon = Horizon(h, call.margin * h * fastest, call.slop, call.law)
         raised = _search(horizon, grains, slots, walls, shafts, records.body, chunk, serial)
@@ -229,7 +249,13 @@ def _finish(call, step, compliance, grains, pairs, slots, shafts, contacts, cont
         run[ROLLING] += rolling
         run[TWISTING] += twisting
         run[CONTACT_WORK] += work
-    return np.sqrt(move(h, call.theta * h, step, grains, contacts.grain, run))
+    rate = strain = nearer = 0.0
+    if totals.box.shape[0] > 0:
+        add_impulses(call.pull, grains.radius, pairs, contacts, totals.box)
+        add_drift(call.theta * h, grains, contacts.grain, totals.box)
+        shear(call.theta * h, grains.flow, contacts.images)
+        rate, strain, nearer = grains.flow[RATE], strain_of_list(grains.flow), nearer_by_flow(h, grains.flow)
+    return np.sqrt(move(h, call.theta * h, rate, strain, step, grains, contacts.grain, run)) + nearer
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})

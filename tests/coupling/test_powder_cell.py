@@ -16,7 +16,7 @@ from coupling.powder_cell import PowderCell, ShearParameters, magnetise, min_cou
 from coupling.staggered import Simulation, held_forces
 from coupling.window_budget import WindowBudget
 from field.laws.powder_law import GrainLaw
-from particles import DEM, Grains, LinearContact, ShearedBox
+from particles import DEM, DVI, DviContact, Grains, LinearContact, ShearedBox
 
 pytestmark = pytest.mark.physics
 
@@ -75,6 +75,33 @@ def test_a_pair_through_a_face_is_a_pair(axis, apart):
     assert size > 0.0
     for inside, through, unit in zip(*found, (size, *3 * [size * D / 6e2 / D**3]), strict=True):
         assert through == pytest.approx(inside, rel=1e-8, abs=1e-10 * unit)
+
+
+@pytest.mark.parametrize("axis", [0, 2])
+def test_the_mean_pull_of_a_step_is_that_of_the_image_that_moves_on(axis):
+    """By DVI, whose necks pull with the mean over the step: across a face, and across the sheared one, as inside."""
+    direction, found = np.array([0.48, 0.6, 0.64]), []
+    for middle in (0.5, 0.0):
+        box = ShearedBox([9.0 * D, 8.0 * D, 8.5 * D], 100.0 * RATE)
+        box.offset = 0.37 * box.lengths[2]
+        centre = 0.5 * box.lengths
+        centre[axis] = middle * box.lengths[axis]
+        x = centre + np.array([[-0.5], [0.5]]) * 1.03 * D * direction
+        grains = Grains.create(x, 0.5 * D, 7800.0, velocity=box.flow(x[:, 2]))
+        dvi = DVI(grains, [], [], DviContact(0.3, 0.5), dt=1e-6, periodicity=box)
+        simulation = Simulation(dvi, [], None, None, 1, 1)
+        solver = MutualMoments(grain_table(IRON, "near_field"), near=True, reach=2.0 * D, smear=True)
+        magnetism = magnetise(simulation, solver, (0.0, 0.0, POWDER.H), IRON)
+        magnetism.near = None
+        look(simulation)
+        force, stress = np.array(dvi.external_force), np.array(magnetism.held_stress)
+        x, (i, j) = np.array(grains.position), np.argsort(grains.particle_id)
+        found.append((force[[i, j]], stress))
+    assert np.abs(found[0][0]).max() > 0.0
+    for inside, through in zip(*found, strict=True):
+        assert through == pytest.approx(inside, rel=1e-8, abs=1e-9 * np.abs(inside).max())
+    still = solver.forces(x, np.full(2, 0.5 * D), simulation.rows(solver.reach), magnetism.found).force
+    assert np.abs(still[[i, j]] - found[1][0]).max() > 0.01 * np.abs(still).max()
 
 
 def test_momentum_stays():

@@ -22,7 +22,6 @@ from particles import (
     LinearContact,
     PairLaws,
     RollingFriction,
-    ShearedBox,
     TwistingFriction,
     pack,
 )
@@ -219,5 +218,3 @@ def test_a_step_that_a_sector_is_too_narrow_for_is_told():
 def test_what_no_sector_can_have_is_refused():
     with pytest.raises(ValueError, match="turns from sector to sector"):
         _dvi(_wedge(), SECTOR, gravity=(0.0, -9.81, 0.0))
-    with pytest.raises(ValueError, match="know no sheared box"):
-        _dvi(_wedge(), ShearedBox([1.0, 1.0, 1.0]))

@@ -130,9 +130,10 @@ def test_work_against_the_stress_balances_the_energies():
     assert work == pytest.approx(lost + stored, abs=0.02 * lost)
 
 
-def test_momentum_stays():
+@pytest.mark.parametrize("method", ["dem", "dvi"])
+def test_momentum_stays(method):
     """Beside the flow, which a wrap takes along, also where a barostat stretches the box."""
-    simulation = started(scene(MAGNETIC, {"geometry.pressure": "2 kPa"}))
+    simulation = started(scene(MAGNETIC, {"geometry.pressure": "2 kPa", "contact.method": method}))
     grains, box = simulation.motion.grains, simulation.motion.box
 
     def momentum():
@@ -142,6 +143,29 @@ def test_momentum_stays():
     march(simulation, 6)
     assert simulation.motion.list_version > 3 and box.lengths[2] != height
     assert np.abs(momentum() - before).max() < 1e-11 * np.abs(grains.velocity).sum()
+
+
+BALANCED = {
+    "dry": (DRY, {}),
+    "in a field": (MAGNETIC, {}),
+    "all resistances": (MAGNETIC, {"effects.rolling_friction": {}, "effects.twisting_friction": {},
+                                   "effects.cohesion": {"model": "constant", "force": "1 uN"}}),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", BALANCED)
+def test_by_dvi_the_work_of_shear_is_lost_or_stored_to_round_off(kind):
+    """Same scene, other method: what the held forces and the contacts let the shear put in is all accounted for."""
+    base, more = BALANCED[kind]
+    simulation = started(scene(base, more | {"contact.method": "dvi"}))
+    history = march(simulation, 12)
+    strain = np.diff(np.concatenate([[0.0], history["shear_strain"]]))
+    lost, work = history["dissipated"].sum(), history["work_shear"].sum()
+    assert lost > 0.0 and history["missed_steps"].sum() == 0
+    assert abs(history["energy_residual"]).max() < 1e-9 * lost
+    assert work == pytest.approx(simulation.motion.box.volume * (history["shear_stress"] * strain).sum(), rel=1e-9)
+    if base is MAGNETIC:
+        assert (history["shear_stress_near"] == 0.0).all() and (history["shear_stress_held"] != 0.0).all()
 
 
 def test_rows_hold_every_neighbour_of_a_high_box():
@@ -186,9 +210,10 @@ def test_a_pressure_far_below_the_stress_of_chains_does_not_shake_the_box():
     assert abs(history["work_pressure"].sum()) < 0.3 * history["work_shear"].sum()
 
 
+@pytest.mark.parametrize("method", ["dem", "dvi"])
 @pytest.mark.parametrize("base", [DRY, MAGNETIC], ids=["under pressure", "in a field"])
-def test_a_resumed_run_is_the_same_bit_for_bit(base, tmp_path):
-    changes = {"time.end": 2e-4, "time.window": 2e-5}
+def test_a_resumed_run_is_the_same_bit_for_bit(base, method, tmp_path):
+    changes = {"time.end": 2e-4, "time.window": 2e-5, "contact.method": method}
     if base is DRY:
         changes |= {"geometry.pressure": "300 Pa"}
     case = scene(base, changes)
@@ -342,7 +367,6 @@ def test_check_names_grains_rate_and_inertial_number():
         ({"geometry.inertial_number": 0.1}, "geometry.inertial_number", "conflicts with shear_rate"),
         ({"geometry.size": [3e-4] * 3, "particles.count": 20}, "geometry.size", "allowed: at least"),
         ({"geometry.shear_rate": None, "geometry.inertial_number": 0.1}, "geometry.inertial_number", "needs a stress"),
-        ({"contact.method": "dvi"}, "contact.method", "take method = 'dem'"),
         ({"geometry.pressure": 0.0}, "geometry.pressure", "allowed: > 0 Pa"),
         ({"effects.gravity": {}}, "effects.gravity", "fall for ever"),
         ({"effects.fluid_drag": {"viscosity": "0.1 Pa s"}}, "effects.fluid_drag", "flow past a fluid at rest"),

@@ -4,7 +4,7 @@
 
 with a damping g [Pa s] that sets how fast: much slower than the grains' collisions, much faster than the shear (da Cruz
 et al., Phys. Rev. E 72 (2005) 021309, with the wall's equation for a box). Centres move with the box; grains keep their
-size and their velocity beside the flow. Its work is that of a wall which gives way, and not in the budget of a `DEM`.
+size and their velocity beside the flow. Its work is that of a wall which gives way, and not in the budget of a run.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from particles.step_totals import StepTotals
 
 if TYPE_CHECKING:
-    from particles.dem.dem import DEM
+    from particles.grain_motion import GrainMotion
 
 MOST = 1e-3
 """Largest |ln| of a change of the height at once: neighbours then come nearer by less than a grain's usual overlap."""
@@ -43,8 +43,8 @@ class Barostat:
                 f"pressure = {self.pressure} Pa, damping = {self.damping} Pa s; allowed: finite, and more than 0"
             )
 
-    def follow(self, dem: DEM, totals: StepTotals, held: float = 0.0) -> float:
-        """Stretch the box of ``dem`` by what the mean stress of its last run asks for; the factor.
+    def follow(self, motion: GrainMotion, totals: StepTotals, held: float = 0.0) -> float:
+        """Stretch the box of ``motion`` by what the mean stress of its last run asks for; the factor.
 
         ``held`` is sigma_zz of forces that the grains' engine does not know [Pa], such as held magnetic ones.
 
@@ -57,5 +57,5 @@ class Barostat:
             raise ValueError("the grains are in no sheared box; a barostat needs one")
         excess = float(totals.stress.total[2, 2]) + held - self.pressure
         factor = math.exp(min(max(totals.duration * excess / self.damping, -MOST), MOST))
-        dem.stretch(factor)
+        motion.stretch(factor)
         return factor
