@@ -5,8 +5,8 @@
     python tests/benchmarks/accuracy_coverage.py judge RUNS.csv REFERENCE.csv [REFERENCE.csv ...]
 
 Each run has a seed of its own, that no run of the ladder has. It is right where its torque without the bias of its
-settings, with its total error, holds the reference: the mean torque of packings of a finer scene, sheared for longer,
-whose own half width, Student's t, is added in quadrature.
+settings, with its total error, holds the reference: the mean torque of packings of a finer scene, sheared for longer.
+The reference's own half width, Student's t of few packings, is printed and not added, which makes the test the harder.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ def judge(runs: pandas.DataFrame, references: pandas.DataFrame) -> pandas.DataFr
         median, half = error.median(), some.half_width.median()
         rows.append({
             "scene": scene, "target": target, "runs": len(some),
-            "right": int((error <= np.hypot(some.half_width, of_truth)).sum()), "reached": int(some.reached.sum()),
+            "right": int((error <= some.half_width).sum()), "reached": int(some.reached.sum()),
             "error": median, "half_width": half, "ratio": half / median,
             "mean_error": (some.corrected / truth - 1.0).mean(), "reference": truth,
             "reference_half_width": of_truth, "packings": some.packings.median(), "seconds": some.seconds.median(),
