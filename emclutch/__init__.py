@@ -29,6 +29,7 @@ if TYPE_CHECKING:  # the same names for type checkers and editors, which do not 
     from emclutch.studies.design_search import DesignResult, design
     from emclutch.studies.field_result import FieldResult, field
     from emclutch.studies.fit import FitResult, fit
+    from emclutch.studies.gather import GatheredStudy, gather
     from emclutch.studies.mesh import MeshedScene, mesh
     from emclutch.studies.sweep import sweep
 
@@ -41,6 +42,7 @@ __all__ = [
     "EffectsResult",
     "FieldResult",
     "FitResult",
+    "GatheredStudy",
     "MeshedScene",
     "OutputError",
     "Plan",
@@ -55,6 +57,7 @@ __all__ = [
     "effect_contributions",
     "field",
     "fit",
+    "gather",
     "load_case",
     "load_result",
     "load_study",
@@ -80,6 +83,8 @@ __getattr__, __dir__ = lazy_attributes(
         "FieldResult": "emclutch.studies.field_result:FieldResult",
         "fit": "emclutch.studies.fit:fit",
         "FitResult": "emclutch.studies.fit:FitResult",
+        "gather": "emclutch.studies.gather:gather",
+        "GatheredStudy": "emclutch.studies.gather:GatheredStudy",
         "mesh": "emclutch.studies.mesh:mesh",
         "MeshedScene": "emclutch.studies.mesh:MeshedScene",
         "sweep": "emclutch.studies.sweep:sweep",

@@ -11,7 +11,7 @@ import typer
 from emclutch.results.errors import Interrupted
 from emclutch.scene.errors import SceneError
 
-FAILED, BAD_INPUT, STOPPED = 1, 2, 130  # 130: 128 + SIGINT, as shells count it
+FAILED, BAD_INPUT, INCOMPLETE, STOPPED = 1, 2, 3, 130  # 130: 128 + SIGINT, as shells count it
 _PACKAGES = ("emclutch", "geometry", "field", "particles", "coupling")
 
 

@@ -111,6 +111,16 @@ Force = Annotated[bool, typer.Option("--force", help="run also where more memory
 Jobs = Annotated[
     int, typer.Option("--jobs", callback=_within(1), help="points that run at a time, each in a process of its own")
 ]
+PartAsked = Annotated[
+    str | None,
+    typer.Option(
+        "--part", metavar="K/N", help="run only points K, K+N, ... of the study in --out, as one task of a job array"
+    ),
+]
+GatherAsked = Annotated[
+    bool,
+    typer.Option("--gather", help="run nothing: tables and pictures of the points in --out; exit code 3: some missing"),
+]
 JobsOfCores = Annotated[
     int | None,
     typer.Option(

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from contextlib import nullcontext
+from pathlib import Path
 from typing import Any
 
 import typer
 
 from emclutch.cli import options as opt
-from emclutch.cli.errors import explained
+from emclutch.cli.errors import FAILED, INCOMPLETE, explained
 from emclutch.cli.input import (
     check_threads,
     load,
+    part_asked,
     read_budget,
     read_targets,
+    refuse_beside,
     run_to_resume,
     search,
     study_to_check,
@@ -82,36 +85,75 @@ def sweep(
     out: opt.Out = None,
     resume: opt.Resume = False,
     jobs: opt.Jobs = 1,
+    part: opt.PartAsked = None,
+    gather: opt.GatherAsked = False,
     threads: opt.Threads = None,
     trust_scripts: opt.TrustScripts = False,
     force: opt.Force = False,
 ) -> None:
-    """Simulate every point of a parameter study, several at a time with --jobs."""
+    """Simulate every point of a parameter study: several at a time with --jobs, on many machines with --part."""
     with explained():
         from emclutch.scene.study import read_study
 
         check_threads(threads)
+        if gather:
+            given = {"--part": part is not None, "--jobs": jobs != 1, "--resume": resume, "--force": force,
+                     "--threads": threads is not None}  # fmt: skip
+            refuse_beside("--gather", given)
+            _gather(study, out, trust_scripts)
+            return
         if resume and out is None:
             message = "needs a study that was begun; name the study's folder with --out"
             raise SceneError([Fault("--resume", "", message)], "command line")
-        read = read_study(study, trust_scripts=trust_scripts)
-        from emclutch.results.study_result import grain_size_lines
+        which = part_asked(part, out, jobs)
+        read = read_study(study, trust_scripts=trust_scripts, part=which)
         from emclutch.results.study_table import StudyTable
         from emclutch.studies.forecast import predict_study
         from emclutch.studies.points import points_in
         from emclutch.studies.sweep import sweep as sweep_study
 
-        begun = points_in(read, out) if resume and out is not None else []
-        if (predicted := predict_study(read, jobs, begun)).points:
-            typer.echo(predicted.in_words(), err=True)
+        if which is None:
+            begun = points_in(read, out) if resume and out is not None else []
+            if (predicted := predict_study(read, jobs, begun)).points:
+                typer.echo(predicted.in_words(), err=True)
         with StudyTable() as table:
-            folder = sweep_study(read, out=out, threads=threads, resume=resume, jobs=jobs, progress=table, force=force)
-        compared = folder / "methods.txt"
-        if compared.is_file():
-            typer.echo(compared.read_text(encoding="utf-8"), nl=False)
-        for line in grain_size_lines(folder):
-            typer.echo(line)
-        typer.echo(f"results and pictures: {folder}")
+            folder = sweep_study(
+                read, out=out, threads=threads, resume=resume, jobs=jobs, progress=table, force=force, part=which
+            )
+        if which is None:
+            _print_tables(folder)
+        else:
+            typer.echo(
+                f"part {which[0]} of {which[1]} is done; tables of all: emclutch sweep {study} --out {out} --gather"
+            )
+
+
+def _gather(study: Path, out: Path | None, trust_scripts: bool) -> None:
+    """Make the tables of a study from its folder, say what is not done, and end with a code that says so too."""
+    if out is None:
+        message = "needs the folder of a study; name the one that its parts had with --out"
+        raise SceneError([Fault("--gather", "", message)], "command line")
+    from emclutch.scene.study import read_study
+    from emclutch.studies.gather import gather
+
+    found = gather(read_study(study, trust_scripts=trust_scripts), out)
+    for line in found.lines():
+        typer.echo(line)
+    _print_tables(found.folder)
+    if not found.complete:
+        raise typer.Exit(FAILED if found.failed else INCOMPLETE)
+
+
+def _print_tables(folder: Path) -> None:
+    """Print what a study's tables say in words, and where they are."""
+    from emclutch.results.study_result import grain_size_lines
+
+    compared = folder / "methods.txt"
+    if compared.is_file():
+        typer.echo(compared.read_text(encoding="utf-8"), nl=False)
+    for line in grain_size_lines(folder):
+        typer.echo(line)
+    typer.echo(f"results and pictures: {folder}")
 
 
 def accuracy(

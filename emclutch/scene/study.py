@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -80,15 +80,63 @@ class StudySection(Section):
             latest[chain] = number
         return found
 
+    def chains(self) -> list[list[int]]:
+        """Numbers, from 0, of the points that hand on their grains to one another; without `warm_start` each alone."""
+        chain_of: dict[int, list[int]] = {}
+        chains: list[list[int]] = []
+        for number, before in enumerate(self.predecessors()):
+            if before is None:
+                chains.append([])
+            chain_of[number] = chains[-1] if before is None else chain_of[before]
+            chain_of[number].append(number)
+        return chains
+
+    def numbers_of(self, part: tuple[int, int]) -> list[int]:
+        """The numbers, from 0, of the points of a part, e.g. (3, 40): points 3, 43, 83, ... counted from 1.
+
+        Points that hand on their grains (`warm_start`) stay together: then it is the chains that are counted.
+
+        Raises
+        ------
+        SceneError
+            There is no such part.
+        """
+        which, parts = part
+        if parts > 1 and (twice := self._listed_twice()):
+            message = f"is listed twice: {twice}; parts would run it in one folder: list each value once"
+            raise SceneError([Fault("study.values", "", message)], str(self.path))
+        chains = self.chains()
+        things = "points" if self.warm_start is None else f"chains of points along {self.warm_start}"
+        if not 1 <= parts <= len(chains):
+            message = (
+                f"is no part of this study, which has {len(chains)} {things}; allowed: 1/{len(chains)} to "
+                f"{len(chains)}/{len(chains)}, or fewer parts"
+            )
+        elif not 1 <= which <= parts:
+            message = f"is no part of {parts}; allowed: 1/{parts} to {parts}/{parts}"
+        else:
+            return sorted(number for chain in chains[which - 1 :: parts] for number in chain)
+        raise SceneError([Fault("--part", f"{which}/{parts}", message)], str(self.path))
+
+    def _listed_twice(self) -> str:
+        """A point that the study has twice, in words; empty where it has none."""
+        seen: set[str] = set()
+        for point in self.points():
+            if (text := _in_words(point)) in seen:
+                return text
+            seen.add(text)
+        return ""
+
     def changes(self, point: dict[str, Any]) -> dict[str, Any]:
         """Changes of a point in the scene; None removes a key, as in `Case.with_values`."""
         given = {**self.set, **point}
         return {key: None if removes(key, value) else value for key, value in given.items()}
 
-    def cases(self) -> Iterator[tuple[dict[str, Any], Case]]:
-        """Yield each point's values with its checked case."""
+    def cases(self, numbers: Sequence[int] | None = None) -> Iterator[tuple[dict[str, Any], Case]]:
+        """Yield each point's values with its checked case; of points of some numbers alone where these are given."""
         base = load_case(self.case_path, trust_scripts=self._trust_scripts)
-        for point in self.points():
+        points = self.points()
+        for point in points if numbers is None else [points[number] for number in numbers]:
             yield point, base.with_values(self.changes(point))
 
 
@@ -108,14 +156,18 @@ class _PartialStudySection(StudySection):
     values: Annotated[dict[str, Any], BeforeValidator(flat_keys)] = {}
 
 
-def read_study(path: str | Path, *, trust_scripts: bool = False) -> StudySection:
+def read_study(
+    path: str | Path, *, trust_scripts: bool = False, part: tuple[int, int] | None = None
+) -> StudySection:
     """Read a study file and check every point of it; `trust_scripts` as in `emclutch.scene.case.load_case`.
+
+    With a `part` (`StudySection.numbers_of`) only the points of it are checked.
 
     Raises
     ------
     SceneError
         The file, its scene or one of its points has faults: all of them at once. Those of the points come with the
-        point's values.
+        point's values. There is no such part.
     """
     path = Path(path)
     data = read_toml(path)
@@ -132,7 +184,7 @@ def read_study(path: str | Path, *, trust_scripts: bool = False) -> StudySection
             message = f"makes {number:.4g} points; allowed: at most {MAX_POINTS}; take fewer values, or more studies"
             faults.append(Fault("study.values", "", message))
         elif study.case is not None:
-            faults += _faults_of_points(study)
+            faults += _faults_of_points(study, None if part is None or faults else study.numbers_of(part))
     if study is None or faults:
         raise SceneError(faults, str(path))
     return study
@@ -190,8 +242,11 @@ def _warm_start_faults(study: StudySection) -> list[Fault]:
     return []
 
 
-def _faults_of_points(study: StudySection) -> list[Fault]:
-    """Faults of the scene and of every point, with the valid part of the study; a common one is reported once."""
+def _faults_of_points(study: StudySection, numbers: Sequence[int] | None) -> list[Fault]:
+    """Faults of the scene and of every point, with the valid part of the study; a common one is reported once.
+
+    `numbers` : of the points that are to be checked; None: all.
+    """
     try:
         data = read_toml(study.case_path)
         if "study" in data:
@@ -202,7 +257,8 @@ def _faults_of_points(study: StudySection) -> list[Fault]:
     fixed = {key: value for key, value in study.set.items() if not key_fault(key, Scene)}
     valid = study.model_copy(update={"values": right, "set": fixed})
     faults: dict[Fault, str] = {}
-    for point in [None, *valid.points()]:
+    points = valid.points()
+    for point in [None, *(points if numbers is None else (points[number] for number in numbers))]:
         changes = {} if point is None else valid.changes(point)
         try:
             case = case_from(data, changes, study.case_path, trust_scripts=study._trust_scripts)

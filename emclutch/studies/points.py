@@ -2,14 +2,15 @@
 
 Each point's folder has its scene in ``case.toml``. A point of the study takes the folder whose scene is its own; where
 there is none, the folder whose scene differs only in what a resumed run may change (its end, its output), unless such a
-key is one of the study's values: then it tells points from each other. What is left gets the next free numbers. So
-values can be inserted, removed and put in another order, and what is computed is found again.
+key is one of the study's values: then it tells points from each other. What is left gets its own number, or one that no
+other point of the study can get. So values can be inserted, removed and put in another order, what is computed is found
+again, and parts of a study that run at the same time need not agree on anything.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
@@ -55,45 +56,93 @@ class PointFolder:
         refuse_changed_files(case, RunFolder(self.path))
 
 
-def folders_of_points(folder: Path, cases: Sequence[Case], fixed: Collection[str]) -> list[PointFolder]:
+def folders_of_points(
+    folder: Path,
+    cases: Sequence[Case],
+    fixed: Collection[str],
+    part: tuple[Sequence[int], int] | None = None,
+) -> list[PointFolder]:
     """The folder of each point, in their order.
+
+    A point that has none gets its own number; where something else lies there, as many more as the study has points,
+    as often as needed. So points of one study never get the same number, whichever of them are begun, and by whom.
 
     Parameters
     ----------
     folder : of the study.
     cases : of the points.
     fixed : keys of the study's values, which tell points from each other.
+    part : numbers of these points in their study, and how many that has, where they are not all of it. A point then
+        continues a run with another end only in a folder of its own numbers.
 
     Raises
     ------
     OutputError
         A point that is not finished has run beyond the end that it is to have now: that cannot be taken back.
     """
-    there = _scenes_in(folder)
-    wanted = [flat_scene(case.toml()) for case in cases]
+    numbers, total = (range(len(cases)), len(cases)) if part is None else part
+    there = _texts_in(folder)
+    texts = [case.toml() for case in cases]
     found: list[Path | None] = [None] * len(cases)
+    for place, text in enumerate(texts):
+        own = folder / _name(numbers[place])
+        if there.get(own) == text:
+            found[place] = own
+            there.pop(own)
+    paths_of: dict[str, list[Path]] = {}
+    for path, text in reversed(there.items()):
+        paths_of.setdefault(text, []).append(path)
+    for place, text in enumerate(texts):
+        if found[place] is None and paths_of.get(text):
+            found[place] = paths_of[text].pop()
+            there.pop(found[place])
+    is_done = [path is not None and RunFolder(path).summary.is_file() for path in found]
+    open_places = [place for place, path in enumerate(found) if path is None]
+    if part is not None:  # what may belong to others is not read
+        own_numbers = {numbers[place] for place in open_places}
+        there = {path: text for path, text in there.items() if _number(path) % total in own_numbers}
+    scenes = {path: _scene_of(path, text) for path, text in there.items()} if open_places else {}
+    wanted = {place: flat_scene(texts[place]) for place in open_places} if scenes else {}
     for exactly in (True, False):  # a point must not take what is exactly another's
-        for number, scene in enumerate(wanted):
-            if found[number] is None:
-                found[number] = next((p for p, old in there.items() if _is_of(old, scene, exactly, fixed)), None)
-                if (path := found[number]) is not None:
-                    _refuse_earlier_end(path, there.pop(path), scene)
-    is_done = [path is not None and _is_done(path, scene, fixed) for path, scene in zip(found, wanted, strict=True)]
-    free = _free_numbers(folder)
-    paths = (folder / f"{POINT}{next(free):03d}" if path is None else path for path in found)
-    return [PointFolder(path, done) for path, done in zip(paths, is_done, strict=True)]
+        for place, scene in wanted.items():
+            if found[place] is not None:
+                continue
+            mine = (p for p in scenes if part is None or _number(p) % total == numbers[place])
+            path = next((p for p in mine if _is_of(scenes[p], scene, exactly, fixed)), None)
+            if path is not None:
+                _refuse_earlier_end(path, scenes.pop(path), scene)
+                found[place], is_done[place] = path, _is_done(path, scene, fixed)
+    return [
+        PointFolder(_free_path(folder, number, total) if path is None else path, done)
+        for number, path, done in zip(numbers, found, is_done, strict=True)
+    ]
 
 
-def _free_numbers(folder: Path) -> Iterator[int]:
-    """Numbers of points to come: those whose folder was set aside for a run that never began, then the next ones."""
-    names = {
-        path.name: int(match[1])
-        for path in folder.glob(f"{POINT}*")
-        if (match := _NUMBERED.match(path.name)) and (path.is_file() or has_files(path))
-    }
-    taken = {number for name, number in names.items() if _NUMBERED.fullmatch(name)}
-    yield from sorted(set(names.values()) - taken)
-    yield from count(max(names.values(), default=-1) + 1)
+def is_done_now(path: Path, case: Case, fixed: Collection[str]) -> bool:
+    """True if a folder holds a finished run of a case, see `PointFolder.is_done`, perhaps of another process since."""
+    folder, text = RunFolder(path), case.toml()
+    if not folder.case.is_file():
+        return False
+    if folder.case.read_text(encoding="utf-8") == text:
+        return folder.summary.is_file()
+    return _is_done(path, flat_scene(text), fixed)
+
+
+def _free_path(folder: Path, number: int, total: int) -> Path:
+    """The first of a point's numbers under which nothing lies."""
+    for free in count(number, total):
+        path = folder / _name(free)
+        if not path.exists() or (path.is_dir() and not has_files(path)):
+            return path
+    raise AssertionError("numbers have no end")
+
+
+def _name(number: int) -> str:
+    return f"{POINT}{number:03d}"
+
+
+def _number(path: Path) -> int:
+    return int(path.name.removeprefix(POINT))
 
 
 def points_in(study: StudySection, folder: Path) -> list[PointFolder]:
@@ -109,21 +158,36 @@ def unclaimed(folder: Path, points: Sequence[PointFolder]) -> list[str]:
     return sorted(p.name for p in folder.glob(f"{POINT}*") if _NUMBERED.fullmatch(p.name) and p not in claimed)
 
 
-def _scenes_in(folder: Path) -> dict[Path, dict[str, Any]]:
-    """Flat scenes of the points' folders, by number."""
-    found: dict[Path, dict[str, Any]] = {}
+def _texts_in(folder: Path) -> dict[Path, str]:
+    """Scenes of the points' folders as they stand there, by number."""
+    found: dict[Path, str] = {}
     for path in sorted(folder.glob(f"{POINT}*"), key=lambda path: (len(path.name), path.name)):
-        case = RunFolder(path).case
-        if _NUMBERED.fullmatch(path.name) and case.is_file():
-            found[path] = _scene_in(case)
+        if _NUMBERED.fullmatch(path.name):
+            try:
+                found[path] = RunFolder(path).case.read_text(encoding="utf-8")
+            except (FileNotFoundError, NotADirectoryError):  # it has not begun, or is being set aside
+                continue
+            except (OSError, ValueError) as error:
+                raise _unreadable(path, error) from error
     return found
+
+
+def _scene_of(path: Path, text: str) -> dict[str, Any]:
+    try:
+        return flat_scene(text)
+    except ValueError as error:
+        raise _unreadable(path, error) from error
 
 
 def _scene_in(case: Path) -> dict[str, Any]:
     try:
         return flat_scene(case.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        raise OutputError(f"cannot read {case}: {error}; move {case.parent} elsewhere, then continue") from error
+        raise _unreadable(case.parent, error) from error
+
+
+def _unreadable(path: Path, error: Exception) -> OutputError:
+    return OutputError(f"cannot read {RunFolder(path).case}: {error}; move {path} elsewhere, then continue")
 
 
 def _is_of(old: dict[str, Any], new: dict[str, Any], exactly: bool, fixed: Collection[str]) -> bool:

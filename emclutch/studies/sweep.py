@@ -2,7 +2,8 @@
 
 Points are tasks (`emclutch.studies.tasks`) that this process runs one after the other, or hands to an executor. It
 alone writes the study's tables, again after each point and in the study's order, so that they depend on the points
-alone: not on how many run at a time, nor on which is done first.
+alone: not on how many run at a time, nor on which is done first. A part of a study, one process of many that know
+nothing of each other, writes its points alone; `emclutch.studies.gather` makes the tables.
 """
 
 from __future__ import annotations
@@ -15,19 +16,22 @@ from pathlib import Path
 
 from emclutch.results import OutputError, Result, RunFolder, load_result
 from emclutch.results.errors import Interrupted, RunError
-from emclutch.results.folder_lock import LOCK, has_files, locked_folder
+from emclutch.results.folder_lock import LOCK, FolderInUse, has_files, locked_folder
 from emclutch.results.history import last_time
+from emclutch.results.lease import leased
 from emclutch.results.run_folder import logging_to
 from emclutch.results.study_folder import is_study
 from emclutch.results.study_table import DONE, FAILED, STOPPED, WAITING, StudyTable
 from emclutch.scene.case import Case
+from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.replica_count import replica_count
 from emclutch.scene.study import StudySection, read_study
 from emclutch.scene.timing import instant_in_words
 from emclutch.simulation.missing_pictures import draw_missing
 from emclutch.simulation.resume import seconds_of
 from emclutch.studies.accuracy.target import cases_of
-from emclutch.studies.points import PointFolder, folders_of_points, unclaimed
+from emclutch.studies.part_folder import lease_of, part_folder
+from emclutch.studies.points import PointFolder, folders_of_points, is_done_now, unclaimed
 from emclutch.studies.tables import Done, disc_torque, label_of, write_failures, write_tables
 from emclutch.studies.tasks import STOP, PointOutcome, PointTask, run_point
 from emclutch.studies.workers import ctrl_c_sets, threads_of_a_worker, worker_pool
@@ -46,8 +50,9 @@ def sweep(
     executor: Executor | None = None,
     progress: StudyTable | None = None,
     force: bool = False,
+    part: tuple[int, int] | None = None,
 ) -> Path:
-    """Run every point of a study and return the study's folder.
+    """Run every point of a study, or a part of them, and return the study's folder.
 
     The folder holds point-000, point-001, ... (each a whole run), `study.csv` with a row a point, `study.log` with what
     became of each, and where they apply: `seeds.csv`, averages over `scene.seed`; `torque_vs_current.csv`, `.json`
@@ -64,7 +69,7 @@ def sweep(
         `jobs` and replicas. Results do not depend on it.
     resume : keep the points that are done and continue the others from their checkpoints, also to a later time.end.
         A point is known by its values, so that values may be inserted, removed and put in another order; the folders
-        keep their names, and new points get the next numbers.
+        keep their names, and new points get numbers that are free.
     jobs : points that run at a time, each in a process of its own with its replicas; 1, the default, runs all
         of them in this one. A script that asks for more must do so under ``if __name__ == "__main__":``. Results do not
         depend on it.
@@ -72,18 +77,31 @@ def sweep(
         file system. It gets `jobs` points at a time, by default all; it is not shut down.
     progress : table of the points to keep up to date.
     force : run also points that need more memory than is free.
+    part : which part of how many, e.g. (3, 40): points 3, 43, 83, ... counted from 1, one after the other in this
+        process; the other parts are run by other processes or machines that see the folder, in any order and at any
+        time. It writes no tables: `emclutch.gather` does. What became of its points is in ``parts/3-of-40``. With
+        `resume` it may be the first to come. A point that another process is at work on is left to that one.
 
     Raises
     ------
+    SceneError
+        The study has faults, or no such part; a target of accuracy whose ladder is missing, in a part.
     OutputError, RunError
         At the end, where points have failed: with the values and the reason of each, which also lie in `failures.csv`.
         The other points are run all the same, and `resume` repeats those that failed. OutputError where all of them
         failed of their input or output. `Interrupted` after Ctrl-C: those that run end with a checkpoint.
     ValueError
-        `jobs` is less than 1.
+        `jobs` is less than 1; a `part` is to have jobs, an executor or no folder.
     """
     if jobs is not None and jobs < 1:
         raise ValueError(f"jobs = {jobs}; allowed: 1 or more")
+    if part is not None:
+        if out is None or executor is not None or jobs not in (None, 1):
+            raise ValueError(
+                f"part = {part} needs a folder, out, that all parts have in common, and runs its points one after the "
+                "other: leave jobs and executor out, and take more parts"
+            )
+        return _sweep_part(study, Path(out), threads, resume, progress, force, part)
     study = study if isinstance(study, StudySection) else read_study(study)
     folder = Path(out) if out is not None else RunFolder.next_path(study.path.stem, "studies")
     if resume and not folder.is_dir():  # before the lock makes it
@@ -112,8 +130,37 @@ def sweep(
     return folder
 
 
+def _sweep_part(
+    study: StudySection | str | Path,
+    folder: Path,
+    threads: int | None,
+    resume: bool,
+    progress: StudyTable | None,
+    force: bool,
+    part: tuple[int, int],
+) -> Path:
+    """Run the points of a part, see `sweep`. The study's folder is not locked: every point has a lease of its own."""
+    study = study if isinstance(study, StudySection) else read_study(study, part=part)
+    study.numbers_of(part)  # raises before a folder is made
+    if folder.exists() and not folder.is_dir():
+        raise OutputError(f"{folder} is a file; name a folder with --out")
+    home = part_folder(folder, part)
+    try:
+        home.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"cannot write to {home}: {error.strerror or error}; write elsewhere with --out") from error
+    with logging_to(home / "study.log", [__name__]):
+        run = _PartRun(study, folder, threads, resume, progress or StudyTable(stream=io.StringIO()), force, part)
+        run.here()
+        run.fail_what_waits_for_failed_points()
+    run.raise_failures(None)
+    return folder
+
+
 class _StudyRun:
     """The points of a running study: which wait, which run, what became of them."""
+
+    part: tuple[int, int] | None = None
 
     def __init__(
         self,
@@ -128,13 +175,20 @@ class _StudyRun:
         self.study, self.folder, self.threads, self.resume, self.table = study, folder, threads, resume, table
         self.force = force
         self.share = share  # processes of this study on this machine
-        self.points = list(cases_of(study, _Announced(), measure=True))
-        self.asked = [case.scene.accuracy.target for _, case in study.cases()]
-        self.targets = folders_of_points(folder, [case for _, case in self.points], fixed=study.values)
-        if others := unclaimed(folder, self.targets):
-            log.info("of none of the study's points, and left as they are: %s", ", ".join(others))
-        self.before = study.predecessors()
-        write_failures(folder, [])
+        numbers = None if self.part is None else study.numbers_of(self.part)
+        self.home = folder if self.part is None else part_folder(folder, self.part)  # of log and failures
+        self.points = list(cases_of(study, _Announced(), measure=numbers is None, numbers=numbers))
+        self.asked = [case.scene.accuracy.target for _, case in study.cases(numbers)]
+        before, cases = study.predecessors(), [case for _, case in self.points]
+        if numbers is None:
+            self.targets, self.before = folders_of_points(folder, cases, fixed=study.values), before
+            if others := unclaimed(folder, self.targets):
+                log.info("of none of the study's points, and left as they are: %s", ", ".join(others))
+        else:
+            self.targets = folders_of_points(folder, cases, fixed=study.values, part=(numbers, len(before)))
+            places = {number: place for place, number in enumerate(numbers)}
+            self.before = [None if (one := before[number]) is None else places[one] for number in numbers]
+        write_failures(self.home, [])
         self.waiting = list(range(len(self.points)))
         self.done: dict[int, Done] = {}
         self.failures: dict[int, PointOutcome] = {}
@@ -225,7 +279,8 @@ class _StudyRun:
                 self._take(number, PointOutcome(FAILED, f"it begins with the grains of {name}, which has failed"))
 
     def _how_to_go_on(self) -> str:
-        return f"continue with: emclutch sweep {self.study.path} --out {self.folder} --resume"
+        part = "" if self.part is None else f" --part {self.part[0]}/{self.part[1]}"
+        return f"continue with: emclutch sweep {self.study.path}{part} --out {self.folder} --resume"
 
     def _next(self) -> int | None:
         """The first point that waits for no other one, taken off the list."""
@@ -270,10 +325,9 @@ class _StudyRun:
             log.error("%s has failed: %s", self.targets[number].path.name, outcome.message)
             self.failures[number] = outcome
             self.table.set_ended(number, FAILED)
-            if not is_study(self.folder):
-                write_tables(self.folder, self.study, [])
+            self._write_tables(first=True)
             failed = [(self.targets[n].path.name, self.points[n][0], self.failures[n].message) for n in self.failures]
-            write_failures(self.folder, sorted(failed, key=lambda row: row[0]))
+            write_failures(self.home, sorted(failed, key=lambda row: row[0]))
 
     def _is_done(self, number: int, result: Result, kept: bool = False) -> None:
         torque = disc_torque(result)
@@ -282,7 +336,12 @@ class _StudyRun:
         if not kept:
             log.info("%s is done", self.targets[number].path.name)
         self.done[number] = (*self.points[number], result)
-        write_tables(self.folder, self.study, [self.done[one] for one in sorted(self.done)])
+        self._write_tables()
+
+    def _write_tables(self, first: bool = False) -> None:
+        """Write the tables of the points that are done; `first`: only where there are none."""
+        if not first or not is_study(self.folder):
+            write_tables(self.folder, self.study, [self.done[one] for one in sorted(self.done)])
 
     def _look_at(self, number: int) -> None:
         """Tell the table how far a point is that runs elsewhere."""
@@ -295,6 +354,59 @@ class _StudyRun:
         end = seconds_of(self.points[number][1].scene.span.end, folder)
         if reached is not None and end is not None:
             self.table.set_fraction(number, reached / end)
+
+
+class _PartRun(_StudyRun):
+    """The points of a part of a study, in this process. Whatever runs beside it, it writes nothing that is not its own.
+
+    A point is run under its lease (`emclutch.results.lease`), and what stands in its folder is looked at again when it
+    is held: two equal parts, or two ways to part one study, divide the points among them.
+    """
+
+    def __init__(
+        self,
+        study: StudySection,
+        folder: Path,
+        threads: int | None,
+        resume: bool,
+        table: StudyTable,
+        force: bool,
+        part: tuple[int, int],
+    ) -> None:
+        self.part = part
+        self.in_use: dict[int, PointOutcome] = {}
+        super().__init__(study, folder, threads, 1, True, table, force)
+        for values, case in self.points:
+            if (target := case.scene.accuracy.target) is not None:
+                message = (
+                    "needs a ladder that no part measures; measure it first, where all parts find it: "
+                    f"emclutch accuracy {study.case_path} ({label_of(study, values)})"
+                )
+                raise SceneError([Fault("accuracy.target", f"{target}", message)], str(study.path))
+        begun = [target.path.name for target in self.targets if target.path.is_dir() and has_files(target.path)]
+        if begun and not resume:
+            raise OutputError(f"{', '.join(begun)} in {folder} have begun; continue this part with --resume")
+
+    def here(self) -> None:
+        while not self.stopped and (number := self._next()) is not None:
+            path, case = self.targets[number].path, self.points[number][1]
+            try:
+                with leased(lease_of(path), str(path)):
+                    self.targets[number] = PointFolder(path, is_done_now(path, case, self.study.values))
+                    if (task := self._task(number)) is not None:
+                        self.table.set_running(number)
+                        self._take(number, run_point(task, _Part(self.table, number)))
+            except FolderInUse as error:
+                log.warning("%s is left to another process: %s", path.name, error)
+                self.in_use[number] = PointOutcome(FAILED, str(error), is_input=True)
+                self.table.set_ended(number, FAILED)
+
+    def raise_failures(self, jobs: int | None) -> None:
+        self.failures |= self.in_use  # none of the point's: not in failures.csv
+        super().raise_failures(jobs)
+
+    def _write_tables(self, first: bool = False) -> None:
+        """Write nothing: the tables are of all parts, see `emclutch.gather`."""
 
 
 def _outcome(future: Future[PointOutcome]) -> PointOutcome:

@@ -217,13 +217,19 @@ def check_pip(words: list[str], folder: Path) -> None:
         assert set(extras.split(",")) <= set(PROJECT["optional-dependencies"]), f"no such extras: {extras}"
 
 
+def check_parallel(words: list[str], folder: Path) -> None:
+    """The line that GNU parallel makes of its first argument."""
+    command, arguments = words[words.index("emclutch") : words.index(":::")], words[words.index(":::") + 1 :]
+    check_line([word.replace("{}", arguments[0]) for word in command], folder)
+
+
 def nothing(words: list[str], folder: Path) -> None:
     """Lines of the shell itself."""
 
 
 PROGRAMS = {
     "emclutch": check_emclutch, "make": check_make, "python": check_python, "python3.11": check_python,
-    "pip": check_pip, ".": nothing, "cp": nothing, "cd": nothing, "export": nothing,
+    "pip": check_pip, "parallel": check_parallel, ".": nothing, "cp": nothing, "cd": nothing, "export": nothing,
 }  # fmt: skip
 
 

@@ -97,12 +97,12 @@ def test_values_may_be_inserted_removed_and_put_in_another_order(tmp_path, runs)
     assert [asked[0] for asked in runs.asked] == ["point-000", "point-001"]
     runs.asked.clear()
     sweep(study_of(tmp_path, {FRICTION: [0.3, 0.2, 0.1]}), out=out, resume=True)
-    assert [asked[:2] for asked in runs.asked] == [("point-002", False)]
+    assert [asked[:2] for asked in runs.asked] == [("point-004", False)]
     assert table(out)[[FRICTION, "folder"]].to_numpy().tolist() == [
-        [0.3, "point-001"], [0.2, "point-002"], [0.1, "point-000"]]  # fmt: skip
+        [0.3, "point-001"], [0.2, "point-004"], [0.1, "point-000"]]  # fmt: skip
     runs.asked.clear()
     sweep(study_of(tmp_path, {FRICTION: [0.2]}), out=out, resume=True)
-    assert not runs.asked and table(out)["folder"].tolist() == ["point-002"]
+    assert not runs.asked and table(out)["folder"].tolist() == ["point-004"]
     assert "left as they are: point-000, point-001" in (out / "study.log").read_text()
 
 
@@ -174,7 +174,7 @@ def test_ends_that_are_the_studys_values_tell_points_apart(tmp_path, runs):
     out = sweep(study_of(tmp_path, {"time.end": ["2 ms", "6 ms"]}), out=tmp_path / "out")
     runs.asked.clear()
     sweep(study_of(tmp_path, {"time.end": ["2 ms", "4 ms", "6 ms"]}), out=out, resume=True)
-    assert runs.asked == [("point-002", False, 4e-3)]
+    assert runs.asked == [("point-004", False, 4e-3)]
 
 
 def test_a_point_killed_before_its_first_checkpoint_is_started_anew(tmp_path, runs):

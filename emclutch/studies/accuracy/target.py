@@ -9,7 +9,7 @@ repeated, without the ladder.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -154,13 +154,13 @@ def settled(case: Case) -> Settled | None:
 
 
 def cases_of(
-    study: StudySection, progress: Any = None, *, measure: bool = False
+    study: StudySection, progress: Any = None, *, measure: bool = False, numbers: Sequence[int] | None = None
 ) -> Iterator[tuple[dict[str, Any], Case]]:
     """Yield the values and the case of each point of a study, with settings for its target.
 
-    `measure`: also a ladder that is missing; else such a case is left as it is.
+    `measure`: also a ladder that is missing; else such a case is left as it is. `numbers`: of these points alone.
     """
-    for values, case in study.cases():
+    for values, case in study.cases(numbers):
         if case.scene.accuracy.target is not None:
             if measure:
                 case = with_target(case, progress)

@@ -1,0 +1,175 @@
+"""A lease on a name in a folder that several machines see, without file locks.
+
+File systems of clusters have `flock` for all machines (NFS 4, GPFS), for each machine alone (Lustre with
+``localflock``, NFS with ``nolock``), or not at all. What all of them have is that of several who make one file with
+``O_EXCL`` one succeeds. So a lease is a file ``NAME.1.lease`` that its holder makes, sets the time of every
+`RENEW_SECONDS`, and removes in the end. Who finds one takes the next number, if the holder has ended: on the same
+machine that is known at once (its process is there or not); of another machine the lease is watched, and has expired
+if its time does not change for `EXPIRE_SECONDS`. Two times of one file are compared, never a time with a clock.
+
+Of several who take an expired lease at the same moment, one makes the next number; the others are refused. A process
+that is suspended for longer than `EXPIRE_SECONDS` loses its lease without knowing it.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import re
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+from emclutch.results.folder_lock import FolderInUse
+
+RENEW_SECONDS = 20.0
+EXPIRE_SECONDS = 300.0
+"""A kernel that is compiled may keep a holder from renewing for a minute."""
+LOOK_SECONDS = 5.0  # between two looks at a lease that is watched
+
+
+@contextmanager
+def leased(path: Path, what: str) -> Iterator[None]:
+    """Hold the lease of a name inside a ``with`` block, or refuse.
+
+    Parameters
+    ----------
+    path : folder and name of the lease; its file has a number and ``.lease`` appended. The folder is made.
+    what : is leased, for the message.
+
+    Raises
+    ------
+    FolderInUse
+        Somebody holds it. Where the holder is on another machine, this is known as soon as it renews the lease, and
+        that it has ended after `EXPIRE_SECONDS`.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    held = _take(path, what)
+    ended = threading.Event()
+    renewing = threading.Thread(target=_renew, args=(held, ended), name=f"lease of {what}", daemon=True)
+    renewing.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        renewing.join()
+        held.unlink(missing_ok=True)
+
+
+def lease_holder(path: Path) -> str | None:
+    """Return in words who holds the lease of a name, or held it when it was killed; None where there is none."""
+    numbers = _numbers(path)
+    return _in_words(_file(path, max(numbers))) if numbers else None
+
+
+def _take(path: Path, what: str) -> Path:
+    last = max(_numbers(path), default=0)
+    if last and not _has_ended(_file(path, last)):
+        raise _refusal(path, last, what)
+    own = _file(path, last + 1)
+    try:
+        descriptor = os.open(own, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
+    except FileExistsError:
+        raise _refusal(path, last + 1, what) from None
+    with open(descriptor, "w", encoding="utf-8") as file:
+        json.dump(_own_marks(), file)
+    numbers = _numbers(path)
+    if max(numbers) > last + 1:  # taken, lost and taken again by others since we looked
+        own.unlink(missing_ok=True)
+        raise _refusal(path, max(numbers), what)
+    for number in numbers:
+        if number <= last:
+            _file(path, number).unlink(missing_ok=True)
+    return own
+
+
+def _renew(held: Path, ended: threading.Event) -> None:
+    while not ended.wait(RENEW_SECONDS):
+        with suppress(OSError):  # a server that does not answer now may do so the next time
+            os.utime(held)
+
+
+def _has_ended(file: Path) -> bool:
+    """True if the holder of a lease has ended; it is watched where its process cannot be seen from here."""
+    marks, own = _marks(file), _own_marks()
+    if marks and all(marks.get(name) == own[name] for name in ("host", "boot", "processes")):
+        return _began(marks.get("pid")) != marks.get("began")
+    before = _renewed(file)
+    end = time.monotonic() + EXPIRE_SECONDS
+    while before is not None and time.monotonic() < end:
+        time.sleep(LOOK_SECONDS)
+        now = _renewed(file)
+        if now is not None and now != before:
+            return False
+        before = now
+    return True
+
+
+def _renewed(file: Path) -> int | None:
+    """Return when a lease was renewed last; None where it is gone. Opening the file makes NFS ask its server."""
+    try:
+        with file.open("rb") as opened:
+            return os.fstat(opened.fileno()).st_mtime_ns
+    except OSError:
+        return None
+
+
+def _numbers(path: Path) -> list[int]:
+    named = re.compile(rf"{re.escape(path.name)}\.(\d+)\.lease")
+    try:
+        return [int(match[1]) for name in os.listdir(path.parent) if (match := named.fullmatch(name))]
+    except FileNotFoundError:
+        return []
+
+
+def _file(path: Path, number: int) -> Path:
+    return path.with_name(f"{path.name}.{number}.lease")
+
+
+def _own_marks() -> dict[str, Any]:
+    """Return what tells this process from all others that can see the folder."""
+    return {
+        "pid": os.getpid(),
+        "host": platform.node(),
+        "boot": _text("/proc/sys/kernel/random/boot_id"),
+        "processes": os.readlink("/proc/self/ns/pid"),  # containers count theirs apart
+        "began": _began(os.getpid()),
+    }
+
+
+def _began(pid: Any) -> str | None:
+    """Return when a process of this machine began, in the kernel's ticks; None where it has ended."""
+    fields = _text(f"/proc/{pid}/stat").rpartition(")")[2].split()
+    return fields[19] if len(fields) > 19 and fields[0] not in "ZX" else None
+
+
+def _text(path: str) -> str:
+    try:
+        return Path(path).read_text(encoding="utf-8").strip()
+    except OSError:
+        return ""
+
+
+def _marks(file: Path) -> dict[str, Any]:
+    try:
+        found = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def _in_words(file: Path) -> str:
+    marks = _marks(file)
+    return f"process {marks['pid']} on {marks['host']}" if {"pid", "host"} <= set(marks) else "another process"
+
+
+def _refusal(path: Path, number: int, what: str) -> FolderInUse:
+    file = _file(path, number)
+    return FolderInUse(
+        f"{what} is in use by {_in_words(file)}; wait for it, or stop it (of a process that was killed the lease "
+        f"{file} expires by itself)"
+    )

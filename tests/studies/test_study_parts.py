@@ -1,0 +1,267 @@
+"""A study in parts is the same study: same folders, same tables, whoever runs which part, and in which order."""
+
+import os
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from emclutch.cli.main import app
+from emclutch.results import HistoryWriter, OutputError, RunFolder, lease, load_result
+from emclutch.results.checkpoint import write_checkpoint
+from emclutch.results.errors import Interrupted, RunError
+from emclutch.results.folder_lock import FolderInUse
+from emclutch.results.lease import lease_holder, leased
+from emclutch.scene.errors import SceneError
+from emclutch.scene.study import read_study
+from emclutch.studies import tasks as study_tasks
+from emclutch.studies.gather import gather
+from emclutch.studies.sweep import sweep
+
+GOOD = Path(__file__).parents[1] / "scene" / "broken" / "good.toml"
+ROOT = Path(__file__).parents[2]
+FRICTION, SPEED = "contact.friction", "motion.rotor.speed"
+SIX = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6]
+
+
+class Runs:
+    """Stands in for `run`: `acts` maps a point's friction to what it does before it writes its files."""
+
+    def __init__(self):
+        self.acts, self.asked = {}, []
+
+    def __call__(self, case, *, out, resume, start, **_):
+        friction = case.scene.contact.friction
+        self.asked.append((Path(out).name, None if start is None else Path(start).name))
+        folder = RunFolder.create(out, case.toml(), resume=resume)
+        self.acts.get(friction, lambda: None)()
+        with HistoryWriter(folder.history) as history:
+            history.append({"time": case.scene.time.end, "torque_disc": friction})
+        write_checkpoint(folder.checkpoint, {})
+        torque = {"mean": friction, "standard_error": 0.1, "converged": True, "reason": ""}
+        folder.write_summary({"torque": torque, "typical_overlap": 0.0, "seconds": {"whole_run": 1.0}})
+        return load_result(folder.path)
+
+
+@pytest.fixture
+def runs(monkeypatch):
+    stand_in = Runs()
+    monkeypatch.setattr(study_tasks, "run", stand_in)
+    return stand_in
+
+
+def study_of(folder, values=None, **more):
+    lines = [f'"{key}" = {entry!r}' for key, entry in (values or {FRICTION: SIX}).items()]
+    own = [f"{key} = {entry!r}" for key, entry in more.items()]
+    path = folder / "study.toml"
+    path.write_text("\n".join(["[study]", f'case = "{GOOD}"', *own, "[study.values]", *lines]))
+    return path
+
+
+def tables(folder):
+    return {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file() and path.suffix != ".log"}
+
+
+def fails():
+    raise RunError("the grains are gone")
+
+
+def test_parts_in_any_order_make_the_tables_of_one_process(tmp_path, runs):
+    """Byte for byte; and gathering again, or running a part again, changes nothing."""
+    study = study_of(tmp_path, {"scene.seed": [1, 2], FRICTION: SIX[:3]})
+    alone = sweep(study, out=tmp_path / "alone")
+    runs.asked.clear()
+    out = tmp_path / "out"
+    for which in (4, 2, 1, 3):
+        assert sweep(study, out=out, part=(which, 4), resume=True) == out
+    assert [name for name, _ in runs.asked] == [f"point-00{n}" for n in (3, 1, 5, 0, 4, 2)]  # points 4; 2, 6; 1, 5; 3
+    assert not tables(out)
+    for _ in range(2):
+        found = gather(study, out)
+        assert found.complete and found.done == 6 and found.lines() == ["6 of 6 points are done, 0 failed, 0 missing"]
+        assert tables(out) == tables(alone) and {"study.csv", "seeds.csv"} <= set(tables(out))
+    runs.asked.clear()
+    sweep(study, out=out, part=(2, 4), resume=True)
+    assert not runs.asked and [path.name for path in (out / "parts").glob("*.lease")] == []
+
+
+def test_a_study_goes_from_one_process_to_parts_and_back(tmp_path, runs):
+    study, out = study_of(tmp_path), tmp_path / "out"
+
+    def stops():
+        raise KeyboardInterrupt
+
+    runs.acts = {0.3: stops}
+    with pytest.raises(Interrupted):
+        sweep(study, out=out)  # points 1 and 2 are done, 3 has begun
+    with pytest.raises(OutputError, match=r"point-000, point-002 in .*continue this part with --resume"):
+        sweep(study, out=out, part=(1, 2))
+    runs.acts = {}
+    sweep(study, out=out, part=(1, 2), resume=True)
+    assert [name for name, _ in runs.asked[3:]] == ["point-002", "point-004"]
+    sweep(study, out=out, resume=True)
+    assert [name for name, _ in runs.asked[5:]] == ["point-003", "point-005"]
+    assert tables(out)["study.csv"] == tables(sweep(study, out=tmp_path / "alone"))["study.csv"]
+
+
+def test_what_is_missing_and_what_has_failed_is_told_with_a_code(tmp_path, runs):
+    study, out = study_of(tmp_path), tmp_path / "out"
+    ask = CliRunner().invoke
+    here = [str(study), "--out", str(out)]
+    runs.acts = {0.4: fails}
+    assert ask(app, ["sweep", *here, "--part", "1/3", "--resume"]).exit_code == 1  # points 1 and 4
+    assert ask(app, ["sweep", *here, "--part", "2/3"]).exit_code == 0
+    answer = ask(app, ["sweep", *here, "--gather"])
+    assert answer.exit_code == 1
+    assert "3 of 6 points are done, 1 failed, 2 missing" in answer.stdout
+    assert "failed: point-003 (contact.friction = 0.4): the grains are gone" in answer.stdout
+    assert "missing, not begun: point-002, point-005" in answer.stdout
+    assert "parts with points to do, to run again with --resume: 1,3 of 3" in answer.stdout
+    assert "the grains are gone" in tables(out)["failures.csv"].decode()
+    runs.acts = {}
+    assert ask(app, ["sweep", *here, "--part", "1/3", "--resume"]).exit_code == 0
+    answer = ask(app, ["sweep", *here, "--gather"])
+    assert answer.exit_code == 3 and "4 of 6 points are done, 0 failed, 2 missing" in answer.stdout
+    assert "failures.csv" not in tables(out)
+    assert ask(app, ["sweep", *here, "--part", "3/3", "--resume"]).exit_code == 0
+    assert ask(app, ["sweep", *here, "--gather"]).exit_code == 0
+
+
+def test_points_that_hand_on_their_grains_stay_in_one_part(tmp_path, runs):
+    values = {SPEED: ["1 rpm", "2 rpm", "3 rpm"], FRICTION: [0.1, 0.2]}
+    study, out = study_of(tmp_path, values, warm_start=SPEED), tmp_path / "out"
+    sweep(study, out=out, part=(2, 2))
+    assert runs.asked == [("point-001", None), ("point-003", "point-001"), ("point-005", "point-003")]
+    with pytest.raises(SceneError, match=r"--part = 1/3 .*2 chains of points along motion\.rotor\.speed; allowed: 1/2"):
+        sweep(study, out=out, part=(1, 3))
+
+
+def test_two_equal_parts_at_once_divide_their_points(tmp_path, runs):
+    """No point is run twice: who comes second leaves what the first is at, and keeps what it has done."""
+    study, out = study_of(tmp_path), tmp_path / "out"
+    inside, go_on = threading.Event(), threading.Event()
+
+    def waits():
+        inside.set()
+        assert go_on.wait(20.0)
+
+    runs.acts = {0.1: waits}
+    first = threading.Thread(target=sweep, args=(study,), kwargs={"out": out, "part": (1, 3)})
+    first.start()
+    assert inside.wait(20.0)
+    (found,) = [point.folder for point in gather(study, out).missing if point.holder]
+    with pytest.raises(OutputError, match=rf"point-000 .*in use by process {os.getpid()} on .*wait for it"):
+        sweep(study, out=out, part=(1, 3), resume=True)
+    go_on.set()
+    first.join()
+    assert found == "point-000" and [name for name, _ in runs.asked] == ["point-000", "point-003"]
+    assert gather(study, out).done == 2 and not gather(study, out).failed  # what was in use has not failed
+
+
+def test_new_points_of_a_changed_study_get_numbers_that_no_other_part_can_take(tmp_path, runs):
+    out = tmp_path / "out"
+    sweep(study_of(tmp_path, {FRICTION: [0.1, 0.3]}), out=out)
+    study = study_of(tmp_path, {FRICTION: [0.2, 0.3, 0.25, 0.1]})
+    parts = {which: list(read_study(study).numbers_of((which, 4))) for which in (1, 2, 3, 4)}
+    assert parts == {1: [0], 2: [1], 3: [2], 4: [3]}
+    for which in (3, 1, 2, 4):
+        sweep(study, out=out, part=(which, 4), resume=True)
+    assert [name for name, _ in runs.asked[2:]] == ["point-002", "point-004"]
+    assert gather(study, out).done == 4
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--part", "4/3"], "--part = 4/3 is no part of 3; allowed: 1/3 to 3/3"),
+        (["--part", "0/3"], "--part = '0/3' is not K/N, two whole numbers; allowed: 1/N to N/N"),
+        (["--part", "three"], "is not K/N"),
+        (["--part", "1/7"], "which has 6 points; allowed: 1/6 to 6/6, or fewer parts"),
+        (["--part", "1/3", "--jobs", "2"], "--jobs = 2 is for a study in one process"),
+        (["--gather", "--part", "1/3"], "--part has no meaning beside --gather; remove one of them"),
+        (["--gather", "--resume"], "--resume has no meaning beside --gather"),
+        (["--gather"], "holds no points of a study; name the folder that --out named"),
+    ],
+)
+def test_options_that_mean_nothing_are_refused_before_a_folder_is_made(options, message, tmp_path, runs):
+    answer = CliRunner().invoke(app, ["sweep", str(study_of(tmp_path)), "--out", str(tmp_path / "out"), *options])
+    assert answer.exit_code == 2 and message in " ".join(answer.stderr.split()), answer.stderr
+    assert not (tmp_path / "out").exists() and not runs.asked
+
+
+def test_a_part_needs_a_common_folder_and_each_point_once(tmp_path, runs):
+    answer = CliRunner().invoke(app, ["sweep", str(study_of(tmp_path)), "--part", "1/3"])
+    assert answer.exit_code == 2 and "name it with --out" in answer.stderr
+    with pytest.raises(ValueError, match="leave jobs and executor out"):
+        sweep(study_of(tmp_path), out=tmp_path / "out", part=(1, 3), jobs=2)
+    with pytest.raises(SceneError, match=r"listed twice: at contact\.friction = 0\.1"):
+        sweep(study_of(tmp_path, {FRICTION: [0.1, 0.2, 0.1]}), out=tmp_path / "out", part=(1, 3))
+    sweep(study_of(tmp_path), out=tmp_path / "out", part=(1, 3))
+    with pytest.raises(OutputError, match=r"holds point-000, point-003, none of them a point of"):
+        gather(study_of(tmp_path, {FRICTION: [0.7]}), tmp_path / "out")
+
+
+def test_a_lease_of_a_process_of_this_machine_ends_with_it(tmp_path):
+    program = f"import os; from pathlib import Path; from emclutch.results.lease import leased\n\
+with leased(Path({str(tmp_path)!r}) / 'a', 'a'):\n    os._exit(9)"
+    subprocess.run([sys.executable, "-c", program], cwd=ROOT, check=False)
+    assert lease_holder(tmp_path / "a") is not None
+    with leased(tmp_path / "a", "a"):
+        assert [path.name for path in tmp_path.iterdir()] == ["a.2.lease"]
+        with pytest.raises(FolderInUse, match="a is in use by process"), leased(tmp_path / "a", "a"):
+            pass
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_lease_of_another_machine_holds_while_it_is_renewed(tmp_path, monkeypatch):
+    """Whether it is, is seen by watching it; no clocks are compared."""
+    monkeypatch.setattr(lease, "EXPIRE_SECONDS", 0.2)
+    monkeypatch.setattr(lease, "LOOK_SECONDS", 0.01)
+    other = tmp_path / "a.3.lease"
+    other.write_text('{"pid": 7, "host": "node7"}')
+    os.utime(other, (1e9, 1e9))  # its clock is wrong by years
+    stop = threading.Event()
+
+    def renew():
+        while not stop.wait(0.02):
+            os.utime(other)
+
+    renewing = threading.Thread(target=renew)
+    renewing.start()
+    try:
+        with pytest.raises(FolderInUse, match="in use by process 7 on node7"), leased(tmp_path / "a", "a"):
+            pass
+    finally:
+        stop.set()
+        renewing.join()
+    with leased(tmp_path / "a", "a"):
+        assert [path.name for path in tmp_path.iterdir()] == ["a.4.lease"]
+
+
+def test_of_several_who_take_an_expired_lease_one_gets_it(tmp_path, monkeypatch):
+    monkeypatch.setattr(lease, "EXPIRE_SECONDS", 0.05)
+    monkeypatch.setattr(lease, "LOOK_SECONDS", 0.01)
+    (tmp_path / "a.1.lease").write_text('{"pid": 7, "host": "node7"}')
+    start, end, got = threading.Barrier(8), threading.Event(), []
+
+    def take():
+        start.wait()
+        try:
+            with leased(tmp_path / "a", "a"):
+                got.append(True)
+                end.wait(20.0)
+        except FolderInUse:
+            got.append(False)
+
+    takers = [threading.Thread(target=take) for _ in range(8)]
+    for taker in takers:
+        taker.start()
+    while len(got) < 8 and any(taker.is_alive() for taker in takers):
+        end.wait(0.01)
+    end.set()
+    for taker in takers:
+        taker.join()
+    assert sorted(got) == [False] * 7 + [True]
