@@ -94,8 +94,8 @@ def folders_of_points(
         paths_of.setdefault(text, []).append(path)
     for place, text in enumerate(texts):
         if found[place] is None and paths_of.get(text):
-            found[place] = paths_of[text].pop()
-            there.pop(found[place])
+            found[place] = path = paths_of[text].pop()
+            there.pop(path)
     is_done = [path is not None and RunFolder(path).summary.is_file() for path in found]
     open_places = [place for place, path in enumerate(found) if path is None]
     if part is not None:  # what may belong to others is not read
@@ -108,10 +108,9 @@ def folders_of_points(
             if found[place] is not None:
                 continue
             mine = (p for p in scenes if part is None or _number(p) % total == numbers[place])
-            path = next((p for p in mine if _is_of(scenes[p], scene, exactly, fixed)), None)
-            if path is not None:
-                _refuse_earlier_end(path, scenes.pop(path), scene)
-                found[place], is_done[place] = path, _is_done(path, scene, fixed)
+            if (match := next((p for p in mine if _is_of(scenes[p], scene, exactly, fixed)), None)) is not None:
+                _refuse_earlier_end(match, scenes.pop(match), scene)
+                found[place], is_done[place] = match, _is_done(match, scene, fixed)
     return [
         PointFolder(_free_path(folder, number, total) if path is None else path, done)
         for number, path, done in zip(numbers, found, is_done, strict=True)
