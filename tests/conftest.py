@@ -18,7 +18,7 @@ import pytest
 from geometry.kernels.cache import specialisations
 
 # Specialisations that the whole run may use, of all kernels and of the two that take longest to compile
-MOST = {"": 116, "particles.dem.step_kernel.run_steps": 23, "particles.dvi.step_kernel.run_steps": 5}
+MOST = {"": 117, "particles.dem.step_kernel.run_steps": 23, "particles.dvi.step_kernel.run_steps": 5}
 found: set[str] = set()  # in the process that prints: those of all workers
 
 

@@ -110,16 +110,19 @@ def number_or_text(text: str) -> str | float:
 
 
 def read_list(text: str, quantity: Quantity, option: str) -> list[float]:
-    """Return numbers in SI of a list ``18 kA/m, 80 kA/m``, or of a range ``first : last : how many``.
+    """Return numbers in SI of a list ``18 kA/m, 80 kA/m``, in which ranges ``first : last : how many`` may stand.
 
     Raises
     ------
     SceneError
         With every entry that cannot be read.
     """
+    parts = text.split(",")
+    if len(parts) > 1 and ":" in text:
+        return [value for part in parts for value in read_list(part, quantity, option)]
     entries, colon, count = text.rpartition(":")
     if not colon:
-        return _read_all(text.split(","), quantity, option)
+        return _read_all(parts, quantity, option)
     ends = entries.split(":")
     if len(ends) != 2 or not count.strip().isdigit() or int(count) < 2:
         message = f"is not a list or a range; write '{quantity.example}, ...' or first : last : how many"

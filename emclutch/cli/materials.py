@@ -10,6 +10,7 @@ import numpy as np
 
 from emclutch.scene.errors import Fault, SceneError
 from field import TableLaw
+from field.laws.coercivity import coercivity
 from field.laws.conductivity import Conductivity, conductivity
 from field.laws.materials import (
     canonical_name,
@@ -49,6 +50,8 @@ class Characteristics:
     conductivity : float or None
         Electrical [S/m], at 20 degrees C; None where it is not known (a table of the user).
     conductivity_is_rough : bool
+    coercivity : float or None
+        [A/m], an order of magnitude; None where it is not known.
     also : tuple of str
         Other names of the same material.
     warning : str
@@ -62,6 +65,7 @@ class Characteristics:
     J_s: float
     conductivity: float | None
     conductivity_is_rough: bool
+    coercivity: float | None
     also: tuple[str, ...]
     source: str
     warning: str = ""
@@ -83,6 +87,7 @@ def characteristics(law: Law) -> Characteristics:
         max(0.0, float(_SATURATED_B - MU_0 * saturated)) if slope[-1] * MU_0 > 0.999 else float("inf"),
         None if conducts is None else conducts.sigma,
         conducts is not None and conducts.rough,
+        None if name is None else coercivity(name).H_c,
         also,
         law.source,
         law.warning if isinstance(law, TableLaw) else "",
@@ -138,7 +143,8 @@ def materials_page(names: list[str] | None) -> None:
     for one in chosen:
         also = f" (also {', '.join(one.also)})" if one.also else ""
         sigma_source = "" if one.conductivity is None else f" Conductivity: {conductivity(one.name).source}."
-        lines.append(f"{one.name}{also}: {one.source}.{sigma_source}")
+        H_c_source = f" Coercivity: {one.coercivity:g} A/m, {coercivity(one.name).source}." if one.coercivity else ""
+        lines.append(f"{one.name}{also}: {one.source}.{sigma_source}{H_c_source}")
         if one.warning:
             lines.append(f"warning: {one.name}: {one.warning}")
     if not names:

@@ -85,7 +85,9 @@ Out = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="new fold
 Currents = Annotated[
     str | None,
     typer.Option(
-        "--current", metavar="I", help="'0.5 A', a list '0 A, 1 A', or first : last : how many; default: the largest"
+        "--current",
+        metavar="I",
+        help="'0.5 A', a list '0 A, 1 A', with ranges first : last : how many in it; default: the largest",
     ),
 ]
 Lines = Annotated[

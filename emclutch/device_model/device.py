@@ -34,6 +34,7 @@ from geometry.walls import Wall
 
 if TYPE_CHECKING:
     from emclutch.device_model.device_3d import CoilDevice3D
+    from field.section.steel_history import SteelHistory
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +57,8 @@ class CoilDevice(Excitation):
         What drives the coil; None: its current is prescribed.
     conductivity : dict of str to float or None
         Of the regions [S/m], where eddy currents are simulated.
+    history : SteelHistory or None
+        Of the demagnetised steel; None: no hysteresis.
     """
 
     shape: WoundShape
@@ -67,6 +70,7 @@ class CoilDevice(Excitation):
     adapted: AdaptiveResult | None = None
     supply: Supply | None = None
     conductivity: dict[str, float] | None = None
+    history: SteelHistory | None = None
 
     def solve_at_peak(self, fill: np.ndarray | None) -> MagneticField:
         """The field at the largest current for a fill (n powder elements,) [-]."""
@@ -282,6 +286,7 @@ def build_coil_device(scene: Scene) -> CoilDevice:
         adapted,
         supply=supply,
         conductivity=conductivities(scene, mesh),
+        history=None if scene.effects.memory is None else scene.effects.memory.history(scene, problem),
     )
 
 

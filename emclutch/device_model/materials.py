@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from emclutch.scene.model import Scene
 from field import GrainLaw, ThesisLaw, material
+from field.laws.coercivity import coercivity
 from field.laws.conductivity import conductivity
 from geometry import Mesh3D, SectionMesh
 
@@ -41,6 +42,14 @@ def conductivity_of(scene: Scene, name: str) -> float:
     """A material's conductivity [S/m]: the scene's own under this name (none: 0), or a built-in one."""
     own = scene.materials.get(name)
     return conductivity(name).sigma if own is None else own.conductivity or 0.0
+
+
+def coercivity_of(scene: Scene, name: str) -> float:
+    """A material's coercivity [A/m]: that of the effect's table, the scene's own (none: 0), or a built-in one."""
+    own, given = scene.materials.get(name), scene.effects.memory.coercivity
+    if name in given:
+        return given[name]
+    return coercivity(name).H_c if own is None else own.coercivity or 0.0
 
 
 def magnetic_law(scene: Scene, name: str):

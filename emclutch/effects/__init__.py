@@ -19,6 +19,7 @@ from emclutch.effects.effect import EffectSection
 from emclutch.effects.effects_section import BaseEffectsSection
 from emclutch.effects.fluid_drag import FluidDragSection
 from emclutch.effects.gravity import GravitySection
+from emclutch.effects.hysteresis import HysteresisSection
 from emclutch.effects.magnetic_force import MagneticForceSection
 from emclutch.effects.rolling_friction import RollingFrictionSection
 from emclutch.effects.saturation import SaturationSection
@@ -30,6 +31,7 @@ EFFECTS: tuple[type[EffectSection], ...] = (  # in this order they act and are l
     MagneticForceSection,
     DipolesSection,
     SaturationSection,
+    HysteresisSection,
     WallImagesSection,
     BackReactionSection,
     CoilCircuitSection,

@@ -57,7 +57,7 @@ class EffectSection(Section):
         The key in the scene, and what it is in a few words.
     role : str
         What generic code finds it by, where it must: `attraction`, `feedback`, `images`, `weight`, `rolling`,
-        `circuit`, `eddy`, `drag`.
+        `circuit`, `eddy`, `drag`, `memory`.
     CHECKS : tuple of (check, sections)
         Checks between sections, and the sections that must be valid for each (`emclutch.scene.consistency`).
     USUAL : dict of str to UsualRange
@@ -72,6 +72,8 @@ class EffectSection(Section):
         Whether the grains' law saturates.
     acts_on_field : bool
         Whether it needs the field of a coil, and effects that feel that field.
+    of_the_field_alone : bool
+        Whether a scene without [particles] may have it.
     not_in_3d : str
         Why it cannot be computed in a 3D field; empty where it can.
     window_solves : float
@@ -96,6 +98,7 @@ class EffectSection(Section):
     holds_forces: ClassVar[bool] = False
     saturates: ClassVar[bool] = False
     acts_on_field: ClassVar[bool] = False
+    of_the_field_alone: ClassVar[bool] = False
     not_in_3d: ClassVar[str] = ""
     window_solves: ClassVar[float] = 0.0
     neighbour_ns: ClassVar[float] = 0.0

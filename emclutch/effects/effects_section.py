@@ -72,6 +72,11 @@ class BaseEffectsSection(Section):
         return self._in_role("eddy")
 
     @property
+    def memory(self) -> Any:
+        """The effect by which the steel remembers earlier fields, with its `coercivity` [A/m]; None without."""
+        return self._in_role("memory")
+
+    @property
     def magnetise(self) -> bool:
         """True if an effect acts on magnetised grains."""
         return any(one.needs_moments for one in self.present)

@@ -48,8 +48,9 @@ def _field_alone(draft: Draft) -> Iterator[Fault]:
         if scene.time is None and "time" not in draft.broken:
             yield Fault("time", "", "is missing; add the section [time]")
         return
-    if scene.effects.active or "effects" in draft.broken:
-        names = ", ".join(f"[effects.{name}]" for name in scene.effects.active)
+    of_grains = [one.name for one in scene.effects.present if not one.of_the_field_alone]
+    if of_grains or "effects" in draft.broken:
+        names = ", ".join(f"[effects.{name}]" for name in of_grains)
         yield Fault(
             "particles",
             "",

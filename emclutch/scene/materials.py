@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 from pydantic import BeforeValidator, Field, ValidationInfo, model_validator
 
 from emclutch.scene.section import Section, refuse
-from emclutch.scene.units import CurveFieldStrength, Density, FluxDensity, Magnetisation, Quantity, number
+from emclutch.scene.units import Coercivity, CurveFieldStrength, Density, FluxDensity, Magnetisation, Quantity, number
 
 if TYPE_CHECKING:
     from field import Law, TableLaw
@@ -26,6 +26,7 @@ class _OwnMaterial(Section):
 
     density: Density | None = None
     conductivity: _Conductivity | None = Field(default=None, description="electrical, at 20 degrees C; default: none")
+    coercivity: Coercivity | None = Field(default=None, description="for [effects.hysteresis]; default: none")
 
     @abstractmethod
     def magnetic_law(self, name: str) -> Law:

@@ -259,6 +259,7 @@ Resistance = Annotated[float, _positive("a resistance", "ohm", "25.5 ohm", maxim
 FieldStrength = Annotated[float, Quantity("a field strength", "A/m", "100 kA/m", -1e8, 1e8)]
 Magnetisation = Annotated[float, _positive("a magnetisation", "A/m", "1.3 MA/m", maximum=1e8)]
 FluxDensity = Annotated[float, Quantity("a flux density", "T", "1.5 T", 0.0, 100.0)]
+Coercivity = Annotated[float, Quantity("a coercivity", "A/m", "150 A/m", 0.0, 1e5)]
 CurveFieldStrength = Annotated[float, Quantity("a field strength", "A/m", "1 kA/m", 0.0, 1e9)]
 Stiffness = Annotated[float, _positive("a stiffness", "N/m", "10 kN/m", maximum=1e12)]
 HertzStiffness = Annotated[float, _positive("a Hertz stiffness", "N/m^1.5", "1e9 N/m^1.5", maximum=1e18)]

@@ -51,6 +51,7 @@ UNITS = {
     "incremental_inductance": "H",
     "energy": "J",
     "coenergy": "J",
+    "hysteresis_loss": "J",
     **{f"axial_force_{body}": "N" for body in MOVABLE},
     "copper_loss": "W",
     "newton_steps": "-",
@@ -83,6 +84,7 @@ IN_TERMINAL = (
         "current": "I",
         "energy": "energy",
         "coenergy": "co-energy",
+        "hysteresis_loss": "heat",
         **{f"axial_force_{body}": f"F_z {body}" for body in MOVABLE},
     },
 )
@@ -102,7 +104,8 @@ def field_study(
     case : Case
         A clutch (or a section from CAD) with a coil, with grains or without.
     currents : sequence of float or None
-        [A]; None: the largest current of the scene.
+        [A]; None: the largest current of the scene. With [effects.hysteresis] their order is that of time, from
+        demagnetised steel on.
     lines : sequence of (r0, z0, r1, z1)
         Straight lines [m] along which B and H are written, at the last current; of a field in 3D also
         (x0, y0, z0, x1, y1, z1).
@@ -156,7 +159,8 @@ def field_study(
     solution: MagneticField | None = None
     failure: ConvergenceError | None = None
     began = perf_counter()
-    fields = sweep_currents(coil.problem, coil.turns * np.asarray(currents), fill, tolerance=coil.newton_tolerance)
+    ampere_turns = coil.turns * np.asarray(currents)
+    fields = sweep_currents(coil.problem, ampere_turns, fill, tolerance=coil.newton_tolerance, history=coil.history)
     for number, current in enumerate(currents):
         try:
             solution = next(fields)
@@ -254,12 +258,15 @@ def _row(
         "apparent_inductance": apparent_inductance(solution, coil.turns),
         "incremental_inductance": incremental_inductance(solution, coil.turns),
         "energy": solution.energy,
-        "coenergy": solution.coenergy,
         "copper_loss": _resistance(case, coil) * current**2,
         "newton_steps": len(solution.newton) - 1,
         "residual": solution.newton[-1][0],
         "seconds": seconds,
     }
+    if solution.history is None:
+        row["coenergy"] = solution.coenergy
+    else:
+        row["hysteresis_loss"] = solution.hysteresis_loss
     forces = {body: stress_force(solution, regions) for body, regions in movable_bodies(coil, solution)}
     row |= {f"axial_force_{body}": force for body, force in forces.items() if force is not None}
     if coil.has_poles:
@@ -300,6 +307,9 @@ def _details(case: Case, coil: CoilDevice, solution: MagneticField, phi: float |
     }
     if coil.adapted is not None:
         details["mesh"] = coil.adapted.summary()
+    if solution.history is not None:
+        details["error_estimate"] = "none: the field of the next order would have another history"
+        return details
     if solution.ampere_turns == 0.0:
         return details
     if phi is not None and moments_are_fed_back(case.scene):

@@ -6,7 +6,7 @@ with nu = H(|B|)/|B| of each region's law, |B| = |grad psi|/r, psi = 0 on the ax
 (a flux wall: take the air box about three times as large as the device), or the air outside stands in the
 system exactly (`open_boundary`; the box may then be as small as the device).  The powder's reluctivity depends
 on its fill, phi per element, and stands with its tangent in the same Newton iteration as the steel's.
-Neglected: eddy currents, hysteresis, displacement current.
+Steel may have a history (`steel_history`). Neglected: eddy currents, displacement current.
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ from field.section.powder_state import Powder, PowderState
 from field.section.section_elements import SectionElements
 from field.section.section_energy import SectionEnergy
 from field.section.sparse_pattern import FixedPattern
+from field.section.steel_history import SteelHistory
 from geometry.section import SectionMesh
 
 if TYPE_CHECKING:
@@ -176,6 +177,7 @@ class AxisymmetricProblem:
         max_iterations: int = 100,
         boundary_field: float = 0.0,
         factorised: bool = False,
+        history: SteelHistory | None = None,
     ) -> MagneticField:
         """The field of a coil current and a powder fill.
 
@@ -195,6 +197,8 @@ class AxisymmetricProblem:
             there without the device, otherwise imposed on `outer`, psi = B r^2/2 there.
         factorised : bool
             Whether the last factorisation, `factorise_tangent`'s say, was of a tangent near that at the guess.
+        history : SteelHistory or None
+            Of the steel up to this step: the `later_history` of the field before; None: no hysteresis.
 
         Raises
         ------
@@ -215,14 +219,23 @@ class AxisymmetricProblem:
             )
         boundary = np.zeros(self.n_dofs)
         boundary[self._fixed] = 0.5 * boundary_field * self.elements.dof_points[self._fixed, 0] ** 2
-        if ampere_turns == 0.0 and boundary_field == 0.0 and (powder is None or powder.source is None):
-            return MagneticField(self, boundary, 0.0, powder, [(0.0, 0.0)])
+        remanent = 0.0
+        if history is not None:
+            still = np.zeros((len(self.mesh.triangles), 2, self.elements.n_quadrature))
+            remanent = norm(self.elements.divergence(history.step(self.elements, still).flow)[self._free])
+        if (
+            ampere_turns == 0.0
+            and boundary_field == 0.0
+            and (powder is None or powder.source is None)
+            and remanent == 0.0
+        ):
+            return MagneticField(self, boundary, 0.0, powder, [(0.0, 0.0)], history=history)
 
         source = ampere_turns * self.coil_load
         if self.exterior is not None:
             source[self.exterior.dofs] += boundary_field * self.exterior.uniform_load
-        energy = SectionEnergy(self, powder, source, boundary)
-        scale = norm(energy.source[self._free])
+        energy = SectionEnergy(self, powder, source, boundary, history)
+        scale = norm(energy.source[self._free]) + remanent
         if boundary_field != 0.0 and self.exterior is None:
             scale += norm(energy.gradient(np.zeros(self._free.size)))
         if guess is None:
@@ -236,7 +249,7 @@ class AxisymmetricProblem:
             if not np.all(np.isfinite(psi)):
                 raise ValueError("`guess` holds a value that is not a finite number; start from another field, or None")
             start, first = psi[self._free], None
-        x, history = minimise(
+        x, newton = minimise(
             energy,
             start,
             scale,
@@ -246,15 +259,16 @@ class AxisymmetricProblem:
             first_matrix=first,
             factorised=factorised,
         )
-        return MagneticField(self, energy.whole(x), float(ampere_turns), powder, history, float(boundary_field))
+        return MagneticField(
+            self, energy.whole(x), float(ampere_turns), powder, newton, float(boundary_field), history=history
+        )
 
     def factorise_tangent(self, solution: MagneticField) -> SymmetricSolver:
         """The solver of the free unknowns, holding the tangent at a solution."""
         boundary = np.zeros(self.n_dofs)
         boundary[self._fixed] = solution.psi[self._fixed]
-        energy = SectionEnergy(
-            self, solution.powder, boundary, boundary
-        )  # whatever the source, the tangent is the same
+        # whatever the source, the tangent is the same
+        energy = SectionEnergy(self, solution.powder, boundary, boundary, solution.history)
         x = solution.psi[self._free]
         energy.gradient(x)
         self._solver.factorise(energy.hessian(x))

@@ -12,6 +12,7 @@ import numpy as np
 
 from field.section.axisymmetric import AxisymmetricProblem
 from field.section.magnetic_field import MagneticField
+from field.section.steel_history import SteelHistory
 
 
 def predict(ampere_turns: float, earlier: Sequence[MagneticField]) -> np.ndarray | None:
@@ -38,6 +39,7 @@ def sweep_currents(
     fill: np.ndarray | None = None,
     *,
     tolerance: float = 1e-8,
+    history: SteelHistory | None = None,
 ) -> Iterator[MagneticField]:
     """Solve for one current after the other, up, down or through zero.
 
@@ -50,6 +52,8 @@ def sweep_currents(
         Solid fraction of the powder.
     tolerance : float
         Residual relative to the drive, of every point.
+    history : SteelHistory or None
+        Of the steel before the first point; each point begins with that of the one before. None: no hysteresis.
 
     Raises
     ------
@@ -58,6 +62,8 @@ def sweep_currents(
     """
     earlier: list[MagneticField] = []
     for value in ampere_turns:
-        field = problem.solve(float(value), fill, guess=predict(float(value), earlier), tolerance=tolerance)
+        guess = predict(float(value), earlier)
+        field = problem.solve(float(value), fill, guess=guess, tolerance=tolerance, history=history)
+        history = field.later_history
         yield field
         earlier = [*earlier[-1:], field]

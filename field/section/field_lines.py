@@ -89,7 +89,10 @@ def field_along(solution: MagneticField, points: np.ndarray) -> FieldAlongLine:
         here = region == name
         nu[here] = _reluctivity(problem.law_of(str(name)), size[here], fill_of_element[element[here]])
     distance = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))))
-    return FieldAlongLine(points, distance, B, nu[:, None] * B, _psi_at(solution, element, points), region)
+    H = nu[:, None] * B
+    if (added := solution.history_field_strength()) is not None:
+        H += added[element]
+    return FieldAlongLine(points, distance, B, H, _psi_at(solution, element, points), region)
 
 
 def straight_line(start: Sequence[float], end: Sequence[float], count: int = 201) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,6 +15,7 @@ from field.section.powder_state import Powder, powder_state
 if TYPE_CHECKING:
     from field.sampling.sampler import RecoveredSampler
     from field.section.axisymmetric import AxisymmetricProblem
+    from field.section.steel_history import SteelHistory
 
 
 class MagneticField:
@@ -33,6 +35,8 @@ class MagneticField:
         History of the iteration, the start first.
     boundary_field : float
         Uniform axial flux density of sources far away that it was solved with [T].
+    history : SteelHistory or None
+        What the steel remembered when the step began that led here; None: no hysteresis.
     """
 
     def __init__(
@@ -43,6 +47,7 @@ class MagneticField:
         fill: Powder,
         newton: list[tuple[float, float]],
         boundary_field: float = 0.0,
+        history: SteelHistory | None = None,
     ) -> None:
         self.problem = problem
         self.psi = psi
@@ -50,6 +55,29 @@ class MagneticField:
         self.powder = powder_state(fill)
         self.newton = newton
         self.boundary_field = boundary_field
+        self.history = history
+
+    @cached_property
+    def later_history(self) -> SteelHistory | None:
+        """What the steel remembers after this field: what the next solve begins with."""
+        if self.history is None:
+            return None
+        return self.history.later(self.problem.elements, self.problem.elements.gradient(self.psi))
+
+    @property
+    def hysteresis_loss(self) -> float:
+        """Heat of hysteresis in the step that led here [J], >= 0."""
+        if self.history is None or self.later_history is None:
+            return 0.0
+        return 2.0 * np.pi * self.history.loss(self.problem.elements, self.later_history)
+
+    def history_field_strength(self) -> np.ndarray | None:
+        """What the steel's history adds to H, mean over each element, r and z, (n_elements, 2) [A/m]; None: none."""
+        if self.history is None:
+            return None
+        elements = self.problem.elements
+        flow = self.history.step(elements, elements.gradient(self.psi)).flow.mean(axis=2)
+        return np.column_stack((-flow[:, 1], flow[:, 0]))
 
     @property
     def fill(self) -> np.ndarray | None:
@@ -76,13 +104,21 @@ class MagneticField:
 
     @property
     def energy(self) -> float:
-        """Stored energy, integral of w(B) over the volume [J]."""
+        """Stored energy, integral of w(B) over the volume [J]; of steel with hysteresis the reversible part."""
         inside = self._volume_integral(self.problem.energy_density(self._B_at_quadrature(), self.powder))
+        if self.history is not None:
+            elements = self.problem.elements
+            inside += 2.0 * np.pi * self.history.stored(elements, elements.gradient(self.psi))
         return inside + self._exterior_energy()
 
     @property
     def coenergy(self) -> float:
-        """Co-energy, integral of H B - w over the volume [J]; equals the energy when all is linear."""
+        """Co-energy, integral of H B - w over the volume [J]; equals the energy when all is linear.
+
+        Raises ValueError with hysteresis, where it is no function of the field.
+        """
+        if self.history is not None:
+            raise ValueError("steel with hysteresis has no co-energy: it depends on the way to the field; use `energy`")
         B = self._B_at_quadrature()
         H, _ = self.problem.H_of_B(B, self.powder)
         inside = self._volume_integral(H * B - self.problem.energy_density(B, self.powder))
@@ -157,7 +193,7 @@ class MagneticField:
         return self.problem.elements.flux_density_at(self.psi, element, corner).reshape(-1, 3, 2)
 
     def relative_permeability(self) -> np.ndarray:
-        """mu_r = B/(mu_0 H) at the centroid of every element, shape (n_elements,) [-]."""
+        """mu_r = B/(mu_0 H) at the centroid of every element, shape (n_elements,) [-]; of steel that of its curve."""
         B = np.linalg.norm(self.flux_density(), axis=1)[:, None]
         H, slope = self.problem.H_of_B(B, self.powder)
         here = B > 0.0

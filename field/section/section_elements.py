@@ -205,6 +205,21 @@ class SectionElements:
         _field_tangent(gradient, B, nu, slope, self.radius, self.weight, self.inverse, self._products, packed)
         return packed
 
+    def packed_tangent(self, elements: np.ndarray, D: np.ndarray) -> np.ndarray:
+        """Lower triangles of the matrices of integral D (grad u) . (grad v)/r dr dz of some elements (m,).
+
+        D (m, n_quadrature, 3): xx, xy, yy of a symmetric matrix [m/H]. Packed as in `field_tangent`.
+        """
+        J = self.inverse[elements][:, None]
+        xx, xy, yy = np.moveaxis(D * (self.weight[elements] / self.radius[elements])[:, :, None], 2, 0)
+        (a, b), (c, d) = (J[..., 0, 0], J[..., 0, 1]), (J[..., 1, 0], J[..., 1, 1])
+        on_reference = (
+            a * a * xx + 2.0 * a * c * xy + c * c * yy,
+            a * b * xx + (a * d + b * c) * xy + c * d * yy,
+            b * b * xx + 2.0 * b * d * xy + d * d * yy,
+        )
+        return sum(part @ self._products[:, i] for i, part in enumerate(on_reference))
+
 
 @njit(cache=True, error_model="numpy", nogil=True, fastmath={"contract"})
 def _flux(psi, element_dofs, inverse, slope, radius, gradient, B):

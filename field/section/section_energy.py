@@ -9,6 +9,7 @@ import scipy.sparse as sp
 
 from field.newton import scalar_product
 from field.section.powder_state import PowderState
+from field.section.steel_history import HistoryStep, SteelHistory
 
 if TYPE_CHECKING:
     from field.section.axisymmetric import AxisymmetricProblem
@@ -20,13 +21,21 @@ _START_B = 1.0
 class SectionEnergy:
     """W(psi) = integral of r w(|grad psi|/r) - r M . B - J psi over the section, of the free unknowns.
 
-    M is the powder's source, the part of its magnetisation that is no function of B.
+    M is the powder's source, the part of its magnetisation that is no function of B. Where steel has a history, w is
+    the work of the step from it, whose derivative H is as well.
     """
 
     def __init__(
-        self, problem: AxisymmetricProblem, powder: PowderState | None, source: np.ndarray, boundary: np.ndarray
+        self,
+        problem: AxisymmetricProblem,
+        powder: PowderState | None,
+        source: np.ndarray,
+        boundary: np.ndarray,
+        history: SteelHistory | None = None,
     ) -> None:
         self._problem = problem
+        self._history = history
+        self._step: HistoryStep | None = None
         self._elements = problem.elements
         self._powder = powder
         self._boundary = boundary
@@ -46,12 +55,16 @@ class SectionEnergy:
         # the line search asks for value and gradient at the same point
         if self._point is None or self._point[0] is not x:
             self._point = (x, *self._elements.flux(self.whole(x)))
+            if self._history is not None:
+                self._step = self._history.step(self._elements, self._point[1])
         return self._point[1:]
 
     def value(self, x: np.ndarray) -> tuple[float, float]:
         _, B = self._flux(x)
         w = self._problem.energy_density(B, self._powder)
         stored = float((w * self._elements.radius * self._elements.weight).sum())
+        if self._step is not None:
+            stored += self._step.work
         if self._problem.exterior is not None:
             stored += self._problem.exterior.energy(self.whole(x))
         work = scalar_product(self.source, self.whole(x))
@@ -64,6 +77,8 @@ class SectionEnergy:
         nu = np.where(here, H / np.where(here, B, 1.0), slope)
         self._law = (nu, slope)
         internal = self._elements.field_force(gradient, nu)
+        if self._step is not None:
+            internal += self._elements.divergence(self._step.flow)
         if (exterior := self._problem.exterior) is not None:
             internal[exterior.dofs] += exterior.force(self.whole(x))
         return (internal - self.source)[self._problem._free]
@@ -71,18 +86,24 @@ class SectionEnergy:
     def hessian(self, x: np.ndarray) -> sp.csc_matrix:
         assert self._law is not None, "gradient(x) comes first"
         gradient, B = self._flux(x)
-        return self._matrix(gradient, B, *self._law)
+        return self._matrix(gradient, B, *self._law, self._step)
 
     def cautious_hessian(self, x: np.ndarray) -> sp.csc_matrix:
         """The tangent with dH/dB of at least half the chord H/B: steel with a long toe (DC01) else takes cut steps."""
         assert self._law is not None, "gradient(x) comes first"
         nu, slope = self._law
-        return self._matrix(*self._flux(x), nu, np.maximum(slope, 0.5 * nu))
+        return self._matrix(*self._flux(x), nu, np.maximum(slope, 0.5 * nu), self._step)
 
-    def _matrix(self, gradient: np.ndarray, B: np.ndarray, nu: np.ndarray, slope: np.ndarray) -> sp.csc_matrix:
+    def _matrix(
+        self, gradient: np.ndarray, B: np.ndarray, nu: np.ndarray, slope: np.ndarray, step: HistoryStep | None = None
+    ) -> sp.csc_matrix:
         exterior = self._problem.exterior
         dense = None if exterior is None else exterior.matrix
-        return self._problem._pattern.assemble(self._elements.field_tangent(gradient, B, nu, slope), dense)
+        packed = self._elements.field_tangent(gradient, B, nu, slope)
+        if step is not None:
+            for steel, tangent in step.tangents:
+                packed[steel] += self._elements.packed_tangent(steel, tangent)
+        return self._problem._pattern.assemble(packed, dense)
 
     def chord_matrix(self) -> sp.csc_matrix:
         """The matrix with nu = H/B of each material at a typical flux density."""

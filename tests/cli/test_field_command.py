@@ -212,4 +212,5 @@ def test_currents_and_lines_are_read():
     assert read_list("0.5 A", current, "--current") == [0.5]
     assert read_list("500 mA, 1 A", current, "--current") == [0.5, 1.0]
     assert np.allclose(read_list("-1 A : 1 A : 5", current, "--current"), [-1.0, -0.5, 0.0, 0.5, 1.0])
+    assert np.allclose(read_list("0 A : 1 A : 3, 0.5 A, 0 A", current, "--current"), [0.0, 0.5, 1.0, 0.5, 0.0])
     assert read_line("44 mm, 0 mm, 0.046, -1 mm") == (0.044, 0.0, 0.046, -0.001)

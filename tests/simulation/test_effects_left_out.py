@@ -26,7 +26,7 @@ CELL = {
     "effects": {"dipoles": {"model": "near_field"}, "saturation": {}},
     "time": {"end": "1 ms"},
 }
-OF_A_COIL = {"back_reaction", "coil_circuit", "eddy_currents"}
+OF_A_COIL = {"back_reaction", "coil_circuit", "eddy_currents", "hysteresis"}
 
 
 def numbers(**values):

@@ -81,6 +81,8 @@ def _field_strength(solution: MagneticField, B: np.ndarray) -> np.ndarray:
     strength = nu[:, :, None] * B
     if solution.powder is not None and solution.powder.source is not None:
         strength[solution.problem.powder_elements] -= solution.powder.source.mean(axis=2)[:, None]
+    if (added := solution.history_field_strength()) is not None:
+        strength += added[:, None]
     return strength
 
 
