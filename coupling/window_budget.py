@@ -21,7 +21,7 @@ from moments and drops held between their evaluations, and from the field that c
 
 from __future__ import annotations
 
-from time import perf_counter
+from time import perf_counter, process_time
 
 from coupling.sheared_means import ShearedMeans
 from coupling.window_row import BodyRow, EnergyRow, SolverRow, WallClock, WindowRow
@@ -34,7 +34,7 @@ class WindowBudget:
 
     def __init__(self, simulation):
         self._simulation = simulation
-        self._begin = perf_counter()
+        self._begin, self._processor = perf_counter(), process_time()
         self._part: tuple[str, float, float] | None = None
         self._seconds = dict.fromkeys(("field", "magnetic", "contact"), 0.0)
         self._recorded: dict[str, float] = {}  # of the field, summed over sub-cycles
@@ -126,6 +126,7 @@ class WindowBudget:
                 magnetic=self._seconds["magnetic"] if simulation.holds_forces else None,
                 contact=self._seconds["contact"],
                 total=perf_counter() - self._begin,
+                processor=process_time() - self._processor,
             ),
         )
         if self._sheared is not None:

@@ -116,12 +116,16 @@ class SolverRow:
 
 @dataclass(slots=True)
 class WallClock:
-    """Seconds that a window took, less compiling in its parts; None where there is no such part."""
+    """Seconds that a window took, less compiling in its parts; None where there is no such part.
+
+    `processor` is the processor time of all threads: less than `total` where other programs take the cores.
+    """
 
     field: float | None
     magnetic: float | None
     contact: float
     total: float
+    processor: float
 
 
 @dataclass(slots=True, kw_only=True)

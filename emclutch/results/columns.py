@@ -124,13 +124,14 @@ WALL_FIELD = Column("wall_field", "s", "wall-clock time for the field")
 WALL_MAGNETIC = Column("wall_magnetic", "s", "wall-clock time for moments and held forces")
 WALL_CONTACT = Column("wall_contact", "s", "wall-clock time for contacts and motion")
 WALL_TOTAL = Column("wall_total", "s", "wall-clock time of the window")
+PROCESSOR_TIME = Column("processor_time", "s", "processor time of the window, of all threads")
 
 COLUMNS: dict[str, Column] = {
     column: column
     for column in (
         *_OF_EVERY_RUN,
         *(column for effect in EFFECTS for column in effect.columns),
-        *(WALL_FIELD, WALL_MAGNETIC, WALL_CONTACT, WALL_TOTAL),
+        *(WALL_FIELD, WALL_MAGNETIC, WALL_CONTACT, WALL_TOTAL, PROCESSOR_TIME),
     )
 }
 """All columns by name, in the order of the file."""
@@ -177,7 +178,7 @@ def columns_of(row: WindowRow) -> dict[str, float | None]:
     values |= {N_CONTACTS: row.n_contacts, MAX_OVERLAP: row.max_overlap, MAX_SPEED: row.max_speed}
     values |= {REBUILDS: row.rebuilds, STEPS: row.steps}
     seconds = row.seconds
-    values |= {WALL_CONTACT: seconds.contact, WALL_TOTAL: seconds.total}
+    values |= {WALL_CONTACT: seconds.contact, WALL_TOTAL: seconds.total, PROCESSOR_TIME: seconds.processor}
     values |= _present({FIELD_SOLVES: row.field_solves, WALL_FIELD: seconds.field, WALL_MAGNETIC: seconds.magnetic})
     for part in (*row.parts, *([] if row.solver is None else [row.solver])):
         values |= {each.name: getattr(part, each.name) for each in fields(part)}

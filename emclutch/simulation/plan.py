@@ -131,7 +131,8 @@ def make_plan(case: Case, device: Device | None = None, threads: int | None = No
     layers = max(fall_speed(scene, device), layer_speed(scene, device, speed))
     division = coupling_windows(scene, contact.step.dt, speed, layers, held=scene.effects.hold_forces)
     rhythm = division.steps_per_update, division.updates, division.count
-    cost = predict(scene, device, division.dt, rhythm, threads or _threads_of_a_replica(scene))
+    threads = threads or _threads_of_a_replica(scene)
+    cost = predict(scene, device, division.dt, rhythm, threads, contact.normal_stiffness)
     return device, Plan(scene, scaled, device.fill.count, sector, contact, division, field, M_max, cost)
 
 

@@ -21,6 +21,7 @@ from emclutch.results.columns import (
     INERTIAL_NUMBER,
     MAX_OVERLAP,
     MISSED_STEPS,
+    PROCESSOR_TIME,
     ROTOR_SPEED,
     SHEAR_STRESS,
     SOLVER_RESIDUAL,
@@ -47,7 +48,6 @@ from emclutch.simulation.discretisation_error import discretisation_error
 from emclutch.simulation.observables import Observables
 from emclutch.simulation.planned_run import PlannedRun
 from emclutch.simulation.structure import structure_summary
-from emclutch.simulation.threads import threads_in_use
 from emclutch.simulation.torque_trigger import how_it_ended
 from particles.diagnostics.inertial_number import FRICTION, MAGNETIC, MEASURED
 
@@ -133,7 +133,7 @@ def summarise(
         summary["accuracy_target"] = {"asked": asked, "reached": is_known and found["total_error"] <= asked * ROUNDING}
     measured = {"field": WALL_FIELD, "magnetic": WALL_MAGNETIC, "contact": WALL_CONTACT, "total": WALL_TOTAL}
     summary["seconds"] = {part: float(history[name].sum()) for part, name in measured.items() if name in history}
-    processor = processor_seconds((history, *others), threads_in_use())
+    processor = processor_seconds((history, *others))
     summary["seconds"] |= {**seconds, "processor": processor, "predicted": plan.cost.seconds}
     known = Estimate.from_dict(summary["stress"]) if "stress" in summary else torque
     summary["figure_of_merit"] = None if known is None else known.figure_of_merit(processor)
@@ -141,12 +141,12 @@ def summarise(
     folder.write_summary(summary)
 
 
-def processor_seconds(histories, threads: int) -> float:
-    """Return the processor time of all windows of some packings [s], each on `threads` threads.
+def processor_seconds(histories) -> float:
+    """Return the processor time of all windows of some packings [s].
 
     Mesh, packing and pictures are not in it; kernels that the first window had to compile are.
     """
-    return threads * sum(float(each[WALL_TOTAL].sum()) for each in histories if WALL_TOTAL in each)
+    return sum(float(each[PROCESSOR_TIME].sum()) for each in histories if PROCESSOR_TIME in each)
 
 
 def inertial_number_summary(observables, simulation, history, wall_load: dict[str, Any]) -> dict[str, Any]:

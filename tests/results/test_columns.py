@@ -23,7 +23,7 @@ def row(**changed):
         time=1e-3, bodies={"disc": BodyRow(2.0, 0.1, 0.02, 0.3), "housing": BodyRow(0.0, 0.0, 0.0, 0.0)},
         field_torque={}, other_torque={}, angular_momentum=0.0, torque_residual=0.0, energy=None, held_is_magnetic=True,
         field_solves=None, n_contacts=3, max_overlap=0.01, max_speed=1.0, solver=None, rebuilds=1, steps=10,
-        seconds=WallClock(None, None, 0.5, 0.6),
+        seconds=WallClock(None, None, 0.5, 0.6, 0.9),
     )  # fmt: skip
     return WindowRow(**given | changed)
 

@@ -83,6 +83,29 @@ def test_what_is_on_costs_something(values, part):
     assert off.seconds["magnetic"] == 0.0
 
 
+BY_DVI = MAGNETIC | {"contact.method": "dvi"}
+
+
+def test_sweeps_by_dvi_grow_with_the_step():
+    """In proportion to the step over the contact time, which goes with k^(-1/2); within 1 and the scene's limit."""
+    scene = case_from(CELL, BY_DVI).scene
+    at_all = cost_module.CHAINED_STEP_NS
+    once = cost_module.step_ns(scene, 1e-6, 1e5) - at_all
+    assert cost_module.step_ns(scene, 2e-6, 1e5) - at_all == pytest.approx(2.0 * once)
+    assert cost_module.step_ns(scene, 1e-6, 4e5) - at_all == pytest.approx(2.0 * once)
+    few = case_from(CELL, BY_DVI | {"contact.dvi.max_sweeps": 30}).scene
+    assert cost_module.expected_sweeps(few, 1.0, 1e5) == 30.0
+    assert cost_module.expected_sweeps(scene, 1e-9, 1e5) == 1.0
+    assert cost_module.expected_sweeps(scene, 1e-6, None) == cost_module.RIGID_SWEEPS
+
+
+def test_a_plan_by_dvi_has_the_sweeps_of_its_springs():
+    soft, stiff = (cost(BY_DVI | {"contact.stiffness": k}) for k in ("50 kN/m", "200 kN/m"))
+    rest = 1e-9 * soft.grains * soft.steps * cost_module.CHAINED_STEP_NS
+    assert stiff.steps == soft.steps
+    assert stiff.seconds["contact"] - rest == pytest.approx(2.0 * (soft.seconds["contact"] - rest))
+
+
 def test_a_machine_twice_as_slow_takes_twice_as_long(monkeypatch):
     once = cost(MAGNETIC).seconds["total"]
     monkeypatch.setattr(cost_module, "slowness", lambda: 2.0)

@@ -39,7 +39,7 @@ CELL = {
     "accuracy": {"replicas": 3},
     "output": {"snapshots": 0, "pictures": False, "formats": []},
 }
-CLOCKS = ["wall_field", "wall_magnetic", "wall_contact", "wall_total"]
+CLOCKS = ["wall_field", "wall_magnetic", "wall_contact", "wall_total", "processor_time"]
 
 
 def rows(path):

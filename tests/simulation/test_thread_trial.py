@@ -19,7 +19,7 @@ class Machine:
     def windows(self, count: int) -> None:
         for _ in range(count):
             seconds = self.seconds[self.trial.threads]
-            self.trial(None, SimpleNamespace(seconds=WallClock(None, 0.3 * seconds, 0.7 * seconds, seconds)))
+            self.trial(None, SimpleNamespace(seconds=WallClock(None, 0.3 * seconds, 0.7 * seconds, seconds, seconds)))
 
 
 @pytest.mark.parametrize(("seconds", "chosen"), [({1: 1.0, 2: 0.6}, 2), ({1: 1.0, 2: 1.8}, 1), ({1: 1.0, 2: 0.99}, 1)])

@@ -12,7 +12,7 @@ it: compiling kernels, once for each kind of scene, settling, and other programs
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import sqrt
+from math import pi, sqrt
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -30,7 +30,11 @@ if TYPE_CHECKING:
 
 # Processor time on the reference machine, one core of an AMD EPYC (tests/benchmarks/predicted_cost.py)
 STEP_NS = 80.0  # a grain and step by DEM, with its contacts
-RIGID_STEP_NS, CHAINED_STEP_NS = 700.0, 8000.0  # by DVI; where grains attract one another, some 50 sweeps a step
+RIGID_STEP_NS = 700.0  # the same by DVI
+# by DVI where grains attract one another, and of it a sweep. Sweeps pass a push on as sound does: on springs their
+# number is in proportion to the step (9.7, 20.7 and 23.5 at 0.50, 0.93 and 1.0 contact times, quickstart)
+CHAINED_STEP_NS, CHAINED_SWEEP_NS = 2200.0, 72.0
+SWEEPS_PER_CONTACT, RIGID_SWEEPS = 22.0, 50.0  # in a contact time pi sqrt(m_eff/k); in a step without springs
 UPDATE_S, SAMPLE_NS = 5e-4, 600.0  # an update of the magnetic forces, and the field at a grain in it
 SOLVE_S = {"cholmod": 4.5e-6, "superlu": 2.2e-5}  # an unknown of the field in the section, and solve
 SOLID_SOLVE_S = 1e-4  # an unknown of the field in 3D, and solve
@@ -102,10 +106,13 @@ class Cost:
         return with_warnings(text, shortage(self.replicas * self.memory), long if seconds["total"] > 86400.0 else "")
 
 
-def predict(scene: Scene, device: Device, dt: float, rhythm: tuple[int, int, int], threads: int) -> Cost:
+def predict(
+    scene: Scene, device: Device, dt: float, rhythm: tuple[int, int, int], threads: int, stiffness: float | None = None
+) -> Cost:
     """Estimate the cost of a planned run on `threads` threads of this machine.
 
-    `dt` is the grains' step [s]; `rhythm` are steps an update, updates a window and windows.
+    `dt` is the grains' step [s]; `rhythm` are steps an update, updates a window and windows; `stiffness` that of
+    contacts between grains [N/m], None of rigid ones.
     """
     per_update, updates, windows = rhythm
     grains, steps = device.fill.count, per_update * updates * windows
@@ -120,7 +127,7 @@ def predict(scene: Scene, device: Device, dt: float, rhythm: tuple[int, int, int
     loop = {
         "field": slow * solves * (solve_seconds(device) + update),
         "magnetic": slow * on * updates * windows * update / gain,
-        "contact": slow * steps * 1e-9 * grains * step_ns(scene) / gain,
+        "contact": slow * steps * 1e-9 * grains * step_ns(scene, dt, stiffness) / gain,
     }
     output, replicas = scene.output, replicas_side_by_side(count, threads)
     frames = output.snapshots * (FRAME_S + FRAME_GRAIN_S * grains) if output.formats else 0.0
@@ -132,12 +139,23 @@ def predict(scene: Scene, device: Device, dt: float, rhythm: tuple[int, int, int
     return Cost(loop, once, steps * dt, *room, steps, grains, threads, replicas, -(-count // replicas))
 
 
-def step_ns(scene: Scene) -> float:
-    """Processor time of a grain and step [ns]."""
+def step_ns(scene: Scene, dt: float, stiffness: float | None) -> float:
+    """Processor time of a grain and step `dt` [s] [ns]; see `predict`."""
     effects = scene.effects
     if scene.contact.method == "dvi":
-        return RIGID_STEP_NS if effects.attraction is None else CHAINED_STEP_NS
+        if effects.attraction is None:
+            return RIGID_STEP_NS
+        return CHAINED_STEP_NS + CHAINED_SWEEP_NS * expected_sweeps(scene, dt, stiffness)
     return STEP_NS + sum(one.step_ns() for one in effects.present)
+
+
+def expected_sweeps(scene: Scene, dt: float, stiffness: float | None) -> float:
+    """Sweeps that a step by DVI takes in a packing of grains that attract one another."""
+    sweeps = RIGID_SWEEPS
+    if stiffness is not None:
+        mass = scene.grains.density * pi / 6.0 * scene.grains.smallest_diameter**3
+        sweeps = SWEEPS_PER_CONTACT * dt / (pi * sqrt(0.5 * mass / stiffness))
+    return float(min(max(sweeps, 1.0), scene.contact.dvi.max_sweeps))
 
 
 def update_ns(scene: Scene, device: Device) -> float:
