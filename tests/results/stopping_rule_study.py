@@ -83,20 +83,24 @@ class Run:
 
 
 def ended(
-    torque_of: Callable[[int, float], tuple], rule: StoppingRule, settled: float
+    torque_of: Callable[[int, float], tuple], rule: StoppingRule, settled: float, exclude_drift: bool = True
 ) -> tuple[Estimate, bool, int, float]:
     """Estimate, whether known, packings and length [s] of a run by the rule; `torque_of` a number up to a time."""
+    start = None if exclude_drift else settled
     now = rule.first()
     while True:
         signals = [torque_of(number, now.length) for number in range(now.count)]
-        found = replicated_mean(signals, settled=settled, wanted=rule.target.half_width)
+        found = replicated_mean(
+            signals, settled=settled, average_from=start, exclude_drift=exclude_drift, wanted=rule.target.half_width
+        )
         following = rule.after(found, now)
         if isinstance(following, Stop):
             return found, following.reached, now.count, now.length
         now = following
 
 
-def run_of(signal: Signal, target: float, seed: int, known_start_up: float = 0.0, max_count: int = 64) -> Run:
+def run_of(signal: Signal, target: float, seed: int, known_start_up: float = 0.0, max_count: int = 64, *,
+           exclude_drift: bool = True) -> Run:  # fmt: skip
     """One run of a synthetic signal."""
     time, width = (np.arange(WINDOWS) + 1.0) / WINDOWS, np.full(WINDOWS, 1.0 / WINDOWS)
     packing = cache(lambda number: signal.packing(seed, number))
@@ -106,7 +110,7 @@ def run_of(signal: Signal, target: float, seed: int, known_start_up: float = 0.0
         return time[:n], packing(number)[:n], width[:n]
 
     rule = StoppingRule(TorqueTarget(target), lengths(1.0, known_start_up), max_count)
-    found, known, count, length = ended(torque_of, rule, known_start_up)
+    found, known, count, length = ended(torque_of, rule, known_start_up, exclude_drift)
     half = found.half_width() or 0.0
     mean, middle = found.mean or 0.0, 0.5 * ((found.start or 0.0) + (found.end or 0.0))
     right = abs(mean - 1.0 - signal.creep * middle) <= half

@@ -54,6 +54,14 @@ def test_packings_that_differ_are_asked_for_and_a_known_start_up_ends_runs_early
     assert early.known == 1.0 and early.length < 0.5
 
 
+def test_where_a_start_up_was_measured_before_a_drift_need_not_be_excluded():
+    """With one that must be, such runs take 16 packings; of 400 without, 95.4 % are right."""
+    runs = [run_of(Signal(correlation=20.0), 0.02, seed, 0.3, exclude_drift=False) for seed in range(40)]
+    found = summary_of(runs)
+    assert found.known > 0.9 and found.replicas < 9.0
+    assert found.known_and_wrong * 40 <= 5  # more in 3 of 100 such tests
+
+
 def test_recorded_packings_of_the_quickstart():
     """60 seeds, judged against packings of three times the length."""
     runs = [recorded(FRESH, seed, 0.1, REFERENCE) for seed in sorted({seed for seed, _ in FRESH.torques})]
