@@ -146,6 +146,7 @@ OfEffects = Annotated[
     bool, typer.Option("--effects", help="what each effect adds to torque and cost, in place of the settings' errors")
 ]
 DryRun = Annotated[bool, typer.Option("--dry-run", help="stop after the plan; nothing is written")]
+DryRunOfStudy = Annotated[bool, typer.Option("--dry-run", help="list the points and stop; nothing is written")]
 TrustScripts = Annotated[
     bool,
     typer.Option(

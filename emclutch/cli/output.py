@@ -99,6 +99,18 @@ def print_study(study: StudySection, jobs: int, as_json: bool) -> None:
     Console().print(found.in_words(), highlight=False, markup=False)
 
 
+def print_points(study: StudySection, part: tuple[int, int] | None) -> None:
+    """Print the points of a study as lines of CSV, counted from 1 as parts count them; of a part its own."""
+    import csv  # local, as above
+    import sys
+
+    points = study.points()
+    writer = csv.writer(sys.stdout, lineterminator="\n")
+    writer.writerow(["point", *study.values])
+    for number in range(len(points)) if part is None else study.numbers_of(part):
+        writer.writerow([number + 1, *points[number].values()])
+
+
 def print_design(found: DesignResult, as_json: bool) -> None:
     """Print the value that a search has found, and the run with it."""
     from emclutch.studies.design_search import (  # local: it needs the packages of the physics

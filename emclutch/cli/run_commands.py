@@ -21,7 +21,15 @@ from emclutch.cli.input import (
     search,
     study_to_check,
 )
-from emclutch.cli.output import print_design, print_json, print_plan, print_study, stress_line, torque_line
+from emclutch.cli.output import (
+    print_design,
+    print_json,
+    print_plan,
+    print_points,
+    print_study,
+    stress_line,
+    torque_line,
+)
 from emclutch.scene.errors import Fault, SceneError
 
 
@@ -87,6 +95,7 @@ def sweep(
     jobs: opt.Jobs = 1,
     part: opt.PartAsked = None,
     gather: opt.GatherAsked = False,
+    dry_run: opt.DryRunOfStudy = False,
     threads: opt.Threads = None,
     trust_scripts: opt.TrustScripts = False,
     force: opt.Force = False,
@@ -98,7 +107,7 @@ def sweep(
         check_threads(threads)
         if gather:
             given = {"--part": part is not None, "--jobs": jobs != 1, "--resume": resume, "--force": force,
-                     "--threads": threads is not None}  # fmt: skip
+                     "--threads": threads is not None, "--dry-run": dry_run}  # fmt: skip
             refuse_beside("--gather", given)
             _gather(study, out, trust_scripts)
             return
@@ -107,6 +116,9 @@ def sweep(
             raise SceneError([Fault("--resume", "", message)], "command line")
         which = part_asked(part, out, jobs)
         read = read_study(study, trust_scripts=trust_scripts, part=which)
+        if dry_run:
+            print_points(read, which)
+            return
         from emclutch.results.study_table import StudyTable
         from emclutch.studies.forecast import predict_study
         from emclutch.studies.points import points_in

@@ -1,11 +1,10 @@
-"""A study: one case with many values. The points are every combination of the listed values.
+"""A study: one case with many values. The points are every combination of the values, or a sample of their ranges.
 
 An entry ``"none"`` takes its key out of the scene, for ``effects.NAME`` also ``"off"``, as in ``emclutch run --set``.
 """
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -17,6 +16,7 @@ from emclutch.scene.case import Case, case_from, load_case, read_toml, removes
 from emclutch.scene.errors import Fault, SceneError, shown
 from emclutch.scene.fault_report import faults_from, key_fault
 from emclutch.scene.model import NO_GRAINS, Scene
+from emclutch.scene.sampling import SampleSection, combinations, is_range, read_ranges
 from emclutch.scene.section import Section
 
 MAX_POINTS = 10_000
@@ -29,7 +29,7 @@ def flat_keys(given: Any, prefix: str = "") -> Any:
         return given
     flat: dict[str, Any] = {}
     for key, value in given.items():
-        if isinstance(value, dict) and value:
+        if isinstance(value, dict) and value and not is_range(value):
             flat.update(flat_keys(value, f"{prefix}{key}."))
         else:
             flat[f"{prefix}{key}"] = value
@@ -37,12 +37,13 @@ def flat_keys(given: Any, prefix: str = "") -> Any:
 
 
 class StudySection(Section):
-    """[study]: one scene with many values; every combination of the listed ones is a run."""
+    """[study]: one scene with many values; every combination of them is a run, unless they are sampled."""
 
     case: str = Field(min_length=1, description="scene file, relative to the study's folder")
     title: str = Field(default="", description="a line of text")
     values: Annotated[dict[str, Any], BeforeValidator(flat_keys)] = Field(
-        description='dotted key = list of its values; every combination is a point; "none" removes the key'
+        description='dotted key = list of its values ("none" removes the key), or a range of them: { from, to, count, '
+        'spacing = "log", whole = true }; without count it is sampled, the last two may be left out'
     )
     set: Annotated[dict[str, Any], BeforeValidator(flat_keys)] = Field(
         default={}, description='dotted key = value, for every point; "none" removes the key'
@@ -50,6 +51,7 @@ class StudySection(Section):
     warm_start: str | None = Field(
         default=None, description="one of the values: along it each point begins with the grains of the one before"
     )
+    sample: SampleSection | None = None
     _path: Path = PrivateAttr(default=Path("study.toml"))
     _trust_scripts: bool = PrivateAttr(default=False)
 
@@ -64,9 +66,8 @@ class StudySection(Section):
         return self._path.parent / self.case
 
     def points(self) -> list[dict[str, Any]]:
-        """Every combination of the values, the last key running fastest."""
-        combinations = itertools.product(*self.values.values())
-        return [dict(zip(self.values, point, strict=True)) for point in combinations]
+        """Every combination of the values, the last key running fastest; where they are sampled, the sample."""
+        return combinations(self.values) if self.sample is None else self.sample.points(self.values)
 
     def predecessors(self) -> list[int | None]:
         """The number of the point whose grains each point begins with, None where it packs its own."""
@@ -177,13 +178,19 @@ def read_study(
         )
     study, faults = _read(data)
     if study is not None:
+        is_unknown = any(fault.key.startswith("study.sample") for fault in faults)
+        values, sample, wrong = read_ranges(study.values, study.sample, is_unknown)
+        study, faults = study.model_copy(update={"values": values, "sample": sample}), faults + wrong
         study._path, study._trust_scripts = path, trust_scripts
         faults += [*_key_faults(study), *_warm_start_faults(study)]
-        number = math.prod(len(values) for values in study.values.values() if isinstance(values, list))
+        lists = {key: entries for key, entries in study.values.items() if _is_list(entries)}
+        number = math.prod(map(len, lists.values())) if wrong or sample is None else sample.size(lists)
         if number > MAX_POINTS:
             message = f"makes {number:.4g} points; allowed: at most {MAX_POINTS}; take fewer values, or more studies"
             faults.append(Fault("study.values", "", message))
         elif study.case is not None:
+            if wrong:  # the right values are checked each with each: the sample is unknown
+                study = study.model_copy(update={"sample": None})
             faults += _faults_of_points(study, None if part is None or faults else study.numbers_of(part))
     if study is None or faults:
         raise SceneError(faults, str(path))
@@ -215,7 +222,7 @@ def _key_faults(study: StudySection) -> list[Fault]:
     ] + [
         Fault(f"study.values.{key}", shown(values), "is not a list of values; write it in brackets, e.g. [1, 2]")
         for key, values in study.values.items()
-        if not _is_list(values)
+        if not _is_list(values) and not is_range(values)
     ]
 
 
@@ -228,6 +235,8 @@ def _warm_start_faults(study: StudySection) -> list[Fault]:
     key = study.warm_start
     if key is None:
         return []
+    if study.sample is not None:
+        return [Fault("study.warm_start", shown(key), "goes along listed values; remove it, or study.sample")]
     several = [one for one, values in study.values.items() if _is_list(values) and len(values) > 1]
     allowed = [one for one in several if one.startswith(("coil.", "motion."))]
     if key not in allowed:
@@ -255,7 +264,8 @@ def _faults_of_points(study: StudySection, numbers: Sequence[int] | None) -> lis
         return [Fault("study.case", shown(study.case), " ".join(map(str, error.faults)))]
     right = {key: values for key, values in study.values.items() if _is_list(values) and not key_fault(key, Scene)}
     fixed = {key: value for key, value in study.set.items() if not key_fault(key, Scene)}
-    valid = study.model_copy(update={"values": right, "set": fixed})
+    sample = study.sample if len(right) == len(study.values) else None
+    valid = study.model_copy(update={"values": right, "set": fixed, "sample": sample})
     faults: dict[Fault, str] = {}
     points = valid.points()
     for point in [None, *(points if numbers is None else (points[number] for number in numbers))]:
