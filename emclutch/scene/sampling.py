@@ -11,17 +11,18 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field, PrivateAttr
 
 from emclutch.scene.errors import Fault, shown
-from emclutch.scene.section import Section, Whole
+from emclutch.scene.section import Choice, Section, Whole
 
 PACKINGS = "scene.seed"
 """Its values are packings of every point, of whatever design."""
 MOST = 10_000  # samples, and values of a range
+METHODS = ("latin_hypercube", "sobol", "one_at_a_time")
 _RANGE = ("from", "to", "count", "spacing", "whole")
 _EXAMPLE = '{ from = "0.25 A", to = "1 A" }'
 _NUMBER_AND_UNIT = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
@@ -35,7 +36,7 @@ class SampleSection(Section):
     has no count and no seed. Values of `scene.seed` are packings of every point.
     """
 
-    method: Literal["latin_hypercube", "sobol", "one_at_a_time"] = Field(description="how the points are chosen")
+    method: Annotated[str, Choice(METHODS)] = Field(description="how the points are chosen")
     count: Annotated[int, Whole(1, MOST, "64")] | None = Field(
         default=None, description="points of the sample; of sobol a power of two"
     )
