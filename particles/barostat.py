@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 MOST = 1e-3
 """Largest |ln| of a change of the height at once: neighbours then come nearer by less than a grain's usual overlap."""
 
+SLOWER = 0.1
+"""The same over the shear strain since the last change, where that is more: of the long steps of rigid grains."""
+
 
 @dataclass(frozen=True, slots=True)
 class Barostat:
@@ -56,6 +59,8 @@ class Barostat:
         if totals.stress is None:
             raise ValueError("the grains are in no sheared box; a barostat needs one")
         excess = float(totals.stress.total[2, 2]) + held - self.pressure
-        factor = math.exp(min(max(totals.duration * excess / self.damping, -MOST), MOST))
+        rate = 0.0 if motion.box is None else abs(motion.box.rate)
+        most = max(MOST, SLOWER * rate * totals.duration)
+        factor = math.exp(min(max(totals.duration * excess / self.damping, -most), most))
         motion.stretch(factor)
         return factor

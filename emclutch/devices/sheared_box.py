@@ -99,6 +99,17 @@ def _one_amount(draft: Draft) -> Iterator[Fault]:
         )
 
 
+def _gives_way_under_pressure(draft: Draft) -> Iterator[Fault]:
+    """A box that is pressed together does work on its contacts, which perfectly rigid ones cannot take up."""
+    geometry, contact = draft.scene.geometry, draft.scene.contact
+    if contact.method == "dvi" and geometry.pressure is not None and not contact.dvi.springs:
+        yield draft.fault(
+            "contact.dvi.springs",
+            "= false does not go with geometry.pressure: the box follows the stress of contacts that give way; "
+            "take springs = true, or a given volume",
+        )
+
+
 def _nothing_but_powder(draft: Draft) -> Iterator[Fault]:
     """Weight would let grains fall for ever, a fluid at rest stop them, a surface would be met in every copy."""
     scene = draft.scene
@@ -175,6 +186,7 @@ class ShearedBoxGeometry(GeometrySection):
         (_packed_at_random, ("particles",)),
         (_one_amount, ("geometry", "particles")),
         (_wide_enough, ("geometry", "particles", "effects")),
+        (_gives_way_under_pressure, ("geometry", "contact")),
         (_nothing_but_powder, ("effects", "surfaces")),
         (_no_profiles, ("output",)),
         (_field_across, ("field",)),

@@ -88,6 +88,7 @@ def rigid_contacts(
     adhesion = 0.0 if cohesion is None else float((cohesion.table() @ (1.0, radius)).max())
     pulls = [one for one in (_magnetic_pull(scene, M_max), Pull(adhesion, adhesion * radius, "cohesion")) if one.force]
     strongest = max(pulls, key=lambda one: one.force / sqrt(one.work), default=Pull(0.0, 1.0, "nothing"))
+    barostat = scene.geometry.barostat(scene)
     step = choose_dvi_step(
         particles.density * pi / 6.0 * particles.smallest_diameter**3,
         radius,
@@ -95,6 +96,7 @@ def rigid_contacts(
         attraction=strongest.force,
         work=strongest.work,
         source=strongest.source,
+        pressure=0.0 if barostat is None else barostat.pressure,
         dt=scene.span.step if section.step is None else section.step,
         allow_long_step=section.allow_long_step,
     )

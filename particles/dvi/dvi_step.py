@@ -17,6 +17,11 @@ Nothing vibrates between rigid grains; what a step must resolve is the motion it
   Two dipoles have W = F d/3, h = 0.08 sqrt(m a/F); the pull of necks reaches less far. A pull-off force has no range,
   and is taken to act over a radius, h = 0.1 sqrt(m a/F). Two grains alone are meant: in chains F and W are up to
   twice as large, and v_h then is up to a seventh of v_e.
+* **pressure**: h <= 0.05 d sqrt(rho/P). In the time d sqrt(rho/P) an imposed pressure moves a free grain by about its
+  size (GDR MiDi, Eur. Phys. J. E 14 (2004) 341): so long grains rearrange that a flow has pushed together, and a step
+  that is no shorter lets their impacts fall into one. Two packings of 300 grains, friction 0.5, inertial number 0.03,
+  strain 3, had tau/P = 0.378 +- 0.007 by DEM; 0.370 +- 0.006 at 0.05 of that time, 0.401 +- 0.004 at 0.17, and
+  0.428 +- 0.006 at 0.5.
 
 These are rules of accuracy. The scheme itself is stable at any step, so that a longer one may be allowed.
 """
@@ -30,6 +35,7 @@ import numpy as np
 from particles.dem.time_step import TimeStep, smallest_grain
 
 TRAVEL = 0.1  # largest fraction of a diameter that a grain may move in one step
+PRESSURE = 0.05  # of the time d sqrt(rho/P)
 ATTRACTION = 0.1  # largest speed that an attraction adds in a step, over that which parts grains for good
 
 
@@ -41,6 +47,7 @@ def choose_dvi_step(
     attraction: float = 0.0,
     work: float | None = None,
     source: str = "an attraction",
+    pressure: float = 0.0,
     dt: float | None = None,
     allow_long_step: bool = False,
 ) -> TimeStep:
@@ -58,6 +65,8 @@ def choose_dvi_step(
         Of parting two grains that touch against it [J]; by default over a radius.
     source : str
         What attracts, for the reason.
+    pressure : float
+        Imposed on the grains [Pa]; 0: none is.
     dt : float, optional
         A step wished for [s].
     allow_long_step : bool
@@ -68,7 +77,9 @@ def choose_dvi_step(
     ValueError
         If a number is out of range, the wished step is too long, or nothing moves grains and none is wished for.
     """
-    lightest, smallest = smallest_grain(mass, radius, speed=(speed, "m/s"), attraction=(attraction, "N"))
+    lightest, smallest = smallest_grain(
+        mass, radius, speed=(speed, "m/s"), attraction=(attraction, "N"), pressure=(pressure, "Pa")
+    )
     if work is not None and not 0.0 < work < math.inf:
         raise ValueError(f"work against the attraction = {work:g} J; allowed: more than 0")
     limits = []
@@ -79,6 +90,10 @@ def choose_dvi_step(
         time = parting_time(lightest, attraction, attraction * range_)
         why = f"{attraction:.3g} N from {source}, over {range_ / smallest:.2g} radii, stop grains that part"
         limits.append((ATTRACTION * time, f"a tenth of the {time:.3g} s in which {why}"))
+    if pressure > 0.0:
+        time = math.sqrt(3.0 * lightest / (math.pi * smallest * pressure))
+        why = f"{pressure:.3g} Pa move a grain by its diameter"
+        limits.append((PRESSURE * time, f"a twentieth of the {time:.3g} s in which {why}"))
     if dt is None:
         if not limits:
             raise ValueError("nothing moves the grains, so no step follows; give contact.dvi.step, e.g. '1 ms'")

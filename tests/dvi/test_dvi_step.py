@@ -1,4 +1,4 @@
-"""The step of rigid grains: its two rules, and what happens to a longer one."""
+"""The step of rigid grains: its three rules, and what happens to a longer one."""
 
 import math
 
@@ -34,6 +34,14 @@ def test_attraction_is_resolved():
     assert "0.001 N from necks, over 0.04 radii, stop grains that part" in near.reason
     # the smallest grain of several, and a step within the rules as asked
     assert choose_dvi_step([1e-6, 2e-6], [1e-3, 2e-3], attraction=1e-3, dt=5e-5).dt == 5e-5
+
+
+def test_grains_are_given_time_to_rearrange_under_a_pressure():
+    """A twentieth of d sqrt(rho/P), of the smallest grain."""
+    d, rho, pressure = 1e-4, 7800.0, 500.0
+    step = choose_dvi_step(rho * math.pi / 6.0 * d**3, 0.5 * d, speed=1e-3, pressure=pressure)
+    assert step.dt == pytest.approx(0.05 * d * math.sqrt(rho / pressure))
+    assert "500 Pa move a grain by its diameter" in step.reason
 
 
 def test_a_step_adds_a_tenth_of_the_speed_that_parts_two_grains():
