@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 STEP_NS = 80.0  # a grain and step by DEM, with its contacts
 RIGID_STEP_NS = 700.0  # the same by DVI
 # by DVI where grains attract one another, and of it a sweep. Sweeps pass a push on as sound does: on springs their
-# number is in proportion to the step (9.7, 20.7 and 23.5 at 0.50, 0.93 and 1.0 contact times, quickstart)
+# number is about in proportion to the step (10, 23 and 52 at 0.5, 1 and 2 contact times, quickstart)
 CHAINED_STEP_NS, CHAINED_SWEEP_NS = 2200.0, 72.0
 SWEEPS_PER_CONTACT, RIGID_SWEEPS = 22.0, 50.0  # in a contact time pi sqrt(m_eff/k); in a step without springs
 UPDATE_S, SAMPLE_NS = 5e-4, 600.0  # an update of the magnetic forces, and the field at a grain in it
