@@ -61,9 +61,14 @@ def leased(path: Path, what: str) -> Iterator[None]:
 
 
 def lease_holder(path: Path) -> str | None:
-    """Return in words who holds the lease of a name, or held it when it was killed; None where there is none."""
+    """Return in words who holds the lease of a name; None where nobody does.
+
+    Of another machine it may be one that was killed: that is not waited for.
+    """
     numbers = _numbers(path)
-    return _in_words(_file(path, max(numbers))) if numbers else None
+    if not numbers or _lives(file := _file(path, max(numbers))) is False:
+        return None
+    return _in_words(file)
 
 
 def _take(path: Path, what: str) -> Path:
@@ -95,9 +100,9 @@ def _renew(held: Path, ended: threading.Event) -> None:
 
 def _has_ended(file: Path) -> bool:
     """True if the holder of a lease has ended; it is watched where its process cannot be seen from here."""
-    marks, own = _marks(file), _own_marks()
-    if marks and all(marks.get(name) == own[name] for name in ("host", "boot", "processes")):
-        return _began(marks.get("pid")) != marks.get("began")
+    lives = _lives(file)
+    if lives is not None:
+        return not lives
     before = _renewed(file)
     end = time.monotonic() + EXPIRE_SECONDS
     while before is not None and time.monotonic() < end:
@@ -107,6 +112,14 @@ def _has_ended(file: Path) -> bool:
             return False
         before = now
     return True
+
+
+def _lives(file: Path) -> bool | None:
+    """True if the holder of a lease is a process of this machine that runs, False if it has ended; None of others."""
+    marks, own = _marks(file), _own_marks()
+    if not marks or any(marks.get(name) != own[name] for name in ("host", "boot", "processes")):
+        return None
+    return _began(marks.get("pid")) == marks.get("began")
 
 
 def _renewed(file: Path) -> int | None:

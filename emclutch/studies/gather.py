@@ -34,7 +34,7 @@ class OpenPoint:
     folder : name of its folder, which may not exist.
     values : of the point.
     failure : why it has failed; empty where it has not.
-    holder : the process that runs it, or did when it was killed; empty where none does.
+    holder : the process that runs it, on another machine perhaps one that was killed; empty where none does.
     begun : whether it has a checkpoint to continue from.
     """
 

@@ -1,6 +1,7 @@
 """A study in parts is the same study: same folders, same tables, whoever runs which part, and in which order."""
 
 import os
+import platform
 import subprocess
 import sys
 import threading
@@ -208,8 +209,9 @@ def test_a_lease_of_a_process_of_this_machine_ends_with_it(tmp_path):
     program = f"import os; from pathlib import Path; from emclutch.results.lease import leased\n\
 with leased(Path({str(tmp_path)!r}) / 'a', 'a'):\n    os._exit(9)"
     subprocess.run([sys.executable, "-c", program], cwd=ROOT, check=False)
-    assert lease_holder(tmp_path / "a") is not None
+    assert [path.name for path in tmp_path.iterdir()] == ["a.1.lease"] and lease_holder(tmp_path / "a") is None
     with leased(tmp_path / "a", "a"):
+        assert lease_holder(tmp_path / "a") == f"process {os.getpid()} on {platform.node()}"
         assert [path.name for path in tmp_path.iterdir()] == ["a.2.lease"]
         with pytest.raises(FolderInUse, match="a is in use by process"), leased(tmp_path / "a", "a"):
             pass
