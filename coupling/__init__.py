@@ -18,6 +18,7 @@ from coupling.expected_load import (
     weight_load,
 )
 from coupling.grain_law_table import grain_table
+from coupling.hysteresis_coil_field import HysteresisCoilField
 from coupling.layered_field import LayeredField
 from coupling.magnetised_grains import MagnetisedGrains, moments
 from coupling.mutual_moments import MutualMoments
@@ -37,6 +38,7 @@ __all__ = [
     "EddyCoilField",
     "Effect",
     "FeedbackError",
+    "HysteresisCoilField",
     "ImposedField",
     "LayeredField",
     "MagneticForce",

@@ -100,8 +100,12 @@ class SolvedCoilField(ABC):
         self.powder_change = 0.0
         if self.feedback is not None and self.solution is not None:
             self.powder_change = self.feedback.residual.total
-            stale = stale or (current != 0.0 and self.powder_change > self.powder_tolerance)
+            stale = stale or (self.has_field(current) and self.powder_change > self.powder_tolerance)
         return stale
+
+    def has_field(self, current: float) -> bool:
+        """True if there may be a field at a current [A]: without hysteresis there is none at 0 A."""
+        return current != 0.0
 
     def set_solution(self, solution: MagneticField, current: float) -> None:
         """Take a solution (a fresh one, or the one of a checkpoint) as the present field."""
@@ -115,7 +119,7 @@ class SolvedCoilField(ABC):
         """State of the powder for the next solve."""
         if self.feedback is None:
             return None
-        return self.feedback.state(self.solution if current != 0.0 else None)
+        return self.feedback.state(self.solution if self.has_field(current) else None)
 
     def window_part(self, time: float) -> CoilRow:
         """Row of the coil for a window that ends at `time` [s]."""
@@ -179,12 +183,11 @@ class CoilField(SolvedCoilField):
         if not self.is_stale(current):
             return False
         begin = perf_counter()
-        guess = self.solution if self.solution is not None and self.solved_current != 0.0 else None
-        powder = self._powder(current)
-        self.set_solution(
-            self.problem.solve(self.turns * current, fill=powder, guess=guess, tolerance=self.newton_tolerance),
-            current,
-        )
+        guess = self.solution if self.solution is not None and self.has_field(self.solved_current) else None
+        self.set_solution(self._solved(current, self._powder(current), guess), current)
         self.solves += 1
         self.seconds += perf_counter() - begin
         return True
+
+    def _solved(self, current: float, powder: PowderState | None, guess: MagneticField | None) -> MagneticField:
+        return self.problem.solve(self.turns * current, fill=powder, guess=guess, tolerance=self.newton_tolerance)

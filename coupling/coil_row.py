@@ -19,6 +19,19 @@ class CoilRow:
 
 
 @dataclass(frozen=True, slots=True)
+class HysteresisRow(CoilRow):
+    """A coil in steel with hysteresis.
+
+    Attributes
+    ----------
+    hysteresis_loss : float
+        Heat of the steel in the field's step [J].
+    """
+
+    hysteresis_loss: float
+
+
+@dataclass(frozen=True, slots=True)
 class CircuitRow(CoilRow):
     """A coil behind a resistance; energies in the window [J].
 

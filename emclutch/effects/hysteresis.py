@@ -7,28 +7,34 @@ from typing import TYPE_CHECKING, ClassVar
 
 from pydantic import Field
 
+from emclutch.effects.column import Column
+from emclutch.effects.drive import need_of_a_coil
 from emclutch.effects.effect import EffectSection
-from emclutch.effects.left_out import ABSENT, LeftOut
+from emclutch.effects.left_out import OFF, LeftOut
 from emclutch.scene.draft import Draft
 from emclutch.scene.errors import Fault
 from emclutch.scene.units import Coercivity
 
 if TYPE_CHECKING:
+    from coupling import HysteresisCoilField, PowderFeedback
+    from emclutch.device_model.device import CoilDevice
     from emclutch.scene.model import Scene
     from field import AxisymmetricProblem
     from field.section.steel_history import SteelHistory
 
 
-def _of_the_field_alone(draft: Draft) -> Iterator[Fault]:
-    """A run does not carry the steel's history from window to window, and no grain is moved by a field that has one."""
-    if draft.scene.effects.memory is not None and not draft.is_of_the_field_alone:
-        yield Fault(
-            "effects.hysteresis",
-            "",
-            "is available for the field alone (`emclutch field`), without grains: a run does not carry the steel's "
-            "history, nor do [effects.coil_circuit] and [effects.eddy_currents]; remove [particles] with the tables of "
-            "all other effects, or the effect's table",
-        )
+def _needs_a_given_current(draft: Draft) -> Iterator[Fault]:
+    """The steel's history is kept in steps of a given current, in a field of a coil."""
+    effects = draft.scene.effects
+    yield from need_of_a_coil(draft, HysteresisSection)
+    for other in (effects.circuit, effects.eddy):
+        if effects.memory is not None and other is not None:
+            yield Fault(
+                "effects.hysteresis",
+                "",
+                f"does not go with [effects.{other.name}], whose steps do not carry the steel's history; remove one of "
+                "them",
+            )
 
 
 def _known_steels(draft: Draft) -> Iterator[Fault]:
@@ -56,16 +62,21 @@ def _known_steels(draft: Draft) -> Iterator[Fault]:
             yield draft.fault(key, str(error))
 
 
+HYSTERESIS_LOSS = Column("hysteresis_loss", "J", "heat of the steel's hysteresis, in the field's step")
+
+
 class HysteresisSection(EffectSection):
     """The steel has hysteresis: its field depends on the currents before."""
 
     name = "hysteresis"
     summary = "steel remembers earlier currents"
     role = "memory"
+    columns = (HYSTERESIS_LOSS,)
+    acts_on_field = True
     of_the_field_alone = True
     not_in_3d = "the history of the steel is kept in a section only"
     CHECKS: ClassVar = (
-        (_of_the_field_alone, ("effects",)),
+        (_needs_a_given_current, ("effects", "field", "coil", "geometry.kind")),
         (_known_steels, ("effects", "geometry.kind", "materials")),
     )
 
@@ -73,12 +84,27 @@ class HysteresisSection(EffectSection):
         default={}, description="coercivity by name of the material, where it is not that of the library"
     )
 
+    def source(self, coil: CoilDevice, feedback: PowderFeedback | None, powder_tolerance: float) -> HysteresisCoilField:
+        """Build the field of a coil with a given current in steel that remembers."""
+        from coupling import HysteresisCoilField  # local: the schema itself needs no fields
+
+        assert coil.history is not None
+        return HysteresisCoilField(
+            coil.problem,
+            coil.turns,
+            coil.currents,
+            newton_tolerance=coil.newton_tolerance,
+            powder_tolerance=powder_tolerance,
+            feedback=feedback,
+            history=coil.history,
+        )
+
     @classmethod
     def left_out(cls, at):
-        """Yield that a run has no residual field of the steel; its share follows from the field alone."""
+        """Yield that the steel leaves no residual field; how large it is follows from a ramp of the field alone."""
         if at.solved and at.M > 0.0:
-            yield LeftOut(cls.name, ABSENT, "residual field of the steel",
-                          note="`emclutch field` of the scene without grains has it")  # fmt: skip
+            note = "`emclutch field` of the scene without grains has it on a ramp"
+            yield LeftOut(cls.name, OFF, "residual field of the steel", note=note)
 
     def history(self, scene: Scene, problem: AxisymmetricProblem) -> SteelHistory | None:
         """Build the history of demagnetised steel; None where no material of the device has a coercivity."""

@@ -114,6 +114,8 @@ class CoilFieldSection(SourceSection):
             return eddy.source(coil, supply, feedback, tolerance)
         if supply is not None:
             return circuit.source(coil, supply, feedback, tolerance)
+        if coil.history is not None:
+            return scene.effects.memory.source(coil, feedback, tolerance)
         return CoilField(
             coil.problem,
             coil.turns,

@@ -244,7 +244,9 @@ class EnrichedSpace:
         return _free(self.richer)
 
     def solve(self, field: MagneticField, boundary_field: float) -> MagneticField:
-        """The next order's field, from one of the problem."""
+        """The next order's field, from one of the problem; ValueError with hysteresis, whose history it would lack."""
+        if field.history is not None:
+            raise ValueError("no error estimate with hysteresis: the field of the next order has another history")
         start = self.embedding @ field.psi
         source = field.ampere_turns * self.richer.coil_load
         exterior = self.richer.exterior
@@ -320,7 +322,7 @@ def next_order_field(field: MagneticField) -> MagneticField:
     Raises
     ------
     ValueError
-        Elements of the highest order.
+        Elements of the highest order, or steel with hysteresis: another space has another history.
     ConvergenceError
     """
     space = EnrichedSpace(field.problem)

@@ -178,10 +178,10 @@ class MagneticField:
         return float(np.linalg.norm(self.B_along(line), axis=1).mean())
 
     def estimated_errors(self) -> dict[str, float] | None:
-        """Relative errors of flux linkage and of the powder's field, `field.estimate_error`; None without current."""
+        """Relative errors by `field.estimate_error` of linkage and powder; None without current, or with hysteresis."""
         from field.section.error_estimate import FluxLinkage, MeanFluxDensity, estimate_error
 
-        if self.ampere_turns == 0.0:
+        if self.ampere_turns == 0.0 or self.history is not None:
             return None
         estimate = estimate_error(self, (FluxLinkage(), MeanFluxDensity("powder")))
         return {goal.goal: goal.relative for goal in estimate.goals}

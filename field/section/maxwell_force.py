@@ -265,6 +265,8 @@ def force_by_virtual_work(solution: MagneticField, weight: np.ndarray, displacem
     W* = N I lambda_turn - W: the co-energy, also where a field is imposed on the outer boundary. Both solves begin at
     the body's own place with the tangent factorised there.
     """
+    if solution.history is not None:
+        raise ValueError("no virtual work with hysteresis: it has no co-energy; the Maxwell stress gives the force")
     mesh = solution.problem.mesh
     if displacement is None:
         stretch = np.abs(np.einsum("ei,ei->e", weight[mesh.triangles], _corner_gradients(mesh)[:, :, 1])).max()

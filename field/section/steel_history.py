@@ -7,7 +7,7 @@ a solve begins with one, and its field tells the next (`MagneticField.later_hist
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -96,6 +96,11 @@ class SteelHistory:
                 position = pinning.demagnetised(elements.size, problem.elements.n_quadrature)
                 regions.append(PinnedRegion(pinning, elements, position))
         return cls(tuple(regions)) if regions else None
+
+    def at(self, positions: Sequence[np.ndarray]) -> SteelHistory:
+        """The same steels with the cells at other positions, `PinnedRegion.position` of each region."""
+        pairs = zip(self.regions, positions, strict=True)
+        return SteelHistory(tuple(PinnedRegion(one.pinning, one.elements, np.asarray(at)) for one, at in pairs))
 
     def later(self, elements: SectionElements, gradient: np.ndarray) -> SteelHistory:
         """The history after a step to grad psi (n_elements, 2, n_quadrature)."""

@@ -10,6 +10,7 @@ from field.coil.inductance import incremental_inductance
 from field.laws.pinning import Pinning
 from field.newton import minimise
 from field.section.current_sweep import sweep_currents
+from field.section.error_estimate import next_order_field
 from field.section.field_lines import field_along
 from field.section.section_energy import SectionEnergy
 from field.section.steel_history import SteelHistory
@@ -180,3 +181,6 @@ def test_what_history_forbids_is_explained(pot):
     *_, field = sweep_currents(pot, [500.0], history=steels(pot))
     with pytest.raises(ValueError, match="co-energy"):
         _ = field.coenergy
+    with pytest.raises(ValueError, match="another history"):
+        next_order_field(field)
+    assert field.estimated_errors() is None

@@ -54,8 +54,12 @@ def test_coercivities_are_of_the_library_the_scene_or_the_table():
 
 
 def test_what_does_not_carry_history_refuses_it():
-    with pytest.raises(SceneError, match=r"effects\.hysteresis.*emclutch field"):
-        load_case(CASES / "quickstart.toml", {"effects.hysteresis": {}})
+    assert load_case(CASES / "quickstart.toml", {"effects.hysteresis": {}}).scene.effects.memory is not None
+    with pytest.raises(SceneError, match=r"effects\.hysteresis.*does not go with \[effects\.eddy_currents\]"):
+        load_case(CASES / "quickstart.toml", {"effects.hysteresis": {}, "effects.eddy_currents": {}})
+    circuit = {"coil.current": None, "coil.voltage": "24 V", "effects.coil_circuit": {}}
+    with pytest.raises(SceneError, match=r"effects\.hysteresis.*does not go with \[effects\.coil_circuit\]"):
+        load_case(CASES / "quickstart.toml", {"effects.hysteresis": {}} | circuit)
     with pytest.raises(SceneError, match=r"effects\.hysteresis.*3D"):
         load_case(CASES / "slotted_disc.toml", {"effects.hysteresis": {}})
     with pytest.raises(SceneError, match="particles"):
