@@ -110,8 +110,9 @@ class StoppingRule:
         longer = [one for one in self.lengths if one > now.length * (1.0 + 1e-9)]
         more = [one for one in COUNTS if now.count < one <= self.max_count] if now.count > 1 else []
         wanted = 0.0 if torque.mean is None else self.target.half_width(torque.mean)
-        if creeps_for_certain(torque, wanted) or torque.standard_error is None:
-            more = []
+        creeps = creeps_for_certain(torque, wanted)
+        if torque.standard_error is None or (creeps and (longer or torque.exclude_drift)):
+            more = []  # after a start-up that is known, and in a run that can be no longer, a creep may be chance
         if torque.starts_up and now.count >= CONFIRMED:
             more = []
         if longer and (not more or self._time_is_cheaper(torque, now, longer, more, wanted)):

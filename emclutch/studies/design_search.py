@@ -10,7 +10,7 @@ The law holds within a stated factor f: T_wanted/f <= T(x) <= f T_wanted is the 
 The torque is known by running the scene that was found. That run over its expectation is a ratio, and x of
 T(x) = T_wanted/ratio is the next scene to try (`like`), with the run's 95 % interval as its bracket. It is the answer
 where the ratio is one of the device, and a step of a fixed-point iteration where it changes with x, as it does with the
-field (0.7 at 0.2 A, 1.9 at 0.94 A in docs/explanation/expected_torque.md).
+field (0.5 at 0.2 A, 1.3 at 0.94 A in docs/explanation/expected_torque.md).
 """
 
 from __future__ import annotations

@@ -3,6 +3,8 @@
 Long form (also start-up known, ladder of lengths, all cells): ``python tests/results/stopping_rule_study.py``.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from stopping_rule_study import FRESH, REFERENCE, Signal, recorded, run_of, summary_of
@@ -118,6 +120,8 @@ def test_what_more_packings_cannot_cure_is_not_tried_with_them():
     rule = StoppingRule(TorqueTarget(0.02), (1.0, 1.5), 24)
     creeping = estimate(10.0, 0.04, converged=False, drift=2.0, drift_error=0.1)
     assert rule.after(creeping, GoOn(4, 1.0)) == GoOn(4, 1.5) and rule.after(creeping, GoOn(4, 1.5)) == Stop(False)
+    by_chance = replace(creeping, exclude_drift=False)  # of a start-up that is known: no stop before all packings
+    assert rule.after(by_chance, GoOn(4, 1.5)) == GoOn(6, 1.5)
     fixed = StoppingRule(TorqueTarget(0.02), (1.0,), 4)
     assert fixed.after(estimate(10.0, 0.1), GoOn(4, 1.0)) == Stop(False)
     assert rule.first(4, reached=1.2) == GoOn(4, 1.5) and rule.first(2).count == 2
