@@ -103,7 +103,7 @@ class HysteresisSection(EffectSection):
     def left_out(cls, at):
         """Yield that the steel leaves no residual field; how large it is follows from a ramp of the field alone."""
         if at.solved and at.M > 0.0:
-            note = "`emclutch field` of the scene without grains has it on a ramp"
+            note = "`emclutch field` with [effects.hysteresis] shows it, for a ramp of the current"
             yield LeftOut(cls.name, OFF, "residual field of the steel", note=note)
 
     def history(self, scene: Scene, problem: AxisymmetricProblem) -> SteelHistory | None:

@@ -1,11 +1,11 @@
 """A lease on a name in a folder that several machines see, without file locks.
 
 File systems of clusters have `flock` for all machines (NFS 4, GPFS), for each machine alone (Lustre with
-``localflock``, NFS with ``nolock``), or not at all. What all of them have is that of several who make one file with
-``O_EXCL`` one succeeds. So a lease is a file ``NAME.1.lease`` that its holder makes, sets the time of every
-`RENEW_SECONDS`, and removes in the end. Who finds one takes the next number, if the holder has ended: on the same
-machine that is known at once (its process is there or not); of another machine the lease is watched, and has expired
-if its time does not change for `EXPIRE_SECONDS`. Two times of one file are compared, never a time with a clock.
+``localflock``, NFS with ``nolock``), or not at all. What all of them have (NFS from version 3 on) is that of several
+who make one file with ``O_EXCL`` one succeeds. So a lease is a file ``NAME.1.lease`` that its holder makes, sets the
+time of every `RENEW_SECONDS`, and removes in the end. Who finds one takes the next number, if the holder has ended: on
+the same machine that is known at once (its process is there or not); of another machine the lease is watched, and has
+expired if its time does not change for `EXPIRE_SECONDS`. Two times of one file are compared, never a time with a clock.
 
 Of several who take an expired lease at the same moment, one makes the next number; the others are refused. A process
 that is suspended for longer than `EXPIRE_SECONDS` loses its lease without knowing it.
@@ -30,6 +30,7 @@ RENEW_SECONDS = 20.0
 EXPIRE_SECONDS = 300.0
 """A kernel that is compiled may keep a holder from renewing for a minute."""
 LOOK_SECONDS = 5.0  # between two looks at a lease that is watched
+LIVES, ENDED, GONE = "lives", "has ended", "is gone"
 
 
 @contextmanager
@@ -48,7 +49,7 @@ def leased(path: Path, what: str) -> Iterator[None]:
         that it has ended after `EXPIRE_SECONDS`.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    held = _take(path, what)
+    held, text = _take(path, what)
     ended = threading.Event()
     renewing = threading.Thread(target=_renew, args=(held, ended), name=f"lease of {what}", daemon=True)
     renewing.start()
@@ -57,7 +58,8 @@ def leased(path: Path, what: str) -> Iterator[None]:
     finally:
         ended.set()
         renewing.join()
-        held.unlink(missing_ok=True)
+        if _text(str(held)) == text:  # else it was lost while this process was suspended, and is another's
+            held.unlink(missing_ok=True)
 
 
 def lease_holder(path: Path) -> str | None:
@@ -71,25 +73,32 @@ def lease_holder(path: Path) -> str | None:
     return _in_words(file)
 
 
-def _take(path: Path, what: str) -> Path:
-    last = max(_numbers(path), default=0)
-    if last and not _has_ended(_file(path, last)):
-        raise _refusal(path, last, what)
-    own = _file(path, last + 1)
+def _take(path: Path, what: str) -> tuple[Path, str]:
+    """Return the file of a new lease, and what stands in it."""
+    judged, last = "", max(_numbers(path), default=0)
+    while last:
+        judged, state = _text(str(_file(path, last))), _state_of(_file(path, last))
+        if state == LIVES:
+            raise _refusal(path, last, what)
+        if state == ENDED:
+            break
+        last = max(_numbers(path), default=0)  # it is gone: others may have come since
+    own, text = _file(path, last + 1), json.dumps(_own_marks())
     try:
         descriptor = os.open(own, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
     except FileExistsError:
         raise _refusal(path, last + 1, what) from None
     with open(descriptor, "w", encoding="utf-8") as file:
-        json.dump(_own_marks(), file)
+        file.write(text)
     numbers = _numbers(path)
-    if max(numbers) > last + 1:  # taken, lost and taken again by others since we looked
+    again = max(numbers) > last + 1 or (last in numbers and _text(str(_file(path, last))) != judged)
+    if again:  # taken, given back and taken again by others since we looked
         own.unlink(missing_ok=True)
-        raise _refusal(path, max(numbers), what)
+        raise _refusal(path, max({*numbers} - {last + 1}), what)
     for number in numbers:
         if number <= last:
             _file(path, number).unlink(missing_ok=True)
-    return own
+    return own, text
 
 
 def _renew(held: Path, ended: threading.Event) -> None:
@@ -98,20 +107,25 @@ def _renew(held: Path, ended: threading.Event) -> None:
             os.utime(held)
 
 
-def _has_ended(file: Path) -> bool:
-    """True if the holder of a lease has ended; it is watched where its process cannot be seen from here."""
+def _state_of(file: Path) -> str:
+    """Return whether the holder of a lease lives, or has ended; it is watched where its process cannot be seen."""
     lives = _lives(file)
     if lives is not None:
-        return not lives
-    before = _renewed(file)
-    end = time.monotonic() + EXPIRE_SECONDS
-    while before is not None and time.monotonic() < end:
+        return LIVES if lives else ENDED
+    before, end = None, time.monotonic() + EXPIRE_SECONDS
+    while True:
+        try:
+            now = _renewed(file)
+        except FileNotFoundError:
+            return GONE
+        except OSError:  # nothing is known from this look
+            now = None
+        if before is not None and now is not None and now != before:
+            return LIVES
+        before = before if now is None else now
+        if time.monotonic() > end:
+            return LIVES if before is None else ENDED  # never read: who could say that it has ended
         time.sleep(LOOK_SECONDS)
-        now = _renewed(file)
-        if now is not None and now != before:
-            return False
-        before = now
-    return True
 
 
 def _lives(file: Path) -> bool | None:
@@ -122,13 +136,10 @@ def _lives(file: Path) -> bool | None:
     return _began(marks.get("pid")) == marks.get("began")
 
 
-def _renewed(file: Path) -> int | None:
-    """Return when a lease was renewed last; None where it is gone. Opening the file makes NFS ask its server."""
-    try:
-        with file.open("rb") as opened:
-            return os.fstat(opened.fileno()).st_mtime_ns
-    except OSError:
-        return None
+def _renewed(file: Path) -> int:
+    """Return when a lease was renewed last. Opening the file makes NFS ask its server."""
+    with file.open("rb") as opened:
+        return os.fstat(opened.fileno()).st_mtime_ns
 
 
 def _numbers(path: Path) -> list[int]:

@@ -106,6 +106,9 @@ def read_ranges(
     if not spans:
         remedy = "give it a count" if sample is not None else "give it a count, or sample it: [study.sample]"
         faults += [Fault(f"study.values.{key}", shown(values[key]), f"has no count; {remedy}") for key in over]
+    elif PACKINGS in over:
+        words = "has no count: each point would have one packing of its own; give it a count, or list the seeds"
+        faults.append(Fault(f"study.values.{PACKINGS}", shown(values[PACKINGS]), words))
     if faults:
         return values, sample, faults
     lists: dict[str, Any] = {key: one.values(np.linspace(0.0, 1.0, one.count or 1)) for key, one in ranges.items()}
@@ -204,6 +207,9 @@ def _range_of(key: str, entry: dict[str, Any]) -> tuple[_Range | None, list[Faul
     if whole is True and (unit is not None or low != int(low) or high != int(high) or spacing == "log"):
         words = "needs whole numbers without a unit at both ends, and linear spacing; change them or remove it"
         faults.append(Fault(f"{key}.whole", "true", words))
+    elif whole is True and type(count) is int and count > high - low + 1.0:
+        words = f"is more than there are whole numbers from {low:g} to {high:g}; allowed: at most {high - low + 1.0:g}"
+        faults.append(Fault(f"{key}.count", str(count), words))
     if faults:
         return None, faults
     return _Range(low, high, unit, count, spacing == "log", whole), []

@@ -104,7 +104,9 @@ class StudySection(Section):
         """
         which, parts = part
         if parts > 1 and (twice := self._listed_twice()):
-            message = f"is listed twice: {twice}; parts would run it in one folder: list each value once"
+            message = (
+                f"is listed twice: {twice}; parts would run it in one folder; list each value once, or sample fewer"
+            )
             raise SceneError([Fault("study.values", "", message)], str(self.path))
         chains = self.chains()
         things = "points" if self.warm_start is None else f"chains of points along {self.warm_start}"

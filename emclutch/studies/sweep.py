@@ -144,6 +144,8 @@ def _sweep_part(
     study.numbers_of(part)  # raises before a folder is made
     if folder.exists() and not folder.is_dir():
         raise OutputError(f"{folder} is a file; name a folder with --out")
+    if (folder / STOP).exists():
+        raise OutputError(f"{folder / STOP} asks the points of this study to stop; remove it if no sweep is stopping")
     home = part_folder(folder, part)
     try:
         home.mkdir(parents=True, exist_ok=True)

@@ -1,7 +1,7 @@
 """Coercivity of the named materials, for hysteresis of the steel.
 
 Of low-carbon steel it depends on the anneal more than on the grade: 80 A/m (1 oersted) annealed, 140 A/m as rolled, 200
-to 400 A/m after cold work. All values here are orders of magnitude; a measured one belongs into the scene.
+to 400 A/m after cold work. All values here are orders of magnitude; a measured one belongs in the scene.
 """
 
 from __future__ import annotations

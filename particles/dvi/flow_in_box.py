@@ -1,9 +1,9 @@
 """Compiled parts of a step of rigid grains in a sheared box (`particles.sheared_box`): flow, images, stress.
 
 Contacts across its faces couple a grain with an image of its partner, as in a sector (`particles.periodic_images`);
-the image of the layer above is faster by rate Lz, which is in the relative velocity of the contact. Momentum is that
-beside the flow, p = v - rate z e_x. It is carried by contacts at the places x_m of their impulses, and by the grains
-as these drift in a straight line:
+the image of the layer above is faster by rate Lz, which is in the relative velocity of the contact. Momentum is m p,
+with p = v - rate z e_x the velocity beside the flow. It is carried by contacts, from centre to centre, and by the
+grains as these drift in a straight line:
 
     sigma_ab = 1/(V t) [ sum over contacts r_a b_b + sum over drifts m p_a p_b s ],
 
@@ -40,7 +40,7 @@ def shear(time, flow, images):
 def bound_beside_flow(grains, grain):
     """Fill the bounds of the grains with speeds beside the flow; returns the largest [m/s].
 
-    By the flow a pair within twice its reach comes nearer by no more than rate (R_i + R_j).
+    By the flow a pair within twice its reach comes nearer at no more than |rate| (R_i + R_j).
     """
     position, velocity, bound, rate = grains.position, grains.velocity, grains.bound, grains.flow[RATE]
     fastest = 0.0

@@ -59,7 +59,7 @@ def test_the_history_goes_on_from_time_to_time(problem):
     assert one.refresh(3.0) and one.history is again
     assert np.allclose(one.solution.psi, psi, atol=1e-6 * np.abs(psi).max())
     march(one, [3.0001])
-    assert one.history is not again and one.window_part(3.0001).hysteresis_loss >= 0.0
+    assert one.history is not again and 0.0 < one.window_part(3.0001).hysteresis_loss < 0.1 * rows[-1].hysteresis_loss
 
 
 def test_a_first_current_is_that_of_the_curve(problem):

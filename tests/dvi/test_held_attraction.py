@@ -79,7 +79,7 @@ def test_a_step_of_the_rule_adds_a_tenth_of_the_speed_of_parting():
 
 
 @pytest.mark.parametrize("times", LONG)
-def test_larger_steps_do_not_stick_more(times):
+def test_what_a_blow_loses_to_the_pull_goes_with_the_step(times):
     """A blow is held back by what the pull does in a step before it falls: held at its place, by h F v/2 too much.
 
     The mean over the way ahead, which runs hold, takes nearly half of that away.

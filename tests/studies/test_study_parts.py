@@ -21,6 +21,7 @@ from emclutch.scene.study import read_study
 from emclutch.studies import tasks as study_tasks
 from emclutch.studies.gather import gather
 from emclutch.studies.sweep import sweep
+from emclutch.studies.tasks import STOP
 
 GOOD = Path(__file__).parents[1] / "scene" / "broken" / "good.toml"
 ROOT = Path(__file__).parents[2]
@@ -267,3 +268,45 @@ def test_of_several_who_take_an_expired_lease_one_gets_it(tmp_path, monkeypatch)
     for taker in takers:
         taker.join()
     assert sorted(got) == [False] * 7 + [True]
+
+
+def test_a_lease_that_cannot_be_read_is_not_taken(tmp_path, monkeypatch):
+    monkeypatch.setattr(lease, "EXPIRE_SECONDS", 0.05)
+    monkeypatch.setattr(lease, "LOOK_SECONDS", 0.01)
+    (tmp_path / "a.1.lease").write_text('{"pid": 7, "host": "node7"}')
+
+    def refused(file):
+        raise PermissionError(13, "Permission denied", str(file))
+
+    monkeypatch.setattr(lease, "_renewed", refused)
+    with pytest.raises(FolderInUse), leased(tmp_path / "a", "a"):
+        pass
+    assert [path.name for path in tmp_path.iterdir()] == ["a.1.lease"]
+
+
+def test_a_lease_that_is_new_under_an_old_number_is_kept(tmp_path, monkeypatch):
+    """Number 1 is given back, and taken by another, between the look at it and the making of number 2."""
+    first, other = tmp_path / "a.1.lease", '{"pid": 8, "host": "node8"}'
+    first.write_text('{"pid": 7, "host": "node7"}')
+
+    def ends_and_another_comes(file):
+        first.write_text(other)
+        return lease.ENDED
+
+    monkeypatch.setattr(lease, "_state_of", ends_and_another_comes)
+    with pytest.raises(FolderInUse, match="process 8 on node8"), leased(tmp_path / "a", "a"):
+        pass
+    assert first.read_text() == other and [path.name for path in tmp_path.iterdir()] == [first.name]
+
+
+def test_a_lease_that_was_lost_is_not_given_back_for_another(tmp_path):
+    with leased(tmp_path / "a", "a"):
+        (tmp_path / "a.1.lease").write_text('{"pid": 8, "host": "node8"}')
+    assert (tmp_path / "a.1.lease").is_file()
+
+
+def test_a_stop_that_was_left_behind_is_told(tmp_path, runs):
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / STOP).write_text("")
+    with pytest.raises(OutputError, match="asks the points of this study to stop; remove it if"):
+        sweep(study_of(tmp_path), out=tmp_path / "out", part=(1, 2))
