@@ -10,9 +10,12 @@ import numpy as np
 
 from emclutch.results import Estimate, Result
 from emclutch.results.columns import DISC_SPEED, MISSED_STEPS, ROTOR_SPEED, STEPS, TIME, TORQUE_DISC
-from emclutch.results.text import format_mean
+from emclutch.results.text import format_duration, format_mean, per_cent
+from emclutch.results.torque_curves import NORMAL
 
 METHOD = "contact.method"
+WANTED = 0.05
+"""Half width of a torque's 95 % interval, relative, to which the processor time of both methods is told."""
 
 
 def compare_methods(points: Sequence[tuple[Mapping[str, Any], Result]]) -> list[dict[str, Any]]:
@@ -27,8 +30,8 @@ def compare_methods(points: Sequence[tuple[Mapping[str, Any], Result]]) -> list[
     -------
     list of dict
         The other values; of each method the steady torque on the output [N m] with its standard error, the ends of its
-        95 % interval and whether it is converged, as every run says it, step [s], wall-clock time [s], largest overlap,
-        lock-up time [s]; the torque's difference relative to DEM and over both standard errors (None where one is
+        95 % interval and whether it is converged, as every run says it, step [s], wall-clock time [s], processor time
+        [s] and that to ± 5 % [s] (None where the error is unknown), largest overlap, lock-up time [s]; the torque's difference relative to DEM and over both standard errors (None where one is
         unknown); the largest difference of the output's speeds over the motor's largest; the fraction of the DVI's
         steps that missed their tolerance.
     """
@@ -52,6 +55,9 @@ def _row(others: dict[str, Any], dem: Result, dvi: Result) -> dict[str, Any]:
             row[f"torque_converged_{name}"] = torque.converged
         row[f"step_{name}"] = summary["dt"]
         row[f"seconds_{name}"] = summary["seconds"]["whole_run"]
+        row[f"processor_{name}"] = processor = summary["seconds"].get("processor")
+        merit = result.torque.figure_of_merit(processor) if TORQUE_DISC in history and processor else None
+        row[f"processor_to_5_percent_{name}"] = None if merit is None else (NORMAL / WANTED) ** 2 / merit
         row[f"largest_overlap_{name}"] = summary["max_overlap"]
         if "lock_up_time" in summary:
             row[f"lock_up_time_{name}"] = summary["lock_up_time"]
@@ -106,6 +112,10 @@ def comparison_lines(rows: Sequence[Mapping[str, Any]], keys: Sequence[str]) -> 
         if row.get("speed_difference"):
             parts.append(f"output speeds at most {100.0 * row['speed_difference']:.2g} % of the motor's apart")
         parts.append(f"{row['seconds_dvi']:.3g} s of wall-clock time against {row['seconds_dem']:.3g} s")
+        spent = [row[f"processor_to_5_percent_{name}"] for name in ("dvi", "dem")]
+        if None not in spent:
+            dvi, dem = (format_duration(one) for one in spent)
+            parts.append(f"for ± {per_cent(WANTED)} about {dvi} of processor time against {dem}")
         if row["missed_steps_dvi"]:
             parts.append(f"{100.0 * row['missed_steps_dvi']:.2g} % of the steps by DVI missed their tolerance")
         place = ", ".join(f"{key} = {row[key]}" for key in keys)

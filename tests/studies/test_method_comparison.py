@@ -23,7 +23,7 @@ def _run(torque, disc, *, dt, missed=0, lock_up=None):
             "missed_steps": np.full(n, missed),
         }
     )
-    summary = {"dt": dt, "seconds": {"whole_run": 3.0}, "max_overlap": 0.01, "lock_up_time": lock_up}
+    summary = {"dt": dt, "seconds": {"whole_run": 3.0, "processor": 5.0}, "max_overlap": 0.01, "lock_up_time": lock_up}
     torque = steady_torque(history, SteadyConditions(shear_gap=0.0))
     return SimpleNamespace(history=history, summary=summary, torque=torque)
 
@@ -53,6 +53,9 @@ def test_only_points_run_by_both_methods_are_compared():
     (line,) = comparison_lines(rows, ["particles.count"])
     low, high = dvi.torque.interval()
     assert line.startswith("particles.count = 200: torque 2.") and f"(95 %: {low:.4g} to {high:.4g}) by DVI" in line
+    spent = row["processor_to_5_percent_dem"]  # that of the run, times the squares of its error over that of ± 5 %
+    assert spent == pytest.approx(5.0 * (1.96 * row["torque_error_dem"] / row["torque_dem"] / 0.05) ** 2, rel=1e-3)
+    assert "for ± 5 % about " in line
     assert "locks not at all by DVI, at 0.4 s by DEM" in line and "10 % of the steps by DVI missed" in line
 
 
