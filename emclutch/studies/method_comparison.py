@@ -31,9 +31,9 @@ def compare_methods(points: Sequence[tuple[Mapping[str, Any], Result]]) -> list[
     list of dict
         The other values; of each method the steady torque on the output [N m] with its standard error, the ends of its
         95 % interval and whether it is converged, as every run says it, step [s], wall-clock time [s], processor time
-        [s] and that to ± 5 % [s] (None where the error is unknown), largest overlap, lock-up time [s]; the torque's difference relative to DEM and over both standard errors (None where one is
-        unknown); the largest difference of the output's speeds over the motor's largest; the fraction of the DVI's
-        steps that missed their tolerance.
+        [s] and that to ± 5 % [s] (None where the error is unknown), largest overlap, lock-up time [s]; the torque's
+        difference relative to DEM and over both standard errors (None where one is unknown); the largest difference of
+        the output's speeds over the motor's largest; the fraction of the DVI's steps that missed their tolerance.
     """
     found: dict[str, dict[str, tuple[dict[str, Any], Result]]] = {}
     for values, result in points:
