@@ -17,7 +17,7 @@ CUTOFF = 3e-3
 class KeptList:
     """An engine whose list is never renewed: what the rows then know of motion is their own."""
 
-    list_version, periodicity = 1, None
+    list_version, periodicity, box = 1, None, None
 
     def __init__(self, position: np.ndarray, list_skin: float) -> None:
         self.grains = SimpleNamespace(position=position)

@@ -26,7 +26,7 @@ from emclutch.results.history import whole_rows
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
-TIMES = re.compile(r"wall_|seconds")  # of a clock, which no two runs have in common
+TIMES = re.compile(r"wall_|seconds|processor_time")  # of a clock, which no two runs have in common
 LONGEST = 3600.0  # s, for a process that is not killed
 
 
@@ -207,7 +207,8 @@ def _arrays(path: Path) -> dict[str, tuple]:
     found: dict[str, tuple] = {}
 
     def take(name: str, node: Any) -> None:
-        if isinstance(node, h5py.Dataset) and not name.startswith("parameters") and "/wall_" not in name:
+        of_a_clock = any(TIMES.match(part) for part in name.split("/"))
+        if isinstance(node, h5py.Dataset) and not name.startswith("parameters") and not of_a_clock:
             found[name] = _bits(node[()])
 
     with h5py.File(path, "r") as file:
