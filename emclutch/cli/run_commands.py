@@ -141,7 +141,7 @@ def sweep(
 
 
 def _gather(study: Path, out: Path | None, trust_scripts: bool) -> None:
-    """Make the tables of a study from its folder, say what is not done, and end with a code that says so too."""
+    """Write the tables of a study from its folder, list the missing points, and exit with a code (0, 1 or 3)."""
     if out is None:
         message = "needs the folder of a study; name the one that its parts had with --out"
         raise SceneError([Fault("--gather", "", message)], "command line")

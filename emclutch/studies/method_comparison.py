@@ -15,7 +15,7 @@ from emclutch.results.torque_curves import NORMAL
 
 METHOD = "contact.method"
 WANTED = 0.05
-"""Half width of a torque's 95 % interval, relative, to which the processor time of both methods is told."""
+"""Half width of a torque's 95 % interval, relative, for which the processor time of both methods is estimated."""
 
 
 def compare_methods(points: Sequence[tuple[Mapping[str, Any], Result]]) -> list[dict[str, Any]]:
