@@ -107,6 +107,10 @@ class CadShape(AnnularSpaces):
         """Axial width [m] that the middle of the gap leaves out: none, a file does not say where poles end."""
         return 0.0
 
+    def air_gaps(self) -> dict[str, list[AnnularBox]]:
+        """No part of the air by name: a file does not say what is a clearance."""
+        return {}
+
     def gap_midline(self, count: int = 101) -> np.ndarray:
         """Points (r, z) [m] along the middle of the largest gap, a gap's width short of its ends; shape (count, 2)."""
         boxes = list(self.fill_boxes().values())

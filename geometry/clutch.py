@@ -242,6 +242,12 @@ class Clutch(AnnularSpaces):
         r = np.linspace(self.seal_radius, self.disc_radius, count)
         return np.column_stack((r, np.full(count, 0.5 * (self.disc_thickness + self.face_gap))))
 
+    def air_gaps(self) -> dict[str, list[AnnularBox]]:
+        """Air that the coil's flux has to cross: the running clearance under both cheeks of the housing."""
+        inner, outer = 0.5 * self.coil_width, 0.5 * min(self.rotor_length, self.housing_length)
+        r = self.rotor_radius, self.housing_bore
+        return {"clearance": [AnnularBox(*r, -outer, -inner), AnnularBox(*r, inner, outer)]}
+
     def body(self, region: str) -> str:
         """The body (shaft) that a region turns with."""
         if region in ("disc", "shaft_out"):

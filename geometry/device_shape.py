@@ -73,5 +73,8 @@ class WoundShape(DeviceShape, Protocol):
     def face_midline(self, count: int = 101) -> np.ndarray:
         """Points (r, z) [m] along the middle of a face gap, shape (count, 2)."""
 
+    def air_gaps(self) -> dict[str, list[AnnularBox]]:
+        """Parts of the air that the coil's flux has to cross, by name; none where they are not known."""
+
     def body(self, region: str) -> str:
         """The body that a region turns with."""

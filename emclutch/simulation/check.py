@@ -61,14 +61,13 @@ def check(case: Case | str | Path, threads: int | None = None) -> Checked:
 
 
 def _check(case: Case, threads: int | None) -> Checked:
-    from emclutch.device_model.coil_heat import coil_heat_in_words  # local, as the next two: a run does not need them
+    from emclutch.device_model.coil_heat import coil_heat_in_words  # local, as the next three: a run does not need them
+    from emclutch.simulation.field_plan import ampere_turns_row, field_plan
     from emclutch.simulation.forecast.effects_left_out import left_out
     from emclutch.simulation.forecast.expected_torque import ExpectedTorque, expected_torque
 
     scene = case.scene
     if scene.particles is None:
-        from emclutch.simulation.field_plan import field_plan  # local: as the next
-
         none = ExpectedTorque(None, law="the scene has no grains")
         return Checked(scene.scene.title, scene.effects.active, case.warnings, field_plan(case), (), none)
     device, made = make_plan(case, threads=threads)
@@ -90,6 +89,7 @@ def _check(case: Case, threads: int | None) -> Checked:
             chains = field_in_chains(coil, phi, coil.largest_current, even)
             in_chains = chains_in_words(coil, even, chains, largest(chains), faces)
             words["field"] += f"; {in_chains}"
+        words |= ampere_turns_row(coil, even)
     elif device.coil is not None and made.peak_field is not None:
         B_max = device.coil.gap_flux_density(made.peak_field)
         words["field"] = (

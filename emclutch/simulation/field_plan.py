@@ -1,4 +1,4 @@
-"""Plan of a scene without grains, as `emclutch check` prints it."""
+"""Plan of the field: of a scene without grains all of it, as `emclutch check` prints it."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from emclutch.device_model.device import CoilDevice, solved_coil
 from emclutch.scene.case import Case
 from emclutch.simulation.plan_in_words import paths_in_words
 from field import MagneticField
+from field.section.ampere_turns import ampere_turns_by_part, ampere_turns_in_words
 
 
 def field_plan(case: Case) -> dict[str, str]:
@@ -25,9 +26,17 @@ def field_plan(case: Case) -> dict[str, str]:
     if coil.largest_current > 0.0 and isinstance(coil, CoilDevice):
         solution = coil.solve_at_peak(None)
         words["field"] = _field_in_words(coil, solution)
+        words |= ampere_turns_row(coil, solution)
         for body, regions, force in forces_in_words(solution, movable_bodies(coil, solution)):
             words[f"force on the {body}"] = f"{force}, on {', '.join(regions)}"
     return words | paths_in_words(case)
+
+
+def ampere_turns_row(coil: CoilDevice, solution: MagneticField) -> dict[str, str]:
+    """Row of the plan: what drives the flux through each part; none with hysteresis or without current."""
+    if solution.ampere_turns == 0.0 or solution.history is not None:
+        return {}
+    return {"ampere-turns": ampere_turns_in_words(ampere_turns_by_part(solution, coil.shape.air_gaps()))}
 
 
 def _field_in_words(coil: CoilDevice, solution: MagneticField) -> str:

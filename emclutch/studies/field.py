@@ -35,6 +35,7 @@ from field import ConvergenceError, MagneticField, PowderLaw
 from field.coil.inductance import apparent_inductance, incremental_inductance
 from field.coil.magnetic_circuit import FilledPowder
 from field.factorisation import describe_backend
+from field.section.ampere_turns import ampere_turns_by_part
 from field.section.current_sweep import sweep_currents
 from field.section.error_estimate import estimate_error
 from field.section.field_lines import field_along, straight_line
@@ -68,6 +69,7 @@ DETAIL_UNITS = {
     "gap_flux_density_in_chains": "T",
     "flux_linkage_in_chains": "Wb",
     "axial_force": "N",
+    "ampere_turns_by_part": "A",
 }
 """Of what field.json holds for the last current; the rest are pure numbers."""
 
@@ -226,8 +228,15 @@ def tables_of(summary: dict) -> list[Table]:
         tables.append(Table(*(escape(f"{columns[name]} [{UNITS[name]}]") for name in shown)))
         for row in rows:
             tables[-1].add_row(*(f"{row[name]:.4g}" for name in shown))
+    if parts := summary["at_last_current"].get("ampere_turns_by_part"):
+        whole = sum(parts.values())
+        tables.append(Table("part", escape("ampere-turns [A]"), escape("share [%]")))
+        for name, value in parts.items():
+            tables[-1].add_row(name, f"{value:.4g}", f"{100.0 * value / whole:.1f}")
     last = Table("at the last current", "")
     for name, value in summary["at_last_current"].items():
+        if name == "ampere_turns_by_part":
+            continue  # a table of its own
         unit = f" [{DETAIL_UNITS[name]}]" if name in DETAIL_UNITS else ""
         last.add_row(escape(name.replace("_", " ") + unit), escape(_in_words(value)))
     return [*tables, last]
@@ -312,6 +321,7 @@ def _details(case: Case, coil: CoilDevice, solution: MagneticField, phi: float |
         return details
     if solution.ampere_turns == 0.0:
         return details
+    details["ampere_turns_by_part"] = ampere_turns_by_part(solution, coil.shape.air_gaps())
     if phi is not None and moments_are_fed_back(case.scene):
         chains = field_in_chains(coil, phi, solution.ampere_turns / coil.turns, solution)
         if coil.has_poles:

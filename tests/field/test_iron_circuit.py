@@ -18,9 +18,12 @@ from field import (
     GrainLaw,
     LinearLaw,
     PowderLaw,
+    PowderState,
     material,
 )
+from field.section.ampere_turns import ampere_turns_by_part
 from field.section.field_lines import field_along
+from geometry import AnnularBox
 
 pytestmark = pytest.mark.physics
 
@@ -218,3 +221,41 @@ def test_wrong_regions_are_explained(pot):
         AxisymmetricProblem(pot, {"disc": material("air"), "housing": material("air")}, order=5)
     with pytest.raises(ValueError, match="axis"):
         problem(pot, material("steel_1010")).solve(10.0).sampler("disc")
+
+
+@pytest.mark.parametrize("open_boundary", [False, True])
+def test_ampere_turns_of_the_parts_add_up(pot, open_boundary):
+    """sum over the parts of integral H . B dV / Phi = N I, with saturated steel and a source in the powder."""
+    case = AxisymmetricProblem(
+        pot,
+        {"disc": material("steel_1010"), "housing": material("steel_1010")},
+        powder_law=PowderLaw(GrainLaw(99.0)),
+        open_boundary=open_boundary,
+    )
+    own = case.powder_elements.size
+    source = 2e4 * np.random.default_rng(7).standard_normal((own, 2, case.elements.n_quadrature))
+    for fill in (np.full(own, 0.4), PowderState(np.full(own, 0.4), source=source)):
+        field = case.solve(3000.0, fill=fill, tolerance=1e-11)
+        assert sum(ampere_turns_by_part(field).values()) == pytest.approx(3000.0, rel=1e-8)
+
+
+def test_ampere_turns_of_an_ideal_circuit_are_in_its_gaps(pot):
+    """Ideal iron: the flux that crosses the gaps has its whole drop N I there, (N I)_powder = N I Phi_gap/Phi."""
+    case = problem(pot, LinearLaw(1e5, "ideal iron"), GrainLaw(99.0))
+    field = case.solve(200.0, fill=np.full(case.powder_elements.size, 0.45))
+    parts = ampere_turns_by_part(field, {"outside": [AnnularBox(45e-3, 1.0, -1.0, 1.0)]})
+    r = R_DISC + 0.5 * GAP
+
+    def crossing(z0):
+        z = np.linspace(z0, 18e-3, 2001)[1:-1]
+        B = field.B_along(np.column_stack((np.full(z.size, r), z)))[:, 0]
+        return 2.0 * np.pi * r * abs(np.trapezoid(B, z))
+
+    drop = parts["powder"] * field.flux_linkage_per_turn / 200.0
+    # what crosses under a pole has the whole drop, what goes on through the window a part of it
+    assert crossing(HALF) < drop < crossing(0.0) < 1.07 * crossing(HALF)
+    assert parts["disc"] + parts["housing"] < 0.01 * 200.0
+    whole = ampere_turns_by_part(field)
+    assert parts["outside"] + parts["air"] == pytest.approx(whole["air"], rel=1e-12) and parts["outside"] > 0.0
+    with pytest.raises(ValueError, match="current"):
+        ampere_turns_by_part(case.solve(0.0))
