@@ -36,8 +36,8 @@ class BaseContactSection(Section):
 
     method: Annotated[str, Choice(("dem", "dvi"))] = Field(
         default="dem",
-        description="dem: grains press in, step by contact; dvi: rigid grains, impulses that obey Coulomb's law, "
-        "longer steps",
+        description="dem: grains press in, step by contact; dvi: impulses that obey Coulomb's law, on springs or "
+        "rigid, longer steps",
     )
     law: Annotated[str, Choice(tuple(LAWS), elsewhere=_COHESION)] = Field(
         default="linear", description="; ".join(f"{name}: {law.summary}" for name, law in LAWS.items())

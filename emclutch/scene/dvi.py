@@ -32,7 +32,7 @@ class DviSection(Section):
         "those of packings are unique; false: perfectly rigid",
     )
     tolerance: Annotated[LinearSpeed | None, Automatic()] = Field(
-        default=None, description="on the natural map of every contact; default: 1e-4 of the largest speed expected"
+        default=None, description="on the natural map of every contact; default: 1e-4 of the slip speed"
     )
     max_sweeps: Annotated[int, Whole(1, 1_000_000, "500")] = Field(
         default=500, description="sweeps over all contacts that a step may take"

@@ -61,18 +61,18 @@ def load_in_words(load: Load, speed: float) -> str:
 
 
 def rigidity_in_words(section: DviSection, contacts: RigidContacts) -> str:
-    """The friction of rigid grains, and whether their contacts are compliant."""
-    text = f"rigid grains, {FRICTION[section.friction_law]}; "
+    """The friction of grains by DVI, and whether they are rigid or on springs."""
+    text = FRICTION[section.friction_law]
     if contacts.springs is None:
-        return f"{text}stiffness and contact law are not used"
+        return f"rigid grains, {text}; stiffness and contact law are not used"
     between, at_walls = contacts.springs[:, 0]
     walls = "" if between == at_walls else f", {at_walls:.3g} N/m at walls"
-    return f"{text}compliant contacts with springs of {between:.3g} N/m{walls}, taken implicitly"
+    return f"grains on springs of {between:.3g} N/m{walls}, taken implicitly; {text}"
 
 
 def solver_in_words(section: DviSection, contacts: RigidContacts) -> str:
     """Tolerance of the contacts of rigid grains, and the speed from which they rebound."""
-    share = "" if section.tolerance is not None else f", {TOLERANCE:g} of the speed expected"
+    share = "" if section.tolerance is not None else f", {TOLERANCE:g} of the slip speed"
     return (
         f"{section.solver}: to {contacts.tolerance:.3g} m/s on the natural map{share}, at most {section.max_sweeps} "
         f"sweeps a step; nothing rebounds below {contacts.contact.threshold:.3g} m/s"

@@ -1,4 +1,4 @@
-"""Plan of a scene of rigid grains (contact.method = 'dvi'): contact, step and solver."""
+"""Plan of a scene by DVI (contact.method = 'dvi'), rigid or on springs: contact, step and solver."""
 
 from __future__ import annotations
 
@@ -15,7 +15,9 @@ from emclutch.simulation.stiffness import Stiffness
 from particles import Cohesion, DviContact, RollingFriction, TwistingFriction, choose_dvi_step
 from particles.dem.time_step import TimeStep
 
-TOLERANCE = 1e-4  # of the largest speed to be expected
+TOLERANCE = 1e-4
+"""Of the slip speed: a chain of a hundred grains between the walls closes by at most 1 % of it, see the tests of
+`tests/dvi/test_apparent_elasticity.py`: each of its contacts by the tolerance."""
 MIN_TOLERANCE = 1e-7  # [m/s]
 MIN_THRESHOLD = 1e-3  # [m/s], of restitution
 
@@ -64,7 +66,7 @@ class RigidContacts:
 
 
 def rigid_contacts(
-    scene: Scene, M_max: float, speed: float, springs: tuple[np.ndarray, Stiffness] | None
+    scene: Scene, M_max: float, speed: float, slip: float, springs: tuple[np.ndarray, Stiffness] | None
 ) -> RigidContacts:
     """Decide contact, step and solver of the scene.
 
@@ -74,6 +76,8 @@ def rigid_contacts(
         Largest magnetisation of a grain to be expected [A/m].
     speed : float
         Largest speed to be expected [m/s].
+    slip : float
+        Of the walls past each other [m/s], `emclutch.simulation.forecast.expected_speeds.slip_speed`.
     springs : tuple, or None
         Of compliant contacts, see `emclutch.simulation.contact_plan.dvi_springs`.
 
@@ -105,7 +109,7 @@ def rigid_contacts(
     if threshold is None:
         pull = 0.0 if weight is None else float(np.linalg.norm(weight.vector))
         threshold = max(2.0 * step.dt * pull, MIN_THRESHOLD)
-    tolerance = max(TOLERANCE * speed, MIN_TOLERANCE) if section.tolerance is None else section.tolerance
+    tolerance = max(TOLERANCE * slip, MIN_TOLERANCE) if section.tolerance is None else section.tolerance
     rigid = DviContact(
         contact.friction,
         contact.restitution,

@@ -14,7 +14,7 @@ from emclutch.simulation.contact_plan import ElasticContacts, dvi_springs, elast
 from emclutch.simulation.dvi_plan import RigidContacts, rigid_contacts
 from emclutch.simulation.forecast.cost import Cost, predict
 from emclutch.simulation.forecast.expected_field import expected_magnetisation
-from emclutch.simulation.forecast.expected_speeds import fall_speed, largest_speed, layer_speed
+from emclutch.simulation.forecast.expected_speeds import fall_speed, largest_speed, layer_speed, slip_speed
 from emclutch.simulation.scaled_slip import ScaledSlip, with_slip
 from emclutch.simulation.windows import Windows, coupling_windows, parts_of
 from field import MagneticField
@@ -125,7 +125,8 @@ def make_plan(case: Case, device: Device | None = None, threads: int | None = No
     speed = largest_speed(scene, device)
     contact: ElasticContacts | RigidContacts
     if scene.contact.method == "dvi":
-        contact = rigid_contacts(scene, M_max, speed, dvi_springs(scene, device, M_max, speed))
+        springs = dvi_springs(scene, device, M_max, speed)
+        contact = rigid_contacts(scene, M_max, speed, slip_speed(scene, device), springs)
     else:
         contact = elastic_contacts(scene, device, M_max, speed)
     layers = max(fall_speed(scene, device), layer_speed(scene, device, speed))

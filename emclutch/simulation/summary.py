@@ -53,7 +53,7 @@ from particles.diagnostics.inertial_number import FRICTION, MAGNETIC, MEASURED
 
 MANY_MISSES = 0.01  # of the steps: reported as a warning
 ROUNDING = 1.01  # of a target: settings and windows are rounded
-JAM = 1e3  # tolerances of the solver of rigid contacts, beyond which a step counts as jammed
+JAM = 1e3  # tolerances of the solver of contacts by DVI, beyond which a step counts as jammed
 
 
 def summarise(
@@ -114,7 +114,7 @@ def summarise(
     if wall_load:
         summary["wall_pressure"] = wall_load
     if MISSED_STEPS in history:
-        summary["solver"] = solver_summary(history, simulation.motion.tolerance)
+        summary["solver"] = solver_summary(history, plan.contact)
     if INERTIAL_NUMBER in history:
         summary |= inertial_number_summary(Observables(case.scene, device), simulation, history, wall_load or {})
         if size is not None and size.is_coarser and summary["inertial_number"] is not None:
@@ -245,8 +245,9 @@ def replicas_summary(case, histories, found: Estimate, column: str) -> dict[str,
     }
 
 
-def solver_summary(history, tolerance: float) -> dict[str, float | list[str]]:
-    """Convergence of the solver of rigid contacts, and warnings where steps violate the law."""
+def solver_summary(history, contacts) -> dict[str, float | list[str]]:
+    """Convergence of the solver of contacts by DVI, and warnings where steps violate the law."""
+    tolerance = contacts.tolerance
     missed, worst = int(history[MISSED_STEPS].sum()), float(history[SOLVER_RESIDUAL].max())
     share = missed / float(history[STEPS].sum())
     summary: dict[str, float | list[str]] = {
@@ -262,9 +263,12 @@ def solver_summary(history, tolerance: float) -> dict[str, float | list[str]]:
             f"{100.0 * share:.2g} % of the steps missed the tolerance of the contacts; raise contact.dvi.max_sweeps"
         )
     if worst > JAM * tolerance:
+        why = "the solver came to contact.dvi.max_sweeps far from the solution"
+        if contacts.springs is None:
+            why = "rigid grains were jammed between walls that push, where no finite force may exist"
         warnings.append(
-            f"contacts ended a step {worst:.2g} m/s off the law of contact: rigid grains were jammed between walls "
-            "that push, where no finite force may exist; torques near that time are not to be trusted"
+            f"contacts ended a step {worst:.2g} m/s off the law of contact: {why}; torques near that time are not to "
+            "be trusted"
         )
     return summary | ({"warnings": warnings} if warnings else {})
 

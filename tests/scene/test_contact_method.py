@@ -13,6 +13,7 @@ from emclutch.results.checkpoint import read_checkpoint
 from emclutch.results.errors import Interrupted, RunError
 from emclutch.scene.case import case_from
 from emclutch.simulation.missed_steps import MissedSteps
+from emclutch.simulation.plan import make_plan
 from particles import ParticleError
 
 SCENE = {
@@ -69,7 +70,21 @@ def test_the_books_of_rigid_grains_close(runs):
     lost = work.sum() + history["work_gravity"].sum() - stored
     assert history["dissipated"].sum() == pytest.approx(lost, rel=0.02)
     assert {"sweeps", "solver_residual", "missed_steps", "warm_hits", "stabilisation_work"} <= set(history)
-    assert "rigid grains" in runs["dvi"].summary["plan"]["contact"]
+    assert "grains on springs of 5e+04 N/m" in runs["dvi"].summary["plan"]["contact"]
+
+
+def test_the_tolerance_follows_the_slip():
+    """1e-4 of the speed of the walls past each other, in m/s; shafts that turn together shear by their difference."""
+
+    def tolerance(disc):
+        planned = scene("dvi", **{"motion.disc": {"speed": f"{disc} rpm"}, "effects": {}, "particles.density": 7800.0})
+        return make_plan(planned)[1].contact.tolerance
+
+    speed = 120.0 * np.pi / 30.0 * 40e-3
+    assert tolerance(0.0) == pytest.approx(1e-4 * speed)
+    assert tolerance(108.0) == pytest.approx(1e-5 * speed)
+    assert tolerance(-120.0) == pytest.approx(2e-4 * speed)
+    assert tolerance(120.0) == pytest.approx(1e-4 * speed)
 
 
 def test_a_run_says_how_its_contacts_are_solved(runs):

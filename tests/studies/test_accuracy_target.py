@@ -7,6 +7,7 @@ from made_up_ladder import cell, contact_step, ladder, without_error
 
 import emclutch
 from emclutch.results import OutputError, RunFolder
+from emclutch.results.ladder import Basis, KnobLadder, Rung
 from emclutch.results.ladders import VARIABLE, save_ladder
 from emclutch.scene.errors import SceneError
 from emclutch.scene.study import read_study
@@ -40,6 +41,20 @@ def test_settings_and_end_follow_from_the_ladder(folder):
     assert found.span.until.relative == pytest.approx(math.sqrt(0.05**2 - discretisation**2), abs=1e-4)
     finer = cell(accuracy__target="2 %", **ENDS)
     assert with_target(finer).scene.span.steps_per_contact == 20.0
+
+
+def test_the_step_by_dvi_follows_from_the_ladder(folder):
+    """A longer one than the rules allow where its error is small enough, and then the scene allows it."""
+    case = cell(accuracy__target="5 %", contact__method="dvi", **ENDS)
+    own = make_plan(case)[1].dt
+    rungs = [Rung(f * own, f * own, 2.0 * 1.03**f, 0.002, 4, 3.0 / f, 1.0 / f) for f in (4.0, 2.0, 1.0, 0.5)]
+    steps = KnobLadder("rigid_step", "contact.dvi.step", Basis.TORQUE, own, 1.0, 0.0, tuple(rungs), 30.0)
+    with_ladder(case, steps, scatter=0.02)
+    found, plan = with_target(case).scene.contact.dvi, make_plan(with_target(case))[1]
+    assert found.allow_long_step and plan.dt == pytest.approx(4.0 * own, rel=1e-4)
+    accurate = with_target(cell(accuracy__target="1.5 %", contact__method="dvi", **ENDS))
+    found, plan = accurate.scene.contact.dvi, make_plan(accurate)[1]
+    assert not found.allow_long_step and plan.dt <= own * 1.001
 
 
 def test_a_case_without_a_target_is_left_alone(folder):

@@ -426,7 +426,7 @@ def _balances(result: Result) -> list[tuple[str, str]]:
         text = (
             f"{found['worst_residual']:.2g} m/s off the law of contact at worst, tolerance {found['tolerance']:.2g} m/s"
         )
-        rows.append(("rigid contacts", f"{text}; {100.0 * found['missed_share']:.2g} % of the steps missed it"))
+        rows.append(("contacts by DVI", f"{text}; {100.0 * found['missed_share']:.2g} % of the steps missed it"))
     return rows
 
 

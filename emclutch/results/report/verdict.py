@@ -191,6 +191,12 @@ def _balances(result: Result) -> Iterator[Statement]:
         scale = float(np.sqrt((history[TORQUE_DISC] ** 2).mean()))
         yield _balance("torques", summary["torque_residual_rms"] / scale if scale else None, "of the torque")
     yield _balance("energies", summary["energy_residual_relative"], "of the energy that goes through")
+    solver = summary.get("solver")
+    if solver and not solver.get("warnings"):
+        stiffness = (summary.get("contact") or {}).get("stiffness")
+        grains = "rigid grains" if stiffness is None else f"grains on springs of {stiffness:.3g} N/m"
+        missed = f"{100.0 * solver['missed_share']:.2g} % of the steps missed {solver['tolerance']:.2g} m/s"
+        yield Statement(Mark.GOOD, f"Contacts of {grains} by DVI obey their law: {missed}.")
 
 
 def _balance(what: str, share: float | None, of: str) -> Statement:

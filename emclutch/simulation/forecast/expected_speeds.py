@@ -18,6 +18,17 @@ def largest_speed(scene, device: Device) -> float:
     return max(wall, fall_speed(scene, device))
 
 
+def slip_speed(scene, device: Device) -> float:
+    """Speed [m/s] that shears or stirs the grains: of the walls past each other, of the flow, or of a fall.
+
+    As `largest_speed`, but that shafts which turn together count by their difference, if they have one.
+    """
+    wall = scene.motion.largest_slip * device.largest_radius
+    if device.kind.rate(scene) is not None or wall == 0.0:
+        return largest_speed(scene, device)
+    return max(wall, fall_speed(scene, device))
+
+
 def fall_speed(scene, device: Device) -> float:
     """Speed [m/s] of a grain that falls across the sheared gap, or, where grains are poured in, through the device.
 
