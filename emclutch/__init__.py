@@ -26,11 +26,13 @@ if TYPE_CHECKING:  # the same names for type checkers and editors, which do not 
     from emclutch.studies.accuracy.effect_contributions import EffectsResult, effect_contributions
     from emclutch.studies.accuracy.study import accuracy
     from emclutch.studies.accuracy.target import run
+    from emclutch.studies.dask_executor import DaskExecutor
     from emclutch.studies.design_search import DesignResult, design
     from emclutch.studies.field_result import FieldResult, field
     from emclutch.studies.fit import FitResult, fit
     from emclutch.studies.gather import GatheredStudy, gather
     from emclutch.studies.mesh import MeshedScene, mesh
+    from emclutch.studies.sobol_indices import sobol_indices
     from emclutch.studies.sweep import sweep
 
 __version__ = "0.1.0"
@@ -38,6 +40,7 @@ __all__ = [
     "CallbackError",
     "Case",
     "Checked",
+    "DaskExecutor",
     "DesignResult",
     "EffectsResult",
     "FieldResult",
@@ -65,6 +68,7 @@ __all__ = [
     "plan",
     "read_study",
     "run",
+    "sobol_indices",
     "sweep",
 ]
 
@@ -87,7 +91,9 @@ __getattr__, __dir__ = lazy_attributes(
         "GatheredStudy": "emclutch.studies.gather:GatheredStudy",
         "mesh": "emclutch.studies.mesh:mesh",
         "MeshedScene": "emclutch.studies.mesh:MeshedScene",
+        "sobol_indices": "emclutch.studies.sobol_indices:sobol_indices",
         "sweep": "emclutch.studies.sweep:sweep",
+        "DaskExecutor": "emclutch.studies.dask_executor:DaskExecutor",
         "design": "emclutch.studies.design_search:design",
         "DesignResult": "emclutch.studies.design_search:DesignResult",
         "accuracy": "emclutch.studies.accuracy.study:accuracy",

@@ -119,6 +119,13 @@ PartAsked = Annotated[
         "--part", metavar="K/N", help="run only points K, K+N, ... of the study in --out, as one task of a job array"
     ),
 ]
+DaskAddress = Annotated[
+    str | None,
+    typer.Option(
+        "--dask", metavar="ADDRESS",
+        help="run the points on the workers of this dask scheduler (tcp://node1:8786), by default on one thread each",
+    ),
+]  # fmt: skip
 GatherAsked = Annotated[
     bool,
     typer.Option("--gather", help="run nothing: tables and pictures of the points in --out; exit code 3: some missing"),

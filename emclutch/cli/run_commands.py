@@ -95,43 +95,52 @@ def sweep(
     jobs: opt.Jobs = 1,
     part: opt.PartAsked = None,
     gather: opt.GatherAsked = False,
+    dask: opt.DaskAddress = None,
     dry_run: opt.DryRunOfStudy = False,
     threads: opt.Threads = None,
     trust_scripts: opt.TrustScripts = False,
     force: opt.Force = False,
 ) -> None:
-    """Simulate every point of a parameter study: several at a time with --jobs, on many machines with --part."""
+    """Simulate every point of a study: several at a time with --jobs, on many machines with --part or --dask."""
     with explained():
         from emclutch.scene.study import read_study
 
         check_threads(threads)
         if gather:
             given = {"--part": part is not None, "--jobs": jobs != 1, "--resume": resume, "--force": force,
-                     "--threads": threads is not None, "--dry-run": dry_run}  # fmt: skip
+                     "--dask": dask is not None, "--threads": threads is not None, "--dry-run": dry_run}  # fmt: skip
             refuse_beside("--gather", given)
             _gather(study, out, trust_scripts)
             return
         if resume and out is None:
             message = "needs a study that was begun; name the study's folder with --out"
             raise SceneError([Fault("--resume", "", message)], "command line")
+        if dask is not None:
+            refuse_beside("--dask", {"--part": part is not None, "--jobs": jobs != 1})
         which = part_asked(part, out, jobs)
         read = read_study(study, trust_scripts=trust_scripts, part=which)
         if dry_run:
             print_points(read, which)
             return
         from emclutch.results.study_table import StudyTable
+        from emclutch.studies.dask_executor import DaskExecutor
         from emclutch.studies.forecast import predict_study
         from emclutch.studies.points import points_in
         from emclutch.studies.sweep import sweep as sweep_study
 
-        if which is None:
-            begun = points_in(read, out) if resume and out is not None else []
-            if (predicted := predict_study(read, jobs, begun)).points:
-                typer.echo(predicted.in_words(), err=True)
-        with StudyTable() as table:
-            folder = sweep_study(
-                read, out=out, threads=threads, resume=resume, jobs=jobs, progress=table, force=force, part=which
-            )
+        how: dict[str, Any] = {"out": out, "resume": resume, "force": force, "threads": threads, "part": which}
+        with nullcontext() if dask is None else DaskExecutor(dask) as executor:
+            if which is None:
+                begun = points_in(read, out) if resume and out is not None else []
+                predicted = predict_study(read, jobs, begun)
+                if predicted.points:
+                    typer.echo(predicted.in_words(), err=True)
+            if executor is not None:
+                executor.ask_for(max((point.memory * 2**20 for point in predicted.points), default=0.0))
+                typer.echo(f"{executor.workers} workers at {dask}", err=True)
+                how |= {"executor": executor, "threads": threads or 1, "jobs": None}
+            with StudyTable() as table:
+                folder = sweep_study(read, **{"jobs": jobs, **how}, progress=table)
         if which is None:
             _print_tables(folder)
         else:
@@ -160,9 +169,9 @@ def _print_tables(folder: Path) -> None:
     """Print what a study's tables say in words, and where they are."""
     from emclutch.results.study_result import grain_size_lines
 
-    compared = folder / "methods.txt"
-    if compared.is_file():
-        typer.echo(compared.read_text(encoding="utf-8"), nl=False)
+    for words in (folder / "methods.txt", folder / "adaptive_curve.txt"):
+        if words.is_file():
+            typer.echo(words.read_text(encoding="utf-8"), nl=False)
     for line in grain_size_lines(folder):
         typer.echo(line)
     typer.echo(f"results and pictures: {folder}")

@@ -8,33 +8,84 @@ the same machine that is known at once (its process is there or not); of another
 expired if its time does not change for `EXPIRE_SECONDS`. Two times of one file are compared, never a time with a clock.
 
 Of several who take an expired lease at the same moment, one makes the next number; the others are refused. A process
-that is suspended for longer than `EXPIRE_SECONDS` loses its lease without knowing it.
+that is suspended for longer than `EXPIRE_SECONDS` may lose its lease; it learns so by `Lease.refuse_lost`.
 """
 
 from __future__ import annotations
 
 import json
+import logging
 import os
 import platform
 import re
 import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 from emclutch.results.folder_lock import FolderInUse
 
+log = logging.getLogger(__name__)
 RENEW_SECONDS = 20.0
 EXPIRE_SECONDS = 300.0
 """A kernel that is compiled may keep a holder from renewing for a minute."""
 LOOK_SECONDS = 5.0  # between two looks at a lease that is watched
+WAIT_SECONDS = 1.0  # between two tries to take a lease in turn
 LIVES, ENDED, GONE = "lives", "has ended", "is gone"
 
 
+class LeaseLost(FolderInUse):
+    """A lease expired while its holder was suspended, and another process has taken it."""
+
+
+class Lease:
+    """A lease that is held.
+
+    Parameters
+    ----------
+    file : of the lease.
+    text : that its holder has written there.
+    what : is leased, for the message.
+    """
+
+    def __init__(self, file: Path, text: str, what: str) -> None:
+        self._file, self._text, self._what = file, text, what
+        self._renewed = _seconds()
+
+    @property
+    def is_held(self) -> bool:
+        """True if the lease's file is still the holder's."""
+        return _text(str(self._file)) == self._text
+
+    def renew(self) -> None:
+        """Set the time of the file; nothing where it is lost, or its server does not answer."""
+        with suppress(OSError):  # it may do so the next time
+            if self.is_held:
+                os.utime(self._file)
+                self._renewed = _seconds()
+
+    def refuse_lost(self) -> None:
+        """Raise `LeaseLost` where others may have the lease. The file is looked at only after a pause in renewing."""
+        if _seconds() - self._renewed > 0.5 * EXPIRE_SECONDS and not self.is_held:
+            raise LeaseLost(
+                f"{self._what} was taken over by another process while this one was suspended; it is left to that one"
+            )
+
+    def give_back(self) -> None:
+        """Remove the file, unless it is another's."""
+        if self.is_held:
+            self._file.unlink(missing_ok=True)
+
+
+def _seconds() -> float:
+    """Time that goes on while the machine sleeps [s]."""
+    return time.clock_gettime(getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC))
+
+
 @contextmanager
-def leased(path: Path, what: str) -> Iterator[None]:
+def leased(path: Path, what: str) -> Iterator[Lease]:
     """Hold the lease of a name inside a ``with`` block, or refuse.
 
     Parameters
@@ -49,17 +100,30 @@ def leased(path: Path, what: str) -> Iterator[None]:
         that it has ended after `EXPIRE_SECONDS`.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    held, text = _take(path, what)
+    held = Lease(*_take(path, what), what)
     ended = threading.Event()
     renewing = threading.Thread(target=_renew, args=(held, ended), name=f"lease of {what}", daemon=True)
     renewing.start()
     try:
-        yield
+        yield held
     finally:
         ended.set()
         renewing.join()
-        if _text(str(held)) == text:  # else it was lost while this process was suspended, and is another's
-            held.unlink(missing_ok=True)
+        held.give_back()
+
+
+@contextmanager
+def leased_in_turn(path: Path, what: str, gives_up: Callable[[], bool] = lambda: False) -> Iterator[Lease | None]:
+    """Hold a lease as `leased` does, after waiting for whoever holds it; None where `gives_up` is true before."""
+    with ExitStack() as stack:
+        lease = None
+        while lease is None and not gives_up():
+            try:
+                lease = stack.enter_context(leased(path, what))
+            except FolderInUse as error:
+                log.info("%s", error)
+                time.sleep(WAIT_SECONDS)
+        yield lease
 
 
 def lease_holder(path: Path) -> str | None:
@@ -101,10 +165,9 @@ def _take(path: Path, what: str) -> tuple[Path, str]:
     return own, text
 
 
-def _renew(held: Path, ended: threading.Event) -> None:
+def _renew(held: Lease, ended: threading.Event) -> None:
     while not ended.wait(RENEW_SECONDS):
-        with suppress(OSError):  # a server that does not answer now may do so the next time
-            os.utime(held)
+        held.renew()
 
 
 def _state_of(file: Path) -> str:

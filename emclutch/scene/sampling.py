@@ -18,11 +18,16 @@ from pydantic import Field, PrivateAttr
 
 from emclutch.scene.errors import Fault, shown
 from emclutch.scene.section import Choice, Section, Whole
+from emclutch.scene.share import Share, ShareEntry
 
 PACKINGS = "scene.seed"
 """Its values are packings of every point, of whatever design."""
 MOST = 10_000  # samples, and values of a range
-METHODS = ("latin_hypercube", "sobol", "one_at_a_time")
+METHODS = ("latin_hypercube", "sobol", "saltelli", "one_at_a_time", "adaptive")
+_SPANNING = ("latin_hypercube", "sobol", "saltelli")
+"""Methods that place points in the ranges without a count."""
+LEAST_PLACES, LEAST_PACKINGS = 4, 2
+"""Of an adaptive curve: values, and packings of each."""
 _RANGE = ("from", "to", "count", "spacing", "whole")
 _EXAMPLE = '{ from = "0.25 A", to = "1 A" }'
 _NUMBER_AND_UNIT = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
@@ -32,25 +37,39 @@ class SampleSection(Section):
     """[study.sample]: the points are a sample of the values' ranges, in place of every combination.
 
     `latin_hypercube` and `sobol` sample the ranges without a count; listed values are combined with each point of the
-    sample. `one_at_a_time` begins with the first value of every key, and changes one key at a time to its others; it
-    has no count and no seed. Values of `scene.seed` are packings of every point.
+    sample. `saltelli` has `count` points of Sobol's sequence and d + 1 more for each of them, of d ranges, from which
+    Sobol' indices follow (`emclutch.sobol_indices`). `one_at_a_time` begins with the first value of every key, and
+    changes one key at a time to its others; it has no count and no seed. Values of `scene.seed` are packings of every
+    point. `adaptive` runs of all combinations of one value and `scene.seed` those that narrow the curve's 95 % interval
+    most for what they cost, until it is `error` everywhere, or until `count` points have run.
     """
 
     method: Annotated[str, Choice(METHODS)] = Field(description="how the points are chosen")
     count: Annotated[int, Whole(1, MOST, "64")] | None = Field(
-        default=None, description="points of the sample; of sobol a power of two"
+        default=None,
+        description="points of the sample; of sobol and saltelli a power of two; of adaptive at most so many",
     )
     seed: Annotated[int, Whole(0, 2**63 - 1, "1")] | None = Field(
         default=None, description="of the random numbers; without it 0"
     )
+    error: Annotated[Share, ShareEntry()] | None = Field(
+        default=None, description="of adaptive: half of the 95 % interval that is wanted everywhere, e.g. '3 %'"
+    )
     _over: tuple[str, ...] = PrivateAttr(default=())
+
+    @property
+    def over(self) -> tuple[str, ...]:
+        """Keys of the ranges that are sampled."""
+        return self._over
 
     def points(self, values: dict[str, list[Any]]) -> list[dict[str, Any]]:
         """Return the points: values of each key, in the order of the keys."""
+        if self.method == "adaptive":
+            return combinations(values)
         crossed = {key: options for key, options in values.items() if key not in self._over}
         if self.method != "one_at_a_time":
             rows: Iterator[dict[str, Any]] = (
-                {key: values[key][place] for key in self._over} for place in range(self.count or 0)
+                {key: values[key][place] for key in self._over} for place in range(self._sampled)
             )
         else:
             crossed = {key: options for key, options in values.items() if key == PACKINGS}
@@ -65,7 +84,14 @@ class SampleSection(Section):
             return (1 + sum(len(options) - 1 for key, options in values.items() if key != PACKINGS)) * len(
                 values.get(PACKINGS, [0])
             )
-        return (self.count or 0) * math.prod(len(options) for key, options in values.items() if key not in self._over)
+        if self.method == "adaptive":
+            return math.prod(map(len, values.values()))
+        return self._sampled * math.prod(len(options) for key, options in values.items() if key not in self._over)
+
+    @property
+    def _sampled(self) -> int:
+        """Points of the sample itself."""
+        return (self.count or 0) * (len(self._over) + 2 if self.method == "saltelli" else 1)
 
 
 def combinations(values: dict[str, list[Any]]) -> list[dict[str, Any]]:
@@ -97,7 +123,7 @@ def read_ranges(
             faults += wrong
             if found is not None:
                 ranges[key] = found
-    spans = sample is not None and sample.method != "one_at_a_time"
+    spans = sample is not None and sample.method in _SPANNING
     over = [key for key, one in ranges.items() if one.count is None]
     if sample is not None:
         faults += _sample_faults(sample, bool(over) or bool(faults))
@@ -109,9 +135,11 @@ def read_ranges(
     elif PACKINGS in over:
         words = "has no count: each point would have one packing of its own; give it a count, or list the seeds"
         faults.append(Fault(f"study.values.{PACKINGS}", shown(values[PACKINGS]), words))
+    if sample is not None and sample.method == "adaptive":
+        faults += _adaptive_faults({key: ranges[key].listed() if key in ranges else one for key, one in values.items()})
     if faults:
         return values, sample, faults
-    lists: dict[str, Any] = {key: one.values(np.linspace(0.0, 1.0, one.count or 1)) for key, one in ranges.items()}
+    lists: dict[str, Any] = {key: one.listed() for key, one in ranges.items()}
     if spans and sample is not None:
         cube = _cube(sample, len(over))
         lists |= {key: ranges[key].values(cube[:, place]) for place, key in enumerate(over)}
@@ -121,10 +149,17 @@ def read_ranges(
 
 
 def _cube(sample: SampleSection, dimensions: int) -> np.ndarray:
-    """Points in the unit cube, shape (count, dimensions)."""
+    """Points in the unit cube, shape (count, dimensions); of saltelli (count (dimensions + 2), dimensions)."""
     from scipy.stats import qmc  # local: it takes a second to import
 
     count, seed = sample.count or 0, sample.seed or 0
+    if sample.method == "saltelli":  # the order of SALib: of each point A, A with one column of B each, B
+        both = np.asarray(qmc.Sobol(2 * dimensions, seed=seed).random_base2(count.bit_length() - 1))
+        rows = np.repeat(both[:, None, :dimensions], dimensions + 2, axis=1)
+        rows[:, -1] = both[:, dimensions:]
+        for one in range(dimensions):
+            rows[:, one + 1, one] = both[:, dimensions + one]
+        return rows.reshape(-1, dimensions)
     if sample.method == "sobol":
         return np.asarray(qmc.Sobol(dimensions, seed=seed).random_base2(count.bit_length() - 1))
     return np.asarray(qmc.LatinHypercube(dimensions, seed=seed).random(count))
@@ -132,14 +167,20 @@ def _cube(sample: SampleSection, dimensions: int) -> np.ndarray:
 
 def _sample_faults(sample: SampleSection, has_ranges: bool) -> list[Fault]:
     key, count = "study.sample", sample.count
+    without: dict[str, Any] = {"error": sample.error}
     if sample.method == "one_at_a_time":
-        given = {"count": count, "seed": sample.seed}
-        words = "has no meaning with method = 'one_at_a_time', whose points follow from the values; remove it"
-        return [Fault(f"{key}.{name}", str(one), words) for name, one in given.items() if one is not None]
-    faults = []
+        without = {"count": count, "seed": sample.seed, "error": sample.error}
+    elif sample.method == "adaptive":
+        without = {"seed": sample.seed}
+    words = f"has no meaning with method = '{sample.method}'; remove it"
+    faults = [Fault(f"{key}.{name}", str(one), words) for name, one in without.items() if one is not None]
+    if sample.method == "adaptive" and sample.error is None:
+        faults.append(Fault(f"{key}.error", "", "is missing; allowed: 0.1 % to 50 %, e.g. error = '3 %'"))
+    if sample.method not in _SPANNING:
+        return faults
     if count is None:
         faults.append(Fault(f"{key}.count", "", f"is missing; allowed: 1 to {MOST} points, e.g. count = 64"))
-    elif sample.method == "sobol" and count.bit_count() != 1:
+    elif sample.method in ("sobol", "saltelli") and count.bit_count() != 1:
         below = 2 ** (count.bit_length() - 1)
         words = f"is no power of two, and Sobol's sequence is even only then; take {below} or {2 * below}"
         faults.append(Fault(f"{key}.count", str(count), words))
@@ -149,11 +190,49 @@ def _sample_faults(sample: SampleSection, has_ranges: bool) -> list[Fault]:
     return faults
 
 
+def places_along(values: dict[str, list[Any]]) -> tuple[str, list[float]]:
+    """Return the key along which an adaptive curve goes, and its values as numbers, in the unit that they have.
+
+    Raises
+    ------
+    ValueError
+        There is no such key, or a value is no number above 0 in the unit of the others.
+    """
+    along = [key for key, options in values.items() if key != PACKINGS and len(options) > 1]
+    if len(along) != 1 or len(values[along[0]]) < LEAST_PLACES:
+        raise ValueError(
+            f"needs one value along which the curve goes, with at least {LEAST_PLACES} entries, and {PACKINGS}; "
+            f"here: {', '.join(along) or 'none'}"
+        )
+    found = [_number_and_unit(one) for one in values[along[0]]]
+    if any(one is None or one[0] <= 0.0 for one in found) or len({one[1] for one in found if one is not None}) > 1:
+        raise ValueError(f"needs numbers above 0 in one unit as the values of {along[0]}")
+    return along[0], [one[0] for one in found if one is not None]
+
+
+def _adaptive_faults(values: dict[str, list[Any]]) -> list[Fault]:
+    """Faults of the values of an adaptive curve."""
+    if not all(isinstance(options, list) and options for options in values.values()):
+        return []  # told elsewhere
+    if len(values.get(PACKINGS, ())) < LEAST_PACKINGS:
+        words = f"needs packings to choose from; list {PACKINGS}, at least {LEAST_PACKINGS}, e.g. 1 to 16"
+        return [Fault("study.sample.method", "'adaptive'", words)]
+    try:
+        places_along(values)
+    except ValueError as error:
+        return [Fault("study.sample.method", "'adaptive'", str(error))]
+    return []
+
+
 class _Range:
     """Values between two ends, in the unit in which they are given."""
 
     def __init__(self, low: float, high: float, unit: str | None, count: int | None, log: bool, whole: bool) -> None:
         self.low, self.high, self.unit, self.count, self.log, self.whole = low, high, unit, count, log, whole
+
+    def listed(self) -> list[Any]:
+        """Return its `count` values."""
+        return self.values(np.linspace(0.0, 1.0, self.count or 1))
 
     def values(self, fractions: np.ndarray) -> list[Any]:
         """Return the entries at these fractions of the way from one end to the other, shape (n,)."""

@@ -65,6 +65,11 @@ class StudySection(Section):
         """The scene's file."""
         return self._path.parent / self.case
 
+    @property
+    def is_adaptive(self) -> bool:
+        """True if results decide which of the points are run."""
+        return self.sample is not None and self.sample.method == "adaptive"
+
     def points(self) -> list[dict[str, Any]]:
         """Every combination of the values, the last key running fastest; where they are sampled, the sample."""
         return combinations(self.values) if self.sample is None else self.sample.points(self.values)
@@ -103,6 +108,9 @@ class StudySection(Section):
             There is no such part.
         """
         which, parts = part
+        if self.is_adaptive:
+            message = "does not go with study.sample.method = 'adaptive', as each point depends on others; take --jobs"
+            raise SceneError([Fault("--part", f"{which}/{parts}", f"{message} or --dask")], str(self.path))
         if parts > 1 and (twice := self._listed_twice()):
             message = (
                 f"is listed twice: {twice}; parts would run it in one folder; list each value once, or sample fewer"

@@ -9,6 +9,7 @@ again, and parts of a study that run at the same time need not agree on anything
 
 from __future__ import annotations
 
+import logging
 import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
@@ -22,9 +23,11 @@ from emclutch.results.folder_lock import has_files
 from emclutch.results.history import last_time
 from emclutch.scene.case import Case
 from emclutch.scene.study import StudySection
+from emclutch.scene.timing import instant_in_words
 from emclutch.simulation.resume import differing_keys, flat_scene, may_change, refuse_changed_files, seconds_of
 from emclutch.studies.accuracy.target import cases_of
 
+log = logging.getLogger(__name__)
 POINT = "point-"
 _NUMBERED = re.compile(rf"{POINT}(\d+)")
 
@@ -125,6 +128,20 @@ def is_done_now(path: Path, case: Case, fixed: Collection[str]) -> bool:
     if folder.case.read_text(encoding="utf-8") == text:
         return folder.summary.is_file()
     return _is_done(path, flat_scene(text), fixed)
+
+
+def goes_on(case: Case, path: Path, resume: bool) -> bool:
+    """True if a point continues from its checkpoint; what lies in its folder without one is put aside."""
+    name = path.name
+    if resume and RunFolder(path).checkpoint.is_file():
+        log.info("%s continues from its checkpoint to %s", name, instant_in_words(case.scene.span.end))
+        return True
+    if path.is_dir() and has_files(path):
+        aside = RunFolder(path).set_aside()
+        log.warning("%s has no checkpoint to continue from: restarted, its files are kept as %s", name, aside.name)
+    else:
+        log.info("%s starts", name)
+    return False
 
 
 def _free_path(folder: Path, number: int, total: int) -> Path:

@@ -22,21 +22,22 @@ from emclutch.results.lease import leased
 from emclutch.results.run_folder import logging_to
 from emclutch.results.study_folder import is_study
 from emclutch.results.study_table import DONE, FAILED, STOPPED, WAITING, StudyTable
-from emclutch.scene.case import Case
 from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.replica_count import replica_count
 from emclutch.scene.study import StudySection, read_study
-from emclutch.scene.timing import instant_in_words
 from emclutch.simulation.missing_pictures import draw_missing
 from emclutch.simulation.resume import seconds_of
 from emclutch.studies.accuracy.target import cases_of
+from emclutch.studies.adaptive import AdaptiveStudy
+from emclutch.studies.dask_executor import SchedulerLost
 from emclutch.studies.part_folder import lease_of, part_folder
-from emclutch.studies.points import PointFolder, folders_of_points, is_done_now, unclaimed
+from emclutch.studies.points import PointFolder, folders_of_points, goes_on, is_done_now, unclaimed
 from emclutch.studies.tables import Done, disc_torque, label_of, write_failures, write_tables
-from emclutch.studies.tasks import STOP, PointOutcome, PointTask, run_point
+from emclutch.studies.tasks import STOP, PointOutcome, PointTask, run_leased_point, run_point
 from emclutch.studies.workers import ctrl_c_sets, threads_of_a_worker, worker_pool
 
 log = logging.getLogger(__name__)
+LOGGERS = [__name__, "emclutch.studies.points", "emclutch.studies.adaptive"]
 LOOK_SECONDS = 0.5  # between two looks at the points that run
 
 
@@ -74,7 +75,9 @@ def sweep(
         of them in this one. A script that asks for more must do so under ``if __name__ == "__main__":``. Results do not
         depend on it.
     executor : where points run instead: any `concurrent.futures.Executor`, of a cluster too, whose workers see the same
-        file system. It gets `jobs` points at a time, by default all; it is not shut down.
+        file system, such as `emclutch.DaskExecutor`. It gets `jobs` points at a time, by default all; it is not shut
+        down. Each point is run under a lease: a worker that gets one a second time waits for the first, and continues
+        what that has left.
     progress : table of the points to keep up to date.
     force : run also points that need more memory than is free.
     part : which part of how many, e.g. (3, 40): points 3, 43, 83, ... counted from 1, one after the other in this
@@ -110,10 +113,10 @@ def sweep(
         if not resume and has_files(folder):
             raise OutputError(f"{folder} is not empty; continue it with --resume, or write elsewhere with --out")
         (folder / STOP).unlink(missing_ok=True)
-        with logging_to(folder / "study.log", [__name__]):
+        with logging_to(folder / "study.log", LOGGERS):
             share = 1 if executor is not None else jobs or 1
             table = progress or StudyTable(stream=io.StringIO())
-            run = _StudyRun(study, folder, threads, share, resume, table, force)
+            run = _StudyRun(study, folder, threads, share, resume, table, force, leases=executor is not None)
             try:
                 if executor is None and share == 1:
                     run.here()
@@ -151,7 +154,7 @@ def _sweep_part(
         home.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(f"cannot write to {home}: {error.strerror or error}; write elsewhere with --out") from error
-    with logging_to(home / "study.log", [__name__]):
+    with logging_to(home / "study.log", LOGGERS):
         run = _PartRun(study, folder, threads, resume, progress or StudyTable(stream=io.StringIO()), force, part)
         run.here()
         run.fail_what_waits_for_failed_points()
@@ -173,7 +176,9 @@ class _StudyRun:
         resume: bool,
         table: StudyTable,
         force: bool,
+        leases: bool = False,
     ) -> None:
+        self.leases = leases  # points are taken, and what lies there is judged, by whoever runs them
         self.study, self.folder, self.threads, self.resume, self.table = study, folder, threads, resume, table
         self.force = force
         self.share = share  # processes of this study on this machine
@@ -191,7 +196,8 @@ class _StudyRun:
             places = {number: place for place, number in enumerate(numbers)}
             self.before = [None if (one := before[number]) is None else places[one] for number in numbers]
         write_failures(self.home, [])
-        self.waiting = list(range(len(self.points)))
+        self.curve = AdaptiveStudy(study, folder) if study.is_adaptive else None
+        self.waiting = list(range(len(self.points))) if self.curve is None else []
         self.done: dict[int, Done] = {}
         self.failures: dict[int, PointOutcome] = {}
         self.stopped = False
@@ -210,6 +216,7 @@ class _StudyRun:
     def by(self, executor: Executor, at_a_time: int | None) -> None:
         """Hand the points to an executor, so many `at_a_time`, and wait for them."""
         running: dict[Future[PointOutcome], int] = {}
+        function = run_leased_point if self.leases else run_point
         asked = threading.Event()
         try:
             with ctrl_c_sets(asked):
@@ -220,7 +227,7 @@ class _StudyRun:
                             break
                         if (task := self._task(number)) is not None:
                             try:
-                                running[executor.submit(run_point, task)] = number
+                                running[executor.submit(function, task)] = number
                             except BrokenExecutor:
                                 self.waiting.insert(0, number)
                                 raise
@@ -237,6 +244,14 @@ class _StudyRun:
                         self._take(running.pop(future), outcome)
                     for number in running.values():
                         self._look_at(number)
+        except SchedulerLost as error:
+            log.error("%s", error)
+            for number in sorted(set(running.values()) - set(self.done)):
+                self.table.set_ended(number, STOPPED)
+            raise RunError(
+                f"{error}; {len(self.done)} of {len(self.points)} points are done; start it again, then "
+                f"{self._how_to_go_on()} --dask {error.address}"
+            ) from error
         except BrokenExecutor as error:
             log.error("a process of the study ended without a message: %s", error)
             reason = (
@@ -269,6 +284,7 @@ class _StudyRun:
 
     def goes_on(self) -> bool:
         """True if a point waits that can run."""
+        self._choose()
         return not self.stopped and any(self.before[n] is None or self.before[n] in self.done for n in self.waiting)
 
     def fail_what_waits_for_failed_points(self) -> None:
@@ -286,12 +302,21 @@ class _StudyRun:
 
     def _next(self) -> int | None:
         """The first point that waits for no other one, taken off the list."""
+        self._choose()
         for number in self.waiting:
             before = self.before[number]
             if before is None or before in self.done:
                 self.waiting.remove(number)
                 return number
         return None
+
+    def _choose(self) -> None:
+        """Let an adaptive curve choose its next points, once those that it has chosen are done."""
+        if self.curve is not None and not self.waiting and not self.stopped:
+            try:
+                self.waiting = self.curve.next_points(self.done, self.failures)
+            except ValueError as error:
+                raise RunError(f"the next points of the curve cannot be chosen: {error}") from error
 
     def _task(self, number: int) -> PointTask | None:
         """The task of a point; None where it is done already."""
@@ -306,7 +331,7 @@ class _StudyRun:
                 log.warning("%s has no pictures, and they cannot be drawn: %s", point.path.name, error)
             self._is_done(number, load_result(point.path), kept=True)
             return None
-        resumed = _goes_on(case, point, self.resume)
+        resumed = not self.leases and goes_on(case, point.path, self.resume)
         start = None if before is None else str(self.targets[before].path.resolve())
         path = None if case.path is None else str(case.path.resolve())
         threads = self.threads
@@ -419,20 +444,6 @@ def _outcome(future: Future[PointOutcome]) -> PointOutcome:
         raise
     except Exception as error:
         return PointOutcome(FAILED, f"{type(error).__name__}: {error}")
-
-
-def _goes_on(case: Case, point: PointFolder, resume: bool) -> bool:
-    """True if a point continues from its checkpoint; what lies there without one is put aside."""
-    name = point.path.name
-    if resume and RunFolder(point.path).checkpoint.is_file():
-        log.info("%s continues from its checkpoint to %s", name, instant_in_words(case.scene.span.end))
-        return True
-    if point.path.is_dir() and has_files(point.path):
-        aside = RunFolder(point.path).set_aside()
-        log.warning("%s has no checkpoint to continue from: restarted, its files are kept as %s", name, aside.name)
-    else:
-        log.info("%s starts", name)
-    return False
 
 
 class _Announced:

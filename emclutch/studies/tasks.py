@@ -10,16 +10,19 @@ from __future__ import annotations
 import logging
 import time
 import traceback
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from emclutch.results import OutputError
 from emclutch.results.errors import Interrupted, RunError
+from emclutch.results.lease import Lease, LeaseLost, leased_in_turn
 from emclutch.results.study_table import DONE, FAILED, STOPPED
-from emclutch.scene.case import case_from
+from emclutch.scene.case import Case, case_from
 from emclutch.scene.errors import SceneError
 from emclutch.simulation.run import run
+from emclutch.studies.part_folder import lease_of
+from emclutch.studies.points import goes_on, is_done_now
 
 log = logging.getLogger(__name__)
 STOP = "stop-asked"
@@ -52,6 +55,11 @@ class PointTask:
     force: bool = False
     target: float | None = None
 
+    def case(self) -> Case:
+        """The point's case."""
+        path = None if self.path is None else Path(self.path)
+        return case_from(self.data, None, path, trust_scripts=self.trust_scripts)
+
 
 @dataclass(frozen=True, slots=True)
 class PointOutcome:
@@ -69,18 +77,52 @@ class PointOutcome:
     is_input: bool = False
 
 
-def run_point(task: PointTask, progress: Any = None) -> PointOutcome:
-    """Run one point; whatever it fails of is the outcome's message, so that the other points continue."""
+def run_leased_point(task: PointTask, progress: Any = None) -> PointOutcome:
+    """Run one point, as `run_point` does, on a worker that cannot know whether another one has it, or had it.
+
+    It is run under its lease (`emclutch.results.lease`). While another process holds that, it is waited for; what it
+    has done is kept then, and what it has begun is continued from its checkpoint. `task.resume` has no meaning.
+    """
     folder = Path(task.folder)
-    asked = StopAsked(folder.parent, progress)
+    asked = StopAsked(folder.parent)
+    while True:
+        try:
+            with leased_in_turn(lease_of(folder), str(folder), lambda: asked.stop_asked) as lease:
+                return PointOutcome(STOPPED) if lease is None else _run_under(lease, task, progress)
+        except LeaseLost as error:  # and wait for the one that has it now
+            log.warning("%s", error)
+
+
+def _run_under(lease: Lease, task: PointTask, progress: Any) -> PointOutcome:
+    """Run what is left of a point, once its lease is held."""
+    folder = Path(task.folder)
+    try:
+        case = task.case()
+        if is_done_now(folder, case, ["time.end"]):
+            return PointOutcome(DONE)
+        resumed = goes_on(case, folder, True)
+    except SceneError as error:
+        return PointOutcome(FAILED, error.report(), is_input=True)
+    except OutputError as error:
+        return PointOutcome(FAILED, str(error), is_input=True)
+    return run_point(replace(task, resume=resumed), progress, lease)
+
+
+def run_point(task: PointTask, progress: Any = None, lease: Lease | None = None) -> PointOutcome:
+    """Run one point; whatever it fails of is the outcome's message, so that the other points continue.
+
+    Raises
+    ------
+    LeaseLost
+        Another process has taken the point over while this one was suspended.
+    """
+    folder = Path(task.folder)
+    asked = StopAsked(folder.parent, progress, lease)
     if asked.stop_asked:
         return PointOutcome(STOPPED)
     try:
-        case = case_from(
-            task.data, None, None if task.path is None else Path(task.path), trust_scripts=task.trust_scripts
-        )
         run(
-            case,
+            task.case(),
             out=folder,
             threads=task.threads,
             progress=asked,
@@ -91,6 +133,8 @@ def run_point(task: PointTask, progress: Any = None) -> PointOutcome:
         )
     except (Interrupted, KeyboardInterrupt):
         return PointOutcome(STOPPED)
+    except LeaseLost:
+        raise
     except SceneError as error:
         return PointOutcome(FAILED, error.report(), is_input=True)
     except OutputError as error:
@@ -116,16 +160,19 @@ class StopAsked:
     ----------
     folder : of the study.
     progress : notified of the run's progress, or None.
+    lease : of the point, or None; where it is lost, the run ends without another word in its folder.
     """
 
-    def __init__(self, folder: Path, progress: Any = None) -> None:
-        self._file, self._progress = folder / STOP, progress
+    def __init__(self, folder: Path, progress: Any = None, lease: Lease | None = None) -> None:
+        self._file, self._progress, self._lease = folder / STOP, progress, lease
         self._looked = -LOOK_SECONDS
         self._asked = False
 
     @property
     def stop_asked(self) -> bool:
-        """Looks for the file now and then, until it was there."""
+        """Looks for the file now and then, until it was there; `LeaseLost` where another has taken the point."""
+        if self._lease is not None:
+            self._lease.refuse_lost()
         now = time.monotonic()
         if not self._asked and now - self._looked >= LOOK_SECONDS:
             self._asked, self._looked = self._file.exists(), now

@@ -1,0 +1,188 @@
+"""Which points of a curve are run: those that narrow the intervals that are too wide most for what they cost.
+
+The study's values are candidates: places along a curve, and packings of each (`scene.seed`). Four places with two
+packings each begin. Then batches of `BATCH` are chosen one after the other: of the candidates the one that makes
+sum over the places of (half width^2 - aim^2), where that is above zero, least per cost; each choice counts on the ones
+before, for the interval of `emclutch.results.curve_interval` narrows by what is measured where, whatever the result.
+A batch follows from the results of those before it alone, so that neither the number of processes nor an interruption
+changes what is run. The cost of a place is counted in steps times grains, and not in seconds, for the same reason.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from emclutch.results.atomic_file import replace_text
+from emclutch.results.curve_interval import CurveInterval, curve_interval
+from emclutch.scene.sampling import places_along
+from emclutch.scene.study import StudySection
+from emclutch.studies.tables import Done, disc_torque
+
+log = logging.getLogger(__name__)
+BEGIN, PACKINGS, BATCH = 4, 2, 4
+"""Places and packings that begin, and points of each later batch."""
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """Result of a point.
+
+    Attributes
+    ----------
+    torque : [N m].
+    cost : in any unit, the same for all.
+    """
+
+    torque: float
+    cost: float
+
+
+class AdaptiveCurve:
+    """Chooses the points of a curve in batches.
+
+    Parameters
+    ----------
+    places : of each candidate its place along the curve, above 0.
+    error : half of the 95 % interval that is wanted everywhere, relative.
+    most : points at most.
+    """
+
+    def __init__(self, places: Sequence[float], error: float, most: int) -> None:
+        self.places, self.error, self.most = np.asarray(places, dtype=float), error, most
+        self.at = np.unique(self.places)
+        self.chosen: list[int] = []
+        self.curve: CurveInterval | None = None  # of what was measured before the last batch
+
+    @property
+    def is_reached(self) -> bool:
+        """True if the interval is as narrow as wanted everywhere."""
+        return self.curve is not None and bool((self.curve.half_width <= np.log1p(self.error)).all())
+
+    def next_batch(self, measured: Mapping[int, Measured], failed: Collection[int] = ()) -> list[int]:
+        """Return the next candidates to run, by number; none where the aim, or the end of the candidates, is reached.
+
+        All that were chosen before must have been `measured` or have `failed`.
+
+        Raises
+        ------
+        ValueError
+            A torque is not above 0.
+        """
+        known = [number for number in self.chosen if number in measured]
+        if not self.chosen:
+            begin = self.at[np.unique(np.linspace(0, len(self.at) - 1, BEGIN).round().astype(int))]
+            batch = [number for place in begin for number in self._free(place)[:PACKINGS]]
+        else:
+            batch = self._best(known, measured)
+        batch = batch[: self.most - len(self.chosen)]
+        self.chosen += batch
+        return batch
+
+    def _best(self, known: list[int], measured: Mapping[int, Measured]) -> list[int]:
+        x, torque, cost = (
+            np.array(one)
+            for one in (
+                self.places[known],
+                [measured[number].torque for number in known],
+                [measured[number].cost for number in known],
+            )
+        )
+        if len(known) < 4 or np.unique(x).size < 2:  # the others have failed
+            return [number for place in self.at for number in self._free(place)[:1]][:BATCH]
+        self.curve = curve = curve_interval(x, torque, self.at)
+        if self.is_reached:
+            return []
+        costs = np.interp(self.at, np.unique(x), [cost[x == place].mean() for place in np.unique(x)])
+        aim, batch = float(np.log1p(self.error)), []
+        free = {place: self._free(where) for place, where in enumerate(self.at)}
+        while len(batch) < BATCH and any(free.values()):
+            wide = _excess(curve, aim)
+            narrowed = {place: curve.narrowed(place) for place, numbers in free.items() if numbers}
+            gain = {place: (wide - _excess(one, aim)) / costs[place] for place, one in narrowed.items()}
+            best = max(gain, key=lambda place: (gain[place], -place))
+            batch.append(free[best].pop(0))
+            curve = narrowed[best]
+            if wide <= 0.0:
+                break
+        return batch
+
+    def _free(self, place: float) -> list[int]:
+        """Candidates of a place that were not chosen."""
+        return [int(number) for number in np.flatnonzero(self.places == place) if int(number) not in self.chosen]
+
+
+class AdaptiveStudy:
+    """The points of a study, chosen by their results; ``adaptive_curve.csv`` and ``.txt`` say what is known so far.
+
+    Parameters
+    ----------
+    study : that is adaptive.
+    folder : of its results.
+    """
+
+    def __init__(self, study: StudySection, folder: Path) -> None:
+        assert study.sample is not None and study.sample.error is not None
+        self._folder, points = folder, study.points()
+        self._key, numbers = places_along(study.values)
+        place_of = dict(zip(map(repr, study.values[self._key]), numbers, strict=True))
+        self._entry_of = dict(zip(numbers, study.values[self._key], strict=True))
+        self._curve = AdaptiveCurve(
+            [place_of[repr(point[self._key])] for point in points],
+            study.sample.error,
+            min(study.sample.count or len(points), len(points)),
+        )
+        self._ended = False
+
+    def next_points(self, done: Mapping[int, Done], failed: Collection[int]) -> list[int]:
+        """Return the numbers of the next points; none while others run, or where there are no more.
+
+        Raises
+        ------
+        ValueError
+            A torque is not known, or not above 0.
+        """
+        curve = self._curve
+        if self._ended or not set(curve.chosen) <= {*done, *failed}:
+            return []
+        measured = {}
+        for number in curve.chosen:
+            if number in done:
+                result = done[number][2]
+                torque = disc_torque(result).mean
+                if torque is None:
+                    raise ValueError(f"{result.folder.path} has no mean torque; run longer")
+                measured[number] = Measured(torque, float(result.summary["steps"]) * result.summary["grains"])
+        batch = curve.next_batch(measured, failed)
+        self._ended = not batch
+        if curve.curve is not None:
+            self._write(curve.curve, measured)
+        return batch
+
+    def _write(self, curve: CurveInterval, measured: Mapping[int, Measured]) -> None:
+        """Write the curve with its interval, and say where it is widest."""
+        packings = [sum(self._curve.places[number] == place for number in measured) for place in curve.x]
+        lines = [f"{self._key},torque,low,high,packings"]
+        for place, torque, half, count in zip(curve.x, curve.torque, curve.half_width, packings, strict=True):
+            low, high = torque * np.exp(-half), torque * np.exp(half)
+            lines.append(f"{self._entry_of[place]},{float(torque)!r},{float(low)!r},{float(high)!r},{count}")
+        replace_text(self._folder / "adaptive_curve.csv", "\n".join(lines) + "\n")
+        widest = int(np.argmax(curve.half_width))
+        state = "as narrow as wanted" if self._curve.is_reached else f"{100.0 * self._curve.error:.3g} % is wanted"
+        if self._ended and not self._curve.is_reached:
+            state += ", and there are no more points: list more scene.seed, or raise study.sample.count"
+        most, where = np.expm1(curve.half_width[widest]), self._entry_of[curve.x[widest]]
+        text = (
+            f"after {len(measured)} packings the curve's 95 % interval is at most +- {100.0 * most:.2g} %, at "
+            f"{self._key} = {where}: {state}; one packing scatters by {100.0 * curve.noise:.2g} %"
+        )
+        replace_text(self._folder / "adaptive_curve.txt", text + "\n")
+        log.info("%s", text)
+
+
+def _excess(curve: CurveInterval, aim: float) -> float:
+    return float(np.maximum(curve.half_width**2 - aim**2, 0.0).sum())
