@@ -16,7 +16,7 @@ from functools import partial
 from typing import Any
 
 from emclutch.scene.errors import Fault, SceneError
-from emclutch.studies.task_process import perform
+from emclutch.studies.task_process import call_of, perform, result_of
 
 MEMORY = "memory"
 """Resource of a worker that offers it, in bytes: ``dask worker --resources memory=64e9``."""
@@ -89,8 +89,9 @@ class DaskExecutor(Executor):
         future.set_running_or_notify_cancel()
         name = f"{getattr(fn, '__name__', 'task')}-{uuid.uuid4().hex}"
         remote = self._client.submit(
-            perform, fn, *args, key=name, pure=False, retries=self.retries, resources=self._resources, **kwargs
-        )
+            perform, call_of(fn, *args, **kwargs), key=name, pure=False, retries=self.retries,
+            resources=self._resources,
+        )  # fmt: skip
         self._running[future] = remote  # a task whose future is forgotten is cancelled
         remote.add_done_callback(partial(self._pass_on, future))
         return future
@@ -100,7 +101,7 @@ class DaskExecutor(Executor):
         try:
             if remote.status == "cancelled":
                 raise SchedulerLost(self.address)
-            future.set_result(remote.result())
+            future.set_result(result_of(remote.result()))
         except BaseException as error:  # of a worker, perhaps no Exception: it is the future's
             future.set_exception(error)
 

@@ -26,17 +26,23 @@ class TaskProcessEnded(RuntimeError):
     """The process of a task ended without a result."""
 
 
-def perform(fn: Callable[..., Any], *args: Any, **kwargs: Any) -> Any:
-    """Call a function in a child process and return its result, or raise its error.
+def perform(call: bytes) -> bytes:
+    """Run a call in a child process. The worker reads neither the call nor its answer, and imports nothing for them.
 
-    Function, arguments and result must pickle; the function by its module, which the child imports.
+    Parameters
+    ----------
+    call : `call_of` a function and its arguments.
+
+    Returns
+    -------
+    bytes
+        Its answer, see `result_of`: what it returned or raised.
 
     Raises
     ------
     TaskProcessEnded
         The child died.
     """
-    call = pickle.dumps(pickle.dumps((fn, args, kwargs)))  # twice: one thread of the child reads, another imports
     try:
         child = _idle.pop()
     except IndexError:
@@ -45,9 +51,9 @@ def perform(fn: Callable[..., Any], *args: Any, **kwargs: Any) -> Any:
         if child.poll() is not None:  # it died while it had nothing to do
             child = _new_child()
         assert child.stdin is not None and child.stdout is not None
-        child.stdin.write(call)
+        pickle.dump(call, child.stdin)
         child.stdin.flush()
-        is_result, found = pickle.load(child.stdout)
+        answer: bytes = pickle.load(child.stdout)
     except (EOFError, BrokenPipeError, pickle.UnpicklingError):
         child.kill()
         code = child.wait()
@@ -60,6 +66,17 @@ def perform(fn: Callable[..., Any], *args: Any, **kwargs: Any) -> Any:
         child.wait()
         raise
     _idle.append(child)
+    return answer
+
+
+def call_of(fn: Callable[..., Any], *args: Any, **kwargs: Any) -> bytes:
+    """Return a call as bytes. All of it must pickle, the function by its module, which the child imports."""
+    return pickle.dumps((fn, args, kwargs))
+
+
+def result_of(answer: bytes) -> Any:
+    """Return what a call has returned, or raise what it has raised."""
+    is_result, found = pickle.loads(answer)
     if is_result:
         return found
     raise found
@@ -76,7 +93,7 @@ def _new_child() -> subprocess.Popen[bytes]:
 
 def main() -> None:
     """Entry point of the child."""
-    calls: SimpleQueue[bytes | None] = SimpleQueue()
+    calls: SimpleQueue[bytes] = SimpleQueue()
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what a task prints is no answer
     source = sys.stdin.buffer
@@ -92,11 +109,11 @@ def main() -> None:
     while True:
         answer = _answer(calls.get())
         with suppress(BrokenPipeError):
-            answers.write(answer)
+            pickle.dump(answer, answers)
             answers.flush()
 
 
-def _answer(call: Any) -> bytes:
+def _answer(call: bytes) -> bytes:
     """The pickled result of a call, or its error."""
     try:
         fn, args, kwargs = pickle.loads(call)

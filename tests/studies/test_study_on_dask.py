@@ -97,6 +97,14 @@ def worker_of(child):
     return int(Path(f"/proc/{child}/stat").read_text().rpartition(")")[2].split()[1])
 
 
+def lives(process):
+    """True if a process has not ended."""
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
+    except OSError:
+        return False
+
+
 def test_what_a_killed_or_stopped_worker_has_begun_goes_on_elsewhere_with_one_writer(cluster, tmp_path):
     """-9 in the middle of one task; a worker stopped, given up by the scheduler and woken, in that of another one."""
     killed, stopped = tmp_path / "killed", tmp_path / "stopped"
@@ -106,7 +114,9 @@ def test_what_a_killed_or_stopped_worker_has_begun_goes_on_elsewhere_with_one_wr
     with emclutch.DaskExecutor(cluster.address, retries=1) as executor:
         futures = [executor.submit(count, folder, 60) for folder in (killed, stopped)]
         until(lambda: len(steps_in(killed)) == len(steps_in(stopped)) == 30)  # where they wait
-        os.kill(worker_of(steps_in(killed)[0][1]), signal.SIGKILL)
+        child = steps_in(killed)[0][1]
+        os.kill(worker_of(child), signal.SIGKILL)
+        until(lambda: not lives(child))  # it ends with its worker
         (killed / "go").touch()
         assert futures[0].result(WAIT) == 60
         child = steps_in(stopped)[0][1]
