@@ -98,7 +98,8 @@ class AdaptiveCurve:
         if self.is_reached:
             return []
         costs = np.interp(self.at, np.unique(x), [cost[x == place].mean() for place in np.unique(x)])
-        aim, batch = float(np.log1p(self.error)), []
+        batch: list[int] = []
+        aim = float(np.log1p(self.error))
         free = {place: self._free(where) for place, where in enumerate(self.at)}
         while len(batch) < BATCH and any(free.values()):
             wide = _excess(curve, aim)
