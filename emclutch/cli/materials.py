@@ -12,6 +12,7 @@ from emclutch.scene.errors import Fault, SceneError
 from field import TableLaw
 from field.laws.coercivity import coercivity
 from field.laws.conductivity import Conductivity, conductivity
+from field.laws.major_loop import MajorLoopLaw
 from field.laws.materials import (
     canonical_name,
     grain_material,
@@ -29,6 +30,7 @@ _KINDS = {
     "FroehlichLaw": "Froehlich",
     "LangevinLaw": "Langevin",
     "BrauerLaw": "Brauer",
+    "MajorLoopLaw": "loop",
 }
 # Every law that ships has the slope of vacuum here; J_s is read off at this flux density [T].
 _SATURATED_B = 20.0
@@ -56,6 +58,8 @@ class Characteristics:
         Other names of the same material.
     warning : str
         What of a table's points is not used; empty where all are.
+    loop : str
+        Coercivity, remanence and loss of a law that is fitted to a loop against those of the loop; else empty.
     """
 
     name: str
@@ -69,6 +73,7 @@ class Characteristics:
     also: tuple[str, ...]
     source: str
     warning: str = ""
+    loop: str = ""
 
 
 def characteristics(law: Law) -> Characteristics:
@@ -87,28 +92,29 @@ def characteristics(law: Law) -> Characteristics:
         max(0.0, float(_SATURATED_B - MU_0 * saturated)) if slope[-1] * MU_0 > 0.999 else float("inf"),
         None if conducts is None else conducts.sigma,
         conducts is not None and conducts.rough,
-        None if name is None else coercivity(name).H_c,
+        law.fitted.coercivity if isinstance(law, MajorLoopLaw) else None if name is None else coercivity(name).H_c,
         also,
         law.source,
         law.warning if isinstance(law, TableLaw) else "",
+        law.in_words() if isinstance(law, MajorLoopLaw) else "",
     )
 
 
 def laws_of(names: list[str]) -> list[Law]:
-    """The laws of built-in names and of files with a magnetisation curve (.csv, .txt, .tsv).
+    """The laws of built-in names and of files with a magnetisation curve or a major loop (.csv, .txt, .tsv).
 
     Raises
     ------
     SceneError
         Every name that is unknown and every file that cannot be read as a curve.
     """
-    from field.laws.magnetisation_table import TableFault, table_law
+    from field.laws.magnetisation_table import TableFault, file_law
 
     laws, faults = [], []
     for name in names:
         try:
             is_file = Path(name).suffix.lower() in (".csv", ".txt", ".tsv")
-            laws.append(table_law(name) if is_file else material(name))
+            laws.append(file_law(name) if is_file else material(name))
         except TableFault as fault:
             faults.append(Fault(name, "", str(fault)))
         except OSError as error:
@@ -143,8 +149,12 @@ def materials_page(names: list[str] | None) -> None:
     for one in chosen:
         also = f" (also {', '.join(one.also)})" if one.also else ""
         sigma_source = "" if one.conductivity is None else f" Conductivity: {conductivity(one.name).source}."
-        H_c_source = f" Coercivity: {one.coercivity:g} A/m, {coercivity(one.name).source}." if one.coercivity else ""
+        H_c_source = ""
+        if one.coercivity and not one.loop:
+            H_c_source = f" Coercivity: {one.coercivity:g} A/m, {coercivity(one.name).source}."
         lines.append(f"{one.name}{also}: {one.source}.{sigma_source}{H_c_source}")
+        if one.loop:
+            lines.append(f"{one.name}: {one.loop}")
         if one.warning:
             lines.append(f"warning: {one.name}: {one.warning}")
     if not names:

@@ -18,6 +18,17 @@ if TYPE_CHECKING:
     from emclutch.studies.design_search import DesignResult
 
 
+def result_lines(summary: dict[str, Any]) -> list[str]:
+    """Return what a run is for: torque, stress of a sheared box, or both branches of a ramp of the current."""
+    if "stress" in summary:
+        return [stress_line(summary)]
+    if ramp := summary.get("torque_against_current"):
+        from emclutch.results.current_ramp import in_words  # local: it imports numpy
+
+        return in_words(ramp)
+    return [torque_line(summary.get("torque"))]
+
+
 def torque_line(torque: dict[str, Any] | None) -> str:
     """Return a run's torque with its error, and where it is not converged, why."""
     from emclutch.results.statistics import Estimate  # local: it imports numpy

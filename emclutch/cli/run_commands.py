@@ -27,8 +27,7 @@ from emclutch.cli.output import (
     print_plan,
     print_points,
     print_study,
-    stress_line,
-    torque_line,
+    result_lines,
 )
 from emclutch.scene.errors import Fault, SceneError
 
@@ -66,9 +65,7 @@ def run(
         else:
             from emclutch.results.report.verdict import closing_lines
 
-            summary = result.summary
-            typer.echo(stress_line(summary) if "stress" in summary else torque_line(summary.get("torque")))
-            for line in closing_lines(result):
+            for line in (*result_lines(result.summary), *closing_lines(result)):
                 typer.echo(line)
             typer.echo(f"results and pictures: {result.folder.path}")
 

@@ -6,6 +6,8 @@ from emclutch.scene.model import Scene
 from field import GrainLaw, ThesisLaw, material
 from field.laws.coercivity import coercivity
 from field.laws.conductivity import conductivity
+from field.laws.major_loop import MajorLoopLaw
+from field.laws.pinning import Pinning
 from geometry import Mesh3D, SectionMesh
 
 
@@ -44,12 +46,21 @@ def conductivity_of(scene: Scene, name: str) -> float:
     return conductivity(name).sigma if own is None else own.conductivity or 0.0
 
 
-def coercivity_of(scene: Scene, name: str) -> float:
-    """A material's coercivity [A/m]: that of the effect's table, the scene's own (none: 0), or a built-in one."""
+def pinning_of(scene: Scene, name: str) -> Pinning:
+    """A material's hysteresis: of the effect's table, of the scene's own loop or coercivity, or of the library.
+
+    Raises
+    ------
+    ValueError
+        A coercivity that the material's curve does not allow (`Pinning.of`).
+    """
     own, given = scene.materials.get(name), scene.effects.memory.coercivity
+    law = magnetic_law(scene, name)
     if name in given:
-        return given[name]
-    return coercivity(name).H_c if own is None else own.coercivity or 0.0
+        return Pinning.of(law, given[name])
+    if isinstance(law, MajorLoopLaw):
+        return law.pinning
+    return Pinning.of(law, coercivity(name).H_c if own is None else own.coercivity or 0.0)
 
 
 def magnetic_law(scene: Scene, name: str):

@@ -42,7 +42,7 @@ EFFECTS: tuple[type[EffectSection], ...] = (  # in this order they act and are l
     FluidDragSection,
 )
 
-PLANNED_EFFECTS = ("remanence", "heat")
+PLANNED_EFFECTS = ("grain_hysteresis", "heat")
 
 if TYPE_CHECKING:
 

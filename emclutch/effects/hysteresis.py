@@ -43,8 +43,7 @@ def _known_steels(draft: Draft) -> Iterator[Fault]:
     effect = scene.effects.memory
     if effect is None or "geometry.materials" in draft.of_geometry:
         return
-    from emclutch.device_model.materials import coercivity_of, magnetic_law  # local: they import the field
-    from field.laws.pinning import Pinning
+    from emclutch.device_model.materials import pinning_of  # local: it imports the field
 
     in_use = dict(getattr(scene.geometry, "materials", None) or {}).values()
     for name in effect.coercivity:
@@ -55,7 +54,7 @@ def _known_steels(draft: Draft) -> Iterator[Fault]:
             )
     for name in sorted(set(in_use)):
         try:
-            Pinning.of(magnetic_law(scene, name), coercivity_of(scene, name))
+            pinning_of(scene, name)
         except ValueError as error:
             of_effect = name in effect.coercivity
             key = f"effects.hysteresis.coercivity.{name}" if of_effect else f"materials.{name}.coercivity"
@@ -107,11 +106,9 @@ class HysteresisSection(EffectSection):
             yield LeftOut(cls.name, OFF, "residual field of the steel", note=note)
 
     def history(self, scene: Scene, problem: AxisymmetricProblem) -> SteelHistory | None:
-        """Build the history of demagnetised steel; None where no material of the device has a coercivity."""
-        from emclutch.device_model.materials import coercivity_of, region_materials
+        """Build the history of demagnetised steel; None where no material of the device has hysteresis."""
+        from emclutch.device_model.materials import pinning_of, region_materials
         from field.section.steel_history import SteelHistory
 
         names = region_materials(scene, problem.mesh)
-        return SteelHistory.demagnetised(
-            problem, {region: coercivity_of(scene, name) for region, name in names.items()}
-        )
+        return SteelHistory.demagnetised(problem, {region: pinning_of(scene, name) for region, name in names.items()})

@@ -79,7 +79,7 @@ class SteadyConditions:
         """
         latest = 0.0
         for history in histories:
-            strain = _strain(history, durations(history), self)
+            strain = shear_strain(history, durations(history), self)
             if strain is None or not len(strain):
                 continue
             if strain[-1] < self.start_up_strain:
@@ -227,7 +227,7 @@ def _little_shear(
     if conditions.shear_gap is None:
         text = "the folder does not say how wide the gap is, so its shear is unknown; continue with --resume, which"
         return f"{text} writes it", 0.0
-    strain = _strain(history, duration, conditions)
+    strain = shear_strain(history, duration, conditions)
     if strain is None:
         return "", 0.0
     averaged = float(strain[-1] - np.append(0.0, strain)[:-1][late][0])  # from the begin of the first of its windows
@@ -238,7 +238,7 @@ def _little_shear(
     return text, more
 
 
-def _strain(history: pandas.DataFrame, duration: np.ndarray, conditions: SteadyConditions) -> np.ndarray | None:
+def shear_strain(history: pandas.DataFrame, duration: np.ndarray, conditions: SteadyConditions) -> np.ndarray | None:
     """Shear strain of the gap, or of a periodic box, at the end of each window (n,); None where shafts do not slip."""
     if SHEAR_STRAIN in history:  # of a periodic box
         return history[SHEAR_STRAIN].to_numpy()

@@ -14,10 +14,13 @@ from emclutch.scene.units import Coercivity, CurveFieldStrength, Density, FluxDe
 
 if TYPE_CHECKING:
     from field import Law, TableLaw
+    from field.laws.major_loop import MajorLoopLaw
 
 # upper bounds only catch slips of unit: reluctivity of vacuum 8e5 m/H, conductivity of silver 6e7 S/m
 _Reluctivity = Annotated[float, Quantity("a reluctivity", "m/H", "400 m/H", 0.0, 1e6)]
 _GrowingReluctivity = Annotated[float, Quantity("a reluctivity", "m/H", "0.4 m/H", 0.0, 1e6, open_minimum=True)]
+_LoopFieldStrength = Annotated[float, Quantity("a field strength", "A/m", "-100 A/m", -1e9, 1e9)]
+_LoopFluxDensity = Annotated[float, Quantity("a flux density", "T", "-1.2 T", -100.0, 100.0)]
 _Conductivity = Annotated[float, Quantity("a conductivity", "S/m", "7e6 S/m", 0.0, 1e8)]
 
 
@@ -152,38 +155,76 @@ class TableMaterial(_OwnMaterial):
         return self.magnetic_law("this material").warning
 
 
+class LoopMaterial(_OwnMaterial):
+    """Steel fitted to a measured major loop: lists in the scene, or a text file named by `loop`, as tables are.
+
+    Rows follow the loop: from the largest H down to the smallest, and back up if both branches are given. Coercivity
+    and remanence come from it; the magnetisation curve is that of the fitted law.
+    """
+
+    law: Literal["loop"]
+    H: tuple[_LoopFieldStrength, ...] = Field(min_length=6, description="field strength along the loop")
+    B: tuple[_LoopFluxDensity, ...] = Field(min_length=6, description="flux density along the loop")
+
+    @model_validator(mode="after")
+    def _has_no_other_coercivity(self) -> Self:
+        if self.coercivity is not None:
+            raise refuse("conflicts with the loop, which has one; remove it", key="coercivity")
+        return self
+
+    def magnetic_law(self, name: str) -> MajorLoopLaw:
+        """See `_OwnMaterial.magnetic_law`."""
+        import numpy as np
+
+        from field.laws.major_loop import MajorLoopLaw
+
+        return MajorLoopLaw(np.array(self.H), np.array(self.B), name, "the scene")
+
+
 def _with_columns(given: Any, info: ValidationInfo) -> Any:
     """Put a file's columns in place of its name, so that a resolved scene stands alone."""
+    if isinstance(given, dict) and "loop" in given and given.get("law", "loop") == "loop":
+        return _of_file(given, "loop", "loop", info)
     keys = [key for key in ("table", "file") if isinstance(given, dict) and key in given]
     if not keys or given.get("law", "table") != "table":
         return given
     key = keys[0]
     if len(keys) > 1:
         raise refuse("conflicts with table; keep one of them, they mean the same", key="file")
+    return _of_file(given, key, "table", info)
+
+
+def _of_file(given: dict[str, Any], key: str, law: str, info: ValidationInfo) -> dict[str, Any]:
     if "H" in given or "B" in given:
         raise refuse("conflicts with H or B; give either the file or the two lists", key=key)
     folder = (info.context or {}).get("folder", Path())
     H, B = _columns(folder / str(given[key]), key)
-    return {"law": "table", **{name: value for name, value in given.items() if name != key}, "H": H, "B": B}
+    return {"law": law, **{name: value for name, value in given.items() if name != key}, "H": H, "B": B}
 
 
 Material = Annotated[
-    LinearMaterial | FroehlichMaterial | LangevinMaterial | BrauerMaterial | PermeabilityMaterial | TableMaterial,
+    LinearMaterial
+    | FroehlichMaterial
+    | LangevinMaterial
+    | BrauerMaterial
+    | PermeabilityMaterial
+    | TableMaterial
+    | LoopMaterial,
     Field(discriminator="law"),
     BeforeValidator(_with_columns),
 ]
 
 
 def _columns(path: Path, key: str) -> tuple[list[float], list[float]]:
-    """H [A/m] and B [T] of a file, the origin first."""
-    from field.laws.magnetisation_table import TableFault, read_table
+    """H [A/m] and B [T] of a file; of a magnetisation curve the origin first."""
+    from field.laws.magnetisation_table import TableFault, read_loop, read_table
 
     try:
-        H, B = read_table(path)
+        H, B = read_loop(path) if key == "loop" else read_table(path)
     except TableFault as fault:
         raise refuse(str(fault), key=key) from None
     except OSError as error:
         reason = error.strerror or str(error)
         raise refuse(f"cannot be read ({reason}); a path is relative to the scene's folder", key=key) from None
-    origin = [] if H[0] == 0.0 else [0.0]
+    origin = [] if H[0] == 0.0 or key == "loop" else [0.0]
     return origin + H.tolist(), origin + B.tolist()

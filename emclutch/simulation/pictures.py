@@ -5,12 +5,15 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas
 
 from emclutch.device_model.gap_map import gap_map
 from emclutch.results import RunFolder, load_result
 from emclutch.results.columns import CURRENT, SHEAR_STRESS, TORQUE_DISC
+from emclutch.results.current_ramp import PICTURE, TABLE
 from emclutch.results.pictures import (
     axial_picture,
+    current_ramp_picture,
     grains_picture,
     profile_picture,
     section_picture,
@@ -35,9 +38,9 @@ if TYPE_CHECKING:
 def draw_run(case, folder: RunFolder, device, simulation, profiles: ProfileAverage | None = None) -> None:
     """Write the pictures that the run has something to show in.
 
-    section.png or gap.png with a solved field, torque.png, stress.png of a sheared box, speeds.png where a shaft's
-    speed changes, profiles.png and wall_pressure.png where profiles were asked for, and at last grains.png: where it
-    lies all others do.
+    section.png or gap.png with a solved field, torque.png, torque_vs_current.png of a slow ramp of the current,
+    stress.png of a sheared box, speeds.png where a shaft's speed changes, profiles.png and wall_pressure.png where
+    profiles were asked for, and at last grains.png: where it lies all others do.
     """
     title = case.scene.scene.title
     result = load_result(folder.path)
@@ -62,6 +65,8 @@ def draw_run(case, folder: RunFolder, device, simulation, profiles: ProfileAvera
         current = steady_current(result.history)
         torque_title = title if current is None else f"{title}\n{current:.4g} A"
         torque_picture(folder.torque_picture, result.history, result.torque, result.other_histories, title=torque_title)
+    if (folder.path / TABLE).is_file():
+        current_ramp_picture(folder.path / PICTURE, pandas.read_csv(folder.path / TABLE), title=title)
     if SHEAR_STRESS in result.history:
         stress_picture(folder.stress_picture, result.history, result.stress, result.other_histories, title=title)
     if speeds_vary(result.history):

@@ -9,6 +9,7 @@ import numpy as np
 from emclutch.device_model.grain_size import grain_size
 from emclutch.device_model.pole_zone import PoleZone
 from emclutch.results import Estimate, RunFolder
+from emclutch.results.atomic_file import replace_text
 from emclutch.results.columns import (
     CURRENT,
     DISC_SPEED,
@@ -41,6 +42,7 @@ from emclutch.results.columns import (
     WORK_WALLS,
     torque_on,
 )
+from emclutch.results.current_ramp import TABLE, current_ramp
 from emclutch.results.rise_time import rise_times
 from emclutch.results.steady_torque import steady_mean_of, steady_torque
 from emclutch.scene.replica_count import replica_seed
@@ -101,6 +103,11 @@ def summarise(
         summary["lock_up_time"] = lock_up_time(history)
     if device.coil is not None and simulation.source.solution is not None:
         summary |= coil_summary(device.coil, simulation.source, history)
+    if torque is not None and case.scene.coil is not None and case.scene.coil.current is not None:
+        ramp = current_ramp((history, *others), case.scene.coil.current, conditions)
+        if ramp is not None:
+            replace_text(folder.path / TABLE, ramp.table().to_csv(index=False))
+            summary["torque_against_current"] = ramp.summary()
     size = grain_size(case.scene, device) if torque is not None else None
     if size is not None:
         summary["grain_size"] = size.as_dict()

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from field.laws.materials import canonical_name, material
+from field.laws.materials import entry_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,8 +53,4 @@ def coercivity(name: str) -> Coercivity:
     ValueError
         Unknown name; the message of `materials.material`.
     """
-    found = canonical_name(name)
-    if found is None:
-        material(name)  # raises, with the nearest name
-        raise AssertionError("unreachable")
-    return _COERCIVITIES[found]
+    return entry_of(_COERCIVITIES, name)

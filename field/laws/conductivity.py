@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from field.laws.materials import canonical_name, material
+from field.laws.materials import entry_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,8 +54,4 @@ def conductivity(name: str) -> Conductivity:
     ValueError
         Unknown name; the message of `materials.material`.
     """
-    found = canonical_name(name)
-    if found is None:
-        material(name)  # raises, with the nearest name
-        raise AssertionError("unreachable")
-    return _CONDUCTIVITIES[found]
+    return entry_of(_CONDUCTIVITIES, name)

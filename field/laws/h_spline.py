@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
-from scipy.interpolate import CubicHermiteSpline
+from scipy.interpolate import CubicHermiteSpline, PPoly
 
 from field.laws.reluctivity import NU_0, Law, LinearLaw
 from geometry.kernels.device_functions import device_function
@@ -45,8 +45,8 @@ class HSpline:
     H_last: float
 
     @classmethod
-    def through(cls, spline: CubicHermiteSpline) -> HSpline:
-        """Take over a scipy Hermite spline."""
+    def through(cls, spline: PPoly) -> HSpline:
+        """Take over a scipy spline of cubics."""
         energy = spline.antiderivative()(spline.x)
         return cls(np.array(spline.x), np.array(spline.c), energy, float(spline(spline.x[-1])))
 

@@ -10,6 +10,8 @@ Columns stand in any order: `H` in A/m, kA/m, MA/m or Oe, and either `B` in T, m
 `J = B - mu_0 H` in T, mT or G; others are not read.  Commas, semicolons or tabs (or blanks) divide them; with
 semicolons or tabs decimals may have a comma.  Lines with # and empty lines are skipped.  Errors are reported with
 the number of the line in the file.
+
+A hysteresis loop has the same columns, its rows in the order of the measurement.
 """
 
 from __future__ import annotations
@@ -21,6 +23,7 @@ from pathlib import Path
 import numpy as np
 
 from field.laws.magnetisation_curve import TableLaw, last_before_tail, too_flat
+from field.laws.major_loop import MajorLoopLaw
 from field.laws.reluctivity import MU_0
 
 _UNITS = {
@@ -55,7 +58,27 @@ def read_table(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
     OSError
         The file cannot be read.
     """
-    path = Path(path)
+    H, B, lines, given = _points(Path(path))
+    _check(H, B, lines, given)
+    return H, B
+
+
+def read_loop(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
+    """Read H [A/m] and B [T] (n,) of a hysteresis loop from a file of the same format, in the order of its rows.
+
+    Raises
+    ------
+    TableFault
+        A header without quantity or unit, or an entry that is no number; the branches are checked by `MajorLoopLaw`.
+    OSError
+        The file cannot be read.
+    """
+    H, B, _, _ = _points(Path(path))
+    return H, B
+
+
+def _points(path: Path) -> tuple[np.ndarray, np.ndarray, list[int], str]:
+    """H [A/m] and B [T] of a file's rows, their lines, and whether B or J was given."""
     if path.exists() and not (path.is_file() or path.is_dir()):
         raise TableFault("is a device or a pipe, not a file; name a text file")
     if path.stat().st_size > _MAX_FILE:
@@ -69,8 +92,27 @@ def read_table(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
     columns = _columns(rows[0])
     points = [_point(row, columns, len(rows[0].cells), comma_is_decimal) for row in rows[1:]]
     H, B = np.array([point[0] for point in points]), np.array([point[1] for point in points])
-    _check(H, B, [row.line for row in rows[1:]], "J" if "J" in columns else "B")
-    return H, B
+    return H, B, [row.line for row in rows[1:]], "J" if "J" in columns else "B"
+
+
+def file_law(path: str | Path) -> TableLaw | MajorLoopLaw:
+    """The law of a file's curve, or of a loop where some H is negative, named after the file.
+
+    Raises
+    ------
+    TableFault
+        As `read_table`, or a loop that is none (`MajorLoopLaw`).
+    OSError
+        The file cannot be read.
+    """
+    path = Path(path)
+    H, B = read_loop(path)
+    if (H >= 0.0).all():
+        return table_law(path)
+    try:
+        return MajorLoopLaw(H, B, path.stem, f"file {path.name}")
+    except ValueError as error:
+        raise TableFault(str(error)) from None
 
 
 def table_law(path: str | Path, name: str | None = None) -> TableLaw:

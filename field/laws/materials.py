@@ -10,12 +10,15 @@ from collections.abc import Callable, Mapping
 from difflib import get_close_matches
 from functools import cache
 from types import MappingProxyType
+from typing import TypeVar
 
 import numpy as np
 
 from field.laws.magnetisation_curve import PermeabilityLaw, TableLaw
 from field.laws.powder_law import GrainLaw
 from field.laws.reluctivity import AIR, Law, LinearLaw
+
+Entry = TypeVar("Entry")
 
 # H [A/m], B [T]
 _STEEL_1010 = np.array(
@@ -191,13 +194,28 @@ def material(name: str) -> Law:
     ValueError
         Unknown name; the message has the nearest one and lists all.
     """
+    return _built(_known_name(name))
+
+
+def entry_of(entries: Mapping[str, Entry], name: str) -> Entry:
+    """What a table by canonical names has of a named material.
+
+    Raises
+    ------
+    ValueError
+        Unknown name; the message of `material`.
+    """
+    return entries[_known_name(name)]
+
+
+def _known_name(name: str) -> str:
     found = canonical_name(name)
     if found is None:
         raise ValueError(
             f"material {name!r} is not known; {_nearest(name, [*_MATERIALS, *_ALIASES])}"
             f"choose one of {', '.join(material_names())}, or give a table of H [A/m] and B [T]"
         )
-    return _built(found)
+    return found
 
 
 def grain_material(name: str) -> tuple[GrainLaw, str]:

@@ -63,14 +63,14 @@ class SteelHistory:
     regions: tuple[PinnedRegion, ...]
 
     @classmethod
-    def demagnetised(cls, problem: AxisymmetricProblem, coercivity: Mapping[str, float]) -> SteelHistory | None:
+    def demagnetised(cls, problem: AxisymmetricProblem, steels: Mapping[str, float | Pinning]) -> SteelHistory | None:
         """The history of steel that has none yet.
 
         Parameters
         ----------
         problem : AxisymmetricProblem
-        coercivity : mapping of str to float
-            By region [A/m]; a region without one, or of 0 A/m, has no hysteresis.
+        steels : mapping of str to float or Pinning
+            By region, the coercivity [A/m] or the cells; a region without one, or of 0 A/m, has no hysteresis.
 
         Returns
         -------
@@ -82,15 +82,15 @@ class SteelHistory:
         ValueError
             A region that the mesh does not have, or a coercivity that its curve does not allow (`Pinning.of`).
         """
-        unknown = sorted(set(coercivity) - set(problem.mesh.regions))
+        unknown = sorted(set(steels) - set(problem.mesh.regions))
         if unknown:
             raise ValueError(
-                f"a coercivity for {', '.join(unknown)}, but the mesh has no such region; "
+                f"hysteresis for {', '.join(unknown)}, but the mesh has no such region; "
                 f"it has {', '.join(sorted(problem.mesh.regions))}"
             )
         regions = []
-        for name, value in coercivity.items():
-            pinning = Pinning.of(problem.laws[name], value)
+        for name, given in steels.items():
+            pinning = given if isinstance(given, Pinning) else Pinning.of(problem.laws[name], given)
             if pinning.reach.size:
                 elements = problem.mesh.regions[name]
                 position = pinning.demagnetised(elements.size, problem.elements.n_quadrature)

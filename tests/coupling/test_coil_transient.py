@@ -5,11 +5,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from graded_lines import graded_lines
+from pot_core import pot_core
 from section_grid import section_grid
 
 from coupling import CircuitCoilField, CoilField, EddyCoilField
 from coupling.coil_row import CoilRow
-from field import AxisymmetricProblem, GrainLaw, LinearLaw, PowderLaw, material
+from field import AxisymmetricProblem, GrainLaw, PowderLaw, material
 from field.coil.inductance import apparent_inductance
 from field.coil.winding import Winding
 from field.section.eddy_currents import EddyCurrentProblem, VoltageDrive
@@ -24,18 +25,7 @@ WINDOW, WINDOWS = 2e-4, 120
 
 @pytest.fixture(scope="module")
 def problem():
-    """A pot core around a powder-filled slit, coarse."""
-    r = np.unique(np.round(np.concatenate((graded_lines(2e-3, (0.0, 20e-3), (0.0, 0.1)), [8e-3, 16e-3, 20e-3])), 9))
-    z = np.unique(np.round(np.concatenate((graded_lines(2e-3, (0.0, 16e-3), (0.0, 0.1)), [0.5e-3, 12e-3])), 9))
-    regions = {
-        "core": (0.0, 20e-3, -16e-3, 16e-3),
-        "coil": (8e-3, 16e-3, -12e-3, 12e-3),
-        "powder": (2e-3, 8e-3, -0.5e-3, 0.5e-3),
-        "pin": (0.0, 2e-3, -0.5e-3, 0.5e-3),
-    }
-    mesh = section_grid(r, np.concatenate((-z, z)), regions)
-    laws = {"core": material("steel_1010"), "pin": LinearLaw()}
-    return AxisymmetricProblem(mesh, laws, powder_law=PowderLaw(GrainLaw(273.0, 1.5e6)))
+    return pot_core(PowderLaw(GrainLaw(273.0, 1.5e6)))
 
 
 def circuit_source(problem, **more):

@@ -4,13 +4,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from graded_lines import graded_lines
-from section_grid import section_grid
+from pot_core import pot_core
 from sheared_annulus import CELL, same, state
 
 import emclutch
 from coupling import CoilField, HysteresisCoilField
-from field import AxisymmetricProblem, material
 from field.section.steel_history import SteelHistory
 from geometry.time_profile import TimeProfile
 
@@ -22,15 +20,7 @@ COURSE = TimeProfile((0.0, 1.0, 2.0, 3.0, 4.0), (0.2, 1.0, 0.5, 0.0, -0.5))
 
 @pytest.fixture(scope="module")
 def problem():
-    """A pot core around a slit, coarse."""
-    r = np.unique(np.round(np.concatenate((graded_lines(2e-3, (0.0, 20e-3), (0.0, 0.1)), [8e-3, 16e-3, 20e-3])), 9))
-    z = np.unique(np.round(np.concatenate((graded_lines(2e-3, (0.0, 16e-3), (0.0, 0.1)), [0.5e-3, 12e-3])), 9))
-    regions = {
-        "core": (0.0, 20e-3, -16e-3, 16e-3),
-        "coil": (8e-3, 16e-3, -12e-3, 12e-3),
-        "powder": (2e-3, 8e-3, -0.5e-3, 0.5e-3),
-    }
-    return AxisymmetricProblem(section_grid(r, np.concatenate((-z, z)), regions), {"core": material("steel_1010")})
+    return pot_core()
 
 
 def source(problem, current=COURSE):

@@ -53,6 +53,25 @@ def test_coercivities_are_of_the_library_the_scene_or_the_table():
     assert solved_coil(drum(effects={}).scene).history is None
 
 
+def test_a_material_may_be_a_measured_loop():
+    """Its cells are those of the fit, its curve holds without the effect too, and a resolved scene stands alone."""
+    sheet = {"loop": str(CASES.parent / "tests" / "field" / "m330_50a_loop.csv")}
+    case = drum(materials={"sheet": sheet}, **{"geometry.materials": {"disc": "sheet"}})
+    coil = solved_coil(case.scene)
+    disc = next(one for one in coil.history.regions if one.elements[0] == coil.mesh.regions["disc"][0])
+    law = case.scene.materials["sheet"].magnetic_law("sheet")
+    assert np.array_equal(disc.pinning.stiffness, law.pinning.stiffness)
+    assert disc.pinning.coercivity == pytest.approx(38.0, abs=0.5)
+    assert case.scene.materials["sheet"].law == "loop" and len(case.scene.materials["sheet"].H) == 81
+    given = {"effects.hysteresis.coercivity": {"sheet": "20 A/m"}}
+    own = drum(materials={"sheet": sheet}, **{"geometry.materials": {"disc": "sheet"}}, **given)
+    of_disc = [one.pinning.coercivity for one in solved_coil(own.scene).history.regions]
+    assert min(of_disc) == pytest.approx(20.0)
+    for more, words in (({"coercivity": "10 A/m"}, "conflicts with the loop"), ({"H": [1.0]}, "conflicts with H or B")):
+        with pytest.raises(SceneError, match=words):
+            drum(materials={"sheet": sheet | more}, **{"geometry.materials": {"disc": "sheet"}})
+
+
 def test_what_does_not_carry_history_refuses_it():
     assert load_case(CASES / "quickstart.toml", {"effects.hysteresis": {}}).scene.effects.memory is not None
     with pytest.raises(SceneError, match=r"effects\.hysteresis.*does not go with \[effects\.eddy_currents\]"):

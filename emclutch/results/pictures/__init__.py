@@ -1,6 +1,7 @@
 """The pictures of a run and of a study, all drawn without a display (matplotlib's Agg)."""
 
 from emclutch.results.pictures.axial import axial_picture
+from emclutch.results.pictures.current_ramp import current_ramp_picture
 from emclutch.results.pictures.grains import grains_picture
 from emclutch.results.pictures.profile import profile_picture
 from emclutch.results.pictures.section import section_picture
@@ -16,6 +17,7 @@ from emclutch.results.pictures.wall_pressure import wall_pressure_picture
 
 __all__ = [
     "axial_picture",
+    "current_ramp_picture",
     "grains_picture",
     "profile_picture",
     "section_picture",

@@ -38,6 +38,7 @@ PICTURES = {
     "section.png": "flux density and flux lines in the cross-section",
     "gap.png": "radial flux density in the middle of the gap, unrolled",
     "torque.png": "torque against time",
+    "torque_vs_current.png": "torque against the coil's current, rising and falling",
     "stress.png": "stress against strain",
     "speeds.png": "speeds of the shafts against time",
     "grains.png": "grains and the forces between them",

@@ -12,6 +12,7 @@ import numpy as np
 
 from emclutch.results import Estimate, Result
 from emclutch.results.columns import DISC_SPEED, ROTOR_SPEED, SHEAR_STRESS, TIME, TORQUE_DISC
+from emclutch.results.current_ramp import in_words as in_words_of_ramp
 from emclutch.results.text import format_stress, format_time, format_torque, per_cent
 from particles.dem.overlap_limits import SOFT
 
@@ -87,7 +88,9 @@ def sentence(text: str) -> str:
 
 def _measured(result: Result) -> Iterator[Statement]:
     """Say how well torque or stress is known."""
-    if TORQUE_DISC in result.history:
+    if ramp := result.summary.get("torque_against_current"):
+        yield from (Statement(Mark.NOTE, sentence(line)) for line in in_words_of_ramp(ramp))
+    elif TORQUE_DISC in result.history:
         yield from _known(result, "torque on the disc", result.torque, format_torque(result.torque))
     elif SHEAR_STRESS in result.history:
         yield from _known(result, "shear stress", result.stress, format_stress(result.stress))

@@ -32,7 +32,7 @@ def left_out(scene, device: Device, plan: Plan, expected: ExpectedTorque) -> lis
     active = set(scene.effects.active)
     possible = [one for one in EFFECTS if one.name not in active and one.role not in device.kind.excluded_roles]
     off = [line for one in possible for line in one.left_out(regime)]
-    return [*off, *_of_grains(regime), *_of_remanence(regime), *_of_heat(regime, device)]
+    return [*off, *_of_grains(regime), *_of_grain_hysteresis(regime), *_of_heat(regime, device)]
 
 
 def _of_grains(at: Regime) -> Iterator[LeftOut]:
@@ -44,11 +44,11 @@ def _of_grains(at: Regime) -> Iterator[LeftOut]:
                   at.inertial_number, QUASI_STATIC, note="below, the torque does not depend on the speed")  # fmt: skip
 
 
-def _of_remanence(at: Regime) -> Iterator[LeftOut]:
+def _of_grain_hysteresis(at: Regime) -> Iterator[LeftOut]:
     if at.M > 0.0:
         coercive = COERCIVE_FIELD / at.H if at.H > 0.0 else None
-        yield LeftOut("remanence", ABSENT, "coercive field of soft iron powder, 1 kA/m, over H", coercive, 0.05,
-                      note="it remains when the current is switched off")  # fmt: skip
+        yield LeftOut("grain_hysteresis", ABSENT, "coercive field of soft iron powder, 1 kA/m, over H", coercive, 0.05,
+                      note="the grains keep a moment when the current is switched off")  # fmt: skip
 
 
 def _of_heat(at: Regime, device: Device) -> Iterator[LeftOut]:

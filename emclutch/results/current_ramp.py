@@ -1,0 +1,340 @@
+"""Torque against current from one run whose current is a slow ramp: means of bins on the rising and falling branches.
+
+The course of the current is cut where its magnitude turns from rising to falling or to being held. Bins divide the
+magnitude from 0 to the largest one evenly, the same for all branches, so that they can be compared bin by bin. Of
+several packings a bin's error is that of the mean of its means; of one it is that of its own fluctuation about a smooth
+curve, by the correlation time, and lacks what packings differ by.
+
+A branch in which the gap is sheared by less than `MIN_AVERAGED_STRAIN` is a switching and not a ramp, and has no bins.
+What lags behind the current (grains need a strain of some units to rearrange) makes the rising branch lower and the
+falling one higher, as hysteresis does: a ramp of half the rate tells them apart.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from emclutch.results.columns import TIME, TORQUE_DISC
+from emclutch.results.statistics import Estimate, correlation_samples
+from emclutch.results.steady_torque import MIN_AVERAGED_STRAIN, SteadyConditions, durations, shear_strain
+
+if TYPE_CHECKING:
+    import pandas
+
+    from geometry.time_profile import TimeProfile
+
+TABLE, PICTURE = "torque_vs_current.csv", "torque_vs_current.png"
+RISING, FALLING, HELD = "rising", "falling", "held"
+SHARES = (0.2, 0.5, 0.8)
+"""Of the largest current, at which the summary compares both branches."""
+_BINS = 20  # at most; of a torque as I^2 a mean over a twentieth is 1 % too large at a fifth of the current
+_STRAIN = 1.0  # of the gap, that a bin has at least
+_WINDOWS = 4  # that a bin has at least
+_AROUND = 2  # bins on each side, from whose fluctuation the error of a single packing is taken
+
+
+@dataclass(frozen=True, slots=True)
+class Branch:
+    """A stretch of time in which the magnitude of the current rises, falls or is held.
+
+    Attributes
+    ----------
+    kind : str
+        "rising", "falling" or "held".
+    begin, end : float
+        [s].
+    """
+
+    kind: str
+    begin: float
+    end: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RampBin:
+    """Torque of one bin of one branch.
+
+    Attributes
+    ----------
+    branch : int
+        Its number, from 0 on.
+    kind : str
+        "rising", "falling" or "held".
+    low, high : float
+        Ends of the bin, magnitudes [A]; equal where the current is held.
+    current : float
+        Mean current [A], with its sign.
+    means : ndarray (m,)
+        Mean torque [N m] of each packing.
+    error : float or None
+        Standard error of their mean [N m]; None: unknown.
+    freedom : float
+        Degrees of freedom of the error.
+    """
+
+    branch: int
+    kind: str
+    low: float
+    high: float
+    current: float
+    means: np.ndarray
+    error: float | None
+    freedom: float
+
+    @property
+    def torque(self) -> float:
+        """Mean torque [N m]."""
+        return float(self.means.mean())
+
+    @property
+    def half_width(self) -> float | None:
+        """Half the 95 % interval [N m]; None: unknown."""
+        return _half_width(self.torque, self.error, self.freedom)
+
+
+@dataclass(frozen=True, slots=True)
+class CurrentRamp:
+    """Bins of a run's branches, in the order of time."""
+
+    bins: tuple[RampBin, ...]
+
+    @property
+    def largest(self) -> float:
+        """Largest current of a bin's end [A]."""
+        return max(one.high for one in self.bins)
+
+    def table(self) -> pandas.DataFrame:
+        """A row for each bin; currents in A, torques in N m, `low` and `high` the 95 % interval."""
+        import pandas
+
+        rows = []
+        for one in self.bins:
+            half = one.half_width
+            ends = (None, None) if half is None else (one.torque - half, one.torque + half)
+            rows.append(
+                {
+                    "branch": one.branch + 1,
+                    "course": one.kind,
+                    "current": one.current,
+                    "current_low": one.low,
+                    "current_high": one.high,
+                    "torque": one.torque,
+                    "standard_error": one.error,
+                    "low": ends[0],
+                    "high": ends[1],
+                    "packings": one.means.size,
+                }
+            )
+        return pandas.DataFrame(rows)
+
+    def summary(self) -> dict[str, Any]:
+        """Both branches compared at `SHARES` of the largest current, the loop's area, and the torque left at 0 A.
+
+        The first rising branch and the first falling one after it; their difference is taken packing by packing. Area:
+        integral of falling less rising torque over the current, over the product of the largest current and the torque
+        there. `half_width` is of the 95 % interval. What is not in the run is None.
+        """
+        rising = self._first(RISING)
+        falling = self._first(FALLING, rising[-1].branch) if rising else []
+        found: dict[str, Any] = {"largest_current": self.largest, "loop": [], "area": None, "residual": None}
+        residual = [one for one in self.bins if one.kind == HELD and one.high == 0.0 and falling
+                    and one.branch > falling[0].branch]  # fmt: skip
+        if residual:
+            found["residual"] = _in_numbers(residual[0].means, residual[0].error, residual[0].freedom, "torque")
+        pairs = [(up, down) for up in rising for down in falling if up.low == down.low and up.high == down.high]
+        if len(pairs) < 3:
+            return found
+        pairs.sort(key=lambda pair: pair[0].low)
+        x = np.array([0.5 * (up.low + up.high) for up, _ in pairs])
+        up, down = (np.array([pair[i].means for pair in pairs]) for i in (0, 1))
+        errors = np.array([[one.error or 0.0 for one in pair] for pair in pairs])
+        freedom = pairs[0][0].freedom
+        top = 0.5 * (up + down).mean(axis=1)
+        at_top = float(top[-1] + (top[-1] - top[-2]) / (x[-1] - x[-2]) * (self.largest - x[-1]))
+        found["torque_at_largest_current"] = at_top
+        for share in SHARES:
+            at = share * self.largest
+            if not x[0] <= at <= x[-1]:
+                continue
+            weight = np.array([np.interp(at, x, row) for row in np.eye(x.size)])
+            low, high = weight @ up, weight @ down
+            alone = math.sqrt(float((weight**2) @ (errors**2).sum(axis=1)))
+            entry = {"share": share, "rising": float(low.mean()), "falling": float(high.mean())}
+            entry["ratio"] = entry["falling"] / entry["rising"] if entry["rising"] else None
+            found["loop"].append(entry | _in_numbers(high - low, _error(high - low, alone), freedom, "width"))
+        step = np.gradient(x)
+        area = step @ (down - up) / (self.largest * at_top) if at_top else np.full(up.shape[1], np.nan)
+        alone = math.sqrt(float((step**2) @ (errors**2).sum(axis=1))) / abs(self.largest * at_top or 1.0)
+        found["area"] = _in_numbers(area, _error(area, alone), freedom, "share") if at_top else None
+        return found
+
+    def _first(self, kind: str, after: int = -1) -> list[RampBin]:
+        """Bins of the first branch of a kind after another branch."""
+        found = [one for one in self.bins if one.kind == kind and one.branch > after]
+        return [one for one in found if one.branch == found[0].branch]
+
+
+def current_ramp(
+    histories: Sequence[pandas.DataFrame], currents: TimeProfile, conditions: SteadyConditions
+) -> CurrentRamp | None:
+    """Bins of torque against current.
+
+    Parameters
+    ----------
+    histories : sequence of DataFrame
+        Of each packing; columns `time` [s], `torque_disc` [N m] and speeds [rad/s] as in ``history.csv``.
+    currents : TimeProfile
+        Given current [A].
+    conditions : SteadyConditions
+        Radius and width of the gap.
+
+    Returns
+    -------
+    CurrentRamp or None
+        None where the current does not change, or in no branch slowly enough.
+    """
+    end = min(float(each[TIME].iloc[-1]) for each in histories)
+    strains = [shear_strain(each, durations(each), conditions) for each in histories]
+    if currents.is_constant or any(strain is None for strain in strains):
+        return None
+    at, strain = histories[0][TIME].to_numpy(), strains[0]
+
+    def sheared(one: Branch) -> float:
+        return float(np.diff(np.interp([one.begin, one.end], at, strain))[0])
+
+    parts = branches(currents, end)
+    ramps = [one for one in parts if one.kind != HELD and sheared(one) >= MIN_AVERAGED_STRAIN]
+    if not ramps:
+        return None
+    largest = max(abs(currents(time)) for one in ramps for time in (one.begin, one.end))
+    count = _BINS
+    for one in ramps:
+        share = abs(abs(currents(one.end)) - abs(currents(one.begin))) / largest
+        windows = np.count_nonzero((at > one.begin) & (at <= one.end))
+        count = min(count, int(sheared(one) / _STRAIN / share), int(windows / _WINDOWS / share))
+    edges = np.linspace(0.0, largest, max(count, 1) + 1)
+    found: list[RampBin] = []
+    for number, one in enumerate(parts):
+        if sheared(one) >= (MIN_AVERAGED_STRAIN if one.kind != HELD else _STRAIN):
+            found += _bins_of(number, one, histories, currents, edges)
+    return CurrentRamp(tuple(found)) if found else None
+
+
+def branches(currents: TimeProfile, end: float) -> list[Branch]:
+    """Stretches of time up to `end` [s] in which the current's magnitude rises, falls or is held."""
+    times = [0.0, *(time for time in currents.times if 0.0 < time < end), end]
+    for (first, a), (second, b) in pairwise(list(zip(currents.times, currents.values, strict=True))):
+        if a * b < 0.0:  # its magnitude turns where it passes zero
+            times.append(first + (second - first) * a / (a - b))
+    times = sorted({time for time in times if 0.0 <= time <= end})
+    found: list[Branch] = []
+    for first, second in pairwise(times):
+        change = abs(currents(second)) - abs(currents(first))
+        kind = HELD if abs(change) <= 1e-9 * currents.largest else RISING if change > 0.0 else FALLING
+        if found and found[-1].kind == kind:
+            found[-1] = Branch(kind, found[-1].begin, second)
+        else:
+            found.append(Branch(kind, first, second))
+    return found
+
+
+def _bins_of(
+    number: int, branch: Branch, histories: Sequence[pandas.DataFrame], currents: TimeProfile, edges: np.ndarray
+) -> list[RampBin]:
+    """Bins of one branch that all packings have windows in, in the order of time."""
+    packings = []
+    for history in histories:
+        duration = durations(history)
+        middle = history[TIME].to_numpy() - 0.5 * duration
+        inside = (middle > branch.begin) & (middle < branch.end)
+        current = currents.at(middle[inside])
+        packings.append((current, history[TORQUE_DISC].to_numpy()[inside], duration[inside]))
+    if branch.kind == HELD:
+        held = abs(currents(branch.end))
+        edges = np.array([held, held])
+    places = [
+        np.zeros(current.size, dtype=int)
+        if branch.kind == HELD
+        else np.clip(np.searchsorted(edges, np.abs(current), side="right") - 1, 0, edges.size - 2)
+        for current, _, _ in packings
+    ]
+    order = range(edges.size - 1)
+    found = []
+    for k in reversed(order) if branch.kind == FALLING else order:
+        chosen = [place == k for place in places]
+        if any(np.count_nonzero(one) < min(2, _WINDOWS) for one in chosen):
+            continue
+        both = list(zip(packings, chosen, strict=True))
+        means = np.array([np.average(torque[one], weights=time[one]) for (_, torque, time), one in both])
+        at = float(np.mean([current[one].mean() for (current, _, _), one in both]))
+        error, freedom = _error(means, None), means.size - 1.0
+        if means.size == 1:
+            error, freedom = _of_one_packing(packings[0][0], packings[0][1], places[0], k)
+        low, high = float(edges[k]), float(edges[k + 1])
+        found.append(RampBin(number, branch.kind, low, high, at, means, error, freedom))
+    return found
+
+
+def _of_one_packing(current: np.ndarray, torque: np.ndarray, place: np.ndarray, k: int) -> tuple[float | None, float]:
+    """Standard error [N m] of bin k and its degrees of freedom, by the fluctuation in it and in bins beside it."""
+    order = min(3, max(current.size // 8, 0)) if np.ptp(current) > 0.0 else 0
+    fit = np.polynomial.Polynomial.fit(current, torque, order) if order else lambda x: np.full(x.shape, torque.mean())
+    rest = torque - fit(current)
+    near = np.abs(place - k) <= _AROUND
+    n, here = np.count_nonzero(near), np.count_nonzero(place == k)
+    if n < 3 * _WINDOWS or not rest[near].any():
+        return None, 0.0
+    samples = correlation_samples(rest / max(float(np.abs(rest).max()), 1e-300))
+    freedom = n / samples - 1.0
+    if freedom < 1.0:
+        return None, 0.0
+    return float(rest[near].std()) * math.sqrt(min(1.0, samples / here)), freedom
+
+
+def _error(values: np.ndarray, alone: float | None) -> float | None:
+    """Standard error of the mean of packings' values; `alone` of one packing."""
+    if values.size == 1:
+        return alone
+    return float(values.std(ddof=1)) / math.sqrt(values.size)
+
+
+def _in_numbers(values: np.ndarray, error: float | None, freedom: float, name: str) -> dict[str, float | None]:
+    mean = float(values.mean())
+    return {name: mean, "half_width": _half_width(mean, error, freedom)}
+
+
+def _half_width(mean: float, error: float | None, freedom: float) -> float | None:
+    return Estimate(mean, error, 0, None, None, True, "", degrees_of_freedom=freedom).half_width()
+
+
+def in_words(found: dict[str, Any]) -> list[str]:
+    """Lines on `CurrentRamp.summary`: both branches at `SHARES`, area, and what is left at 0 A."""
+    lines = []
+    for one in found["loop"]:
+        width = _with_half(one["width"], one["half_width"], "N m")
+        ratio = "" if one["ratio"] is None else f", falling over rising {one['ratio']:.3g}"
+        lines.append(
+            f"torque on the disc at {one['share'] * found['largest_current']:.4g} A: rising {one['rising']:.4g} N m, "
+            f"falling {one['falling']:.4g} N m{ratio}, difference {width}"
+        )
+    if found["area"] is not None:
+        share = _with_half(100.0 * found["area"]["share"], _times(100.0, found["area"]["half_width"]), "%")
+        lines.append(f"area between the branches: {share} of largest current times torque there")
+    if found["residual"] is not None:
+        left = _with_half(found["residual"]["torque"], found["residual"]["half_width"], "N m")
+        lines.append(f"torque on the disc after the current is off: {left}")
+    return [*lines, f"torque against the current, {found['largest_current']:.4g} A at most: {TABLE}"]
+
+
+def _with_half(value: float, half: float | None, unit: str) -> str:
+    return f"{value:.3g} {unit} (error unknown)" if half is None else f"{value:.3g} +- {half:.2g} {unit} (95 %)"
+
+
+def _times(factor: float, value: float | None) -> float | None:
+    return None if value is None else factor * value

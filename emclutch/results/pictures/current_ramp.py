@@ -1,0 +1,78 @@
+"""Torque against the current of a slow ramp: rising and falling branches with their 95 % bands."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from emclutch.results.pictures.figure import (
+    BODY_COLOURS,
+    COLOURS,
+    draw_measured,
+    legend_below,
+    new_figure,
+    save_picture,
+)
+from emclutch.results.pictures.torque import torque_unit
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.axes import Axes
+
+RISING, FALLING, HELD = BODY_COLOURS["rotor"], BODY_COLOURS["disc"], "black"
+
+
+def current_ramp_picture(
+    path: str | Path,
+    table: pandas.DataFrame,
+    *,
+    rated: tuple[float, float] | None = None,
+    measured: Mapping[str, np.ndarray] | None = None,
+    title: str | None = None,
+) -> Path:
+    """Draw the torque of each bin of each branch.
+
+    Parameters
+    ----------
+    path : PNG to write.
+    table : as of `emclutch.results.current_ramp.CurrentRamp.table`, or ``torque_vs_current.csv`` of a run.
+    rated : current [A] and torque [N m] that all is drawn over; None: in A and N m.
+    measured : name -> (n, 2) current and torque in what is drawn, as `read_measured` returns them.
+    """
+    figure, (axis,) = new_figure(7.0, 4.8, title)
+    unit, factor = torque_unit([table["torque"].to_numpy()])
+    if rated is not None:
+        factor = 1.0 / rated[1]
+    draw_ramp(axis, table, per_current=1.0 if rated is None else 1.0 / rated[0], per_torque=factor)
+    draw_measured(axis, measured, joined=True)
+    axis.axhline(0.0, color="black", lw=0.6)
+    axis.grid(alpha=0.25)
+    axis.set_xlabel("coil current [A]" if rated is None else "coil current over the largest current")
+    axis.set_ylabel(f"torque on the disc [{unit}]" if rated is None else "torque over torque at the largest current")
+    legend_below(axis, 2)
+    return save_picture(figure, path)
+
+
+def draw_ramp(axis: Axes, table: pandas.DataFrame, *, per_current: float, per_torque: float, name: str = "") -> None:
+    """Draw the branches of a ramp with their bands, the first of each course with a label."""
+    labelled: set[str] = set()
+    for number, (_, branch) in enumerate(table.groupby("branch", sort=True)):
+        course = str(branch["course"].iloc[0])
+        colour = {"rising": RISING, "falling": FALLING, "held": HELD}[course]
+        if course in labelled:
+            colour = COLOURS[number % len(COLOURS)] if course != "held" else colour
+        x, torque = per_current * branch["current"].to_numpy(), per_torque * branch["torque"].to_numpy()
+        low, high = (per_torque * branch[end].to_numpy(dtype=float) for end in ("low", "high"))
+        label = f"{name}{course}{', 95 % band' if np.isfinite(low).any() else ', error unknown'}"
+        label = label if course not in labelled else "_nolegend_"
+        labelled.add(course)
+        if course == "held":
+            known = np.isfinite(low)
+            bars = np.where(known, high - torque, 0.0)
+            axis.errorbar(x, torque, bars, fmt="s", ms=5, mfc="white", capsize=4, color=colour, label=label)
+            continue
+        axis.plot(x, torque, color=colour, lw=1.4, marker=".", ms=4, label=label)
+        axis.fill_between(x, low, high, color=colour, alpha=0.2, lw=0.0)
