@@ -165,9 +165,10 @@ class CurrentRamp:
             weight = np.array([np.interp(at, x, row) for row in np.eye(x.size)])
             low, high = weight @ up, weight @ down
             alone = math.sqrt(float((weight**2) @ (errors**2).sum(axis=1)))
-            entry = {"share": share, "rising": float(low.mean()), "falling": float(high.mean())}
-            entry["ratio"] = entry["falling"] / entry["rising"] if entry["rising"] else None
-            found["loop"].append(entry | _in_numbers(high - low, _error(high - low, alone), freedom, "width"))
+            mean, of_falling = float(low.mean()), float(high.mean())
+            ratio = of_falling / mean if mean else None
+            width = _in_numbers(high - low, _error(high - low, alone), freedom, "width")
+            found["loop"].append({"share": share, "rising": mean, "falling": of_falling, "ratio": ratio} | width)
         step = np.gradient(x)
         area = step @ (down - up) / (self.largest * at_top) if at_top else np.full(up.shape[1], np.nan)
         alone = math.sqrt(float((step**2) @ (errors**2).sum(axis=1))) / abs(self.largest * at_top or 1.0)
@@ -200,10 +201,9 @@ def current_ramp(
         None where the current does not change, or in no branch slowly enough.
     """
     end = min(float(each[TIME].iloc[-1]) for each in histories)
-    strains = [shear_strain(each, durations(each), conditions) for each in histories]
-    if currents.is_constant or any(strain is None for strain in strains):
+    at, strain = histories[0][TIME].to_numpy(), shear_strain(histories[0], durations(histories[0]), conditions)
+    if currents.is_constant or strain is None:
         return None
-    at, strain = histories[0][TIME].to_numpy(), strains[0]
 
     def sheared(one: Branch) -> float:
         return float(np.diff(np.interp([one.begin, one.end], at, strain))[0])
