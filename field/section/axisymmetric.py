@@ -28,8 +28,8 @@ from field.section.magnetic_field import MagneticField
 from field.section.powder_state import Powder, PowderState
 from field.section.section_elements import SectionElements
 from field.section.section_energy import SectionEnergy
-from field.section.sparse_pattern import FixedPattern
 from field.section.steel_history import SteelHistory
+from field.sparse_pattern import FixedPattern
 from geometry.section import SectionMesh
 
 if TYPE_CHECKING:

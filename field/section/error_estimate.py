@@ -32,7 +32,7 @@ from field.section.interpolation import interpolation, slopes_at
 from field.section.magnetic_field import MagneticField
 from field.section.powder_state import PowderState
 from field.section.section_elements import QUADRATURE_ORDER
-from field.section.sparse_pattern import FixedPattern
+from field.sparse_pattern import FixedPattern
 
 # What the surplus of order p + 1 misses at a corner of steel, where the error goes like p^-_CORNER.
 _CORNER = 8.0 / 3.0

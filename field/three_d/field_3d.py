@@ -10,7 +10,6 @@ import numpy as np
 from field.laws.reluctivity import MU_0
 
 from .body_force import BodyForce, body_force, current_force
-from .quadratic_tetrahedron import shape_slopes
 from .tetrahedron_locator import PointOutside3D
 
 if TYPE_CHECKING:
@@ -60,22 +59,18 @@ class Field3D:
     @property
     def _outside(self) -> float:
         """Energy [J] of the field beyond an open boundary: half the integral of phi B . n over it."""
-        problem = self.problem
-        if problem._outer_data is None:
-            return 0.0
-        x = self.phi[problem.elements.free_nodes]
-        return float(0.5 * problem.mesh.n_sectors * (x * (problem.elements.matrix(problem._outer_data) @ x)).sum())
+        return self.problem.mesh.n_sectors * self.problem.outer_energy(self.phi)
 
     @property
     def coenergy(self) -> float:
         """Integral of B dH over the volume [J]."""
-        return self.integral(self.problem.materials_at(self.H_at_quadrature)[2]) + self._outside
+        return self.integral(self.problem.materials_at(self.H_at_quadrature)[1]) + self._outside
 
     @property
     def energy(self) -> float:
         """Integral of H dB over the volume [J]; equals the co-energy when all is linear."""
         HB = np.einsum("qi,qi->q", self.H_at_quadrature, self.B_at_quadrature)
-        return self.integral(HB - self.problem.materials_at(self.H_at_quadrature)[2]) + self._outside
+        return self.integral(HB - self.problem.materials_at(self.H_at_quadrature)[1]) + self._outside
 
     @property
     def flux_linkage_per_turn(self) -> float:
@@ -140,13 +135,13 @@ class Field3D:
     def _field_strength_in(self, element: np.ndarray, local: np.ndarray) -> np.ndarray:
         """H at reference coordinates (k, 3) of elements (k,)."""
         elements = self.problem.elements
-        slopes = shape_slopes(local, elements.order)
+        function, slopes = elements.reference(local)
         nodes = elements.element_nodes[element]
         X = elements.node_points[nodes]
         jacobian = np.einsum("kna,knd->kad", X, slopes)
         on_reference = np.einsum("kn,knd->kd", self.phi[nodes], slopes)
         gradient = np.linalg.solve(jacobian.transpose(0, 2, 1), on_reference[..., None])[..., 0]
-        where = elements.positions(element, local)
+        where = np.einsum("kn,kna->ka", function, X)
         where += 1e-9 * (X[:, :4].mean(axis=1) - where)
         return self.ampere_turns * self.problem.source.T0(where) - gradient
 

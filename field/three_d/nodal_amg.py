@@ -14,12 +14,16 @@ from __future__ import annotations
 import importlib.util
 import math
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
 from numba import njit
 
 from field.factorisation import SymmetricSolver, describe_backend
+
+if TYPE_CHECKING:
+    from .elements_3d import Elements3D
 
 # Above this many unknowns conjugate gradients are faster than a factorisation in 3D.
 DIRECT_UNKNOWNS = 6_000
@@ -174,39 +178,20 @@ class NodalSolver:
         )
 
 
-def linear_to_quadratic(
-    number: np.ndarray, element_nodes: np.ndarray, n_corners: int, n_free: int, n_free_corners: int, edges: np.ndarray
-) -> sp.csr_matrix:
-    """Interpolation from the unknowns of linear elements to those of quadratic ones.
-
-    Parameters
-    ----------
-    number : ndarray (n_nodes,)
-        Unknown of each node or -1.
-    element_nodes : ndarray (n_elements, 10)
-    n_corners, n_free, n_free_corners : int
-    edges : ndarray (6, 2)
-        Corners of each local edge.
-    """
-    pairs = np.concatenate([element_nodes[:, [a, b, 4 + k]] for k, (a, b) in enumerate(edges)])
-    _, first = np.unique(pairs[:, 2], return_index=True)
-    pairs = pairs[first]
-    row = number[pairs[:, 2]]
-    # of periodic partners one speaks for both
-    _, first = np.unique(row, return_index=True)
-    pairs, row = pairs[first], row[first]
-    pairs, row = pairs[row >= 0], row[row >= 0]
-    columns = number[pairs[:, :2]]
-    rows = np.broadcast_to(row[:, None], columns.shape)
-    kept = columns >= 0
-    same = np.arange(n_free_corners)
-    return sp.csr_matrix(
-        (
-            np.concatenate((np.ones(n_free_corners), np.full(np.count_nonzero(kept), 0.5))),
-            (np.concatenate((same, rows[kept])), np.concatenate((same, columns[kept]))),
-        ),
-        shape=(n_free, n_free_corners),
+def linear_to_quadratic(elements: Elements3D) -> sp.csr_matrix | None:
+    """Interpolation (n_free, n_free_corners) from the unknowns of linear elements; None: the elements are linear."""
+    if elements.order == 1:
+        return None
+    number = elements.number[: elements.n_corners]
+    kept = np.flatnonzero(number >= 0)
+    corners = sp.csr_matrix(
+        (np.ones(kept.size), (kept, number[kept])), shape=(elements.n_corners, elements.n_free_corners)
     )
+    ends = elements.edge_ends
+    halves = sp.csr_matrix(
+        (np.full(ends.size, 0.5), ends.ravel(), np.arange(0, ends.size + 1, 2)), shape=(len(ends), elements.n_corners)
+    )
+    return sp.vstack((corners, halves @ corners)).tocsr()[elements.free_nodes]
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

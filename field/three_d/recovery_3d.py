@@ -19,10 +19,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy.sparse as sp
 
-from . import recovery_kernels as kernels
 from .current_source import Source
 from .elements_3d import Elements3D
-from .recovery_kernels import Stencils
 from .tetrahedron_locator import TetrahedronLocator
 
 if TYPE_CHECKING:
@@ -36,39 +34,22 @@ _MIN_PIVOT = 2e-4
 # make.  A good quartic has 30 to 150; where the stencil is a layer or two thick single pivots pass, but their
 # errors multiply to 1e4, and the fit then recovers noise.
 _MAX_NOISE = 200.0
-_CHUNK = 4096
+_SHIFT = 1e-13  # of a Gram matrix's diagonal, so that a singular one has a factor too, with a pivot that is refused
+_CHUNK = 256
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Fits:
-    """Least-squares fits of one degree, ready to be applied to nodal values."""
+    """Least-squares fits of one degree, in coordinates u = frame (x - centre)."""
 
-    corners: np.ndarray  # (n,) in the region's numbering
-    stencils: Stencils
-    difference: np.ndarray  # integral of the unit T0 from the corner to each sample
-    factor: np.ndarray  # (n, terms, terms), lower Cholesky factors of the Gram matrices
-    terms: _Monomials
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Monomials:
-    """Monomials up to a degree: each but the first is an earlier one times a coordinate."""
-
-    exponents: np.ndarray
-    parent: np.ndarray
-    axis: np.ndarray
-
-    @classmethod
-    def up_to(cls, degree: int) -> _Monomials:
-        exponents = [
-            (i, j, n - i - j) for n in range(degree + 1) for i in range(n, -1, -1) for j in range(n - i, -1, -1)
-        ]
-        position = {e: k for k, e in enumerate(exponents)}
-        parent, axis = np.zeros(len(exponents), dtype=np.int64), np.zeros(len(exponents), dtype=np.int64)
-        for k, e in enumerate(exponents[1:], start=1):
-            axis[k] = next(a for a in range(3) if e[a] > 0)
-            parent[k] = position[tuple(x - (a == axis[k]) for a, x in enumerate(e))]
-        return cls(np.array(exponents, dtype=np.int64), parent, axis)
+    corners: np.ndarray  # (k,) in the region's numbering
+    degree: int
+    samples: np.ndarray  # (k, s) nodes; rows are as long as the longest stencil
+    kept: np.ndarray  # (k, s), False where a row has no more samples
+    difference: np.ndarray  # (k, s), integral of the unit T0 from the corner to each sample
+    centre: np.ndarray  # (k, 3) of the stencil [m]: a one-sided one is far better conditioned from there
+    frame: np.ndarray  # (k, 3, 3)
+    gram: np.ndarray  # (k, terms, terms), scalar products of the monomials over the samples
 
 
 class Recovery3D:
@@ -103,10 +84,10 @@ class Recovery3D:
             else np.zeros((0, 2), dtype=np.int64)
         )
         self.locator = TetrahedronLocator(elements, region)
-        self._source = source
+        self._source, self._degree = source, elements.order + 2
         self._fits: list[_Fits] = []
         self.degrees: dict[int, int] = {}
-        self._fit_all(elements.order + 2)
+        self._fit_all(self._degree)
 
     def _fit_all(self, degree: int) -> None:
         m, n = self.connectivity.shape
@@ -144,78 +125,107 @@ class Recovery3D:
         degree: int,
     ) -> np.ndarray:
         """Fit these corners with stencils of so many rings of elements; return the ones left undone."""
-        undone = [np.zeros(0, dtype=np.int64)]
-        for low in range(0, waiting.size, _CHUNK):
-            chunk = waiting[low : low + _CHUNK]
-            patch = ring[chunk]
-            for _ in range(rings - 2):
-                patch = patch @ ring
-            stencil = (patch @ touches @ holds).tocsr()
-            undone.append(self._fit(chunk, stencil.indptr.astype(np.int64), stencil.indices, degree))
-        return np.concatenate(undone)
+        if waiting.size == 0:
+            return waiting
+        patch = ring[waiting]
+        for _ in range(rings - 2):
+            patch = patch @ ring
+        stencil = (patch @ touches @ holds).tocsr()
+        order = np.argsort(np.diff(stencil.indptr), kind="stable")  # stencils of like size together: less padding
+        parts = np.split(order, range(_CHUNK, order.size, _CHUNK))
+        return np.concatenate([self._fit(waiting[part], stencil[part], degree) for part in parts])
 
-    def _fit(self, corners: np.ndarray, indptr: np.ndarray, samples: np.ndarray, degree: int) -> np.ndarray:
-        terms = _Monomials.up_to(degree)
-        n_terms = len(terms.parent)
-        count = np.diff(indptr)
-        owner = np.repeat(np.arange(corners.size), count)
-        centre = np.add.reduceat(self.nodes[samples], indptr[:-1]) / count[:, None]
-        offset = self.nodes[samples] - centre[owner]
+    def _fit(self, corners: np.ndarray, stencil: sp.csr_matrix, degree: int) -> np.ndarray:
+        exponents = _exponents(degree)
+        count = np.diff(stencil.indptr)
+        kept = np.arange(int(count.max())) < count[:, None]
+        samples = np.zeros(kept.shape, dtype=np.int64)
+        samples[kept] = stencil.indices
+        where = self.nodes[samples]
+        centre = (where * kept[..., None]).sum(axis=1) / count[:, None]
+        offset = (where - centre[:, None]) * kept[..., None]
         # coordinates along the stencil's principal axes, each scaled by its extent: a gap's may be thin and flat
-        spread = np.add.reduceat(offset[:, :, None] * offset[:, None, :], indptr[:-1])
-        frame = np.linalg.eigh(spread)[1].transpose(0, 2, 1)
-        reach = np.maximum.reduceat(np.abs(np.einsum("kab,kb->ka", frame[owner], offset)), indptr[:-1])
+        frame = np.linalg.eigh(offset.transpose(0, 2, 1) @ offset)[1].transpose(0, 2, 1)
+        u = offset @ frame.transpose(0, 2, 1)
+        reach = np.abs(u).max(axis=1)
         reach = np.maximum(reach, 1e-12 * reach.max(axis=1, keepdims=True))
-        frame = np.ascontiguousarray(frame / reach[:, :, None])
-        factor = np.empty((corners.size, n_terms, n_terms))
-        good = np.empty(corners.size, dtype=bool)
-        stencils = Stencils(indptr, samples, centre, frame)
-        kernels.factorise(self.nodes, stencils, terms.parent, terms.axis, _MIN_PIVOT, np.empty(n_terms), factor, good)
-        good &= count >= n_terms
+        frame = frame / reach[:, :, None]
+        terms = _monomials(u / reach[:, None], exponents) * kept[..., None]
+        gram = terms.transpose(0, 2, 1) @ terms
+        each = np.arange(len(exponents))
+        diagonal = gram[:, each, each]
+        shifted = gram.copy()
+        shifted[:, each, each] *= 1.0 + _SHIFT
+        factor = np.linalg.cholesky(shifted)
+        good = (count >= len(exponents)) & np.all(factor[:, each, each] ** 2 > _MIN_PIVOT * diagonal, axis=1)
+        # of samples' weights W for a derivative d, |W|^2 = d . (Gram matrix)^-1 d, and sqrt(n) |W| bounds the sum of
+        # their sizes
         at_corner = np.einsum("kab,kb->ka", frame, self.nodes[corners] - centre)
-        kernels.limit_noise(at_corner, terms.exponents, factor, count, _MAX_NOISE, np.empty(n_terms), good)
+        d = np.stack([_monomials(at_corner, exponents, (axis,)) for axis in range(3)], axis=2)
+        square = (d * np.linalg.solve(shifted, d)).sum(axis=1)
+        good &= np.all(square * count[:, None] < _MAX_NOISE**2, axis=1)
         if good.any():
-            kept = good[owner]
-            pairs = self.nodes[corners][owner[kept]]
-            difference = self._source.potential_difference(pairs, self.nodes[samples[kept]])
+            start = np.broadcast_to(self.nodes[corners][:, None], where.shape)
+            paths = start[good].reshape(-1, 3), where[good].reshape(-1, 3)
+            difference = self._source.potential_difference(*paths).reshape(-1, kept.shape[1])
             self._fits.append(
                 _Fits(
-                    corners[good],
-                    Stencils(
-                        np.concatenate(([0], np.cumsum(count[good]))),
-                        np.ascontiguousarray(samples[kept]),
-                        np.ascontiguousarray(centre[good]),
-                        np.ascontiguousarray(frame[good]),
-                    ),
-                    difference,
-                    np.ascontiguousarray(factor[good]),
-                    terms,
+                    corners[good], degree, samples[good], kept[good], difference, centre[good], frame[good],
+                    gram[good],
                 )
-            )
+            )  # fmt: skip
             self.degrees[degree] = self.degrees.get(degree, 0) + int(np.count_nonzero(good))
         return corners[~good]
 
     def nodal(self, field: Field3D) -> np.ndarray:
         """H [A/m] and grad H [A/m^2], rows first, at the nodes: shape (n_nodes, 12)."""
         phi = field.phi[self._global]
-        degree = max(self.degrees)
-        n_terms = len(_Monomials.up_to(degree).parent)
-        coefficients = np.zeros((self._n_corners, n_terms))
+        exponents = _exponents(self._degree)
+        coefficients = np.zeros((self._n_corners, len(exponents)))
         frame, centre = np.empty((self._n_corners, 3, 3)), np.empty((self._n_corners, 3))
         for fit in self._fits:
-            stencils, terms = fit.stencils, fit.terms
-            values = phi[stencils.samples] - field.ampere_turns * fit.difference
-            kernels.apply(
-                self.nodes, stencils, terms.parent, terms.axis, fit.factor, values, np.empty(n_terms), coefficients,
-                fit.corners,
-            )  # fmt: skip
-            frame[fit.corners], centre[fit.corners] = stencils.frame, stencils.centre
+            frame[fit.corners], centre[fit.corners] = fit.frame, fit.centre
+            u = (self.nodes[fit.samples] - fit.centre[:, None]) @ fit.frame.transpose(0, 2, 1)
+            values = np.where(fit.kept, phi[fit.samples] - field.ampere_turns * fit.difference, 0.0)
+            right = values[:, None] @ _monomials(u, _exponents(fit.degree))
+            found = np.linalg.solve(fit.gram, right.transpose(0, 2, 1))[:, :, 0]
+            coefficients[fit.corners, : found.shape[1]] = found
         nodal = np.zeros((len(self.nodes), 12))
-        exponents = _Monomials.up_to(degree).exponents
         every = np.arange(self._n_corners)
-        kernels.derive(self.nodes, centre, coefficients, frame, exponents, every, every, 1.0, nodal)
         middle = self._n_corners + np.arange(len(self._edge_ends))
-        for end in (0, 1):
-            ends = np.ascontiguousarray(self._edge_ends[:, end])
-            kernels.derive(self.nodes, centre, coefficients, frame, exponents, ends, middle, 0.5, nodal)
+        for target, corner, weight in ((every, every, 1.0), *((middle, ends, 0.5) for ends in self._edge_ends.T)):
+            F, a = frame[corner], coefficients[corner]
+            u = np.einsum("kab,kb->ka", F, self.nodes[target] - centre[corner])
+
+            def slope(*axes: int, u: np.ndarray = u, a: np.ndarray = a) -> np.ndarray:
+                return (_monomials(u, exponents, axes) * a).sum(axis=1)
+
+            first = np.stack([slope(i) for i in range(3)], axis=1)
+            second = np.empty((len(target), 3, 3))
+            for i in range(3):
+                for j in range(i + 1):
+                    second[:, i, j] = second[:, j, i] = slope(i, j)
+            nodal[target, :3] -= weight * np.einsum("kai,ka->ki", F, first)
+            nodal[target, 3:] -= weight * (F.transpose(0, 2, 1) @ second @ F).reshape(-1, 9)
         return nodal
+
+
+def _exponents(degree: int) -> np.ndarray:
+    """Of x^i y^j z^k up to a degree, the lower degrees first, shape (n, 3)."""
+    return np.array(
+        [(i, j, n - i - j) for n in range(degree + 1) for i in range(n, -1, -1) for j in range(n - i, -1, -1)]
+    )
+
+
+def _monomials(u: np.ndarray, exponents: np.ndarray, axes: tuple[int, ...] = ()) -> np.ndarray:
+    """Monomials at points (..., 3), differentiated along these axes one after the other: shape (..., n)."""
+    factor, exponents = np.ones(len(exponents)), exponents.copy()
+    for axis in axes:
+        factor *= exponents[:, axis]
+        exponents[:, axis] = np.maximum(exponents[:, axis] - 1, 0)
+    powers = np.ones((int(exponents.max()) + 1, *u.shape))
+    for n in range(1, len(powers)):
+        powers[n] = powers[n - 1] * u
+    i, j, k = exponents.T
+    product = powers[i, ..., 0] * powers[j, ..., 1] * powers[k, ..., 2]  # (n, ...)
+    return np.moveaxis(product, 0, -1) * factor

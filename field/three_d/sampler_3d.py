@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from field.sampling.thread_count import limit_threads
+from geometry.mesh_3d import EDGES
 
 from . import tetrahedron_kernels
-from .quadratic_tetrahedron import EDGES
 from .tetrahedron_locator import PointOutside3D, quadratic_form
 
 if TYPE_CHECKING:

@@ -37,9 +37,8 @@ from geometry.mesh_3d import Mesh3D
 from .current_source import Source
 from .elements_3d import Elements3D
 from .field_3d import Field3D
-from .inverse_law import InverseLaw, MaterialTable
+from .inverse_law import InverseLaw
 from .nodal_amg import NodalSolver, linear_to_quadratic
-from .quadratic_tetrahedron import EDGES
 
 if TYPE_CHECKING:
     from .recovery_3d import Recovery3D
@@ -103,46 +102,56 @@ class Problem3D:
         self._material = np.empty(len(mesh.tetrahedra), dtype=np.int64)
         for k, name in enumerate(names):
             self._material[mesh.regions[name]] = k
-        self._table = MaterialTable([InverseLaw.of(self.laws[name]) for name in names])
-        self.linear = all(isinstance(law, LinearLaw) for law in self.laws.values())
+        self._inverse = [InverseLaw.of(self.laws[name]) for name in names]
         bends = np.array([not isinstance(self.laws[name], LinearLaw) for name in names])
+        self.linear = not bends.any()
         centroid = mesh.centroid()
         self.carries_current = np.any(source.current_density(centroid) != 0.0, axis=1)
         fixed = (*fixed, "outer") if outer == "zero" else tuple(fixed)
+        nonlinear = bends[self._material]
         self.elements = Elements3D(
             mesh,
             order,
             fixed=fixed,
-            careful=bends[self._material] | self.carries_current,
+            group=np.where(nonlinear, self._material, -1),
+            careful=nonlinear | self.carries_current,
             hold_one=outer == "flux_wall" and not fixed,
         )
         elements = self.elements
         # a hair towards the element's middle: round-off must not carry a point across a jump of T0
         owner = elements.element_of_quadrature
         self.unit_T0 = source.T0(elements.quadrature_points + 1e-9 * (centroid[owner] - elements.quadrature_points))
-        self._outer_load = np.zeros(elements.n_free)
-        self._outer_data: np.ndarray | None = None
+        self._linear_part()
+        self._outer: tuple[np.ndarray, np.ndarray] | None = None
         if outer == "open":
             self._open_boundary(centre_z)
-        prolongation = (
-            None
-            if order == 1
-            else linear_to_quadratic(
-                elements.number,
-                elements.element_nodes,
-                elements.n_corners,
-                elements.n_free,
-                elements.n_free_corners,
-                EDGES,
-            )
-        )
-        self._solver = NodalSolver(prolongation, elements.n_free, linear_solver)
+        self._linear_matrix = elements.pattern.assemble(self._packed)
+        self._solver = NodalSolver(linear_to_quadratic(elements), elements.n_free, linear_solver)
         self._recoveries: dict[str, Recovery3D] = {}
+
+    def _linear_part(self) -> None:
+        """Matrix and load per ampere-turn of the regions of constant permeability, which are assembled once."""
+        from . import weak_forms
+
+        elements = self.elements
+        n = elements.element_nodes.shape[1]
+        self._packed = np.zeros((len(elements.element_nodes), n * (n + 1) // 2))
+        self._unit_load = np.zeros(elements.n_free)
+        permeability = np.array([float(law.B(0.0, 1)) for law in self._inverse])
+        for basis, group, T0 in zip(elements.bases, elements.groups, elements.split(self.unit_T0), strict=True):
+            if group >= 0:
+                continue
+            mu = np.broadcast_to(permeability[self._material[basis.tind], None], basis.dx.shape)
+            self._packed[basis.tind] = packed(weak_forms.stiffness.elemental(basis, mu=mu).tolocal())
+            self._unit_load += elements.reduced(weak_forms.divergence.assemble(basis, flow=mu * T0))
+        vacuum = MU_0 * self.unit_T0
+        # of a uniform T0, which has no load inside, a millionth of its size
+        size = np.linalg.norm(vacuum, axis=1) * np.cbrt(elements.weight) ** 2
+        self._unit_scale = max(norm(elements.divergence(vacuum)), 1e-6 * norm(size))
 
     def _open_boundary(self, centre_z: float) -> None:
         elements = self.elements
-        nodes = elements.boundary("outer")
-        points, normal, function = elements.faces(nodes)
+        nodes, points, normal, function = elements.faces("outer")
         centre = np.array([0.0, 0.0, centre_z])
         arm = points - centre
         area = np.linalg.norm(normal, axis=2)
@@ -152,13 +161,24 @@ class Problem3D:
         # cylinder that is wider than it is high by less than sqrt(2), and keep the matrix positive elsewhere
         alpha = 3.0 * facing - np.clip(normal[..., 2] / area / height, 0.0, 2.0 * np.maximum(facing, 0.0))
         blocks = MU_0 * np.einsum("kq,qi,qj->kij", np.maximum(alpha, 0.0) * area, function, function)
-        self._outer_data = np.zeros(elements.indices.size)
-        elements.add_blocks(nodes, blocks, self._outer_data)
         inward = points * (1.0 - 1e-9) + 1e-9 * centre
         T0 = self.source.T0(inward.reshape(-1, 3)).reshape(points.shape)
-        local = MU_0 * np.einsum("kqa,kqa,qi->ki", T0, normal, function)
-        unknown = elements.number[nodes]
-        np.add.at(self._outer_load, unknown[unknown >= 0], local[unknown >= 0])
+        load = np.zeros(elements.n_nodes)
+        np.add.at(load, nodes, MU_0 * np.einsum("kqa,kqa,qi->ki", T0, normal, function))
+        self._unit_load -= elements.reduced(load)
+        self._outer = nodes, blocks
+        element = elements.solid.f2t[0, elements.facets("outer")]
+        place = (elements.element_nodes[element][:, None, :] == nodes[:, :, None]).argmax(axis=2)
+        whole = np.zeros((len(element), *2 * elements.element_nodes.shape[1:]))
+        whole[np.arange(len(element))[:, None, None], place[:, :, None], place[:, None, :]] = blocks
+        np.add.at(self._packed, element, packed(whole))
+
+    def outer_energy(self, phi: np.ndarray) -> float:
+        """Energy [J] beyond the mesh's open boundary for a potential (n_nodes,) [A]; 0 beyond another one."""
+        if self._outer is None:
+            return 0.0
+        nodes, blocks = self._outer
+        return float(0.5 * np.einsum("ki,kij,kj->", phi[nodes], blocks, phi[nodes]))
 
     @property
     def n_dofs(self) -> int:
@@ -205,13 +225,21 @@ class Problem3D:
             self._recoveries[region] = Recovery3D(self.elements, self.mesh.regions[region], self.source)
         return self._recoveries[region]
 
-    def materials_at(self, H: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """mu = B/H, dB/dH - mu [H/m] and w* [J/m^3] at H (n_quadrature, 3) [A/m] of the quadrature points."""
-        return self._table.evaluate(H, self.elements.start, self._material)
+    def materials_at(self, H: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """mu = B/H [H/m] and w* [J/m^3] at H (n_quadrature, 3) [A/m] of the quadrature points."""
+        return self._evaluate(self._material[self.elements.element_of_quadrature], H)
 
     def permeability_in(self, element: np.ndarray, H: np.ndarray) -> np.ndarray:
         """mu = B/H [H/m] of one point in each listed element, H (k, 3) [A/m]."""
-        return self._table.evaluate(H, np.arange(len(element) + 1), self._material[element])[0]
+        return self._evaluate(self._material[element], H)[0]
+
+    def _evaluate(self, material: np.ndarray, H: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        size = np.linalg.norm(H, axis=1)
+        mu, coenergy = np.empty(len(H)), np.empty(len(H))
+        for k, law in enumerate(self._inverse):
+            here = material == k
+            mu[here], _, coenergy[here] = law.evaluate(size[here])
+        return mu, coenergy
 
     def solve(
         self,
@@ -242,7 +270,7 @@ class Problem3D:
         if guess is not None and guess.problem is not self:
             raise ValueError("`guess` belongs to another problem: start from a field of the same one")
         energy = _CoEnergy(self, ampere_turns)
-        scale = self._scale(MU_0 * ampere_turns * self.unit_T0)
+        scale = abs(ampere_turns) * self._unit_scale
         self._solver.floor = 0.3 * tolerance * scale
         self._solver.scale = None
         start = self._linear_start(energy) if guess is None else guess.phi[self.elements.free_nodes]
@@ -259,68 +287,100 @@ class Problem3D:
         )
         return Field3D(self, self.elements.whole(x), float(ampere_turns), history)
 
-    def _scale(self, B: np.ndarray) -> float:
-        """Norm of the load of T0 in vacuum; of a uniform T0, which has none inside, a millionth of its size."""
-        size = np.linalg.norm(B, axis=1) * np.cbrt(self.elements.weight) ** 2
-        return max(norm(self.elements.divergence(B)), 1e-6 * norm(size))
-
     def _linear_start(self, energy: _CoEnergy) -> np.ndarray:
         """The field with chord permeabilities: the solution itself if all are linear."""
-        chord = np.array(
-            [float(_START_B / self.laws[name].H_of_B(np.array([_START_B]))[0][0]) for name in self.mesh.regions]
-        )
-        mu = np.repeat(chord[self._material], np.diff(self.elements.start))
-        first = self._chord_field(energy, mu)
+        chord = [
+            np.full(basis.dx.shape, _START_B / law.H_of_B(np.array([_START_B]))[0][0])
+            for basis, law in zip(energy.bases, energy.laws, strict=True)
+        ]
+        first = self._chord_field(energy, chord)
         if self.linear:
             return first
-        B = mu * np.linalg.norm(energy.T0 - self.elements.gradient(self.elements.whole(first)), axis=1)
-        owner = self._material[self.elements.element_of_quadrature]
-        for k, name in enumerate(self.mesh.regions):
-            here = owner == k
-            H = self.laws[name].H_of_B(B[here])[0]
-            mu[here] = np.where(H > 0.0, B[here] / np.where(H > 0.0, H, 1.0), chord[k])
-        return min((first, self._chord_field(energy, mu)), key=lambda x: energy.value(x)[0])
+        local = []
+        for mu, law, H in zip(chord, energy.laws, energy.field_strength(first), strict=True):
+            B = mu * np.sqrt((H * H).sum(axis=0))
+            found = law.H_of_B(B.ravel())[0].reshape(B.shape)
+            local.append(np.where(found > 0.0, B / np.where(found > 0.0, found, 1.0), mu))
+        return min((first, self._chord_field(energy, local)), key=lambda x: energy.value(x)[0])
 
-    def _chord_field(self, energy: _CoEnergy, mu: np.ndarray) -> np.ndarray:
-        data = self.elements.tangent(mu, np.zeros_like(mu), energy.T0)
-        right = self.elements.divergence(mu[:, None] * energy.T0) - energy.outer_load
+    def _chord_field(self, energy: _CoEnergy, mu: list[np.ndarray]) -> np.ndarray:
+        right = energy.linear_load + energy.load([a * b for a, b in zip(mu, energy.T0, strict=True)])
         if not self.linear:
             self._solver.floor = _START_TOLERANCE * norm(right)
-        return self._solver.solve(energy.with_boundary(data), right)
+        return self._solver.solve(energy.matrix(mu), right)
 
 
 class _CoEnergy:
-    """W*(phi) of the unknowns; its gradient is -integral B . grad v, its second derivative the tangent."""
+    """W*(phi) of the unknowns; its gradient is -integral B . grad v, its second derivative the tangent.
+
+    The regions of constant permeability and the open boundary are a quadratic form, assembled once; the lists run over
+    the bases of the nonlinear regions.
+    """
 
     def __init__(self, problem: Problem3D, ampere_turns: float) -> None:
-        self._problem = problem
-        self._elements = problem.elements
-        self.T0 = ampere_turns * problem.unit_T0
-        self.outer_load = ampere_turns * problem._outer_load
-        self._outer = None if problem._outer_data is None else self._elements.matrix(problem._outer_data)
+        self._problem, self._elements = problem, problem.elements
+        parts = zip(self._elements.bases, self._elements.groups, self._elements.split(problem.unit_T0), strict=True)
+        nonlinear = [(basis, group, ampere_turns * T0) for basis, group, T0 in parts if group >= 0]
+        self.bases, names = [basis for basis, _, _ in nonlinear], list(problem.mesh.regions)
+        self.laws = [problem.laws[names[group]] for _, group, _ in nonlinear]
+        self._inverse = [problem._inverse[group] for _, group, _ in nonlinear]
+        self.T0 = [T0 for _, _, T0 in nonlinear]
+        self.linear_load = ampere_turns * problem._unit_load
         self._at: np.ndarray | None = None
+
+    def field_strength(self, x: np.ndarray) -> list[np.ndarray]:
+        """H [A/m], each (3, n_elements, n_points)."""
+        phi = self._elements.whole(x)
+        return [T0 - basis.interpolate(phi).grad for basis, T0 in zip(self.bases, self.T0, strict=True)]
+
+    def load(self, flow: list[np.ndarray]) -> np.ndarray:
+        """Integral of flow . grad v over the nonlinear regions for every unknown's v."""
+        from . import weak_forms
+
+        total = np.zeros(self._elements.n_nodes)
+        for basis, part in zip(self.bases, flow, strict=True):
+            total += weak_forms.divergence.assemble(basis, flow=part)
+        return self._elements.reduced(total)
+
+    def matrix(self, mu: list[np.ndarray], excess: list[np.ndarray] | None = None) -> sp.csc_matrix:
+        """Tangent of these mu and excess [H/m] at the state of the last evaluation; None: no excess."""
+        from . import weak_forms
+
+        if not self.bases:
+            return self._problem._linear_matrix
+        data = self._problem._packed.copy()
+        for k, basis in enumerate(self.bases):
+            if excess is None:
+                local = weak_forms.stiffness.elemental(basis, mu=mu[k])
+            else:
+                size = np.sqrt((self._H[k] ** 2).sum(axis=0))
+                direction = self._H[k] / np.where(size > 0.0, size, 1.0)
+                local = weak_forms.tangent.elemental(basis, mu=mu[k], excess=excess[k], direction=direction)
+            data[basis.tind] += packed(local.tolocal())
+        return self._elements.pattern.assemble(data)
 
     def _evaluate(self, x: np.ndarray) -> None:
         if self._at is not None and np.array_equal(self._at, x):
             return
-        self._H = self.T0 - self._elements.gradient(self._elements.whole(x))
-        self._mu, self._excess, self._density = self._problem.materials_at(self._H)
-        self._outer_flux = np.zeros_like(x) if self._outer is None else self._outer @ x
+        self._H = self.field_strength(x)
+        found = [law.evaluate(np.sqrt((H * H).sum(axis=0))) for law, H in zip(self._inverse, self._H, strict=True)]
+        self._mu, self._excess = [mu for mu, _, _ in found], [excess for _, excess, _ in found]
+        self._inside = sum(float((w * basis.dx).sum()) for (_, _, w), basis in zip(found, self.bases, strict=True))
+        self._flux = self._problem._linear_matrix @ x
         self._at = x.copy()
 
     def value(self, x: np.ndarray) -> tuple[float, float]:
         self._evaluate(x)
-        inside = float((self._density * self._elements.weight).sum())
-        outside = scalar_product(self.outer_load, x) + 0.5 * scalar_product(self._outer_flux, x)
-        return inside + outside, inside + abs(outside)
+        square, linear = 0.5 * scalar_product(self._flux, x), scalar_product(self.linear_load, x)
+        return self._inside + square - linear, self._inside + square + abs(linear)
 
     def gradient(self, x: np.ndarray) -> np.ndarray:
         self._evaluate(x)
-        return self.outer_load + self._outer_flux - self._elements.divergence(self._mu[:, None] * self._H)
+        return self._flux - self.linear_load - self.load([a * b for a, b in zip(self._mu, self._H, strict=True)])
 
     def hessian(self, x: np.ndarray) -> sp.csc_matrix:
         self._evaluate(x)
-        return self.with_boundary(self._elements.tangent(self._mu, self._excess, self._H))
+        return self.matrix(self._mu, self._excess)
 
     def cautious_hessian(self, x: np.ndarray) -> sp.csc_matrix:
         """Chord instead of tangent where the material saturates (Kachanov's iteration).
@@ -328,10 +388,10 @@ class _CoEnergy:
         There w* is concave in H^2 and lies below the parabola with mu = B/H: the full step cannot overshoot.
         """
         self._evaluate(x)
-        return self.with_boundary(self._elements.tangent(self._mu, np.maximum(self._excess, 0.0), self._H))
+        return self.matrix(self._mu, [np.maximum(excess, 0.0) for excess in self._excess])
 
-    def with_boundary(self, data: np.ndarray) -> sp.csc_matrix:
-        """The matrix of the pattern's data and of the open boundary."""
-        if self._problem._outer_data is not None:
-            data = data + self._problem._outer_data
-        return self._elements.matrix(data)
+
+def packed(blocks: np.ndarray) -> np.ndarray:
+    """Lower triangles by rows, (k, n (n + 1)/2), of symmetric matrices (k, n, n)."""
+    row, column = np.tril_indices(blocks.shape[1])
+    return blocks[:, row, column]

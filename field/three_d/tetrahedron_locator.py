@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from geometry.mesh_3d import EDGES
+
 from . import tetrahedron_kernels
 from .elements_3d import Elements3D
-from .quadratic_tetrahedron import EDGES
 
 # A point this far outside in barycentric coordinates still counts as inside, see `field.sampling.locate`.
 _MARGIN = 1e-3

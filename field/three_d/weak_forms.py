@@ -1,4 +1,4 @@
-"""The weak forms of the field in 3D in scikit-fem's notation: what `elements_3d` computes, as on the board.
+"""The weak forms of the field in 3D, which scikit-fem assembles.
 
 With H = T0 - grad phi and a law B(H), find phi such that for all v that vanish where phi is held
 
@@ -8,8 +8,7 @@ and the derivative with respect to phi, for Newton's method, but for its sign, w
 
     integral (B/H) grad u . grad v + (dB/dH - B/H) (d . grad u)(d . grad v) dV.
 
-A run assembles them with compiled kernels into one fixed pattern; these definitions are what the kernels are tested
-against, to round-off. Fields are given at the quadrature points of the basis.
+Fields are given at the quadrature points of the basis.
 """
 
 from __future__ import annotations
@@ -20,11 +19,17 @@ from skfem.helpers import dot, grad
 
 @LinearForm
 def divergence(v, w):
-    """Of a ``flow`` (3, n_elements, n_quadrature): `Elements3D.divergence`."""
+    """Of a ``flow`` (3, n_elements, n_quadrature)."""
     return dot(w.flow, grad(v))
 
 
 @BilinearForm
+def stiffness(u, v, w):
+    """Of a permeability ``mu`` (n_elements, n_quadrature)."""
+    return w.mu * dot(grad(u), grad(v))
+
+
+@BilinearForm
 def tangent(u, v, w):
-    """Of ``isotropic`` a, ``along`` c and unit vectors ``direction`` d: `Elements3D.tangent`."""
-    return w.isotropic * dot(grad(u), grad(v)) + w.along * dot(w.direction, grad(u)) * dot(w.direction, grad(v))
+    """Of ``mu`` = B/H, ``excess`` = dB/dH - B/H and ``direction`` d (3, n_elements, n_quadrature)."""
+    return w.mu * dot(grad(u), grad(v)) + w.excess * dot(w.direction, grad(u)) * dot(w.direction, grad(v))

@@ -10,7 +10,7 @@ from field.factorisation import NotPositiveDefinite, SymmetricSolver, available_
 from field.laws.materials import material
 from field.section import weak_forms
 from field.section.section_elements import QUADRATURE_ORDER, SectionElements
-from field.section.sparse_pattern import FixedPattern
+from field.sparse_pattern import FixedPattern
 from geometry.section import SectionMesh
 
 

@@ -12,7 +12,6 @@ from section_grid import section_grid
 
 from field import AxisymmetricProblem
 from field.three_d import FlatCoil, PointOutside3D, Problem3D
-from field.three_d.quadratic_tetrahedron import shape
 
 pytestmark = pytest.mark.physics
 
@@ -164,7 +163,7 @@ def test_kernel_interpolates_the_nodal_values(solved, points, order):
     inside, matrix = fold.into_mesh(points)
     element, local = sampler.recovery.locator.find(inside)
     nodal = sampler.nodal[sampler.recovery.connectivity[element]]
-    values = np.einsum("kn,knc->kc", shape(local, order), nodal)
+    values = np.einsum("kn,knc->kc", field.problem.elements.reference(local)[0], nodal)
     expected = fold.out_of_mesh(matrix, values[:, :3], values[:, 3:].reshape(-1, 3, 3))
     out = np.empty((len(points), 3)), np.empty((len(points), 3, 3))
     found = sampler.sample(points, out=out)
