@@ -174,7 +174,8 @@ class Elements3D:
             for rule, wanted in ((simple, ~careful), (_fifth_order_rule(), careful)):
                 elements = np.flatnonzero((group == number) & wanted)
                 if elements.size:
-                    self.bases.append(skfem.CellBasis(self.solid, self.element, quadrature=rule, elements=elements))
+                    options = {"dofs": self.solid.dofs, "disable_doflocs": True, "elements": elements}
+                    self.bases.append(skfem.CellBasis(self.solid, self.element, quadrature=rule, **options))
                     self.groups.append(int(number))
         self.element_of_quadrature = np.concatenate([np.repeat(b.tind, b.dx.shape[1]) for b in self.bases])
         self.weight = np.concatenate([b.dx.ravel() for b in self.bases])
