@@ -14,9 +14,11 @@ calibrated (`calibrated`): a binary impact has the restitution e, in the mean ov
 
 * no less than a/4, below which some impacts make energy, nor than a - 2 sqrt(a), from which on the eigenvalues of the
   step are complex, none rings, and both are less than 1/(sqrt(a) - 1);
+* no less than a/2 - 2/mu, mu = 4: groups vibrate faster than pairs, with mu times a and K, and a mode of a smaller K
+  grows from step to step. A straight chain has mu = 2, a dense crystal 4 (8 k/m against a pair's 2 k/m);
 * no more than a + 2 sqrt(a): backward Euler with critical damping.
 
-Steps longer than about 0.6 contact times lose more than e says by the first rule; there Newton's restitution acts at
+Steps longer than about 0.45 contact times lose more than e says by the first rule; there Newton's restitution acts at
 the first touch.
 
 **Tangential.** Backward Euler: h k_t xi' = h k_t xi + h^2 k_t u_t' is the impulse itself as long as it sticks,
@@ -58,6 +60,8 @@ from particles.laws.restitution import damping_ratio
 FIRST_ROOT, PER_OCTAVE, OCTAVES = 0.0625, 8, 9
 ROOTS = FIRST_ROOT * 2.0 ** (np.arange(OCTAVES * PER_OCTAVE + 1) / PER_OCTAVE)
 HARD = 0.01  # c_n/w_n of a contact that rebounds by Newton's law: hard, yet finite where it jams
+STIFFEST_MODE = 4.0
+"""Largest eigenvalue of the contacts' masses in a packing, over that of a pair alone: a dense crystal's."""
 MIN_RESTITUTION = 1e-3  # for which the dashpot is critical already
 PHASES = (np.arange(16) + 0.5) / 16.0  # of the first gap, in ways of a step
 
@@ -101,7 +105,8 @@ def _calibrated_roots(restitution: float) -> tuple[np.ndarray, np.ndarray]:
 
 def calibrated(root: np.ndarray, restitution: float) -> tuple[np.ndarray, np.ndarray]:
     """K for sqrt(a) = ``root`` (n,), and whether binary impacts have ``restitution`` with it, by bisection."""
-    least, most = np.maximum(0.25 * root * root, root * (root - 2.0)), root * (root + 2.0)
+    a = root * root
+    least, most = np.maximum.reduce([0.25 * a, 0.5 * a - 2.0 / STIFFEST_MODE, root * (root - 2.0)]), root * (root + 2.0)
     low, high = least.copy(), most.copy()
     for _ in range(40):
         middle = np.sqrt(low * high)

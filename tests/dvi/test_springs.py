@@ -61,6 +61,35 @@ def test_no_share_lets_an_impact_gain_energy():
         assert rebound(np.array([root]), least).max() < 1.0
 
 
+@pytest.mark.parametrize("mode", [1.0, 1.5, 2.0, 4.0])
+def test_no_mode_of_a_group_grows(mode):
+    """Groups vibrate at up to 4 times the k/m of a pair: a straight chain at 2, a dense crystal at 4."""
+    for e in (0.1, 0.5, 0.9):
+        fraction, _ = calibrated(ROOTS, e)
+        a, share = mode * ROOTS**2, 1.0 / (1.0 + 1.0 / (mode * fraction))
+        trace, determinant = 2.0 - share - a / (mode * fraction) * share, 1.0 - share
+        real = np.sqrt(np.maximum(trace**2 - 4.0 * determinant, 0.0))
+        largest = np.where(trace**2 > 4.0 * determinant, 0.5 * (np.abs(trace) + real), np.sqrt(determinant))
+        assert largest.max() <= 1.0 + 1e-9
+
+
+@pytest.mark.parametrize("ratio", [0.7, 0.85, 1.0, 2.0])
+def test_a_pressed_chain_comes_to_rest(ratio):
+    """Eight spheres on a floor under a force: at steps of about a contact time too nothing keeps vibrating.
+
+    With a K of a quarter of a, enough for pairs, speeds stay at two thirds of what the force gives a lone sphere.
+    """
+    count, h, force = 8, ratio * CONTACT_TIME, 50.0
+    x = np.zeros((count, 3))
+    x[:, 2] = R * (1.0 + 2.0 * np.arange(count))
+    walls = [Plane("floor", "housing", np.zeros(3), np.array([0.0, 0.0, 1.0]))]
+    dvi = DVI(Grains.create(x, R, STEEL), walls, [Body("housing")], DviContact(0.3, 0.5, threshold=1e-3), dt=h,
+              tolerance=1e-10, max_sweeps=20_000, stiffness=STIFF)  # fmt: skip
+    dvi.external_force = np.outer(dvi.grains.particle_id == count - 1, [0.0, 0.0, -force])
+    dvi.run(400)
+    assert np.abs(dvi.grains.velocity).max() < 0.01 * h * force / MASS
+
+
 @pytest.mark.parametrize("h", [1e-5, 1e-4, 1e-3, 1e-2])
 def test_a_resting_sphere_presses_in_by_its_weight(h):
     """delta = m g/k, whatever the step; it gets there from a touch without ringing for ever."""
