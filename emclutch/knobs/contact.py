@@ -124,7 +124,10 @@ class RigidStep(Knob):
     name = "rigid_step"
     key = "contact.dvi.step"
     entry = quantity_of(Time)
-    theory = "Moreau-Jean's scheme: first order in the step; cost in proportion to the steps"
+    theory = (
+        "Moreau-Jean's scheme: first order in the step; in magnetised powder not resolved, below 15 % up to 16 times "
+        "the default; sweeps grow with the step, so that four times the default halves the cost"
+    )
     order = 1.0
     unit = "s"
 
