@@ -12,6 +12,13 @@ Norms weigh an impulse by sqrt(w_n): an energy, so that light and heavy grains c
 alike. **Safeguard**: the map has kinks, where contacts open, stick or slip. When |F| exceeds twice the smallest one of
 this history, the history is dropped and the iteration continues from the best G(r).
 
+**Heavy on light.** Through a light grain of mass m that carries a heavy one of mass M a sweep passes on m/M of what is
+missing: the changes of F are m/M of F, and the coefficient that removes this mode is M/m. Where contacts contradict each
+other impulses grow by the same every sweep; what is left of the changes of F then, round-off, fits F badly, and as large
+a coefficient would throw the impulses away. So one beyond FAR must come from a fit that explains F. Such an
+extrapolation multiplies the round-off of the velocities as well; so these are then made anew from the impulses,
+v = v_free + M^-1 H r, before the residual is looked at.
+
 **Stalls.** In a bed that shears, a warm start often makes more contacts stick than its motion allows. Each sweep then
 adds the same small change to a pattern of forces that the velocities hardly feel, until a contact at its end slips,
 and so forth from contact to contact: thousands of sweeps, with little to fit in between. So when |F| has not shrunk by
@@ -26,8 +33,14 @@ from numba import njit
 
 from geometry.kernels.device_functions import device_function
 from particles.dvi.anderson_vectors import HISTORY, N_PRODUCTS, Vectors, extrapolate, gather, store_change
-from particles.dvi.contact_torques import no_contact_torques, residual, sweep, weigh_contact_torques
-from particles.dvi.gauss_seidel import IWN, grouped
+from particles.dvi.contact_torques import (
+    apply_contact_torques,
+    no_contact_torques,
+    residual,
+    sweep,
+    weigh_contact_torques,
+)
+from particles.dvi.gauss_seidel import IWN, SPEED, apply_impulses, grouped
 from particles.dvi.solver_state import SolverSettings, all_of
 from particles.dvi.sweep_chunks import extrapolate_chunks, gather_chunks, residual_of_chunks, store_chunks, sweep_chunks
 
@@ -37,7 +50,8 @@ PLAIN_SWEEPS = 30  # before the acceleration begins: most warm-started steps are
 SWEEPS = 3  # in one application of G: they cost less than an extrapolation
 PATIENCE = 60  # sweeps in which |F| must have found a new minimum; as many without extrapolation follow otherwise
 SLIGHTLY_OVER = 1.3  # over-relaxation within G
-FURTHEST = 1e2  # largest coefficient: beyond, changes do not shrink, as of contacts that contradict each other
+FAR = 1e2  # largest coefficient where the fit leaves much of F, as of contacts that contradict each other
+FURTHEST, UNEXPLAINED = 1e8, 0.1  # largest one where it leaves no more than this fraction of |F|^2; beyond is round-off
 OVER = 1.6  # over-relaxation of the sweeps after a stall; beyond 1.8 sheared beds do not converge
 
 
@@ -81,6 +95,7 @@ def anderson(convex, compliance, settings, cap, records, contact_torques, chunk=
     none = gram.shape[0] - HISTORY  # a plain 0 is a type of its own, and would compile what takes it twice
     known, slot, best, first = none, none, np.inf, True
     waited, plain, mark, pause = 0, 0, np.inf, PATIENCE
+    free, free_body, far = records.grain[:0], records.body[:0], False
     done = 0
     _gather(r, vectors, records, contact_torques, chunk, serial)
     while done < cap:
@@ -90,6 +105,9 @@ def anderson(convex, compliance, settings, cap, records, contact_torques, chunk=
             change = _sweep(convex, over, compliance, records, contact_torques, chunk, serial)
             done += 1
         if change <= tolerance:
+            if far:
+                _renew_velocities(free, free_body, records, contact_torques)
+                far = False
             reached = _residual(convex, compliance, records, contact_torques, chunk, serial)
             if reached <= tolerance:
                 return done, reached
@@ -125,8 +143,17 @@ def anderson(convex, compliance, settings, cap, records, contact_torques, chunk=
         first = False
         for q in range(known):
             c[q] = products[HISTORY + q]
-        solved = known > 0 and _solve_gram(gram, c, known) and _largest(c, known) < FURTHEST
+        solved = known > 0 and _solve_gram(gram, c, known)
+        if solved:
+            largest, left = _largest(c, known), _left(c, known, products, norm * norm)
+            solved = largest < FAR or (largest < FURTHEST and left < UNEXPLAINED * norm * norm)
+            if solved and largest >= FAR:
+                if free.shape[0] == 0:
+                    free, free_body = _free_velocities(records, contact_torques)
+                far = True
         _extrapolate(g, c, known if solved else none, vectors, records, contact_torques, chunk, serial)
+    if far:
+        _renew_velocities(free, free_body, records, contact_torques)
     _sweep(convex, PLAIN, compliance, records, contact_torques, chunk, serial)
     return done, _residual(convex, compliance, records, contact_torques, chunk, serial)
 
@@ -198,6 +225,36 @@ def _largest(c, n):
     for q in range(n):
         worst = max(worst, abs(c[q]))
     return worst
+
+
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
+def _left(c, n, products, square):
+    """|F|^2, given as ``square``, less what n coefficients explain of it."""
+    for q in range(n):
+        square -= c[q] * products[HISTORY + q]
+    return square
+
+
+@device_function(error_model="numpy", fastmath={"contract"})
+def _free_velocities(records, contact_torques):
+    """Copies of grains and bodies without what the impulses do; these velocities are left in the records as well."""
+    apply_impulses(-1.0, records)
+    if contact_torques.law.shape[0] > 0:
+        apply_contact_torques(-1.0, records, contact_torques)
+    return records.grain.copy(), records.body.copy()
+
+
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
+def _renew_velocities(free, free_body, records, contact_torques):
+    """Make the velocities anew from the impulses."""
+    for i in range(free.shape[0]):
+        for q in range(free.shape[1]):
+            records.grain[i, q] = free[i, q]
+    for b in range(free_body.shape[0]):
+        records.body[b, SPEED] = free_body[b, SPEED]
+    apply_impulses(1.0, records)
+    if contact_torques.law.shape[0] > 0:
+        apply_contact_torques(1.0, records, contact_torques)
 
 
 @device_function(error_model="numpy", fastmath={"contract"})

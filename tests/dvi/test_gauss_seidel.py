@@ -15,10 +15,11 @@ from particles.dvi.dvi_contact import DviContact
 G = 9.81
 
 
-def _stack(n):
-    """n unit masses on a floor, each driven down at 1 m/s; contact k is below mass k + 1."""
+def _stack(n, top=1.0):
+    """n unit masses on a floor, the highest ``top``, each driven down at 1 m/s; contact k is below mass k + 1."""
     grain = np.zeros((n + 1, gs.N_GRAIN))
     grain[1:, gs.IM], grain[1:, gs.VZ] = 1.0, -1.0
+    grain[n, gs.IM] = 1.0 / top
     index = np.array([[k + 1, k] for k in range(n)], dtype=np.int32)
     pair = np.zeros((n, gs.N_PAIR))
     pair[:, gs.EZ] = pair[:, gs.ARM] = 1.0
@@ -57,6 +58,28 @@ def test_unit_stack_takes_the_known_number_of_sweeps(n, cold):
     body, none = np.zeros((0, gs.N_BODY)), np.zeros((0, 2), dtype=np.int32)
     gs.apply_records(1.0, fresh, body, index, pair, none, np.zeros((0, gs.N_WALL_CONTACT)))
     assert _sweeps(fresh, index, pair, n) == 1
+
+
+@pytest.mark.parametrize("top", [1e2, 1e4, 1e6])
+@pytest.mark.parametrize("n", [2, 6, 21])
+def test_a_heavy_mass_on_a_column_of_light_ones_is_carried_in_tens_of_sweeps(n, top):
+    """Each contact carries what is above it: r_k = (top + n - 1 - k) 1 m/s, the lowest k = 0.
+
+    Plain sweeps pass on 1/top of what is missing: 100 of them are as good as none. Velocities are those of the impulses
+    to round-off, though an extrapolation went as far as the ratio of masses.
+    """
+    grain, index, pair = _stack(n, top)
+    records = [grain, np.zeros((0, gs.N_BODY)), index, pair, np.zeros((0, 2), dtype=np.int32),
+               np.zeros((0, gs.N_WALL_CONTACT))]  # fmt: skip
+    plain = _copy(records)
+    swept(1e-7, 100, plain)
+    carried = top + n - 1.0 - np.arange(n)
+    assert plain[3][0, gs.RZ] < 0.8 * carried[0]
+    sweeps, reached = accelerate_records(None, None, 1e-7, 500, *records)
+    assert sweeps < 100 and reached <= 1e-7
+    assert pair[:, gs.RZ] == pytest.approx(carried, rel=1e-6)
+    from_above = np.append(pair[1:, gs.RZ], 0.0)
+    assert grain[1:, gs.VZ] == pytest.approx(-1.0 + grain[1:, gs.IM] * (pair[:, gs.RZ] - from_above), abs=4e-16 * top)
 
 
 def _records(n=60, inertia=1e-4, seed=3, speed=0.0, friction=0.4):
