@@ -13,9 +13,9 @@ alike. **Safeguard**: the map has kinks, where contacts open, stick or slip. Whe
 this history, the history is dropped and the iteration continues from the best G(r).
 
 **Heavy on light.** Through a light grain of mass m that carries a heavy one of mass M a sweep passes on m/M of what is
-missing: the changes of F are m/M of F, and the coefficient that removes this mode is M/m. Where contacts contradict each
-other impulses grow by the same every sweep; what is left of the changes of F then, round-off, fits F badly, and as large
-a coefficient would throw the impulses away. So one beyond FAR must come from a fit that explains F. Such an
+missing: the changes of F are m/M of F, and the coefficient that removes this mode is M/m. Where contacts contradict
+each other impulses grow by the same every sweep; what is left of the changes of F then, round-off, fits F badly, and as
+large a coefficient would throw the impulses away. So one beyond FAR must come from a fit that explains F. Such an
 extrapolation multiplies the round-off of the velocities as well; so these are then made anew from the impulses,
 v = v_free + M^-1 H r, before the residual is looked at.
 
