@@ -71,6 +71,8 @@ class GeometrySection(Section):
         Whether its grains are drawn as seen along the axis, and not along the gap.
     excluded_roles : tuple of str
         Roles of effects that it cannot have (`EffectSection.role`), so that none of them is missing.
+    methods_compared : str
+        What both entries of `contact.method` were measured to take in it, in a sentence for `check`; empty: nothing.
     why_no_sector : str
         What is wrong with a cyclic sector of it, and what to do; empty where there may be one.
     """
@@ -87,6 +89,7 @@ class GeometrySection(Section):
     is_from_file: ClassVar[bool] = False
     is_seen_along_axis: ClassVar[bool] = False
     excluded_roles: ClassVar[tuple[str, ...]] = ()
+    methods_compared: ClassVar[str] = ""
     why_no_sector: ClassVar[str] = ""
 
     @classmethod

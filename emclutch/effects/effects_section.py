@@ -42,7 +42,8 @@ class BaseEffectsSection(Section):
     def attraction(self) -> Any:
         """The effect by which magnetised grains attract one another; None without.
 
-        It has `model`, `cutoff` [grain diameters], `update_every`, `tolerance`, `surface_gap`, `has_necks`.
+        It has `model`, `cutoff` [grain diameters], `update_every`, `tolerance`, `surface_gap`, `has_necks`,
+        `methods_compared`.
         """
         return self._in_role("attraction")
 

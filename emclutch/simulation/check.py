@@ -23,6 +23,7 @@ from field import MagneticField
 if TYPE_CHECKING:
     from emclutch.effects.left_out import LeftOut
     from emclutch.results import Result
+    from emclutch.scene.model import Scene
     from emclutch.simulation.forecast.expected_torque import ExpectedTorque
 
 
@@ -101,6 +102,9 @@ def _check(case: Case, threads: int | None) -> Checked:
         words["field"] = with_warnings(words["field"], unusual)
     if device.coil is not None:
         words["copper"] = coil_heat_in_words(scene, device.coil, device.coil.shape)
+    compared = methods_compared(scene)
+    if compared:
+        words["method"] = compared
     expected = expected_torque(scene, device, made.peak_field)
     words["expected torque"] = expected.in_words()
     size = grain_size(scene, device)
@@ -112,6 +116,12 @@ def _check(case: Case, threads: int | None) -> Checked:
     warnings = (*case.warnings, *(text for one in scene.effects.present for text in one.limits(scene, made.M_max)))
     title, effects, missing = scene.scene.title, scene.effects.active, left_out(scene, device, made, expected)
     return Checked(title, effects, warnings, words, tuple(missing), expected)
+
+
+def methods_compared(scene: Scene) -> str:
+    """What both contact methods were measured to take on scenes like this one; empty where none was run by both."""
+    attraction = scene.effects.attraction
+    return (attraction.methods_compared if attraction is not None else "") or scene.geometry.methods_compared
 
 
 def left_out_of(result: Result) -> list[LeftOut]:
