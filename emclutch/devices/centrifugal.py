@@ -30,7 +30,7 @@ class CentrifugalGeometry(GeometrySection):
 
     is_seen_along_axis = True
     methods_compared = (
-        "dem is cheaper: dvi took a third more processor time for 200 and 500 spheres at 750 rpm, with torques within 2 %"
+        "dem is cheaper: for 200 and 500 spheres at 750 rpm dvi took a third more processor time, torques within 2 %"
     )
     why_no_sector = (
         "cannot stand in a centrifugal clutch: its vanes and ribs do not repeat from sector to sector as one turns "
