@@ -418,11 +418,11 @@ class _PartRun(_StudyRun):
         while not self.stopped and (number := self._next()) is not None:
             path, case = self.targets[number].path, self.points[number][1]
             try:
-                with leased(lease_of(path), str(path)):
+                with leased(lease_of(path), str(path)) as lease:
                     self.targets[number] = PointFolder(path, is_done_now(path, case, self.study.values))
                     if (task := self._task(number)) is not None:
                         self.table.set_running(number)
-                        self._take(number, run_point(task, _Part(self.table, number)))
+                        self._take(number, run_point(task, _Part(self.table, number), lease))
             except FolderInUse as error:
                 log.warning("%s is left to another process: %s", path.name, error)
                 self.in_use[number] = PointOutcome(FAILED, str(error), is_input=True)

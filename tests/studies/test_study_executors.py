@@ -1,6 +1,7 @@
 """Points of a study on any executor: what is asked for is what runs, in whatever order, and nothing is lost."""
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -13,7 +14,7 @@ from pathlib import Path
 import pandas
 import pytest
 
-from emclutch.results import HistoryWriter, OutputError, RunFolder, load_result
+from emclutch.results import HistoryWriter, OutputError, RunFolder, lease, load_result
 from emclutch.results.checkpoint import write_checkpoint
 from emclutch.results.errors import Interrupted, RunError
 from emclutch.scene.study import read_study
@@ -227,3 +228,46 @@ def test_grains_are_handed_on_along_one_value_and_chains_run_side_by_side(tmp_pa
     sweep(study_of(tmp_path, values, warm_start=SPEED), out=tmp_path / "out", executor=threads)
     chains = {friction: [asked[1] for asked in runs.asked if asked[0] == friction] for friction in (0.1, 0.2)}
     assert chains == {0.1: [None, "point-000", "point-002"], 0.2: [None, "point-001", "point-003"]}
+
+
+def test_a_point_that_another_process_has_is_waited_for_and_kept(tmp_path, runs, threads, monkeypatch):
+    """Its lease is held elsewhere; what that one has finished meanwhile is not run again."""
+    monkeypatch.setattr(lease, "WAIT_SECONDS", 0.01)
+    study, out = study_of(tmp_path, {FRICTION: [0.1, 0.2]}), tmp_path / "out"
+    both = sweep(study, out=tmp_path / "both")
+    first, go_on = threading.Event(), threading.Event()
+
+    def other(progress):
+        with lease.leased(out / "parts" / "point-001", "point-001"):
+            first.set()
+            assert go_on.wait(WAIT)
+            shutil.copytree(both / "point-001", out / "point-001")
+
+    holder = threading.Thread(target=other, args=(None,))
+    holder.start()
+    assert first.wait(WAIT)
+    runs.asked.clear()
+    runs.acts = {0.1: lambda _: go_on.set()}
+    sweep(study, out=out, executor=threads, resume=True)  # its folder has the lease
+    holder.join()
+    assert [asked[0] for asked in runs.asked] == [0.1] and frictions(out) == [0.1, 0.2]
+
+
+def test_a_point_whose_lease_was_lost_is_taken_in_turn_again(tmp_path, runs, threads, monkeypatch):
+    """As when this process was suspended: it leaves the point to the other one, and looks at what that has done."""
+    monkeypatch.setattr(lease, "EXPIRE_SECONDS", 0.0)
+    study, out = study_of(tmp_path, {FRICTION: [0.1]}), tmp_path / "out"
+
+    def loses(progress):
+        runs.acts = {}
+        held = out / "parts" / "point-000.1.lease"
+        text = held.read_text()
+        held.write_text("{}")
+        with pytest.raises(lease.LeaseLost):
+            _ = progress.stop_asked
+        held.write_text(text)
+        raise lease.LeaseLost("taken over")
+
+    runs.acts = {0.1: loses}
+    sweep(study, out=out, executor=threads)
+    assert [asked[0] for asked in runs.asked] == [0.1, 0.1] and frictions(out) == [0.1]
