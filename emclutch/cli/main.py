@@ -13,6 +13,7 @@ import typer
 
 from emclutch import __version__
 from emclutch.cli.field_commands import field, materials, mesh, powder, shear_cell
+from emclutch.cli.options import flag
 from emclutch.cli.result_commands import export, plot, report, view
 from emclutch.cli.run_commands import accuracy, check, design, fit, run, sweep
 from emclutch.cli.scene_commands import doctor, new, schema
@@ -40,7 +41,7 @@ def _print_version(asked: bool) -> None:
 @app.callback()
 def _common(
     version: Annotated[
-        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="print the version and stop")
+        bool, flag("--version", callback=_print_version, is_eager=True, help="print the version and stop")
     ] = False,
 ) -> None:
     """Options of the program itself."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -11,6 +12,9 @@ import typer
 
 from emclutch.cli.errors import explained
 from emclutch.scene.errors import Fault, SceneError
+
+flag = partial(typer.Option, metavar="")
+"""An option without a value; the help names no type for it."""
 
 
 def _within(low: float, high: float | None = None) -> Callable[[typer.CallbackParam, float | None], float | None]:
@@ -35,12 +39,12 @@ CheckedFile = Annotated[Path, typer.Argument(metavar="CASE|STUDY", help="file of
 StudyFile = Annotated[Path, typer.Argument(metavar="STUDY", help="study file (.toml)")]
 RunPath = Annotated[Path, typer.Argument(metavar="RUN", help="folder of a run")]
 ResultPath = Annotated[Path, typer.Argument(metavar="RUN|STUDY", help="folder of a run, or of a study")]
-AsHtml = Annotated[bool, typer.Option("--html", help="one page with its pictures inside; default: report.html there")]
+AsHtml = Annotated[bool, flag("--html", help="one page with its pictures inside; default: report.html there")]
 RunPaths = Annotated[list[Path], typer.Argument(metavar="RUN...", help="folders of runs, or of studies")]
-SpeedsAsked = Annotated[bool, typer.Option("--speeds", help="speeds of motor and output against time")]
-TorqueSpeedAsked = Annotated[bool, typer.Option("--torque-speed", help="torque on the output over the motor's speed")]
+SpeedsAsked = Annotated[bool, flag("--speeds", help="speeds of motor and output against time")]
+TorqueSpeedAsked = Annotated[bool, flag("--torque-speed", help="torque on the output over the motor's speed")]
 ExportFormat = Annotated[str, typer.Option("--to", metavar="FORMAT", help="csv, parquet, mat or vtk")]
-TorqueCurrentAsked = Annotated[bool, typer.Option("--torque-current", help="torque over the coil's current")]
+TorqueCurrentAsked = Annotated[bool, flag("--torque-current", help="torque over the coil's current")]
 Rated = Annotated[
     str | None,
     typer.Option("--rated", metavar="CURRENT", help="--torque-current over a curve's own point at this current"),
@@ -62,7 +66,7 @@ Band = Annotated[
     ),
 ]  # fmt: skip
 GrainSizeAsked = Annotated[
-    bool, typer.Option("--grain-size", help="torque over the grains across the gap, extrapolated to the real powder")
+    bool, flag("--grain-size", help="torque over the grains across the gap, extrapolated to the real powder")
 ]
 Look = Annotated[
     str | None,
@@ -79,7 +83,7 @@ Movie = Annotated[
     typer.Option("--movie", metavar="FILE", help="new movie of all moments (.gif, .mp4), no window"),
 ]
 ParaViewAsked = Annotated[
-    bool, typer.Option("--paraview", help="start ParaView with a script of its own; none in the folder is executed")
+    bool, flag("--paraview", help="start ParaView with a script of its own; none in the folder is executed")
 ]
 Out = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="new folder for the results")]
 Currents = Annotated[
@@ -104,12 +108,12 @@ Sets = Annotated[
         help="set a key: coil.current='0.8 A'; KEY=none removes it; effects.NAME=off or on removes or adds an effect",
     ),
 ]
-ResumeFit = Annotated[bool, typer.Option("--resume", help="continue the fit in the folder of --out")]
+ResumeFit = Annotated[bool, flag("--resume", help="continue the fit in the folder of --out")]
 Resume = Annotated[
-    bool, typer.Option("--resume", help="continue from the last checkpoint; a run killed before the first starts again")
+    bool, flag("--resume", help="continue from the last checkpoint; a run killed before the first starts again")
 ]
 Threads = Annotated[int | None, typer.Option("--threads", help="threads; results do not depend on them")]
-Force = Annotated[bool, typer.Option("--force", help="run also where more memory or disk is needed than is free")]
+Force = Annotated[bool, flag("--force", help="run also where more memory or disk is needed than is free")]
 Jobs = Annotated[
     int, typer.Option("--jobs", callback=_within(1), help="points that run at a time, each in a process of its own")
 ]
@@ -128,7 +132,7 @@ DaskAddress = Annotated[
 ]  # fmt: skip
 GatherAsked = Annotated[
     bool,
-    typer.Option("--gather", help="run nothing: tables and pictures of the points in --out; exit code 3: some missing"),
+    flag("--gather", help="run nothing: tables and pictures of the points in --out; exit code 3: some missing"),
 ]
 JobsOfCores = Annotated[
     int | None,
@@ -148,27 +152,25 @@ Targets = Annotated[
         help=f"accuracies to find settings for: half the torque's 95 % interval; in quotes; default: '{USUAL_TARGETS}'",
     ),
 ]
-ResumeAccuracy = Annotated[bool, typer.Option("--resume", help="continue the study in the folder of --out")]
+ResumeAccuracy = Annotated[bool, flag("--resume", help="continue the study in the folder of --out")]
 OfEffects = Annotated[
-    bool, typer.Option("--effects", help="what each effect adds to torque and cost, in place of the settings' errors")
+    bool, flag("--effects", help="what each effect adds to torque and cost, in place of the settings' errors")
 ]
-DryRun = Annotated[bool, typer.Option("--dry-run", help="stop after the plan; nothing is written")]
-DryRunOfStudy = Annotated[bool, typer.Option("--dry-run", help="list the points and stop; nothing is written")]
+DryRun = Annotated[bool, flag("--dry-run", help="stop after the plan; nothing is written")]
+DryRunOfStudy = Annotated[bool, flag("--dry-run", help="list the points and stop; nothing is written")]
 TrustScripts = Annotated[
     bool,
-    typer.Option(
-        "--trust-scripts", help="run a script (.geo) that the scene names as its geometry; it may run any command"
-    ),
+    flag("--trust-scripts", help="run a script (.geo) that the scene names as its geometry; it may run any command"),
 ]
-AsMarkdown = Annotated[bool, typer.Option("--markdown", help="a page of all keys for people to read")]
+AsMarkdown = Annotated[bool, flag("--markdown", help="a page of all keys for people to read")]
 MaterialNames = Annotated[
     list[str] | None, typer.Argument(metavar="[NAME]...", help="materials, or files of a curve (.csv); default: all")
 ]
 CurvePicture = Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="new picture of B(H) and mu_r(B)")]
 PairForceAsked = Annotated[
-    bool, typer.Option("--pair-force", help="force between two grains of a powder against their gap (powder_iron)")
+    bool, flag("--pair-force", help="force between two grains of a powder against their gap (powder_iron)")
 ]
-AsJson = Annotated[bool, typer.Option("--json", help="print JSON and nothing else")]
+AsJson = Annotated[bool, flag("--json", help="print JSON and nothing else")]
 PowderName = Annotated[str | None, typer.Argument(metavar="[MATERIAL]", help="a powder by its name, as powder_iron")]
 Chi = Annotated[float | None, typer.Option("--chi", help="susceptibility of the grains' material, in place of a name")]
 Saturation = Annotated[str | None, typer.Option("--ms", metavar="M", help="its saturation: '1.7 MA/m'")]
@@ -218,7 +220,7 @@ Target = Annotated[str | None, typer.Option("--target", metavar="AIM", help="tar
 Like = Annotated[
     Path | None, typer.Option("--like", metavar="RUN", help="finished run, whose torque corrects the expected ones")
 ]
-Confirm = Annotated[bool, typer.Option("--confirm", help="run the scene that was found, and compare both torques")]
+Confirm = Annotated[bool, flag("--confirm", help="run the scene that was found, and compare both torques")]
 MeasuredCurve = Annotated[
     Path,
     typer.Option(
