@@ -39,6 +39,8 @@ _COERCIVITIES = {
     ),
     "steel_1008": Coercivity(143.0, _ROLLED),
     "steel_1010": Coercivity(143.0, _ROLLED),
+    "steel_11smn30": Coercivity(143.0, _ROLLED),
+    "steel_11smnpb30": Coercivity(143.0, _ROLLED),
     "dc01": Coercivity(143.0, _ROLLED),
     "vacofer_s2": Coercivity(10.0, "annealed pure iron: 6 to 12 A/m"),
     "team_steel": Coercivity(143.0, _ROLLED),

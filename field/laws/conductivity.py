@@ -40,6 +40,8 @@ _CONDUCTIVITIES = {
     "stainless_430": Conductivity(1.67e6, "EN 10088-1: 0.60 ohm mm2/m", rough=True),
     "steel_1008": Conductivity(7.0e6, "low-carbon steel, 0.14 ohm mm2/m", rough=True),
     "steel_1010": Conductivity(7.0e6, "low-carbon steel, 0.14 ohm mm2/m", rough=True),
+    "steel_11smn30": Conductivity(5.9e6, "free-cutting steel, 0.17 ohm mm2/m", rough=True),
+    "steel_11smnpb30": Conductivity(5.9e6, "free-cutting steel, 0.17 ohm mm2/m", rough=True),
     "dc01": Conductivity(6.5e6, "low-carbon sheet, 0.15 ohm mm2/m", rough=True),
     "vacofer_s2": Conductivity(1.0e7, "iron of 99.9 %, 0.10 ohm mm2/m", rough=True),
     "team_steel": Conductivity(7.505e6, "TEAM workshop problem 10, the plates of problem 13"),

@@ -116,6 +116,24 @@ _MATERIALS: dict[str, Callable[[], Law]] = {
         "stainless_430",
         f"X6Cr17 (ferritic, AISI 430), {_FLUX_TUBES}; beyond 2 T extrapolated, J_s is too high",
     ),
+    "steel_11smn30": lambda: PermeabilityLaw(
+        500.0,
+        1.036,
+        43414.0,
+        35.8,
+        14.0,
+        "steel_11smn30",
+        f"9SMn28K, today 11SMn30 (1.0715), {_FLUX_TUBES}",
+    ),
+    "steel_11smnpb30": lambda: PermeabilityLaw(
+        400.0,
+        1.488,
+        1200.0,
+        3.0,
+        12.5,
+        "steel_11smnpb30",
+        f"9SMnPb28, today 11SMnPb30 (1.0718), free-cutting, {_FLUX_TUBES}",
+    ),
     "dc01": lambda: PermeabilityLaw(
         5.0,
         1.1,
@@ -145,6 +163,10 @@ _ALIASES = {
     "aisi_304": "stainless_304",
     "aisi_1008": "steel_1008",
     "aisi_1010": "steel_1010",
+    "9smn28k": "steel_11smn30",
+    "11smn30": "steel_11smn30",
+    "9smnpb28": "steel_11smnpb30",
+    "11smnpb30": "steel_11smnpb30",
     "vacuum": "air",
 }
 

@@ -39,6 +39,8 @@ ALL = LAWS | {name: material(name) for name in material_names()}
 # the whole range of a solve: from the remanence of a few nanotesla to beyond any magnet
 B_RANGE = np.concatenate((np.logspace(-9.0, 0.0, 200, endpoint=False), np.linspace(1.0, 20.0, 400)))
 
+STEELS = [name for name in material_names() if not isinstance(material(name), LinearLaw)]
+
 
 @pytest.mark.parametrize("name", ALL)
 def test_slope_and_energy_belong_to_H(name):
@@ -162,7 +164,7 @@ def test_steel_1010_is_not_convex_and_grows_all_the_same():
     assert slope.max() > 1.3 * slope[-1] and slope.min() > 0.0
 
 
-@pytest.mark.parametrize("name", ["steel_1010", "stainless_430", "vacofer_s2", "team_steel", "dc01", "steel_1008"])
+@pytest.mark.parametrize("name", STEELS)
 def test_saturated_steel_has_the_slope_of_vacuum(name):
     law = material(name)
     assert np.allclose(law.H_of_B(np.array([8.0, 20.0]))[1], NU_0)
