@@ -141,14 +141,14 @@ def read_budget(text: str | None) -> float | None:
         raise SceneError([Fault("--budget", shown(text), f"{error}; write it as in '20min'")], "command line") from None
 
 
-def read_targets(text: str) -> list[float]:
+def read_shares(text: str, option: str) -> list[float]:
     """Return the shares of ``10 %, 5 %, 3 %``; SceneError with every entry that is none."""
     found, faults = [], []
     for entry in text.split(","):
         try:
             found.append(float(ShareEntry().read(entry.strip())))
         except ValueError as error:
-            faults.append(Fault("--for", shown(entry.strip()), str(error)))
+            faults.append(Fault(option, shown(entry.strip()), str(error)))
     if faults:
         raise SceneError(faults, "command line")
     return found

@@ -220,7 +220,22 @@ Target = Annotated[str | None, typer.Option("--target", metavar="AIM", help="tar
 Like = Annotated[
     Path | None, typer.Option("--like", metavar="RUN", help="finished run, whose torque corrects the expected ones")
 ]
-Confirm = Annotated[bool, flag("--confirm", help="run the scene that was found, and compare both torques")]
+Runs = Annotated[
+    int,
+    typer.Option(
+        "--runs",
+        metavar="N",
+        callback=_within(0),
+        help="run the scene that was found, and the next, until a torque is the wanted; at most N; default: 0",
+        show_default=False,
+    ),
+]
+Within = Annotated[
+    str,
+    typer.Option(
+        "--within", metavar="SHARE", help="how close to it a run has to come; default: 5 %", show_default=False
+    ),
+]
 MeasuredCurve = Annotated[
     Path,
     typer.Option(

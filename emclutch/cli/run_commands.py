@@ -15,7 +15,7 @@ from emclutch.cli.input import (
     load,
     part_asked,
     read_budget,
-    read_targets,
+    read_shares,
     refuse_beside,
     run_to_resume,
     search,
@@ -193,7 +193,7 @@ def accuracy(
         if effects and targets is not None:
             message = "has no part in --effects, which chooses no settings; leave one of the two out"
             raise SceneError([Fault("--for", targets, message)], "command line")
-        wanted, seconds = read_targets(targets or opt.USUAL_TARGETS), read_budget(budget)
+        wanted, seconds = read_shares(targets or opt.USUAL_TARGETS, "--for"), read_budget(budget)
         read = load(case, sets, trust_scripts)
         from emclutch.results import Progress
         from emclutch.studies.accuracy.effect_contributions import EffectsResult, effect_contributions
@@ -217,22 +217,26 @@ def design(
     vary: opt.Vary = None,
     target: opt.Target = None,
     like: opt.Like = None,
-    confirm: opt.Confirm = False,
+    runs: opt.Runs = 0,
+    within: opt.Within = "5 %",
     out: opt.Out = None,
     sets: opt.Sets = None,
     threads: opt.Threads = None,
     as_json: opt.AsJson = False,
     trust_scripts: opt.TrustScripts = False,
 ) -> None:
-    """Search the value of one key that gives a wanted torque, over the expected torque; a run confirms it."""
+    """Search the value of one key that gives a wanted torque, over the expected torque, then by runs."""
     with explained():
         check_threads(threads)
         asked = search(file, vary, target, sets, trust_scripts)
+        (tolerance,) = read_shares(within, "--within")
         from emclutch.results import Progress
         from emclutch.studies import design_search
 
-        with nullcontext() if as_json or not confirm else Progress() as progress:
-            found = design_search.design(asked, like=like, out=out, confirm=confirm, threads=threads, progress=progress)
+        with nullcontext() if as_json or not runs else Progress() as progress:
+            found = design_search.design(
+                asked, like=like, out=out, runs=runs, tolerance=tolerance, threads=threads, progress=progress
+            )
         print_design(found, as_json)
 
 

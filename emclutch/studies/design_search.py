@@ -10,12 +10,14 @@ The law holds within a stated factor f: T_wanted/f <= T(x) <= f T_wanted is the 
 The torque is known by running the scene that was found. That run over its expectation is a ratio, and x of
 T(x) = T_wanted/ratio is the next scene to try (`like`), with the run's 95 % interval as its bracket. It is the answer
 where the ratio is one of the device, and a step of a fixed-point iteration where it changes with x, as it does with the
-field (0.5 at 0.2 A, 1.3 at 0.94 A in docs/explanation/expected_torque.md).
+field (0.5 at 0.2 A, 1.3 at 0.94 A in docs/explanation/expected_torque.md). With several runs the logarithm of the ratio
+is linear in x between the two of them that are nearest to the wanted torque, one on each side as soon as there is one
+(the regula falsi, of the ratio in place of the torque), and runs end when a torque is within a tolerance of the wanted.
 """
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from math import inf, log
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -76,8 +78,23 @@ def expectation_of(case: Case) -> ExpectedTorque:
     case.need_grains()
     with bad_input_for(case.path):
         device = build_device(case.scene)
-        field, _ = expected_magnetisation(case, device)
-        return expected_torque(case.scene, device, field)
+        solved, _ = expected_magnetisation(case, device)
+        return expected_torque(case.scene, device, solved)
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """A scene that was run: the value [SI] of the key, the torque that was expected [N m], and the run."""
+
+    value: float
+    expected: float
+    run: Result
+
+    @property
+    def torque(self) -> float | None:
+        """Magnitude of the run's mean torque [N m]; None where it has none."""
+        mean = self.run.torque.mean
+        return abs(mean) if mean else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +104,7 @@ class DesignResult:
     Attributes
     ----------
     folder : Path
-        With found.toml, design.csv, design.json and, of a confirmed one, the run in `run`.
+        With found.toml, design.csv, design.json, and the runs in run, run-2, ...
     search : Search
     value : float
         Of the key that was searched [SI].
@@ -103,10 +120,12 @@ class DesignResult:
         The scene that was found.
     correction : Correction or None
         Of the law, by the run that the search was given.
-    run : Result or None
-        Its run, where it was to be confirmed.
+    trials : list of Trial
+        The scenes that were run, in their order; `value`, `expected` and `case` are those of the last.
     next_value : float or None
-        The value at which the law, corrected by that run, gives the wanted torque [SI]; None where none searched does.
+        The value at which the law, corrected by the runs, gives the wanted torque [SI]; None where none searched does.
+    tolerance : float
+        Share of the wanted torque within which a run's is accepted [-].
     """
 
     folder: Path
@@ -118,8 +137,20 @@ class DesignResult:
     tried: list[tuple[float, float]]
     case: Case
     correction: Correction | None = None
-    run: Result | None = None
+    trials: list[Trial] = field(default_factory=list)
     next_value: float | None = None
+    tolerance: float = 0.05
+
+    @property
+    def run(self) -> Result | None:
+        """The last run, that of `case`; None where none was asked for."""
+        return self.trials[-1].run if self.trials else None
+
+    @property
+    def is_met(self) -> bool:
+        """True if the last run's torque is within the tolerance of the wanted."""
+        torque = self.trials[-1].torque if self.trials else None
+        return torque is not None and abs(torque / self.search.torque - 1.0) <= self.tolerance
 
     @property
     def is_monotone(self) -> bool:
@@ -130,8 +161,8 @@ class DesignResult:
     @property
     def ratio(self) -> float | None:
         """Torque of the run over that expected of it; None without a run, or one without a torque."""
-        mean = None if self.run is None else self.run.torque.mean
-        return None if mean is None else abs(mean) / (self.expected.torque or inf)
+        torque = self.trials[-1].torque if self.trials else None
+        return None if torque is None else torque / (self.expected.torque or inf)
 
 
 def design(
@@ -142,11 +173,14 @@ def design(
     *,
     like: str | Path | None = None,
     out: str | Path | None = None,
-    confirm: bool = False,
+    runs: int = 0,
+    tolerance: float = 0.05,
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> DesignResult:
     """Find the value of one key at which a scene's expected torque is the wanted one, and write that scene.
+
+    With `runs` the scene is run, and the search goes on by the torques of the runs until one is within the tolerance.
 
     Parameters
     ----------
@@ -156,8 +190,9 @@ def design(
     target : ``"torque 12 N m"``, or a number in N m.
     like : folder of a finished run whose torque over that expected of it corrects the law.
     out : new folder; default: the next designs/<case>-<nnn>.
-    confirm : run the scene that was found.
-    threads, progress : of that run, as of `emclutch.run`.
+    runs : at most so many scenes are run; 0: none.
+    tolerance : share of the wanted torque within which a run's is accepted [-]. The interval of the run comes on top.
+    threads, progress : of the runs, as of `emclutch.run`.
 
     Raises
     ------
@@ -186,21 +221,38 @@ def design(
     if law.torque(search.between[1]) < law.torque(search.between[0]):
         ends.reverse()
     low, high = (end if one is None else one for end, one in zip(search.between, ends, strict=True))
-    found = search.case.with_values({search.key: value})
     folder.mkdir(parents=True)
-    found.write_toml(folder / "found.toml")
     is_cut = ends[0] is None, ends[1] is None
-    result = DesignResult(folder, search, value, expected, (low, high), is_cut, law.tried(), found, correction)
+    found = search.case.with_values({search.key: value})
+    result = DesignResult(
+        folder, search, value, expected, (low, high), is_cut, law.tried(), found, correction, tolerance=tolerance
+    )
     _write(result)
-    if confirm:
-        from emclutch.studies.accuracy.target import run  # local: a search alone compiles no kernel
-
-        result = replace(result, run=run(found, out=folder / "run", threads=threads, progress=progress))
-        if result.ratio:
-            corrected = law.value_at(search.torque / result.ratio, VALUE_TOLERANCE)
-            result = replace(result, next_value=corrected, tried=law.tried())
+    while len(result.trials) < runs and not result.is_met:
+        if result.trials:
+            if result.next_value is None or any(result.next_value == trial.value for trial in result.trials):
+                break  # no other value is left
+            value = result.next_value
+            found = search.case.with_values({search.key: value})
+            result = replace(result, value=value, expected=law.at(value), case=found)
+            _write(result)
+        result = _with_a_run(result, law, threads, progress)
         _write(result)
     return result
+
+
+def _with_a_run(
+    result: DesignResult, law: _Expectation, threads: int | None, progress: Progress | None
+) -> DesignResult:
+    """Return the result with its scene run, and with the value to try next."""
+    from emclutch.studies.accuracy.target import run  # local: a search alone compiles no kernel
+
+    number = len(result.trials) + 1
+    name = "run" if number == 1 else f"run-{number}"
+    done = run(result.case, out=result.folder / name, threads=threads, progress=progress)
+    trials = [*result.trials, Trial(result.value, result.expected.torque or 0.0, done)]
+    following = law.corrected_value_at(result.search.torque, [one for one in trials if one.torque])
+    return replace(result, trials=trials, next_value=following, tried=law.tried())
 
 
 class _Expectation:
@@ -247,6 +299,33 @@ class _Expectation:
             return None
         return float(brentq(excess, low, high, xtol=tolerance * (high - low)))
 
+    def corrected_value_at(self, torque: float, trials: list[Trial]) -> float | None:
+        """Return the value [SI] at which the expectation times the ratio of the runs gives a torque [N m], or None.
+
+        ln(ratio) is linear in the value, through the runs that are nearest to the torque from below and from above;
+        without both it is that of the nearest run.
+        """
+        if not trials:
+            return None
+
+        def miss(trial: Trial) -> float:
+            return log((trial.torque or 0.0) / torque)
+
+        nearest = min(trials, key=lambda trial: abs(miss(trial)))
+        below = [trial for trial in trials if miss(trial) < 0.0]
+        above = [trial for trial in trials if miss(trial) >= 0.0]
+        if not below or not above:
+            return self.value_at(torque * nearest.expected / (nearest.torque or inf), VALUE_TOLERANCE)
+        a, b = max(below, key=miss), min(above, key=miss)
+        ratios = [log((trial.torque or 0.0) / trial.expected) for trial in (a, b)]
+
+        def excess(value: float) -> float:
+            share = (value - a.value) / (b.value - a.value)
+            return log(self.torque(value) / torque) + ratios[0] + share * (ratios[1] - ratios[0])
+
+        low, high = self._search.between
+        return float(brentq(excess, a.value, b.value, xtol=VALUE_TOLERANCE * (high - low)))
+
 
 def _torques_at_the_ends(
     search: Search, expected: ExpectedTorque, correction: Correction | None
@@ -263,7 +342,8 @@ def _torques_at_the_ends(
 
 
 def _write(result: DesignResult) -> None:
-    """Write design.csv and design.json, again after the run."""
+    """Write found.toml, design.csv and design.json, again after each run."""
+    replace_text(result.folder / "found.toml", result.case.toml())
     rows = "".join(f"{value!r},{torque!r}\n" for value, torque in result.tried)
     replace_text(result.folder / "design.csv", f"{result.search.key},expected_torque\n{rows}")
     replace_json(result.folder / "design.json", as_data(result))
@@ -271,7 +351,7 @@ def _write(result: DesignResult) -> None:
 
 def as_data(result: DesignResult) -> dict[str, Any]:
     """The answer for a machine; values in SI, torques in N m."""
-    search, run = result.search, result.run
+    search = result.search
     return {
         "key": search.key,
         "unit": search.quantity.unit,
@@ -285,7 +365,12 @@ def as_data(result: DesignResult) -> dict[str, Any]:
         "bracket": result.bracket,
         "bracket_is_cut": result.is_cut,
         "is_monotone": result.is_monotone,
-        "run": None if run is None else {"folder": str(run.folder.path), "torque": run.torque.as_dict()},
+        "runs": [
+            {"value": one.value, "folder": str(one.run.folder.path), "torque": one.run.torque.as_dict()}
+            for one in result.trials
+        ],
+        "tolerance": result.tolerance,
+        "is_met": result.is_met,
         "run_over_expected": result.ratio,
         "next_value": result.next_value,
         "folder": str(result.folder),
@@ -319,10 +404,19 @@ def in_words(result: DesignResult) -> list[str]:
 
 
 def run_in_words(result: DesignResult) -> list[str]:
-    """Return how the run of the scene compares with its expectation."""
-    if result.ratio is None:
-        return []
-    search, text = result.search, f"run over expected: {result.ratio:.2f}; "
+    """Return what the runs gave, and what follows from them."""
+    search, lines = result.search, []
+    for trial in result.trials:
+        torque, interval = trial.torque, trial.run.torque.interval()
+        known = "no torque" if torque is None else f"{torque:.4g} N m"
+        if torque is not None and interval is not None:
+            known += f" ({min(map(abs, interval)):.4g} to {max(map(abs, interval)):.4g})"
+        lines.append(f"run at {search.shown(trial.value)}: {known}, {trial.expected:.4g} N m expected")
+    if not result.trials:
+        return lines
+    wanted, within = f"{search.torque:g} N m", f"{100.0 * result.tolerance:g} %"
+    if result.is_met:
+        return [*lines, f"the last is within {within} of {wanted}"]
     if result.next_value is None:
-        return [f"{text}with it no value of {search.key} in the range gives {search.torque:g} N m"]
-    return [f"{text}with it {search.key} = {search.shown(result.next_value)} gives {search.torque:g} N m"]
+        return [*lines, f"by the runs no value of {search.key} in the range gives {wanted}"]
+    return [*lines, f"not within {within} of {wanted}; by the runs {search.shown(result.next_value)} gives it"]
