@@ -21,7 +21,7 @@ from coupling.mutual_moments import HeldForces, Magnetisation, MutualMoments, Ne
 from coupling.near_attraction import NearAttraction
 from coupling.wall_reflection import steel_walls
 from field import ConvergenceError, MagneticField
-from particles import DEM, GrainMotion
+from particles import DVI, GrainMotion
 
 MAX_SWEEPS, MAX_ROUNDS = 200, 30
 LOST = 0.1
@@ -42,7 +42,7 @@ class MutuallyMagnetisedGrains(MagnetisedGrains):
     mirrors : sequence of walls, or None
         Walls whose steel mirrors the grains, as strongly as the field's solution says; None: none does.
     near : NearAttraction or None
-        Hands the near pull to the DEM's own step; None: it is held like the rest.
+        Hands the near pull to the grains' own step; None: it is held like the rest.
     necks : Necks or None
         Drops of the last evaluation; None before the first one, and in model `mutual`.
     field_strength : float or None
@@ -94,9 +94,17 @@ class MutuallyMagnetisedGrains(MagnetisedGrains):
         budget = simulation.motion.energy_budget
         self._stood = (np.array(grains.position), np.array(grains.radius)) if budget else None
 
-    def all_is_held(self, motion: GrainMotion) -> bool:
+    def pulls_follow_gaps(self, simulation) -> bool:
+        """True if the grains' step takes the near pulls at its own gaps; DVI does where they are not found every step.
+
+        Else a step of DVI holds their mean over its way, from the moments of its beginning.
+        """
+        each_step = isinstance(simulation.motion, DVI) and simulation.steps_per_update == 1
+        return self.near is not None and not each_step
+
+    def all_is_held(self, simulation) -> bool:
         """True if the stress of a sheared box is that of the very forces that are held: no pull follows the gaps."""
-        return motion.box is not None and self.near is None
+        return simulation.motion.box is not None and not self.pulls_follow_gaps(simulation)
 
     def take_virial(self, held: HeldForces, motion: GrainMotion) -> None:
         """Keep the stress of forces whose virial has been found; others change nothing."""
@@ -104,20 +112,21 @@ class MutuallyMagnetisedGrains(MagnetisedGrains):
             self.held_stress = held.virial.T / motion.box.volume
 
     def hold(self, simulation, force: np.ndarray) -> None:
-        """Take the sum of all held forces (n, 3) [N] of this update, and let the DEM follow the near gaps."""
+        """Take the sum of all held forces (n, 3) [N] of this update, and let the grains' step follow the near gaps."""
         motion, grains, found = simulation.motion, simulation.motion.grains, self.found
-        if found is not None and motion.box is not None and not self.all_is_held(motion):
+        follow = self.pulls_follow_gaps(simulation)
+        if found is not None and motion.box is not None and follow:
             # the pulls of near pairs have their stress from each step
             rows = simulation.rows(self.solver.reach)
             self.take_virial(
                 self.solver.forces(grains.position, grains.radius, rows, found, attraction=False, virial=True), motion
             )
-        if self.near is not None and found is not None:
+        if follow and self.near is not None and found is not None:
             self.near.hold(motion, found, force)
 
     def resume(self, motion: GrainMotion) -> None:
-        """Give a DEM the attraction that its saved drives belong to."""
-        if self.near is not None and isinstance(motion, DEM):
+        """Give the motion the attraction that its saved drives belong to."""
+        if self.near is not None:
             motion.attraction = self.near.attraction
 
     def state(self) -> dict[str, Any] | None:

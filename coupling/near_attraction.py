@@ -1,9 +1,9 @@
-"""Attraction of near grains in the DEM's own step: fields and moments of the last update, the gap of each step.
+"""Attraction of near grains in their engine's own step: fields and moments of the last update, the gap of each step.
 
-The held forces of an update hold every pair's near pull at the places of that update. Of the pairs in the DEM's list it
-is taken out again and handed over as a drive (`particles.dem.attraction`); the others, farther apart, stay constant.
+The held forces of an update hold every pair's near pull at the places of that update. Of the pairs in the list it is
+taken out again and handed over as a drive (`particles.attraction`); the others, farther apart, stay constant.
 When the list is rebuilt between two updates both are found again, from the same places, images, fields and moments: the
-DEM sorts and turns them with its grains.
+engine sorts and turns them with its grains.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from coupling.kernel_state import MagneticGrains, Rows
 from coupling.mutual_moments import Magnetisation, MutualMoments
 from coupling.near_drive_kernels import drive_pairs, drive_walls, take_out
 from geometry import RevolvedWall
-from particles import DEM
-from particles.dem.attraction import Attraction
+from particles import GrainMotion
+from particles.attraction import Attraction
 from particles.periodicity import images_of
 
 NEAR_GAP = 0.3
@@ -26,14 +26,14 @@ NEAR_GAP = 0.3
 
 
 class NearAttraction:
-    """Hands the near pull of `MutualMoments` over to a DEM.
+    """Hands the near pull of `MutualMoments` over to `DEM` or `DVI`.
 
     Parameters
     ----------
     solver : MutualMoments
         With near pairs.
     walls : sequence of walls
-        Those of the DEM, in its order.
+        Those of the engine, in its order.
     near_gap : float
         Gap [radii] up to which every pair follows its gap of each step. From `FARTHEST_GAP` on nothing of the pulls is
         held, as the stress of a sheared box needs it.
@@ -50,11 +50,11 @@ class NearAttraction:
             table.gap_start, table.gap_step, table.pull, self._across, solver.smallest_gap, self.drives, near_gap
         )
 
-    def hold(self, dem: DEM, found: Magnetisation, whole: np.ndarray) -> None:
+    def hold(self, motion: GrainMotion, found: Magnetisation, whole: np.ndarray) -> None:
         """Take an update: moments and fields `found` and all forces of it, `whole` (n, 3) [N]."""
         own = self.attraction
         own.per_grain = {
-            "position": np.array(dem.grains.position),
+            "position": np.array(motion.grains.position),
             "dipole": np.array(found.dipole),
             "applied": np.array(found.applied),
             # of three dimensions: no vectors to be turned
@@ -64,14 +64,14 @@ class NearAttraction:
             "contrast": np.array(found.contrast)[:, :, None],
             "height": np.array(found.height)[:, :, None],
         }
-        own.strain = 0.0 if dem.box is None else dem.box.strain
+        own.strain = 0.0 if motion.box is None else motion.box.strain
         own.renew()
-        dem.attraction = own
+        motion.attraction = own
 
-    def drives(self, dem: DEM) -> tuple[np.ndarray, np.ndarray]:
-        """See `Attraction.drives`; sets the DEM's held forces to what its list does not hold."""
-        of, solver, pairs, slots = self.attraction.per_grain, self.solver, dem.listed_pairs, dem.listed_walls
-        images = images_of(None if dem.periodicity is None else dem.periodicity.at_strain(self.attraction.strain))
+    def drives(self, motion: GrainMotion) -> tuple[np.ndarray, np.ndarray]:
+        """See `Attraction.drives`; sets the held forces to what the list does not hold."""
+        of, solver, pairs, slots = self.attraction.per_grain, self.solver, motion.listed_pairs, motion.listed_walls
+        images = images_of(None if motion.periodicity is None else motion.periodicity.at_strain(self.attraction.strain))
         none = len(images) // 2
         pair, held, wall = np.zeros((pairs.count, 3)), np.zeros((pairs.count, 3)), np.zeros((len(slots.wall), 2))
         rest = of["whole"].copy()
@@ -80,7 +80,7 @@ class NearAttraction:
             image += pairs.shift.astype(np.uint8)
         slope, height, contrast = (np.ascontiguousarray(of[k][:, :, 0]) for k in ("slope", "height", "contrast"))
         grains = MagneticGrains(
-            of["position"], np.ascontiguousarray(dem.grains.radius), dem.grains.volume, of["dipole"], np.zeros(0),
+            of["position"], np.ascontiguousarray(motion.grains.radius), motion.grains.volume, of["dipole"], np.zeros(0),
             of["applied"], slope, np.zeros((0, 3)), of["potential"], contrast, height,
         )  # fmt: skip
         rows = Rows(pairs.start, pairs.other, image, images)
@@ -89,7 +89,7 @@ class NearAttraction:
         if len(solver.walls):
             steel = np.where(slots.smooth, self._steel[slots.wall], -1)
             drive_walls(solver.table, solver.model, grains, slots.start, steel, solver.walls, wall, rest)
-        dem.external_force = rest
+        motion.external_force = rest
         return pair, wall
 
 

@@ -234,8 +234,7 @@ def forces_of_the_field(simulation: Simulation) -> np.ndarray | None:
     taken out is that of the present velocities.
     """
     motion = simulation.motion
-    attraction = getattr(motion, "attraction", None)
-    force = motion.external_force if attraction is None else attraction.per_grain["whole"]
+    force = motion.external_force if motion.attraction is None else motion.attraction.per_grain["whole"]
     others = [effect for effect in simulation.effects if effect.holds_forces and not effect.of_the_field]
     if force is None or not others:
         return force

@@ -1,9 +1,9 @@
 """Grains: state, neighbours, contact, walls and shafts, DEM, packing."""
 
 import geometry.kernels.cache  # noqa: F401 (before the first kernel is defined)
+from particles.attraction import Attraction, contact_share, depth_warning
 from particles.barostat import Barostat
 from particles.bodies import Body, FreeShaft
-from particles.dem.attraction import Attraction, contact_share, depth_warning
 from particles.dem.dem import DEM
 from particles.dem.time_step import TimeStep, choose_time_step, contact_time, stiffness_for_overlap
 from particles.dvi.dvi import DVI

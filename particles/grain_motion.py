@@ -10,9 +10,13 @@ import numpy as np
 
 from geometry.walls import Wall
 from particles import run_errors
+from particles.attraction import PREFIX as ATTRACTION
+from particles.attraction import Attraction
 from particles.bodies import Body
 from particles.grains import MOMENTS, RECORDS, Grains
+from particles.neighbours.contact_list import ListedWalls, reaches
 from particles.neighbours.contact_table import ContactTable
+from particles.neighbours.neighbour_list import PairList
 from particles.neighbours.slot_list import SlotList
 from particles.periodicity import Periodicity
 from particles.sector import CyclicSector
@@ -77,6 +81,8 @@ class GrainMotion(ABC):
     ----------
     external_force : ndarray, shape (n, 3), or None
         Force on each grain [N] in the present order, held until it is set again; sorted along with the grains.
+    attraction : Attraction or None
+        Pull of near grains and walls from the gap of every step, its drive held (`particles.attraction`).
     step_count : int
         Steps done.
     order_version, list_version : int
@@ -115,6 +121,7 @@ class GrainMotion(ABC):
         if not 0.0 < self.skin < np.inf:
             raise ValueError(f"skin = {self.skin * 1e3:g} mm; allowed: more than 0")
         self.external_force: np.ndarray | None = None
+        self.attraction: Attraction | None = None
         self.step_count = self.order_version = self.list_version = 0
         self._device = DeviceWalls(self.walls, self.bodies)
         # a device that does not hold its grains at the start (a bare disc, a belt) cannot lose them either
@@ -152,6 +159,20 @@ class GrainMotion(ABC):
     def list_skin(self) -> float:
         """Reach of the present list beyond touching [m]."""
         return self.skin
+
+    @property
+    def listed_pairs(self) -> PairList:
+        """Pairs of the present list; see `renew_list`, and `Attraction.near_gap` for how far they reach.
+
+        Of row i: the images by ``shift`` of the partners ``other``, all in the present order of the grains.
+        """
+        return self._list.pairs
+
+    @property
+    def listed_walls(self) -> ListedWalls:
+        """Walls near each grain in the present list."""
+        number = self._list.wall_other
+        return ListedWalls(self._list.wall_start, self._device.wall[number], number < len(self._device.rows))
 
     @property
     def _beside_flow(self) -> np.ndarray:
@@ -204,6 +225,8 @@ class GrainMotion(ABC):
         g, box, reference = self.grains, self.box, self._list.reference
         g.velocity[:, 0] += box.rate * (factor - 1.0) * g.position[:, 2]
         g.position[:, 2] *= factor
+        if self.attraction is not None and "position" in self.attraction.per_grain:
+            self.attraction.per_grain["position"][:, 2] *= factor
         reference[:, 2] *= factor
         box.stretch(factor)
         reach = self._interaction + 0.5 * self.list_skin
@@ -222,6 +245,8 @@ class GrainMotion(ABC):
         arrays |= {f"{LIST}{name}": value.copy() for name, value in self._list.arrays().items()}
         if self.periodicity is not None:
             arrays |= self.periodicity.state()
+        if self.attraction is not None:
+            arrays |= self.attraction.state()
         arrays["bodies"] = np.array([[b.angle, b.speed, b.external_torque] for b in self.bodies]).reshape(-1, 3)
         arrays["counters"] = np.array(
             [self.step_count, self.order_version, self._stale, self.list_version], dtype=np.int64
@@ -229,13 +254,19 @@ class GrainMotion(ABC):
         return arrays
 
     def restore(self, state: dict[str, np.ndarray]) -> None:
-        """Put a `state` into an engine that was made with the same walls, bodies and contact.
+        """Put a `state` into an engine that was made with the same walls, bodies, contact and `attraction`.
 
         Raises
         ------
         ValueError
-            If the state has another number of grains or bodies, or its contacts remember something else.
+            If the state has another number of grains or bodies, its contacts remember something else, or it has an
+            attraction whose table is not known here.
         """
+        attracts = any(name.startswith(ATTRACTION) for name in state)
+        if attracts and self.attraction is None:
+            raise ValueError(
+                f"the state's grains attract each other; give this {type(self).__name__} the same `attraction` first"
+            )
         self._restore_grains(state)
         if self.periodicity is not None:
             self.periodicity.restore(state)
@@ -246,6 +277,10 @@ class GrainMotion(ABC):
             body.angle, body.speed, body.external_torque = float(angle), float(speed), float(torque)
         self.step_count, self.order_version, stale, self.list_version = (int(v) for v in state["counters"][:4])
         self._stale = bool(stale)
+        if self.attraction is not None and attracts:
+            self.attraction.restore(state)
+        else:
+            self.attraction = None
 
     # -- for the engines
 
@@ -262,7 +297,16 @@ class GrainMotion(ABC):
     @property
     def _outdated(self) -> bool:
         """True if the list must be rebuilt before the next step."""
-        return self._stale
+        return self._stale or (self.attraction is not None and not self.attraction.listed)
+
+    @property
+    def _near_gap(self) -> float:
+        """Gap [radii] up to which a list made now holds every pair at every step."""
+        return 0.0 if self.attraction is None else self.attraction.near_gap
+
+    def _reaches(self, skin: float) -> tuple[np.ndarray, float]:
+        """Reach of each grain (n,) [m] in a list of this ``skin`` [m], and the largest distance of a pair [m]."""
+        return reaches(self.grains.radius, skin, self._near_gap)
 
     @abstractmethod
     def _rebuild(self) -> None:
@@ -313,6 +357,8 @@ class GrainMotion(ABC):
         for array in (g.angular_velocity, g.magnetic_moment, g.dipole, *held):
             if array is not None:
                 array[moved] = periodicity.turn(array[moved], shift)
+        if self.attraction is not None:
+            self.attraction.wrap(moved, shift, periodicity)
         return wraps
 
     def _refuse_escaped(self, margin: float, remedy: str) -> None:
@@ -328,7 +374,17 @@ class GrainMotion(ABC):
         for name in self.PER_GRAIN:
             if (array := getattr(self, name)) is not None:
                 setattr(self, name, array.take(order, axis=0))
+        if self.attraction is not None:
+            self.attraction.permute(order)
         self.order_version += 1
+
+    def _take_list(self) -> None:
+        """Note that a list has been made."""
+        self.list_version += 1
+        self._stale = False
+        if self.attraction is not None:
+            self.attraction.renew()
+            self.attraction.listed = True
 
     def _restore_grains(self, state: dict[str, np.ndarray]) -> None:
         """Give the grains the arrays of a state; a ValueError where it has another number of grains or bodies."""

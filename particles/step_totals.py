@@ -74,7 +74,7 @@ class BoxStress:
     Attributes
     ----------
     contacts, attraction, motion : ndarray, shape (3, 3)
-        [Pa]; `attraction` is the held one (`particles.dem.attraction`), other held forces are not known here.
+        [Pa]; `attraction` is the held one (`particles.attraction`), other held forces are not known here.
     """
 
     contacts: np.ndarray

@@ -26,10 +26,11 @@ class Dipoles(Effect):
         solver, found = magnetised.solver, magnetised.found
         pairs = images = charges = 0.0
         if found.moment.any():  # without a current: nothing pulls
-            ahead = motion.dt * simulation.steps_per_update if isinstance(motion, DVI) else 0.0
+            held_by_dvi = isinstance(motion, DVI) and not magnetised.pulls_follow_gaps(simulation)
+            ahead = motion.dt * simulation.steps_per_update if held_by_dvi else 0.0
             held = solver.forces(
                 grains.position, grains.radius, simulation.rows(solver.reach), found,
-                velocity=np.ascontiguousarray(grains.velocity), ahead=ahead, virial=magnetised.all_is_held(motion),
+                velocity=np.ascontiguousarray(grains.velocity), ahead=ahead, virial=magnetised.all_is_held(simulation),
             )  # fmt: skip
             force += held.force
             magnetised.take_virial(held, motion)

@@ -175,7 +175,6 @@ class DipolesSection(EffectSection):
         from coupling.grain_law_table import FARTHEST_GAP
         from coupling.near_attraction import NEAR_GAP
         from emclutch.device_model.materials import grain_law
-        from particles import DEM
 
         law, fed_back = grain_law(scene), moments_are_fed_back(scene)
         spread = fed_back or layers_change_the_field(scene)
@@ -188,7 +187,7 @@ class DipolesSection(EffectSection):
         )
         mirrors = None if scene.effects.images is None else walls
         near = None
-        if solver.near and isinstance(motion, DEM):
+        if solver.near:
             near = NearAttraction(solver, walls, NEAR_GAP if motion.box is None else FARTHEST_GAP)
         return MutuallyMagnetisedGrains(
             sampler, law, solver=solver, tolerance=self.tolerance, mirrors=mirrors, near=near

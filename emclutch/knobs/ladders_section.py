@@ -9,7 +9,14 @@ from pydantic import Field, create_model
 from emclutch.knobs.contact import ContactStep, Overlap, RigidStep, RigidSweeps, RigidTolerance
 from emclutch.knobs.field import ElementOrder, FieldMesh, FieldTolerance
 from emclutch.knobs.knob import Knob
-from emclutch.knobs.magnetism import CouplingWindow, FeedbackTolerance, MomentTolerance, SmearWidth, UpdateInterval
+from emclutch.knobs.magnetism import (
+    CouplingWindow,
+    FeedbackTolerance,
+    MomentTolerance,
+    RigidUpdateInterval,
+    SmearWidth,
+    UpdateInterval,
+)
 from emclutch.knobs.powder import GrainsAcross, InertialNumber, SectorWidth, StartUp
 from emclutch.scene.section import Section
 
@@ -29,6 +36,7 @@ KNOBS: tuple[type[Knob], ...] = (
     UpdateInterval,
     CouplingWindow,
     RigidStep,
+    RigidUpdateInterval,
     RigidTolerance,
     RigidSweeps,
 )

@@ -14,6 +14,7 @@ from emclutch.scene.model import Scene
 from emclutch.simulation.stiffness import Stiffness
 from particles import Cohesion, DviContact, RollingFriction, TwistingFriction, choose_dvi_step
 from particles.dem.time_step import TimeStep
+from particles.dvi.dvi_step import parting_time
 
 TOLERANCE = 1e-4
 """Of the slip speed: a chain of a hundred grains between the walls closes by at most 1 % of it, see the tests of
@@ -43,6 +44,8 @@ class RigidContacts:
     tolerance : float
         On the natural map [m/s].
     step : TimeStep
+    parting_time : float or None
+        In which two magnetised grains that touch part [s] (`particles.dvi.dvi_step.parting_time`).
     springs : ndarray, shape (2, 2), or None
         [[k_n, k_t] between grains, [k_n, k_t] at walls] [N/m] of compliant contacts.
     stiffness : Stiffness or None
@@ -55,6 +58,7 @@ class RigidContacts:
     cohesion: Cohesion | None
     tolerance: float
     step: TimeStep
+    parting_time: float | None = None
     springs: np.ndarray | None = None
     stiffness: Stiffness | None = None
     method: ClassVar[str] = "dvi"
@@ -90,11 +94,12 @@ def rigid_contacts(
     terms, radius = scene.effects.contact_terms(), 0.5 * particles.smallest_diameter
     cohesion = terms.get("cohesion")
     adhesion = 0.0 if cohesion is None else float((cohesion.table() @ (1.0, radius)).max())
-    pulls = [one for one in (_magnetic_pull(scene, M_max), Pull(adhesion, adhesion * radius, "cohesion")) if one.force]
+    magnetic, mass = _magnetic_pull(scene, M_max), particles.density * pi / 6.0 * particles.smallest_diameter**3
+    pulls = [one for one in (magnetic, Pull(adhesion, adhesion * radius, "cohesion")) if one.force]
     strongest = max(pulls, key=lambda one: one.force / sqrt(one.work), default=Pull(0.0, 1.0, "nothing"))
     barostat = scene.geometry.barostat(scene)
     step = choose_dvi_step(
-        particles.density * pi / 6.0 * particles.smallest_diameter**3,
+        mass,
         radius,
         speed=speed,
         attraction=strongest.force,
@@ -119,7 +124,8 @@ def rigid_contacts(
     )
     given, stiffness = (None, None) if springs is None else springs
     resist = terms.get("rolling"), terms.get("twisting")
-    return RigidContacts(rigid, *resist, cohesion, tolerance, step, given, stiffness)
+    parting = parting_time(mass, magnetic.force, magnetic.work) if magnetic.force else None
+    return RigidContacts(rigid, *resist, cohesion, tolerance, step, parting, given, stiffness)
 
 
 def _magnetic_pull(scene: Scene, M: float) -> Pull:

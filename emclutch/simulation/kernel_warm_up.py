@@ -24,7 +24,7 @@ from geometry.kernels.cache import ROOT, has_entries
 from geometry.kernels.threads import default_threads
 from geometry.walls import cylinder
 from particles import DEM, Body, CyclicSector, Grains, PairLaws, RollingFriction, ShearedBox
-from particles.dem.attraction import Attraction
+from particles.attraction import Attraction
 
 RADIUS, MASS = 1e-3, 1e-5
 

@@ -124,13 +124,15 @@ def make_plan(case: Case, device: Device | None = None, threads: int | None = No
     scene, scaled = with_slip(scene, device, field)
     speed = largest_speed(scene, device)
     contact: ElasticContacts | RigidContacts
+    parting = None
     if scene.contact.method == "dvi":
         springs = dvi_springs(scene, device, M_max, speed)
         contact = rigid_contacts(scene, M_max, speed, slip_speed(scene, device), springs)
+        parting = contact.parting_time
     else:
         contact = elastic_contacts(scene, device, M_max, speed)
     layers = max(fall_speed(scene, device), layer_speed(scene, device, speed))
-    division = coupling_windows(scene, contact.step.dt, speed, layers, held=scene.effects.hold_forces)
+    division = coupling_windows(scene, contact.step.dt, speed, layers, scene.effects.hold_forces, parting)
     rhythm = division.steps_per_update, division.updates, division.count
     threads = threads or _threads_of_a_replica(scene)
     cost = predict(scene, device, division.dt, rhythm, threads, contact.normal_stiffness)

@@ -36,6 +36,8 @@ UPDATE_RULES = {
     UpdateRule.CONTACT: ": half a contact, 1 % of a diameter of travel",
     UpdateRule.PRESSURE: ": half a contact",
     UpdateRule.NEIGHBOURS: ", near pulls every step: at most 2.5 contacts, neighbours 1 % of a diameter further",
+    UpdateRule.PARTING: ", near pulls every step: at most half of the time in which touching grains part, neighbours "
+    "2.5 % of a diameter further",
 }
 
 

@@ -1,4 +1,4 @@
-"""Compiled pull of a tabulated attraction (`particles.dem.attraction`), from the true gap of every step."""
+"""Compiled pull of a tabulated attraction (`particles.attraction`), from the true gap of every step."""
 
 from __future__ import annotations
 

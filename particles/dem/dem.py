@@ -13,10 +13,10 @@ import numpy as np
 
 from geometry.walls import Wall
 from particles import run_errors
+from particles.attraction import PREFIX as ATTRACTION
 from particles.bodies import Body
 from particles.dem import box_kernel, run_summary, total_columns
 from particles.dem import step_kernel as kernel
-from particles.dem.attraction import PREFIX as ATTRACTION
 from particles.dem.contact_columns import contact_columns
 from particles.dem.kernel_state import (
     Call,
@@ -94,7 +94,7 @@ class DEM(ListedGrains):
         Force on each grain [N] in the present order, held until it is set again; sorted along with the
         grains.
     attraction : Attraction or None
-        Pull of near grains and walls from the gap of every step, its drive held (`particles.dem.attraction`); None
+        Pull of near grains and walls from the gap of every step, its drive held (`particles.attraction`); None
         leaves it out of the compiled step.
     time, step_count, order_version, list_version
         Time [s] of the positions, steps done, how often the grains have been put in another order, and how
@@ -209,18 +209,6 @@ class DEM(ListedGrains):
             )  # fmt: skip
         return run_summary.summary(n_steps, self.dt, ring, self.bodies, totals, body_totals, energy, rebuilds, stress)
 
-    def stretch(self, factor: float) -> None:
-        """Make the sheared box higher by ``factor``: centres move with it, velocities beside its flow stay.
-
-        Raises
-        ------
-        ValueError
-            The grains are in no sheared box, or a factor that is not above 0.
-        """
-        super().stretch(factor)
-        if self.attraction is not None and "position" in self.attraction.per_grain:
-            self.attraction.per_grain["position"][:, 2] *= factor
-
     def _raise_stopped(self, answer: int, totals: np.ndarray) -> None:
         g, dt = self.grains, self.dt
         if answer == OVERLAP:
@@ -237,7 +225,7 @@ class DEM(ListedGrains):
         """Return the present contacts, with the forces that the next step will feel; changes nothing."""
         kept = self._list
         if self._stale:  # a list of its own, in the present order; the run will make another one when it continues
-            self._contacts = self._fresh_list(*self._reaches())
+            self._contacts = self._fresh_list(*self._reaches(self.skin))
             self._contacts.take(kept.memory(), np.arange(self.grains.count), None, self.sector, self._columns.vectors)
         try:
             return self._contacts_of(self._list)

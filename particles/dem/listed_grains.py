@@ -15,13 +15,11 @@ import numpy as np
 
 from geometry.walls import Wall
 from particles.bodies import Body
-from particles.dem.attraction import PREFIX as ATTRACTION
-from particles.dem.attraction import Attraction
 from particles.dem.contact_columns import ContactColumns, round_up
 from particles.grain_motion import GrainMotion, Gravity
 from particles.grains import Grains
-from particles.neighbours.contact_list import ContactList, ListedWalls, reaches
-from particles.neighbours.neighbour_list import PairList, cell_order, finest_cell
+from particles.neighbours.contact_list import ContactList
+from particles.neighbours.neighbour_list import cell_order, finest_cell
 from particles.neighbours.skin import USUAL, WIDEST, next_skin
 from particles.periodicity import Periodicity
 
@@ -68,25 +66,10 @@ class ListedGrains(GrainMotion):
             grains, walls, bodies, dt=dt, gravity=gravity, periodicity=periodicity,
             skin=USUAL * self._mean_radius if skin is None else skin, overlap_limit=overlap_limit,
         )  # fmt: skip
-        self.attraction: Attraction | None = None
         self._columns, self._species, self._net = columns, species, np.zeros((grains.count, 3))
         self._list_step = 0
         self._contacts: ContactList | None = None
         self._rebuild()
-
-    @property
-    def listed_pairs(self) -> PairList:
-        """Pairs of the present list; see `renew_list`, and `Attraction.near_gap` for how far they reach.
-
-        Of row i: the images by ``shift`` of the partners ``other``, all in the present order of the grains.
-        """
-        return self._list.pairs
-
-    @property
-    def listed_walls(self) -> ListedWalls:
-        """Walls near each grain in the present list."""
-        number = self._list.wall_other
-        return ListedWalls(self._list.wall_start, self._device.wall[number], number < len(self._device.rows))
 
     @property
     def contact_force(self) -> np.ndarray:
@@ -101,8 +84,6 @@ class ListedGrains(GrainMotion):
     def state(self) -> dict[str, np.ndarray]:
         """Everything that `restore` needs to continue bit for bit."""
         arrays = super().state()
-        if self.attraction is not None:
-            arrays |= self.attraction.state()
         arrays["counters"] = np.append(arrays["counters"], self._list_step)
         return arrays
 
@@ -116,14 +97,7 @@ class ListedGrains(GrainMotion):
             whose table is not known here.
         """
         self._refuse_other_memory(state)
-        attracts = any(name.startswith(ATTRACTION) for name in state)
-        if attracts and self.attraction is None:
-            raise ValueError("the state's grains attract each other; give this DEM the same `attraction` first")
         super().restore(state)
-        if self.attraction is not None and attracts:
-            self.attraction.restore(state)
-        else:
-            self.attraction = None
         self._list_step = int(state["counters"][4])
 
     def _restore_list(self, arrays: dict[str, np.ndarray]) -> None:
@@ -144,21 +118,9 @@ class ListedGrains(GrainMotion):
             self.grains.position, reach, cutoff, self.skin, self._device, angles, self.periodicity, self._columns.total
         )
 
-    def _reaches(self) -> tuple[np.ndarray, float]:
-        return reaches(self.grains.radius, self.skin, self._near_gap)
-
     @property
     def _interaction(self) -> float:
-        return self._reaches()[1] - self.skin
-
-    @property
-    def _near_gap(self) -> float:
-        """Gap [radii] up to which a list made now holds every pair at every step."""
-        return 0.0 if self.attraction is None else self.attraction.near_gap
-
-    @property
-    def _outdated(self) -> bool:
-        return self._stale or (self.attraction is not None and not self.attraction.listed)
+        return self._reaches(self.skin)[1] - self.skin
 
     def _rebuild(self) -> None:
         """Wrap, sort by cells, list the neighbours again, and carry what contacts remember into the new list."""
@@ -174,7 +136,7 @@ class ListedGrains(GrainMotion):
                 steps = self.step_count - self._list_step
                 self.skin = next_skin(self.skin, steps, extra, self._mean_radius, widest)
             self._contacts = None  # before the next one: two lists are the most memory that grains ever need
-        reach, cutoff = self._reaches()
+        reach, cutoff = self._reaches(self.skin)
         order = cell_order(g.position_radius, finest_cell(reach, cutoff))
         if np.any(order[1:] < order[:-1]):
             self._sort(order)
@@ -184,20 +146,4 @@ class ListedGrains(GrainMotion):
             made.take(memory, order, None if self.sector is None else wraps, self.sector, self._columns.vectors)
         self._contacts = made
         self._list_step = self.step_count
-        self.list_version += 1
-        self._stale = False
-        if self.attraction is not None:
-            self.attraction.renew()
-            self.attraction.listed = True
-
-    def _wrap(self, periodicity: Periodicity) -> np.ndarray:
-        wraps = super()._wrap(periodicity)
-        if self.attraction is not None:
-            moved = np.flatnonzero(wraps.reshape(self.grains.count, -1).any(axis=1))
-            self.attraction.wrap(moved, wraps[moved], periodicity)
-        return wraps
-
-    def _sort(self, order: np.ndarray) -> None:
-        super()._sort(order)
-        if self.attraction is not None:
-            self.attraction.permute(order)
+        self._take_list()

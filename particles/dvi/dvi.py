@@ -6,8 +6,9 @@ A differential variational inequality: contacts are rigid, or compliant on sprin
 necks between magnetised grains, which changes within a few hundredths of a radius. That is a negative stiffness,
 which makes grains snap together and rings at no step; below the smallest gap, where contacts are closed, the pull is
 constant, and a contact that holds has no motion that could change it. So no step is unstable, and what a neck asks for
-is accuracy: the pull is its mean over the way that the gap goes at the present velocities (`coupling.effects.dipoles`),
-and a step in which it adds little to the speeds at which grains part (`particles.dvi.dvi_step`).
+is accuracy: the pull is its mean over the way that the gap goes at the present velocities, found in the step
+(`particles.dvi.near_pulls`), or with the moments where these are found at every step (`coupling.effects.dipoles`); and
+a step in which it adds little to the speeds at which grains part (`particles.dvi.dvi_step`).
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ from particles.dvi.dvi_contact import DviContact
 from particles.dvi.dvi_totals import DviTotals, box_stress, dvi_totals, rigid_energy_budget, shear_work
 from particles.dvi.impulse_list import ImpulseList
 from particles.dvi.loaded_contacts import loaded_contacts, net_impulses, pressed_in
+from particles.dvi.near_pulls import near_pulls
 from particles.dvi.solver_state import (
     DviArguments,
     DviCall,
@@ -114,8 +116,8 @@ class DVI(GrainMotion):
 
     Attributes
     ----------
-    external_force, time, step_count, order_version, list_version
-        As in `DEM`.
+    external_force, attraction, time, step_count, order_version, list_version
+        As in `DEM`; an attraction is its mean over the way that a gap goes in a step (`particles.dvi.near_pulls`).
     """
 
     def __init__(
@@ -289,6 +291,7 @@ class DVI(GrainMotion):
             If the state has another number of grains or bodies.
         """
         self._restore_grains(state)
+        self.attraction = None
         self.grains.magnetic_moment = self.grains.dipole = self.external_force = self._impulses = None
         for body, (angle, _, _) in zip(self.bodies, state["bodies"], strict=True):
             body.angle, body.external_torque = float(angle), 0.0
@@ -305,6 +308,8 @@ class DVI(GrainMotion):
 
     def _advance(self, n_steps: int, angle: np.ndarray, speed: np.ndarray, sums: DviSums) -> tuple[int, int]:
         g = self.grains
+        if self.attraction is not None:  # first: it may set the held force
+            self.attraction.fetch(self)
         arguments = self._arguments(n_steps, angle, speed, sums)
         with at_most(1 if self._chunks is None else len(self._chunks.pairs) // 2):
             answer = kernel.run_steps(*arguments)
@@ -318,6 +323,8 @@ class DVI(GrainMotion):
     def _arguments(self, n_steps: int, angle: np.ndarray, speed: np.ndarray, totals: DviSums) -> DviArguments:
         g, c, device = self.grains, self._list, self._device
         external, images = held_force(self.external_force, g.count), images_of(self.periodicity)
+        near = near_pulls(self.attraction, external if len(external) else np.zeros((g.count, 3)))
+        external = np.empty_like(near.held) if len(near.held) else external
         position, velocity, spin = (np.ascontiguousarray(a) for a in (g.position, g.velocity, g.angular_velocity))
         flow = np.zeros(0) if self.box is None else box_kernel.flow_of(self.box, self._reach, self._interaction)
         times = (self.step_count + np.arange(n_steps)) * self.dt
@@ -334,6 +341,7 @@ class DVI(GrainMotion):
                 position, velocity, spin, np.ascontiguousarray(g.radius), g.mass,
                 gravity_at(self.gravity, times), external, c.reference, self._bound, flow,
             ),
+            near,
             PairImpulses(c.pairs.start, c.pairs.other, c.pair_impulse, self._pair_slot, c.pairs.shift, images),
             WallImpulses(c.wall_start, c.wall_other, c.wall_impulse, self._wall_slot, self._found, self._tally),
             DviWalls(device.rows, device.triangles, device.body, self._turn),
@@ -393,25 +401,24 @@ class DVI(GrainMotion):
         fastest = max(fastest, (1.0 + float(self._law[1, 1])) * vane)  # what it strikes
         self._reach = max(self.skin, FAST_SKIN * self.dt * fastest)
         if self.periodicity is not None:  # a narrow copy of space: lists that last for one step
-            widest = self.periodicity.widest_cutoff(g.position) - 2.0 * float(g.radius.max())
+            widest = self.periodicity.widest_cutoff(g.position) - self._interaction
             if MIN_SKIN * self.dt * fastest > widest > 0.0:
                 limit = float(f"{widest / (MIN_SKIN * g.radius.min()):.3g}")
                 raise run_errors.too_fast(g, self.dt, limit, self.time)
             self._reach = min(self._reach, widest) if widest > 0.0 else self._reach  # else it is refused as too narrow
         made = ImpulseList.make(
-            np.ascontiguousarray(g.position), g.radius, self._reach, self._device, [b.angle for b in self.bodies],
+            np.ascontiguousarray(g.position), *self._reaches(self._reach), self._device, [b.angle for b in self.bodies],
             max(0.5 * self.skin, FAST_WALLS * self.dt * vane), self.periodicity, self._columns,
         )  # fmt: skip
         if self._impulses is not None:
             made.take_impulses(self._impulses, old_id, g.particle_id, self.sector, wraps)
         self._impulses = made
         self._make_room()
-        self.list_version += 1
-        self._stale = False
+        self._take_list()
 
     @property
     def _interaction(self) -> float:
-        return 2.0 * float(self.grains.radius.max())
+        return self._reaches(0.0)[1]
 
     def _kinetic_now(self) -> float:
         """Kinetic energy [J] of the present velocities, less the flow's of a sheared box."""

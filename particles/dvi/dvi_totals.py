@@ -12,7 +12,7 @@ from particles.dvi import end_of_step, flow_in_box
 from particles.sheared_box import ShearedBox
 from particles.step_totals import BoxStress, EnergyTotals, StepTotals, force_on_ring
 
-FLUXES = (flow_in_box.CONTACT, flow_in_box.MOTION)
+FLUXES = (flow_in_box.CONTACT, flow_in_box.ATTRACTION, flow_in_box.MOTION)
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,11 +155,10 @@ def rigid_energy_budget(
 def box_stress(duration: float, box: ShearedBox, sums: np.ndarray) -> BoxStress:
     """Mean over ``duration`` [s] of what the sums of a sheared box hold (`particles.dvi.flow_in_box`)."""
     scale = 1.0 / (duration * box.volume)
-    contacts, motion = (scale * sums[first : first + 9].reshape(3, 3) for first in FLUXES)
-    return BoxStress(contacts, np.zeros((3, 3)), motion)
+    return BoxStress(*(scale * sums[first : first + 9].reshape(3, 3) for first in FLUXES))
 
 
 def shear_work(box: ShearedBox, sums: np.ndarray) -> dict[str, float]:
     """Works [J] of the shear on the grains, -rate times the flux of momentum along x across z."""
-    contacts, motion = (-box.rate * float(sums[first + 2]) for first in FLUXES)
-    return {"contacts": contacts, "attraction": 0.0, "motion": motion}
+    works = (-box.rate * float(sums[first + 2]) for first in FLUXES)
+    return dict(zip(("contacts", "attraction", "motion"), works, strict=True))

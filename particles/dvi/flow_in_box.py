@@ -8,7 +8,8 @@ grains as these drift in a straight line:
     sigma_ab = 1/(V t) [ sum over contacts r_a b_b + sum over drifts m p_a p_b s ],
 
 summed over the steps of a time t, with r the impulse on a grain and b the way to it from its partner's centre, and p
-at the middle of a drift of s seconds. With these two parts momentum and energy balance to round-off: the work of the
+at the middle of a drift of s seconds; pulls of near pairs (`particles.dvi.near_pulls`) count as contacts of their own
+kind. With these parts momentum and energy balance to round-off: the work of the
 shear is -rate V t sigma_xz, through contacts it adds to the work on their relative motion, through drifts it is what
 p changes by where z does. Overlap that is removed from the positions moves momentum in the same way,
 m p_a times the displacement along b, and stands with the drifts.
@@ -21,9 +22,10 @@ import numpy as np
 from geometry.kernels.device_functions import device_function
 from particles.dem.box_kernel import HEIGHT, LIST_STRAIN, OFFSET, RATE, REACH, STRAIN, STRETCHED
 from particles.dvi.gauss_seidel import ARM, EX, VX, VY, VZ
+from particles.periodic_images import place_as_seen
 from particles.periodicity import DU, DX
 
-CONTACT, MOTION, N_BOX_SUMS = 0, 9, 18
+CONTACT, MOTION, ATTRACTION, N_BOX_SUMS = 0, 9, 18, 27
 """Sums over steps [J s]: force or momentum along a, way along b, in row 3 a + b behind each."""
 
 
@@ -114,3 +116,19 @@ def add_impulses(pull, radius, pairs, contacts, sums):
                 r += impulse[s, pull + a]
             for b in range(3):
                 sums[CONTACT + 3 * a + b] += r * distance * pair[k, EX + b]
+
+
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
+def add_pulls(h, grains, pairs, pull, sums):
+    """Add the pulls (p, 3) [N] on the first grains of the listed pairs, held for a step of h [s]."""
+    position, images, shift = grains.position, pairs.images, pairs.shift
+    for i in range(position.shape[0]):
+        for k in range(pairs.start[i], pairs.start[i + 1]):
+            j = pairs.other[k]
+            x, y, z = place_as_seen(images, shift, k, position[j, 0], position[j, 1], position[j, 2])
+            x, y, z = position[i, 0] - x, position[i, 1] - y, position[i, 2] - z
+            for a in range(3):
+                r = h * pull[k, a]
+                sums[ATTRACTION + 3 * a] += r * x
+                sums[ATTRACTION + 3 * a + 1] += r * y
+                sums[ATTRACTION + 3 * a + 2] += r * z

@@ -43,17 +43,19 @@ class ImpulseList(SlotList):
     def make(
         cls,
         position: np.ndarray,
-        radius: np.ndarray,
-        skin: float,
+        reach: np.ndarray,
+        cutoff: float,
         walls: DeviceWalls,
         angles: Sequence[float],
         wall_travel: float,
         periodicity: Periodicity | None,
         columns: int,
     ) -> ImpulseList:
-        """The list at ``position`` (n, 3) [m] and ``angles`` [rad], with ``skin`` [m]; ``columns`` of an impulse."""
-        reach = radius + 0.5 * skin
-        pairs = find_pairs(position, 2.0 * float(radius.max()) + skin, periodicity, reach)
+        """The list at ``position`` (n, 3) [m] and ``angles`` [rad], with ``columns`` of an impulse.
+
+        Of pairs that are nearer than the sum of their ``reach`` (n,) [m], the largest ``cutoff`` [m].
+        """
+        pairs = find_pairs(position, cutoff, periodicity, reach)
         start, other = walls.near(position, reach, 2.0 * wall_travel, angles)
         return cls(
             pairs, start, other, position.copy(), np.array(angles, dtype=float), float(wall_travel),

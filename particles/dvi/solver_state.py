@@ -16,6 +16,7 @@ from geometry.kernels.device_functions import device_function
 from particles.shafts import Shafts
 
 if TYPE_CHECKING:
+    from particles.dvi.near_pulls import NearPulls
     from particles.dvi.sweep_chunks import SweepChunks
 
 
@@ -103,7 +104,7 @@ class DviGrains(NamedTuple):
     gravity : ndarray, shape (k, 3)
         Acceleration [m/s^2]: a row a step, one row for all of them, or none.
     external : ndarray, shape (n, 3) or (0, 3)
-        Held force [N]; empty without.
+        Held force [N]; empty without. With `particles.dvi.near_pulls` it is written in each step.
     reference : ndarray, shape (n, 3)
         Centres at which the list was made [m].
     bound : ndarray, shape (n,)
@@ -276,6 +277,7 @@ class DviArguments(NamedTuple):
     convex: bool | None
     compliance: np.ndarray | None
     grains: DviGrains
+    near: NearPulls
     pairs: PairImpulses
     slots: WallImpulses
     walls: DviWalls

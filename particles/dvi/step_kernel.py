@@ -64,6 +64,7 @@ from particles.dvi.flow_in_box import (
     strain_of_list,
 )
 from particles.dvi.gauss_seidel import BRAKE, IJ
+from particles.dvi.near_pulls import hold_near_pulls
 from particles.dvi.projection import project
 from particles.dvi.solver_state import Horizon, Records, WallImpulses, all_of, first_of
 from particles.dvi.sweep_chunks import group_chunks, sort_walls
@@ -151,12 +152,16 @@ def _find(horizon, compliance, grains, pairs, slots, walls, shafts, records, chu
 
 
 @device_function(error_model="numpy", fastmath={"contract"})
-def _begin(call, step, compliance, grains, pairs, slots, walls, shafts, records, contact_torques, threads, totals):
-    """Stages 1 to 3: half drift, overlap, free velocities, contacts, warm start.
+def _begin(
+    call, step, compliance, grains, near, pairs, slots, walls, shafts, records, contact_torques, threads, totals
+):
+    """Stages 1 to 3: near pulls, half drift, overlap, free velocities, contacts, warm start.
 
     Returns the numbers of pairs and walls that are contacts, and the largest speed [m/s].
     """
     h, chunk, serial = call.h, threads.chunk, threads.serial
+    if near.held.shape[0] > 0:
+        hold_near_pulls(h, near, grains, pairs, slots, walls, chunk, serial, totals.box)
     _drift_half(call, grains, pairs, shafts, walls, totals.box)
     before = grains.position[:0]
     if totals.box.shape[0] > 0:
@@ -274,7 +279,9 @@ def _verdict(call, travel, shafts, walls):
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
-def run_steps(call, convex, compliance, grains, pairs, slots, walls, shafts, records, contact_torques, threads, totals):
+def run_steps(
+    call, convex, compliance, grains, near, pairs, slots, walls, shafts, records, contact_torques, threads, totals
+):
     """Up to ``call.n_steps`` steps; stops early when the list must be rebuilt or a grain is in trouble.
 
     Parameters
@@ -283,6 +290,8 @@ def run_steps(call, convex, compliance, grains, pairs, slots, walls, shafts, rec
         The convex relaxation; None: exact Coulomb.
     compliance : ndarray, or None
         Table of springs (`particles.dvi.compliance`); None: rigid.
+    near : NearPulls
+        `particles.dvi.near_pulls`.
     call, grains, pairs, slots, walls, shafts, records, contact_torques, threads, totals
         `particles.dvi.solver_state`, and `particles.shafts.Shafts`.
 
@@ -293,7 +302,7 @@ def run_steps(call, convex, compliance, grains, pairs, slots, walls, shafts, rec
     for step in range(call.n_steps):
         # 1-3. half drift, free velocities, contacts, warm start
         n_pairs, n_walls, fastest = _begin(
-            call, step, compliance, grains, pairs, slots, walls, shafts, records, contact_torques, threads, totals
+            call, step, compliance, grains, near, pairs, slots, walls, shafts, records, contact_torques, threads, totals
         )
         call.n_contacts[0], call.n_contacts[1] = n_pairs, n_walls
         if totals.run[MAX_OVERLAP] > call.overlap:

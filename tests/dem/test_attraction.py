@@ -44,7 +44,7 @@ def table(drives, **more):
 
 
 def pull(gap, column, amplitude, across=0.0):
-    """The formula of `particles.dem.attraction`, by other means."""
+    """The formula of `particles.attraction`, by other means."""
     x, k = np.log(np.maximum(gap, SMALLEST)), np.arange(len(COLUMNS))
     at = np.array([np.interp(column, k, [np.interp(one, X, VALUES[:, j]) for j in k]) for one in np.atleast_1d(x)])
     found = amplitude * at + across * np.interp(x, X, ACROSS)

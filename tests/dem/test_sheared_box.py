@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from particles import DEM, Barostat, BoxTooDense, Grains, LinearContact, RollingFriction, ShearedBox, find_pairs
-from particles.dem.attraction import Attraction
+from particles.attraction import Attraction
 from particles.packing.periodic_packing import periodic_packing
 
 pytestmark = pytest.mark.physics

@@ -1,4 +1,4 @@
-"""A tabulated attraction of near grains, its drive held: the DEM takes the gap of every step, and the drive of a slot.
+"""A tabulated attraction of near grains, its drive held: the step takes its own gap, and the drive of a slot.
 
 For forces that change within a few hundredths of a radius, such as that of two magnetised grains whose flux gathers in
 their neck: held over some steps, as `DEM.external_force` is, they would follow the gap too late, and pump energy into
@@ -8,16 +8,17 @@ whatever swings in it. The pull of a pair along its line of centres is
 
 with a = 2 r_i r_j/(r_i + r_j), T (``values``) bilinear and A (``across``) linear in ln g; constant below the grid, 0
 from the last gap on. At a smooth wall, towards its nearest point at the distance h, F = amplitude T(ln g, column) with
-g = max(2 (h - r_i)/r_i, smallest_gap): that of a grain and its mirror image.
+g = max(2 (h - r_i)/r_i, smallest_gap): that of a grain and its mirror image. `DEM` takes the pull at the gap of each
+step, `DVI`, whose steps are longer, its mean over the way that the gap goes in a step at the present velocities.
 
-**What is held.** Amplitudes and columns belong to the slots of the DEM's list: every pair nearer than touching and a
+**What is held.** Amplitudes and columns belong to the slots of the engine's list: every pair nearer than touching and a
 skin when it was made. Grains may come nearer to each other by a skin before the next one is made; so the list reaches
 further by ``near_gap``, and up to that gap it holds every pair at every step. It is rebuilt, and the grains sorted
-and wrapped, inside a run: the DEM asks for the drives by a callable that finds them from arrays of the grains, and it
-keeps these arrays in the present order.
+and wrapped, inside a run: the engine asks for the drives by a callable that finds them from arrays of the grains, and
+it keeps these arrays in the present order.
 
 **Each pair once.** Pairs that the list does not hold are the caller's, as held forces. A list rebuilt inside a run
-holds others than the last one: `drives` may then set `DEM.external_force`, it is read afterwards.
+holds others than the last one: `drives` may then set `GrainMotion.external_force`, it is read afterwards.
 
 **Energy budget.** Pulls are no contact forces: friction is limited by the contact's repulsion alone, which they raise
 by pressing the grains together. Their work is booked as external work. Action and reaction are equal, bit for bit, and
@@ -39,7 +40,7 @@ from particles.laws.contact_law import ContactLaw
 from particles.laws.pair_table import PairLaws
 
 if TYPE_CHECKING:
-    from particles.dem.dem import DEM
+    from particles.grain_motion import GrainMotion
     from particles.neighbours.contact_list import ContactList
     from particles.neighbours.neighbour_list import PairList
     from particles.periodicity import Periodicity
@@ -63,14 +64,14 @@ class Attraction:
     smallest_gap : float
         Gap of grains that touch [radii].
     drives : callable
-        Takes the `DEM` and returns (p, 3) and (s, 2): column (a place among those of ``values``, with fraction),
-        amplitude [N] and amplitude across [N] of each pair of `DEM.listed_pairs`; column and amplitude of each slot of
-        `DEM.listed_walls`. It is called before a step wherever the list is new, or after `renew`.
+        Takes the engine and returns (p, 3) and (s, 2): column (a place among those of ``values``, with fraction),
+        amplitude [N] and amplitude across [N] of each pair of its `listed_pairs`; column and amplitude of each slot of
+        its `listed_walls`. It is called before a step wherever the list is new, or after `renew`.
     near_gap : float
         Gap [radii] up to which every pair, and every wall, has its slot at every step.
     per_grain : dict of ndarray, shapes (n, ...)
-        What `drives` needs of each grain, in the present order of the DEM: sorted with the grains, and those of shape
-        (n, 3) turned as vectors where a grain is wrapped; ``position`` as what it says.
+        What `drives` needs of each grain, in the present order of the engine: sorted with the grains, and those of
+        shape (n, 3) turned as vectors where a grain is wrapped; ``position`` as what it says.
     strain : float
         Strain of a sheared box at which ``position`` was taken: its images are those of then, see
         `Periodicity.at_strain`.
@@ -85,7 +86,7 @@ class Attraction:
     values: np.ndarray
     across: np.ndarray
     smallest_gap: float
-    drives: Callable[[DEM], tuple[np.ndarray, np.ndarray]]
+    drives: Callable[[GrainMotion], tuple[np.ndarray, np.ndarray]]
     near_gap: float = 0.0
     per_grain: dict[str, np.ndarray] = field(default_factory=dict)
     strain: float = 0.0
@@ -164,9 +165,9 @@ class Attraction:
         """Say that what the drives follow from has changed: they are asked for before the next step."""
         self.pair_drive = self.wall_drive = None
 
-    # -- what the DEM calls
+    # -- what an engine calls
 
-    def fetch(self, dem: DEM) -> None:
+    def fetch(self, motion: GrainMotion) -> None:
         """Ask for the drives where they are not known, and check them.
 
         Raises
@@ -174,15 +175,15 @@ class Attraction:
         ValueError
             For a shape that does not fit, a column outside of the table, a driven triangle.
         """
-        n = dem.grains.count
+        n = motion.grains.count
         for name, array in self.per_grain.items():
             if len(array) != n:
                 raise ValueError(f"{name} of the attraction has {len(array)} rows; it must have {n}, one a grain")
         if self.pair_drive is None or self.wall_drive is None:
-            pair, wall = (np.ascontiguousarray(drive, dtype=float) for drive in self.drives(dem))
-            slots = dem.listed_walls
+            pair, wall = (np.ascontiguousarray(drive, dtype=float) for drive in self.drives(motion))
+            slots = motion.listed_walls
             for name, drive, shape in (
-                ("pairs", pair, (dem.listed_pairs.count, 3)),
+                ("pairs", pair, (motion.listed_pairs.count, 3)),
                 ("wall slots", wall, (len(slots.wall), 2)),
             ):
                 if drive.shape != shape:
@@ -197,7 +198,7 @@ class Attraction:
             self.pair_drive, self.wall_drive = pair, wall
             self._seen = None
         if self._seen is None:
-            self._seen = dem.listed_pairs, dem.listed_walls.start, dem.grains.radius
+            self._seen = motion.listed_pairs, motion.listed_walls.start, motion.grains.radius
 
     def permute(self, order: np.ndarray) -> None:
         """Put row ``order[k]`` of `per_grain` into place k."""
@@ -223,7 +224,7 @@ class Attraction:
         )  # fmt: skip
 
     def state(self) -> dict[str, np.ndarray]:
-        """Drives and arrays of the grains, for `DEM.state`; the table and the callable are the caller's."""
+        """Drives and arrays of the grains, for the engine's state; the table and the callable are the caller's."""
         found = {f"{PREFIX}of_{name}": array.copy() for name, array in self.per_grain.items()}
         if self.pair_drive is not None and self.wall_drive is not None:
             found |= {f"{PREFIX}pair_drive": self.pair_drive.copy(), f"{PREFIX}wall_drive": self.wall_drive.copy()}
