@@ -76,6 +76,7 @@ def test_a_stiffness_that_is_asked_for_may_be_soft_and_says_so():
         (FIELD, UpdateRule.CONTACT),
         (FIELD | {"effects.dipoles": {"model": "mutual", "update_every": 7}}, UpdateRule.ASKED),
         (FIELD | {"contact.method": "dvi", "particles.sector": None}, UpdateRule.EVERY_STEP),
+        (FIELD | {"contact.method": "dvi", "effects.dipoles": {"model": "near_field"}}, UpdateRule.PARTING),
     ],
 )
 def test_windows_reach_the_end_and_no_more(changes, rule):
@@ -86,4 +87,8 @@ def test_windows_reach_the_end_and_no_more(changes, rule):
     assert f"{made.windows} windows" in words["coupling window"]
     if rule is UpdateRule.ASKED:
         assert made.steps_per_update == 7 and "as asked" in words["magnetic forces"]
-    assert made.contact_data["method"] == ("dvi" if rule is UpdateRule.EVERY_STEP else "dem")
+    if rule is UpdateRule.PARTING:
+        held = made.steps_per_update * made.dt
+        assert 1 < made.steps_per_update and held <= 0.5 * made.contact.parting_time * (1.0 + 1e-9)
+    rigid = rule in (UpdateRule.EVERY_STEP, UpdateRule.PARTING)
+    assert made.contact_data["method"] == ("dvi" if rigid else "dem")
