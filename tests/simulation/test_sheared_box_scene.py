@@ -165,7 +165,7 @@ def test_by_dvi_the_work_of_shear_is_lost_or_stored_to_round_off(kind):
     assert abs(history["energy_residual"]).max() < 1e-9 * lost
     assert work == pytest.approx(simulation.motion.box.volume * (history["shear_stress"] * strain).sum(), rel=1e-9)
     if base is MAGNETIC:
-        assert (history["shear_stress_near"] == 0.0).all() and (history["shear_stress_held"] != 0.0).all()
+        assert (history["shear_stress_near"] != 0.0).all() and (history["shear_stress_held"] != 0.0).all()
 
 
 def test_rows_hold_every_neighbour_of_a_high_box():
