@@ -252,15 +252,19 @@ class DipolesSection(EffectSection):
         """Return the processor time of near pairs in a grain's step [ns]: that of a neighbour in an update."""
         return self.neighbour_ns if self.has_necks else 0.0
 
+    def neighbours_in_bulk(self, scene, device) -> float:
+        """Return the neighbours within the cut-off and a skin, at the density of the filled space, far from walls."""
+        d, reach = scene.grains.largest_diameter, self.cutoff + SKIN
+        return device.fill.solid_fraction * 8.0 * reach**3 * (pi / 6.0 * d**3 / scene.grains.grain_volume)
+
     def neighbours(self, scene, device):
-        """Return the neighbours within the cut-off and a skin, at the density of the filled space.
+        """Return the neighbours that the walls leave.
 
         In a gap of width w a sphere of radius R around a grain lies outside of it by 3 R/(8 w) of its volume on average
         (the mean of both caps over the width, for R < w); narrower gaps hold a disc of it.
         """
-        d, reach = scene.grains.largest_diameter, self.cutoff + SKIN
-        whole = device.fill.solid_fraction * 8.0 * reach**3 * (pi / 6.0 * d**3 / scene.grains.grain_volume)
-        share = reach * d / device.narrowest_gap
+        whole = self.neighbours_in_bulk(scene, device)
+        share = (self.cutoff + SKIN) * scene.grains.largest_diameter / device.narrowest_gap
         return whole * (1.0 - 0.375 * share if share < 1.0 else 0.625 / share)
 
     def summarise(self, history, simulation):

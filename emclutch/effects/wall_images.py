@@ -31,6 +31,7 @@ class WallImagesSection(EffectSection):
     summary = "images of the dipoles in steel faces"
     role = "images"
     columns = (TORQUE_FIELD_IMAGES,)
+    neighbour_ns = 50.0  # an image: quickstart, thesis/electromagnetic, of 4 and 1.4 spheres across the gap
     CHECKS: ClassVar = ((_something_to_mirror, ("effects",)),)
 
     def warnings(self, scene):
@@ -50,6 +51,13 @@ class WallImagesSection(EffectSection):
                 "steel; what layers of grains there change in it is followed with geometry.kind = 'shear_cell' and "
                 "field.direction = 'radial' only"
             )
+
+    def neighbours(self, scene, device):
+        """Return the images within reach: as many as the walls have taken of the neighbours in the bulk."""
+        attraction = scene.effects.attraction
+        if attraction is None:
+            return 0.0
+        return attraction.neighbours_in_bulk(scene, device) - attraction.neighbours(scene, device)
 
     @classmethod
     def left_out(cls, at):
