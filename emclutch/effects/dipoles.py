@@ -139,7 +139,7 @@ class DipolesSection(EffectSection):
 
     @property
     def has_necks(self) -> bool:
-        """True if near contacts have the flux in their necks, and a force that follows every step of DEM."""
+        """True if near contacts have the flux in their necks, and a force that follows every step."""
         return self.model == "near_field"
 
     @property
@@ -148,7 +148,7 @@ class DipolesSection(EffectSection):
         if not self.has_necks:
             return ""
         return (
-            "dem for powder, dvi for shot: dvi took 1.6 times the processor time of dem at 20 times its step "
+            "either for powder, dvi for shot: dvi took 0.8 times the processor time of dem at 20 times its step "
             "(cases/quickstart.toml), 0.7 times at 41 times its step (200 spheres of cases/thesis/electromagnetic.toml)"
         )
 

@@ -23,7 +23,7 @@ from emclutch.scene.replica_count import cores_at_hand
 from geometry.kernels.cache import ROOT, has_entries
 from geometry.kernels.threads import default_threads
 from geometry.walls import cylinder
-from particles import DEM, Body, CyclicSector, Grains, PairLaws, RollingFriction, ShearedBox
+from particles import DEM, Body, CyclicSector, GrainMotion, Grains, PairLaws, RollingFriction, ShearedBox
 from particles.attraction import Attraction
 
 RADIUS, MASS = 1e-3, 1e-5
@@ -61,8 +61,8 @@ def grains_of_kind(law: str, *parts: str) -> DEM:
     return dem
 
 
-def _no_drives(dem: DEM) -> tuple[np.ndarray, np.ndarray]:
-    return np.zeros((dem.listed_pairs.count, 3)), np.zeros((len(dem.listed_walls.wall), 2))
+def _no_drives(motion: GrainMotion) -> tuple[np.ndarray, np.ndarray]:
+    return np.zeros((motion.listed_pairs.count, 3)), np.zeros((len(motion.listed_walls.wall), 2))
 
 
 def start(scene: Any) -> subprocess.Popen | None:
