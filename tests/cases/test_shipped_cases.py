@@ -255,6 +255,27 @@ def test_switch_on_at_toy_size(tmp_path):
     assert history["eddy_loss"].sum() > 0.0
 
 
+def test_hysteresis_at_toy_size(tmp_path):
+    """Falling field above rising field at the same current, flux and torque in bins of both branches, heat."""
+    toy = {"coil.current": {"times": ["0 ms", "0.3 ms", "0.6 ms"], "values": ["0 mA", "100 mA", "0 mA"]},
+           "time.end": "0.63 ms", "motion.rotor.speed": "10000 rpm", "particles.solid_fraction": 0.05,
+           "field.size_factor": 4.0, "effects.dipoles": None, "effects.wall_images": None,
+           "effects.back_reaction": None, "output.snapshots": 0}  # fmt: skip
+    case = emclutch.load_case(CASES / "hysteresis.toml").with_values(toy)
+    result = emclutch.run(case, out=tmp_path / "run")
+    history = result.history
+    field, current, falling = history["gap_flux_density"], history["current"], history["time"] > 0.3e-3
+    at = [float(np.interp(0.05, *history.loc[chosen, ["current", "gap_flux_density"]].sort_values("current").T.to_numpy()))
+          for chosen in (~falling, falling)]  # fmt: skip
+    assert 1.002 * at[0] < at[1] < 1.1 * at[0]
+    assert current.iloc[-1] == 0.0 and 1e-5 < field.iloc[-1] < 0.02 * field.max()
+    assert history["hysteresis_loss"].sum() > 0.0
+    table = pandas.read_csv(result.folder.path / "torque_vs_current.csv")
+    assert {"rising", "falling"} <= set(table["course"]) and len(table) >= 10
+    assert result.summary["torque_against_current"]["largest_current"] == pytest.approx(0.1)
+    assert "torque_vs_current.png" in files(result) and "orque on the disc at 0.05 A" in report_text(result)
+
+
 THESIS = CASES / "thesis"
 # a handful of shot, thrown at once: what the cases show takes seconds of simulated time, what they obey does not
 SHOT = {"particles.count": 24, "time.end": "40 ms", "time.window": "2 ms", "output.snapshots": 0}
