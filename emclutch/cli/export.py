@@ -1,4 +1,4 @@
-"""`emclutch export`: the tables of a run or a study as CSV, Parquet or MATLAB files, its series for ParaView."""
+"""`emclutch export`: the tables of a run or a study as CSV, Parquet, MATLAB or NetCDF, its series for ParaView."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ import numpy as np
 
 from emclutch.results import OutputError, RunFolder, load_result
 from emclutch.results.exported_tables import tables_of
+from emclutch.results.study_dataset import dataset_of, refuse_without_xarray
 from emclutch.results.study_folder import is_study, read_study
 
 if TYPE_CHECKING:
@@ -25,6 +26,7 @@ class Format(StrEnum):
     CSV = "csv"
     PARQUET = "parquet"
     MAT = "mat"
+    NETCDF = "netcdf"
     VTK = "vtk"
 
 
@@ -35,7 +37,9 @@ def export(folder: Path, to: Format, out: Path | None = None) -> Path:
     ----------
     folder : of the run or the study.
     to : CSV and PARQUET: a file a table, and the units in `units.csv`. MAT: one file with a struct a table, and the
-        structs `units` and `names`. VTK: the .pvd series that the run wrote, with their files.
+        structs `units` and `names`. NETCDF: of a study `study.nc`, its points over its values
+        (`emclutch.results.study_dataset`), in NetCDF 3, which scipy writes. VTK: the .pvd series that the run wrote,
+        with their files.
     out : new folder; default: the next free export-<format>-<n> in `folder`.
 
     Raises
@@ -45,8 +49,12 @@ def export(folder: Path, to: Format, out: Path | None = None) -> Path:
     """
     if to is Format.PARQUET and find_spec("pyarrow") is None:
         raise OutputError("Parquet needs the package pyarrow: pip install 'emclutch[parquet]', or take --to csv")
+    if to is Format.NETCDF:
+        refuse_without_xarray()
+        if not is_study(folder):
+            raise OutputError(f"{folder} is no study, whose points a NetCDF file has; take --to csv")
     series = _series(folder) if to is Format.VTK else {}
-    tables = {} if to is Format.VTK else tables_of(folder)
+    tables = {} if to in (Format.VTK, Format.NETCDF) else tables_of(folder)
     if out is None:
         numbered = (folder / f"export-{to.value}-{number}" for number in itertools.count(1))
         out = next(path for path in numbered if not path.exists())
@@ -57,6 +65,8 @@ def export(folder: Path, to: Format, out: Path | None = None) -> Path:
     if to is Format.VTK:
         for place, runs in series.items():
             _copy_series(runs, out / place)
+    elif to is Format.NETCDF:
+        dataset_of(read_study(folder)).to_netcdf(out / "study.nc", engine="scipy")
     elif to is Format.MAT:
         _write_mat(out / "tables.mat", tables)
     else:

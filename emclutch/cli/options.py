@@ -43,7 +43,7 @@ AsHtml = Annotated[bool, flag("--html", help="one page with its pictures inside;
 RunPaths = Annotated[list[Path], typer.Argument(metavar="RUN...", help="folders of runs, or of studies")]
 SpeedsAsked = Annotated[bool, flag("--speeds", help="speeds of motor and output against time")]
 TorqueSpeedAsked = Annotated[bool, flag("--torque-speed", help="torque on the output over the motor's speed")]
-ExportFormat = Annotated[str, typer.Option("--to", metavar="FORMAT", help="csv, parquet, mat or vtk")]
+ExportFormat = Annotated[str, typer.Option("--to", metavar="FORMAT", help="csv, parquet, mat, netcdf or vtk")]
 TorqueCurrentAsked = Annotated[bool, flag("--torque-current", help="torque over the coil's current")]
 Rated = Annotated[
     str | None,

@@ -9,6 +9,7 @@ from emclutch.results.columns import units_of
 from emclutch.results.grain_profiles import profile_column, read_profiles
 from emclutch.results.result import Result, load_result
 from emclutch.results.study_folder import is_study, read_study
+from emclutch.results.torque_curves import ACROSS, REAL_ACROSS
 from emclutch.results.wall_loads import read_wall_pressure
 
 if TYPE_CHECKING:
@@ -35,6 +36,12 @@ UNITS_OF_A_STUDY = {
     "shear_stress_error": "Pa",
     "field_strength_powder": "A/m",
     "fill_powder": "1",
+    "solid_fraction": "1",
+    "relative_permeability": "1",
+    "normal_stress": "Pa",
+    "effective_friction": "1",
+    ACROSS: "1",
+    REAL_ACROSS: "1",
 }
 POINT, REPLICA, ALONG = "point", "replica", "along"
 """Columns that distinguish what one table holds: a study's points, a run's packings, the profiles' coordinates."""

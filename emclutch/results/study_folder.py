@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import isclose
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -34,12 +34,15 @@ class StudyFolder:
         Of the whole study; None where its folder does not say.
     table : DataFrame
         ``study.csv``: a row a point that is done; values first.
+    values : dict of str to list
+        Entries of each of the study's keys; of a sample that of every point. Empty where its folder does not say.
     """
 
     path: Path
     title: str
     points: int | None
     table: pandas.DataFrame
+    values: dict[str, list[Any]] = field(default_factory=dict)
 
     @property
     def varied(self) -> list[str]:
@@ -130,4 +133,5 @@ def read_study(path: Path) -> StudyFolder:
         raise OutputError(f"{path} has a {TABLE} or {ABOUT} that cannot be read: {error}; resume the study") from error
     if not {AFTER_VALUES, "folder", "torque"} <= set(table.columns):
         raise OutputError(f"{path / TABLE} is none that a study writes; name the folder of a study")
-    return StudyFolder(path, about.get("title") or path.resolve().name, about.get("points"), table)
+    title = about.get("title") or path.resolve().name
+    return StudyFolder(path, title, about.get("points"), table, about.get("values") or {})

@@ -13,6 +13,7 @@ from emclutch.results.study_folder import read_study
 
 if TYPE_CHECKING:
     import pandas
+    import xarray
 
 
 @dataclass(frozen=True)
@@ -40,6 +41,21 @@ class StudyResult:
     seeds: pandas.DataFrame | None = None
     grain_size: pandas.DataFrame | None = None
     grain_size_laws: list[dict[str, Any]] = field(default_factory=list)
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Return the table as one object over the study's values and packings, with units as attributes.
+
+        A study over listed values is a grid; a sample has the dimension ``point``
+        (`emclutch.results.study_dataset`). ``to_netcdf(path, engine="scipy")`` writes it.
+
+        Raises
+        ------
+        OutputError
+            There is no package xarray.
+        """
+        from emclutch.results.study_dataset import dataset_of  # local: xarray takes a second to import
+
+        return dataset_of(read_study(self.folder))
 
 
 def load_study(folder: str | Path) -> StudyResult:

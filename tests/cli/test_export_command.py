@@ -91,5 +91,5 @@ def test_nothing_is_overwritten_and_folders_are_counted(run, tmp_path):
     with pytest.raises(OutputError, match="exists"):
         export(run.path, Format.CSV, run.path / "export-csv-1")
     reported = CliRunner().invoke(app, ["export", str(run.path), "--to", "xlsx"])
-    assert reported.exit_code == 2 and "csv, parquet, mat, vtk" in reported.output
+    assert reported.exit_code == 2 and "csv, parquet, mat, netcdf, vtk" in reported.output
     assert CliRunner().invoke(app, ["export", str(tmp_path), "--to", "csv"]).exit_code == 2
