@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import time
 from collections.abc import Sequence
@@ -67,6 +68,10 @@ class StudyTable:
         self._line_time, self._line_fraction = clock(), 0.0
         self._text = ""
         self._room: int | None = None
+        self._running: dict[int, PointRow] = {}
+        # Sums over rows, so that a point costs the same in a study of any size: how many are done or kept, what those
+        # done have advanced here, what those ended otherwise had done, and when the first of those done began.
+        self._finished, self._advanced, self._ended, self._since = 0, 0.0, 0.0, math.inf
 
     def __enter__(self) -> StudyTable:
         if self.stream.isatty():
@@ -89,11 +94,14 @@ class StudyTable:
     def begin(self, labels: Sequence[str]) -> None:
         """Take the points of a study, all of them waiting."""
         self.rows = [PointRow(label) for label in labels]
+        self._running: dict[int, PointRow] = {}
+        self._finished, self._advanced, self._ended, self._since = 0, 0.0, 0.0, math.inf
 
     def set_running(self, number: int) -> None:
         """Note that a point begins."""
         row = self.rows[number]
         row.state, row.began = RUNNING, self._clock()
+        self._running[number] = row
 
     def set_fraction(self, number: int, fraction: float, text: str = "") -> None:
         """Note how far a running point is; `text` what is going on in it."""
@@ -124,6 +132,11 @@ class StudyTable:
         if row.marched is None and not kept:  # it was too short to be seen running
             row.marched = self._clock() - (seconds or 0.0)
         row.state, row.fraction = KEPT if kept else DONE, 1.0
+        self._running.pop(number, None)
+        self._finished += 1
+        if row.marched is not None and not kept:
+            self._advanced += 1.0 - row.first
+            self._since = min(self._since, row.marched)
         row.torque, row.interval, row.seconds = torque, interval, seconds
         row.converged = converged
         self._text = f"{row.label} is {row.state}: {torque_text(row)}"
@@ -134,13 +147,16 @@ class StudyTable:
         row = self.rows[number]
         row.seconds = None if row.state == WAITING else self._clock() - row.began
         row.state = state
+        self._running.pop(number, None)
+        self._ended += row.fraction
         self._text = f"{row.label} {'has failed' if state == FAILED else 'was stopped'}"
         self._print_line(at_once=True)
 
     @property
     def fraction(self) -> float:
         """Return the fraction of the whole study that is done."""
-        return sum(row.fraction for row in self.rows) / max(len(self.rows), 1)
+        begun = sum(row.fraction for row in self._running.values())
+        return (self._finished + self._ended + begun) / max(len(self.rows), 1)
 
     def seconds_left(self) -> float | None:
         """Return the wall-clock time [s] that the study will still take; None too early for an honest guess.
@@ -149,14 +165,15 @@ class StudyTable:
         lasts no shorter than the slowest of those that run.
         """
         now = self._clock()
-        seen = [(row, row.marched) for row in self.rows if row.marched is not None and row.state in (RUNNING, DONE)]
-        advanced = sum(row.fraction - row.first for row, _ in seen)
-        left = sum(1.0 - row.fraction for row in self.rows)
-        if not seen or advanced < MIN_DONE * (advanced + left):
+        running = [(row, row.marched) for row in self._running.values() if row.marched is not None]
+        advanced = self._advanced + sum(row.fraction - row.first for row, _ in running)
+        left = len(self.rows) * (1.0 - self.fraction)
+        since = min([self._since, *(marched for _, marched in running)])
+        if math.isinf(since) or advanced < MIN_DONE * (advanced + left):
             return None
-        guess = (now - min(since for _, since in seen)) * left / advanced
-        for row, since in seen:
-            if row.state == RUNNING and row.fraction - row.first > MIN_DONE:
+        guess = (now - since) * left / advanced
+        for row, since in running:
+            if row.fraction - row.first > MIN_DONE:
                 guess = max(guess, (now - since) * (1.0 - row.fraction) / (row.fraction - row.first))
         return guess
 
@@ -201,8 +218,7 @@ class StudyTable:
         if not (at_once or due):
             return
         left = self.seconds_left()
-        done = sum(row.state in (DONE, KEPT) for row in self.rows)
-        parts = [f"{100.0 * fraction:3.0f} %", f"{done} of {len(self.rows)} points", self._text]
+        parts = [f"{100.0 * fraction:3.0f} %", f"{self._finished} of {len(self.rows)} points", self._text]
         if left is not None and fraction < 1.0:
             parts.append(f"{format_duration(left)} left")
         print("  ".join(part for part in parts if part), file=self.stream, flush=True)

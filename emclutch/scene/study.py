@@ -54,6 +54,8 @@ class StudySection(Section):
     sample: SampleSection | None = None
     _path: Path = PrivateAttr(default=Path("study.toml"))
     _trust_scripts: bool = PrivateAttr(default=False)
+    _checked: dict[str, Case] = PrivateAttr(default_factory=dict)
+    """Cases that `read_study` has checked, by their changes: to check one takes longer than all else of a point."""
 
     @property
     def path(self) -> Path:
@@ -145,10 +147,14 @@ class StudySection(Section):
 
     def cases(self, numbers: Sequence[int] | None = None) -> Iterator[tuple[dict[str, Any], Case]]:
         """Yield each point's values with its checked case; of points of some numbers alone where these are given."""
-        base = load_case(self.case_path, trust_scripts=self._trust_scripts)
+        base: Case | None = None
         points = self.points()
         for point in points if numbers is None else [points[number] for number in numbers]:
-            yield point, base.with_values(self.changes(point))
+            changes = self.changes(point)
+            if (case := self._checked.get(repr(changes))) is None:
+                base = base or load_case(self.case_path, trust_scripts=self._trust_scripts)
+                case = base.with_values(changes)
+            yield point, case
 
 
 NO_CHECKPOINT = Fault("output.checkpoint", "false", "keeps no grains to start from; remove it, or study.warm_start")
@@ -285,6 +291,8 @@ def _faults_of_points(study: StudySection, numbers: Sequence[int] | None) -> lis
         except SceneError as error:
             found = error.faults
         else:
+            if point is not None:
+                study._checked[repr(changes)] = case
             found = () if point is None or case.scene.particles is not None else (NO_GRAINS,)
             if point is not None and study.warm_start is not None and not case.scene.output.checkpoint:
                 found += (NO_CHECKPOINT,)

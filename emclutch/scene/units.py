@@ -138,7 +138,7 @@ class Quantity(Entry):
             key and the entry, as in ``geometry.gap = '3 kg' is a mass; a length is needed, e.g. '1 mm'``.
         """
         if isinstance(given, str):
-            value = self._from_text(given)
+            value = _in_si(self, given)
         elif isinstance(given, (int, float)) and not isinstance(given, bool):
             try:
                 value = float(given)
@@ -225,6 +225,12 @@ class Quantity(Entry):
         number["description"] = f"{self.name} in {self.unit}"
         text = {"type": "string", "description": f"{self.name} with its unit", "examples": [self.example]}
         return {"anyOf": [text, number]}
+
+
+@lru_cache(maxsize=4096)
+def _in_si(quantity: Quantity, text: str) -> float:
+    """Return the number of a text; the points of a study have most of their entries in common."""
+    return quantity._from_text(text)
 
 
 @lru_cache(maxsize=256)

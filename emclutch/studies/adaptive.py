@@ -17,11 +17,12 @@ from pathlib import Path
 
 import numpy as np
 
+from emclutch.results import load_result
 from emclutch.results.atomic_file import replace_text
 from emclutch.results.curve_interval import CurveInterval, curve_interval
 from emclutch.scene.sampling import places_along
 from emclutch.scene.study import StudySection
-from emclutch.studies.tables import Done, disc_torque
+from emclutch.studies.tables import DonePoint
 
 log = logging.getLogger(__name__)
 BEGIN, PACKINGS, BATCH = 4, 2, 4
@@ -139,7 +140,7 @@ class AdaptiveStudy:
         )
         self._ended = False
 
-    def next_points(self, done: Mapping[int, Done], failed: Collection[int]) -> list[int]:
+    def next_points(self, done: Mapping[int, DonePoint], failed: Collection[int]) -> list[int]:
         """Return the numbers of the next points; none while others run, or where there are no more.
 
         Raises
@@ -153,11 +154,11 @@ class AdaptiveStudy:
         measured = {}
         for number in curve.chosen:
             if number in done:
-                result = done[number][2]
-                torque = disc_torque(result).mean
-                if torque is None:
-                    raise ValueError(f"{result.folder.path} has no mean torque; run longer")
-                measured[number] = Measured(torque, float(result.summary["steps"]) * result.summary["grains"])
+                point = done[number]
+                if (torque := point.row["torque"]) is None:
+                    raise ValueError(f"{point.folder} has no mean torque; run longer")
+                summary = load_result(point.folder).summary
+                measured[number] = Measured(torque, float(summary["steps"]) * summary["grains"])
         batch = curve.next_batch(measured, failed)
         self._ended = not batch
         if curve.curve is not None:

@@ -13,14 +13,10 @@ from emclutch.scene.study import StudySection
 from emclutch.simulation.forecast.cost import spoken
 from emclutch.simulation.forecast.space import shortage
 from emclutch.simulation.plan import make_plan
-from emclutch.simulation.resume import flat_scene
 from emclutch.simulation.stopping_rule import stopping_rule
 from emclutch.studies.accuracy.target import cases_of
 from emclutch.studies.points import PointFolder
 from emclutch.studies.workers import threads_of_a_worker
-
-SEED = "scene.seed"
-"""Points that differ in it alone cost the same."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,7 +121,9 @@ def predict_study(study: StudySection, jobs: int = 1, folders: Sequence[PointFol
         needs_ladders |= case.scene.accuracy.target is not None
         reached = folders[number].reached if folders else 0.0
         label = ", ".join(f"{key} = {value}" for key, value in values.items())
-        alike = repr((reached, {key: value for key, value in flat_scene(case.toml()).items() if key != SEED}))
+        scene = case.resolved()
+        scene["scene"].pop("seed", None)  # points that differ in it alone cost the same
+        alike = repr((reached, scene))
         try:
             if alike not in planned:
                 planned[alike] = _predict(case, label, jobs, reached)

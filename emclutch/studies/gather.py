@@ -12,13 +12,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from emclutch.results import OutputError, RunFolder, load_result
+from emclutch.results import OutputError, RunFolder
 from emclutch.results.lease import lease_holder
 from emclutch.scene.study import StudySection, read_study
 from emclutch.studies.accuracy.target import cases_of
 from emclutch.studies.part_folder import PARTS, lease_of, parts_in
+from emclutch.studies.point_index import PointIndex
 from emclutch.studies.points import POINT, PointFolder, folders_of_points, unclaimed
-from emclutch.studies.tables import write_failures, write_tables
+from emclutch.studies.tables import DonePoint, write_failures, write_tables
 
 SHOWN = 20
 """Points that are named in a line; a study may lack thousands."""
@@ -114,7 +115,8 @@ def gather(study: StudySection | str | Path, out: str | Path) -> GatheredStudy:
     points = list(cases_of(study))
     if not folder.is_dir() or not (any(folder.glob(f"{POINT}*")) or (folder / PARTS).is_dir()):
         raise OutputError(f"{folder} holds no points of a study; name the folder that --out named for its parts")
-    targets = folders_of_points(folder, [case for _, case in points], fixed=study.values)
+    index = PointIndex(folder, folder)
+    targets = folders_of_points(folder, [case for _, case in points], fixed=study.values, index=index)
     others = unclaimed(folder, targets)
     if others and not any(target.path.exists() for target in targets):
         raise OutputError(
@@ -125,7 +127,9 @@ def gather(study: StudySection | str | Path, out: str | Path) -> GatheredStudy:
     for (values, case), target in zip(points, targets, strict=True):
         if target.is_done:
             target.refuse_changed_files(case)
-            done.append((values, case, load_result(target.path)))
+            found = index.point(target.path)
+            done.append(DonePoint(values, target.path, found.row, found.speeds_vary))
+    index.rewrite([point.folder.name for point in done])
     failures = _failures(folder)
     unfinished = [
         _open_point(number, values, target, failures)

@@ -26,6 +26,7 @@ from emclutch.scene.study import StudySection
 from emclutch.scene.timing import instant_in_words
 from emclutch.simulation.resume import differing_keys, flat_scene, may_change, refuse_changed_files, seconds_of
 from emclutch.studies.accuracy.target import cases_of
+from emclutch.studies.point_index import PointIndex, sha256_of
 
 log = logging.getLogger(__name__)
 POINT = "point-"
@@ -64,6 +65,7 @@ def folders_of_points(
     cases: Sequence[Case],
     fixed: Collection[str],
     part: tuple[Sequence[int], int] | None = None,
+    index: PointIndex | None = None,
 ) -> list[PointFolder]:
     """The folder of each point, in their order.
 
@@ -84,28 +86,28 @@ def folders_of_points(
         A point that is not finished has run beyond the end that it is to have now: that cannot be taken back.
     """
     numbers, total = (range(len(cases)), len(cases)) if part is None else part
-    there = _texts_in(folder)
-    texts = [case.toml() for case in cases]
+    there = _scenes_in(folder, index or PointIndex(folder, None))
+    wanted_scenes = [sha256_of(case.toml()) for case in cases]
     found: list[Path | None] = [None] * len(cases)
-    for place, text in enumerate(texts):
+    for place, scene in enumerate(wanted_scenes):
         own = folder / _name(numbers[place])
-        if there.get(own) == text:
+        if there.get(own) == scene:
             found[place] = own
             there.pop(own)
     paths_of: dict[str, list[Path]] = {}
-    for path, text in reversed(there.items()):
-        paths_of.setdefault(text, []).append(path)
-    for place, text in enumerate(texts):
-        if found[place] is None and paths_of.get(text):
-            found[place] = path = paths_of[text].pop()
+    for path, scene in reversed(there.items()):
+        paths_of.setdefault(scene, []).append(path)
+    for place, scene in enumerate(wanted_scenes):
+        if found[place] is None and paths_of.get(scene):
+            found[place] = path = paths_of[scene].pop()
             there.pop(path)
     is_done = [path is not None and RunFolder(path).summary.is_file() for path in found]
     open_places = [place for place, path in enumerate(found) if path is None]
     if part is not None:  # what may belong to others is not read
         own_numbers = {numbers[place] for place in open_places}
-        there = {path: text for path, text in there.items() if _number(path) % total in own_numbers}
-    scenes = {path: _scene_of(path, text) for path, text in there.items()} if open_places else {}
-    wanted = {place: flat_scene(texts[place]) for place in open_places} if scenes else {}
+        there = {path: scene for path, scene in there.items() if _number(path) % total in own_numbers}
+    scenes = {path: _scene_in(RunFolder(path).case) for path in there} if open_places else {}
+    wanted = {place: flat_scene(cases[place].toml()) for place in open_places} if scenes else {}
     for exactly in (True, False):  # a point must not take what is exactly another's
         for place, scene in wanted.items():
             if found[place] is not None:
@@ -174,25 +176,18 @@ def unclaimed(folder: Path, points: Sequence[PointFolder]) -> list[str]:
     return sorted(p.name for p in folder.glob(f"{POINT}*") if _NUMBERED.fullmatch(p.name) and p not in claimed)
 
 
-def _texts_in(folder: Path) -> dict[Path, str]:
-    """Scenes of the points' folders as they stand there, by number."""
+def _scenes_in(folder: Path, index: PointIndex) -> dict[Path, str]:
+    """SHA-256 of the scenes of the points' folders, by number."""
     found: dict[Path, str] = {}
     for path in sorted(folder.glob(f"{POINT}*"), key=lambda path: (len(path.name), path.name)):
         if _NUMBERED.fullmatch(path.name):
             try:
-                found[path] = RunFolder(path).case.read_text(encoding="utf-8")
-            except (FileNotFoundError, NotADirectoryError):  # it has not begun, or is being set aside
-                continue
+                scene = index.scene_of(path)
             except (OSError, ValueError) as error:
                 raise _unreadable(path, error) from error
+            if scene is not None:
+                found[path] = scene
     return found
-
-
-def _scene_of(path: Path, text: str) -> dict[str, Any]:
-    try:
-        return flat_scene(text)
-    except ValueError as error:
-        raise _unreadable(path, error) from error
 
 
 def _scene_in(case: Path) -> dict[str, Any]:

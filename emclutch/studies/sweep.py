@@ -1,9 +1,9 @@
 """A parameter study: every point is a run in a folder of its own; tables and pictures over all of them.
 
 Points are tasks (`emclutch.studies.tasks`) that this process runs one after the other, or hands to an executor. It
-alone writes the study's tables, again after each point and in the study's order, so that they depend on the points
-alone: not on how many run at a time, nor on which is done first. A part of a study, one process of many that know
-nothing of each other, writes its points alone; `emclutch.studies.gather` makes the tables.
+alone writes the study's tables, now and then while it runs and at the end, in the study's order, so that they depend on
+the points alone: not on how many run at a time, nor on which is done first. A part of a study, one process of many that
+know nothing of each other, writes its points alone; `emclutch.studies.gather` makes the tables.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import threading
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
 from pathlib import Path
 
-from emclutch.results import OutputError, Result, RunFolder, load_result
+from emclutch.results import OutputError, RunFolder
 from emclutch.results.errors import Interrupted, RunError
 from emclutch.results.folder_lock import LOCK, FolderInUse, has_files, locked_folder
 from emclutch.results.history import last_time
@@ -31,8 +31,10 @@ from emclutch.studies.accuracy.target import cases_of
 from emclutch.studies.adaptive import AdaptiveStudy
 from emclutch.studies.dask_executor import SchedulerLost
 from emclutch.studies.part_folder import lease_of, part_folder
+from emclutch.studies.point_index import PointIndex
 from emclutch.studies.points import PointFolder, folders_of_points, goes_on, is_done_now, unclaimed
-from emclutch.studies.tables import Done, disc_torque, label_of, write_failures, write_tables
+from emclutch.studies.renewal import Renewal
+from emclutch.studies.tables import DonePoint, label_of, write_failures, write_tables
 from emclutch.studies.tasks import STOP, PointOutcome, PointTask, run_leased_point, run_point
 from emclutch.studies.workers import ctrl_c_sets, threads_of_a_worker, worker_pool
 
@@ -129,6 +131,7 @@ def sweep(
                 run.fail_what_waits_for_failed_points()
             finally:
                 (folder / STOP).unlink(missing_ok=True)
+                run.renew(at_once=True)
         run.raise_failures(jobs)
     return folder
 
@@ -156,8 +159,11 @@ def _sweep_part(
         raise OutputError(f"cannot write to {home}: {error.strerror or error}; write elsewhere with --out") from error
     with logging_to(home / "study.log", LOGGERS):
         run = _PartRun(study, folder, threads, resume, progress or StudyTable(stream=io.StringIO()), force, part)
-        run.here()
-        run.fail_what_waits_for_failed_points()
+        try:
+            run.here()
+            run.fail_what_waits_for_failed_points()
+        finally:
+            run.renew(at_once=True)
     run.raise_failures(None)
     return folder
 
@@ -187,20 +193,23 @@ class _StudyRun:
         self.points = list(cases_of(study, _Announced(), measure=numbers is None, numbers=numbers))
         self.asked = [case.scene.accuracy.target for _, case in study.cases(numbers)]
         before, cases = study.predecessors(), [case for _, case in self.points]
+        self.index = index = PointIndex(folder, self.home)
         if numbers is None:
-            self.targets, self.before = folders_of_points(folder, cases, fixed=study.values), before
+            self.targets, self.before = folders_of_points(folder, cases, fixed=study.values, index=index), before
             if others := unclaimed(folder, self.targets):
                 log.info("of none of the study's points, and left as they are: %s", ", ".join(others))
         else:
-            self.targets = folders_of_points(folder, cases, fixed=study.values, part=(numbers, len(before)))
+            part = (numbers, len(before))
+            self.targets = folders_of_points(folder, cases, fixed=study.values, part=part, index=index)
             places = {number: place for place, number in enumerate(numbers)}
             self.before = [None if (one := before[number]) is None else places[one] for number in numbers]
         write_failures(self.home, [])
         self.curve = AdaptiveStudy(study, folder) if study.is_adaptive else None
         self.waiting = list(range(len(self.points))) if self.curve is None else []
-        self.done: dict[int, Done] = {}
+        self.done: dict[int, DonePoint] = {}
         self.failures: dict[int, PointOutcome] = {}
         self.stopped = False
+        self.renew = Renewal(self._write)
         table.begin(
             [label_of(study, values) or t.path.name for (values, _), t in zip(self.points, self.targets, strict=True)]
         )
@@ -329,7 +338,7 @@ class _StudyRun:
                     log.info("%s had no pictures: they are drawn", point.path.name)
             except OutputError as error:  # its numbers are there: no reason to end the study
                 log.warning("%s has no pictures, and they cannot be drawn: %s", point.path.name, error)
-            self._is_done(number, load_result(point.path), kept=True)
+            self._is_done(number, kept=True)
             return None
         resumed = not self.leases and goes_on(case, point.path, self.resume)
         start = None if before is None else str(self.targets[before].path.resolve())
@@ -344,7 +353,7 @@ class _StudyRun:
 
     def _take(self, number: int, outcome: PointOutcome) -> None:
         if outcome.state == DONE:
-            self._is_done(number, load_result(self.targets[number].path))
+            self._is_done(number)
         elif outcome.state == STOPPED:
             self.stopped = True
             self.table.set_ended(number, STOPPED)
@@ -352,23 +361,28 @@ class _StudyRun:
             log.error("%s has failed: %s", self.targets[number].path.name, outcome.message)
             self.failures[number] = outcome
             self.table.set_ended(number, FAILED)
-            self._write_tables(first=True)
-            failed = [(self.targets[n].path.name, self.points[n][0], self.failures[n].message) for n in self.failures]
-            write_failures(self.home, sorted(failed, key=lambda row: row[0]))
+            self.renew()
 
-    def _is_done(self, number: int, result: Result, kept: bool = False) -> None:
-        torque = disc_torque(result)
-        seconds = result.summary["seconds"]["whole_run"]
-        self.table.set_done(number, torque.mean, torque.interval(), seconds, kept=kept, converged=torque.converged)
+    def _is_done(self, number: int, kept: bool = False) -> None:
+        (values, _), path = self.points[number], self.targets[number].path
+        found = self.index.point(path)
+        row = found.row
+        interval = None if row["low"] is None else (row["low"], row["high"])
+        self.table.set_done(number, row["torque"], interval, row["seconds"], kept=kept, converged=row["converged"])
         if not kept:
-            log.info("%s is done", self.targets[number].path.name)
-        self.done[number] = (*self.points[number], result)
-        self._write_tables()
+            log.info("%s is done", path.name)
+        self.done[number] = DonePoint(values, path, row, found.speeds_vary)
+        self.renew()
 
-    def _write_tables(self, first: bool = False) -> None:
-        """Write the tables of the points that are done; `first`: only where there are none."""
-        if not first or not is_study(self.folder):
+    def _write(self) -> None:
+        """Write tables and failures, as far as the study has come; an old table stays until there is a new row."""
+        if self.done or not is_study(self.folder):
             write_tables(self.folder, self.study, [self.done[one] for one in sorted(self.done)])
+        self._write_failures()
+
+    def _write_failures(self) -> None:
+        failed = [(self.targets[n].path.name, self.points[n][0], self.failures[n].message) for n in self.failures]
+        write_failures(self.home, sorted(failed, key=lambda row: row[0]))
 
     def _look_at(self, number: int) -> None:
         """Tell the table how far a point is that runs elsewhere."""
@@ -432,8 +446,9 @@ class _PartRun(_StudyRun):
         self.failures |= self.in_use  # none of the point's: not in failures.csv
         super().raise_failures(jobs)
 
-    def _write_tables(self, first: bool = False) -> None:
-        """Write nothing: the tables are of all parts, see `emclutch.gather`."""
+    def _write(self) -> None:
+        """Write the failures alone: tables are of all parts, see `emclutch.gather`."""
+        self._write_failures()
 
 
 def _outcome(future: Future[PointOutcome]) -> PointOutcome:

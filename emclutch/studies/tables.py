@@ -1,19 +1,20 @@
-"""Tables and pictures over the points of a study, rewritten after each point that is done."""
+"""Tables and pictures over the points of a study."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from emclutch.results import Result
+from emclutch.results import Result, load_result
 from emclutch.results.atomic_file import replace_json, replace_text
 from emclutch.results.columns import DISC_SPEED, ROTOR_SPEED, TIME, TORQUE_DISC
 from emclutch.results.grain_size_law import grain_size_law, law_in_words
 from emclutch.results.linear_range import linear_range
-from emclutch.results.pictures.speeds import speed_picture, speeds_vary
+from emclutch.results.pictures.speeds import speed_picture
 from emclutch.results.pictures.torque_curves import (
     torque_against_current_picture,
     torque_against_grain_size_picture,
@@ -23,11 +24,12 @@ from emclutch.results.seed_average import averaged_over_seeds
 from emclutch.results.statistics import Estimate
 from emclutch.results.study_folder import write_about, write_empty_table
 from emclutch.results.torque_curves import ACROSS, REAL_ACROSS, TorqueCurve, torque_curves
-from emclutch.scene.case import Case
 from emclutch.scene.study import StudySection
 from emclutch.simulation.resume import seconds_of
 from emclutch.studies.method_comparison import METHOD, compare_methods, comparison_lines
 
+MOST_COURSES = 100
+"""Of `speeds.png`: of more points every second, third, ... is drawn."""
 STARTED = 0.01  # of the motor's fastest speed: an output that dry friction holds chatters below it
 SEED, CURRENT, VOLTAGE, SPEED = "scene.seed", "coil.current", "coil.voltage", "motion.rotor.speed"
 SIZES = "particles.diameter", "particles.sizes"
@@ -35,22 +37,39 @@ SIZE_COLUMNS = (ACROSS, REAL_ACROSS, "seeds", "torque", "standard_error", "low",
                 "grains", "seconds")  # fmt: skip
 """Of `grain_size.csv`, after the values: grains across the gap, those of the real powder, torque, what it cost."""
 
-Done = tuple[dict[str, Any], Case, Result]
-"""A point that is done: its values, its case and its result."""
 
 
-def write_tables(folder: Path, study: StudySection, done: Sequence[Done]) -> None:
+@dataclass(frozen=True, slots=True)
+class DonePoint:
+    """A point that is done.
+
+    Attributes
+    ----------
+    values : of the study's keys.
+    folder : Path
+    row : of `study.csv`, after the values.
+    speeds_vary : whether its shafts change their speed.
+    """
+
+    values: dict[str, Any]
+    folder: Path
+    row: dict[str, Any]
+    speeds_vary: bool = False
+
+
+def write_tables(folder: Path, study: StudySection, done: Sequence[DonePoint]) -> None:
     """All tables and pictures of the points that are done, given in the study's order; of none the table's head."""
     write_about(folder, study.title, study.values, len(study.points()))
     if not done:
         write_empty_table(folder, study.values)
         return
-    write_torques(folder, study, [row_of(values, result) for values, _, result in done])
-    courses = {label_of(study, values) or result.folder.path.name: result.history for values, _, result in done}
-    if any(map(speeds_vary, courses.values())):  # then an output that stands still is drawn too
+    write_torques(folder, study, [point.values | point.row for point in done])
+    if any(point.speeds_vary for point in done):  # then an output that stands still is drawn too
+        drawn = done[:: -(-len(done) // MOST_COURSES)]
+        courses = {label_of(study, one.values) or one.folder.name: load_result(one.folder).history for one in drawn}
         speed_picture(folder / "speeds.png", courses, title=study.title or None)
     if METHOD in study.values:
-        compared = compare_methods([(values, result) for values, _, result in done])
+        compared = compare_methods([(point.values, load_result(point.folder)) for point in done])
         if compared:
             others = [key for key in study.values if key != METHOD]
             _write_csv(folder / "methods.csv", compared)

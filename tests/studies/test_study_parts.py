@@ -64,7 +64,9 @@ def study_of(folder, values=None, **more):
 
 
 def tables(folder):
-    return {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file() and path.suffix != ".log"}
+    """Files of a study, without its log and its index, which have times."""
+    found = (path for path in folder.iterdir() if path.is_file() and path.suffix not in (".log", ".jsonl"))
+    return {path.name: path.read_bytes() for path in found}
 
 
 def fails():
