@@ -120,10 +120,15 @@ def _values_of(column: pandas.Series) -> np.ndarray:
 
 def _coordinate(entries: Sequence[str]) -> tuple[np.ndarray, dict[str, str]]:
     """Return entries as numbers with their unit where they have one, else as they are."""
+    if (found := number_and_unit(entries)) is None:
+        return np.array(entries, dtype=object), {}
+    return found[0], {"units": found[1]} if found[1] else {}
+
+
+def number_and_unit(entries: Sequence[str]) -> tuple[np.ndarray, str] | None:
+    """Return entries of a key as numbers, and the unit that they have in common; None where they are none."""
     found = [_NUMBER_AND_UNIT.fullmatch(entry) for entry in entries]
     units = {match and (match[2] or "").strip() for match in found}
     if len(units) != 1 or None in units:
-        return np.array(entries, dtype=object), {}
-    (unit,) = units
-    numbers = np.array([float(match[1]) for match in found if match])
-    return numbers, {"units": unit} if unit else {}
+        return None
+    return np.array([float(match[1]) for match in found if match]), str(units.pop())

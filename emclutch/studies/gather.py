@@ -8,18 +8,21 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from emclutch.results import OutputError, RunFolder
 from emclutch.results.lease import lease_holder
+from emclutch.results.report.study_page import FailedPoint, StudyState, write_study_page
+from emclutch.results.study_table import DONE, FAILED, RUNNING, WAITING, PointRow
 from emclutch.scene.study import StudySection, read_study
 from emclutch.studies.accuracy.target import cases_of
 from emclutch.studies.part_folder import PARTS, lease_of, parts_in
 from emclutch.studies.point_index import PointIndex
 from emclutch.studies.points import POINT, PointFolder, folders_of_points, unclaimed
-from emclutch.studies.tables import DonePoint, write_failures, write_tables
+from emclutch.studies.tables import DonePoint, label_of, write_failures, write_tables
 
 SHOWN = 20
 """Points that are named in a line; a study may lack thousands."""
@@ -140,7 +143,35 @@ def gather(study: StudySection | str | Path, out: str | Path) -> GatheredStudy:
     failed = tuple(point for point in unfinished if point.failure)
     write_failures(folder, [(point.folder, point.values, point.failure) for point in failed])
     missing = tuple(point for point in unfinished if not point.failure)
+    _write_page(folder, study, [target.path.name for target in targets], done, unfinished)
     return GatheredStudy(folder, len(done), failed, missing, _parts_to_run(study, folder, unfinished))
+
+
+def _write_page(
+    folder: Path,
+    study: StudySection,
+    names: Sequence[str],
+    done: Sequence[DonePoint],
+    unfinished: Sequence[OpenPoint],
+) -> None:
+    found = {point.folder.name: point for point in done}
+    left = {point.folder: point for point in unfinished}
+    rows = []
+    for name in names:
+        label = label_of(study, (found.get(name) or left[name]).values) or name
+        if name in found:
+            row = found[name].row
+            interval = None if row["low"] is None else (row["low"], row["high"])
+            rows.append(PointRow(label, DONE, 1.0, row["torque"], interval, row["converged"], row["seconds"]))
+        else:
+            one = left[name]
+            rows.append(PointRow(label, FAILED if one.failure else RUNNING if one.holder else WAITING))
+    failures = [
+        FailedPoint(folder / one.folder, label_of(study, one.values), one.failure) for one in unfinished if one.failure
+    ]
+    table = [point.values | point.row for point in done]
+    with suppress(OSError):  # as in a study that runs
+        write_study_page(StudyState(folder, study.title, study.values, names, rows, table, failures))
 
 
 def _open_point(number: int, values: dict[str, Any], target: PointFolder, failures: dict[str, str]) -> OpenPoint:

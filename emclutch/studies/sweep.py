@@ -12,6 +12,7 @@ import io
 import logging
 import threading
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
+from contextlib import suppress
 from pathlib import Path
 
 from emclutch.results import OutputError, RunFolder
@@ -41,6 +42,7 @@ from emclutch.studies.workers import ctrl_c_sets, threads_of_a_worker, worker_po
 log = logging.getLogger(__name__)
 LOGGERS = [__name__, "emclutch.studies.points", "emclutch.studies.adaptive"]
 LOOK_SECONDS = 0.5  # between two looks at the points that run
+PAGE_SECONDS = 5.0  # between two writings of study.html: a browser loads it every ten
 
 
 def sweep(
@@ -58,11 +60,12 @@ def sweep(
     """Run every point of a study, or a part of them, and return the study's folder.
 
     The folder holds point-000, point-001, ... (each a whole run), `study.csv` with a row a point, `study.log` with what
-    became of each, and where they apply: `seeds.csv`, averages over `scene.seed`; `torque_vs_current.csv`, `.json`
-    (linear range) and `.png` of a study over `coil.current` or `coil.voltage`; `torque_vs_speed.csv` and `.png` of one
-    over constant `motion.rotor.speed`; `grain_size.csv`, `.json` (law and extrapolation) and `.png` of one over
-    `particles.diameter` or `particles.sizes` in a sheared gap; `speeds.png` where shafts change their speed;
-    `methods.csv` and `methods.txt` of one over `contact.method`.
+    became of each, `study.html`, a page of all of it that is rewritten while they run, and where they apply:
+    `seeds.csv`, averages over `scene.seed`; `torque_vs_current.csv`, `.json` (linear range) and `.png` of a study over
+    `coil.current` or `coil.voltage`; `torque_vs_speed.csv` and `.png` of one over constant `motion.rotor.speed`;
+    `grain_size.csv`, `.json` (law and extrapolation) and `.png` of one over `particles.diameter` or `particles.sizes`
+    in a sheared gap; `speeds.png` where shafts change their speed; `methods.csv` and `methods.txt` of one over
+    `contact.method`.
 
     Parameters
     ----------
@@ -131,7 +134,7 @@ def sweep(
                 run.fail_what_waits_for_failed_points()
             finally:
                 (folder / STOP).unlink(missing_ok=True)
-                run.renew(at_once=True)
+                run.end()
         run.raise_failures(jobs)
     return folder
 
@@ -163,7 +166,7 @@ def _sweep_part(
             run.here()
             run.fail_what_waits_for_failed_points()
         finally:
-            run.renew(at_once=True)
+            run.end()
     run.raise_failures(None)
     return folder
 
@@ -172,6 +175,7 @@ class _StudyRun:
     """The points of a running study: which wait, which run, what became of them."""
 
     part: tuple[int, int] | None = None
+    is_over = False
 
     def __init__(
         self,
@@ -209,7 +213,7 @@ class _StudyRun:
         self.done: dict[int, DonePoint] = {}
         self.failures: dict[int, PointOutcome] = {}
         self.stopped = False
-        self.renew = Renewal(self._write)
+        self.renew, self.renew_page = Renewal(self._write), Renewal(self._write_page, PAGE_SECONDS)
         table.begin(
             [label_of(study, values) or t.path.name for (values, _), t in zip(self.points, self.targets, strict=True)]
         )
@@ -220,7 +224,7 @@ class _StudyRun:
             task = self._task(number)
             if task is not None:
                 self.table.set_running(number)
-                self._take(number, run_point(task, _Part(self.table, number)))
+                self._take(number, run_point(task, _Part(self, number)))
 
     def by(self, executor: Executor, at_a_time: int | None) -> None:
         """Hand the points to an executor, so many `at_a_time`, and wait for them."""
@@ -253,6 +257,7 @@ class _StudyRun:
                         self._take(running.pop(future), outcome)
                     for number in running.values():
                         self._look_at(number)
+                    self.renew_page()
         except SchedulerLost as error:
             log.error("%s", error)
             for number in sorted(set(running.values()) - set(self.done)):
@@ -362,6 +367,7 @@ class _StudyRun:
             self.failures[number] = outcome
             self.table.set_ended(number, FAILED)
             self.renew()
+            self.renew_page()
 
     def _is_done(self, number: int, kept: bool = False) -> None:
         (values, _), path = self.points[number], self.targets[number].path
@@ -373,6 +379,28 @@ class _StudyRun:
             log.info("%s is done", path.name)
         self.done[number] = DonePoint(values, path, row, found.speeds_vary)
         self.renew()
+        self.renew_page()
+
+    def end(self) -> None:
+        """Write what is over all points as it is in the end."""
+        self.is_over = True
+        self.renew(at_once=True)
+        self.renew_page(at_once=True)
+
+    def _write_page(self) -> None:
+        from emclutch.results.report.study_page import FailedPoint, StudyState, write_study_page
+
+        names, rows = [target.path.name for target in self.targets], self.table.rows
+        failures = [
+            FailedPoint(self.targets[n].path, rows[n].label, self.failures[n].message) for n in sorted(self.failures)
+        ]
+        done = [one.values | one.row for _, one in sorted(self.done.items())]
+        left = None if self.is_over else self.table.seconds_left()
+        state = StudyState(
+            self.folder, self.study.title, self.study.values, names, rows, done, failures, left, not self.is_over
+        )
+        with suppress(OSError):  # results meet the same disk, and are missed more
+            write_study_page(state)
 
     def _write(self) -> None:
         """Write tables and failures, as far as the study has come; an old table stays until there is a new row."""
@@ -436,7 +464,7 @@ class _PartRun(_StudyRun):
                     self.targets[number] = PointFolder(path, is_done_now(path, case, self.study.values))
                     if (task := self._task(number)) is not None:
                         self.table.set_running(number)
-                        self._take(number, run_point(task, _Part(self.table, number), lease))
+                        self._take(number, run_point(task, _Part(self, number), lease))
             except FolderInUse as error:
                 log.warning("%s is left to another process: %s", path.name, error)
                 self.in_use[number] = PointOutcome(FAILED, str(error), is_input=True)
@@ -449,6 +477,9 @@ class _PartRun(_StudyRun):
     def _write(self) -> None:
         """Write the failures alone: tables are of all parts, see `emclutch.gather`."""
         self._write_failures()
+
+    def _write_page(self) -> None:
+        """Write nothing: the page is of all parts, see `emclutch.gather`."""
 
 
 def _outcome(future: Future[PointOutcome]) -> PointOutcome:
@@ -474,11 +505,12 @@ class _Announced:
 class _Part:
     """Progress of one point that runs in this process."""
 
-    def __init__(self, table: StudyTable, number: int) -> None:
-        self._table, self._number = table, number
+    def __init__(self, study: _StudyRun, number: int) -> None:
+        self._study, self._number = study, number
 
     def update(self, fraction: float, text: str) -> None:
-        self._table.set_fraction(self._number, fraction, text)
+        self._study.table.set_fraction(self._number, fraction, text)
+        self._study.renew_page()
 
     def announce(self, text: str) -> None:
-        self._table.announce(self._number, text)
+        self._study.table.announce(self._number, text)

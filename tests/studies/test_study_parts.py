@@ -64,8 +64,8 @@ def study_of(folder, values=None, **more):
 
 
 def tables(folder):
-    """Files of a study, without its log and its index, which have times."""
-    found = (path for path in folder.iterdir() if path.is_file() and path.suffix not in (".log", ".jsonl"))
+    """Files of a study, without its log, its index and its page, which have times."""
+    found = (path for path in folder.iterdir() if path.is_file() and path.suffix not in (".log", ".jsonl", ".html"))
     return {path.name: path.read_bytes() for path in found}
 
 

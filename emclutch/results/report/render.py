@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
 from markupsafe import Markup
 
 from emclutch import __version__
@@ -65,6 +65,11 @@ def write_new(path: Path, text: str) -> Path:
     except FileExistsError as error:
         raise OutputError(f"{path} exists; name another file with --out") from error
     return path
+
+
+def page_template(name: str) -> Template:
+    """Return a template of HTML; what is put into it is escaped."""
+    return _environment(autoescape=True).get_template(name)
 
 
 def _environment(**options: Any) -> Environment:
