@@ -3,7 +3,7 @@
     .venv/bin/python tests/benchmarks/study_points.py 100 1000 10000
 
 For each number of points, of processor time in all: checking the study, its points in one process, loading its table,
-as one object too, continuing it with all points done; the points in 40 parts, gathering them, and gathering again. With
+as one object too, continuing it with all points done; the points in 4 parts, gathering them, and gathering again. With
 it the peak memory of the process that gathers, its open files, and the files that the study itself has besides those of
 its points. The table in docs/how_to/studies.md is made by this.
 """
@@ -17,7 +17,7 @@ import time
 from pathlib import Path
 
 CASE = Path(__file__).parents[2] / "cases" / "quickstart.toml"
-PARTS = 40
+PARTS = 4
 STEPS = ("read", "sweep", "load", "xarray", "resume", "parts", "gather", "gather again")
 
 
