@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
@@ -139,7 +140,7 @@ def sweep(
             with StudyTable() as table:
                 folder = sweep_study(read, **{"jobs": jobs, **how}, progress=table)
         if which is None:
-            _print_tables(folder)
+            _print_tables(folder, points=not sys.stderr.isatty())  # on a terminal they stand above
         else:
             typer.echo(
                 f"part {which[0]} of {which[1]} is done; tables of all: emclutch sweep {study} --out {out} --gather"
@@ -162,10 +163,12 @@ def _gather(study: Path, out: Path | None, trust_scripts: bool) -> None:
         raise typer.Exit(FAILED if found.failed else INCOMPLETE)
 
 
-def _print_tables(folder: Path) -> None:
-    """Print what a study's tables say in words, and where they are."""
-    from emclutch.results.study_result import grain_size_lines
+def _print_tables(folder: Path, points: bool = True) -> None:
+    """Print what a study's tables say in words, and where they are; with the `points` too, if there are few."""
+    from emclutch.results.study_result import grain_size_lines, point_lines
 
+    for line in point_lines(folder) if points else []:
+        typer.echo(line)
     for words in (folder / "methods.txt", folder / "adaptive_curve.txt"):
         if words.is_file():
             typer.echo(words.read_text(encoding="utf-8"), nl=False)

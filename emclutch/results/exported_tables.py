@@ -8,41 +8,12 @@ from typing import TYPE_CHECKING
 from emclutch.results.columns import units_of
 from emclutch.results.grain_profiles import profile_column, read_profiles
 from emclutch.results.result import Result, load_result
-from emclutch.results.study_folder import is_study, read_study
-from emclutch.results.torque_curves import ACROSS, REAL_ACROSS
+from emclutch.results.study_folder import UNITS, is_study, read_study
 from emclutch.results.wall_loads import read_wall_pressure
 
 if TYPE_CHECKING:
     import pandas
 
-UNITS_OF_A_STUDY = {
-    "end_time": "s",
-    "current": "A",
-    "torque": "N m",
-    "standard_error": "N m",
-    "low": "N m",
-    "high": "N m",
-    "torque_rotor": "N m",
-    "gap_flux_density": "T",
-    "typical_overlap": "1",
-    "inertial_number": "1",
-    "seconds": "s",
-    "figure_of_merit": "1/s",
-    "rotor_speed": "rad/s",
-    "output_start_time": "s",
-    "output_start_speed": "rad/s",
-    "lock_up_time": "s",
-    "shear_stress": "Pa",
-    "shear_stress_error": "Pa",
-    "field_strength_powder": "A/m",
-    "fill_powder": "1",
-    "solid_fraction": "1",
-    "relative_permeability": "1",
-    "normal_stress": "Pa",
-    "effective_friction": "1",
-    ACROSS: "1",
-    REAL_ACROSS: "1",
-}
 POINT, REPLICA, ALONG = "point", "replica", "along"
 """Columns that distinguish what one table holds: a study's points, a run's packings, the profiles' coordinates."""
 
@@ -66,7 +37,7 @@ def tables_of(folder: Path) -> dict[str, pandas.DataFrame]:
             table.insert(0, POINT, name)
             found.setdefault(kind, []).append(table)
     table = study.table.copy()
-    table.attrs["units"] = {name: unit for name, unit in UNITS_OF_A_STUDY.items() if name in table}
+    table.attrs["units"] = {name: unit for name, unit in UNITS.items() if name in table}
     return {"study": table} | {kind: _joined(tables) for kind, tables in found.items()}
 
 

@@ -20,8 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from emclutch.results.errors import OutputError
-from emclutch.results.exported_tables import UNITS_OF_A_STUDY
-from emclutch.results.study_folder import AFTER_VALUES, StudyFolder
+from emclutch.results.study_folder import AFTER_VALUES, UNITS, StudyFolder
 
 if TYPE_CHECKING:
     import pandas
@@ -82,7 +81,7 @@ def dataset_of(study: StudyFolder) -> xarray.Dataset:
     for name, values in columns.items():
         whole = np.full(shape, MISSING[values.dtype.kind], dtype=values.dtype)
         whole[where] = values
-        told = {"units": UNITS_OF_A_STUDY.get(name), "long_name": MEANINGS.get(name)}
+        told = {"units": UNITS.get(name), "long_name": MEANINGS.get(name)}
         variables[name] = (tuple(along), whole, {key: text for key, text in told.items() if text})
     coordinates: dict[str, Any] = {}
     for name, of in along.items():

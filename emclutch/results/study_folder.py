@@ -13,6 +13,7 @@ from emclutch.results.atomic_file import replace_json, replace_text
 from emclutch.results.errors import OutputError
 from emclutch.results.result import Result, load_result
 from emclutch.results.run_folder import Failure, RunFolder
+from emclutch.results.torque_curves import ACROSS, REAL_ACROSS
 
 if TYPE_CHECKING:
     import pandas
@@ -20,6 +21,35 @@ if TYPE_CHECKING:
 TABLE, ABOUT = "study.csv", "study.json"
 AFTER_VALUES = "end_time"
 """Column of `study.csv` that follows those of the study's values."""
+UNITS = {
+    "end_time": "s",
+    "current": "A",
+    "torque": "N m",
+    "standard_error": "N m",
+    "low": "N m",
+    "high": "N m",
+    "torque_rotor": "N m",
+    "gap_flux_density": "T",
+    "typical_overlap": "1",
+    "inertial_number": "1",
+    "seconds": "s",
+    "figure_of_merit": "1/s",
+    "rotor_speed": "rad/s",
+    "output_start_time": "s",
+    "output_start_speed": "rad/s",
+    "lock_up_time": "s",
+    "shear_stress": "Pa",
+    "shear_stress_error": "Pa",
+    "field_strength_powder": "A/m",
+    "fill_powder": "1",
+    "solid_fraction": "1",
+    "relative_permeability": "1",
+    "normal_stress": "Pa",
+    "effective_friction": "1",
+    ACROSS: "1",
+    REAL_ACROSS: "1",
+}
+"""Of the columns after the study's values."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,8 +87,9 @@ class StudyFolder:
         for name, (_, row) in zip(names, self.table.iterrows(), strict=True):
             torque = (RunFolder(self.path / name).read_summary().get("torque") or {}).get("mean")
             written = None if row["torque"] != row["torque"] else float(row["torque"])  # nan: none
-            same = torque == written or (torque is not None and written is not None and isclose(torque, written))
-            if not same or _end_of(self.path / name) not in (None, row[AFTER_VALUES]):
+            same = torque == written or (torque is not None and written is not None and _is_same(torque, written))
+            end = _end_of(self.path / name)
+            if not same or not (end is None or _is_same(end, row[AFTER_VALUES])):
                 changed.append(name)
         done = {path.parent.name for path in self.path.glob("point-*/summary.json") if path.parent.name[6:].isdigit()}
         return [*changed, *sorted(done - set(names))]
@@ -93,6 +124,11 @@ def refresh_in_words(study: StudyFolder) -> str:
     )
 
 
+def _is_same(number: float, written: float) -> bool:
+    """True if a number is that of a table, which has fewer digits."""
+    return isclose(number, written, rel_tol=1e-6)
+
+
 def _end_of(folder: Path) -> float | None:
     """Return the end [s] of a run's scene; None where it has none."""
     end = RunFolder(folder).read_scene().get("time", {}).get("end")
@@ -105,8 +141,8 @@ def is_study(path: Path) -> bool:
 
 
 def write_about(folder: Path, title: str, values: dict[str, Any], points: int) -> None:
-    """Write ``study.json``: title, values and number of points, which the tables do not say."""
-    replace_json(folder / ABOUT, {"title": title, "values": values, "points": points})
+    """Write ``study.json``: title, values, number of points and units of columns, which the tables do not say."""
+    replace_json(folder / ABOUT, {"title": title, "values": values, "points": points, "units": UNITS})
 
 
 def write_empty_table(folder: Path, values: Iterable[str]) -> None:

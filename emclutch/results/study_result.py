@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass, field
+from math import isnan, nan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from emclutch.results.errors import OutputError
 from emclutch.results.result import Result, load_result
 from emclutch.results.study_folder import read_study
+from emclutch.results.text import format_duration, format_mean
 
 if TYPE_CHECKING:
     import pandas
@@ -77,6 +79,23 @@ def load_study(folder: str | Path) -> StudyResult:
         pandas.read_csv(path) if path.is_file() else None for path in (folder / "seeds.csv", folder / "grain_size.csv")
     )
     return StudyResult(folder, table, points, seeds, sizes, _grain_size_curves(folder))
+
+
+def point_lines(folder: Path, most: int = 40) -> list[str]:
+    """Return a line a point that is done: values, torque, verdict, duration; of more than `most` points none."""
+    study = read_study(folder)
+    if not 0 < len(study.table) <= most:
+        return []
+    cells = []
+    for label, (_, row) in zip(study.labels(), study.table.astype(object).iterrows(), strict=True):
+        torque, low, high, stress = (float(row.get(name, nan)) for name in ("torque", "low", "high", "shear_stress"))
+        shown = format_mean(None if isnan(torque) else torque, None if isnan(low + high) else (low, high))
+        if isnan(torque) and not isnan(stress):  # of a sheared box
+            shown = f"{stress:.4g} Pa"
+        verdict = "converged" if str(row["converged"]) == "True" else "not converged"
+        cells.append((label, shown, verdict, format_duration(float(row["seconds"]))))
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    return ["  ".join(one.ljust(width) for one, width in zip(line, widths, strict=True)).rstrip() for line in cells]
 
 
 def grain_size_lines(folder: Path) -> list[str]:

@@ -28,6 +28,8 @@ from emclutch.scene.study import StudySection
 from emclutch.simulation.resume import seconds_of
 from emclutch.studies.method_comparison import METHOD, compare_methods, comparison_lines
 
+DIGITS = 8
+"""Of a number in a table: more than any torque is known to; all of them are in the summary of its run."""
 MOST_COURSES = 100
 """Of `speeds.png`: of more points every second, third, ... is drawn."""
 STARTED = 0.01  # of the motor's fastest speed: an output that dry friction holds chatters below it
@@ -155,7 +157,11 @@ def _write_curves(path: Path, rows: list[dict[str, Any]], axis: str, x: str, var
 def _write_csv(path: Path, rows: Sequence[dict[str, Any]]) -> None:
     import pandas
 
-    replace_text(path, pandas.DataFrame(list(rows)).to_csv(index=False))
+    table = pandas.DataFrame(list(rows))
+    for name in table.columns:
+        if table[name].dtype.kind == "f" and "." not in name:  # not the study's values, by which points are known
+            table[name] = [float(f"{value:.{DIGITS}g}") for value in table[name]]
+    replace_text(path, table.to_csv(index=False))
 
 
 def row_of(values: dict[str, Any], result: Result) -> dict[str, Any]:
