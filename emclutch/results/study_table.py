@@ -94,7 +94,7 @@ class StudyTable:
     def begin(self, labels: Sequence[str]) -> None:
         """Take the points of a study, all of them waiting."""
         self.rows = [PointRow(label) for label in labels]
-        self._running: dict[int, PointRow] = {}
+        self._running = {}
         self._finished, self._advanced, self._ended, self._since = 0, 0.0, 0.0, math.inf
 
     def set_running(self, number: int) -> None:
