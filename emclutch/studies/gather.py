@@ -126,13 +126,13 @@ def gather(study: StudySection | str | Path, out: str | Path) -> GatheredStudy:
             f"{folder} holds {_in_short(others)}, none of them a point of {study.path}; name this study's folder, or "
             "the study's file as it was"
         )
-    done = []
+    done, indexed = [], []
     for (values, case), target in zip(points, targets, strict=True):
         if target.is_done:
             target.refuse_changed_files(case)
-            found = index.point(target.path)
+            indexed.append(found := index.point(target.path))
             done.append(DonePoint(values, target.path, found.row, found.speeds_vary))
-    index.rewrite([point.folder.name for point in done])
+    index.rewrite(indexed)
     failures = _failures(folder)
     unfinished = [
         _open_point(number, values, target, failures)

@@ -12,11 +12,13 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from emclutch import __version__
 from emclutch.results import OutputError, RunFolder, load_result
 from emclutch.results.atomic_file import json_values, replace_text
 from emclutch.results.pictures.speeds import speeds_vary
@@ -49,7 +51,7 @@ class IndexedPoint:
 
     def line(self) -> str:
         """The point as a line of the file."""
-        found = {name: getattr(self, name) for name in self.__slots__}
+        found = {"version": __version__} | {name: getattr(self, name) for name in self.__slots__}
         return json.dumps(found, allow_nan=False, separators=(",", ":")) + "\n"
 
 
@@ -65,15 +67,13 @@ class PointIndex:
     def __init__(self, folder: Path, home: Path | None) -> None:
         self.folder = folder
         self._file = None if home is None else home / INDEX
-        self._known: dict[str, IndexedPoint] = {}
-        for place in (*parts_in(folder).values(), folder):
-            for point in _points_in(place / INDEX):
-                self._known[point.name] = point
+        self._known: dict[tuple[str, str], IndexedPoint] = {}  # by name and stamp: a file may have older lines
+        for place in (folder, *parts_in(folder).values()):
+            self._known |= {(point.name, repr(point.stamp)): point for point in _points_in(place / INDEX)}
 
     def scene_of(self, path: Path) -> str | None:
         """The SHA-256 of a point's scene, None where there is none; OSError where it cannot be read."""
-        known, stamp = self._known.get(path.name), _stamp_of(path)
-        if known is not None and stamp is not None and known.stamp == stamp:
+        if (known := self._known.get((path.name, repr(_stamp_of(path))))) is not None:
             return known.scene
         try:
             return sha256_of(RunFolder(path).case.read_text(encoding="utf-8"))
@@ -88,8 +88,8 @@ class PointIndex:
         OutputError
             It cannot be read.
         """
-        known, stamp = self._known.get(path.name), _stamp_of(path)
-        if known is not None and known.stamp == stamp:
+        stamp = _stamp_of(path)
+        if (known := self._known.get((path.name, repr(stamp)))) is not None:
             return known
         result = load_result(path)
         if stamp is None:
@@ -97,16 +97,16 @@ class PointIndex:
         scene = sha256_of(result.folder.case.read_text(encoding="utf-8"))
         row = json_values(row_of({}, result))  # as it is read again
         found = IndexedPoint(path.name, scene, stamp, row, speeds_vary(result.history))
-        self._known[path.name] = found
+        self._known[path.name, repr(stamp)] = found
         if self._file is not None:
             with suppress(OSError), self._file.open("a", encoding="utf-8") as file:  # tables meet the same disk
                 file.write(found.line())
         return found
 
-    def rewrite(self, names: list[str]) -> None:
-        """Replace the study's own file by one with these points, each once."""
+    def rewrite(self, points: Sequence[IndexedPoint]) -> None:
+        """Replace the study's own file by one with these points."""
         with suppress(OSError):
-            replace_text(self.folder / INDEX, "".join(self._known[name].line() for name in names))
+            replace_text(self.folder / INDEX, "".join(point.line() for point in points))
 
 
 def sha256_of(text: str) -> str:
@@ -115,12 +115,14 @@ def sha256_of(text: str) -> str:
 
 
 def _points_in(path: Path) -> list[IndexedPoint]:
-    """The points of a file; lines that cannot be read, as the last one of a process that was killed, are left out."""
+    """The points of a file, but for lines of another version, and for half of one that a killed process has left."""
     found = []
     with suppress(OSError, UnicodeDecodeError):
         for line in path.read_text(encoding="utf-8").splitlines():
-            with suppress(ValueError, TypeError):
-                found.append(IndexedPoint(**json.loads(line)))
+            with suppress(ValueError, TypeError, AttributeError):
+                values = json.loads(line)
+                if values.pop("version", None) == __version__:
+                    found.append(IndexedPoint(**values))
     return found
 
 
