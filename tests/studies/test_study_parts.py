@@ -312,3 +312,21 @@ def test_a_stop_that_was_left_behind_is_told(tmp_path, runs):
     (tmp_path / "out" / STOP).write_text("")
     with pytest.raises(OutputError, match="asks the points of this study to stop; remove it if"):
         sweep(study_of(tmp_path), out=tmp_path / "out", part=(1, 2))
+
+
+def test_the_page_of_a_study_is_there_while_it_runs_and_is_gathered_from_parts(tmp_path, runs):
+    """Seen from inside the second and the last of its points; a part leaves the page to who gathers."""
+    study, seen = study_of(tmp_path), []
+    page = tmp_path / "alone" / "study.html"
+    runs.acts = {0.2: lambda: seen.append(page.read_text()), 0.5: fails}
+    with pytest.raises(RunError, match="the grains are gone"):
+        sweep(study, out=page.parent)
+    assert "1 done" in seen[0] and 'http-equiv="refresh"' in seen[0]
+    ended = page.read_text()
+    assert "5 done" in ended and "1 failed" in ended and "refresh" not in ended
+    assert "point-004" in ended and "the grains are gone" in ended
+    runs.acts, out = {}, tmp_path / "out"
+    sweep(study, out=out, part=(1, 3), resume=True)
+    assert not (out / "study.html").exists()
+    gather(study, out)
+    assert "2 done" in (out / "study.html").read_text() and "4 waiting" in (out / "study.html").read_text()
