@@ -89,8 +89,8 @@ def dataset_of(study: StudyFolder) -> xarray.Dataset:
             coordinates[PACKING if key == SEED else key] = ((name,), *_coordinate(column))
     for key in keys:
         if key not in several:
-            (value,), told = _coordinate([_text(listed[key][0])])
-            coordinates[key] = ((), value, told)
+            (value,), unit = _coordinate([_text(listed[key][0])])
+            coordinates[key] = ((), value, unit)
     return xarray.Dataset(variables, coordinates, {"title": study.title})
 
 

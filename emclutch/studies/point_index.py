@@ -93,7 +93,7 @@ class PointIndex:
             return known
         result = load_result(path)
         if stamp is None:
-            raise OutputError(f"{path} has no {RunFolder.summary.name}; run it again")
+            raise OutputError(f"{path} has no {result.folder.summary.name}; run it again")
         scene = sha256_of(result.folder.case.read_text(encoding="utf-8"))
         row = json_values(row_of({}, result))  # as it is read again
         found = IndexedPoint(path.name, scene, stamp, row, speeds_vary(result.history))

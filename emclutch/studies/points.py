@@ -87,25 +87,25 @@ def folders_of_points(
     """
     numbers, total = (range(len(cases)), len(cases)) if part is None else part
     there = _scenes_in(folder, index or PointIndex(folder, None))
-    wanted_scenes = [sha256_of(case.toml()) for case in cases]
+    marks = [sha256_of(case.toml()) for case in cases]
     found: list[Path | None] = [None] * len(cases)
-    for place, scene in enumerate(wanted_scenes):
+    for place, mark in enumerate(marks):
         own = folder / _name(numbers[place])
-        if there.get(own) == scene:
+        if there.get(own) == mark:
             found[place] = own
             there.pop(own)
     paths_of: dict[str, list[Path]] = {}
-    for path, scene in reversed(there.items()):
-        paths_of.setdefault(scene, []).append(path)
-    for place, scene in enumerate(wanted_scenes):
-        if found[place] is None and paths_of.get(scene):
-            found[place] = path = paths_of[scene].pop()
+    for path, mark in reversed(there.items()):
+        paths_of.setdefault(mark, []).append(path)
+    for place, mark in enumerate(marks):
+        if found[place] is None and paths_of.get(mark):
+            found[place] = path = paths_of[mark].pop()
             there.pop(path)
     is_done = [path is not None and RunFolder(path).summary.is_file() for path in found]
     open_places = [place for place, path in enumerate(found) if path is None]
     if part is not None:  # what may belong to others is not read
         own_numbers = {numbers[place] for place in open_places}
-        there = {path: scene for path, scene in there.items() if _number(path) % total in own_numbers}
+        there = {path: mark for path, mark in there.items() if _number(path) % total in own_numbers}
     scenes = {path: _scene_in(RunFolder(path).case) for path in there} if open_places else {}
     wanted = {place: flat_scene(cases[place].toml()) for place in open_places} if scenes else {}
     for exactly in (True, False):  # a point must not take what is exactly another's
