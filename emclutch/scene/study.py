@@ -55,7 +55,7 @@ class StudySection(Section):
     _path: Path = PrivateAttr(default=Path("study.toml"))
     _trust_scripts: bool = PrivateAttr(default=False)
     _checked: dict[str, Case] = PrivateAttr(default_factory=dict)
-    """Cases that `read_study` has checked, by their changes: to check one takes longer than all else of a point."""
+    """Cases that `read_study` has checked, by scene and changes: to check one takes longer than all else of a point."""
 
     @property
     def path(self) -> Path:
@@ -151,7 +151,7 @@ class StudySection(Section):
         points = self.points()
         for point in points if numbers is None else [points[number] for number in numbers]:
             changes = self.changes(point)
-            if (case := self._checked.get(repr(changes))) is None:
+            if (case := self._checked.get(repr((self.case_path, changes)))) is None:
                 base = base or load_case(self.case_path, trust_scripts=self._trust_scripts)
                 case = base.with_values(changes)
             yield point, case
@@ -292,7 +292,7 @@ def _faults_of_points(study: StudySection, numbers: Sequence[int] | None) -> lis
             found = error.faults
         else:
             if point is not None:
-                study._checked[repr(changes)] = case
+                study._checked[repr((study.case_path, changes))] = case
             found = () if point is None or case.scene.particles is not None else (NO_GRAINS,)
             if point is not None and study.warm_start is not None and not case.scene.output.checkpoint:
                 found += (NO_CHECKPOINT,)
