@@ -388,6 +388,19 @@ class Clutch(AnnularSpaces):
         # without poles that region is refused, but still counted
         return [boxes[name] for name in REGIONS["rim" if region == "poles" and self.pole_length == 0.0 else region]]
 
+    def clearances(self) -> list[AnnularBox]:
+        """Rings of air between rotor and housing: the running clearance, and the window below a wider coil."""
+        half, coil = 0.5 * min(self.rotor_length, self.housing_length), 0.5 * self.coil_width
+        rings = [AnnularBox(self.rotor_radius, self.housing_bore, -half, half)]
+        if self.coil_inner_radius > self.housing_bore:
+            rings.append(AnnularBox(self.housing_bore, self.coil_inner_radius, -coil, coil))
+        return rings
+
+    def shaft_ends(self) -> list[tuple[float, float]]:
+        """Radius and z [m] of the plane ends of both shaft stubs."""
+        tip = 0.5 * self.rotor_length + 2.0 * self.shaft_radius
+        return [(self.shaft_radius, -tip), (self.shaft_radius, tip)]
+
     def section_polygons(self) -> dict[str, list[np.ndarray]]:
         """Every region but ``air``: disjoint polygons (r, z) [m], shape (n, 2), counter-clockwise."""
         face, half, rotor = 0.5 * self.disc_thickness, 0.5 * self.cavity_length, 0.5 * self.rotor_length

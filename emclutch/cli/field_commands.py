@@ -1,4 +1,4 @@
-"""The commands of the field and of what magnetises in it: field, mesh, materials, powder, shear-cell."""
+"""The commands of the field and of what magnetises and warms in it: field, heat, mesh, materials, powder, shear-cell."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from emclutch.scene.errors import Fault, SceneError, bad_input_for
 from emclutch.scene.units import Quantity
 
 _CURRENT = Quantity("a current", "A", "0.5 A")
+_SLIP_SPEED = Quantity("an angular speed", "rad/s", "100 rpm", 0.0, 1e5, open_minimum=True, angular=True)
 
 
 def field(
@@ -40,6 +41,32 @@ def field(
             print_json(found.summary)
         else:
             Console().print(*field_study.tables_of(found.summary), sep="\n")
+            typer.echo(f"results and pictures: {found.folder}")
+
+
+def heat(
+    case: opt.CaseFile,
+    run: opt.TorqueOfRun = None,
+    speed: opt.SlipSpeeds = None,
+    out: opt.Out = None,
+    sets: opt.Sets = None,
+    as_json: opt.AsJson = False,
+    trust_scripts: opt.TrustScripts = False,
+) -> None:
+    """Warm the device through hours of duty: temperatures, permitted slip power; needs [effects.heat]."""
+    with explained():
+        read = load(case, sets, trust_scripts)
+        from emclutch.cli import heat as command
+        from emclutch.studies import heat as study
+
+        speeds = study.SPEEDS if speed is None else read_list(speed, _SLIP_SPEED, "--speed")
+        found = study.heat(read, run, speeds, out)
+        if as_json:
+            print_json(command.as_data(found))
+        else:
+            Console().print(*command.tables_of(found), sep="\n")
+            for text in command.in_words(found):
+                typer.echo(text)
             typer.echo(f"results and pictures: {found.folder}")
 
 

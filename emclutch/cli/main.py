@@ -12,7 +12,7 @@ from typing import Annotated
 import typer
 
 from emclutch import __version__
-from emclutch.cli.field_commands import field, materials, mesh, powder, shear_cell
+from emclutch.cli.field_commands import field, heat, materials, mesh, powder, shear_cell
 from emclutch.cli.options import flag
 from emclutch.cli.result_commands import export, plot, report, view
 from emclutch.cli.run_commands import accuracy, check, design, fit, run, sweep
@@ -54,6 +54,7 @@ for command in (
     sweep,
     accuracy,
     field,
+    heat,
     mesh,
     plot,
     view,

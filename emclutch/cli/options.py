@@ -94,6 +94,13 @@ Currents = Annotated[
         help="'0.5 A', a list '0 A, 1 A', with ranges first : last : how many in it; default: the largest",
     ),
 ]
+TorqueOfRun = Annotated[
+    Path | None, typer.Option("--run", metavar="RUN", help="folder of a run, whose torque is taken")
+]
+SlipSpeeds = Annotated[
+    str | None,
+    typer.Option("--speed", metavar="N", help="slip speeds of the permitted power: '100 rpm, 1000 rpm'"),
+]
 Lines = Annotated[
     list[str] | None,
     typer.Option("--line", metavar="R0,Z0,R1,Z1", help="write B and H along a line: '44 mm, 0 mm, 46 mm, 0 mm'"),

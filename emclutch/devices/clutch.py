@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from geometry.clutch import Clutch
     from geometry.fault import GeometryFault
     from geometry.section import SectionMesh
+    from geometry.walls import AnnularBox
 
 
 class ClutchMaterials(Section):
@@ -185,6 +186,10 @@ class ClutchGeometry(GeometrySection):
     def cooled_surface(self, shape: Clutch) -> float:
         """Mantle and both ends of the housing [m^2]."""
         return 2.0 * math.pi * shape.outer_radius * (shape.housing_length + shape.outer_radius)
+
+    def clearances(self, shape: Clutch) -> list[AnnularBox]:
+        """See `GeometrySection.clearances`."""
+        return shape.clearances()
 
     def magnetic_circuit(self, shape: Clutch, laws: Mapping[str, Law], powder: FilledPowder | None) -> MagneticCircuit:
         """See `GeometrySection.magnetic_circuit`."""

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from field.coil.magnetic_circuit import FilledPowder, MagneticCircuit
     from geometry.fault import GeometryFault
     from geometry.section import SectionMesh
+    from geometry.walls import AnnularBox
     from particles import Barostat, ShearedBox
 
 Check = Callable[[Draft], Iterator[Fault]]
@@ -204,6 +205,10 @@ class GeometrySection(Section):
 
     def cooled_surface(self, shape: Any) -> float | None:
         """Surface [m^2] that still air cools; None where it is not known."""
+        return None
+
+    def clearances(self, shape: Any) -> list[AnnularBox] | None:
+        """Return the rings of still air between its solid parts, through which heat is conducted; None: not known."""
         return None
 
     def impact_radius(self, shape: Any) -> float | None:

@@ -19,6 +19,7 @@ from emclutch.effects.effect import EffectSection
 from emclutch.effects.effects_section import BaseEffectsSection
 from emclutch.effects.fluid_drag import FluidDragSection
 from emclutch.effects.gravity import GravitySection
+from emclutch.effects.heat import HeatSection
 from emclutch.effects.hysteresis import HysteresisSection
 from emclutch.effects.magnetic_force import MagneticForceSection
 from emclutch.effects.rolling_friction import RollingFrictionSection
@@ -40,9 +41,10 @@ EFFECTS: tuple[type[EffectSection], ...] = (  # in this order they act and are l
     TwistingFrictionSection,
     CohesionSection,
     FluidDragSection,
+    HeatSection,
 )
 
-PLANNED_EFFECTS = ("grain_hysteresis", "heat")
+PLANNED_EFFECTS = ("grain_hysteresis",)
 
 if TYPE_CHECKING:
 

@@ -57,7 +57,7 @@ class EffectSection(Section):
         The key in the scene, and what it is in a few words.
     role : str
         What generic code finds it by, where it must: `attraction`, `feedback`, `images`, `weight`, `rolling`,
-        `circuit`, `eddy`, `drag`, `memory`.
+        `circuit`, `eddy`, `drag`, `memory`, `thermal`.
     CHECKS : tuple of (check, sections)
         Checks between sections, and the sections that must be valid for each (`emclutch.scene.consistency`).
     USUAL : dict of str to UsualRange

@@ -78,6 +78,11 @@ class BaseEffectsSection(Section):
         return self._in_role("memory")
 
     @property
+    def thermal(self) -> Any:
+        """The effect by which slip and copper warm the device; None without."""
+        return self._in_role("thermal")
+
+    @property
     def magnetise(self) -> bool:
         """True if an effect acts on magnetised grains."""
         return any(one.needs_moments for one in self.present)

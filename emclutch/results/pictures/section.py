@@ -147,6 +147,14 @@ def _draw_zoom(
         spine.set_edgecolor("crimson")
 
 
+def draw_outlines(axis: Axes, mesh: Any) -> None:
+    """Draw the borders between the regions of a mesh on axes in mm, z to the right."""
+    region = np.empty(len(mesh.triangles), dtype=np.int64)
+    for number, elements in enumerate(mesh.regions.values()):
+        region[elements] = number
+    _lines(axis, np.asarray(mesh.points), _outline(np.asarray(mesh.triangles), region), 0.7)
+
+
 def _outline(triangles: np.ndarray, region: np.ndarray) -> np.ndarray:
     """Edges (k, 2) between triangles of different regions."""
     edges = np.sort(np.vstack([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)

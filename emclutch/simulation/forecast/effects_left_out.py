@@ -10,11 +10,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from emclutch.device_model.coil_heat import COOLING
 from emclutch.device_model.device import Device
 from emclutch.effects import EFFECTS
 from emclutch.effects.left_out import ABSENT, ALWAYS, LeftOut
-from emclutch.scene.units import two_digits
 from emclutch.simulation.forecast.expected_torque import ExpectedTorque
 from emclutch.simulation.forecast.regime import Regime, regime_of
 from emclutch.simulation.scaled_slip import QUASI_STATIC
@@ -32,7 +30,7 @@ def left_out(scene, device: Device, plan: Plan, expected: ExpectedTorque) -> lis
     active = set(scene.effects.active)
     possible = [one for one in EFFECTS if one.name not in active and one.role not in device.kind.excluded_roles]
     off = [line for one in possible for line in one.left_out(regime)]
-    return [*off, *_of_grains(regime), *_of_grain_hysteresis(regime), *_of_heat(regime, device)]
+    return [*off, *_of_grains(regime), *_of_grain_hysteresis(regime)]
 
 
 def _of_grains(at: Regime) -> Iterator[LeftOut]:
@@ -49,15 +47,3 @@ def _of_grain_hysteresis(at: Regime) -> Iterator[LeftOut]:
         coercive = COERCIVE_FIELD / at.H if at.H > 0.0 else None
         yield LeftOut("grain_hysteresis", ABSENT, "coercive field of soft iron powder, 1 kA/m, over H", coercive, 0.05,
                       note="the grains keep a moment when the current is switched off")  # fmt: skip
-
-
-def _of_heat(at: Regime, device: Device) -> Iterator[LeftOut]:
-    if at.slip_power is None:
-        yield LeftOut("heat", ABSENT, "slip power, which follows from no expected torque")
-        return
-    assert at.heating is not None  # as the power
-    note = f"at most {two_digits(at.slip_power)} W of slip, {two_digits(at.heating)} K/s in the powder alone"
-    surface = device.kind.cooled_surface(device.shape)
-    if surface is not None:
-        note += f"; kept up, {two_digits(at.slip_power / (COOLING * surface))} K of the housing"
-    yield LeftOut("heat", ABSENT, "kelvins in this run", at.heating * at.end, 100.0, note=note)

@@ -22,6 +22,7 @@ from math import pi, sqrt
 from typing import TYPE_CHECKING
 
 from coupling.expected_load import pair_attraction
+from emclutch.device_model.coil_heat import COOLING
 from emclutch.device_model.device import Device
 from emclutch.device_model.materials import conductivity_of, region_materials
 from emclutch.simulation.forecast.expected_torque import ExpectedTorque
@@ -62,8 +63,8 @@ class Regime:
         Whether a coil makes the field.
     coil_time, diffusion_time, switching_time : float or None
         [s]; None where the plan does not know them, or the drive is constant.
-    slip_power, heating : float or None
-        [W], [K/s]
+    slip_power, heating, housing_rise : float or None
+        [W], [K/s] of the powder alone, and [K] of the housing in the end (`emclutch.device_model.coil_heat`).
     end : float
         Time [s] in which the powder is sheared at the scene's own speeds as far as in the run.
     """
@@ -88,6 +89,7 @@ class Regime:
     switching_time: float | None
     slip_power: float | None
     heating: float | None
+    housing_rise: float | None
     end: float
 
 
@@ -110,6 +112,7 @@ def regime_of(scene, device: Device, plan: Plan, expected: ExpectedTorque) -> Re
     steel = any(wall.magnetic for wall in device.walls())
     contact_radius = 0.5 * d * sqrt(scene.contact.max_overlap)
     power = None if expected.torque is None else expected.torque * slip
+    surface = device.kind.cooled_surface(device.shape)
     return Regime(
         weight=weight,
         centrifugal=centrifugal,
@@ -131,6 +134,7 @@ def regime_of(scene, device: Device, plan: Plan, expected: ExpectedTorque) -> Re
         switching_time=_switching_time(scene, device, _coil_time(scene, device, plan)),
         slip_power=power,
         heating=None if power is None else power / (device.fill.mass * IRON_HEAT),
+        housing_rise=None if power is None or surface is None else power / (COOLING * surface),
         end=plan.end * (1.0 if plan.scaled is None else plan.scaled.factor),
     )
 

@@ -1,0 +1,70 @@
+"""`emclutch heat`: its results in tables and sentences."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rich.table import Table
+
+from emclutch.results.pictures.figure import RPM
+from emclutch.results.text import format_duration
+from emclutch.studies.heat import HOTTEST, HeatResult
+
+
+def as_data(found: HeatResult) -> dict[str, Any]:
+    """For a machine: heat.json and the rows of permitted.csv."""
+    return found.summary | {"permitted": found.permitted.to_dict("records"), "folder": str(found.folder)}
+
+
+def tables_of(found: HeatResult) -> list[Table]:
+    """Temperatures in the steady state and through the duty, and the permitted slip power."""
+    steady, duty = found.summary["steady"], found.summary["duty"]
+    temperatures = Table("temperature [°C]", "coil, hottest", "powder, hottest", "surface, hottest")
+    keys = ("coil_hottest", "powder_hottest", "surface")
+    if "surface" in steady:
+        temperatures.add_row("steady, on all the time", *(f"{steady[key]:.1f}" for key in keys))
+    temperatures.add_row("largest in the duty", *(f"{duty[f'largest_{key}']:.1f}" for key in keys))
+    permitted = Table("slip [1/min]", "by surface [W]", "by coil [W]", "slip power [W]", "torque [N m]")
+    for row in found.permitted.to_dict("records"):
+        shown = (row["by_surface"], row["by_coil"], row["slip_power"], row["torque"])
+        permitted.add_row(f"{RPM * row['speed']:.0f}", *(f"{value:.3g}" for value in shown))
+    return [temperatures, permitted]
+
+
+def in_words(found: HeatResult) -> list[str]:
+    """The heat's ways, when limits are passed, and what runs away."""
+    summary, steady, duty = found.summary, found.summary["steady"], found.summary["duty"]
+    lines = []
+    torque = summary["torque"]
+    value = f"{torque['value']:.3g} N m; " if "value" in torque else ""
+    lines.append(f"torque: {value}{torque['source']}")
+    if "surface" in steady:
+        ways = ", ".join(
+            f"{key.removeprefix('heat_out_').replace('_', ' ')} {heat:.3g} W"
+            for key, heat in steady.items()
+            if key.startswith("heat_out_")
+        )
+        lines.append(
+            f"steady: {steady['copper_loss']:.3g} W of the coil at {steady['current']:.3g} A, {steady['slip_power']:.3g} W "
+            f"of slip; out through {ways}"
+        )
+    else:
+        lines.append(
+            f"steady: {steady['state']} (thermal runaway, or beyond copper's law); without slip the coil has a steady "
+            f"state up to {summary['largest_current']['before_it_runs_away']:.3g} A: lower the current or the slip power, "
+            "cool better, or shorten the duty"
+        )
+    lines.append(f"duty: {duty['state']}, {duty['steps']} steps; energy closes to {abs(duty['energy_error']):.1e}")
+    for key, name in (("surface", "surface"), ("coil_hottest", "coil")):
+        passed = duty[f"{key}_limit_passed_after"]
+        if passed is not None:
+            lines.append(f"WARNING: the {name}'s limit is passed after {format_duration(passed)}")
+    largest = summary["largest_current"]
+    lines.append(
+        f"largest current without slip: {largest['at_the_coil_limit']:.3g} A at the coil's limit, "
+        f"{largest['before_it_runs_away']:.3g} A with a steady state below {HOTTEST:g} °C"
+    )
+    error = summary["error_of_the_mesh"]
+    if isinstance(error, dict):
+        lines.append(f"error of the mesh, steady: {max(map(abs, error.values())):.2g} K")
+    return lines

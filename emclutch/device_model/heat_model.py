@@ -1,0 +1,225 @@
+"""The thermal model of a scene: its section with materials, powder and clearances, what cools it and what heats it.
+
+- **Solid parts** conduct with the library's properties or the scene's; the winding as one material across its wires.
+- **Powder** conducts as a packing at rest (`field.laws.heat_properties.powder_conductivity`), with the resistance R_c of both
+  walls spread over the gap's width g: 1/k + 2 R_c/g. Parts of the chamber without powder hold air.
+- **Clearances** hold still air: a gap of 0.3 mm passes 90 W/(m^2 K) without its flow, which is laminar there.
+- **Outside**: film and radiation; faces of what turns besides as a disc in still air, both films added by their cubes (S. W.
+  Churchill, AIChE J. 23 (1977) 10, assisting convection). The ends of the shaft stubs lead to the surroundings by a
+  conductance; with 0 they are insulated.
+- **Sources**: R(T) I^2 evenly in the winding, R(T) = R_20 (1 + 0.00393 (T - 20)) of its mean temperature, at a given current
+  or, at a voltage, V^2/R(T); torque times slip speed evenly in the powder between the poles, where it is made, the torque
+  of the current and of the powder's mean temperature.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from emclutch.device_model.device import mesh_of
+from emclutch.device_model.materials import region_materials
+from emclutch.scene.fill import fill_of
+from emclutch.scene.model import Scene
+from field.coil.winding import COPPER_TEMPERATURE_COEFFICIENT, ROOM, resistance_ratio
+from field.heat.conduction import CooledSurface, HeatProblem, outer_edges
+from field.laws.heat_properties import (
+    IRON_HEAT,
+    HeatProperties,
+    heat_properties,
+    powder_conductivity,
+    turning_disc_film,
+    winding_properties,
+)
+from geometry.section import SectionMesh
+
+COIL, POWDER = 0, 1
+"""Of the sources, in `HeatProblem.names`."""
+
+SHAFT_ENDS = "shaft_ends"
+
+
+@dataclass(frozen=True, slots=True)
+class Drive:
+    """What heats the device at a moment.
+
+    Attributes
+    ----------
+    current : float or None
+        Of the coil [A]; None: `voltage` gives it.
+    voltage : float
+        [V]
+    slip : float
+        Slip speed [rad/s].
+    slip_power : float or None
+        Given slip power [W], instead of torque times slip.
+    """
+
+    current: float | None
+    voltage: float = 0.0
+    slip: float = 0.0
+    slip_power: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class HeatModel:
+    """The sources of a device.
+
+    Attributes
+    ----------
+    R_20 : float
+        Resistance of the coil at 20 degrees C [ohm].
+    torque : Callable
+        Current [A] to torque [N m] at the first temperature of `fade`, or any.
+    fade : tuple of (temperatures, factors) or None
+        Change of the torque with the powder's temperature [degrees C].
+    """
+
+    R_20: float
+    torque: Callable[[float], float]
+    fade: tuple[np.ndarray, np.ndarray] | None = None
+
+    def resistance(self, temperature: float) -> float:
+        """R of the coil [ohm] at a mean temperature [degrees C]; the linear law, also outside of -100 to 250."""
+        return self.R_20 * (1.0 + COPPER_TEMPERATURE_COEFFICIENT * (temperature - ROOM))
+
+    def current(self, drive: Drive, temperature: float) -> float:
+        """The current [A] with the coil at a temperature [degrees C]."""
+        return drive.voltage / self.resistance(temperature) if drive.current is None else drive.current
+
+    def torque_at(self, current: float, temperature: float) -> float:
+        """The torque [N m] at a current [A] and temperature of the powder [degrees C]."""
+        return self.torque(abs(current)) * self._fade(temperature)[0]
+
+    def powers(self, drive: Drive, means: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Powers of coil and powder (2,) [W] at their mean temperatures (2,), and the derivatives (2,) [W/K].
+
+        That of the torque with the coil's temperature, at a given voltage, is left out: a small change of the powder's
+        power, to which the iteration converges all the same.
+        """
+        R = self.resistance(means[COIL])
+        R_slope = self.R_20 * COPPER_TEMPERATURE_COEFFICIENT
+        current = self.current(drive, means[COIL])
+        copper = R * current**2
+        copper_slope = R_slope * current**2 * (1.0 if drive.current is not None else -1.0)
+        if drive.slip_power is not None:
+            return np.array([copper, drive.slip_power]), np.array([copper_slope, 0.0])
+        factor, factor_slope = self._fade(means[POWDER])
+        cold = self.torque(abs(current)) * abs(drive.slip)
+        return np.array([copper, cold * factor]), np.array([copper_slope, cold * factor_slope])
+
+    def _fade(self, temperature: float) -> tuple[float, float]:
+        if self.fade is None:
+            return 1.0, 0.0
+        at, factors = self.fade
+        value = float(np.interp(temperature, at, factors))
+        k = int(np.searchsorted(at, temperature, side="right")) - 1
+        inside = 0 <= k < len(at) - 1
+        return value, float((factors[k + 1] - factors[k]) / (at[k + 1] - at[k])) if inside else 0.0
+
+
+def resistance_at_20(scene: Scene) -> float:
+    """Resistance of the coil at 20 degrees C [ohm]."""
+    shape, coil = scene.shape(), scene.coil
+    assert coil is not None  # by the effect's checks
+    return coil.resistance_in(shape.coil_area, shape.coil_mean_radius) / resistance_ratio(coil.temperature)
+
+
+def heat_problem(
+    scene: Scene, rotor_speed: float = 0.0, disc_speed: float = 0.0, mesh: SectionMesh | None = None, order: int = 1
+) -> HeatProblem:
+    """The equations of conduction in a scene's device, its bodies turning at speeds [rad/s]; `mesh` spares the meshing."""
+    mesh = mesh_of(scene) if mesh is None else mesh
+    effect, shape, geometry = scene.effects.thermal, scene.shape(), scene.geometry
+    k, capacity = np.zeros(len(mesh.triangles)), np.zeros(len(mesh.triangles))
+    for region, name in region_materials(scene, mesh).items():
+        own = _winding(scene) if region == "coil" else _material(scene, name)
+        k[mesh.regions[region]], capacity[mesh.regions[region]] = own.conductivity, own.capacity
+    air = heat_properties("air")
+    within = np.zeros(0, dtype=int)
+    if "air" in mesh.regions:
+        inside = mesh.fraction_in_boxes("air", geometry.clearances(shape)) > 0.5
+        within = mesh.regions["air"][inside]
+    k[within], capacity[within] = air.conductivity, air.capacity
+    powder = mesh.elements_of("powder")
+    k[powder], capacity[powder] = air.conductivity, air.capacity
+    if scene.particles is not None:
+        phi = fill_of(shape, scene.particles, scene.scene.seed).solid_fraction
+        conducts = effect.powder_conductivity or powder_conductivity(min(phi, 0.74))
+        holds = phi * scene.particles.density * IRON_HEAT + (1.0 - phi) * air.capacity
+        for box in shape.boxes_to_fill(scene.particles.region):
+            width = min(box.r1 - box.r0, box.z1 - box.z0)
+            through = 1.0 / (1.0 / conducts + 2.0 * effect.contact_resistance / width)
+            share = mesh.fraction_in_boxes("powder", [box])
+            k[powder] += share * (through - air.conductivity)
+            capacity[powder] += share * (holds - air.capacity)
+    elif effect.powder_conductivity is not None:
+        k[powder] = effect.powder_conductivity
+    elements = np.flatnonzero(k > 0.0)
+    region_of_powder = "poles" if scene.particles is None else scene.particles.region
+    zone = geometry.pole_zone(shape, region_of_powder)
+    slips = powder[mesh.fraction_in_boxes("powder", list(zone.boxes)) > 0.5]
+    return HeatProblem(
+        mesh,
+        elements,
+        k[elements],
+        capacity[elements],
+        _surfaces(scene, mesh, elements, {"rotor": rotor_speed, "disc": disc_speed}),
+        {"coil": mesh.elements_of("coil"), "powder": slips},
+        order,
+    )
+
+
+def _winding(scene: Scene) -> HeatProperties:
+    shape, coil, effect = scene.shape(), scene.coil, scene.effects.thermal
+    assert coil is not None  # by the effect's checks
+    winding = coil.winding_in(shape.coil_area, shape.coil_mean_radius)
+    own = winding_properties(winding.fill_factor)
+    if effect.coil_conductivity is None:
+        return own
+    return HeatProperties(effect.coil_conductivity, own.density, own.specific_heat, "the scene")
+
+
+def _material(scene: Scene, name: str) -> HeatProperties:
+    effect = scene.effects.thermal
+    given_k, given_c = effect.conductivity.get(name), effect.heat_capacity.get(name)
+    if given_k is not None and given_c is not None:
+        return HeatProperties(given_k, 1.0, given_c, "the scene")
+    library = heat_properties(name)
+    k = library.conductivity if given_k is None else given_k
+    return HeatProperties(k, 1.0, library.capacity if given_c is None else given_c, library.source)
+
+
+def film_of(scene: Scene, speed: float) -> float:
+    """Heat transfer coefficient [W/(m^2 K)] of the outside of a body that turns at `speed` [rad/s]."""
+    effect = scene.effects.thermal
+    turning = turning_disc_film(speed) if effect.self_cooling else 0.0
+    return float(np.cbrt(effect.convection**3 + turning**3))
+
+
+def _surfaces(
+    scene: Scene, mesh: SectionMesh, elements: np.ndarray, speeds: dict[str, float]
+) -> list[CooledSurface]:
+    """The outside by the body that it belongs to, and the ends of the shaft."""
+    effect, shape = scene.effects.thermal, scene.shape()
+    edges, owner = outer_edges(mesh, elements)
+    body = np.full(len(mesh.triangles), "", dtype=object)
+    for region, members in mesh.regions.items():
+        if region not in ("air", "powder"):
+            body[members] = shape.body(region)
+    r, z = mesh.points[edges].transpose(2, 0, 1)  # (k, 2) each
+    ends = np.zeros(len(edges), dtype=bool)
+    area = 0.0
+    for radius, height in shape.shaft_ends():
+        near = 1e-6 * radius
+        ends |= np.all((np.abs(z - height) < near) & (r <= radius + near), axis=1)
+        area += np.pi * radius**2
+    film = effect.shaft_conductance / area
+    surfaces = [CooledSurface(SHAFT_ENDS, edges[ends], film, 0.0, effect.ambient)] if film > 0.0 else []
+    for name in ("housing", "rotor", "disc"):
+        own = (body[owner] == name) & ~ends
+        film = film_of(scene, speeds.get(name, 0.0))
+        surfaces.append(CooledSurface(name, edges[own], film, effect.emissivity, effect.ambient))
+    return surfaces

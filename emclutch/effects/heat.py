@@ -1,0 +1,248 @@
+"""[effects.heat]: slip power and copper loss warm the section (`field.heat`), through hours of duty (`emclutch heat`).
+
+Grains move in milliseconds and steel warms in hours, so that a run of the grains does not feel the effect: its torque goes
+into `torque` or `torque_curve`, and what changes it with the temperature, of runs at a few temperatures, into `fade`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import Annotated, ClassVar, Self
+
+from pydantic import Field, StrictBool, model_validator
+
+from emclutch.effects.effect import EffectSection
+from emclutch.effects.left_out import OFF, LeftOut
+from emclutch.scene.draft import Draft
+from emclutch.scene.errors import Fault
+from emclutch.scene.section import Section, refuse
+from emclutch.scene.time_table import CurrentProfile, SpeedProfile
+from emclutch.scene.units import Current, LoadTorque, Quantity, Time, number, two_digits
+
+Celsius = Annotated[float, number("40", -100.0, 250.0)]
+_Film = Annotated[float, Quantity("a heat transfer coefficient", "W/(m^2*K)", "6 W/(m^2 K)", 0.0, 1e5)]
+_Conductance = Annotated[float, Quantity("a thermal conductance", "W/K", "0.5 W/K", 0.0, 1e4)]
+_Conductivity = Annotated[
+    float, Quantity("a thermal conductivity", "W/(m*K)", "50 W/(m K)", 0.0, 5e3, open_minimum=True, least=1e-6)
+]
+_Capacity = Annotated[
+    float, Quantity("a heat capacity", "J/(m^3*K)", "3.5e6 J/(m^3 K)", 0.0, 1e8, open_minimum=True, least=1e-3)
+]
+_Resistance = Annotated[float, Quantity("a thermal resistance", "m^2*K/W", "1e-4 m^2 K/W", 0.0, 10.0)]
+
+
+def _increases(values: tuple[float, ...]) -> bool:
+    return all(later > earlier for earlier, later in pairwise(values))
+
+
+class FadeSection(Section):
+    """The torque at temperatures of the powder over its own at the first one; linear between, constant outside.
+
+    From runs of the grains with friction, saturation and susceptibility of each temperature, or from a measurement.
+    """
+
+    temperatures: tuple[Celsius, ...] = Field(min_length=1, description="increasing, in degrees C")
+    factors: tuple[Annotated[float, number("0.9", 0.0, 10.0)], ...] = Field(min_length=1, description="one for each")
+
+    @model_validator(mode="after")
+    def _is_a_function(self) -> Self:
+        if len(self.temperatures) != len(self.factors):
+            raise refuse(f"has {len(self.temperatures)} temperatures and {len(self.factors)} factors; give as many")
+        if not _increases(self.temperatures):
+            raise refuse("must increase from each to the next", key="temperatures")
+        return self
+
+
+class TorqueCurveSection(Section):
+    """Torque against the coil's current, as of a sweep; linear between, constant outside."""
+
+    currents: tuple[Current, ...] = Field(min_length=2, description="increasing, >= 0")
+    torques: tuple[LoadTorque, ...] = Field(min_length=2, description="one for each")
+
+    @model_validator(mode="after")
+    def _is_a_function(self) -> Self:
+        if len(self.currents) != len(self.torques):
+            raise refuse(f"has {len(self.currents)} currents and {len(self.torques)} torques; give as many")
+        if not _increases(self.currents) or self.currents[0] < 0.0:
+            raise refuse("must increase from each to the next, from 0 A or more", key="currents")
+        return self
+
+
+class DutySection(Section):
+    """What the device does for hours: on all the time, or on and off in periods."""
+
+    end: Time = Field(default=14400.0, description="time that is computed, from the ambient temperature on")
+    period: Time | None = Field(default=None, description="time after which the duty repeats; default: never")
+    on: Time | None = Field(default=None, description="time at the start of each period in which the coil is on")
+    current: CurrentProfile | None = Field(
+        default=None, description="coil current while it is on, in a period; default: the largest of [coil]"
+    )
+    slip: SpeedProfile | None = Field(
+        default=None, description="slip speed in a period; default: the largest of [motion]"
+    )
+
+    @model_validator(mode="after")
+    def _fits_into_the_period(self) -> Self:
+        if self.on is not None and self.period is None:
+            raise refuse("needs a period; give it too, e.g. '60 s'", key="on")
+        if self.period is None:
+            return self
+        if self.on is not None and self.on > self.period:
+            raise refuse(f"is longer than the period of {self.period:g} s; lower it", key="on")
+        if self.end / self.period > 5000.0:
+            raise refuse(
+                f"repeats more than 5000 times within the end of {self.end:g} s; lower the end, or give the mean as one "
+                "constant duty",
+                key="period",
+            )
+        return self
+
+
+def _has_its_device(draft: Draft) -> Iterator[Fault]:
+    """Heat is conducted in the section of a device whose outside and whose clearances are known."""
+    scene = draft.scene
+    if scene.effects.thermal is None:
+        return
+    if scene.geometry.clearances(scene.shape()) is None:
+        yield Fault(
+            "effects.heat",
+            "",
+            f"does not go with geometry.kind = '{scene.geometry.kind}', of which outside and clearances are not known; "
+            "take 'clutch' or 'drum', or remove the effect's table",
+        )
+    elif scene.geometry.is_solved_in_3d:
+        yield Fault(
+            "effects.heat",
+            "",
+            f"does not go with geometry.{scene.geometry.key_of_3d}: heat is conducted in a section; remove one of them",
+        )
+    if scene.coil is None:
+        yield Fault("effects.heat", "", "needs [coil], whose copper loss it takes; add it, or remove the effect's table")
+
+
+def _knows_its_materials(draft: Draft) -> Iterator[Fault]:
+    """Conductivity and heat capacity are those of a material of the device; the user's own ones have both given."""
+    from field.laws.materials import canonical_name  # local: only here
+
+    scene = draft.scene
+    effect = scene.effects.thermal
+    if effect is None or "geometry.materials" in draft.of_geometry:
+        return
+    in_use = {*dict(getattr(scene.geometry, "materials", None) or {}).values()}
+    for key, given in (("conductivity", effect.conductivity), ("heat_capacity", effect.heat_capacity)):
+        for name in given:
+            if name not in in_use:
+                yield draft.fault(
+                    f"effects.heat.{key}.{name}", f"is for no material of this device; it has {', '.join(sorted(in_use))}"
+                )
+        for name in sorted(in_use):
+            if canonical_name(name) is None and name not in given and name in (scene.materials or {}):
+                yield Fault(
+                    f"effects.heat.{key}.{name}", "", f"is missing: [materials.{name}] is none of the library; give it"
+                )
+
+
+def _knows_its_torque(draft: Draft) -> Iterator[Fault]:
+    """The torque at another current than the coil's largest is that of a curve."""
+    effect, coil = draft.scene.effects.thermal, draft.scene.coil
+    if effect is None or coil is None or effect.torque_curve is not None:
+        return
+    if coil.is_at_voltage:
+        yield Fault(
+            "effects.heat.torque_curve",
+            "",
+            "is missing: at a given voltage the current falls as the coil warms; give the torque against the current "
+            "(emclutch sweep), or coil.current instead of the voltage alone",
+        )
+    if effect.duty.current is not None and not effect.duty.current.is_constant:
+        yield draft.fault(
+            "effects.heat.duty.current", "changes the torque; give its curve, effects.heat.torque_curve, too"
+        )
+
+
+def _duty_has_one_drive(draft: Draft) -> Iterator[Fault]:
+    effect, coil = draft.scene.effects.thermal, draft.scene.coil
+    if effect is None or coil is None:
+        return
+    if effect.duty.current is not None and coil.is_at_voltage:
+        yield draft.fault(
+            "effects.heat.duty.current", "conflicts with coil.voltage, from which the current follows; remove one of them"
+        )
+    if effect.torque is not None and effect.torque_curve is not None:
+        yield draft.fault("effects.heat.torque", "conflicts with torque_curve; keep one of them")
+
+
+class HeatSection(EffectSection):
+    """Slip power in the powder and copper loss warm the solid parts, which air, radiation and the shaft cool."""
+
+    name = "heat"
+    summary = "slip power and copper loss warm the device in hours of duty (emclutch heat)"
+    role = "thermal"
+    of_the_field_alone = True
+    CHECKS: ClassVar = (
+        (_has_its_device, ("effects", "geometry.kind", "geometry", "coil")),
+        (_knows_its_materials, ("effects", "geometry.kind", "materials")),
+        (_knows_its_torque, ("effects", "coil")),
+        (_duty_has_one_drive, ("effects", "coil")),
+    )
+
+    ambient: Celsius = Field(default=20.0, description="temperature of air, shaft and surroundings, in degrees C")
+    convection: _Film = Field(
+        default=6.0, description="heat transfer coefficient of the outside in still air; a fan: 20 to 60"
+    )
+    self_cooling: StrictBool = Field(
+        default=True, description="the faces of what turns are cooled as discs that turn in still air as well"
+    )
+    emissivity: Annotated[float, number("0.9", 0.0, 1.0)] = Field(
+        default=0.9, description="of the outside: paint 0.9, oxidised steel 0.7, bare metal 0.1 to 0.3"
+    )
+    shaft_conductance: _Conductance = Field(
+        default=0.0, description="of the shaft from the ends of its stubs to the surroundings, both together"
+    )
+    powder_conductivity: _Conductivity | None = Field(
+        default=None, description="of the powder; default: of a packing of its solid fraction at rest in air"
+    )
+    contact_resistance: _Resistance = Field(default=0.0, description="between the powder and each of its two walls")
+    coil_conductivity: _Conductivity | None = Field(
+        default=None, description="of the winding across its wires; default: of its fill factor in varnish"
+    )
+    conductivity: dict[str, _Conductivity] = Field(
+        default={}, description="thermal, by name of the material, where it is not that of the library"
+    )
+    heat_capacity: dict[str, _Capacity] = Field(
+        default={}, description="of a volume, by name of the material, where it is not that of the library"
+    )
+    torque: LoadTorque | None = Field(
+        default=None,
+        description="of the device at the largest current; default: the expected one of `emclutch check`, or that of a "
+        "run (emclutch heat --run)",
+    )
+    torque_curve: TorqueCurveSection | None = Field(default=None, description="torque against current, instead")
+    fade: FadeSection | None = Field(default=None, description="change of the torque with the powder's temperature")
+    duty: DutySection = DutySection()
+    surface_limit: Celsius = Field(default=75.0, description="largest temperature of the outside, in degrees C")
+    coil_limit: Celsius = Field(
+        default=130.0, description="of the winding's hottest place: 105, 130, 155 in classes A, B, F (IEC 60085)"
+    )
+    tolerance: Annotated[float, number("0.1", 1e-6, 10.0)] = Field(
+        default=0.1, description="error of a step in time [K]"
+    )
+
+    @model_validator(mode="after")
+    def _limits_lie_above_the_room(self) -> Self:
+        for key in ("surface_limit", "coil_limit"):
+            if getattr(self, key) <= self.ambient:
+                raise refuse(f"is not above the ambient temperature of {self.ambient:g} degrees C; raise it", key=key)
+        return self
+
+    @classmethod
+    def left_out(cls, at):
+        """Yield the kelvins that slip makes in the powder alone."""
+        if at.slip_power is None:
+            yield LeftOut(cls.name, OFF, "slip power, which follows from no expected torque")
+            return
+        note = f"at most {two_digits(at.slip_power)} W of slip, {two_digits(at.heating)} K/s in the powder alone"
+        if at.housing_rise is not None:
+            note += f"; kept up, {two_digits(at.housing_rise)} K of the housing (emclutch heat)"
+        yield LeftOut(cls.name, OFF, "kelvins in this run", at.heating * at.end, 100.0, note=note)

@@ -1,0 +1,423 @@
+"""`emclutch heat`: temperatures of a device through hours of duty, and the slip power that it may have.
+
+The torque is that of the grains: of a run (`run`), of the scene (`effects.heat.torque`, `torque_curve`), or the expected one
+of `emclutch check`. From there on the thermal model stands alone (`emclutch.device_model.heat_model`, `field.heat`).
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import inf, pi
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas
+
+from emclutch.device_model.heat_model import (
+    COIL,
+    POWDER,
+    SHAFT_ENDS,
+    Drive,
+    HeatModel,
+    film_of,
+    heat_problem,
+    resistance_at_20,
+)
+from emclutch.results import OutputError, RunFolder, load_result
+from emclutch.results.pictures.temperature import duty_picture, temperature_picture
+from emclutch.scene.case import Case, as_case
+from emclutch.scene.errors import bad_input_for
+from emclutch.scene.model import Scene
+from field.heat.conduction import HeatProblem, ThermalRunaway
+from field.heat.transient import HeatInTime, HeatState
+
+RPM = 2.0 * pi / 60.0
+SPEEDS = tuple(n * RPM for n in (50.0, 100.0, 200.0, 500.0, 1000.0, 1500.0))
+"""At which the permitted slip power is given where none are asked for [rad/s]."""
+
+HOTTEST = 250.0
+"""Mean temperature of the winding [degrees C] up to which copper's linear law holds; beyond, it counts as run away."""
+
+UNITS = {
+    "time": "s",
+    "current": "A",
+    "slip_speed": "rad/s",
+    "torque": "N m",
+    "copper_loss": "W",
+    "slip_power": "W",
+    "heat_out": "W",
+    "coil_mean": "degC",
+    "coil_hottest": "degC",
+    "powder_mean": "degC",
+    "powder_hottest": "degC",
+    "surface": "degC",
+}
+"""Columns of heat.csv and their units; the surface's is its hottest place, the shaft's ends excepted."""
+
+PERMITTED_UNITS = {
+    "speed": "rad/s",
+    "film": "W/(m^2 K)",
+    "by_surface": "W",
+    "by_coil": "W",
+    "slip_power": "W",
+    "torque": "N m",
+    "powder_hottest": "degC",
+}
+"""Columns of permitted.csv: the slip power up to which surface and coil stay below their limits, the smaller of both, and
+its torque."""
+
+
+@dataclass(frozen=True)
+class HeatResult:
+    """A thermal study as it stands in its folder.
+
+    Attributes
+    ----------
+    folder : Path
+        With heat.csv, permitted.csv, heat.json, temperature.png, heat.png.
+    summary : dict
+        heat.json.
+    table : pandas.DataFrame
+        A row a step of the duty; units in `UNITS`.
+    permitted : pandas.DataFrame
+        A row a speed; units in `PERMITTED_UNITS`.
+    """
+
+    folder: Path
+    summary: dict[str, Any]
+    table: pandas.DataFrame
+    permitted: pandas.DataFrame
+
+
+def heat(
+    case: Case | str | Path,
+    run: str | Path | None = None,
+    speeds: Sequence[float] = SPEEDS,
+    out: str | Path | None = None,
+) -> HeatResult:
+    """Compute the temperatures of a scene with [effects.heat] and write them into a new folder.
+
+    Parameters
+    ----------
+    case : Case, or the path of a scene file
+    run : folder of a run whose torque is taken; default: that of the scene, else the expected one.
+    speeds : slip speeds [rad/s], > 0, at which the permitted slip power is computed.
+    out : new folder; default: the next runs/<case>-heat-<nnn>.
+
+    Raises
+    ------
+    SceneError
+        The scene has faults, no [effects.heat], or no torque.
+    OutputError
+        The folder is there already.
+    HeatNotConverged
+        The equations are not solved.
+    """
+    case = as_case(case)
+    folder = Path(out) if out is not None else RunFolder.next_path(f"{case.name}-heat")
+    if folder.exists():
+        raise OutputError(f"{folder} exists; name another folder with --out")
+    with bad_input_for(case.path):
+        if case.scene.effects.thermal is None:
+            raise ValueError("the scene has no [effects.heat]; add the table, or --set effects.heat=on")
+        if not all(0.0 < speed < inf for speed in speeds):
+            raise ValueError("speeds of the permitted slip power must be above 0")
+        study = _Study.of(case, run)
+    summary: dict[str, Any] = {"title": case.scene.scene.title, "units": UNITS | PERMITTED_UNITS, "torque": study.told}
+    summary["steady"], temperature = study.steady()
+    table, summary["duty"], last = study.through_the_duty(temperature)
+    permitted = study.permitted(speeds)
+    summary["largest_current"] = study.largest_currents()
+    summary["error_of_the_mesh"] = study.mesh_error(temperature)
+    folder.mkdir(parents=True)
+    table.to_csv(folder / "heat.csv", index=False)
+    permitted.to_csv(folder / "permitted.csv", index=False)
+    (folder / "heat.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+    shown, when = (last, summary["duty"]["state"]) if temperature is None else (temperature, "steady, on all the time")
+    temperature_picture(folder / "temperature.png", study.problem, shown, title=f"{summary['title']}\n{when}")
+    effect = case.scene.effects.thermal
+    limits = {"surface": effect.surface_limit, "coil_hottest": effect.coil_limit}
+    duty_picture(folder / "heat.png", table, permitted, limits, title=summary["title"])
+    return HeatResult(folder, summary, table, permitted)
+
+
+@dataclass(frozen=True, slots=True)
+class _Study:
+    scene: Scene
+    problem: HeatProblem
+    model: HeatModel
+    told: dict[str, Any]
+    peak: Drive
+
+    @classmethod
+    def of(cls, case: Case, run: str | Path | None) -> _Study:
+        scene = case.scene
+        effect, coil, shape = scene.effects.thermal, scene.coil, scene.shape()
+        assert coil is not None  # by the effect's checks
+        torque, told = _torque(case, run)
+        fade = effect.fade and (np.array(effect.fade.temperatures), np.array(effect.fade.factors))
+        motion = scene.motion
+        problem = heat_problem(scene, motion.rotor.largest_speed, motion.disc.largest_speed)
+        model = HeatModel(resistance_at_20(scene), torque, fade)
+        slip = motion.largest_slip if effect.duty.slip is None else effect.duty.slip.largest
+        if coil.is_at_voltage:
+            peak = Drive(None, coil.voltage.largest, slip)
+        else:
+            window = shape.coil_area, shape.coil_mean_radius
+            current = coil.currents_in(*window).largest if effect.duty.current is None else effect.duty.current.largest
+            peak = Drive(current, 0.0, slip)
+        return cls(scene, problem, model, told, peak)
+
+    def _solve(self, drive: Drive, problem: HeatProblem | None = None) -> np.ndarray:
+        """Steady temperatures.
+
+        Raises
+        ------
+        ThermalRunaway
+            There are none, or the winding's mean is above `HOTTEST`.
+        """
+        problem = problem or self.problem
+        found = problem.steady(lambda means: self.model.powers(drive, means), start=HOTTEST)
+        if problem.means(found)[COIL] > HOTTEST:
+            raise ThermalRunaway(f"the winding would be above {HOTTEST:g} degrees C")
+        return found
+
+    def _row(self, drive: Drive, temperature: np.ndarray, time: float = 0.0) -> dict[str, float]:
+        problem = self.problem
+        means, largest = problem.means(temperature), problem.largest(temperature)
+        powers, _ = self.model.powers(drive, means)
+        current = self.model.current(drive, means[COIL])
+        values = (
+            time,
+            current,
+            drive.slip,
+            self.model.torque_at(current, means[POWDER]),
+            powers[COIL],
+            powers[POWDER],
+            sum(problem.losses(temperature).values()),
+            means[COIL],
+            largest[COIL],
+            means[POWDER],
+            largest[POWDER],
+            _surface(problem, temperature),
+        )
+        return dict(zip(UNITS, map(float, values), strict=True))
+
+    def steady(self) -> tuple[dict[str, Any], np.ndarray | None]:
+        """With the coil on and slip all the time: the row, with the heat through each surface; or why there is none."""
+        try:
+            found = self._solve(self.peak)
+        except ThermalRunaway:
+            return {"state": f"none: the winding passes {HOTTEST:g} degrees C"}, None
+        row = self._row(self.peak, found)
+        del row["time"]
+        out = {f"heat_out_{name}": heat for name, heat in self.problem.losses(found).items()}
+        return {"state": "steady", **row, **out}, found
+
+    def through_the_duty(self, reference: np.ndarray | None) -> tuple[pandas.DataFrame, dict[str, Any], np.ndarray]:
+        """A row a step, what came of it, and the last temperatures."""
+        effect, problem = self.scene.effects.thermal, self.problem
+        march = HeatInTime(
+            problem, lambda t, means: self.model.powers(self._drive(t), means), effect.tolerance, reference
+        )
+        state = first = march.start(effect.ambient)
+        rows = [self._row(self._drive(0.0), state.temperature)]
+        told: dict[str, Any] = {"state": f"after {effect.duty.end:g} s of duty", "end": effect.duty.end}
+        try:
+            for state in march.run(first, self._switchings()):
+                before = state.time - 1e-9 * max(state.time, 1.0)  # a source that jumps there has not yet
+                rows.append(self._row(self._drive(before), state.temperature, state.time))
+                if rows[-1]["coil_mean"] > HOTTEST:
+                    raise ThermalRunaway
+        except ThermalRunaway:
+            told["state"] = f"stopped: the winding passes {HOTTEST:g} degrees C after {state.time:.4g} s"
+            told["end"] = state.time
+        table = pandas.DataFrame(rows)
+        for key, limit in (("surface", effect.surface_limit), ("coil_hottest", effect.coil_limit)):
+            told[f"{key}_limit_passed_after"] = _passes(table["time"].to_numpy(), table[key].to_numpy(), limit)
+        told |= {f"largest_{key}": float(table[key].max()) for key in ("surface", "coil_hottest", "powder_hottest")}
+        told |= _energy(problem, first, state)
+        told["steps"] = march.steps
+        return table, told, state.temperature
+
+    def _drive(self, time: float) -> Drive:
+        """What heats at a time of the duty [s]."""
+        duty = self.scene.effects.thermal.duty
+        within = time if duty.period is None else time % duty.period
+        slip = self.peak.slip if duty.slip is None else abs(duty.slip(within))
+        if duty.on is not None and within >= duty.on:
+            return Drive(0.0, 0.0, slip)
+        if duty.current is None:
+            return Drive(self.peak.current, self.peak.voltage, slip)
+        return Drive(abs(duty.current(within)), 0.0, slip)
+
+    def _switchings(self) -> list[float]:
+        """Instants [s] at which a stretch of the duty ends."""
+        duty = self.scene.effects.thermal.duty
+        period = duty.period or duty.end
+        cuts = {period} | ({duty.on} if duty.on else set())
+        for profile in (duty.current, duty.slip):
+            cuts |= set() if profile is None else {time for time in profile.times if 0.0 < time < period}
+        count = int(np.ceil(duty.end / period * (1.0 - 1e-12)))
+        times = {k * period + cut for k in range(count) for cut in cuts}
+        return sorted(time for time in {*times, duty.end} if 0.0 < time <= duty.end)
+
+    def permitted(self, speeds: Sequence[float]) -> pandas.DataFrame:
+        """A row a speed, with the rotor turning at it and the coil at its largest current or voltage."""
+        effect, rows = self.scene.effects.thermal, []
+        for speed in speeds:
+            film = film_of(self.scene, speed)
+            problem = self.problem.with_films({"rotor": film})
+
+            def temperatures(power: float, problem: HeatProblem = problem) -> np.ndarray:
+                return self._solve(Drive(self.peak.current, self.peak.voltage, slip_power=power), problem)
+
+            def surface(power: float, problem: HeatProblem = problem, at: Callable = temperatures) -> float:
+                return _surface(problem, at(power))
+
+            def hottest(power: float, problem: HeatProblem = problem, at: Callable = temperatures) -> float:
+                return float(problem.largest(at(power))[COIL])
+
+            by_surface = _where_reached(surface, effect.surface_limit)
+            by_coil = _where_reached(hottest, effect.coil_limit)
+            power = min(by_surface, by_coil)
+            powder = float("nan")
+            if np.isfinite(power):
+                powder = float(problem.largest(temperatures(power))[POWDER])
+            values = (speed, film, by_surface, by_coil, power, power / speed, powder)
+            rows.append(dict(zip(PERMITTED_UNITS, values, strict=True)))
+        return pandas.DataFrame(rows)
+
+    def largest_currents(self) -> dict[str, float | None]:
+        """Steady currents [A] without slip at which the coil reaches its limit, and at which it runs away."""
+
+        def current_at(limit: float, value: Callable[[np.ndarray], float]) -> float:
+            def at(power: float) -> float:
+                return value(self._with_copper_loss(power))
+
+            power = _where_reached(at, limit)
+            if not power > 0.0:
+                return 0.0
+            mean = float(self.problem.means(self._with_copper_loss(power))[COIL])
+            return float(np.sqrt(power / self.model.resistance(mean)))
+
+        limit = self.scene.effects.thermal.coil_limit
+        return {
+            "at_the_coil_limit": current_at(limit, lambda found: float(self.problem.largest(found)[COIL])),
+            "before_it_runs_away": current_at(HOTTEST, lambda found: float(self.problem.means(found)[COIL])),
+        }
+
+    def _with_copper_loss(self, power: float) -> np.ndarray:
+        return self.problem.steady(lambda means: (np.array([power, 0.0]), np.zeros(2)))
+
+    def mesh_error(self, temperature: np.ndarray | None) -> dict[str, float] | str:
+        """Steady temperatures less those of elements of the next order [K]."""
+        if temperature is None:
+            return "not known: there are no steady temperatures"
+        motion = self.scene.motion
+        finer = heat_problem(
+            self.scene, motion.rotor.largest_speed, motion.disc.largest_speed, self.problem.mesh, order=2
+        )
+        found = self._solve(self.peak, finer)
+        return {
+            "surface": _surface(self.problem, temperature) - _surface(finer, found),
+            "coil_hottest": float((self.problem.largest(temperature) - finer.largest(found))[COIL]),
+            "powder_hottest": float((self.problem.largest(temperature) - finer.largest(found))[POWDER]),
+        }
+
+
+def _torque(case: Case, run: str | Path | None) -> tuple[Callable[[float], float], dict[str, Any]]:
+    """Torque [N m] of a current [A], and where it comes from."""
+    effect = case.scene.effects.thermal
+    if run is not None:
+        mean = load_result(run).summary.get("torque", {}).get("mean")
+        if mean is None:
+            raise ValueError(f"the run {run} has no steady torque; let it end, or give effects.heat.torque")
+        return _while_on(abs(mean)), {"value": abs(mean), "source": f"the run {run}"}
+    curve = effect.torque_curve
+    if curve is not None:
+        currents, torques = np.array(curve.currents), np.array(curve.torques)
+        return lambda current: float(np.interp(current, currents, torques)), {"source": "effects.heat.torque_curve"}
+    if effect.torque is not None:
+        return _while_on(effect.torque), {"value": effect.torque, "source": "effects.heat.torque"}
+    if case.scene.particles is None:
+        raise ValueError("effects.heat has no torque: the scene has no grains; give effects.heat.torque, or --run FOLDER")
+    from emclutch.simulation.forecast.expected_torque import expected_torque  # local: it needs a plan
+    from emclutch.simulation.plan import make_plan
+
+    device, plan = make_plan(case)
+    expected = expected_torque(case.scene, device, plan.peak_field)
+    if expected.torque is None:
+        raise ValueError(f"effects.heat has no torque: {expected.law}; give effects.heat.torque, or --run FOLDER")
+    words = f"expected: {expected.in_words()}"
+    return _while_on(expected.torque), {"value": expected.torque, "source": words}
+
+
+def _while_on(torque: float) -> Callable[[float], float]:
+    return lambda current: torque if current > 0.0 else 0.0
+
+
+def _surface(problem: HeatProblem, temperature: np.ndarray) -> float:
+    """Temperature of the hottest place outside, the shaft's ends excepted [degrees C]."""
+    return max(one for name, one in problem.surface_temperatures(temperature).items() if name != SHAFT_ENDS)
+
+
+def _where_reached(value: Callable[[float], float], limit: float) -> float:
+    """Power [W] at which a temperature that rises with it reaches a limit, to 0.01 K; 0 where it is above without power.
+
+    Secants from 0 W and 1 W; the temperature of a power that makes the winding run away counts as above the limit.
+    """
+    try:
+        low, at_low = 0.0, value(0.0)
+    except ThermalRunaway:
+        return 0.0
+    if at_low >= limit:
+        return 0.0
+    power, high = 1.0, inf
+    for _ in range(60):
+        try:
+            found = value(power)
+        except ThermalRunaway:
+            found = inf
+        if abs(found - limit) < 0.01:
+            return power
+        if found > limit:
+            high = power
+        slope = (found - at_low) / (power - low) if np.isfinite(found) else 0.0
+        if found < limit:
+            low, at_low = power, found
+        guess = power + (limit - found) / slope if slope > 0.0 else 0.5 * (low + high)
+        if not low < guess < high:
+            guess = 0.5 * (low + high) if np.isfinite(high) else 2.0 * power
+        if high - low < 1e-6 * max(high, 1.0):
+            return low
+        power = guess
+    raise RuntimeError("the permitted power was not found in 60 steps of the secant method")
+
+
+def _passes(time: np.ndarray, value: np.ndarray, limit: float) -> float | None:
+    """When a temperature first passes a limit [s], between two rows on a line; None where it does not."""
+    above = np.flatnonzero(value > limit)
+    if not len(above):
+        return None
+    k = int(above[0])
+    if k == 0:
+        return 0.0
+    share = (limit - value[k - 1]) / (value[k] - value[k - 1])
+    return float(time[k - 1] + share * (time[k] - time[k - 1]))
+
+
+def _energy(problem: HeatProblem, first: HeatState, last: HeatState) -> dict[str, float]:
+    """Heat [J] made, left and stored, and what does not close of it over what was made."""
+    stored = float(problem.heat_content @ (last.temperature - first.temperature))
+    made = float(last.made.sum())
+    return {
+        "heat_of_coil": float(last.made[COIL]),
+        "heat_of_slip": float(last.made[POWDER]),
+        "heat_out": last.left,
+        "heat_stored": stored,
+        "energy_error": (made - last.left - stored) / made if made > 0.0 else 0.0,
+    }

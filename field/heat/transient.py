@@ -1,0 +1,182 @@
+"""Temperatures in time: implicit Euler with extrapolation, its step chosen by the difference of two.
+
+A step of h from T_0 is made once (T_a) and as two of h/2 (T_b). The error of T_b is T_b - T_a to first order; the result
+2 T_b - T_a is of second order (extrapolation of L. F. Richardson; E. Hairer and G. Wanner, Solving Ordinary Differential
+Equations II, 1996, IV.9). The largest |T_b - T_a| is held below a tolerance [K], which bounds the error of a step. Both
+steps are solved to round-off, so that in each the heat that is stored is what the sources make less what leaves; the sums of
+both are extrapolated as the temperatures are, and the balance of energy closes whatever the step.
+
+Time is cut into *stretches* between the instants at which a source is switched. A step is a stretch over a power of two, so
+that the steps of a repeated duty are the same in each period and few matrices are factorised. Each step's equations
+are nonlinear in the surface's radiation and the sources' powers; they are solved by Newton's method with the matrix of one
+reference temperature, which changes them by per cents only.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from field.heat.conduction import Factorised, HeatNotConverged, HeatProblem, ThermalRunaway
+
+PowersInTime = Callable[[float, np.ndarray], tuple[np.ndarray, np.ndarray]]
+"""Time [s] and means of the sources (m,) [degrees C] to powers (m,) [W] and their derivatives (m,) [W/K]."""
+
+_KEPT = 32
+"""Factorised matrices that are kept, each for a step's length."""
+_ITERATIONS = 40
+_CLOSE = 1e-9
+"""Change of the temperatures [K] at which a step's iteration ends."""
+FINEST = 24
+"""Halvings of a stretch beyond which a step counts as failed."""
+
+
+@dataclass(frozen=True, slots=True)
+class HeatState:
+    """Temperatures at a time, and the sums of heat until then.
+
+    Attributes
+    ----------
+    time : float
+        [s]
+    temperature : ndarray (n_dofs,)
+        [degrees C]
+    made : ndarray (m,)
+        Heat of each source [J].
+    left : float
+        Heat that left through the surfaces [J].
+    """
+
+    time: float
+    temperature: np.ndarray
+    made: np.ndarray
+    left: float
+
+
+@dataclass
+class HeatInTime:
+    """Marches a problem through stretches of time.
+
+    Parameters
+    ----------
+    problem : HeatProblem
+    powers : PowersInTime
+        Of the sources; continuous within a stretch.
+    tolerance : float
+        Of a step's error [K], > 0.
+    reference : ndarray (n_dofs,) or None
+        Temperatures [degrees C] of the matrices; None: those at the start of each stretch's first step.
+    """
+
+    problem: HeatProblem
+    powers: PowersInTime
+    tolerance: float = 0.1
+    reference: np.ndarray | None = None
+    steps: int = field(default=0, init=False)
+    _factors: OrderedDict[float, Factorised] = field(default_factory=OrderedDict, init=False)
+
+    def __post_init__(self) -> None:
+        if not self.tolerance > 0.0:
+            raise ValueError(f"`tolerance` = {self.tolerance:g} K of a step must be above 0")
+
+    def start(self, temperature: np.ndarray | float, time: float = 0.0) -> HeatState:
+        """The state at `time` [s] with temperatures (n_dofs,) or a uniform one [degrees C]."""
+        problem = self.problem
+        held = np.broadcast_to(np.asarray(temperature, float), (problem.n_dofs,)).copy()
+        return HeatState(time, held, np.zeros(len(problem.names)), 0.0)
+
+    def run(self, state: HeatState, ends: Sequence[float]) -> Iterator[HeatState]:
+        """Yield the states at the end of each step until the last of increasing instants `ends` [s].
+
+        Raises
+        ------
+        ThermalRunaway
+            However short the step, the sources' power grows faster than the heat is stored.
+        HeatNotConverged
+            The equations of a step are not solved.
+        """
+        level = 4  # a first guess, in the first stretch
+        for end in ends:
+            begin, length = state.time, end - state.time
+            if length <= 0.0:
+                continue
+            done, of = 0, 2**FINEST
+            while done < of:
+                level = max(level, 0)
+                size = of >> level
+                while done % size or done + size > of:
+                    size >>= 1
+                    level += 1
+                h = length * (size / of)
+                try:
+                    new, error = self._step(state, h, begin, end)
+                except (ThermalRunaway, HeatNotConverged):
+                    if level >= FINEST - 1:
+                        raise
+                    level += 1
+                    continue
+                if error > self.tolerance and level < FINEST - 1:
+                    level += 1
+                    continue
+                done += size
+                state = HeatState(begin + length * (done / of), new.temperature, new.made, new.left)
+                self.steps += 1
+                yield state
+                if error < 0.25 * self.tolerance:
+                    level -= 1
+
+    def _step(self, state: HeatState, h: float, begin: float, end: float) -> tuple[HeatState, float]:
+        """The state after h [s] within a stretch, and the error's estimate [K]."""
+        # sources may jump at the ends of a stretch: they are asked for inside it
+        inside = 1e-9 * (end - begin)
+
+        def at(time: float) -> float:
+            return min(max(time, begin + inside), end - inside)
+
+        full = self._euler(state, h, at(state.time + h))
+        half = self._euler(state, 0.5 * h, at(state.time + 0.5 * h))
+        halves = self._euler(half, 0.5 * h, at(state.time + h))
+        error = float(np.abs(halves.temperature - full.temperature).max())
+        return (
+            HeatState(
+                state.time + h,
+                2.0 * halves.temperature - full.temperature,
+                2.0 * halves.made - full.made,
+                2.0 * halves.left - full.left,
+            ),
+            error,
+        )
+
+    def _euler(self, state: HeatState, h: float, at: float) -> HeatState:
+        problem, old = self.problem, state.temperature
+        factors = self._factorised(h, old)
+        temperature = old.copy()
+        for _ in range(_ITERATIONS):
+            power, slope = self.powers(at, problem.means(temperature))
+            residual = problem.M @ ((temperature - old) / h) + problem.K @ temperature + problem.loss(temperature)
+            step = factors.solve(residual - problem.spread @ power, slope)
+            temperature = temperature - step
+            size = float(np.abs(step).max())
+            if not np.isfinite(size):
+                break
+            if size <= _CLOSE:
+                power, _ = self.powers(at, problem.means(temperature))
+                left = sum(problem.losses(temperature).values())
+                return HeatState(state.time + h, temperature, state.made + h * power, state.left + h * left)
+        raise HeatNotConverged(f"a step of {h:.3g} s at {state.time:.6g} s did not converge in {_ITERATIONS} iterations")
+
+    def _factorised(self, h: float, old: np.ndarray) -> Factorised:
+        key = float(f"{h:.9g}")  # lengths that only round-off tells apart are one
+        if key in self._factors:
+            self._factors.move_to_end(key)
+            return self._factors[key]
+        if self.reference is None:
+            self.reference = old.copy()
+        made = self.problem.factorised(self.problem.tangent(self.reference, 1.0 / h))
+        self._factors[key] = made
+        if len(self._factors) > _KEPT:
+            self._factors.popitem(last=False)
+        return made
