@@ -31,6 +31,7 @@ if TYPE_CHECKING:  # the same names for type checkers and editors, which do not 
     from emclutch.studies.field_result import FieldResult, field
     from emclutch.studies.fit import FitResult, fit
     from emclutch.studies.gather import GatheredStudy, gather
+    from emclutch.studies.heat import HeatResult, heat
     from emclutch.studies.mesh import MeshedScene, mesh
     from emclutch.studies.sobol_indices import sobol_indices
     from emclutch.studies.sweep import sweep
@@ -46,6 +47,7 @@ __all__ = [
     "FieldResult",
     "FitResult",
     "GatheredStudy",
+    "HeatResult",
     "MeshedScene",
     "OutputError",
     "Plan",
@@ -61,6 +63,7 @@ __all__ = [
     "field",
     "fit",
     "gather",
+    "heat",
     "load_case",
     "load_result",
     "load_study",
@@ -89,6 +92,8 @@ __getattr__, __dir__ = lazy_attributes(
         "FitResult": "emclutch.studies.fit:FitResult",
         "gather": "emclutch.studies.gather:gather",
         "GatheredStudy": "emclutch.studies.gather:GatheredStudy",
+        "heat": "emclutch.studies.heat:heat",
+        "HeatResult": "emclutch.studies.heat:HeatResult",
         "mesh": "emclutch.studies.mesh:mesh",
         "MeshedScene": "emclutch.studies.mesh:MeshedScene",
         "sobol_indices": "emclutch.studies.sobol_indices:sobol_indices",

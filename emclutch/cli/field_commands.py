@@ -1,4 +1,4 @@
-"""The commands of the field and of what magnetises and warms in it: field, heat, mesh, materials, powder, shear-cell."""
+"""The commands of the field, of what magnetises in it and of heat: field, heat, mesh, materials, powder, shear-cell."""
 
 from __future__ import annotations
 

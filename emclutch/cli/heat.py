@@ -45,14 +45,14 @@ def in_words(found: HeatResult) -> list[str]:
             if key.startswith("heat_out_")
         )
         lines.append(
-            f"steady: {steady['copper_loss']:.3g} W of the coil at {steady['current']:.3g} A, {steady['slip_power']:.3g} W "
-            f"of slip; out through {ways}"
+            f"steady: {steady['copper_loss']:.3g} W of the coil at {steady['current']:.3g} A, "
+            f"{steady['slip_power']:.3g} W of slip; out through {ways}"
         )
     else:
+        limit = summary["largest_current"]["before_it_runs_away"]
         lines.append(
             f"steady: {steady['state']} (thermal runaway, or beyond copper's law); without slip the coil has a steady "
-            f"state up to {summary['largest_current']['before_it_runs_away']:.3g} A: lower the current or the slip power, "
-            "cool better, or shorten the duty"
+            f"state up to {limit:.3g} A: lower the current or the slip power, cool better, or shorten the duty"
         )
     lines.append(f"duty: {duty['state']}, {duty['steps']} steps; energy closes to {abs(duty['energy_error']):.1e}")
     for key, name in (("surface", "surface"), ("coil_hottest", "coil")):

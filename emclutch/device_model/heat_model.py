@@ -1,15 +1,15 @@
 """The thermal model of a scene: its section with materials, powder and clearances, what cools it and what heats it.
 
 - **Solid parts** conduct with the library's properties or the scene's; the winding as one material across its wires.
-- **Powder** conducts as a packing at rest (`field.laws.heat_properties.powder_conductivity`), with the resistance R_c of both
-  walls spread over the gap's width g: 1/k + 2 R_c/g. Parts of the chamber without powder hold air.
+- **Powder** conducts as a packing at rest (`field.laws.heat_properties.powder_conductivity`), with the resistance R_c
+  of both walls spread over the gap's width g: 1/k + 2 R_c/g. Parts of the chamber without powder hold air.
 - **Clearances** hold still air: a gap of 0.3 mm passes 90 W/(m^2 K) without its flow, which is laminar there.
-- **Outside**: film and radiation; faces of what turns besides as a disc in still air, both films added by their cubes (S. W.
-  Churchill, AIChE J. 23 (1977) 10, assisting convection). The ends of the shaft stubs lead to the surroundings by a
-  conductance; with 0 they are insulated.
-- **Sources**: R(T) I^2 evenly in the winding, R(T) = R_20 (1 + 0.00393 (T - 20)) of its mean temperature, at a given current
-  or, at a voltage, V^2/R(T); torque times slip speed evenly in the powder between the poles, where it is made, the torque
-  of the current and of the powder's mean temperature.
+- **Outside**: film and radiation; faces of what turns besides as a disc in still air, both films added by their cubes
+  (S. W. Churchill, AIChE J. 23 (1977) 10, assisting convection). The ends of the shaft stubs lead to the surroundings
+  by a conductance; with 0 they are insulated.
+- **Sources**: R(T) I^2 evenly in the winding, R(T) = R_20 (1 + 0.00393 (T - 20)) of its mean temperature, at a given
+  current or, at a voltage, V^2/R(T); torque times slip speed evenly in the powder between the poles, where it is made,
+  the torque of the current and of the powder's mean temperature.
 """
 
 from __future__ import annotations
@@ -130,7 +130,7 @@ def resistance_at_20(scene: Scene) -> float:
 def heat_problem(
     scene: Scene, rotor_speed: float = 0.0, disc_speed: float = 0.0, mesh: SectionMesh | None = None, order: int = 1
 ) -> HeatProblem:
-    """The equations of conduction in a scene's device, its bodies turning at speeds [rad/s]; `mesh` spares the meshing."""
+    """The equations of conduction in a scene's device, bodies turning at speeds [rad/s]; `mesh` spares the meshing."""
     mesh = mesh_of(scene) if mesh is None else mesh
     effect, shape, geometry = scene.effects.thermal, scene.shape(), scene.geometry
     k, capacity = np.zeros(len(mesh.triangles)), np.zeros(len(mesh.triangles))
@@ -199,9 +199,7 @@ def film_of(scene: Scene, speed: float) -> float:
     return float(np.cbrt(effect.convection**3 + turning**3))
 
 
-def _surfaces(
-    scene: Scene, mesh: SectionMesh, elements: np.ndarray, speeds: dict[str, float]
-) -> list[CooledSurface]:
+def _surfaces(scene: Scene, mesh: SectionMesh, elements: np.ndarray, speeds: dict[str, float]) -> list[CooledSurface]:
     """The outside by the body that it belongs to, and the ends of the shaft."""
     effect, shape = scene.effects.thermal, scene.shape()
     edges, owner = outer_edges(mesh, elements)

@@ -1,7 +1,8 @@
 """[effects.heat]: slip power and copper loss warm the section (`field.heat`), through hours of duty (`emclutch heat`).
 
-Grains move in milliseconds and steel warms in hours, so that a run of the grains does not feel the effect: its torque goes
-into `torque` or `torque_curve`, and what changes it with the temperature, of runs at a few temperatures, into `fade`.
+Grains move in milliseconds and steel warms in hours, so that a run of the grains does not feel the effect: its torque
+goes into `torque` or `torque_curve`, and what changes it with the temperature, of runs at a few temperatures, into
+`fade`.
 """
 
 from __future__ import annotations
@@ -92,8 +93,8 @@ class DutySection(Section):
             raise refuse(f"is longer than the period of {self.period:g} s; lower it", key="on")
         if self.end / self.period > 5000.0:
             raise refuse(
-                f"repeats more than 5000 times within the end of {self.end:g} s; lower the end, or give the mean as one "
-                "constant duty",
+                f"repeats more than 5000 times within the end of {self.end:g} s; lower the end, or give "
+                "the mean as one constant duty",
                 key="period",
             )
         return self
@@ -118,7 +119,9 @@ def _has_its_device(draft: Draft) -> Iterator[Fault]:
             f"does not go with geometry.{scene.geometry.key_of_3d}: heat is conducted in a section; remove one of them",
         )
     if scene.coil is None:
-        yield Fault("effects.heat", "", "needs [coil], whose copper loss it takes; add it, or remove the effect's table")
+        yield Fault(
+            "effects.heat", "", "needs [coil], whose copper loss it takes; add it, or remove the effect's table"
+        )
 
 
 def _knows_its_materials(draft: Draft) -> Iterator[Fault]:
@@ -134,7 +137,8 @@ def _knows_its_materials(draft: Draft) -> Iterator[Fault]:
         for name in given:
             if name not in in_use:
                 yield draft.fault(
-                    f"effects.heat.{key}.{name}", f"is for no material of this device; it has {', '.join(sorted(in_use))}"
+                    f"effects.heat.{key}.{name}",
+                    f"is for no material of this device; it has {', '.join(sorted(in_use))}",
                 )
         for name in sorted(in_use):
             if canonical_name(name) is None and name not in given and name in (scene.materials or {}):
@@ -167,7 +171,8 @@ def _duty_has_one_drive(draft: Draft) -> Iterator[Fault]:
         return
     if effect.duty.current is not None and coil.is_at_voltage:
         yield draft.fault(
-            "effects.heat.duty.current", "conflicts with coil.voltage, from which the current follows; remove one of them"
+            "effects.heat.duty.current",
+            "conflicts with coil.voltage, from which the current follows; remove one of them",
         )
     if effect.torque is not None and effect.torque_curve is not None:
         yield draft.fault("effects.heat.torque", "conflicts with torque_curve; keep one of them")

@@ -22,7 +22,10 @@ def warnings_of(scene: Any) -> Iterator[str]:
     elif scene.coil is not None and scene.coil_field is None:
         yield "[coil] is not used: that needs [field] with source = 'coil'"
     if scene.particles is None:
-        idle = [name for name in ("surfaces", "contact", "motion", "time") if _is_given(scene, name)]
+        unused = (
+            ("surfaces", "contact", "motion", "time") if effects.thermal is None else ("surfaces", "contact", "time")
+        )
+        idle = [name for name in unused if _is_given(scene, name)]
         if idle:
             names = ", ".join(f"[{name}]" for name in idle)
             yield f"without [particles] the scene is of the field alone, which does not use {names}"

@@ -1,14 +1,17 @@
 """`emclutch heat`: temperatures of a device through hours of duty, and the slip power that it may have.
 
-The torque is that of the grains: of a run (`run`), of the scene (`effects.heat.torque`, `torque_curve`), or the expected one
-of `emclutch check`. From there on the thermal model stands alone (`emclutch.device_model.heat_model`, `field.heat`).
+The torque is that of the grains: of a run (`run`), of the scene (`effects.heat.torque`, `torque_curve`), or the
+expected one of `emclutch check`. From there on the thermal model stands alone (`emclutch.device_model.heat_model`,
+`field.heat`).
 """
 
 from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from math import inf, pi
 from pathlib import Path
 from typing import Any
@@ -66,7 +69,7 @@ PERMITTED_UNITS = {
     "torque": "N m",
     "powder_hottest": "degC",
 }
-"""Columns of permitted.csv: the slip power up to which surface and coil stay below their limits, the smaller of both, and
+"""Of permitted.csv: the slip power up to which surface and coil stay below their limits, the smaller of both, and
 its torque."""
 
 
@@ -171,8 +174,8 @@ class _Study:
             peak = Drive(current, 0.0, slip)
         return cls(scene, problem, model, told, peak)
 
-    def _solve(self, drive: Drive, problem: HeatProblem | None = None) -> np.ndarray:
-        """Steady temperatures.
+    def _solve(self, drive: Drive, problem: HeatProblem | None = None, near: np.ndarray | None = None) -> np.ndarray:
+        """Steady temperatures, found sooner from others that are `near`.
 
         Raises
         ------
@@ -180,7 +183,13 @@ class _Study:
             There are none, or the winding's mean is above `HOTTEST`.
         """
         problem = problem or self.problem
-        found = problem.steady(lambda means: self.model.powers(drive, means), start=HOTTEST)
+        powers = partial(self.model.powers, drive)
+        found = None
+        if near is not None:
+            with suppress(ThermalRunaway):  # what is colder may run away there already
+                found = problem.steady(powers, near)
+        if found is None:
+            found = problem.steady(powers, HOTTEST)
         if problem.means(found)[COIL] > HOTTEST:
             raise ThermalRunaway(f"the winding would be above {HOTTEST:g} degrees C")
         return found
@@ -272,21 +281,14 @@ class _Study:
             film = film_of(self.scene, speed)
             problem = self.problem.with_films({"rotor": film})
 
-            def temperatures(power: float, problem: HeatProblem = problem) -> np.ndarray:
-                return self._solve(Drive(self.peak.current, self.peak.voltage, slip_power=power), problem)
-
-            def surface(power: float, problem: HeatProblem = problem, at: Callable = temperatures) -> float:
-                return _surface(problem, at(power))
-
-            def hottest(power: float, problem: HeatProblem = problem, at: Callable = temperatures) -> float:
-                return float(problem.largest(at(power))[COIL])
-
-            by_surface = _where_reached(surface, effect.surface_limit)
-            by_coil = _where_reached(hottest, effect.coil_limit)
+            at = _AtSlipPower(self, problem)
+            by_surface = _where_reached(lambda power, at=at: _surface(at.problem, at(power)), effect.surface_limit)
+            by_coil = _where_reached(lambda power, at=at: at.problem.largest(at(power))[COIL], effect.coil_limit)
             power = min(by_surface, by_coil)
-            powder = float("nan")
-            if np.isfinite(power):
-                powder = float(problem.largest(temperatures(power))[POWDER])
+            try:
+                powder = float(problem.largest(at(power))[POWDER])
+            except ThermalRunaway:  # the coil alone is too hot
+                powder = float("nan")
             values = (speed, film, by_surface, by_coil, power, power / speed, powder)
             rows.append(dict(zip(PERMITTED_UNITS, values, strict=True)))
         return pandas.DataFrame(rows)
@@ -294,14 +296,12 @@ class _Study:
     def largest_currents(self) -> dict[str, float | None]:
         """Steady currents [A] without slip at which the coil reaches its limit, and at which it runs away."""
 
-        def current_at(limit: float, value: Callable[[np.ndarray], float]) -> float:
-            def at(power: float) -> float:
-                return value(self._with_copper_loss(power))
+        def with_copper_loss(power: float) -> np.ndarray:
+            return self.problem.steady(lambda means: (np.array([power, 0.0]), np.zeros(2)))
 
-            power = _where_reached(at, limit)
-            if not power > 0.0:
-                return 0.0
-            mean = float(self.problem.means(self._with_copper_loss(power))[COIL])
+        def current_at(limit: float, value: Callable[[np.ndarray], float]) -> float:
+            power = _where_reached(lambda power: value(with_copper_loss(power)), limit)
+            mean = float(self.problem.means(with_copper_loss(power))[COIL])
             return float(np.sqrt(power / self.model.resistance(mean)))
 
         limit = self.scene.effects.thermal.coil_limit
@@ -309,9 +309,6 @@ class _Study:
             "at_the_coil_limit": current_at(limit, lambda found: float(self.problem.largest(found)[COIL])),
             "before_it_runs_away": current_at(HOTTEST, lambda found: float(self.problem.means(found)[COIL])),
         }
-
-    def _with_copper_loss(self, power: float) -> np.ndarray:
-        return self.problem.steady(lambda means: (np.array([power, 0.0]), np.zeros(2)))
 
     def mesh_error(self, temperature: np.ndarray | None) -> dict[str, float] | str:
         """Steady temperatures less those of elements of the next order [K]."""
@@ -329,6 +326,20 @@ class _Study:
         }
 
 
+class _AtSlipPower:
+    """Steady temperatures of a problem against its slip power [W], each solved from the last."""
+
+    def __init__(self, study: _Study, problem: HeatProblem) -> None:
+        self.study, self.problem = study, problem
+        self.last: np.ndarray | None = None
+
+    def __call__(self, power: float) -> np.ndarray:
+        peak = self.study.peak
+        found = self.study._solve(Drive(peak.current, peak.voltage, slip_power=power), self.problem, self.last)
+        self.last = found
+        return found
+
+
 def _torque(case: Case, run: str | Path | None) -> tuple[Callable[[float], float], dict[str, Any]]:
     """Torque [N m] of a current [A], and where it comes from."""
     effect = case.scene.effects.thermal
@@ -344,7 +355,9 @@ def _torque(case: Case, run: str | Path | None) -> tuple[Callable[[float], float
     if effect.torque is not None:
         return _while_on(effect.torque), {"value": effect.torque, "source": "effects.heat.torque"}
     if case.scene.particles is None:
-        raise ValueError("effects.heat has no torque: the scene has no grains; give effects.heat.torque, or --run FOLDER")
+        raise ValueError(
+            "effects.heat has no torque: the scene has no grains; give effects.heat.torque, or --run FOLDER"
+        )
     from emclutch.simulation.forecast.expected_torque import expected_torque  # local: it needs a plan
     from emclutch.simulation.plan import make_plan
 
@@ -366,7 +379,7 @@ def _surface(problem: HeatProblem, temperature: np.ndarray) -> float:
 
 
 def _where_reached(value: Callable[[float], float], limit: float) -> float:
-    """Power [W] at which a temperature that rises with it reaches a limit, to 0.01 K; 0 where it is above without power.
+    """Power [W] at which a temperature that rises with it reaches a limit, to 0.01 K; 0 if above without power.
 
     Secants from 0 W and 1 W; the temperature of a power that makes the winding run away counts as above the limit.
     """

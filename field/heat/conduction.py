@@ -5,19 +5,19 @@ With temperatures T in degrees C, conductivity k [W/(m K)], heat capacity C [J/(
     C dT/dt = (1/r) d/dr (r k dT/dr) + d/dz (k dT/dz) + q,
     -k dT/dn = h (T - T_o) + epsilon sigma ((T + 273.15)^4 - (T_o + 273.15)^4)
 
-on the outside, n outwards, no flux on the axis (H. S. Carslaw and J. C. Jaeger, Conduction of Heat in Solids, 1959, ch. 1).
-Multiplied by 2 pi r v and integrated over the section with scikit-fem, elements of order 1 or 2. All integrals are those of
-the whole turn, so that every entry of the equations is a power [W]:
+on the outside, n outwards, no flux on the axis (H. S. Carslaw and J. C. Jaeger, Conduction of Heat in Solids, 1959, ch.
+1). Multiplied by 2 pi r v and integrated over the section with scikit-fem, elements of order 1 or 2. All integrals are
+those of the whole turn, so that every entry of the equations is a power [W]:
 
     M dT/dt + K T + S(T) = sum over sources j of P_j b_j,
 
-b_j the volume mean over source j: it spreads 1 W evenly over the source's volume, and b_j . T is its mean temperature. The
-power of a source may depend on that mean (copper's resistance grows, powder fades), which adds matrices of rank 1 to the
-tangent; they are inverted by the formula of Sherman, Morrison and Woodbury.
+b_j the volume mean over source j: it spreads 1 W evenly over the source's volume, and b_j . T is its mean temperature.
+The power of a source may depend on that mean (copper's resistance grows, powder fades), which adds matrices of rank 1
+to the tangent; they are inverted by the formula of Sherman, Morrison and Woodbury.
 
-**Runaway.** A coil at a given current I makes I^2 R(T), R(T) = R_0 (1 + alpha (T - T_0)). Where a watt more warms it by R_th
-kelvins it has a steady temperature only for alpha R_0 I^2 R_th < 1; beyond, the tangent has a negative eigenvalue. At a given
-voltage its power falls with T and it always has one.
+**Runaway.** A coil at a given current I makes I^2 R(T), R(T) = R_0 (1 + alpha (T - T_0)). Where a watt more warms it by
+R_th kelvins it has a steady temperature only for alpha R_0 I^2 R_th < 1; beyond, the tangent has a negative eigenvalue.
+At a given voltage its power falls with T and it always has one.
 """
 
 from __future__ import annotations
@@ -40,12 +40,15 @@ KELVIN = 273.15
 """0 degrees C [K]."""
 
 ORDERS = (1, 2)
+MOLTEN = 2000.0
+"""Temperature [degrees C] above which nothing is solid."""
+
 _NEWTON_STEPS = 30
 _CLOSE = 1e-10
 """Largest change of a temperature, relative to the largest difference to the outside, at which Newton ends."""
 
 Powers = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
-"""Mean temperatures of the sources (m,) [degrees C] to their powers (m,) [W], and the powers' derivatives (m,) [W/K]."""
+"""Mean temperatures of the sources (m,) [degrees C] to their powers (m,) [W] and derivatives (m,) [W/K]."""
 
 
 class ThermalRunaway(ArithmeticError):
@@ -196,6 +199,7 @@ class HeatProblem:
         self._pattern = sp.csc_matrix(pattern)
         self._pattern.data[:] = 0.0
         self._pattern.sort_indices()
+        self._solver = SymmetricSolver()
 
     @property
     def outside(self) -> float:
@@ -244,34 +248,37 @@ class HeatProblem:
         """rate M + K + dS/dT in the common pattern; `rate` is 1 over a step of time [1/s], 0 steady."""
         return sp.csc_matrix(rate * self.M + self.K + self.loss_tangent(temperature) + self._pattern)
 
-    def factorised(self, matrix: sp.csc_matrix) -> Factorised:
-        """The matrix with the columns of the sources solved."""
-        solver = SymmetricSolver()
+    def factorised(self, matrix: sp.csc_matrix, solver: SymmetricSolver | None = None) -> Factorised:
+        """The matrix with the columns of the sources solved; a `solver` is used again, and forgets its last matrix."""
+        solver = SymmetricSolver() if solver is None else solver
         matrix.sort_indices()
         solver.factorise(matrix)
         return Factorised(solver, self.spread, solver.solve_again(self.spread) if len(self.names) else self.spread)
 
-    def steady(self, powers: Powers, start: float = 250.0) -> np.ndarray:
+    def steady(self, powers: Powers, start: float | np.ndarray = 250.0) -> np.ndarray:
         """Return the temperatures (n_dofs,) [degrees C] at which as much heat leaves as the sources make.
 
-        Newton's method from the uniform temperature `start` [degrees C], which is best above the solution: S is convex, so
-        that it then falls to it monotonically.
+        Newton's method from a uniform temperature or a state (n_dofs,) [degrees C], best above the solution: S is
+        convex, so that it then falls to it monotonically.
 
         Raises
         ------
         ThermalRunaway
-            There are none below `start`: there and on the way the sources' power grows faster than the heat that leaves.
+            At the start or on the way the sources' power grows faster with the temperature than the heat that leaves:
+            from a hot start, there is no solution below it.
         HeatNotConverged
             It did not converge.
         """
-        temperature = np.full(self.n_dofs, start)
+        temperature = np.broadcast_to(np.asarray(start, float), (self.n_dofs,)).copy()
         for _ in range(_NEWTON_STEPS):
             power, slope = powers(self.means(temperature))
             residual = self.K @ temperature + self.loss(temperature) - self.spread @ power
-            step = self.factorised(self.tangent(temperature)).solve(residual, slope)
+            step = self.factorised(self.tangent(temperature), self._solver).solve(residual, slope)
             temperature = temperature - step
             if not np.all(np.isfinite(temperature)):
                 break
+            if np.abs(temperature).max() > MOLTEN:
+                raise ThermalRunaway(f"there are no steady temperatures below {MOLTEN:g} degrees C")
             if np.abs(step).max() <= _CLOSE * max(1.0, float(np.abs(temperature - self.outside).max())):
                 return temperature
         raise HeatNotConverged(f"no steady temperatures within {_NEWTON_STEPS} steps of Newton's method")
@@ -316,7 +323,7 @@ class _Film:
         )
         self.surface = surface
         self.facet_dofs = basis.element_dofs.T  # (k, n_basis), all of the facet's element
-        shape = np.array([np.broadcast_to(each[0].value, basis.dx.shape) for each in basis.basis])
+        shape = np.array([np.broadcast_to(np.asarray(each[0]), basis.dx.shape) for each in basis.basis])
         self._shape = shape.transpose(1, 2, 0)  # (k, n_quadrature, n_basis)
         self._weight = 2.0 * np.pi * np.asarray(basis.global_coordinates())[0] * basis.dx  # (k, n_quadrature) [m^2]
         self.dofs = np.unique(self.facet_dofs[np.any(np.abs(self._shape) > 1e-12, axis=1)])

@@ -1,15 +1,15 @@
 """Temperatures in time: implicit Euler with extrapolation, its step chosen by the difference of two.
 
-A step of h from T_0 is made once (T_a) and as two of h/2 (T_b). The error of T_b is T_b - T_a to first order; the result
-2 T_b - T_a is of second order (extrapolation of L. F. Richardson; E. Hairer and G. Wanner, Solving Ordinary Differential
-Equations II, 1996, IV.9). The largest |T_b - T_a| is held below a tolerance [K], which bounds the error of a step. Both
-steps are solved to round-off, so that in each the heat that is stored is what the sources make less what leaves; the sums of
-both are extrapolated as the temperatures are, and the balance of energy closes whatever the step.
+A step of h from T_0 is made once (T_a) and as two of h/2 (T_b). The error of T_b is T_b - T_a to first order; the
+result 2 T_b - T_a is of second order (extrapolation of L. F. Richardson; E. Hairer and G. Wanner, Solving Ordinary
+Differential Equations II, 1996, IV.9). The largest |T_b - T_a| is held below a tolerance [K], which bounds the error of
+a step. Both steps are solved to round-off, so that in each the heat that is stored is what the sources make less what
+leaves; the sums of both are extrapolated as the temperatures are, and the balance of energy closes whatever the step.
 
-Time is cut into *stretches* between the instants at which a source is switched. A step is a stretch over a power of two, so
-that the steps of a repeated duty are the same in each period and few matrices are factorised. Each step's equations
-are nonlinear in the surface's radiation and the sources' powers; they are solved by Newton's method with the matrix of one
-reference temperature, which changes them by per cents only.
+Time is cut into *stretches* between the instants at which a source is switched. A step is a stretch over a power of
+two, so that the steps of a repeated duty are the same in each period and few matrices are factorised. Each step's
+equations are nonlinear in the surface's radiation and the sources' powers; they are solved by Newton's method with the
+matrix of one reference temperature, which changes them by per cents only.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from field.heat.conduction import Factorised, HeatNotConverged, HeatProblem, ThermalRunaway
+from field.heat.conduction import MOLTEN, Factorised, HeatNotConverged, HeatProblem, ThermalRunaway
 
 PowersInTime = Callable[[float, np.ndarray], tuple[np.ndarray, np.ndarray]]
 """Time [s] and means of the sources (m,) [degrees C] to powers (m,) [W] and their derivatives (m,) [W/K]."""
@@ -160,13 +160,15 @@ class HeatInTime:
             step = factors.solve(residual - problem.spread @ power, slope)
             temperature = temperature - step
             size = float(np.abs(step).max())
-            if not np.isfinite(size):
+            if not np.isfinite(size) or np.abs(temperature).max() > MOLTEN:
                 break
             if size <= _CLOSE:
                 power, _ = self.powers(at, problem.means(temperature))
                 left = sum(problem.losses(temperature).values())
                 return HeatState(state.time + h, temperature, state.made + h * power, state.left + h * left)
-        raise HeatNotConverged(f"a step of {h:.3g} s at {state.time:.6g} s did not converge in {_ITERATIONS} iterations")
+        raise HeatNotConverged(
+            f"a step of {h:.3g} s at {state.time:.6g} s did not converge in {_ITERATIONS} iterations"
+        )
 
     def _factorised(self, h: float, old: np.ndarray) -> Factorised:
         key = float(f"{h:.9g}")  # lengths that only round-off tells apart are one

@@ -1,12 +1,12 @@
-"""Thermal conductivity, density and specific heat of the named materials, of windings and of powders, near 50 degrees C.
+"""Thermal conductivity, density and specific heat of named materials, windings and powders, near 50 degrees C.
 
 Of metals they are known to 5 to 10 per cent and change by as much up to 200 degrees C. Two mixtures:
 
-- **winding** across its wires, round conductors of k_c that fill f of it in a binder of k_b: the lower bound of Hashin and
-  Shtrikman (J. Mech. Phys. Solids 11 (1963) 127) for parallel fibres, for windings N. Simpson, R. Wrobel and P. H. Mellor,
-  IEEE Trans. Ind. Appl. 49 (2013) 2505, k = k_b ((1 + f) k_c + (1 - f) k_b)/((1 - f) k_c + (1 + f) k_b);
-- **powder** at rest in a gas, a solid fraction phi of spheres of k_s in gas of k_g: P. Zehner and E. U. Schluender, Chem. Ing.
-  Tech. 42 (1970) 933, with kappa = k_s/k_g, B = 1.25 (phi/(1 - phi))^(10/9) and N = 1 - B/kappa
+- **winding** across its wires, round conductors of k_c that fill f of it in a binder of k_b: the lower bound of Hashin
+  and Shtrikman (J. Mech. Phys. Solids 11 (1963) 127) for parallel fibres, for windings N. Simpson, R. Wrobel and P. H.
+  Mellor, IEEE Trans. Ind. Appl. 49 (2013) 2505, k = k_b ((1 + f) k_c + (1 - f) k_b)/((1 - f) k_c + (1 + f) k_b);
+- **powder** at rest in a gas, a solid fraction phi of spheres of k_s in gas of k_g: P. Zehner and E. U. Schluender,
+  Chem. Ing. Tech. 42 (1970) 933, with kappa = k_s/k_g, B = 1.25 (phi/(1 - phi))^(10/9) and N = 1 - B/kappa
 
       k/k_g = 1 - sqrt(phi) + sqrt(phi) (2/N) (B (kappa - 1)/(N^2 kappa) ln(kappa/B) - (B + 1)/2 - (B - 1)/N),
 
@@ -121,7 +121,8 @@ def powder_conductivity(phi: float, grains: float = GRAINS, gas: float = _PROPER
 def turning_disc_film(speed: float) -> float:
     """h [W/(m^2 K)] of the face of a disc that turns in still air at `speed` [rad/s], in laminar flow.
 
-    Nu = 0.36 Re^(1/2) with the radius, so that h = 0.36 k sqrt(omega/nu) at every radius (E. C. Cobb and O. A. Saunders, Proc.
-    R. Soc. A 236 (1956) 343), to Re = omega R^2/nu of 2.4e5: 13 000 rpm at R = 50 mm. Air at 50 degrees C, nu = 1.8e-5 m^2/s.
+    Nu = 0.36 Re^(1/2) with the radius, so that h = 0.36 k sqrt(omega/nu) at every radius (E. C. Cobb and O. A.
+    Saunders, Proc. R. Soc. A 236 (1956) 343), to Re = omega R^2/nu of 2.4e5: 13 000 rpm at R = 50 mm. Air at 50 degrees
+    C, nu = 1.8e-5 m^2/s.
     """
     return 0.36 * _PROPERTIES["air"].conductivity * math.sqrt(abs(speed) / 1.8e-5)

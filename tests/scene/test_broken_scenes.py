@@ -41,7 +41,7 @@ EDITS = {
     "truth value as a number": ({"coil.current": True}, "coil.current = true", "a current is needed"),
     "restitution of nothing": ({"contact.restitution": 0}, "contact.restitution", "allowed: > 0, <= 1"),
     "a solver of research": ({"contact.dvi.solver": "psor"}, "contact.dvi.solver", "accelerated"),
-    "planned effect": ({"effects.heat": {}}, "effects.heat", "remove its table"),
+    "planned effect": ({"effects.grain_hysteresis": {}}, "effects.grain_hysteresis", "remove its table"),
     "unknown dipole model": ({"effects.dipoles.model": "mutaul"}, "effects.dipoles.model", "did you mean 'mutual'?"),
     "moments fed back over less than a gap": (
         {"effects.dipoles.model": "mutual", "effects.back_reaction": {}, "effects.dipoles.cutoff": 1.5},

@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from emclutch.results.pictures.figure import MM, RPM, legend_below, make_logarithmic, new_figure, save_picture
+from emclutch.results.pictures.figure import (
+    MM,
+    RPM,
+    label_panel,
+    legend_below,
+    make_logarithmic,
+    new_figure,
+    save_picture,
+)
 from emclutch.results.pictures.section import draw_outlines
 
 if TYPE_CHECKING:
@@ -33,15 +41,15 @@ def temperature_picture(path: str | Path, problem: HeatProblem, temperature: np.
     points = problem.points[: len(corners)]
     (r0, z0), (r1, z1) = points.min(axis=0), points.max(axis=0)
     shape = (r1 - r0) / (z1 - z0)
-    figure, (axis,) = new_figure(9.0, float(np.clip(7.2 * shape, 3.0, 8.0)) + 1.2, title)
+    figure, (axis,) = new_figure(9.0, float(np.clip(6.0 * shape, 3.0, 6.5)) + 1.2, title)
     section = Triangulation(MM * points[:, 1], MM * points[:, 0], problem.corners)
     drawn = axis.tripcolor(section, corners, cmap="inferno", shading="gouraud", rasterized=True)
     span = float(np.ptp(corners))
     step = next((one for one in STEPS if span / one <= 12.0), STEPS[-1])
     levels = np.arange(np.ceil(corners.min() / step) * step, corners.max(), step)
     if len(levels) and span > 0.0:
-        lines = axis.tricontour(section, corners, levels=levels, colors="white", linewidths=0.6, alpha=0.8)
-        axis.clabel(lines, fmt="%g", fontsize=7)
+        axis.tricontour(section, corners, levels=levels, colors="white", linewidths=0.6, alpha=0.8)
+        label_panel(axis, f"white: isotherms, {step:g} K between them")
     draw_outlines(axis, problem.mesh)
     axis.set(xlabel="z [mm]", ylabel="r [mm]", aspect="equal")
     margin = 0.03 * (z1 - z0)
@@ -50,9 +58,7 @@ def temperature_picture(path: str | Path, problem: HeatProblem, temperature: np.
     return save_picture(figure, path)
 
 
-def duty_picture(
-    path: str | Path, table: Any, permitted: Any, limits: dict[str, float], *, title: str | None
-) -> Path:
+def duty_picture(path: str | Path, table: Any, permitted: Any, limits: dict[str, float], *, title: str | None) -> Path:
     """Draw temperatures against time, and the permitted slip power against the slip speed.
 
     Parameters
@@ -80,7 +86,8 @@ def duty_picture(
         powers = np.asarray(permitted[column])
         right.plot(speed, np.where(powers > 0.0, powers, np.nan), "o-", ms=4, color=colour,
                    label=f"{name} at {limits[of]:g} °C")  # fmt: skip
-    make_logarithmic(right)
+    if np.any(permitted[["by_surface", "by_coil"]].to_numpy() > 0.0):
+        make_logarithmic(right)
     right.set(xlabel="slip speed [1/min]", ylabel="permitted slip power [W]")
     right.grid(alpha=0.25)
     legend_below(right)

@@ -1,0 +1,182 @@
+"""[effects.heat]: what leaves is what slip and copper make; limits, duty, runaway and cold start; refusals."""
+
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import emclutch
+from emclutch.cli.main import app
+from emclutch.device_model.heat_model import COIL, POWDER, Drive, HeatModel, heat_problem, resistance_at_20
+from emclutch.scene.case import case_from
+from emclutch.scene.errors import SceneError
+from emclutch.studies.heat import heat
+
+RPM = np.pi / 30.0
+BRAKE = {
+    "scene": {"title": "a small brake"},
+    "geometry": {
+        "kind": "drum", "disc_radius": "15 mm", "disc_thickness": "12 mm", "gap": "1 mm", "face_gap": "1 mm",
+        "seal_radius": "13 mm", "rotor_wall": "3 mm", "ring_width": "3 mm", "cover_thickness": "2 mm",
+        "clearance": "0.3 mm", "coil_width": "6 mm", "coil_height": "6 mm", "yoke": "3 mm", "shaft_radius": "3 mm",
+    },
+    "coil": {"current": "0.5 A", "turns": 300},
+    "field": {"source": "coil", "size_factor": 3.0, "gap_layers": 3},
+    "motion": {"rotor": {"speed": "300 rpm"}},
+    "effects": {"heat": {"torque": "0.1 N m", "duty": {"end": "1 h"}}},
+}  # fmt: skip
+
+
+def brake(**values):
+    return case_from(BRAKE, values)
+
+
+def faults(**values):
+    with pytest.raises(SceneError) as refused:
+        brake(**values)
+    return str(refused.value)
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory):
+    return heat(brake(), speeds=[100.0 * RPM, 1000.0 * RPM], out=tmp_path_factory.mktemp("heat") / "brake")
+
+
+def test_what_leaves_is_what_slip_and_copper_make(found):
+    steady = found.summary["steady"]
+    assert steady["slip_power"] == pytest.approx(0.1 * 300.0 * RPM, rel=1e-9)
+    R = steady["copper_loss"] / 0.5**2
+    cold = HeatModel(1.0, lambda current: 0.0).resistance(steady["coil_mean"])
+    geometry = brake().scene.shape()
+    winding = brake().scene.coil.winding_in(geometry.coil_area, geometry.coil_mean_radius)
+    assert winding.resistance * cold == pytest.approx(R, rel=1e-9)
+    assert steady["heat_out"] == pytest.approx(steady["slip_power"] + steady["copper_loss"], rel=1e-7)
+    assert abs(found.summary["duty"]["energy_error"]) < 1e-7
+    assert found.summary["duty"]["heat_of_slip"] == pytest.approx(3600.0 * steady["slip_power"], rel=1e-6)
+
+
+def test_the_duty_ends_in_the_steady_state_and_writes_its_files(found):
+    last, steady = found.table.iloc[-1], found.summary["steady"]
+    for key in ("coil_mean", "powder_hottest", "surface"):
+        assert last[key] == pytest.approx(steady[key], abs=0.05 * (steady[key] - 20.0))
+        assert np.all(np.diff(found.table[key]) > -1e-6)
+    assert {"heat.csv", "permitted.csv", "heat.json", "temperature.png", "heat.png"} == {
+        path.name for path in found.folder.iterdir()
+    }
+    assert json.loads((found.folder / "heat.json").read_text())["steady"]["surface"] == steady["surface"]
+    error = found.summary["error_of_the_mesh"]
+    assert max(abs(error["surface"]), abs(error["coil_hottest"])) < 0.01 * (steady["coil_hottest"] - 20.0)
+
+
+def test_at_the_permitted_slip_power_the_limit_is_met(found):
+    slow, fast = found.permitted.to_dict("records")
+    assert fast["film"] > slow["film"] and fast["slip_power"] > slow["slip_power"]
+    scene = brake().scene
+    problem, model = (
+        heat_problem(scene, 100.0 * RPM),
+        HeatModel(resistance_at_20(scene), lambda current: slow["torque"]),
+    )
+    drive = Drive(0.5, slip=100.0 * RPM)
+    steady = problem.steady(lambda means: model.powers(drive, means))
+    surface, hottest = max(problem.surface_temperatures(steady).values()), problem.largest(steady)[COIL]
+    assert min(75.0 - surface, 130.0 - hottest) == pytest.approx(0.0, abs=0.02)
+
+
+def test_a_duty_of_a_quarter_has_a_quarter_of_the_heat(found, tmp_path):
+    """On for 30 s of 120 s: in the end the mean rise is a quarter of the steady one, but for radiation and copper."""
+    part = heat(
+        brake(**{"effects.heat.duty": {"end": "40 min", "period": "120 s", "on": "30 s"}, "effects.heat.tolerance":
+        0.5}), speeds=[100.0 * RPM], out=tmp_path / "part",
+    )  # fmt: skip
+    end = part.table[part.table["time"] > 2280.0]
+    mean = np.trapezoid(end["surface"], end["time"]) / np.ptp(end["time"]) - 20.0
+    assert 0.2 < mean / (found.summary["steady"]["surface"] - 20.0) < 0.35
+    assert part.summary["duty"]["heat_of_slip"] == pytest.approx(0.25 * 2400.0 * 0.1 * 300.0 * RPM, rel=1e-6)
+    assert abs(part.summary["duty"]["energy_error"]) < 1e-7
+
+
+@pytest.mark.hard
+def test_a_current_without_a_steady_state_runs_away_and_says_so(tmp_path):
+    """A given current runs away: reported with the largest that does not; every number is finite."""
+    done = CliRunner().invoke(
+        app, ["heat", _written(tmp_path, {"coil.current": "4 A"}), "--speed", "100 rpm", "--out", str(tmp_path / "hot")]
+    )
+    assert done.exit_code == 0, done.output
+    words = " ".join(done.output.split())
+    assert "thermal runaway" in words and "lower the current" in words and "stopped: the winding passes 250" in words
+    told = json.loads((tmp_path / "hot" / "heat.json").read_text())
+    limit = told["largest_current"]["before_it_runs_away"]
+    assert 0.5 < told["largest_current"]["at_the_coil_limit"] < limit < 4.0
+    table = np.genfromtxt(tmp_path / "hot" / "heat.csv", delimiter=",", skip_header=1)
+    assert np.all(np.isfinite(table))
+
+
+@pytest.mark.hard
+def test_a_cold_start_and_a_given_voltage(tmp_path):
+    """At -40 degrees C the coil takes more current than at 20, and less as it warms: no runaway at any voltage."""
+    cold = heat(
+        brake(**{
+            "coil": {"voltage": "3 V", "turns": 300}, "effects.heat.ambient": -40.0, "effects.heat.torque": None,
+            "effects.heat.torque_curve": {"currents": [0.0, 2.0], "torques": [0.0, 0.4]},
+            "effects.heat.fade": {"temperatures": [-40.0, 200.0], "factors": [1.0, 0.8]},
+        }),
+        speeds=[100.0 * RPM], out=tmp_path / "cold",
+    )  # fmt: skip
+    table = cold.table
+    assert table["coil_mean"].iloc[0] == pytest.approx(-40.0) and np.all(np.diff(table["current"]) < 1e-9)
+    assert np.all(np.diff(table["torque"]) < 1e-9) and np.all(np.isfinite(table))
+    steady = cold.summary["steady"]
+    assert steady["copper_loss"] == pytest.approx(3.0 * steady["current"], rel=1e-9)
+    assert steady["heat_out"] == pytest.approx(steady["slip_power"] + steady["copper_loss"], rel=1e-7)
+
+
+def test_a_shaft_and_a_better_powder_take_heat():
+    """A conductance of the shaft draws off heat; a poor powder is hotter, and so are contacts that resist."""
+
+    def steady(**values):
+        problem = heat_problem(brake(**values).scene)
+        found = problem.steady(lambda means: (np.array([2.0, 5.0]), np.zeros(2)))
+        return problem, found, problem.largest(found)[POWDER]
+
+    _, _, usual = steady()
+    problem, found, cooler = steady(**{"effects.heat.shaft_conductance": "0.5 W/K"})
+    assert problem.losses(found)["shaft_ends"] > 0.5 and cooler < usual - 5.0
+    filled = {**BRAKE, "particles": {"diameter": "0.3 mm", "mass": "1 g", "region": "poles"}, "time": {"end": "1 ms"}}
+    filled["effects"] = BRAKE["effects"] | {"magnetic_force": {}}
+
+    def of_grains(**values):
+        problem = heat_problem(case_from(filled, values).scene)
+        found = problem.steady(lambda means: (np.array([2.0, 5.0]), np.zeros(2)))
+        return problem.largest(found)[POWDER] - problem.surface_temperatures(found)["rotor"]
+
+    packed, poor = of_grains(), of_grains(**{"effects.heat.powder_conductivity": "0.05 W/(m K)"})
+    resists = of_grains(**{"effects.heat.contact_resistance": "0.01 m^2 K/W"})
+    assert 0.0 < packed < min(poor, resists)
+
+
+def test_what_does_not_go_together_is_refused_with_its_remedy(tmp_path):
+    assert "steel_x" in faults(**{"effects.heat.conductivity": {"steel_x": "50 W/(m K)"}})
+    assert "torque_curve" in faults(**{"coil": {"voltage": "3 V", "turns": 300}})
+    assert "torque_curve" in faults(**{"effects.heat.duty.current": {"times": [0, 10], "values": [0, 1]}})
+    assert "period" in faults(**{"effects.heat.duty": {"on": "5 s"}})
+    assert "longer than the period" in faults(**{"effects.heat.duty": {"on": "50 s", "period": "20 s"}})
+    assert "surface_limit" in faults(**{"effects.heat.ambient": 80.0})
+    assert "as many" in faults(**{"effects.heat.fade": {"temperatures": [20.0, 100.0], "factors": [1.0]}})
+    slots = {"count": 12, "depth": "2 mm"}
+    assert "disc_slots" in faults(**{"geometry.disc_slots": slots})
+    cell = {"kind": "shear_cell", "inner_radius": "10 mm", "outer_radius": "11 mm", "height": "2 mm"}
+    assert "'clutch' or 'drum'" in faults(geometry=cell, field=None, coil=None)
+    with pytest.raises(SceneError, match="no torque"):
+        heat(brake(**{"effects.heat.torque": None}), out=tmp_path / "none")
+    with pytest.raises(SceneError, match=r"effects\.heat=on"):
+        heat(brake(**{"effects.heat": None}), out=tmp_path / "none")
+    heat_of = emclutch.heat
+    with pytest.raises(emclutch.OutputError, match="exists"):
+        heat_of(brake(), out=tmp_path)
+
+
+def _written(folder, values):
+    path = folder / "brake.toml"
+    path.write_text(brake(**values).toml(), encoding="utf-8")
+    return str(path)
