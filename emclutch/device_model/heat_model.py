@@ -160,6 +160,7 @@ def heat_problem(
     elements = np.flatnonzero(k > 0.0)
     region_of_powder = "poles" if scene.particles is None else scene.particles.region
     zone = geometry.pole_zone(shape, region_of_powder)
+    assert zone is not None  # kinds whose clearances are known have poles
     slips = powder[mesh.fraction_in_boxes("powder", list(zone.boxes)) > 0.5]
     return HeatProblem(
         mesh,

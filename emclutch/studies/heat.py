@@ -167,6 +167,7 @@ class _Study:
         model = HeatModel(resistance_at_20(scene), torque, fade)
         slip = motion.largest_slip if effect.duty.slip is None else effect.duty.slip.largest
         if coil.is_at_voltage:
+            assert coil.voltage is not None  # what drives it
             peak = Drive(None, coil.voltage.largest, slip)
         else:
             window = shape.coil_area, shape.coil_mean_radius
@@ -282,8 +283,8 @@ class _Study:
             problem = self.problem.with_films({"rotor": film})
 
             at = _AtSlipPower(self, problem)
-            by_surface = _where_reached(lambda power, at=at: _surface(at.problem, at(power)), effect.surface_limit)
-            by_coil = _where_reached(lambda power, at=at: at.problem.largest(at(power))[COIL], effect.coil_limit)
+            by_surface = _where_reached(at.surface, effect.surface_limit)
+            by_coil = _where_reached(at.hottest, effect.coil_limit)
             power = min(by_surface, by_coil)
             try:
                 powder = float(problem.largest(at(power))[POWDER])
@@ -338,6 +339,14 @@ class _AtSlipPower:
         found = self.study._solve(Drive(peak.current, peak.voltage, slip_power=power), self.problem, self.last)
         self.last = found
         return found
+
+    def surface(self, power: float) -> float:
+        """Temperature of the hottest place outside [degrees C]."""
+        return _surface(self.problem, self(power))
+
+    def hottest(self, power: float) -> float:
+        """Temperature of the winding's hottest place [degrees C]."""
+        return float(self.problem.largest(self(power))[COIL])
 
 
 def _torque(case: Case, run: str | Path | None) -> tuple[Callable[[float], float], dict[str, Any]]:
