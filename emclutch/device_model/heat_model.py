@@ -140,7 +140,7 @@ def heat_problem(
     air = heat_properties("air")
     within = np.zeros(0, dtype=int)
     if "air" in mesh.regions:
-        inside = mesh.fraction_in_boxes("air", geometry.clearances(shape)) > 0.5
+        inside = mesh.fraction_in_boxes("air", geometry.clearances(shape) or []) > 0.5
         within = mesh.regions["air"][inside]
     k[within], capacity[within] = air.conductivity, air.capacity
     powder = mesh.elements_of("powder")
