@@ -114,8 +114,13 @@ class AdaptiveCurve:
         return batch
 
     def _free(self, place: float) -> list[int]:
-        """Candidates of a place that were not chosen."""
-        return [int(number) for number in np.flatnonzero(self.places == place) if int(number) not in self.chosen]
+        """Candidates of a place that were not chosen; each place begins with another packing.
+
+        Runs of one seed begin with the same packing: what they have in common would be no scatter of the curve.
+        """
+        numbers = np.flatnonzero(self.places == place)
+        numbers = np.roll(numbers, -PACKINGS * int(np.searchsorted(self.at, place)))
+        return [int(number) for number in numbers if int(number) not in self.chosen]
 
 
 class AdaptiveStudy:

@@ -35,7 +35,7 @@ ROOT = Path(__file__).resolve().parents[2]
 THESIS = ROOT / "cases" / "thesis"
 TOY = {
     "particles.count": 8, "time.window": "2 ms", "output.snapshots": 3, "output.pictures": False,
-    "output.formats": ["hdf5"], "accuracy.replicas": 1,
+    "output.formats": ["hdf5"], "accuracy.replicas": 1, "motion.rotor.speed": "500 rpm", "contact.stiffness": "12 MN/m",
 }  # fmt: skip
 CLOCKS = ["seconds", "figure_of_merit"]
 WAIT = 200.0  # s; a test that needs it has failed
