@@ -60,6 +60,7 @@ _PROPERTIES = {
     "steel_1008": HeatProperties(59.0, 7850.0, 460.0, f"AISI 1010, 64 at 27 and 59 at 127 degrees C; {_INCROPERA}"),
     "steel_1010": HeatProperties(62.0, 7830.0, 450.0, f"AISI 1010, 64 at 27 and 59 at 127 degrees C; {_INCROPERA}"),
     "steel_11smn30": HeatProperties(55.0, 7850.0, 460.0, f"assumed as plain carbon steel, 1 % Mn; {_INCROPERA}"),
+    "steel_11smnpb30": HeatProperties(55.0, 7850.0, 460.0, f"as 11SMn30, its lead left out; {_INCROPERA}"),
     "dc01": HeatProperties(60.0, 7850.0, 460.0, f"as AISI 1010; {_INCROPERA}"),
     "vacofer_s2": HeatProperties(76.0, 7870.0, 455.0, f"pure iron, 80 at 27 and 70 at 127 degrees C; {_INCROPERA}"),
     "team_steel": HeatProperties(60.0, 7850.0, 460.0, f"as AISI 1010; {_INCROPERA}"),
