@@ -120,7 +120,7 @@ def test_a_study_is_read_back_with_its_runs(tmp_path):
     study = emclutch.load_study(emclutch.sweep(file, out=tmp_path / "study"))
     assert study.table["motion.rotor.speed"].tolist() == ["100 rpm", "300 rpm"] and study.seeds is None
     for point, torque in zip(study.points, study.table["torque"], strict=True):
-        assert point.torque.mean == pytest.approx(torque, rel=1e-9)
+        assert point.torque.mean == pytest.approx(torque, rel=1e-7)  # a table has eight digits
     with pytest.raises(emclutch.OutputError, match="read_study"):
         emclutch.load_study(file)
     with pytest.raises(emclutch.OutputError, match=r"study\.csv"):
