@@ -52,7 +52,7 @@ def export(folder: Path, to: Format, out: Path | None = None) -> Path:
     if to is Format.NETCDF:
         refuse_without_xarray()
         if not is_study(folder):
-            raise OutputError(f"{folder} is no study, whose points a NetCDF file has; take --to csv")
+            raise OutputError(f"{folder} is not a study, and NetCDF is written for studies only; take --to csv")
     series = _series(folder) if to is Format.VTK else {}
     tables = {} if to in (Format.VTK, Format.NETCDF) else tables_of(folder)
     if out is None:

@@ -51,14 +51,17 @@ def in_words(found: HeatResult) -> list[str]:
     else:
         limit = summary["largest_current"]["before_it_runs_away"]
         lines.append(
-            f"steady: {steady['state']} (thermal runaway, or beyond copper's law); without slip the coil has a steady "
-            f"state up to {limit:.3g} A: lower the current or the slip power, cool better, or shorten the duty"
+            f"steady: {steady['state']} (thermal runaway, or above the range of copper's linear law); "
+            f"without slip the coil has a steady state up to {limit:.3g} A: lower the current or the slip power, cool "
+            "better, or shorten the duty"
         )
-    lines.append(f"duty: {duty['state']}, {duty['steps']} steps; energy closes to {abs(duty['energy_error']):.1e}")
+    lines.append(
+        f"duty: {duty['state']}, {duty['steps']} steps; residual of the energy balance {abs(duty['energy_error']):.1e}"
+    )
     for key, name in (("surface", "surface"), ("coil_hottest", "coil")):
         passed = duty[f"{key}_limit_passed_after"]
         if passed is not None:
-            lines.append(f"WARNING: the {name}'s limit is passed after {format_duration(passed)}")
+            lines.append(f"WARNING: the {name} exceeds its limit after {format_duration(passed)}")
     largest = summary["largest_current"]
     lines.append(
         f"largest current without slip: {largest['at_the_coil_limit']:.3g} A at the coil's limit, "

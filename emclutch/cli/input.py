@@ -190,7 +190,7 @@ def check_threads(threads: int | None) -> None:
 
 
 def part_asked(text: str | None, out: Path | None, jobs: int) -> tuple[int, int] | None:
-    """Return which part of how many ``3/40`` is; SceneError for what is none, or does not go with other options."""
+    """Return which part of how many ``3/40`` is; SceneError for what is none, or cannot be used with other options."""
     if text is None:
         return None
     which, slash, parts = (entry.strip() for entry in text.partition("/"))

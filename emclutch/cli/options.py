@@ -171,7 +171,8 @@ TrustScripts = Annotated[
 ]
 AsMarkdown = Annotated[bool, flag("--markdown", help="a page of all keys for people to read")]
 MaterialNames = Annotated[
-    list[str] | None, typer.Argument(metavar="[NAME]...", help="materials, or files of a curve (.csv); default: all")
+    list[str] | None,
+    typer.Argument(metavar="[NAME]...", help="materials, or files of a curve or a major loop (.csv); default: all"),
 ]
 CurvePicture = Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="new picture of B(H) and mu_r(B)")]
 PairForceAsked = Annotated[
@@ -233,14 +234,18 @@ Runs = Annotated[
         "--runs",
         metavar="N",
         callback=_within(0),
-        help="run the scene that was found, and the next, until a torque is the wanted; at most N; default: 0",
+        help="run the scene found and repeat the search with the result, at most N times, until a torque meets the "
+        "target; default: 0",
         show_default=False,
     ),
 ]
 Within = Annotated[
     str,
     typer.Option(
-        "--within", metavar="SHARE", help="how close to it a run has to come; default: 5 %", show_default=False
+        "--within",
+        metavar="SHARE",
+        help="accepted difference of a run's torque from it; default: 5 %",
+        show_default=False,
     ),
 ]
 MeasuredCurve = Annotated[

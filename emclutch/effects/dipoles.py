@@ -54,7 +54,7 @@ def _valid_moments(draft: Draft) -> Iterator[Fault]:
         yield Fault(
             "effects.dipoles",
             "",
-            "does not go with particles.law = 'thesis': M = chi H has no material behind it, in which grains could "
+            "cannot be used with particles.law = 'thesis': M = chi H has no material behind it, in which grains could "
             "magnetise one another; remove [effects.dipoles] and keep [effects.magnetic_force], or take law = 'sphere'",
         )
     if attraction.has_necks and not effects.saturate:

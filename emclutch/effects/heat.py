@@ -109,14 +109,15 @@ def _has_its_device(draft: Draft) -> Iterator[Fault]:
         yield Fault(
             "effects.heat",
             "",
-            f"does not go with geometry.kind = '{scene.geometry.kind}', of which outside and clearances are not known; "
-            "take 'clutch' or 'drum', or remove the effect's table",
+            f"cannot be used with geometry.kind = '{scene.geometry.kind}', of which outside and clearances are not "
+            "known; take 'clutch' or 'drum', or remove the effect's table",
         )
     elif scene.geometry.is_solved_in_3d:
         yield Fault(
             "effects.heat",
             "",
-            f"does not go with geometry.{scene.geometry.key_of_3d}: heat is conducted in a section; remove one of them",
+            f"cannot be used with geometry.{scene.geometry.key_of_3d}: heat is conducted in a section; remove one "
+            "of them",
         )
     if scene.coil is None:
         yield Fault(
@@ -249,5 +250,6 @@ class HeatSection(EffectSection):
             return
         note = f"at most {two_digits(at.slip_power)} W of slip, {two_digits(at.heating)} K/s in the powder alone"
         if at.housing_rise is not None:
-            note += f"; kept up, {two_digits(at.housing_rise)} K of the housing (emclutch heat)"
+            rise = two_digits(at.housing_rise)
+            note += f"; in steady operation the housing would be {rise} K above the room (emclutch heat)"
         yield LeftOut(cls.name, OFF, "kelvins in this run", at.heating * at.end, 100.0, note=note)

@@ -32,8 +32,8 @@ def _needs_a_given_current(draft: Draft) -> Iterator[Fault]:
             yield Fault(
                 "effects.hysteresis",
                 "",
-                f"does not go with [effects.{other.name}], whose steps do not carry the steel's history; remove one of "
-                "them",
+                f"cannot be used with [effects.{other.name}], whose steps do not carry the steel's history; remove one "
+                "of them",
             )
 
 
@@ -102,7 +102,7 @@ class HysteresisSection(EffectSection):
     def left_out(cls, at):
         """Yield that the steel leaves no residual field; how large it is follows from a ramp of the field alone."""
         if at.solved and at.M > 0.0:
-            note = "`emclutch field` with [effects.hysteresis] shows it, for a ramp of the current"
+            note = "[effects.hysteresis] computes it, in runs with a given current and in `emclutch field`"
             yield LeftOut(cls.name, OFF, "residual field of the steel", note=note)
 
     def history(self, scene: Scene, problem: AxisymmetricProblem) -> SteelHistory | None:

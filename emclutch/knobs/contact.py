@@ -116,7 +116,8 @@ class ContactStep(Knob):
 class RigidStep(Knob):
     """Time step by DVI.
 
-    Longer steps than the rule allows are tried too: they cost less, and tell the error of the scene's own by their own.
+    Longer steps than the rule allows are tried too: they cost less, and give an estimate of the error of the scene's
+    own step.
     What is compared is the mean torque, the impulse on the shaft over the averaged stretch: grains that start alike are
     elsewhere after a strain of a few per cent, whatever the step is, so that their places say nothing of it.
     """

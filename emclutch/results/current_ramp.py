@@ -7,7 +7,7 @@ curve, by the correlation time, and lacks what packings differ by.
 
 A branch in which the gap is sheared by less than `MIN_AVERAGED_STRAIN` is a switching and not a ramp, and has no bins.
 What lags behind the current (grains need a strain of some units to rearrange) makes the rising branch lower and the
-falling one higher, as hysteresis does: a ramp of half the rate tells them apart.
+falling one higher, as hysteresis does: a ramp of half the rate distinguishes them.
 """
 
 from __future__ import annotations
@@ -138,7 +138,7 @@ class CurrentRamp:
 
         The first rising branch and the first falling one after it; their difference is taken packing by packing. Area:
         integral of falling less rising torque over the current, over the product of the largest current and the torque
-        there. `half_width` is of the 95 % interval. What is not in the run is None.
+        there. `half_width` is of the 95 % interval. Entries are None where the run has no such branch.
         """
         rising = self._first(RISING)
         falling = self._first(FALLING, rising[-1].branch) if rising else []
@@ -329,7 +329,7 @@ def in_words(found: dict[str, Any]) -> list[str]:
     if found["residual"] is not None:
         left = _with_half(found["residual"]["torque"], found["residual"]["half_width"], "N m")
         lines.append(f"torque on the disc after the current is off: {left}")
-    return [*lines, f"torque against the current, {found['largest_current']:.4g} A at most: {TABLE}"]
+    return [*lines, f"table of torque against current, up to {found['largest_current']:.4g} A: {TABLE}"]
 
 
 def _with_half(value: float, half: float | None, unit: str) -> str:

@@ -111,7 +111,7 @@ class StudySection(Section):
         """
         which, parts = part
         if self.is_adaptive:
-            message = "does not go with study.sample.method = 'adaptive', as each point depends on others; take --jobs"
+            message = "cannot be used with study.sample.method = 'adaptive': each point depends on others; take --jobs"
             raise SceneError([Fault("--part", f"{which}/{parts}", f"{message} or --dask")], str(self.path))
         if parts > 1 and (twice := self._listed_twice()):
             message = (

@@ -197,8 +197,8 @@ def design(
     Raises
     ------
     SceneError
-        Faults of the scene or of what is searched; the torque is not reached between both values, which are then told
-        with their torques; it cannot be estimated for this scene.
+        Faults of the scene or of what is searched; the torque is not reached between both values (the message names
+        them with their torques); it cannot be estimated for this scene.
     OutputError, RunError
         The folder is there already; of the run.
     """

@@ -235,7 +235,7 @@ class _Study:
         )
         state = first = march.start(effect.ambient)
         rows = [self._row(self._drive(0.0), state.temperature)]
-        told: dict[str, Any] = {"state": f"after {effect.duty.end:g} s of duty", "end": effect.duty.end}
+        told: dict[str, Any] = {"state": f"computed to {effect.duty.end:g} s", "end": effect.duty.end}
         try:
             for state in march.run(first, self._switchings()):
                 before = state.time - 1e-9 * max(state.time, 1.0)  # a source that jumps there has not yet

@@ -74,10 +74,10 @@ def test_a_material_may_be_a_measured_loop():
 
 def test_what_does_not_carry_history_refuses_it():
     assert load_case(CASES / "quickstart.toml", {"effects.hysteresis": {}}).scene.effects.memory is not None
-    with pytest.raises(SceneError, match=r"effects\.hysteresis.*does not go with \[effects\.eddy_currents\]"):
+    with pytest.raises(SceneError, match=r"effects\.hysteresis.*cannot be used with \[effects\.eddy_currents\]"):
         load_case(CASES / "quickstart.toml", {"effects.hysteresis": {}, "effects.eddy_currents": {}})
     circuit = {"coil.current": None, "coil.voltage": "24 V", "effects.coil_circuit": {}}
-    with pytest.raises(SceneError, match=r"effects\.hysteresis.*does not go with \[effects\.coil_circuit\]"):
+    with pytest.raises(SceneError, match=r"effects\.hysteresis.*cannot be used with \[effects\.coil_circuit\]"):
         load_case(CASES / "quickstart.toml", {"effects.hysteresis": {}} | circuit)
     with pytest.raises(SceneError, match=r"effects\.hysteresis.*3D"):
         load_case(CASES / "slotted_disc.toml", {"effects.hysteresis": {}})

@@ -198,8 +198,9 @@ def _balances(result: Result) -> Iterator[Statement]:
     if solver and not solver.get("warnings"):
         stiffness = (summary.get("contact") or {}).get("stiffness")
         grains = "rigid grains" if stiffness is None else f"grains on springs of {stiffness:.3g} N/m"
-        missed = f"{100.0 * solver['missed_share']:.2g} % of the steps missed {solver['tolerance']:.2g} m/s"
-        yield Statement(Mark.GOOD, f"Contacts of {grains} by DVI obey their law: {missed}.")
+        share, tolerance = 100.0 * solver["missed_share"], solver["tolerance"]
+        missed = f"{share:.2g} % of the steps missed the tolerance of {tolerance:.2g} m/s"
+        yield Statement(Mark.GOOD, f"Contact solver (DVI, {grains}) converged: {missed}.")
 
 
 def _balance(what: str, share: float | None, of: str) -> Statement:
