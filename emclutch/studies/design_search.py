@@ -40,6 +40,8 @@ FACTORS = {THREEFOLD: (3.0, 3.0), ORDER: (10.0, 10.0), BOUND: (1.0, inf)}
 """Factors by which a run may give less and more than the law; a bound is never less."""
 VALUE_TOLERANCE, BRACKET_TOLERANCE = 1e-3, 1e-2
 """Of the range of x. Another mesh for each x is a noise of 3e-4 of the torque: a closer value would be noise."""
+SAME_VALUE = 1e-4
+"""Of the range of x: values this close are not run twice."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,9 +109,9 @@ class DesignResult:
         With found.toml, design.csv, design.json, and the runs in run, run-2, ...
     search : Search
     value : float
-        Of the key that was searched [SI].
+        Of the key that was searched, by the law and its correction [SI].
     expected : ExpectedTorque
-        Of the scene that was found.
+        Of the scene with that value.
     bracket : tuple of float
         Range of `value` [SI] that the law's uncertainty leaves, within the range that was searched.
     is_cut : tuple of bool
@@ -117,11 +119,11 @@ class DesignResult:
     tried : list of (float, float)
         Values [SI] and expected torques [N m], ascending.
     case : Case
-        The scene that was found.
+        The scene that was found: that of the nearest run, without runs that of `value`.
     correction : Correction or None
         Of the law, by the run that the search was given.
     trials : list of Trial
-        The scenes that were run, in their order; `value`, `expected` and `case` are those of the last.
+        The scenes that were run, in their order.
     next_value : float or None
         The value at which the law, corrected by the runs, gives the wanted torque [SI]; None where none searched does.
     tolerance : float
@@ -142,15 +144,29 @@ class DesignResult:
     tolerance: float = 0.05
 
     @property
+    def nearest(self) -> Trial | None:
+        """The run whose torque is nearest to the wanted; None without one that has a torque."""
+        known = [trial for trial in self.trials if trial.torque]
+        return min(known, key=lambda one: abs(log((one.torque or 0.0) / self.search.torque)), default=None)
+
+    @property
     def run(self) -> Result | None:
-        """The last run, that of `case`; None where none was asked for."""
-        return self.trials[-1].run if self.trials else None
+        """The nearest run; None where none was asked for."""
+        return None if self.nearest is None else self.nearest.run
 
     @property
     def is_met(self) -> bool:
-        """True if the last run's torque is within the tolerance of the wanted."""
-        torque = self.trials[-1].torque if self.trials else None
-        return torque is not None and abs(torque / self.search.torque - 1.0) <= self.tolerance
+        """True if the mean torque of the nearest run is within the tolerance of the wanted; see `is_certain`."""
+        return self.nearest is not None and self._is_within(self.nearest.torque or 0.0)
+
+    @property
+    def is_certain(self) -> bool:
+        """True if the whole 95 % interval of that torque is within the tolerance; False where it is not known."""
+        interval = None if self.nearest is None else self.nearest.run.torque.interval()
+        return interval is not None and all(self._is_within(abs(end)) for end in interval)
+
+    def _is_within(self, torque: float) -> bool:
+        return abs(torque / self.search.torque - 1.0) <= self.tolerance
 
     @property
     def is_monotone(self) -> bool:
@@ -160,9 +176,8 @@ class DesignResult:
 
     @property
     def ratio(self) -> float | None:
-        """Torque of the run over that expected of it; None without a run, or one without a torque."""
-        torque = self.trials[-1].torque if self.trials else None
-        return None if torque is None else torque / (self.expected.torque or inf)
+        """Torque of the nearest run over that expected of it; None without a run, or one without a torque."""
+        return None if self.nearest is None else (self.nearest.torque or 0.0) / self.nearest.expected
 
 
 def design(
@@ -230,29 +245,30 @@ def design(
     _write(result)
     while len(result.trials) < runs and not result.is_met:
         if result.trials:
-            if result.next_value is None or any(result.next_value == trial.value for trial in result.trials):
+            if result.next_value is None or law.is_known(result.next_value, [trial.value for trial in result.trials]):
                 break  # no other value is left
             value = result.next_value
-            found = search.case.with_values({search.key: value})
-            result = replace(result, value=value, expected=law.at(value), case=found)
-            _write(result)
-        result = _with_a_run(result, law, threads, progress)
+        result = _with_a_run(result, value, law, threads, progress)
         _write(result)
     return result
 
 
 def _with_a_run(
-    result: DesignResult, law: _Expectation, threads: int | None, progress: Progress | None
+    result: DesignResult, value: float, law: _Expectation, threads: int | None, progress: Progress | None
 ) -> DesignResult:
-    """Return the result with its scene run, and with the value to try next."""
+    """Return the result with a run at a value [SI], and with the value to try next."""
     from emclutch.studies.accuracy.target import run  # local: a search alone compiles no kernel
 
-    number = len(result.trials) + 1
+    search, number = result.search, len(result.trials) + 1
     name = "run" if number == 1 else f"run-{number}"
-    done = run(result.case, out=result.folder / name, threads=threads, progress=progress)
-    trials = [*result.trials, Trial(result.value, result.expected.torque or 0.0, done)]
-    following = law.corrected_value_at(result.search.torque, [one for one in trials if one.torque])
-    return replace(result, trials=trials, next_value=following, tried=law.tried())
+    case = search.case.with_values({search.key: value})
+    done = run(case, out=result.folder / name, threads=threads, progress=progress)
+    trials = [*result.trials, Trial(value, law.torque(value), done)]
+    following = law.corrected_value_at(search.torque, [one for one in trials if one.torque])
+    result = replace(result, trials=trials, next_value=following, tried=law.tried())
+    if result.nearest is not None:
+        result = replace(result, case=search.case.with_values({search.key: result.nearest.value}))
+    return result
 
 
 class _Expectation:
@@ -282,6 +298,11 @@ class _Expectation:
         """Return the expected torque at a value [SI], in N m."""
         return self.at(value).torque or 0.0
 
+    def is_known(self, value: float, others: list[float]) -> bool:
+        """Return True where a value [SI] is one of the others, as near as values are found."""
+        low, high = self._search.between
+        return any(abs(value - other) <= SAME_VALUE * (high - low) for other in others)
+
     def tried(self) -> list[tuple[float, float]]:
         """Return all values [SI] with their torques [N m], ascending."""
         return [(value, self.torque(value)) for value in sorted(self._known)]
@@ -303,7 +324,7 @@ class _Expectation:
         """Return the value [SI] at which the expectation times the ratio of the runs gives a torque [N m], or None.
 
         ln(ratio) is linear in the value, through the runs that are nearest to the torque from below and from above;
-        without both it is that of the nearest run.
+        without both it is that of the last run.
         """
         if not trials:
             return None
@@ -311,11 +332,11 @@ class _Expectation:
         def miss(trial: Trial) -> float:
             return log((trial.torque or 0.0) / torque)
 
-        nearest = min(trials, key=lambda trial: abs(miss(trial)))
         below = [trial for trial in trials if miss(trial) < 0.0]
         above = [trial for trial in trials if miss(trial) >= 0.0]
         if not below or not above:
-            return self.value_at(torque * nearest.expected / (nearest.torque or inf), VALUE_TOLERANCE)
+            last = trials[-1]
+            return self.value_at(torque * last.expected / (last.torque or inf), SAME_VALUE)
         a, b = max(below, key=miss), min(above, key=miss)
         ratios = [log((trial.torque or 0.0) / trial.expected) for trial in (a, b)]
 
@@ -324,7 +345,7 @@ class _Expectation:
             return log(self.torque(value) / torque) + ratios[0] + share * (ratios[1] - ratios[0])
 
         low, high = self._search.between
-        return float(brentq(excess, a.value, b.value, xtol=VALUE_TOLERANCE * (high - low)))
+        return float(brentq(excess, a.value, b.value, xtol=SAME_VALUE * (high - low)))
 
 
 def _torques_at_the_ends(
@@ -371,6 +392,8 @@ def as_data(result: DesignResult) -> dict[str, Any]:
         ],
         "tolerance": result.tolerance,
         "is_met": result.is_met,
+        "is_certain": result.is_certain,
+        "found_value": result.value if result.nearest is None else result.nearest.value,
         "run_over_expected": result.ratio,
         "next_value": result.next_value,
         "folder": str(result.folder),
@@ -416,7 +439,8 @@ def run_in_words(result: DesignResult) -> list[str]:
         return lines
     wanted, within = f"{search.torque:g} N m", f"{100.0 * result.tolerance:g} %"
     if result.is_met:
-        return [*lines, f"the last is within {within} of {wanted}"]
+        rest = "" if result.is_certain else ", but its 95 % interval is wider or unknown: a longer run would tell"
+        return [*lines, f"the last is within {within} of {wanted}{rest}"]
     if result.next_value is None:
         return [*lines, f"by the runs no value of {search.key} in the range gives {wanted}"]
     return [*lines, f"not within {within} of {wanted}; by the runs {search.shown(result.next_value)} gives it"]
