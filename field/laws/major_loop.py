@@ -204,7 +204,9 @@ def _curve(nodes: np.ndarray, slopes: np.ndarray, pinning: Pinning) -> HSpline:
     a = PchipInterpolator(nodes, np.append(0.0, np.cumsum(slopes * np.diff(nodes))))
     P = (pinning.stiffness * np.minimum(nodes[:, None], pinning.reach)).sum(axis=1)
     coefficients = a.c.copy()
-    coefficients[2, 0] = max(coefficients[2, 0], slopes[0] * 0.1)  # PCHIP may begin flat: mu_r would be infinite
+    # PCHIP may begin flat: mu_r would be infinite; the cubic keeps value and slope at its end, and rises throughout
+    steeper, first = max(0.0, 0.1 * slopes[0] - coefficients[2, 0]), nodes[1] - nodes[0]
+    coefficients[:3, 0] += steeper * np.array([1.0 / first**2, -2.0 / first, 1.0])
     coefficients[2] += np.diff(P) / np.diff(nodes)
     coefficients[3] += P[:-1]
     return HSpline.through(PPoly(coefficients, nodes))

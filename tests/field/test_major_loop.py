@@ -8,7 +8,7 @@ from test_hysteresis_law import along, follow
 
 from field import material
 from field.laws.magnetisation_table import TableFault, read_loop
-from field.laws.major_loop import MajorLoopLaw
+from field.laws.major_loop import MajorLoopLaw, _curve
 from field.laws.pinning import Pinning
 
 STEEL = material("steel_1010")
@@ -71,6 +71,17 @@ def test_every_step_is_convex(of):
     assert (slope >= of_cells * (1.0 - 1e-12)).all() and (slope > 0.0).all()
     assert found.energy_density(B[1:]) == pytest.approx(np.cumsum(np.diff(B) * 0.5 * (
         found.H_of_B(B)[0][1:] + found.H_of_B(B)[0][:-1])), rel=1e-3, abs=1e-3)  # fmt: skip
+
+
+def test_a_curve_that_begins_flat_is_continuous_and_rises():
+    """A first slope of a tenth of the next ones: through its nodes from both sides, and no slope below 0 or at 0."""
+    nodes, slopes = np.linspace(0.0, 1.5, 4), np.array([10.0, 100.0, 100.0])
+    curve = _curve(nodes, slopes, Pinning(np.zeros(0), np.zeros(0)))
+    H = np.append(0.0, np.cumsum(slopes * np.diff(nodes)))
+    for side in (-1e-9, 0.0):
+        assert curve.H_of_B(nodes[1:-1] + side)[0] == pytest.approx(H[1:-1], rel=1e-6)
+    assert (curve.H_of_B(np.linspace(0.0, 1.5, 3001))[1] > 0.0).all()
+    assert curve.H_of_B(np.zeros(1))[1] == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize(
