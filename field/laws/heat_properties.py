@@ -54,10 +54,10 @@ _EN_10088 = "EN 10088-1"
 _PROPERTIES = {
     "air": HeatProperties(0.028, 1.09, 1007.0, "Incropera and DeWitt, table A.4, at 50 degrees C"),
     "copper": HeatProperties(398.0, 8930.0, 387.0, f"pure; {_INCROPERA}"),
-    "aluminium": HeatProperties(220.0, 2700.0, 905.0, f"commercially pure; alloys 120 to 200; {_INCROPERA}"),
+    "aluminium": HeatProperties(220.0, 2700.0, 905.0, f"commercially pure; pure 237 at 27 degrees C, {_INCROPERA}"),
     "stainless_304": HeatProperties(15.0, 7900.0, 500.0, _EN_10088),
     "stainless_430": HeatProperties(25.0, 7700.0, 460.0, _EN_10088),
-    "steel_1008": HeatProperties(59.0, 7850.0, 460.0, f"AISI 1010, 64 at 27 and 59 at 127 degrees C; {_INCROPERA}"),
+    "steel_1008": HeatProperties(62.0, 7850.0, 460.0, f"AISI 1010, 64 at 27 and 59 at 127 degrees C; {_INCROPERA}"),
     "steel_1010": HeatProperties(62.0, 7830.0, 450.0, f"AISI 1010, 64 at 27 and 59 at 127 degrees C; {_INCROPERA}"),
     "steel_11smn30": HeatProperties(55.0, 7850.0, 460.0, f"assumed as plain carbon steel, 1 % Mn; {_INCROPERA}"),
     "steel_11smnpb30": HeatProperties(55.0, 7850.0, 460.0, f"as 11SMn30, its lead left out; {_INCROPERA}"),
