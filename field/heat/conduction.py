@@ -43,7 +43,8 @@ ORDERS = (1, 2)
 MOLTEN = 2000.0
 """Temperature [degrees C] above which nothing is solid."""
 
-_NEWTON_STEPS = 30
+_NEWTON_STEPS = 100
+_HALVINGS = 6
 _CLOSE = 1e-10
 """Largest change of a temperature, relative to the largest difference to the outside, at which Newton ends."""
 
@@ -258,8 +259,10 @@ class HeatProblem:
     def steady(self, powers: Powers, start: float | np.ndarray = 250.0) -> np.ndarray:
         """Return the temperatures (n_dofs,) [degrees C] at which as much heat leaves as the sources make.
 
-        Newton's method from a uniform temperature or a state (n_dofs,) [degrees C], best above the solution: S is
-        convex, so that it then falls to it monotonically.
+        Newton's method from a uniform temperature or a state (n_dofs,) [degrees C], best above the solution: with
+        constant powers it then falls to it monotonically, as S is convex. Powers with kinks could make it jump between
+        two of their pieces, and one whose derivative is only part of the true one makes it converge linearly: a step
+        after which the residual is not smaller is halved.
 
         Raises
         ------
@@ -269,18 +272,29 @@ class HeatProblem:
         HeatNotConverged
             It did not converge.
         """
-        temperature = np.broadcast_to(np.asarray(start, float), (self.n_dofs,)).copy()
-        for _ in range(_NEWTON_STEPS):
+
+        def residual_and_slope(temperature: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             power, slope = powers(self.means(temperature))
-            residual = self.K @ temperature + self.loss(temperature) - self.spread @ power
+            return self.K @ temperature + self.loss(temperature) - self.spread @ power, slope
+
+        temperature = np.broadcast_to(np.asarray(start, float), (self.n_dofs,)).copy()
+        residual, slope = residual_and_slope(temperature)
+        for _ in range(_NEWTON_STEPS):
             step = self.factorised(self.tangent(temperature), self._solver).solve(residual, slope)
-            temperature = temperature - step
-            if not np.all(np.isfinite(temperature)):
+            if not np.all(np.isfinite(step)):
                 break
+            if np.abs(step).max() <= _CLOSE * max(1.0, float(np.abs(temperature - step - self.outside).max())):
+                return temperature - step
+            size, share = np.linalg.norm(residual), 1.0
+            for _ in range(_HALVINGS + 1):
+                tried = temperature - share * step
+                residual, slope = residual_and_slope(tried)
+                if np.linalg.norm(residual) <= (1.0 - 0.1 * share) * size:
+                    break
+                share *= 0.5
+            temperature = tried
             if np.abs(temperature).max() > MOLTEN:
                 raise ThermalRunaway(f"there are no steady temperatures below {MOLTEN:g} degrees C")
-            if np.abs(step).max() <= _CLOSE * max(1.0, float(np.abs(temperature - self.outside).max())):
-                return temperature
         raise HeatNotConverged(f"no steady temperatures within {_NEWTON_STEPS} steps of Newton's method")
 
 

@@ -160,6 +160,20 @@ def test_a_current_that_copper_cannot_carry_runs_away_and_says_so():
     assert state.temperature.mean() == pytest.approx(exact, rel=0.01)
 
 
+@pytest.mark.parametrize(("high", "low"), [(60.0, 1.0), (20.0, 5.0)])
+def test_a_power_that_falls_steeply_has_its_temperature(high, low):
+    """From `high` to `low` W between 60 and 61 degrees C, on either side constant: G (T - T_a) = P(T) in between."""
+    problem, G, _ = lumped()
+
+    def powers(means):
+        inside = 60.0 < means[0] < 61.0
+        return np.interp(means, [60.0, 61.0], [high, low]), np.array([(low - high) * inside])
+
+    exact = (high + 60.0 * (high - low) + G * AMBIENT) / (G + high - low)
+    for start in (250.0, AMBIENT):
+        assert np.allclose(problem.steady(powers, start), exact, atol=1e-3)
+
+
 def test_switching_is_met_and_a_repeated_duty_keeps_its_matrices():
     """On for a tenth of each period: what is made is the power times the time on; few lengths of steps."""
     problem, _, _ = lumped()
@@ -198,6 +212,12 @@ def test_every_material_of_the_library_has_its_properties():
         assert 1e3 < found.capacity < 4e6
     with pytest.raises(ValueError, match="copper"):
         heat_properties("coper")
+
+
+def test_steels_of_one_table_lie_within_its_values():
+    """AISI 1010 has 64 W/(m K) at 27 and 59 at 127 degrees C (Incropera, table A.1): near 62 at 50 degrees C."""
+    for name in ("steel_1008", "steel_1010"):
+        assert heat_properties(name).conductivity == pytest.approx(64.0 - 5.0 * 23.0 / 100.0, abs=1.0)
 
 
 def test_mixtures_lie_between_their_parts():
