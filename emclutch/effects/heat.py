@@ -7,6 +7,7 @@ goes into `torque` or `torque_curve`, and what changes it with the temperature, 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from itertools import pairwise
 from typing import Annotated, ClassVar, Self
@@ -160,9 +161,15 @@ def _knows_its_torque(draft: Draft) -> Iterator[Fault]:
             "is missing: at a given voltage the current falls as the coil warms; give the torque against the current "
             "(emclutch sweep), or coil.current instead of the voltage alone",
         )
-    if effect.duty.current is not None and not effect.duty.current.is_constant:
+    duty, of_scene = effect.duty.current, coil.current
+    if duty is not None and (
+        not duty.is_constant or (of_scene is not None and not math.isclose(duty.largest, of_scene.largest))
+    ):
+        largest = "" if of_scene is None else f" of {of_scene.largest:g} A"
         yield draft.fault(
-            "effects.heat.duty.current", "changes the torque; give its curve, effects.heat.torque_curve, too"
+            "effects.heat.duty.current",
+            f"changes the torque from that at the coil's largest current{largest}; give effects.heat.torque_curve too, "
+            "or take that current all the time",
         )
 
 

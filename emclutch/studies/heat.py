@@ -32,9 +32,9 @@ from emclutch.device_model.heat_model import (
 from emclutch.results import OutputError, RunFolder, load_result
 from emclutch.results.pictures.temperature import duty_picture, temperature_picture
 from emclutch.scene.case import Case, as_case
-from emclutch.scene.errors import bad_input_for
+from emclutch.scene.errors import Fault, SceneError, bad_input_for
 from emclutch.scene.model import Scene
-from field.heat.conduction import HeatProblem, ThermalRunaway
+from field.heat.conduction import HeatNotConverged, HeatProblem, ThermalRunaway
 from field.heat.transient import HeatInTime, HeatState
 
 RPM = 2.0 * pi / 60.0
@@ -113,11 +113,9 @@ def heat(
     Raises
     ------
     SceneError
-        The scene has faults, no [effects.heat], or no torque.
+        The scene has faults, no [effects.heat], or no torque; its equations are not solved.
     OutputError
         The folder is there already.
-    HeatNotConverged
-        The equations are not solved.
     """
     case = as_case(case)
     folder = Path(out) if out is not None else RunFolder.next_path(f"{case.name}-heat")
@@ -130,11 +128,17 @@ def heat(
             raise ValueError("speeds of the permitted slip power must be above 0")
         study = _Study.of(case, run)
     summary: dict[str, Any] = {"title": case.scene.scene.title, "units": UNITS | PERMITTED_UNITS, "torque": study.told}
-    summary["steady"], temperature = study.steady()
-    table, summary["duty"], last = study.through_the_duty(temperature)
-    permitted = study.permitted(speeds)
-    summary["largest_current"] = study.largest_currents()
-    summary["error_of_the_mesh"] = study.mesh_error(temperature)
+    try:
+        summary["steady"], temperature = study.steady()
+        table, summary["duty"], last = study.through_the_duty(temperature)
+        permitted = study.permitted(speeds)
+        summary["largest_current"] = study.largest_currents()
+        summary["error_of_the_mesh"] = study.mesh_error(temperature)
+    except HeatNotConverged as error:
+        key = "torque_curve" if case.scene.effects.thermal.fade is None else "fade"
+        remedy = "let the torque change less steeply in effects.heat.fade and torque_curve, or leave them out"
+        fault = Fault(f"effects.heat.{key}", "", f"does not let the temperatures converge: {error}; {remedy}")
+        raise SceneError([fault], "scene" if case.path is None else str(case.path)) from error
     folder.mkdir(parents=True)
     table.to_csv(folder / "heat.csv", index=False)
     permitted.to_csv(folder / "permitted.csv", index=False)

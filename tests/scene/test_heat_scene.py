@@ -12,6 +12,7 @@ from emclutch.device_model.heat_model import COIL, POWDER, Drive, HeatModel, hea
 from emclutch.scene.case import case_from
 from emclutch.scene.errors import SceneError
 from emclutch.studies.heat import heat
+from field.heat.conduction import HeatNotConverged, HeatProblem
 
 RPM = np.pi / 30.0
 BRAKE = {
@@ -159,6 +160,9 @@ def test_what_does_not_go_together_is_refused_with_its_remedy(tmp_path):
     assert "steel_x" in faults(**{"effects.heat.conductivity": {"steel_x": "50 W/(m K)"}})
     assert "torque_curve" in faults(**{"coil": {"voltage": "3 V", "turns": 300}})
     assert "torque_curve" in faults(**{"effects.heat.duty.current": {"times": [0, 10], "values": [0, 1]}})
+    other = faults(**{"effects.heat.duty.current": "0.05 A"})
+    assert "effects.heat.duty.current = '0.05 A'" in other and "of 0.5 A; give effects.heat.torque_curve" in other
+    assert brake(**{"effects.heat.duty.current": "500 mA"}).scene.effects.thermal.duty.current.largest == 0.5
     assert "period" in faults(**{"effects.heat.duty": {"on": "5 s"}})
     assert "longer than the period" in faults(**{"effects.heat.duty": {"on": "50 s", "period": "20 s"}})
     assert "surface_limit" in faults(**{"effects.heat.ambient": 80.0})
@@ -174,6 +178,19 @@ def test_what_does_not_go_together_is_refused_with_its_remedy(tmp_path):
     heat_of = emclutch.heat
     with pytest.raises(emclutch.OutputError, match="exists"):
         heat_of(brake(), out=tmp_path)
+
+
+def test_temperatures_that_are_not_found_name_the_key(tmp_path, monkeypatch):
+    def fails(*_, **__):
+        raise HeatNotConverged("no steady temperatures")
+
+    monkeypatch.setattr(HeatProblem, "steady", fails)
+    done = CliRunner().invoke(
+        app,
+        ["heat", _written(tmp_path, {"effects.heat.fade": {"temperatures": [20.0, 21.0], "factors": [1.0, 0.1]}})],
+    )
+    words = " ".join(done.output.split())
+    assert done.exit_code == 2 and "effects.heat.fade" in words and "less steeply" in words, done.output
 
 
 def _written(folder, values):
