@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -37,6 +37,7 @@ _BINS = 20  # at most; of a torque as I^2 a mean over a twentieth is 1 % too lar
 _STRAIN = 1.0  # of the gap, that a bin has at least
 _WINDOWS = 4  # that a bin has at least
 _AROUND = 2  # bins on each side, from whose fluctuation the error of a single packing is taken
+_APART = 0.1  # of a bin's width, that mean currents of two branches differ by at most: else one covers a part of it
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,6 +77,10 @@ class RampBin:
         Standard error of their mean [N m]; None: unknown.
     freedom : float
         Degrees of freedom of the error.
+    correlated : float
+        Bins that one correlation time of a single packing lasts, at least 1: their noise is the same.
+    settled : bool
+        False where the current is held so briefly that the change of the torque after the ramp is averaged too.
     """
 
     branch: int
@@ -86,6 +91,8 @@ class RampBin:
     means: np.ndarray
     error: float | None
     freedom: float
+    correlated: float = 1.0
+    settled: bool = True
 
     @property
     def torque(self) -> float:
@@ -138,7 +145,8 @@ class CurrentRamp:
 
         The first rising branch and the first falling one after it; their difference is taken packing by packing. Area:
         integral of falling less rising torque over the current, over the product of the largest current and the torque
-        there. `half_width` is of the 95 % interval. Entries are None where the run has no such branch.
+        there. `half_width` is of the 95 % interval, None: unknown. Entries are None where the run has no such branch.
+        Bins that one of the branches covers in part are left out.
         """
         rising = self._first(RISING)
         falling = self._first(FALLING, rising[-1].branch) if rising else []
@@ -146,15 +154,16 @@ class CurrentRamp:
         residual = [one for one in self.bins if one.kind == HELD and one.high == 0.0 and falling
                     and one.branch > falling[0].branch]  # fmt: skip
         if residual:
-            found["residual"] = _in_numbers(residual[0].means, residual[0].error, residual[0].freedom, "torque")
-        pairs = [(up, down) for up in rising for down in falling if up.low == down.low and up.high == down.high]
+            left = residual[0]
+            found["residual"] = _in_numbers(left.means, left.error, left.freedom, "torque")
+            found["residual"]["decay_included"] = not left.settled
+        pairs = [(up, down) for up in rising for down in falling if up.low == down.low and up.high == down.high
+                 and abs(abs(up.current) - abs(down.current)) <= _APART * (up.high - up.low)]  # fmt: skip
         if len(pairs) < 3:
             return found
         pairs.sort(key=lambda pair: pair[0].low)
         x = np.array([0.5 * (up.low + up.high) for up, _ in pairs])
         up, down = (np.array([pair[i].means for pair in pairs]) for i in (0, 1))
-        errors = np.array([[one.error or 0.0 for one in pair] for pair in pairs])
-        freedom = pairs[0][0].freedom
         top = 0.5 * (up + down).mean(axis=1)
         at_top = float(top[-1] + (top[-1] - top[-2]) / (x[-1] - x[-2]) * (self.largest - x[-1]))
         found["torque_at_largest_current"] = at_top
@@ -164,14 +173,14 @@ class CurrentRamp:
                 continue
             weight = np.array([np.interp(at, x, row) for row in np.eye(x.size)])
             low, high = weight @ up, weight @ down
-            alone = math.sqrt(float((weight**2) @ (errors**2).sum(axis=1)))
+            alone, freedom = _of_weighted(weight, pairs)
             mean, of_falling = float(low.mean()), float(high.mean())
             ratio = of_falling / mean if mean else None
             width = _in_numbers(high - low, _error(high - low, alone), freedom, "width")
             found["loop"].append({"share": share, "rising": mean, "falling": of_falling, "ratio": ratio} | width)
         step = np.gradient(x)
         area = step @ (down - up) / (self.largest * at_top) if at_top else np.full(up.shape[1], np.nan)
-        alone = math.sqrt(float((step**2) @ (errors**2).sum(axis=1))) / abs(self.largest * at_top or 1.0)
+        alone, freedom = _of_weighted(step / abs(self.largest * at_top or 1.0), pairs)
         found["area"] = _in_numbers(area, _error(area, alone), freedom, "share") if at_top else None
         return found
 
@@ -221,8 +230,13 @@ def current_ramp(
     edges = np.linspace(0.0, largest, max(count, 1) + 1)
     found: list[RampBin] = []
     for number, one in enumerate(parts):
-        if sheared(one) >= (MIN_AVERAGED_STRAIN if one.kind != HELD else _STRAIN):
-            found += _bins_of(number, one, histories, currents, edges)
+        if sheared(one) < (MIN_AVERAGED_STRAIN if one.kind != HELD else _STRAIN):
+            continue
+        settled = one.kind != HELD or sheared(one) >= 2.0 * MIN_AVERAGED_STRAIN
+        if one.kind == HELD and settled:  # without what is left of the ramp
+            begin = float(np.interp(np.interp(one.begin, at, strain) + MIN_AVERAGED_STRAIN, strain, at))
+            one = replace(one, begin=begin)
+        found += [replace(each, settled=settled) for each in _bins_of(number, one, histories, currents, edges)]
     return CurrentRamp(tuple(found)) if found else None
 
 
@@ -273,38 +287,55 @@ def _bins_of(
         both = list(zip(packings, chosen, strict=True))
         means = np.array([np.average(torque[one], weights=time[one]) for (_, torque, time), one in both])
         at = float(np.mean([current[one].mean() for (current, _, _), one in both]))
-        error, freedom = _error(means, None), means.size - 1.0
+        error, freedom, correlated = _error(means, None), means.size - 1.0, 1.0
         if means.size == 1:
-            error, freedom = _of_one_packing(packings[0][0], packings[0][1], places[0], k)
+            error, freedom, correlated = _of_one_packing(packings[0][0], packings[0][1], places[0], k)
         low, high = float(edges[k]), float(edges[k + 1])
-        found.append(RampBin(number, branch.kind, low, high, at, means, error, freedom))
+        found.append(RampBin(number, branch.kind, low, high, at, means, error, freedom, correlated))
     return found
 
 
-def _of_one_packing(current: np.ndarray, torque: np.ndarray, place: np.ndarray, k: int) -> tuple[float | None, float]:
-    """Standard error [N m] of bin k and its degrees of freedom, by the fluctuation in it and in bins beside it."""
+def _of_one_packing(
+    current: np.ndarray, torque: np.ndarray, place: np.ndarray, k: int
+) -> tuple[float | None, float, float]:
+    """Standard error [N m] of bin k by the fluctuation in it and beside it, degrees of freedom, `correlated`."""
     order = min(3, max(current.size // 8, 0)) if np.ptp(current) > 0.0 else 0
     fit = np.polynomial.Polynomial.fit(current, torque, order) if order else lambda x: np.full(x.shape, torque.mean())
     rest = torque - fit(current)
     near = np.abs(place - k) <= _AROUND
     n, here = np.count_nonzero(near), np.count_nonzero(place == k)
     if n < 3 * _WINDOWS or not rest[near].any():
-        return None, 0.0
+        return None, 0.0, 1.0
     samples = correlation_samples(rest / max(float(np.abs(rest).max()), 1e-300))
     freedom = n / samples - 1.0
     if freedom < 1.0:
-        return None, 0.0
-    return float(rest[near].std()) * math.sqrt(min(1.0, samples / here)), freedom
+        return None, 0.0, 1.0
+    return float(rest[near].std()) * math.sqrt(min(1.0, samples / here)), freedom, max(1.0, samples / here)
+
+
+def _of_weighted(weight: np.ndarray, pairs: Sequence[tuple[RampBin, RampBin]]) -> tuple[float, float]:
+    """Standard error of the sum of weights (n,) times falling less rising torque, of one packing; nan: unknown.
+
+    And its degrees of freedom, the fewest of the bins in it. Bins that share their noise with `correlated` - 1
+    others have that many times the variance of independent ones, and at most that of errors which add linearly.
+    """
+    variance, freedom = 0.0, math.inf
+    for branch in zip(*pairs, strict=True):
+        used = [(abs(w), one) for w, one in zip(weight, branch, strict=True) if abs(w) > 1e-9 * np.abs(weight).max()]
+        errors = np.array([w * (math.nan if one.error is None else one.error) for w, one in used])
+        variance += min(float(errors**2 @ [one.correlated for _, one in used]), float(errors.sum()) ** 2)
+        freedom = min(freedom, *(one.freedom for _, one in used))
+    return math.sqrt(variance), freedom
 
 
 def _error(values: np.ndarray, alone: float | None) -> float | None:
-    """Standard error of the mean of packings' values; `alone` of one packing."""
+    """Standard error of the mean of packings' values; `alone` of one packing. None: unknown."""
     if values.size == 1:
-        return alone
+        return None if alone is None or math.isnan(alone) else alone
     return float(values.std(ddof=1)) / math.sqrt(values.size)
 
 
-def _in_numbers(values: np.ndarray, error: float | None, freedom: float, name: str) -> dict[str, float | None]:
+def _in_numbers(values: np.ndarray, error: float | None, freedom: float, name: str) -> dict[str, Any]:
     mean = float(values.mean())
     return {name: mean, "half_width": _half_width(mean, error, freedom)}
 
@@ -328,7 +359,8 @@ def in_words(found: dict[str, Any]) -> list[str]:
         lines.append(f"area between the branches: {share} of largest current times torque there")
     if found["residual"] is not None:
         left = _with_half(found["residual"]["torque"], found["residual"]["half_width"], "N m")
-        lines.append(f"torque on the disc after the current is off: {left}")
+        decay = ", its decay after the ramp included" if found["residual"].get("decay_included") else ""
+        lines.append(f"torque on the disc after the current is off{decay}: {left}")
     return [*lines, f"table of torque against current, up to {found['largest_current']:.4g} A: {TABLE}"]
 
 

@@ -5,7 +5,17 @@ import pandas as pd
 import pytest
 
 from emclutch.results.columns import DISC_SPEED, ROTOR_SPEED, TIME, TORQUE_DISC
-from emclutch.results.current_ramp import FALLING, HELD, RISING, Branch, branches, current_ramp, in_words
+from emclutch.results.current_ramp import (
+    FALLING,
+    HELD,
+    RISING,
+    Branch,
+    CurrentRamp,
+    RampBin,
+    branches,
+    current_ramp,
+    in_words,
+)
 from emclutch.results.pictures import current_ramp_picture
 from emclutch.results.steady_torque import SteadyConditions
 from geometry.time_profile import TimeProfile
@@ -98,3 +108,72 @@ def test_a_rise_alone_has_no_loop(tmp_path):
     assert found.summary() == {"largest_current": 2.0, "loop": [], "area": None, "residual": None}
     picture = current_ramp_picture(tmp_path / "ramp.png", found.table(), title="A rise")
     assert picture.stat().st_size > 10_000
+
+
+def of_one_packing(change=lambda branch, k: {}, count=5):
+    """Loop of T = I and I + 0.1 up to 1 A; errors of 0.01 N m with 4 degrees of freedom unless `change` says else."""
+    bins = []
+    for branch, kind in enumerate((RISING, FALLING)):
+        for k in range(count):
+            at = (k + 0.5) / count
+            given = {"error": 0.01, "freedom": 4.0, "current": at} | change(branch, k)
+            means = np.array([at + 0.1 * branch])
+            bins.append(RampBin(branch, kind, k / count, (k + 1) / count, means=means, **given))
+    return CurrentRamp(tuple(bins)).summary()
+
+
+def test_an_unknown_error_of_a_bin_is_not_zero():
+    """It makes unknown what the bin is part of, and nothing else."""
+    found = of_one_packing(lambda branch, k: {"error": None} if branch == 0 and k == 0 else {})
+    assert [one["half_width"] is None for one in found["loop"]] == [True, False, False]
+    assert found["area"]["half_width"] is None and found["area"]["share"] > 0.0
+    assert "difference 0.1 N m (error unknown)" in in_words(found)[0]
+
+
+def test_freedom_is_the_least_of_the_bins_in_a_number():
+    """Bins at 0.7 and 0.9 A are in what is said at 80 % of 1 A, and in the area, but not in the rest."""
+    usual = of_one_packing()
+    less = of_one_packing(lambda branch, k: {"freedom": 2.0} if branch == 1 and k == 4 else {})
+    by = [b["half_width"] / a["half_width"] for a, b in zip(usual["loop"], less["loop"], strict=True)]
+    wider = 4.302653 / 2.776445  # Student's t at 2 and 4 degrees of freedom
+    assert by == pytest.approx([1.0, 1.0, wider], rel=1e-6)
+    assert less["area"]["half_width"] == pytest.approx(wider * usual["area"]["half_width"], rel=1e-6)
+
+
+def test_noise_that_lasts_bins_adds_up_in_the_area():
+    """An integral over noise of variance s^2 and correlation time tau has the variance s^2 tau a unit."""
+    t = 2.776445
+    usual, long = of_one_packing(), of_one_packing(lambda *_: {"correlated": 3.0})
+    assert usual["area"]["half_width"] * usual["torque_at_largest_current"] == pytest.approx(t * 0.01 * (2 / 5) ** 0.5)
+    assert long["area"]["half_width"] == pytest.approx(3.0**0.5 * usual["area"]["half_width"])
+    # halves of two bins in each of two branches: independent 0.01 in all, else that of two alone
+    assert usual["loop"][0]["half_width"] == pytest.approx(t * 0.01)
+    assert long["loop"][0]["half_width"] == pytest.approx(t * 0.01 * 2**0.5)
+    assert long["loop"][1]["half_width"] == pytest.approx(t * 0.01 * 2**0.5)  # one bin
+
+
+def test_bins_know_how_many_their_noise_lasts():
+    """Noise of 8 windows in bins of 6 and of 50 windows."""
+    short = [current_ramp([history(RAMP, 0.2, seed=n, noise=0.05, windows=240)], RAMP, GAP) for n in range(20)]
+    middle = [one.bins[10].correlated for one in short if one.bins[10].error is not None]
+    assert len(middle) >= 10 and 1.1 < np.mean(middle) < 1.6
+    assert all(one.correlated == 1.0 for one in current_ramp([history(RAMP, 0.2, noise=0.05)], RAMP, GAP).bins)
+
+
+def test_a_bin_that_a_branch_covers_in_part_is_not_compared():
+    """Down to 0.37 A, the bin from 0.3 to 0.4 A has another mean current falling than rising."""
+    course = TimeProfile((0.0, 0.1, 0.2), (0.0, 2.0, 0.37))
+    found = current_ramp([history(course, 0.2)], course, GAP).summary()
+    assert [one["share"] for one in found["loop"]] == [0.5, 0.8]  # 20 % is between 0.35 and 0.45 A
+    assert found["loop"][0]["width"] == pytest.approx(0.21, abs=2e-3)
+
+
+@pytest.mark.parametrize(("end", "settled"), [(0.23, True), (0.204, False)])
+def test_torque_without_current_is_without_the_decay_where_it_is_held_long_enough(end, settled):
+    """A strain of 1 takes 1 ms; the decay, of 0.5 ms, is over after one of 5, which is left out."""
+    one = history(RAMP, end)
+    off = one[TIME] > 0.2
+    one.loc[off, TORQUE_DISC] += np.exp(-(one.loc[off, TIME] - 0.2) / 0.5e-3)
+    found = current_ramp([one], RAMP, GAP).summary()
+    assert (found["residual"]["torque"] == pytest.approx(LEFT, rel=2e-3)) == settled
+    assert any("decay after the ramp included" in line for line in in_words(found)) != settled
