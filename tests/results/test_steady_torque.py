@@ -56,6 +56,8 @@ def history(*, driven=2.0, speed=10.0):
     )
 
 
+CONTACT = SimpleNamespace(tolerance=1e-3, springs=None)  # of the plan, as the verdict on the solver reads it
+
 def three_ways(path, rows, conditions):
     """The torque of a run's folder before its summary is written, in the summary, and in the comparison of methods."""
     folder = RunFolder.create(path, CASE.toml())
@@ -71,7 +73,7 @@ def three_ways(path, rows, conditions):
         n_sectors=1,
     )
     cost = SimpleNamespace(seconds={"total": 1.0})
-    plan = SimpleNamespace(scaled=None, count=10, dt=1e-3, contact_data={}, cost=cost)
+    plan = SimpleNamespace(scaled=None, count=10, dt=1e-3, contact_data={}, contact=CONTACT, cost=cost)
     summarise(
         CASE, folder, PlannedRun(SimpleNamespace(coil=None), plan, conditions, {}), simulation, {"whole_run": 1.0}
     )

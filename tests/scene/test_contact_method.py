@@ -220,7 +220,8 @@ MAGNETISED = {
 def test_magnetised_powder_in_a_sector_runs_by_both_methods(tmp_path):
     """Necks, images in steel and rolling friction: torques of the ring balance, and the mean ones are alike."""
     torque, columns = {}, {}
-    for method, share in (("dem", 1e-3), ("dvi", 1e-12)):  # of the largest torque: DEM books that of the next step
+    share = 1e-3  # of the largest torque: forces are held between updates of the moments, while the grains move on
+    for method in ("dem", "dvi"):
         run = emclutch.run(case_from(MAGNETISED, {"contact.method": method}), out=tmp_path / method)
         history, columns[method] = run.history, set(run.history)
         assert abs(history["torque_residual"]).max() < share * abs(history["torque_disc"]).max()
