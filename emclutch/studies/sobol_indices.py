@@ -9,7 +9,9 @@ by SALib (extra ``sensitivity``), which also resamples the N points for the 95 %
 its packing. It is no value of the study, but adds to the scatter: V grows by the noise's mean variance, and so does
 every numerator of ST; a value without effect would have ST = noise/V. What is known of each point's noise is therefore
 subtracted: mean(s_A^2, s_B^2) from V, half of mean(s_A^2 + s_AB^2) from the numerator of ST. The bars have the noise in
-them, since each of the resampled points has its own.
+them, since each of the resampled points has its own. Runs of one seed begin with the same packing at every point; what
+they have in common cancels in V and in both numerators, hence it is no part of s: of p packings of n points, s^2 is
+sum (f_jk - mean_k f_jk - mean_j f_jk + mean f)^2 / ((n - 1) (p - 1)) / p.
 """
 
 from __future__ import annotations
@@ -36,8 +38,8 @@ def sobol_indices(study: StudySection | str | Path, folder: str | Path) -> panda
     Parameters
     ----------
     study : that was sampled by ``saltelli``, or the path of its file. Values of `scene.seed` are packings of each
-        point: from two on the noise of their mean is their scatter, pooled over all points; of one it is the run's own
-        standard error.
+        point: from two on the noise of their mean is their scatter, less what runs of one seed have in common, pooled
+        over all points; of one it is the run's own standard error.
     folder : of its results.
 
     Returns
@@ -119,21 +121,25 @@ def _points(study: StudySection, table: Any) -> tuple[np.ndarray, np.ndarray]:
         raise OutputError(
             f"{study.path} lists {', '.join(others)} beside its sample: that is several studies; make one for each"
         )
-    runs: dict[str, list[tuple[float, float]]] = {}
-    for _, row in table.iterrows():
-        runs.setdefault(_key(row, keys), []).append((float(row["torque"]), float(row["standard_error"])))
+    seed = [SEED] if SEED in study.values else []
+    runs = {
+        (_key(row, keys), _key(row, seed)): (float(row["torque"]), float(row["standard_error"]))
+        for _, row in table.iterrows()
+    }
     points = [_key(point, keys) for point in study.points() if point.get(SEED) == study.values.get(SEED, [None])[0]]
-    packings = len(study.values.get(SEED, [0]))
-    missing = sum(packings - len(runs.get(point, [])) for point in points)
+    packings = list(dict.fromkeys(_key(point, seed) for point in study.points()))
+    missing = sum((point, packing) not in runs for point in points for packing in packings)
     if missing > 0:
         raise OutputError(f"{missing} runs of {study.path} are not done: continue the study with --resume")
-    torques = [np.array([torque for torque, _ in runs[point]]) for point in points]
-    means = np.array([one.mean() for one in torques])
-    if packings > 1:
-        pooled = float(np.mean([one.var(ddof=1) for one in torques]))
-        noise = np.full(len(points), np.sqrt(pooled / packings))
+    found = np.array([[runs[point, packing] for packing in packings] for point in points])
+    torques, errors = found[..., 0], found[..., 1]
+    means = torques.mean(axis=1)
+    if len(packings) > 1:
+        own = torques - means[:, np.newaxis] - torques.mean(axis=0) + means.mean()
+        square = float((own**2).sum()) / ((len(points) - 1) * (len(packings) - 1))
+        noise = np.full(len(points), np.sqrt(square / len(packings)))
     else:
-        noise = np.array([runs[point][0][1] for point in points])
+        noise = errors[:, 0]
     if not (np.isfinite(means).all() and np.isfinite(noise).all()):
         raise OutputError("torques or their standard errors are not known: run longer, or list two scene.seed")
     return means, noise

@@ -87,6 +87,23 @@ def test_a_studys_torque_that_follows_one_value_has_no_index_of_the_other(tmp_pa
         emclutch.sobol_indices(study, tmp_path)
 
 
+def test_what_runs_of_one_seed_have_in_common_is_no_noise(tmp_path):
+    """It is in no difference of two points. Of two packings the noise follows from their difference alone."""
+    study, random = study_in(tmp_path), np.random.default_rng(2)
+    rows = [
+        {**point, "end_time": 1.0, "torque": 3.0 * point["contact.friction"] + 5.0 * point["scene.seed"]
+         + 0.2 * random.standard_normal(), "standard_error": 0.1, "folder": "a"}
+        for point in study.points()
+    ]  # fmt: skip
+    table = pandas.DataFrame(rows)
+    table.sample(frac=1.0, random_state=1).to_csv(tmp_path / "study.csv", index=False)
+    found = emclutch.sobol_indices(study, tmp_path)
+    first, second = (table["torque"][table["scene.seed"] == seed].to_numpy() for seed in (1, 2))
+    means = 0.5 * (first + second).reshape(4, 4)[:, [0, 3]]  # of A and B
+    assert found["noise"].to_numpy() == pytest.approx(0.25 * (second - first).var(ddof=1) / means.var(), rel=1e-6)
+    assert found["total"][0] > 0.3 and abs(found["total"][1]) < 0.2
+
+
 def test_noise_that_is_all_is_told(tmp_path):
     random = np.random.default_rng(0)
     with pytest.raises(emclutch.OutputError, match=r"the packings' noise is .* % of the torques' variance"):
