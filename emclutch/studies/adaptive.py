@@ -55,7 +55,9 @@ class AdaptiveCurve:
 
     def __init__(self, places: Sequence[float], error: float, most: int) -> None:
         self.places, self.error, self.most = np.asarray(places, dtype=float), error, most
-        self.at = np.unique(self.places)
+        self.at, count = np.unique(self.places, return_counts=True)
+        self.packing = np.empty(len(self.places), dtype=int)  # of each candidate its number at its place: its seed's
+        self.packing[np.argsort(self.places, kind="stable")] = np.concatenate([np.arange(one) for one in count])
         self.chosen: list[int] = []
         self.curve: CurveInterval | None = None  # of what was measured before the last batch
 
@@ -77,7 +79,7 @@ class AdaptiveCurve:
         known = [number for number in self.chosen if number in measured]
         if not self.chosen:
             begin = self.at[np.unique(np.linspace(0, len(self.at) - 1, BEGIN).round().astype(int))]
-            batch = [number for place in begin for number in self._free(place)[:PACKINGS]]
+            batch = self._of_each(begin, PACKINGS)
         else:
             batch = self._best(known, measured)
         batch = batch[: self.most - len(self.chosen)]
@@ -94,33 +96,43 @@ class AdaptiveCurve:
             )
         )
         if len(known) < 4 or np.unique(x).size < 2:  # the others have failed
-            return [number for place in self.at for number in self._free(place)[:1]][:BATCH]
+            return self._of_each(self.at, 1)[:BATCH]
         self.curve = curve = curve_interval(x, torque, self.at)
         if self.is_reached:
             return []
         costs = np.interp(self.at, np.unique(x), [cost[x == place].mean() for place in np.unique(x)])
         batch: list[int] = []
         aim = float(np.log1p(self.error))
-        free = {place: self._free(where) for place, where in enumerate(self.at)}
-        while len(batch) < BATCH and any(free.values()):
+        while len(batch) < BATCH:
+            free = {place: numbers for place, where in enumerate(self.at) if (numbers := self._free(where, batch))}
+            if not free:
+                break
             wide = _excess(curve, aim)
-            narrowed = {place: curve.narrowed(place) for place, numbers in free.items() if numbers}
+            narrowed = {place: curve.narrowed(place) for place in free}
             gain = {place: (wide - _excess(one, aim)) / costs[place] for place, one in narrowed.items()}
             best = max(gain, key=lambda place: (gain[place], -place))
-            batch.append(free[best].pop(0))
+            batch.append(free[best][0])
             curve = narrowed[best]
             if wide <= 0.0:
                 break
         return batch
 
-    def _free(self, place: float) -> list[int]:
-        """Candidates of a place that were not chosen; each place begins with another packing.
+    def _of_each(self, places: np.ndarray, count: int) -> list[int]:
+        """So many free candidates of each place."""
+        batch: list[int] = []
+        for place in places:
+            batch += self._free(place, batch)[:count]
+        return batch
+
+    def _free(self, place: float, batch: Sequence[int]) -> list[int]:
+        """Candidates of a place that are neither chosen nor in the batch, those first whose seed was used least so far.
 
         Runs of one seed begin with the same packing: what they have in common would be no scatter of the curve.
         """
-        numbers = np.flatnonzero(self.places == place)
-        numbers = np.roll(numbers, -PACKINGS * int(np.searchsorted(self.at, place)))
-        return [int(number) for number in numbers if int(number) not in self.chosen]
+        chosen = np.array([*self.chosen, *batch], dtype=int)
+        numbers = np.setdiff1d(np.flatnonzero(self.places == place), chosen)
+        used = np.bincount(self.packing[chosen], minlength=self.packing.max() + 1)[self.packing[numbers]]
+        return numbers[np.argsort(used, kind="stable")].tolist()
 
 
 class AdaptiveStudy:
@@ -187,6 +199,11 @@ class AdaptiveStudy:
             f"after {len(measured)} packings the curve's 95 % interval is at most +- {100.0 * most:.2g} %, at "
             f"{self._key} = {where}: {state}; one packing scatters by {100.0 * curve.noise:.2g} %"
         )
+        if (seeds := self._curve.packing.max() + 1) < BEGIN * PACKINGS:
+            text += (
+                f"; the places that begin share {seeds} seeds, and the interval does not have what runs of one seed "
+                f"have in common: list {BEGIN * PACKINGS} scene.seed or more"
+            )
         replace_text(self._folder / "adaptive_curve.txt", text + "\n")
         log.info("%s", text)
 

@@ -73,6 +73,16 @@ def test_to_five_per_cent_everywhere_an_adaptive_curve_takes_less_than_a_grid():
     assert np.median(off) < 0.05 and held.mean() > 0.85
 
 
+@pytest.mark.parametrize("places", [4, 6, 7, 8, 12, 20])
+@pytest.mark.parametrize("seeds", [2, 4, 8, 16])
+def test_the_places_that_begin_share_no_seeds_that_they_need_not(places, seeds):
+    """Eight packings: of eight seeds or more each has one of its own, of fewer all are used alike."""
+    batch = np.array(AdaptiveCurve(np.tile(np.arange(1.0, places + 1.0), seeds), 0.01, 100).next_batch({}))
+    used = np.bincount(batch // places, minlength=seeds)
+    assert len(set(batch.tolist())) == 8 and sorted(np.bincount(batch % places).tolist())[-4:] == [2, 2, 2, 2]
+    assert used.sum() == 8 and used.max() == max(1, 8 // seeds)
+
+
 class Runs:
     """Stands in for `run`: the torque of a current, with a scatter that follows from the seed."""
 
@@ -189,3 +199,6 @@ def test_a_curve_that_the_candidates_do_not_suffice_for_says_so(tmp_path, runs):
         "no more points: list more scene.seed, or raise study.sample.count"
         in (folder / "adaptive_curve.txt").read_text()
     )
+    assert "share" not in (folder / "adaptive_curve.txt").read_text()
+    folder = emclutch.sweep(study_file(tmp_path, text.replace("count = 8", "count = 4")), out=tmp_path / "few")
+    assert "the places that begin share 4 seeds" in (folder / "adaptive_curve.txt").read_text()
