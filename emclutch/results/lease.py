@@ -13,8 +13,10 @@ that is suspended for longer than `EXPIRE_SECONDS` may lose its lease; it learns
 
 from __future__ import annotations
 
+import itertools
 import json
 import logging
+import math
 import os
 import platform
 import re
@@ -34,6 +36,8 @@ EXPIRE_SECONDS = 300.0
 LOOK_SECONDS = 5.0  # between two looks at a lease that is watched
 WAIT_SECONDS = 1.0  # between two tries to take a lease in turn
 LIVES, ENDED, GONE = "lives", "has ended", "is gone"
+_numbers_of_leases = itertools.count()
+_held_here: set[int] = set()  # numbers of the leases that this process holds, or is about to take
 
 
 class LeaseLost(FolderInUse):
@@ -56,27 +60,40 @@ class Lease:
 
     @property
     def is_held(self) -> bool:
-        """True if the lease's file is still the holder's."""
-        return _text(str(self._file)) == self._text
+        """True if the lease's file is still the holder's, or cannot be read: then nobody is known to have it."""
+        return self._is_own() is not False
+
+    def _is_own(self) -> bool | None:
+        """None where the file's server does not answer."""
+        try:
+            return self._file.read_text(encoding="utf-8") == self._text
+        except FileNotFoundError:
+            return False
+        except OSError:
+            return None
 
     def renew(self) -> None:
-        """Set the time of the file; nothing where it is lost, or its server does not answer."""
-        with suppress(OSError):  # it may do so the next time
-            if self.is_held:
+        """Set the time of the file, or note that it is lost; nothing where its server does not answer."""
+        own = self._is_own()
+        if own:
+            with suppress(OSError):  # it may do so the next time
                 os.utime(self._file)
                 self._renewed = _seconds()
+        elif own is False:
+            self._renewed = -math.inf
 
     def refuse_lost(self) -> None:
-        """Raise `LeaseLost` where others may have the lease. The file is looked at only after a pause in renewing."""
+        """Raise `LeaseLost` where another has the lease. The file is looked at after a pause in renewing, or a loss."""
         if _seconds() - self._renewed > 0.5 * EXPIRE_SECONDS and not self.is_held:
             raise LeaseLost(
                 f"{self._what} was taken over by another process while this one was suspended; it is left to that one"
             )
 
     def give_back(self) -> None:
-        """Remove the file, unless it is another's."""
-        if self.is_held:
-            self._file.unlink(missing_ok=True)
+        """Remove the file, unless it is another's, or its server does not answer."""
+        if self._is_own():
+            with suppress(OSError):
+                self._file.unlink(missing_ok=True)
 
 
 def _seconds() -> float:
@@ -85,13 +102,14 @@ def _seconds() -> float:
 
 
 @contextmanager
-def leased(path: Path, what: str) -> Iterator[Lease]:
+def leased(path: Path, what: str, gives_up: Callable[[], bool] = lambda: False) -> Iterator[Lease]:
     """Hold the lease of a name inside a ``with`` block, or refuse.
 
     Parameters
     ----------
     path : folder and name of the lease; its file has a number and ``.lease`` appended. The folder is made.
     what : is leased, for the message.
+    gives_up : where it is true, a holder on another machine is not watched any longer, and counts as one that lives.
 
     Raises
     ------
@@ -100,16 +118,21 @@ def leased(path: Path, what: str) -> Iterator[Lease]:
         that it has ended after `EXPIRE_SECONDS`.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    held = Lease(*_take(path, what), what)
-    ended = threading.Event()
-    renewing = threading.Thread(target=_renew, args=(held, ended), name=f"lease of {what}", daemon=True)
-    renewing.start()
+    number = next(_numbers_of_leases)
+    _held_here.add(number)
     try:
-        yield held
+        held = Lease(*_take(path, what, number, gives_up), what)
+        ended = threading.Event()
+        renewing = threading.Thread(target=_renew, args=(held, ended), name=f"lease of {what}", daemon=True)
+        renewing.start()
+        try:
+            yield held
+        finally:
+            ended.set()
+            renewing.join()
+            held.give_back()
     finally:
-        ended.set()
-        renewing.join()
-        held.give_back()
+        _held_here.remove(number)
 
 
 @contextmanager
@@ -119,7 +142,7 @@ def leased_in_turn(path: Path, what: str, gives_up: Callable[[], bool] = lambda:
         lease = None
         while lease is None and not gives_up():
             try:
-                lease = stack.enter_context(leased(path, what))
+                lease = stack.enter_context(leased(path, what, gives_up))
             except FolderInUse as error:
                 log.info("%s", error)
                 time.sleep(WAIT_SECONDS)
@@ -137,17 +160,17 @@ def lease_holder(path: Path) -> str | None:
     return _in_words(file)
 
 
-def _take(path: Path, what: str) -> tuple[Path, str]:
+def _take(path: Path, what: str, number_here: int, gives_up: Callable[[], bool]) -> tuple[Path, str]:
     """Return the file of a new lease, and what stands in it."""
     judged, last = "", max(_numbers(path), default=0)
     while last:
-        judged, state = _text(str(_file(path, last))), _state_of(_file(path, last))
+        judged, state = _text(str(_file(path, last))), _state_of(_file(path, last), gives_up)
         if state == LIVES:
             raise _refusal(path, last, what)
         if state == ENDED:
             break
         last = max(_numbers(path), default=0)  # it is gone: others may have come since
-    own, text = _file(path, last + 1), json.dumps(_own_marks())
+    own, text = _file(path, last + 1), json.dumps(_own_marks() | {"lease": number_here})
     try:
         descriptor = os.open(own, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
     except FileExistsError:
@@ -170,7 +193,7 @@ def _renew(held: Lease, ended: threading.Event) -> None:
         held.renew()
 
 
-def _state_of(file: Path) -> str:
+def _state_of(file: Path, gives_up: Callable[[], bool]) -> str:
     """Return whether the holder of a lease lives, or has ended; it is watched where its process cannot be seen."""
     lives = _lives(file)
     if lives is not None:
@@ -186,16 +209,23 @@ def _state_of(file: Path) -> str:
         if before is not None and now is not None and now != before:
             return LIVES
         before = before if now is None else now
+        if gives_up():
+            return LIVES
         if time.monotonic() > end:
             return LIVES if before is None else ENDED  # never read: who could say that it has ended
         time.sleep(LOOK_SECONDS)
 
 
 def _lives(file: Path) -> bool | None:
-    """True if the holder of a lease is a process of this machine that runs, False if it has ended; None of others."""
+    """True if the holder of a lease is a process of this machine that runs, False if it has ended; None of others.
+
+    A lease of this process has ended if it could not be removed when it was given back.
+    """
     marks, own = _marks(file), _own_marks()
     if not marks or any(marks.get(name) != own[name] for name in ("host", "boot", "processes")):
         return None
+    if (marks.get("pid"), marks.get("began")) == (own["pid"], own["began"]):
+        return marks.get("lease") in _held_here
     return _began(marks.get("pid")) == marks.get("began")
 
 

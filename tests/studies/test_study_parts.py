@@ -15,7 +15,7 @@ from emclutch.results import HistoryWriter, OutputError, RunFolder, lease, load_
 from emclutch.results.checkpoint import write_checkpoint
 from emclutch.results.errors import Interrupted, RunError
 from emclutch.results.folder_lock import FolderInUse
-from emclutch.results.lease import lease_holder, leased
+from emclutch.results.lease import lease_holder, leased, leased_in_turn
 from emclutch.scene.errors import SceneError
 from emclutch.scene.study import read_study
 from emclutch.studies import tasks as study_tasks
@@ -291,7 +291,7 @@ def test_a_lease_that_is_new_under_an_old_number_is_kept(tmp_path, monkeypatch):
     first, other = tmp_path / "a.1.lease", '{"pid": 8, "host": "node8"}'
     first.write_text('{"pid": 7, "host": "node7"}')
 
-    def ends_and_another_comes(file):
+    def ends_and_another_comes(file, gives_up):
         first.write_text(other)
         return lease.ENDED
 
@@ -305,6 +305,41 @@ def test_a_lease_that_was_lost_is_not_given_back_for_another(tmp_path):
     with leased(tmp_path / "a", "a"):
         (tmp_path / "a.1.lease").write_text('{"pid": 8, "host": "node8"}')
     assert (tmp_path / "a.1.lease").is_file()
+
+
+def test_a_lease_whose_server_does_not_answer_is_not_lost_and_ends_with_its_holder(tmp_path, monkeypatch):
+    """That it could not be removed keeps nobody of the same process from taking it again."""
+    monkeypatch.setattr(lease, "EXPIRE_SECONDS", 0.0)
+    read = Path.read_text
+
+    def no_answer(path, *how, **more):
+        if path.suffix == ".lease":
+            raise OSError(5, "Input/output error", str(path))
+        return read(path, *how, **more)
+
+    with leased(tmp_path / "a", "a") as held:
+        with monkeypatch.context() as patched:
+            patched.setattr(Path, "read_text", no_answer)
+            held.renew()
+            held.refuse_lost()
+        with pytest.raises(FolderInUse), leased(tmp_path / "a", "a"):
+            pass
+        monkeypatch.setattr(Path, "read_text", no_answer)
+    monkeypatch.undo()
+    assert [path.name for path in tmp_path.iterdir()] == ["a.1.lease"] and lease_holder(tmp_path / "a") is None
+    with leased(tmp_path / "a", "a"):
+        assert [path.name for path in tmp_path.iterdir()] == ["a.2.lease"]
+
+
+def test_who_waits_for_another_machine_gives_up_while_its_lease_is_watched(tmp_path, monkeypatch):
+    monkeypatch.setattr(lease, "EXPIRE_SECONDS", 0.5)
+    monkeypatch.setattr(lease, "LOOK_SECONDS", 0.01)
+    monkeypatch.setattr(lease, "WAIT_SECONDS", 0.0)
+    (tmp_path / "a.1.lease").write_text('{"pid": 7, "host": "node7"}')
+    asked = iter([False])
+    with leased_in_turn(tmp_path / "a", "a", lambda: next(asked, True)) as held:
+        assert held is None
+    assert [path.name for path in tmp_path.iterdir()] == ["a.1.lease"]
 
 
 def test_a_stop_that_was_left_behind_is_told(tmp_path, runs):
