@@ -135,7 +135,9 @@ def _points(study: StudySection, table: Any) -> tuple[np.ndarray, np.ndarray]:
     torques, errors = found[..., 0], found[..., 1]
     means = torques.mean(axis=1)
     if len(packings) > 1:
-        own = torques - means[:, np.newaxis] - torques.mean(axis=0) + means.mean()
+        own = torques - torques[:, :1]  # exactly 0 where packings are alike
+        own = own - own.mean(axis=0)
+        own = own - own.mean(axis=1, keepdims=True)
         square = float((own**2).sum()) / ((len(points) - 1) * (len(packings) - 1))
         noise = np.full(len(points), np.sqrt(square / len(packings)))
     else:
