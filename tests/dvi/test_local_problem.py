@@ -8,7 +8,7 @@ from scipy.optimize import brentq
 
 from particles.dvi.local_problem import coulomb_block, natural_map
 
-finite = st.floats(-10.0, 10.0)
+finite = st.floats(-10.0, 10.0, allow_subnormal=False)
 
 
 def coulomb_isotropic(w_n, w_t, mu, q_n, *q_t):
@@ -17,7 +17,7 @@ def coulomb_isotropic(w_n, w_t, mu, q_n, *q_t):
         return 0.0, 0.0, 0.0
     r_n, r_t = -q_n / w_n, -np.array(q_t) / w_t
     size = np.hypot(*r_t)
-    return r_n, *(r_t * min(1.0, mu * r_n / size) if size > 0.0 else r_t)
+    return r_n, *(r_t * (mu * r_n / size) if size > mu * r_n else r_t)
 
 
 def convex_isotropic(w_n, w_t, mu, q_n, *q_t):

@@ -90,7 +90,7 @@ def test_a_loaded_study_is_one_object_and_a_run_is_none(tmp_path):
     folder = written_study(tmp_path / "study", [1.0, 2.0])
     found = emclutch.load_study(folder).to_xarray()
     assert found["torque"].to_numpy() == pytest.approx(emclutch.load_study(folder).table["torque"].to_numpy())
-    with pytest.raises(emclutch.OutputError, match="is no study"):
+    with pytest.raises(emclutch.OutputError, match="is not a study"):
         export(folder / "point-000", Format.NETCDF)
 
 
