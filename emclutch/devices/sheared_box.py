@@ -105,7 +105,7 @@ def _gives_way_under_pressure(draft: Draft) -> Iterator[Fault]:
     if contact.method == "dvi" and geometry.pressure is not None and not contact.dvi.springs:
         yield draft.fault(
             "contact.dvi.springs",
-            "= false cannot be combined with geometry.pressure: the box follows the stress of contacts that give way; "
+            "= false cannot be combined with geometry.pressure: the box follows the stress of contacts on springs; "
             "take springs = true, or a given volume",
         )
 

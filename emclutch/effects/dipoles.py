@@ -148,7 +148,7 @@ class DipolesSection(EffectSection):
         if not self.has_necks:
             return ""
         return (
-            "either for powder, dvi for shot: dvi took 0.8 times the processor time of dem at 20 times its step "
+            "either for powder, dvi for shot: dvi took about the processor time of dem at 20 times its step "
             "(cases/quickstart.toml), 0.7 times at 41 times its step (200 spheres of cases/thesis/electromagnetic.toml)"
         )
 

@@ -29,7 +29,7 @@ PAGE = "study.html"
 SEED = "scene.seed"
 FIRST = ("coil.current", "coil.voltage", "motion.rotor.speed")
 """Keys over which torque is drawn, if they are varied; of other studies the first key that has numbers."""
-MOST_ROWS, MOST_FAILURES, LAST_LINES, MOST_CURVES, MOST_DOTS = 300, 20, 6, 8, 3000
+MAX_ROWS, MAX_FAILURES, MAX_LINES, MAX_CURVES, MAX_DOTS = 300, 20, 6, 8, 3000
 RELOAD = 10
 """Seconds after which a browser loads the page of a running study again."""
 ORDER = {FAILED: 0, STOPPED: 1, RUNNING: 2, DONE: 3, KEPT: 3, WAITING: 4}
@@ -54,7 +54,7 @@ class FailedPoint:
                 text = file.read().decode(errors="replace")
         except OSError:
             return ""
-        return "\n".join(text.splitlines()[-LAST_LINES:])
+        return "\n".join(text.splitlines()[-MAX_LINES:])
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,10 +111,10 @@ def study_page(state: StudyState) -> str:
         total=len(state.points),
         parts=[(name, number, 100.0 * number / total) for name, number in parts if number],
         undecided=undecided,
-        points=[_cells(state.names[k], state.points[k]) for k in places[:MOST_ROWS]],
-        more=max(0, len(places) - MOST_ROWS),
-        failures=state.failures[:MOST_FAILURES],
-        more_failures=max(0, len(state.failures) - MOST_FAILURES),
+        points=[_cells(state.names[k], state.points[k]) for k in places[:MAX_ROWS]],
+        more=max(0, len(places) - MAX_ROWS),
+        failures=state.failures[:MAX_FAILURES],
+        more_failures=max(0, len(state.failures) - MAX_FAILURES),
         curve=_curve(state),
         version=__version__,
     )
@@ -145,11 +145,11 @@ def _curve(state: StudyState) -> dict[str, Any] | None:
     if len(state.values.get(SEED, ())) > 1:
         rows = averaged_over_seeds(rows, SEED, [key for key in state.values if key != SEED])
     rows = [{"standard_error": None, "low": None, "high": None, "converged": True, **row} for row in rows]
-    shown = [row for row in rows if row["torque"] is not None][:: -(-len(rows) // MOST_DOTS)]
+    shown = [row for row in rows if row["torque"] is not None][:: -(-len(rows) // MAX_DOTS)]
     curves = torque_curves(shown, "", [key for key in varied if key != axis]) if shown else []
     if not curves:
         return None
-    if len(curves) > MOST_CURVES:  # of a sample: dots of one colour
+    if len(curves) > MAX_CURVES:  # of a sample: dots of one colour
         x_of, torque, error, converged = (
             np.concatenate([getattr(one, name) for one in curves]) for name in ("x", "torque", "error", "converged")
         )
