@@ -8,6 +8,7 @@ import math
 import numba
 import numpy as np
 import pytest
+from attraction_drives import alike, from_moments
 from dem_laws import FLOOR
 
 from geometry.annular_cell import ShearCell
@@ -49,37 +50,6 @@ def pull(gap, column, amplitude, across=0.0):
     at = np.array([np.interp(column, k, [np.interp(one, X, VALUES[:, j]) for j in k]) for one in np.atleast_1d(x)])
     found = amplitude * at + across * np.interp(x, X, ACROSS)
     return np.where(gap < np.exp(X[-1]), found, 0.0)
-
-
-def alike(amplitude, column=1.7, across=0.0, walls=0.0):
-    """Drives that are the same for all pairs and all smooth walls."""
-
-    def drives(dem):
-        slots = dem.listed_walls
-        at_walls = np.column_stack([np.full(len(slots.wall), column), walls * slots.smooth])
-        return np.tile([column, amplitude, across], (dem.listed_pairs.count, 1)), at_walls
-
-    return drives
-
-
-def from_moments(strength):
-    """Drives that follow from a vector and a number of each grain, as magnetic ones do."""
-
-    def drives(dem):
-        held, pairs, walls = dem.attraction.per_grain, dem.listed_pairs, dem.listed_walls
-        moment, share, i = held["moment"], held["share"], pairs.rows()
-        there = moment[pairs.other]
-        if dem.sector is not None:
-            there = dem.sector.turn(there, pairs.shift)
-        along = np.einsum("ij,ij->i", moment[i], there)
-        place = 2.0 + share[i] + share[pairs.other]
-        row = np.repeat(np.arange(len(moment)), np.diff(walls.start))
-        at_wall = strength * walls.smooth * (1.0 + moment[row, 2] ** 2)
-        return np.column_stack([place, strength * along**2, strength * np.abs(along)]), np.column_stack(
-            [2.0 + share[row], at_wall]
-        )
-
-    return drives
 
 
 def magnetised(dem, strength, seed=0, **more):
