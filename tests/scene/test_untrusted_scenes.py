@@ -1,4 +1,4 @@
-"""An untrusted scene is data: docs/explanation/untrusted_scenes.md has the promises, each with its test."""
+"""An untrusted scene is data: docs/how_to/untrusted_scenes.md has the promises, each with its test."""
 
 from __future__ import annotations
 

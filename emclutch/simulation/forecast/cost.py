@@ -5,7 +5,7 @@ effect of the scene adds (`emclutch.effects`), and how slow the machine at hand 
 have the names under which a run measures them: `field` (deposit and solves), `magnetic` (moments and forces), `contact`
 (the grains' steps); besides `output` (history, snapshots, pictures) and `start` (imports, mesh, plan, packing). Not in
 it: compiling kernels, once for each kind of scene, settling, and other programs. It holds within a factor of about two
-(docs/explanation/cost.md has what was measured); the windows of the run itself say it better
+(docs/explanation/expected_torque.md has what was measured); the windows of the run itself say it better
 (`emclutch.simulation.pace`).
 """
 
