@@ -46,7 +46,8 @@ from particles.dvi.sweep_chunks import extrapolate_chunks, gather_chunks, residu
 
 GAUSS_SEIDEL, ANDERSON = range(2)  # methods: sweeps alone, accelerated
 PLAIN = 1.0  # relaxation of sweeps that are not over-relaxed
-PLAIN_SWEEPS = 30  # before the acceleration begins: most warm-started steps are done by then
+PLAIN_SWEEPS = 30  # most warm-started steps are done by then
+FIRST_SWEEPS = 100  # before the acceleration begins, over-relaxed after the plain ones; loose tolerances need no more
 SWEEPS = 3  # in one application of G: they cost less than an extrapolation
 PATIENCE = 60  # sweeps in which |F| must have found a new minimum; as many without extrapolation follow otherwise
 SLIGHTLY_OVER = 1.3  # over-relaxation within G
@@ -57,15 +58,21 @@ OVER = 1.6  # over-relaxation of the sweeps after a stall; beyond 1.8 sheared be
 
 @device_function(error_model="numpy", fastmath={"contract"})
 def solve(convex, compliance, settings, records, contact_torques, chunk=None, serial=True):
-    """Plain sweeps, then (unless the method is GAUSS_SEIDEL) accelerated ones.
+    """Plain sweeps, then (unless the method is GAUSS_SEIDEL) over-relaxed and at last accelerated ones.
+
+    A sweep with its part of an extrapolation takes twice the time of one alone, so that in beds that move over-relaxed
+    sweeps reach 1e-3 m/s sooner; a thousandth of that they do not reach.
 
     ``chunk`` not None, and ``serial`` None: threads share the sweeps (`particles.dvi.sweep_chunks`). Returns sweeps,
     the residual [m/s] of all contacts at the same velocities, and whether acceleration took over.
     """
     cap, tolerance = settings.cap, settings.tolerance
-    first = cap if settings.method == GAUSS_SEIDEL else min(cap, PLAIN_SWEEPS)
+    first, over = cap, PLAIN
+    if settings.method != GAUSS_SEIDEL:
+        first, over = min(cap, FIRST_SWEEPS), OVER
     for count in range(first):
-        change = _sweep(convex, PLAIN, compliance, records, contact_torques, chunk, serial)
+        relax = PLAIN if count < PLAIN_SWEEPS else over
+        change = _sweep(convex, relax, compliance, records, contact_torques, chunk, serial)
         if change <= tolerance:
             reached = _residual(convex, compliance, records, contact_torques, chunk, serial)
             if reached <= tolerance:

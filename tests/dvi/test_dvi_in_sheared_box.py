@@ -81,7 +81,7 @@ def test_a_pair_through_a_face_is_a_pair(axis, way):
     assert np.abs(found[0][2]).max() > 0.0
 
 
-@pytest.mark.parametrize("way", [{}, {"theta": 0.5}, ALL, {"stiffness": None, "tolerance": 1e-4, "dt": 5e-6}],
+@pytest.mark.parametrize("way", [{}, {"theta": 0.5}, ALL, {"stiffness": None, "tolerance": 1e-3, "dt": 5e-6}],
                          ids=["springs", "theta", "all", "rigid"])  # fmt: skip
 def test_momentum_energy_and_work_balance_to_round_off(way):
     """Beside the flow, which a wrap takes along; the work of the shear is -rate V sigma_xz, all of it accounted for."""
