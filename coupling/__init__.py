@@ -3,7 +3,6 @@
 from coupling.circuit_coil_field import CircuitCoilField
 from coupling.cluster import Cell, Cluster, magnetised_cell, magnetised_cluster
 from coupling.coil_field import CoilField, ImposedField, SolvedCoilField
-from coupling.coil_field_3d import CoilField3D
 from coupling.eddy_coil_field import EddyCoilField
 from coupling.effects import Dipoles, Effect, MagneticForce
 from coupling.expected_load import (
@@ -33,7 +32,6 @@ __all__ = [
     "CircuitCoilField",
     "Cluster",
     "CoilField",
-    "CoilField3D",
     "Dipoles",
     "EddyCoilField",
     "Effect",

@@ -2,7 +2,7 @@
 
 Of the coil's field there are three, by what its current follows from: a course in time (`CoilField`), the circuit of
 a voltage and the nonlinear flux linkage (`coupling.circuit_coil_field`), and the diffusion of the field into solid
-conductors (`coupling.eddy_coil_field`, at a current or at a voltage).
+conductors (`coupling.eddy_coil_field`, at a current or at a voltage). The first two may be solved in 3D.
 """
 
 from __future__ import annotations
@@ -16,8 +16,11 @@ import numpy as np
 
 from coupling.coil_row import CoilRow
 from coupling.powder_feedback import PowderFeedback
-from field import AxisymmetricProblem, FieldSampler, MagneticField, PowderState, field_sampler
+from coupling.turning_sampler import TurningSampler
+from field import FieldSampler, MagneticField, PowderState, field_sampler
+from field.three_d import Field3D, Problem3D
 from geometry.time_profile import TimeProfile
+from particles import Body
 
 
 @dataclass(slots=True)
@@ -51,8 +54,11 @@ class SolvedCoilField(ABC):
 
     Attributes
     ----------
-    problem : AxisymmetricProblem
+    problem : AxisymmetricProblem or Problem3D
+        Of whose solutions, MagneticField or Field3D, `solution` is the present one.
     turns : float
+    carrier : Body or None
+        The slotted body, in whose frame a field in 3D stands still; None: the field is one of revolution.
     current_tolerance : float
         Change of the current, relative to the largest so far, that calls for a new solve.
     powder_tolerance : float
@@ -63,20 +69,20 @@ class SolvedCoilField(ABC):
         How far the moments have left those that the present field was solved with (`PowderFeedback.residual`).
     """
 
-    problem: AxisymmetricProblem
+    problem: Any
     turns: float
+    carrier: Body | None = field(default=None, kw_only=True)
     newton_tolerance: float = field(default=1e-8, kw_only=True)
     current_tolerance: float = field(default=0.01, kw_only=True)
     powder_tolerance: float = field(default=0.05, kw_only=True)
     feedback: PowderFeedback | None = field(default=None, kw_only=True)
     largest_current: float = field(default=0.0, kw_only=True)
-    solution: MagneticField | None = field(default=None, init=False)
+    solution: Any = field(default=None, init=False)
     sampler: FieldSampler | None = field(default=None, init=False)
     solved_current: float = field(default=np.nan, init=False)
     powder_change: float = field(default=0.0, init=False)
     solves: int = field(default=0, init=False)
     seconds: float = field(default=0.0, init=False)
-    carrier: ClassVar[None] = None
 
     @abstractmethod
     def current(self, time: float) -> float:
@@ -107,11 +113,14 @@ class SolvedCoilField(ABC):
         """True if there may be a field at a current [A]: without hysteresis there is none at 0 A."""
         return current != 0.0
 
-    def set_solution(self, solution: MagneticField, current: float) -> None:
+    def set_solution(self, solution: Any, current: float) -> None:
         """Take a solution (a fresh one, or the one of a checkpoint) as the present field."""
         self.solution, self.solved_current = solution, current
         if self.feedback is not None:
             self.sampler = self.feedback.sampler_after_solve(solution)
+        elif isinstance(solution, Field3D):
+            assert self.carrier is not None  # of every field in 3D
+            self.sampler = TurningSampler(solution.sampler("powder"), self.carrier)
         else:
             self.sampler = field_sampler(solution, "powder")
 
@@ -130,7 +139,7 @@ class SolvedCoilField(ABC):
         if self.solution is None:
             return None
         saved = {
-            "psi": self.solution.psi,
+            **_potential(self.solution),
             "ampere_turns": self.solution.ampere_turns,
             "newton": [list(map(float, x)) for x in self.solution.newton],
             "current": self.solved_current,
@@ -149,9 +158,12 @@ class SolvedCoilField(ABC):
         powder = None
         if self.feedback is not None:
             powder = PowderState(saved["fill"], saved["factor"], saved["source"])
-        solution = MagneticField(
-            self.problem, saved["psi"], saved["ampere_turns"], powder, [tuple(x) for x in saved["newton"]]
-        )
+        rest = saved["ampere_turns"], powder, [tuple(x) for x in saved["newton"]]
+        solution: Any
+        if isinstance(self.problem, Problem3D):
+            solution = Field3D(self.problem, saved["phi"], *rest)
+        else:
+            solution = MagneticField(self.problem, saved["psi"], *rest)
         if self.feedback is None:
             self.set_solution(solution, saved["current"])
         else:
@@ -159,6 +171,10 @@ class SolvedCoilField(ABC):
             self.feedback.restore(saved["feedback"])
             self.sampler = self.feedback.sampler(solution)
         self.largest_current, self.solves = saved["largest_current"], saved["solves"]
+
+
+def _potential(solution: MagneticField | Field3D) -> dict[str, np.ndarray]:
+    return {"phi": solution.phi} if isinstance(solution, Field3D) else {"psi": solution.psi}
 
 
 @dataclass
@@ -169,9 +185,13 @@ class CoilField(SolvedCoilField):
     ----------
     currents : TimeProfile
         [A].
+    known : Field3D or None
+        A field of this problem that was solved for from nothing, to the same tolerance: it is not solved for again
+        where the first current is its own.
     """
 
     currents: TimeProfile
+    known: Field3D | None = field(default=None, kw_only=True)
 
     def current(self, time: float) -> float:
         """See `SolvedCoilField.current`."""
@@ -189,5 +209,8 @@ class CoilField(SolvedCoilField):
         self.seconds += perf_counter() - begin
         return True
 
-    def _solved(self, current: float, powder: PowderState | None, guess: MagneticField | None) -> MagneticField:
-        return self.problem.solve(self.turns * current, fill=powder, guess=guess, tolerance=self.newton_tolerance)
+    def _solved(self, current: float, powder: PowderState | None, guess: Any) -> MagneticField | Field3D:
+        ampere_turns, known = self.turns * current, self.known
+        if guess is None and powder is None and known is not None and known.ampere_turns == ampere_turns:
+            return known
+        return self.problem.solve(ampere_turns, fill=powder, guess=guess, tolerance=self.newton_tolerance)

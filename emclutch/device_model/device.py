@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from coupling.smear_region import elements_within, magnetic_regions
-from emclutch.device_model.excitation import Excitation, Supply
+from emclutch.device_model.excitation import Excitation, Supply, supply_of
 from emclutch.device_model.materials import conductivities, grain_law, region_laws
 from emclutch.device_model.pole_zone import GapZone, PoleZone
 from emclutch.devices import GeometrySection
@@ -271,9 +271,6 @@ def build_coil_device(scene: Scene) -> CoilDevice:
         )
         mesh = adapted.mesh
     problem = problem_on(mesh) if adapted is None else adapted.problem
-    supply = None
-    if coil.voltage is not None and coil.is_at_voltage:
-        supply = Supply(coil.voltage, coil.resistance_in(*window))
     return CoilDevice(
         winding,
         currents,
@@ -284,7 +281,7 @@ def build_coil_device(scene: Scene) -> CoilDevice:
         boxes,
         scene.geometry.has_poles,
         adapted,
-        supply=supply,
+        supply=supply_of(scene, shape),
         conductivity=conductivities(scene, mesh),
         history=None if scene.effects.memory is None else scene.effects.memory.history(scene, problem),
     )

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from emclutch.device_model.excitation import Excitation
+from emclutch.device_model.excitation import Excitation, Supply, supply_of
 from emclutch.device_model.materials import region_laws
 from emclutch.scene.model import Scene
 from field.three_d import Field3D, FlatCoil, Problem3D
@@ -64,6 +64,8 @@ class CoilDevice3D(Excitation):
         Points (r, z) [m] on the middle of the rim gap under the poles, or of a face gap where it alone is filled.
     pitch : float or None
         Angle [rad] after which the field repeats; None: not known.
+    supply : Supply or None
+        Of a coil at a voltage.
     """
 
     shape: WoundShape
@@ -74,6 +76,7 @@ class CoilDevice3D(Excitation):
     carrier: str
     line: np.ndarray
     pitch: float | None
+    supply: Supply | None = None
 
     def solve_at_peak(self, fill: np.ndarray | None) -> Field3D:
         """The field at the largest current; the powder does not change it."""
@@ -118,6 +121,7 @@ def build_coil_device_3d(scene: Scene, source: Any) -> CoilDevice3D:
         solid.carrier,
         solid.face_line if region == "faces" else solid.pole_line,
         solid.pitch,
+        supply_of(scene, shape),
     )
 
 

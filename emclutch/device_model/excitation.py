@@ -4,12 +4,17 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from field.coil.winding import Winding
 from field.solved_field import SolvedField
 from geometry.time_profile import TimeProfile
+
+if TYPE_CHECKING:
+    from emclutch.scene.model import Scene
+    from geometry.device_shape import WoundShape
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,6 +31,14 @@ class Supply:
 
     voltage: TimeProfile
     resistance: float
+
+
+def supply_of(scene: Scene, shape: WoundShape) -> Supply | None:
+    """What drives the scene's coil; None: its current is prescribed."""
+    coil = scene.coil
+    if coil is None or coil.voltage is None or not coil.is_at_voltage:
+        return None
+    return Supply(coil.voltage, coil.resistance_in(shape.coil_area, shape.coil_mean_radius))
 
 
 @dataclass(frozen=True, slots=True)

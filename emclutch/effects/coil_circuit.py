@@ -18,7 +18,9 @@ from emclutch.scene.units import number
 if TYPE_CHECKING:
     from coupling import CircuitCoilField, PowderFeedback
     from emclutch.device_model.device import CoilDevice
+    from emclutch.device_model.device_3d import CoilDevice3D
     from emclutch.device_model.excitation import Supply
+    from particles import Body
 
 
 def _has_a_voltage(draft: Draft) -> Iterator[Fault]:
@@ -53,7 +55,6 @@ class CoilCircuitSection(EffectSection):
     role = "circuit"
     columns = (COIL_VOLTAGE, INTO_FIELD, *ENERGY_COLUMNS)
     acts_on_field = True
-    not_in_3d = "a circuit is solved together with the field of a section only"
     CHECKS: ClassVar = ((_has_a_voltage, ("effects", "coil", "field", "geometry.kind", "materials")),)
 
     begin: Annotated[str, Choice(BEGINNING)] = Field(
@@ -67,9 +68,14 @@ class CoilCircuitSection(EffectSection):
     )
 
     def source(
-        self, coil: CoilDevice, supply: Supply, feedback: PowderFeedback | None, powder_tolerance: float
+        self,
+        coil: CoilDevice | CoilDevice3D,
+        supply: Supply,
+        feedback: PowderFeedback | None,
+        powder_tolerance: float,
+        carrier: Body | None = None,
     ) -> CircuitCoilField:
-        """Build the coil's field with the current of its circuit."""
+        """Build the coil's field with the current of its circuit; `carrier` is the slotted body of a field in 3D."""
         from coupling import CircuitCoilField  # local: the schema itself needs no fields
 
         return CircuitCoilField(
@@ -83,6 +89,7 @@ class CoilCircuitSection(EffectSection):
             largest_current=coil.largest_current,
             feedback=feedback,
             powder_tolerance=powder_tolerance,
+            carrier=carrier,
         )
 
     @classmethod

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from emclutch.device_model.device import CoilDevice, Device
+from emclutch.device_model.excitation import Excitation
 from emclutch.device_model.warning_text import with_warnings
 from emclutch.results.steady_torque import MIN_AVERAGED_STRAIN
 from emclutch.scene.case import Case
@@ -28,6 +29,7 @@ from field.coil.inductance import apparent_inductance, incremental_inductance
 
 if TYPE_CHECKING:
     from emclutch.simulation.plan import Plan
+    from field.three_d import Field3D
 
 UPDATE_RULES = {
     UpdateRule.ASKED: " as asked",
@@ -47,9 +49,9 @@ def plan_in_words(device: Device, plan: Plan) -> dict[str, str]:
     words = dict(device_in_words(scene, device))
     if plan.scaled is not None:
         words["speed"] = plan.scaled.in_words()
-    coil, in_section, field = device.coil, device.section_coil, plan.peak_section
-    if in_section is not None and in_section.supply is not None and field is not None:
-        words["coil"] = coil_in_words(scene, in_section, in_section.supply.resistance, field)
+    coil, in_section, field = device.coil, device.section_coil, plan.peak_field
+    if coil is not None and coil.supply is not None and field is not None:
+        words["coil"] = coil_in_words(scene, coil, coil.supply.resistance, field)
     if scene.grains.repose is not None:
         words["friction"] = friction_in_words(scene.grains.repose)
     words |= dict(contacts_in_words(scene, plan.contact))
@@ -122,7 +124,7 @@ def packing_in_words(scene, device: Device) -> str:
     )
 
 
-def coil_in_words(scene, coil: CoilDevice, resistance: float, field: MagneticField) -> str:
+def coil_in_words(scene, coil: Excitation, resistance: float, field: MagneticField | Field3D) -> str:
     """Resistance, current and, where its circuit is simulated, inductance and time constant of a coil at a voltage."""
     loss = resistance * coil.largest_current**2
     text = f"{resistance:.3g} ohm: up to {coil.largest_current:.3g} A, {loss:.3g} W of copper loss"

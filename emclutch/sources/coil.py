@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
@@ -13,18 +13,6 @@ from emclutch.scene.errors import Fault
 from emclutch.scene.section import Whole
 from emclutch.scene.units import number
 from emclutch.sources.source_section import SourceSection
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from coupling import CoilField3D, SolvedCoilField
-    from emclutch.device_model.device import CoilDevice
-    from emclutch.device_model.device_3d import CoilDevice3D
-    from emclutch.scene.model import Scene
-    from field import MagneticField
-    from field.three_d import Field3D
-    from geometry.walls import Wall
-    from particles import Body
 
 MIN_SIZE_IN_3D = 0.2  # `geometry.mesh_slotted`
 
@@ -98,37 +86,32 @@ class CoilFieldSection(SourceSection):
         return replace(device, coil=solved_coil(scene))
 
     def build(self, scene, device, bodies, walls, peak):
-        """Build the coil's field: of a section, or in 3D."""
-        section = device.section_coil
-        return self._in_3d(device.coil, bodies, peak) if section is None else self._in_section(scene, section, walls)
+        """Build the coil's field, of a section or in 3D.
 
-    def _in_section(self, scene: Scene, coil: CoilDevice, walls: Sequence[Wall]) -> SolvedCoilField:
-        """The coil's field by what its current follows from: a course in time, the circuit, eddy currents."""
+        Its class follows from what its current follows from: a course in time, the circuit, eddy currents.
+        """
         from coupling import CoilField
+        from field.three_d import Field3D
 
+        coil, section = device.coil, device.section_coil
+        carrier = None if section is not None else next(body for body in bodies if body.name == coil.carrier)
         circuit, eddy, reaction = scene.effects.circuit, scene.effects.eddy, scene.effects.feedback
         feedback = None if reaction is None else reaction.powder_feedback(scene, coil.problem, walls)
         tolerance = 0.0 if reaction is None else reaction.tolerance
         supply = None if circuit is None else coil.supply
         if eddy is not None:
-            return eddy.source(coil, supply, feedback, tolerance)
+            return eddy.source(section, supply, feedback, tolerance)
         if supply is not None:
-            return circuit.source(coil, supply, feedback, tolerance)
-        if coil.history is not None:
-            return scene.effects.memory.source(coil, feedback, tolerance)
+            return circuit.source(coil, supply, feedback, tolerance, carrier)
+        if section is not None and section.history is not None:
+            return scene.effects.memory.source(section, feedback, tolerance)
         return CoilField(
             coil.problem,
             coil.turns,
             coil.currents,
+            carrier=carrier,
             newton_tolerance=coil.newton_tolerance,
             powder_tolerance=tolerance,
             feedback=feedback,
+            known=peak if isinstance(peak, Field3D) else None,
         )
-
-    def _in_3d(self, coil: CoilDevice3D, bodies: Sequence[Body], peak: MagneticField | Field3D | None) -> CoilField3D:
-        from coupling import CoilField3D
-        from field.three_d import Field3D
-
-        carrier = next(body for body in bodies if body.name == coil.carrier)
-        known = peak if isinstance(peak, Field3D) else None
-        return CoilField3D(coil.problem, coil.turns, coil.currents, carrier, coil.newton_tolerance, known=known)

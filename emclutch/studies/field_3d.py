@@ -63,7 +63,7 @@ def field_study_3d(
     for number, current in enumerate([device.largest_current] if currents is None else currents):
         began = perf_counter()
         guess = solution if solution is not None and solution.ampere_turns != 0.0 else None
-        solution = device.problem.solve(device.turns * current, guess, tolerance=device.newton_tolerance)
+        solution = device.problem.solve(device.turns * current, guess=guess, tolerance=device.newton_tolerance)
         linkage = device.turns * solution.flux_linkage_per_turn
         rows.append(
             {

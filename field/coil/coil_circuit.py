@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from field.section.magnetic_field import MagneticField
     from field.section.powder_state import Powder
     from field.section.section_energy import SectionEnergy
+    from field.three_d import Field3D, Problem3D
 
 # Gauss-Legendre points for the energies of a step; steps are at most half a time constant, where this is exact
 # to round-off.
@@ -41,14 +42,14 @@ _NODES, _WEIGHTS = (0.5 * (x + shift) for x, shift in zip(np.polynomial.legendre
 
 
 def solve_at_flux_linkage(
-    problem: AxisymmetricProblem,
+    problem: AxisymmetricProblem | Problem3D,
     linkage_per_turn: float,
     fill: Powder = None,
-    guess: MagneticField | None = None,
+    guess: MagneticField | Field3D | None = None,
     *,
     tolerance: float = 1e-8,
     max_iterations: int = 40,
-) -> MagneticField:
+) -> MagneticField | Field3D:
     """The field whose coil links a given flux; its `ampere_turns` are found with it.
 
     Parameters
@@ -56,7 +57,7 @@ def solve_at_flux_linkage(
     linkage_per_turn : float
         lambda/N [Wb].
     fill, guess, tolerance, max_iterations
-        See `AxisymmetricProblem.solve`.
+        See `AxisymmetricProblem.solve`. In 3D the current is found by fields of given currents.
 
     Raises
     ------
@@ -66,7 +67,12 @@ def solve_at_flux_linkage(
     """
     from field.section.magnetic_field import MagneticField
     from field.section.section_energy import SectionEnergy
+    from field.three_d import Problem3D
 
+    if isinstance(problem, Problem3D):
+        assert not isinstance(guess, MagneticField)
+        return problem.solve_at_flux_linkage(linkage_per_turn, fill, guess, tolerance=tolerance)
+    assert guess is None or isinstance(guess, MagneticField)
     if problem.coil_area == 0.0 or not math.isfinite(linkage_per_turn):
         raise ValueError(
             f"a flux linkage of {linkage_per_turn} Wb a turn needs a coil and a finite number; "
@@ -171,7 +177,7 @@ class LinearisedCoil:
     resistance: float
 
     @classmethod
-    def about(cls, solution: MagneticField, turns: float, resistance: float) -> LinearisedCoil:
+    def about(cls, solution: MagneticField | Field3D, turns: float, resistance: float) -> LinearisedCoil:
         """About a solved field."""
         return cls(
             turns * solution.flux_linkage_per_turn,

@@ -21,6 +21,7 @@ from field.newton import scalar_product
 if TYPE_CHECKING:
     from field.section.axisymmetric import AxisymmetricProblem
     from field.section.magnetic_field import MagneticField
+    from field.three_d import Field3D
 
 
 def psi_per_ampere_turn(solution: MagneticField) -> np.ndarray:
@@ -31,15 +32,18 @@ def psi_per_ampere_turn(solution: MagneticField) -> np.ndarray:
     return change
 
 
-def incremental_inductance(solution: MagneticField, turns: float) -> float:
+def incremental_inductance(solution: MagneticField | Field3D, turns: float) -> float:
     """d lambda/d i at constant fill [H]."""
+    from field.three_d import Field3D
+
+    if isinstance(solution, Field3D):
+        return turns**2 * solution.flux_slope
     _check_coil(solution.problem)
     return 2.0 * math.pi * turns**2 * scalar_product(solution.problem.coil_load, psi_per_ampere_turn(solution))
 
 
-def apparent_inductance(solution: MagneticField, turns: float) -> float:
+def apparent_inductance(solution: MagneticField | Field3D, turns: float) -> float:
     """lambda/i [H]; without current its limit, the incremental inductance."""
-    _check_coil(solution.problem)
     if solution.ampere_turns == 0.0:
         return incremental_inductance(solution, turns)
     return turns**2 * solution.flux_linkage_per_turn / solution.ampere_turns

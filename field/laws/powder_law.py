@@ -184,6 +184,20 @@ class PowderLaw:
         M, dM_dB = self.grain_law.from_flux(B, phi, N)
         return NU_0 * B - phi * M, NU_0 - phi * dM_dB
 
+    def of_H(
+        self, H: np.ndarray, phi: np.ndarray | float, N: Factor = None
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """B/H and dB/dH - B/H [H/m], and the integral of B dH [J/m^3], at H [A/m], phi and N as in `H_of_B`.
+
+        With H in the place of B/mu_0 a grain's factor is N instead of N + phi.
+        """
+        H, law = np.asarray(H, dtype=float), self.grain_law
+        N = (law.demagnetising_factors(phi)[0] if N is None else N) - phi
+        M, dM_dB = law.from_flux(MU_0 * H, phi, N)
+        chi = np.where(H > 0.0, M / np.where(H > 0.0, H, 1.0), MU_0 * dM_dB)
+        work = 0.5 * MU_0 * H**2 + phi * law.magnetisation_work(MU_0 * H, phi, N)
+        return MU_0 * (1.0 + phi * chi), MU_0 * phi * (MU_0 * dM_dB - chi), work
+
     def dH_dphi(self, B: np.ndarray, phi: np.ndarray | float) -> np.ndarray:
         """Change of H with the fill at constant B [A/m]."""
         return -self.grain_law.from_flux(B, phi)[0] - phi * self.grain_law.flux_sensitivity(B, phi)

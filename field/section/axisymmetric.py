@@ -25,7 +25,7 @@ from field.laws.region_laws import complete_laws
 from field.laws.reluctivity import Law
 from field.newton import minimise, norm
 from field.section.magnetic_field import MagneticField
-from field.section.powder_state import Powder, PowderState
+from field.section.powder_state import Powder, PowderState, checked_powder
 from field.section.section_elements import SectionElements
 from field.section.section_energy import SectionEnergy
 from field.section.steel_history import SteelHistory
@@ -276,27 +276,9 @@ class AxisymmetricProblem:
 
     def check_powder(self, powder: Powder) -> PowderState | None:
         """The state that a solve takes; raises ValueError, see `solve`."""
-        if powder is None:
-            return None
-        state = powder if isinstance(powder, PowderState) else PowderState(np.asarray(powder))
-        fill = np.ascontiguousarray(state.fill, dtype=float)
-        if self.powder_law is None:
+        if powder is not None and self.powder_law is None:
             raise ValueError("a `fill` was given, but the problem has no `powder_law` to turn it into permeability")
-        if fill.shape != (self.powder_elements.size,):
-            raise ValueError(
-                f"`fill` has shape {fill.shape}; region {self.powder_region!r} has {self.powder_elements.size} elements"
-            )
-        if not np.all((fill >= 0.0) & (fill < 1.0)):
-            worst = fill[int(np.argmax(np.where(np.isfinite(fill), np.abs(fill - 0.5), np.inf)))]
-            raise ValueError(
-                f"`fill` holds {worst:g}; a solid fraction is at least 0 and below 1 (random packing: 0.55 to 0.64)"
-            )
-        if state.factor is not None and not (state.factor.shape == fill.shape and np.all(state.factor > -fill)):
-            raise ValueError("`factor` must have the shape of `fill`, and N + phi must be above 0 everywhere")
-        wanted = (fill.size, 2, self.elements.n_quadrature)
-        if state.source is not None and not (state.source.shape == wanted and np.all(np.isfinite(state.source))):
-            raise ValueError(f"`source` has shape {state.source.shape}: finite numbers of shape {wanted} are needed")
-        return PowderState(fill.copy(), state.factor, state.source)
+        return checked_powder(powder, self.powder_elements.size, (2, self.elements.n_quadrature))
 
     def _elements_by_law(self) -> list[tuple[Law | PowderLaw, np.ndarray]]:
         """Elements that share a law, so that each is evaluated once; the powder's in the fill's order."""

@@ -13,6 +13,8 @@ from .body_force import BodyForce, body_force, current_force
 from .tetrahedron_locator import PointOutside3D
 
 if TYPE_CHECKING:
+    from field.section.powder_state import PowderState
+
     from .sampler_3d import Sampler3D
     from .scalar_potential import Problem3D
 
@@ -30,16 +32,24 @@ class Field3D:
         Reduced scalar potential [A] at the elements' nodes.
     ampere_turns : float
         N I of the coil [A], or the strength of the applied field [A/m].
+    powder : PowderState or None
+        What the field was solved for; in `coenergy` and B its source is a magnet.
     newton : list of (relative residual, step length)
         History of the iteration, the start first.
     """
 
     def __init__(
-        self, problem: Problem3D, phi: np.ndarray, ampere_turns: float, newton: list[tuple[float, float]]
+        self,
+        problem: Problem3D,
+        phi: np.ndarray,
+        ampere_turns: float,
+        powder: PowderState | None,
+        newton: list[tuple[float, float]],
     ) -> None:
         self.problem = problem
         self.phi = phi
         self.ampere_turns = ampere_turns
+        self.powder = powder
         self.newton = newton
 
     @cached_property
@@ -50,7 +60,9 @@ class Field3D:
     @cached_property
     def B_at_quadrature(self) -> np.ndarray:
         """B [T] at the elements' quadrature points, shape (n_quadrature, 3)."""
-        return self.problem.materials_at(self.H_at_quadrature)[0][:, None] * self.H_at_quadrature
+        B = self.problem.materials_at(self.H_at_quadrature, self.powder)[0][:, None] * self.H_at_quadrature
+        source = self.problem.source_at_quadrature(self.powder)
+        return B if source is None else B + MU_0 * source
 
     def integral(self, density: np.ndarray) -> float:
         """Integral over the whole machine of a density given at the quadrature points, shape (n_quadrature,)."""
@@ -64,18 +76,29 @@ class Field3D:
     @property
     def coenergy(self) -> float:
         """Integral of B dH over the volume [J]."""
-        return self.integral(self.problem.materials_at(self.H_at_quadrature)[1]) + self._outside
+        density = self.problem.materials_at(self.H_at_quadrature, self.powder)[1]
+        source = self.problem.source_at_quadrature(self.powder)
+        if source is not None:
+            density = density + MU_0 * np.einsum("qi,qi->q", source, self.H_at_quadrature)
+        return self.integral(density) + self._outside
 
     @property
     def energy(self) -> float:
         """Integral of H dB over the volume [J]; equals the co-energy when all is linear."""
-        HB = np.einsum("qi,qi->q", self.H_at_quadrature, self.B_at_quadrature)
-        return self.integral(HB - self.problem.materials_at(self.H_at_quadrature)[1]) + self._outside
+        mu, density = self.problem.materials_at(self.H_at_quadrature, self.powder)
+        return self.integral(mu * np.einsum("qi,qi->q", self.H_at_quadrature, self.H_at_quadrature) - density) + (
+            self._outside
+        )
 
     @property
     def flux_linkage_per_turn(self) -> float:
         """Flux through a mean turn, integral of T0 . B for one ampere-turn [Wb]; equals dW*/d(N I)."""
         return self.integral(np.einsum("qi,qi->q", self.problem.unit_T0, self.B_at_quadrature))
+
+    @cached_property
+    def flux_slope(self) -> float:
+        """d flux_linkage_per_turn/d(N I) at constant powder [H]."""
+        return self.problem.flux_slope(self)
 
     def field_strength(self, points: np.ndarray | None = None) -> np.ndarray:
         """H of the finite element solution itself (not recovered).
@@ -128,7 +151,10 @@ class Field3D:
             if np.any(element < 0):
                 raise PointOutside3D(points[element < 0], "the mesh")
         H = self._field_strength_in(element, local)
-        B = self.problem.permeability_in(element, H)[:, None] * H
+        B = self.problem.permeability_in(element, H, self.powder)[:, None] * H
+        source = self.problem.source_in(element, self.powder)
+        if source is not None:
+            B = B + MU_0 * source
         fold = self.problem.fold
         return fold.out_of_mesh(matrix, H)[0], fold.out_of_mesh(matrix, B)[0]
 
@@ -155,7 +181,8 @@ class Field3D:
 
     def relative_permeability(self) -> np.ndarray:
         """mu_r = B/(mu_0 H) in the middle of every element, shape (n_elements,) [-]."""
-        return self.problem.permeability_in(np.arange(len(self.problem.mesh.tetrahedra)), self.field_strength()) / MU_0
+        every = np.arange(len(self.problem.mesh.tetrahedra))
+        return self.problem.permeability_in(every, self.field_strength(), self.powder) / MU_0
 
     def sampler(self, region: str = "powder") -> Sampler3D:
         """Recovered H and grad H inside a region without current."""

@@ -16,6 +16,8 @@ coil and device are mirrored has tangential H = 0: phi = 0, name it in `fixed`. 
     zero       phi = 0, H normal to it.
 
 The errors of wall and zero are those of the dipole's images, -2 : 1 in a sphere; open has neither.
+With a `powder_law` the powder's elements have B = mu_0 (H + phi M_grain(|H|; N) H/|H| + source), the state of
+`field.section.powder_state` at the given H; a source is a magnet, whose load is -integral of mu_0 source . grad v.
 Neglected: eddy currents, hysteresis.  Reference: Simkin and Trowbridge, Int. J. Numer. Methods Eng. 14 (1979);
 Webb and Forghani, IEEE Trans. Magn. 29 (1993) for T0 with a single scalar potential.
 """
@@ -23,15 +25,18 @@ Webb and Forghani, IEEE Trans. Magn. 29 (1993) for T0 with a single scalar poten
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy.sparse as sp
 
+from field.laws.powder_law import PowderLaw
 from field.laws.region_laws import complete_laws
 from field.laws.reluctivity import MU_0, Law, LinearLaw
-from field.newton import minimise, norm, scalar_product
+from field.newton import ConvergenceError, minimise, norm, scalar_product
+from field.section.powder_state import Powder, PowderState, checked_powder
 from geometry.mesh_3d import Mesh3D
 
 from .current_source import Source
@@ -52,6 +57,9 @@ _START_TOLERANCE = 3e-3  # of these two linear solves
 # The line search continues until the slope is level to this fraction: a gradient costs a tenth of a linear solve.
 _LEVEL = 0.3
 _WITHOUT_IRON = ("air", "coil", "powder", "slots")
+# Of the linear solve whose square the incremental inductance is, and of a flux linkage that is asked for.
+_SLOPE_TOLERANCE, _LINKAGE_TOLERANCE = 1e-5, 1e-7
+_MAX_LINKAGE_SOLVES = 20
 
 
 class Problem3D:
@@ -72,6 +80,10 @@ class Problem3D:
         Boundaries with phi = 0.
     centre_z : float
         Height of the device's middle [m], from where an open boundary sees its dipole.
+    powder_law : PowderLaw or None
+        Of the region `powder`; None: it is air.
+    powder_beyond : ndarray (k,) of int or None
+        Elements of other regions that hold powder too, which must be air.
     linear_solver : str
         `auto`, `direct` or `multigrid`.
 
@@ -91,6 +103,8 @@ class Problem3D:
         outer: str = "open",
         fixed: Sequence[str] = (),
         centre_z: float = 0.0,
+        powder_law: PowderLaw | None = None,
+        powder_beyond: np.ndarray | None = None,
         linear_solver: str = "auto",
     ) -> None:
         if outer not in ("open", "flux_wall", "zero"):
@@ -104,16 +118,24 @@ class Problem3D:
             self._material[mesh.regions[name]] = k
         self._inverse = [InverseLaw.of(self.laws[name]) for name in names]
         bends = np.array([not isinstance(self.laws[name], LinearLaw) for name in names])
-        self.linear = not bends.any()
+        self.powder_law = powder_law
+        self.powder_elements = np.zeros(0, dtype=np.int64)
+        if powder_law is not None:
+            beyond = np.zeros(0, dtype=np.int64) if powder_beyond is None else powder_beyond
+            self.powder_elements = np.union1d(mesh.regions["powder"], beyond)
+        self._powder_row = np.full(len(mesh.tetrahedra), -1, dtype=np.int64)
+        self._powder_row[self.powder_elements] = np.arange(self.powder_elements.size)
+        self.linear = not bends.any() and powder_law is None
         centroid = mesh.centroid()
         self.carries_current = np.any(source.current_density(centroid) != 0.0, axis=1)
         fixed = (*fixed, "outer") if outer == "zero" else tuple(fixed)
-        nonlinear = bends[self._material]
+        holds_powder = self._powder_row >= 0
+        nonlinear = bends[self._material] | holds_powder
         self.elements = Elements3D(
             mesh,
             order,
             fixed=fixed,
-            group=np.where(nonlinear, self._material, -1),
+            group=np.where(holds_powder, len(names), np.where(nonlinear, self._material, -1)),
             careful=nonlinear | self.carries_current,
             hold_one=outer == "flux_wall" and not fixed,
         )
@@ -225,25 +247,56 @@ class Problem3D:
             self._recoveries[region] = Recovery3D(self.elements, self.mesh.regions[region], self.source)
         return self._recoveries[region]
 
-    def materials_at(self, H: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """mu = B/H [H/m] and w* [J/m^3] at H (n_quadrature, 3) [A/m] of the quadrature points."""
-        return self._evaluate(self._material[self.elements.element_of_quadrature], H)
+    @property
+    def powder_basis(self) -> Any:
+        """The basis of the powder's elements, in the order of `powder_elements`."""
+        return self.elements.bases[-1]  # the group of the highest number
 
-    def permeability_in(self, element: np.ndarray, H: np.ndarray) -> np.ndarray:
+    def materials_at(self, H: np.ndarray, powder: PowderState | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """mu = B/H [H/m] and w* [J/m^3], without a source, at H (n_quadrature, 3) [A/m] of the quadrature points."""
+        return self._evaluate(self.elements.element_of_quadrature, H, powder)
+
+    def permeability_in(self, element: np.ndarray, H: np.ndarray, powder: PowderState | None = None) -> np.ndarray:
         """mu = B/H [H/m] of one point in each listed element, H (k, 3) [A/m]."""
-        return self._evaluate(self._material[element], H)[0]
+        return self._evaluate(element, H, powder)[0]
 
-    def _evaluate(self, material: np.ndarray, H: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def source_at_quadrature(self, powder: PowderState | None) -> np.ndarray | None:
+        """The powder's source [A/m] at the quadrature points (n_quadrature, 3); None: there is none."""
+        if powder is None or powder.source is None:
+            return None
+        source = np.zeros((len(self.elements.weight), 3))
+        source[-powder.source[:, 0].size :] = powder.source.transpose(0, 2, 1).reshape(-1, 3)
+        return source
+
+    def source_in(self, element: np.ndarray, powder: PowderState | None) -> np.ndarray | None:
+        """Mean of the powder's source [A/m] in each listed element (k, 3); None: there is none."""
+        if powder is None or powder.source is None:
+            return None
+        weight = self.powder_basis.dx / self.powder_basis.dx.sum(axis=1, keepdims=True)
+        mean, row = (powder.source * weight[:, None]).sum(axis=2), self._powder_row[element]
+        return np.where((row >= 0)[:, None], mean[row], 0.0)
+
+    def _evaluate(
+        self, element: np.ndarray, H: np.ndarray, powder: PowderState | None
+    ) -> tuple[np.ndarray, np.ndarray]:
         size = np.linalg.norm(H, axis=1)
         mu, coenergy = np.empty(len(H)), np.empty(len(H))
+        material = self._material[element]
         for k, law in enumerate(self._inverse):
             here = material == k
             mu[here], _, coenergy[here] = law.evaluate(size[here])
+        if powder is not None:
+            row = self._powder_row[element]
+            here = row >= 0
+            factor = None if powder.factor is None else powder.factor[row[here]]
+            assert self.powder_law is not None
+            mu[here], _, coenergy[here] = self.powder_law.of_H(size[here], powder.fill[row[here]], factor)
         return mu, coenergy
 
     def solve(
         self,
         ampere_turns: float,
+        fill: Powder = None,
         guess: Field3D | None = None,
         *,
         tolerance: float = 1e-8,
@@ -253,6 +306,8 @@ class Problem3D:
 
         Parameters
         ----------
+        fill : ndarray (n powder elements,), PowderState or None
+            Solid fraction of each of `powder_elements` [-], or the powder's whole state; None: no powder.
         guess : Field3D or None
             Start of the iteration, another solution of this problem; None: the field of constant permeability.
         tolerance : float
@@ -265,12 +320,15 @@ class Problem3D:
         """
         if not np.isfinite(ampere_turns):
             raise ValueError(f"`ampere_turns` = {ampere_turns} must be a finite number")
-        if ampere_turns == 0.0:
-            return Field3D(self, np.zeros(self.elements.n_nodes), 0.0, [(0.0, 0.0)])
+        powder = self._checked(fill)
+        if ampere_turns == 0.0 and (powder is None or powder.source is None):
+            return Field3D(self, np.zeros(self.elements.n_nodes), 0.0, powder, [(0.0, 0.0)])
         if guess is not None and guess.problem is not self:
             raise ValueError("`guess` belongs to another problem: start from a field of the same one")
-        energy = _CoEnergy(self, ampere_turns)
+        energy = _CoEnergy(self, ampere_turns, powder)
         scale = abs(ampere_turns) * self._unit_scale
+        if ampere_turns == 0.0:
+            scale = norm(energy.linear_load)
         self._solver.floor = 0.3 * tolerance * scale
         self._solver.scale = None
         start = self._linear_start(energy) if guess is None else guess.phi[self.elements.free_nodes]
@@ -285,12 +343,70 @@ class Problem3D:
             max_iterations=max_iterations,
             level=None if self.linear else _LEVEL,
         )
-        return Field3D(self, self.elements.whole(x), float(ampere_turns), history)
+        return Field3D(self, self.elements.whole(x), float(ampere_turns), powder, history)
+
+    def _checked(self, fill: Powder) -> PowderState | None:
+        if fill is not None and self.powder_law is None:
+            raise ValueError("a `fill` was given, but the problem has no `powder_law` to turn it into permeability")
+        points = self.powder_basis.dx.shape[1] if self.powder_law is not None else 0
+        return checked_powder(fill, self.powder_elements.size, (3, points))
+
+    def flux_slope(self, field: Field3D) -> float:
+        """Slope of the flux linkage a turn with N I at a solution and its powder [H], the tangent's energy.
+
+        With H' = T0 - grad phi' of one ampere-turn in the tangent permeability it is the integral of H' . dB/dH . H',
+        whose error is of second order in that of phi'.
+        """
+        energy = _CoEnergy(self, field.ampere_turns, field.powder)
+        matrix = energy.hessian(field.phi[self.elements.free_nodes])
+        unit = self.elements.split(self.unit_T0)
+        flow = [energy.tangent_flow(k, unit[number]) for k, number in enumerate(energy.numbers)]
+        right = self._unit_load + energy.load(flow)
+        self._solver.scale, self._solver.floor = None, _SLOPE_TOLERANCE * norm(right)
+        change = self.elements.whole(self._solver.solve(matrix, right))
+        total = 0.0
+        for number, basis in enumerate(self.elements.bases):
+            H = unit[number] - basis.interpolate(change).grad
+            if number in energy.numbers:
+                B = energy.tangent_flow(energy.numbers.index(number), H)
+            else:
+                B = H * np.array([float(law.B(0.0, 1)) for law in self._inverse])[self._material[basis.tind], None]
+            total += float(((H * B).sum(axis=0) * basis.dx).sum())
+        return self.mesh.n_sectors * (total + 2.0 * self.outer_energy(change))
+
+    def solve_at_flux_linkage(
+        self, linkage: float, fill: Powder = None, guess: Field3D | None = None, *, tolerance: float = 1e-8
+    ) -> Field3D:
+        """The field whose coil links a given flux a turn [Wb], by Newton's method on N I; else as `solve`.
+
+        Raises
+        ------
+        ConvergenceError
+            A solve, or the iteration on N I, did not converge.
+        """
+        field = self.solve(0.0, fill) if guess is None else guess
+        if linkage == 0.0:
+            return self.solve(0.0, fill)
+        drive, low, high = field.ampere_turns, -np.inf, np.inf
+        history = []
+        for _ in range(_MAX_LINKAGE_SOLVES):
+            # the linkage grows with N I: what is known on either side bounds it
+            drive += (linkage - field.flux_linkage_per_turn) / field.flux_slope
+            if not low < drive < high:
+                drive = 0.5 * (low + high)
+            field = self.solve(drive, fill, field if field.phi.any() else None, tolerance=tolerance)
+            miss = linkage - field.flux_linkage_per_turn
+            history.append((abs(miss / linkage), 1.0))
+            if abs(miss) <= _LINKAGE_TOLERANCE * abs(linkage):
+                return field
+            low, high = (max(low, drive), high) if miss > 0.0 else (low, min(high, drive))
+        remedy = "the current of this flux linkage was not found: lower the step in time, or newton_tolerance"
+        raise ConvergenceError(history, remedy)
 
     def _linear_start(self, energy: _CoEnergy) -> np.ndarray:
         """The field with chord permeabilities: the solution itself if all are linear."""
         chord = [
-            np.full(basis.dx.shape, _START_B / law.H_of_B(np.array([_START_B]))[0][0])
+            _START_B / law.H_of_B(np.full(basis.dx.shape, _START_B))[0]
             for basis, law in zip(energy.bases, energy.laws, strict=True)
         ]
         first = self._chord_field(energy, chord)
@@ -299,7 +415,7 @@ class Problem3D:
         local = []
         for mu, law, H in zip(chord, energy.laws, energy.field_strength(first), strict=True):
             B = mu * np.sqrt((H * H).sum(axis=0))
-            found = law.H_of_B(B.ravel())[0].reshape(B.shape)
+            found = law.H_of_B(B)[0]
             local.append(np.where(found > 0.0, B / np.where(found > 0.0, found, 1.0), mu))
         return min((first, self._chord_field(energy, local)), key=lambda x: energy.value(x)[0])
 
@@ -317,15 +433,21 @@ class _CoEnergy:
     the bases of the nonlinear regions.
     """
 
-    def __init__(self, problem: Problem3D, ampere_turns: float) -> None:
+    def __init__(self, problem: Problem3D, ampere_turns: float, powder: PowderState | None = None) -> None:
         self._problem, self._elements = problem, problem.elements
         parts = zip(self._elements.bases, self._elements.groups, self._elements.split(problem.unit_T0), strict=True)
         nonlinear = [(basis, group, ampere_turns * T0) for basis, group, T0 in parts if group >= 0]
         self.bases, names = [basis for basis, _, _ in nonlinear], list(problem.mesh.regions)
-        self.laws = [problem.laws[names[group]] for _, group, _ in nonlinear]
-        self._inverse = [problem._inverse[group] for _, group, _ in nonlinear]
+        self.numbers = [number for number, group in enumerate(self._elements.groups) if group >= 0]
+        of_powder = None if problem.powder_law is None else _PowderAt(problem.powder_law, powder)
+        self.laws: list[Any] = [problem.laws[names[k]] if k < len(names) else of_powder for _, k, _ in nonlinear]
+        self._inverse: list[Any] = [problem._inverse[k] if k < len(names) else of_powder for _, k, _ in nonlinear]
         self.T0 = [T0 for _, _, T0 in nonlinear]
         self.linear_load = ampere_turns * problem._unit_load
+        if powder is not None and powder.source is not None:
+            flow = [np.zeros_like(T0) for T0 in self.T0]
+            flow[-1] = MU_0 * powder.source.transpose(1, 0, 2)
+            self.linear_load = self.linear_load + self.load(flow)
         self._at: np.ndarray | None = None
 
     def field_strength(self, x: np.ndarray) -> list[np.ndarray]:
@@ -341,6 +463,12 @@ class _CoEnergy:
         for basis, part in zip(self.bases, flow, strict=True):
             total += weak_forms.divergence.assemble(basis, flow=part)
         return self._elements.reduced(total)
+
+    def tangent_flow(self, k: int, H: np.ndarray) -> np.ndarray:
+        """Change of B (3, n_elements, n_points) with that of H in basis k, at the state of the last evaluation."""
+        size = np.sqrt((self._H[k] ** 2).sum(axis=0))
+        direction = self._H[k] / np.where(size > 0.0, size, 1.0)
+        return self._mu[k] * H + self._excess[k] * (direction * H).sum(axis=0) * direction
 
     def matrix(self, mu: list[np.ndarray], excess: list[np.ndarray] | None = None) -> sp.csc_matrix:
         """Tangent of these mu and excess [H/m] at the state of the last evaluation; None: no excess."""
@@ -389,6 +517,24 @@ class _CoEnergy:
         """
         self._evaluate(x)
         return self.matrix(self._mu, [np.maximum(excess, 0.0) for excess in self._excess])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _PowderAt:
+    """The powder's law at its state, as `InverseLaw` and `Law` are asked."""
+
+    law: PowderLaw
+    powder: PowderState | None
+
+    @property
+    def _state(self) -> tuple[np.ndarray | float, np.ndarray | None]:
+        return (0.0, None) if self.powder is None else self.powder.arguments
+
+    def evaluate(self, H: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        return self.law.of_H(H, *self._state)
+
+    def H_of_B(self, B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return self.law.H_of_B(B, *self._state)
 
 
 def packed(blocks: np.ndarray) -> np.ndarray:

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import emclutch
-from coupling import CoilField3D
-from coupling.coil_field_3d import TurningSampler
+from coupling import CoilField
+from coupling.turning_sampler import TurningSampler
 from emclutch.results.checkpoint import read_checkpoint
 from emclutch.results.errors import Interrupted
 from emclutch.scene.case import load_case
@@ -82,7 +82,7 @@ def test_a_free_slotted_disc_feels_the_grains_through_its_field():
     device, plan = make_plan(case)
     simulation = assemble(device, plan)
     disc = next(body for body in simulation.motion.bodies if body.name == "disc")
-    assert isinstance(simulation.source, CoilField3D) and simulation.field_carrier is disc
+    assert isinstance(simulation.source, CoilField) and simulation.field_carrier is disc
     again = device.coil.problem.solve(device.coil.turns * 1.0, tolerance=device.coil.newton_tolerance)
     assert np.array_equal(again.phi, plan.peak_field.phi)  # so the run need not solve for it
     angular_momentum, impulse = 0.0, 0.0
@@ -127,6 +127,19 @@ def test_the_slotted_body_takes_what_the_field_turns_dipoles_and_charges_with(mo
     assert abs(torque) > 1e-3 * size
     assert disc.external_torque == pytest.approx(-simulation.n_sectors * torque, abs=1e-6 * simulation.n_sectors * size)
     assert (model == "near_field") == bool(found.charge.any())
+
+
+def test_a_slotted_clutch_is_switched_on(tmp_path):
+    """V i = R i^2 + i d lambda/dt at every window; the current rises as V/R (1 - exp(-t R/L)) of its own inductance."""
+    values = {"coil.current": None, "coil.voltage": "2 V", "coil.resistance": "2 ohm", "effects.coil_circuit": {}}
+    case = slotted(values | {"field.size_factor": 3.0, "effects.dipoles": None, "time.end": "0.05 ms"})
+    history = emclutch.run(case, out=tmp_path / "run").history
+    assert np.allclose(history["coil_supplied"], history["copper_loss"] + history["into_field"], rtol=1e-9, atol=1e-15)
+    device, plan = make_plan(case)
+    L = device.coil.turns * plan.peak_field.flux_linkage_per_turn / 1.0
+    assert np.all(np.diff(history["current"]) > 0.0)
+    # at 1 A the steel is nearly linear
+    assert history["current"].iloc[-1] == pytest.approx(-np.expm1(-5e-5 * 2.0 / L), rel=0.05)
 
 
 def test_it_resumes_bit_for_bit(tmp_path):

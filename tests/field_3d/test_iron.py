@@ -122,11 +122,11 @@ def test_coenergy_grows_by_linkage_times_current_and_warm_starts_are_short(pot):
     """dW'/d(N I) = linkage per turn, where the steel saturates."""
     case = problem(pot, material("steel_1010"))
     middle = case.solve(2000.0)
-    up, down = case.solve(2010.0, middle), case.solve(1990.0, middle)
+    up, down = case.solve(2010.0, guess=middle), case.solve(1990.0, guess=middle)
     assert (up.coenergy - down.coenergy) / 20.0 == pytest.approx(middle.flux_linkage_per_turn, rel=1e-5)
     assert middle.coenergy > middle.energy
     assert len(up.newton) < len(middle.newton)
-    assert len(case.solve(2000.0, middle).newton) == 1, "a solution is recognised at once"
+    assert len(case.solve(2000.0, guess=middle).newton) == 1, "a solution is recognised at once"
 
 
 def test_multigrid_solves_what_the_factorisation_solves(pot):

@@ -299,7 +299,7 @@ def test_wrong_current_and_guess_are_explained():
     with pytest.raises(ValueError, match="finite"):
         problem.solve(np.nan)
     with pytest.raises(ValueError, match="another problem"):
-        problem.solve(1.0, other.solve(1.0))
+        problem.solve(1.0, guess=other.solve(1.0))
     with pytest.raises(ValueError, match="no region 'gap'"):
         problem.solve(1.0).sampler("gap")
     with pytest.raises(ValueError, match="no region 'rotor'"):
