@@ -19,6 +19,6 @@ def lazy_attributes(module: str, places: dict[str, str]):
         return value
 
     def __dir__() -> list[str]:
-        return sorted({*vars(sys.modules[module]), *places})
+        return sorted(getattr(sys.modules[module], "__all__", places))
 
     return __getattr__, __dir__

@@ -18,50 +18,6 @@ if TYPE_CHECKING:
     from emclutch.studies.design_search import DesignResult
 
 
-def result_lines(summary: dict[str, Any]) -> list[str]:
-    """Return what a run is for: torque, stress of a sheared box, or both branches of a ramp of the current."""
-    if "stress" in summary:
-        return [stress_line(summary)]
-    if ramp := summary.get("torque_against_current"):
-        from emclutch.results.current_ramp import in_words  # local: it imports numpy
-
-        return in_words(ramp)
-    return [torque_line(summary.get("torque"))]
-
-
-def torque_line(torque: dict[str, Any] | None) -> str:
-    """Return a run's torque with its error, and where it is not converged, why."""
-    from emclutch.results.statistics import Estimate  # local: it imports numpy
-    from emclutch.results.text import format_torque
-
-    if not torque or torque.get("mean") is None:
-        return "torque on the disc: none" + (f" ({torque['reason']})" if torque else "")
-    found = Estimate.from_dict(torque)
-    text = f"torque on the disc: {format_torque(found)}"
-    if found.interval() is not None:
-        text += f", {packings(found.replicas)}"
-    return f"{text}; {found.reason}"
-
-
-def stress_line(summary: dict[str, Any]) -> str:
-    """Return the shear stress of a periodic box with its error and effective friction, and where not converged, why."""
-    from emclutch.results.statistics import Estimate  # local, as above
-    from emclutch.results.text import format_stress
-
-    found, friction = Estimate.from_dict(summary["stress"]), summary.get("effective_friction")
-    text = f"shear stress: {format_stress(found)}"
-    if found.interval() is not None:
-        text += f", {packings(found.replicas)}"
-    if friction is not None and friction["mean"] is not None:
-        text += f"; effective friction {friction['mean']:.3g}"
-    return f"{text}; {found.reason}"
-
-
-def packings(count: int) -> str:
-    """Return out of how many packings a mean is, and of one, what its error lacks."""
-    return f"{count} packings" if count > 1 else "one packing: what packings differ by is not in it"
-
-
 def print_table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
     """Print rows of texts under their head."""
     table = Table(*head)
@@ -124,6 +80,7 @@ def print_points(study: StudySection, part: tuple[int, int] | None) -> None:
 
 def print_design(found: DesignResult, as_json: bool) -> None:
     """Print the value that a search has found, and the run with it."""
+    from emclutch.results.report.verdict import closing_lines
     from emclutch.studies.design_search import (  # local: it needs the packages of the physics
         as_data,
         in_words,
@@ -135,7 +92,7 @@ def print_design(found: DesignResult, as_json: bool) -> None:
         return
     lines = in_words(found)
     if found.run is not None:
-        lines += [torque_line(found.run.summary.get("torque")), *run_in_words(found)]
+        lines += [*closing_lines(found.run)[:1], *run_in_words(found)]
     typer.echo("\n".join(lines))
 
 

@@ -28,7 +28,6 @@ from emclutch.cli.output import (
     print_plan,
     print_points,
     print_study,
-    result_lines,
 )
 from emclutch.scene.errors import Fault, SceneError
 
@@ -66,7 +65,7 @@ def run(
         else:
             from emclutch.results.report.verdict import closing_lines
 
-            for line in (*result_lines(result.summary), *closing_lines(result)):
+            for line in closing_lines(result):
                 typer.echo(line)
             typer.echo(f"results and pictures: {result.folder.path}")
 

@@ -5,6 +5,7 @@ Tables for other programs hold SI numbers and standard errors, and say so in the
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -43,7 +44,7 @@ def format_torque(torque: Estimate, unit: str = "N m", factor: float = 1.0) -> s
 
     Examples
     --------
-    ``2.254 N m (95 %: 2.21 to 2.298)``
+    ``2.254 N m (95 %: 2.210 to 2.298)``
     """
     return format_mean(torque.mean, torque.interval(), unit, factor)
 
@@ -57,10 +58,17 @@ def format_stress(stress: Estimate) -> str:
 def format_mean(
     mean: float | None, interval: tuple[float, float] | None, unit: str = "N m", factor: float = 1.0
 ) -> str:
-    """Return the same of a mean and the ends of its 95 % interval [N m]; None: unknown."""
+    """Return the same of a mean and the ends of its 95 % interval [N m], to two digits of its half; None: unknown."""
     if mean is None:
         return "no torque"
     if interval is None:
         return f"{factor * mean:.4g} {unit}, error unknown"
-    low, high = interval
-    return f"{factor * mean:.4g} {unit} (95 %: {factor * low:.4g} to {factor * high:.4g})"
+    ends = [factor * one for one in (mean, *interval)]
+    half, largest = 0.5 * abs(ends[2] - ends[1]), max(map(abs, ends))
+    digits = 3 if not 0.0 < half < math.inf else 1 - math.floor(math.log10(half))
+    if not 1e-3 <= largest < 1e6:
+        shown = [f"{one:.3g}" for one in ends]
+    else:
+        digits = max(0, min(digits, 5 - math.floor(math.log10(largest))))
+        shown = [f"{one:.{digits}f}" for one in ends]
+    return f"{shown[0]} {unit} (95 %: {shown[1]} to {shown[2]})"

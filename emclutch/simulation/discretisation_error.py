@@ -18,7 +18,7 @@ from emclutch.knobs.powder import COUNT
 from emclutch.results import OutputError
 from emclutch.results.ladder import Ladder, Total
 from emclutch.results.ladders import DRIVE, device_hash, find_ladder
-from emclutch.results.recommended import STATISTICS, Obstacle
+from emclutch.results.recommended import STATISTICS, Obstacle, recommended
 from emclutch.results.statistics import Estimate
 from emclutch.results.text import format_duration, per_cent
 from emclutch.scene.case import Case
@@ -36,6 +36,8 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 SAME_SPEED = 1.2
 """Ratio of two measured speeds up to which they are one machine's."""
+TARGETS = (0.10, 0.05, 0.03)
+"""Total errors that settings are usually wanted for."""
 FAR = 2.0
 """Factor of step size beyond the rungs from which on the law is said to be extrapolated."""
 
@@ -101,7 +103,8 @@ def discretisation_error(
 def _by_ladder(case: Case, plan: Plan, torque: Estimate, device: Device | None) -> dict[str, Any]:
     found = ladder_of_device(case)
     if found is None:
-        return _unknown(f"no ladder of this device has been measured; measure it with: {how_to_find(case)}")
+        how = f"{how_to_find(case)}, in up to {format_duration(case.scene.accuracy.budget)}"
+        return _unknown(f"no ladder of this device has been measured; measure it with: {how}")
     ladder, path = found
     rate = 0.0 if device is None else strain_rate(plan.scene, device)
     strain = None if torque.start is None else torque.start * rate
@@ -120,7 +123,22 @@ def _by_ladder(case: Case, plan: Plan, torque: Estimate, device: Device | None) 
         "drive": ladder.drive,
         "note": _other_drive(ladder, flat),
     }
-    return {"discretisation_error": entry | corrected(torque, total)}
+    entry |= corrected(torque, total)
+    entry["next"] = _next(case, ladder, entry["total_error"])
+    return {"discretisation_error": entry}
+
+
+def _next(case: Case, ladder: Ladder, total: float | None) -> str | None:
+    """Return what the next of the usual targets takes, by the ladder; None: it is reached, or the error unknown."""
+    target = next((one for one in TARGETS if total is not None and one < total), None)
+    if target is None:
+        return None
+    found, share = recommended(ladder, target), per_cent(target)
+    if isinstance(found, Obstacle):
+        budget = "" if found.seconds is None else f": {how_to_find(case)} --budget {math.ceil(found.seconds / 60.0)}min"
+        return f"{share} is {found.in_words()}{budget}"
+    cost = f"{found.packings} packings, {format_duration(found.seconds)} of processor time"
+    return f"{share} takes about {cost}, with the settings of: {how_to_find(case)} --for '{share}'"
 
 
 def accuracy_in_words(case: Case, plan: Plan) -> str:

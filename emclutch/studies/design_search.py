@@ -31,13 +31,11 @@ from emclutch.scene.case import Case, as_case, load_case
 from emclutch.scene.design import Search, search_of
 from emclutch.scene.errors import Fault, SceneError, bad_input_for
 from emclutch.simulation.forecast.expected_field import expected_magnetisation
-from emclutch.simulation.forecast.expected_torque import BOUND, ORDER, THREEFOLD, ExpectedTorque, expected_torque
+from emclutch.simulation.forecast.expected_torque import ExpectedTorque, expected_torque
 
 if TYPE_CHECKING:
     from emclutch.results import Progress
 
-FACTORS = {THREEFOLD: (3.0, 3.0), ORDER: (10.0, 10.0), BOUND: (1.0, inf)}
-"""Factors by which a run may give less and more than the law; a bound is never less."""
 VALUE_TOLERANCE, BRACKET_TOLERANCE = 1e-3, 1e-2
 """Of the range of x. Another mesh for each x is a noise of 3e-4 of the torque: a closer value would be noise."""
 SAME_VALUE = 1e-4
@@ -357,9 +355,8 @@ def _torques_at_the_ends(
     """
     if correction is not None and correction.interval is not None:
         return search.torque / correction.interval[1], search.torque / correction.interval[0]
-    less, more = FACTORS[expected.trust]
     wanted = search.torque / (1.0 if correction is None else correction.ratio)
-    return wanted / less, wanted * more
+    return wanted / expected.trust.too_small, wanted * expected.trust.too_large
 
 
 def _write(result: DesignResult) -> None:

@@ -5,22 +5,22 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pandas
 import pytest
 import typer
 from typer.testing import CliRunner
+from written_run import written_run
 
 from emclutch import __version__
 from emclutch.cli.errors import explained
 from emclutch.cli.input import assignments, load
 from emclutch.cli.main import app
-from emclutch.cli.output import torque_line
-from emclutch.results import OutputError
+from emclutch.results import OutputError, load_result
 from emclutch.results.errors import Interrupted
 from emclutch.results.report.verdict import closing_lines
+from emclutch.results.text import format_mean
 from emclutch.scene.case import load_case
 from emclutch.scene.reference import scene_reference
 from emclutch.simulation.open_folder import remedy_in_scene
@@ -69,55 +69,60 @@ def test_materials_are_listed_with_their_source():
 
 
 def test_torque_comes_with_its_error():
-    good = {"mean": 1.2345, "standard_error": 0.0123, "batches": 20, "replicas": 4, "converged": True}
-    good["reason"] = "steady"
-    half = 2.093 * 0.0123  # Student's t of 19 degrees of freedom
-    ends = f"{1.2345 - half:.4g} to {1.2345 + half:.4g}"
-    assert torque_line(good) == f"torque on the disc: 1.234 N m (95 %: {ends}), 4 packings; steady"
-    assert torque_line({**good, "standard_error": None}) == "torque on the disc: 1.234 N m, error unknown; steady"
-    assert torque_line({**good, "converged": False, "reason": "not converged: too short"}).endswith(
-        "not converged: too short"
-    )
-    assert torque_line(None) == "torque on the disc: none"
+    """To two digits of the half of its interval."""
+    assert format_mean(1.2345, (1.2345 - 0.0257, 1.2345 + 0.0257)) == "1.234 N m (95 %: 1.209 to 1.260)"
+    assert format_mean(1.2345, (-2.0, 4.5)) == "1.2 N m (95 %: -2.0 to 4.5)"
+    assert format_mean(1.2345, None) == "1.234 N m, error unknown"
+    assert format_mean(1234567.0, (1.2e6, 1.3e6), "Pa") == "1.23e+06 Pa (95 %: 1.2e+06 to 1.3e+06)"
+    assert format_mean(2.0, (2.0, 2.0)) == "2.000 N m (95 %: 2.000 to 2.000)"
 
 
-def test_a_lock_and_soft_grains_are_reported_last():
-    last = pandas.DataFrame({"rotor_speed": [0.0, 10.0 * math.pi], "disc_speed": [0.0, 9.0 * math.pi]})
-    compliant = {"method": "dvi", "compliant": True, "stiffness": 2e4}
-    soft = {"contact": compliant, "max_overlap": 0.05, "lock_up_time": 1.25}
-    assert closing_lines(SimpleNamespace(summary=soft, history=last)) == [
-        "output locked at 1.25 s, at 270 rpm at the end",
-        "warning: the largest overlap is 5 % of the diameter: grains too soft; torque peaks are not to be trusted",
-    ]
-    slips = {"contact": compliant, "max_overlap": 0.02, "lock_up_time": None}
-    (line,) = closing_lines(SimpleNamespace(summary=slips, history=last))
-    assert line == "output not locked: 270 rpm at the end, the motor 300 rpm"
-    # the words of the plan decide nothing
-    rigid = {"contact": {"compliant": False}, "plan": {"stiffness": "none"}, "max_overlap": 0.05}
-    assert closing_lines(SimpleNamespace(summary=rigid, history=last)) == []
-    (line,) = closing_lines(SimpleNamespace(summary={"max_overlap": 0.05}, history=last))  # cut short by hand
-    assert "grains too soft" in line
+def test_a_lock_and_soft_grains_are_reported(tmp_path):
+    def lines(**changed):
+        folder = written_run(tmp_path / f"run-{len(list(tmp_path.iterdir()))}")
+        history = pandas.read_csv(folder.history).assign(rotor_speed=10.0 * math.pi, disc_speed=9.0 * math.pi)
+        history.to_csv(folder.history, index=False)
+        folder.write_summary(folder.read_summary() | changed)
+        return closing_lines(load_result(folder.path))
+
+    soft = lines(contact={"compliant": True}, max_overlap=0.05, lock_up_time=1.25)
+    assert "– Output locked at 1.25 s, at 270 rpm at the end." in soft
+    words = "The largest overlap is 5 % of the diameter: grains too soft; torque peaks are not to be trusted."
+    assert f"✗ {words}" in soft
+    slips = lines(lock_up_time=None)
+    assert "– Output not locked: 270 rpm at the end, the motor 300 rpm." in slips and "too soft" not in str(slips)
+    assert "too soft" not in str(lines(contact={"compliant": False}, max_overlap=0.05))
 
 
-def test_the_last_lines_name_the_total_error_and_its_largest_part():
+def test_the_verdict_names_the_error_budget_and_what_to_do_next(tmp_path):
+    folder = written_run(tmp_path / "run")
+    summary = folder.read_summary()
+
+    def lines(**changed):
+        folder.write_summary(summary | changed)
+        return closing_lines(load_result(folder.path))
+
     torque = {"mean": 0.9, "standard_error": 0.02, "batches": 4, "replicas": 4, "converged": True, "reason": "steady"}
-    unknown = {"torque": torque, "discretisation_error": None, "discretisation_error_note": "no ladder; find with: X"}
-    (line,) = closing_lines(SimpleNamespace(summary=unknown))
-    assert line == "the interval is statistical only, the error of the settings unknown: no ladder; find with: X"
+    unknown = lines(torque=torque, discretisation_error_note="no ladder; find with: X")
+    assert "– The interval is statistical only, the error of the settings unknown: no ladder; find with: X." in unknown
+    assert "– Next: half the statistical interval takes four times the packings" in str(unknown)
     found = {
-        "bias": 0.2, "half_width": 0.051, "unknown": {"sector": "no time"}, "extrapolated": {}, "total_error": 0.076,
-        "corrected_torque": {"mean": 0.75, "half_width": 0.057}, "ladder": {"note": "measured at coil.current = 2.0"},
-        "largest_part": {"name": "grains_across", "half_width": 0.051},
+        "bias": 0.2, "half_width": 0.06, "unknown": {"sector": "no time"}, "extrapolated": {}, "total_error": 0.1,
+        "corrected_torque": {"mean": 0.75, "half_width": 0.057}, "ladder": {"note": "measured at coil.current = 2.0",
+        "file": "x", "date": "y"}, "largest_part": {"name": "grains_across", "half_width": 0.051},
+        "next": "5 % takes about 9 packings",
     }  # fmt: skip
     asked = {"asked": 0.05, "reached": False}
-    lines = closing_lines(
-        SimpleNamespace(summary={"torque": torque, "discretisation_error": found, "accuracy_target": asked})
+    budget = lines(torque=torque, discretisation_error=found, accuracy_target=asked)
+    assert budget[1] == (
+        "✗ Without the error of its settings (+20 %) the torque is 0.750 N m (95 %: 0.693 to 0.807); error budget: "
+        "packings 8 %, settings 6 %, together 10 %; largest part: grains across, 5.1 %; not included, since not "
+        "measured: sector; measured at coil.current = 2.0."
     )
-    assert lines == [
-        "without the error of its settings (+20 %): 0.75 N m +- 0.057 N m (95 %), total error 7.6 %; largest part: "
-        "grains across, 5.1 %; not included, since not measured: sector; measured at coil.current = 2.0",
-        "accuracy.target = 5 %: not reached",
-    ]
+    assert budget[2] == "✗ The total error of accuracy.target = 5 % is not reached."
+    assert budget[3] == "– Next: 5 % takes about 9 packings."
+    creeping = lines(torque={**torque, "converged": False, "reason": "not settled"})
+    assert "✗ The torque on the disc is not known" in creeping[0] and "run twice as long" in str(creeping)
 
 
 @pytest.mark.parametrize(

@@ -47,7 +47,7 @@ def test_a_run_that_a_callback_stopped_goes_on_to_the_bits_of_an_undisturbed_one
     stopped = run(tmp_path / "stopped", lambda state: seen.append(state.window) or state.window == 4)
     assert seen == [1, 2, 3, 4] and len(stopped.history) == 4
     assert stopped.stopped.startswith("by the callback at t = ") and whole.stopped is None
-    assert not stopped.torque.converged and f"stopped {stopped.stopped}" in closing_lines(stopped)
+    assert not stopped.torque.converged and f"– Stopped {stopped.stopped}." in closing_lines(stopped)
     resumed = run(tmp_path / "stopped", resume=True)
     assert resumed.stopped is None and len(resumed.history) == len(whole.history)
     ends = grains(tmp_path / "whole"), grains(tmp_path / "stopped")

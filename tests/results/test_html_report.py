@@ -14,6 +14,7 @@ from emclutch.results.report.content import page_of, run_page, study_page
 from emclutch.results.report.render import html, markdown, write_page
 from emclutch.results.report.verdict import Mark, verdict
 from emclutch.results.study_folder import read_study
+from emclutch.results.text import format_torque
 from emclutch.simulation.check import left_out_of
 
 HOSTILE = "<script>alert(1)</script> & \"><img src=x onerror='x'>"
@@ -106,8 +107,7 @@ def test_every_effect_is_named_on_or_off(page):
 
 def test_the_torque_stands_with_its_interval(run, page):
     torque = load_result(run.path).torque
-    low, high = torque.interval()
-    assert f"{torque.mean:.4g} N m (95 %: {low:.4g} to {high:.4g})" in page.text
+    assert format_torque(torque) in page.text and "(95 %: " in format_torque(torque)
 
 
 @pytest.mark.parametrize(("off", "mark"), [(1e-4, Mark.GOOD), (0.3, Mark.POOR)])
@@ -138,7 +138,7 @@ def test_a_study_shows_its_points_and_what_is_missing(tmp_path):
     page = Page(html(study_page(study, left_out_of)))
     assert page.headings[0] == "Verdict" and HOSTILE in page.text and "2 of 3 points are done" in page.text
     for result in study.results().values():
-        assert f"{result.torque.mean:.4g} N m" in page.text
+        assert format_torque(result.torque) in page.text
     assert set(study.results()) == {"current 1 A", "current 2 A"}
     text = CliRunner().invoke(app, ["report", str(study.path)])
     assert text.exit_code == 0 and "2 of 3 points are done" in text.output

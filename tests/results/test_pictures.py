@@ -12,6 +12,7 @@ from emclutch.results import pictures, steady_mean
 from emclutch.results.linear_range import linear_range
 from emclutch.results.pictures.grains import _across
 from emclutch.results.pictures.torque_curves import _draw_range, _torque_axes
+from emclutch.results.text import format_torque
 from emclutch.results.torque_curves import torque_curves
 from field.section.section_elements import SectionElements
 from field.section.smooth_field import SmoothField
@@ -142,8 +143,7 @@ def test_the_torques_picture_has_the_interval_and_no_standard_error(tmp_path, mo
     history = {"time": time, "torque_disc": 0.5 + 0.1 * np.random.default_rng(1).standard_normal(100)}
     found = steady_mean(time, history["torque_disc"])
     pictures.torque_picture(tmp_path / "t.png", history, found)
-    low, high = found.interval()
-    assert f"disc: {found.mean:.4g} N m (95 %: {low:.4g} to {high:.4g})" in labels
+    assert f"disc: {format_torque(found)}" in labels
 
 
 def test_a_torque_of_unknown_error_says_so(tmp_path, monkeypatch):

@@ -8,6 +8,7 @@ import pytest
 
 from emclutch.results.pictures.speeds import _styles
 from emclutch.results.steady_torque import SteadyConditions, steady_torque
+from emclutch.results.text import format_torque
 from emclutch.studies.method_comparison import compare_methods, comparison_lines
 
 
@@ -51,8 +52,7 @@ def test_only_points_run_by_both_methods_are_compared():
     assert row["speed_difference"] == pytest.approx(5.0 / 50.0)
     assert row["missed_steps_dvi"] == pytest.approx(0.1)
     (line,) = comparison_lines(rows, ["particles.count"])
-    low, high = dvi.torque.interval()
-    assert line.startswith("particles.count = 200: torque 2.") and f"(95 %: {low:.4g} to {high:.4g}) by DVI" in line
+    assert line.startswith("particles.count = 200: torque 2.") and f"{format_torque(dvi.torque)} by DVI" in line
     spent = row["processor_to_5_percent_dem"]  # that of the run, times the squares of its error over that of ± 5 %
     assert spent == pytest.approx(5.0 * (1.96 * row["torque_error_dem"] / row["torque_dem"] / 0.05) ** 2, rel=1e-3)
     assert "for ± 5 % about " in line

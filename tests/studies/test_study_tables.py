@@ -167,7 +167,7 @@ def test_the_live_table_has_a_row_a_point_and_the_time_left():
     Console(file=page, width=100).print(table.table())
     for words in (
         "current 1 A",
-        "1.234 N m (95 %: 1.178 to 1.29)",
+        "1.234 N m (95 %: 1.178 to 1.290)",
         "failed",
         "running",
         "10 %",
@@ -206,5 +206,5 @@ def test_without_a_terminal_the_table_is_lines():
         table.set_running(1)
         table.set_done(1, None, None, 3.0)
     lines = stream.getvalue().splitlines()
-    assert lines[0] == " 50 %  1 of 2 points  friction 0.1 is kept: 1 N m (95 %: 0.8 to 1.2)"
+    assert lines[0] == " 50 %  1 of 2 points  friction 0.1 is kept: 1.00 N m (95 %: 0.80 to 1.20)"
     assert lines[1] == "100 %  2 of 2 points  friction 0.2 is done: no torque"

@@ -25,7 +25,6 @@ from emclutch.results.report.content import Page, Picture
 TEMPLATES = Path(__file__).parent / "templates"
 CLASSES = {"on": "good", "off": "soft", "YES": "poor", "NO": "poor"}
 """Colours of cells that have these words."""
-MARKS = {"good": "✓", "poor": "✗", "note": "–"}
 
 
 def html(page: Page) -> str:
@@ -41,7 +40,7 @@ def markdown(page: Page, place: Path) -> str:
     folder = Path(os.path.relpath(page.folder.resolve(), place.resolve()))
     environment.filters["link"] = lambda path: quote((folder / path.name).as_posix())
     environment.filters["code"] = lambda text: Markup(textwrap.indent(text, "    "))
-    return environment.get_template("report.md.j2").render(page=page, marks=MARKS)
+    return environment.get_template("report.md.j2").render(page=page)
 
 
 def write_page(page: Page, out: Path | None = None) -> Path:

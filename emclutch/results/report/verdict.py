@@ -1,4 +1,7 @@
-"""Verdict on a run: precision of the torque, closure of the balances, missing physics."""
+"""Verdict on a run: torque with its interval, error budget, what to do next and what it costs, balances, warnings.
+
+The same statements stand at the end of `emclutch run`, in ``summary.json``, in the pages and in `emclutch.Result`.
+"""
 
 from __future__ import annotations
 
@@ -13,13 +16,17 @@ import numpy as np
 from emclutch.results import Estimate, Result
 from emclutch.results.columns import DISC_SPEED, ROTOR_SPEED, SHEAR_STRESS, TIME, TORQUE_DISC
 from emclutch.results.current_ramp import in_words as in_words_of_ramp
-from emclutch.results.text import format_stress, format_time, format_torque, per_cent
+from emclutch.results.recommended import STATISTICS
+from emclutch.results.text import format_duration, format_mean, format_stress, format_time, format_torque, per_cent
 from particles.dem.overlap_limits import SOFT
 
 RPM = 30.0 / math.pi
 CLOSES = 0.01
 """A balance that is off by less, of the torque or of the energy that goes through, says nothing of the results: the
 statistical errors are larger."""
+
+PACKINGS = 6
+"""Of a first run that is to know how packings differ."""
 
 ROUGH = 0.1
 """A torque whose 95 % interval reaches further than this fraction of it is known roughly only."""
@@ -32,6 +39,11 @@ class Mark(Enum):
     POOR = "poor"
     NOTE = "note"
 
+    @property
+    def sign(self) -> str:
+        """The mark as one letter."""
+        return {"good": "✓", "poor": "✗", "note": "–"}[self.value]
+
 
 @dataclass(frozen=True, slots=True)
 class Statement:
@@ -43,30 +55,17 @@ class Statement:
 
 def verdict(result: Result) -> list[Statement]:
     """Return the statements on a run, finished or not; the torque first, unless the run failed."""
-    torque = list(_measured(result))
-    end = list(_end(result))
-    failed = not result.summary and result.folder.read_failure() is not None
+    summary, torque, end = result.summary, list(_measured(result)), list(_end(result))
+    failed = not summary and result.folder.read_failure() is not None
     begin = [*end, *torque] if failed else [*torque, *end]
-    target = [Statement(one.mark, sentence(one.text)) for one in _target(result.summary)]
-    total = [Statement(one.mark, sentence(one.text)) for one in _total_error(result.summary)]
-    return [*begin, *total, *target, *_balances(result), *_warnings(result.summary), *_gaps(result)]
+    found = [*begin, *_total_error(summary), *_target(summary), *_next(result), *_balances(result),
+             *_warnings(summary), *_gaps(result)]  # fmt: skip
+    return [Statement(one.mark, sentence(one.text)) for one in found]
 
 
 def closing_lines(result: Result) -> list[str]:
-    """Return the last lines of a run: total error, lock-up, target precision, warnings."""
-    summary = result.summary
-    lines = [one.text for one in _total_error(summary)]
-    lines += [*_end_lines(result), *(one.text for one in _target(summary))]
-    if "grain_size" in summary:
-        lines.append(summary["grain_size"]["note"])
-    if "scaled_speed" in summary:
-        lines.append(summary["scaled_speed"]["note"])
-    if load := _wall_load(summary):
-        lines.append(load)
-    parts = "grain_size", "scaled_speed", "solver"
-    lines += [f"warning: {text}" for part in parts for text in _warnings_of(summary, part)]
-    warning = soft_grains(summary)
-    return lines + ([f"warning: {warning}"] if warning else [])
+    """Return the verdict as lines of text, each after its mark."""
+    return [f"{one.mark.sign} {one.text}" for one in verdict(result)]
 
 
 def soft_grains(summary: dict[str, Any]) -> str:
@@ -89,11 +88,13 @@ def sentence(text: str) -> str:
 def _measured(result: Result) -> Iterator[Statement]:
     """Say how well torque or stress is known."""
     if ramp := result.summary.get("torque_against_current"):
-        yield from (Statement(Mark.NOTE, sentence(line)) for line in in_words_of_ramp(ramp))
+        yield from (Statement(Mark.NOTE, line) for line in in_words_of_ramp(ramp))
     elif TORQUE_DISC in result.history:
         yield from _known(result, "torque on the disc", result.torque, format_torque(result.torque))
     elif SHEAR_STRESS in result.history:
-        yield from _known(result, "shear stress", result.stress, format_stress(result.stress))
+        friction = (result.summary.get("effective_friction") or {}).get("mean")
+        ratio = "" if friction is None else f", effective friction {friction:.3g}"
+        yield from _known(result, "shear stress", result.stress, f"{format_stress(result.stress)}{ratio}")
 
 
 def _known(result: Result, name: str, found: Estimate, words: str) -> Iterator[Statement]:
@@ -115,9 +116,9 @@ def _known(result: Result, name: str, found: Estimate, words: str) -> Iterator[S
 
 def _end(result: Result) -> Iterator[Statement]:
     if result.summary:
-        yield from (Statement(Mark.NOTE, sentence(line)) for line in _end_lines(result))
+        yield from (Statement(Mark.NOTE, line) for line in _end_lines(result))
     elif (failed := result.folder.read_failure()) is not None:
-        yield Statement(Mark.POOR, sentence(failed.in_words()))
+        yield Statement(Mark.POOR, failed.in_words())
     else:
         reached = format_time(float(result.history[TIME].iloc[-1]))
         how = f"continue with: emclutch run {result.folder.path} --resume"
@@ -159,13 +160,17 @@ def _total_error(summary: dict[str, Any]) -> Iterator[Statement]:
         yield Statement(Mark.NOTE, f"the interval is statistical only, the error of the settings unknown: {note}")
         return
     torque, total, largest = found["corrected_torque"], found["total_error"], found["largest_part"]
-    if total is None:
-        known = ", statistical error unknown"
-    else:
-        known = f" +- {torque['half_width']:.2g} N m (95 %), total error {per_cent(total)}"
+    mean, half = torque["mean"], torque["half_width"]
+    shown = format_mean(mean, None if half is None else (mean - half, mean + half))
+    text = f"without the error of its settings ({100.0 * found['bias']:+.2g} %) the torque is {shown}"
+    if total is not None:
+        statistical = math.sqrt(max(total**2 - found["half_width"] ** 2, 0.0))
+        text += (
+            f"; error budget: packings {per_cent(statistical)}, settings {per_cent(found['half_width'])}, together "
+            f"{per_cent(total)}"
+        )
     if largest is not None:
-        known += f"; largest part: {in_words(largest['name'])}, {per_cent(largest['half_width'])}"
-    text = f"without the error of its settings ({100.0 * found['bias']:+.2g} %): {torque['mean']:.4g} N m{known}"
+        text += f"; largest part: {in_words(largest['name'])}, {per_cent(largest['half_width'])}"
     if found["unknown"]:
         text += f"; not included, since not measured: {', '.join(map(in_words, found['unknown']))}"
     text += "".join(f"; extrapolated: {in_words(name)} is {why}" for name, why in found["extrapolated"].items())
@@ -178,7 +183,29 @@ def _total_error(summary: dict[str, Any]) -> Iterator[Statement]:
     if asked is not None:
         reached = "reached" if asked["reached"] else "not reached"
         mark = Mark.POOR if missed else Mark.GOOD
-        yield Statement(mark, f"accuracy.target = {per_cent(asked['asked'])}: {reached}")
+        yield Statement(mark, f"the total error of accuracy.target = {per_cent(asked['asked'])} is {reached}")
+
+
+def _next(result: Result) -> Iterator[Statement]:
+    """Say what narrows the interval most, and what that takes."""
+    summary = result.summary
+    seconds, found = (summary.get("seconds") or {}).get("whole_run"), result.steady if summary else None
+    if found is None or seconds is None or "torque_against_current" in summary or "lock_up_time" in summary:
+        return
+    settings = summary.get("discretisation_error") or {}
+    if not found.converged or found.half_width() is None:
+        if summary.get("time"):
+            longer = f"--resume --set time.end='{2e3 * summary['time']:.4g} ms'"
+            how = f"emclutch run {result.folder.path} {longer}"
+            yield Statement(Mark.NOTE, f"next: run twice as long ({how}), about {format_duration(seconds)} more")
+    elif found.replicas == 1:
+        how = f"accuracy.replicas = {PACKINGS} shows what packings differ by, in up to"
+        yield Statement(Mark.NOTE, f"next: {how} {format_duration(PACKINGS * seconds)} in all")
+    elif settings.get("next") and settings["largest_part"]["name"] != STATISTICS:
+        yield Statement(Mark.NOTE, f"next: {settings['next']}")
+    else:
+        how = f"half the statistical interval takes four times the packings (accuracy.replicas = {4 * found.replicas})"
+        yield Statement(Mark.NOTE, f"next: {how}, about {format_duration(4.0 * seconds)}")
 
 
 def in_words(name: str) -> str:
@@ -213,14 +240,9 @@ def _balance(what: str, share: float | None, of: str) -> Statement:
 
 
 def _warnings(summary: dict[str, Any]) -> Iterator[Statement]:
-    texts = [soft_grains(summary)] if summary else []
     parts = "grain_size", "scaled_speed", "solver", "moments"
-    texts += [text for part in parts for text in _warnings_of(summary, part)]
-    yield from (Statement(Mark.POOR, sentence(text)) for text in texts if text)
-
-
-def _warnings_of(summary: dict[str, Any], part: str) -> list[str]:
-    return (summary.get(part) or {}).get("warnings", [])
+    texts = [soft_grains(summary), *(text for part in parts for text in (summary.get(part) or {}).get("warnings", []))]
+    yield from (Statement(Mark.POOR, text) for text in texts if text)
 
 
 def _wall_load(summary: dict[str, Any]) -> str:
@@ -240,11 +262,11 @@ def _gaps(result: Result) -> Iterator[Statement]:
     """Say what the numbers do not hold."""
     summary = result.summary
     if "grain_size" in summary:
-        yield Statement(Mark.NOTE, sentence(summary["grain_size"]["note"]))
+        yield Statement(Mark.NOTE, summary["grain_size"]["note"])
     if "scaled_speed" in summary:
-        yield Statement(Mark.NOTE, sentence(summary["scaled_speed"]["note"]))
+        yield Statement(Mark.NOTE, summary["scaled_speed"]["note"])
     if load := _wall_load(summary):
-        yield Statement(Mark.NOTE, sentence(load))
+        yield Statement(Mark.NOTE, load)
     if errors := summary.get("field_error_estimate"):
         worst = max(errors, key=lambda name: abs(errors[name]))
         yield Statement(

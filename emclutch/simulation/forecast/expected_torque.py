@@ -44,7 +44,24 @@ IRON = 1.7e6
 CHAIN = 0.114
 """Largest stress over phi mu_0 M^2 of a chain of touching dipoles, at a strain of 0.39."""
 
-THREEFOLD, ORDER, BOUND = "{} within a factor of three", "of the order of {}", "at most of the order of {}"
+
+@dataclass(frozen=True, slots=True)
+class Trust:
+    """How far an expected torque holds: it may be `too_large` or `too_small` by these factors."""
+
+    before: str
+    after: str
+    too_large: float
+    too_small: float
+
+    def in_words(self, torque: str) -> str:
+        """Return a torque with this in words."""
+        return f"{self.before}{torque}{self.after}"
+
+
+THREEFOLD = Trust("", " within a factor of three", 3.0, 3.0)
+ORDER = Trust("of the order of ", "", 10.0, 10.0)
+BOUND = Trust("at most of the order of ", "", np.inf, 1.0)
 
 FEW = 3.0
 """Grains across a gap, below which they are no continuum."""
@@ -138,7 +155,7 @@ class ExpectedTorque:
     pressure, pressure_of : float, str
         The pressure of the inertial number [Pa] and what it is of; 0 where it is that of friction. Magnetised powder
         has it between the poles, or in the whole gap.
-    trust : str
+    trust : Trust
         How far the law holds: `THREEFOLD`, `ORDER` or `BOUND`.
     law : str
         In words.
@@ -152,14 +169,14 @@ class ExpectedTorque:
     magnetic: bool = False
     pressure: float = 0.0
     pressure_of: str = f"{MAGNETIC} pressure"
-    trust: str = BOUND
+    trust: Trust = BOUND
     law: str = ""
 
     def in_words(self) -> str:
         """One line for the plan."""
         if self.torque is None:
             return f"unknown: {self.law}"
-        order = self.trust.format(f"{two_digits(self.torque)} N m")
+        order = self.trust.in_words(f"{two_digits(self.torque)} N m")
         if not self.magnetic:
             return f"{order}: {self.law}"
         return (
