@@ -19,12 +19,12 @@ class BaseEffectsSection(Section):
     @property
     def active(self) -> tuple[str, ...]:
         """Names of the effects that the scene has."""
-        return tuple(name for name in self.names() if getattr(self, name) is not None)
+        return tuple(name for name, one in vars(self).items() if one is not None)
 
     @property
     def present(self) -> tuple[EffectSection, ...]:
         """The tables that the scene has, in the order in which they act."""
-        return tuple(getattr(self, name) for name in self.active)
+        return tuple(one for one in vars(self).values() if one is not None)
 
     def get(self, name: str) -> Any:
         """Return the table of an effect by its name; None where the scene, or this version, has none."""

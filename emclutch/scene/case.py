@@ -37,14 +37,12 @@ class Case:
     ----------
     scene : the models, in SI
     path : the file, or None for a scene made in Python
-    warnings : entries that are allowed but likely not meant
     data : the scene as the user wrote it, with the values that were set since
     trust_scripts : whether scripts that the scene names (.geo) may be run; they can run any command
     """
 
     scene: Scene
     path: Path | None = None
-    warnings: tuple[str, ...] = ()
     data: dict[str, Any] = field(default_factory=dict, repr=False)
     trust_scripts: bool = False
 
@@ -52,6 +50,11 @@ class Case:
     def name(self) -> str:
         """Stem of the file's name, ``scene`` without a file."""
         return "scene" if self.path is None else self.path.stem
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Entries that are allowed but likely not meant; found when they are read, as a study of thousands does not."""
+        return tuple(warnings_of(self.scene))
 
     def need_grains(self) -> None:
         """Raise SceneError, with the remedy, for a scene of the field alone."""
@@ -137,7 +140,7 @@ def case_from(
     scene, faults = _validate(changed, Path() if path is None else path.parent, trust_scripts)
     if scene is None or faults:
         raise SceneError(faults, source)
-    return Case(scene, path, tuple(warnings_of(scene)), changed, trust_scripts)
+    return Case(scene, path, changed, trust_scripts)
 
 
 def removes(key: str, value: object) -> bool:

@@ -11,9 +11,11 @@ from __future__ import annotations
 import io
 import logging
 import threading
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
+from collections.abc import Iterable
+from concurrent.futures import BrokenExecutor, Executor, Future
 from contextlib import suppress
 from pathlib import Path
+from queue import Empty, SimpleQueue
 
 from emclutch.results import OutputError, RunFolder
 from emclutch.results.errors import Interrupted, RunError
@@ -229,6 +231,8 @@ class _StudyRun:
     def by(self, executor: Executor, at_a_time: int | None) -> None:
         """Hand the points to an executor, so many `at_a_time`, and wait for them."""
         running: dict[Future[PointOutcome], int] = {}
+        ended: SimpleQueue[Future[PointOutcome]] = SimpleQueue()  # to wait for all again each time is quadratic
+        look = Renewal(lambda: self._look_at(running.values()), LOOK_SECONDS)
         function = run_leased_point if self.leases else run_point
         asked = threading.Event()
         try:
@@ -240,7 +244,8 @@ class _StudyRun:
                             break
                         if (task := self._task(number)) is not None:
                             try:
-                                running[executor.submit(function, task)] = number
+                                running[future := executor.submit(function, task)] = number
+                                future.add_done_callback(ended.put)
                             except BrokenExecutor:
                                 self.waiting.insert(0, number)
                                 raise
@@ -252,11 +257,11 @@ class _StudyRun:
                             self.table.set_ended(running.pop(future), STOPPED)
                     if not running:
                         return
-                    for future in wait(running, LOOK_SECONDS, FIRST_COMPLETED).done:
-                        outcome = _outcome(future)
-                        self._take(running.pop(future), outcome)
-                    for number in running.values():
-                        self._look_at(number)
+                    for future in _arrived(ended, LOOK_SECONDS):
+                        if future in running:  # it may have been cancelled
+                            outcome = _outcome(future)
+                            self._take(running.pop(future), outcome)
+                    look()
                     self.renew_page()
         except SchedulerLost as error:
             log.error("%s", error)
@@ -412,17 +417,18 @@ class _StudyRun:
         failed = [(self.targets[n].path.name, self.points[n][0], self.failures[n].message) for n in self.failures]
         write_failures(self.home, sorted(failed, key=lambda row: row[0]))
 
-    def _look_at(self, number: int) -> None:
-        """Tell the table how far a point is that runs elsewhere."""
-        folder = RunFolder(self.targets[number].path)
-        if self.table.rows[number].state == WAITING:  # in an executor's queue
-            if not (folder.path / LOCK).is_file():
-                return
-            self.table.set_running(number)
-        reached = last_time(folder.history)
-        end = seconds_of(self.points[number][1].scene.span.end, folder)
-        if reached is not None and end is not None:
-            self.table.set_fraction(number, reached / end)
+    def _look_at(self, numbers: Iterable[int]) -> None:
+        """Tell the table how far points are that run elsewhere."""
+        for number in numbers:
+            folder = RunFolder(self.targets[number].path)
+            if self.table.rows[number].state == WAITING:  # in an executor's queue
+                if not (folder.path / LOCK).is_file():
+                    continue
+                self.table.set_running(number)
+            reached = last_time(folder.history)
+            end = seconds_of(self.points[number][1].scene.span.end, folder)
+            if reached is not None and end is not None:
+                self.table.set_fraction(number, reached / end)
 
 
 class _PartRun(_StudyRun):
@@ -480,6 +486,15 @@ class _PartRun(_StudyRun):
 
     def _write_page(self) -> None:
         """Write nothing: the page is of all parts, see `emclutch.gather`."""
+
+
+def _arrived(queue: SimpleQueue[Future[PointOutcome]], seconds: float) -> list[Future[PointOutcome]]:
+    """All that is in a queue of one reader, waiting for the first of it up to some seconds."""
+    try:
+        first = queue.get(timeout=seconds)
+    except Empty:
+        return []
+    return [first, *(queue.get() for _ in range(queue.qsize()))]
 
 
 def _outcome(future: Future[PointOutcome]) -> PointOutcome:

@@ -50,14 +50,13 @@ class Cluster:
         with (self._folder / f"{name}.log").open("ab") as log:
             return subprocess.Popen(
                 [sys.executable, "-m", f"distributed.cli.{command[0]}", *command[1:]], stdout=log, stderr=log,
-                env={**os.environ, "PYTHONPATH": str(TESTS.parent),
+                env={**os.environ, "PYTHONPATH": os.pathsep.join([str(TESTS.parent), str(TESTS / "benchmarks")]),
                      "DASK_DISTRIBUTED__SCHEDULER__WORKER_TTL": f"{TTL:g} s"},
             )  # fmt: skip
 
     def start(self) -> None:
         self.scheduler = self._process("dask_scheduler", "--host", "127.0.0.1", "--port", str(self._port),
                                        "--no-dashboard")  # fmt: skip
-        time.sleep(5.0)
         for _ in range(3):
             self.workers.append(
                 self._process("dask_worker", self.address, "--no-nanny", "--no-dashboard", "--nthreads", "1",
