@@ -74,6 +74,8 @@ class EffectSection(Section):
         Whether it needs the field of a coil, and effects that feel that field.
     of_the_field_alone : bool
         Whether a scene without [particles] may have it.
+    acts_on_grains : bool
+        Whether a run of the grains depends on it.
     not_in_3d : str
         Why it cannot be computed in a 3D field; empty where it can.
     window_solves : float
@@ -99,6 +101,7 @@ class EffectSection(Section):
     saturates: ClassVar[bool] = False
     acts_on_field: ClassVar[bool] = False
     of_the_field_alone: ClassVar[bool] = False
+    acts_on_grains: ClassVar[bool] = True
     not_in_3d: ClassVar[str] = ""
     window_solves: ClassVar[float] = 0.0
     neighbour_ns: ClassVar[float] = 0.0

@@ -193,6 +193,7 @@ class HeatSection(EffectSection):
     summary = "slip power and copper loss warm the device in hours of duty (emclutch heat)"
     role = "thermal"
     of_the_field_alone = True
+    acts_on_grains = False
     CHECKS: ClassVar = (
         (_has_its_device, ("effects", "geometry.kind", "geometry", "coil")),
         (_knows_its_materials, ("effects", "geometry.kind", "materials")),

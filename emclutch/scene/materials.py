@@ -163,6 +163,7 @@ class LoopMaterial(_OwnMaterial):
     """
 
     law: Literal["loop"]
+    coercivity: Coercivity | None = Field(default=None, description="not to be given: the loop has its own")
     H: tuple[_LoopFieldStrength, ...] = Field(min_length=6, description="field strength along the loop")
     B: tuple[_LoopFluxDensity, ...] = Field(min_length=6, description="flux density along the loop")
 

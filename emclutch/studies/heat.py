@@ -30,6 +30,7 @@ from emclutch.device_model.heat_model import (
     resistance_at_20,
 )
 from emclutch.results import OutputError, RunFolder, load_result
+from emclutch.results.errors import RunError
 from emclutch.results.pictures.temperature import duty_picture, temperature_picture
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import Fault, SceneError, bad_input_for
@@ -116,6 +117,8 @@ def heat(
         The scene has faults, no [effects.heat], or no torque; its equations are not solved.
     OutputError
         The folder is there already.
+    RunError
+        No slip power is found at which a limit of the temperature is reached.
     """
     case = as_case(case)
     folder = Path(out) if out is not None else RunFolder.next_path(f"{case.name}-heat")
@@ -287,8 +290,8 @@ class _Study:
             problem = self.problem.with_films({"rotor": film})
 
             at = _AtSlipPower(self, problem)
-            by_surface = _where_reached(at.surface, effect.surface_limit)
-            by_coil = _where_reached(at.hottest, effect.coil_limit)
+            by_surface = _where_reached(at.surface, effect.surface_limit, "surface_limit")
+            by_coil = _where_reached(at.hottest, effect.coil_limit, "coil_limit")
             power = min(by_surface, by_coil)
             try:
                 powder = float(problem.largest(at(power))[POWDER])
@@ -305,7 +308,7 @@ class _Study:
             return self.problem.steady(lambda means: (np.array([power, 0.0]), np.zeros(2)))
 
         def current_at(limit: float, value: Callable[[np.ndarray], float]) -> float:
-            power = _where_reached(lambda power: value(with_copper_loss(power)), limit)
+            power = _where_reached(lambda power: value(with_copper_loss(power)), limit, "coil_limit")
             mean = float(self.problem.means(with_copper_loss(power))[COIL])
             return float(np.sqrt(power / self.model.resistance(mean)))
 
@@ -323,7 +326,10 @@ class _Study:
         finer = heat_problem(
             self.scene, motion.rotor.largest_speed, motion.disc.largest_speed, self.problem.mesh, order=2
         )
-        found = self._solve(self.peak, finer)
+        try:
+            found = self._solve(self.peak, finer)
+        except ThermalRunaway as error:
+            return f"not known: with elements of the next order {error}"
         return {
             "surface": _surface(self.problem, temperature) - _surface(finer, found),
             "coil_hottest": float((self.problem.largest(temperature) - finer.largest(found))[COIL]),
@@ -391,10 +397,11 @@ def _surface(problem: HeatProblem, temperature: np.ndarray) -> float:
     return max(one for name, one in problem.surface_temperatures(temperature).items() if name != SHAFT_ENDS)
 
 
-def _where_reached(value: Callable[[float], float], limit: float) -> float:
+def _where_reached(value: Callable[[float], float], limit: float, key: str) -> float:
     """Power [W] at which a temperature that rises with it reaches a limit, to 0.01 K; 0 if above without power.
 
     Secants from 0 W and 1 W; the temperature of a power that makes the winding run away counts as above the limit.
+    RunError with the `key` of the limit where no power is found.
     """
     try:
         low, at_low = 0.0, value(0.0)
@@ -421,7 +428,10 @@ def _where_reached(value: Callable[[float], float], limit: float) -> float:
         if high - low < 1e-6 * max(high, 1.0):
             return low
         power = guess
-    raise RuntimeError("the permitted power was not found in 60 steps of the secant method")
+    raise RunError(
+        f"no power was found in 60 steps of the secant method at which effects.heat.{key} = {limit:g} degrees C is "
+        f"reached (above {at_low:.4g} degrees C at {low:.4g} W); lower {key}, or convection and shaft_conductance"
+    )
 
 
 def _passes(time: np.ndarray, value: np.ndarray, limit: float) -> float | None:

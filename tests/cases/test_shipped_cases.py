@@ -278,6 +278,18 @@ def test_hysteresis_at_toy_size(tmp_path):
     assert "torque_vs_current.png" in files(result) and "orque on the disc at 0.05 A" in report_text(result)
 
 
+def test_heat_at_toy_size(tmp_path):
+    """Slip power is torque times slip speed for the third of the time that the coil is on; heat closes."""
+    toy = {"field.size_factor": 4.0, "effects.heat.duty.end": "4 min", "effects.heat.tolerance": 1.0}
+    case = emclutch.load_case(CASES / "heat.toml").with_values(toy)
+    found = emclutch.heat(case, speeds=[10.0], out=tmp_path / "heat").summary
+    assert found["duty"]["heat_of_slip"] == pytest.approx(12.0 * 100.0 * math.pi / 30.0 * 80.0, rel=1e-6)
+    assert abs(found["duty"]["energy_error"]) < 1e-7
+    # the resistance that the catalogue gives at 75 degrees C
+    assert case.with_values({"coil.temperature": 75}).scene.coil.resistance_in(0.0, 0.0) == pytest.approx(25.5, abs=0.01)
+    assert found["steady"]["coil_mean"] > 130.0 > found["duty"]["largest_coil_hottest"] > 20.0
+
+
 THESIS = CASES / "thesis"
 # a handful of shot, thrown at once: what the cases show takes seconds of simulated time, what they obey does not
 SHOT = {"particles.count": 24, "time.end": "40 ms", "time.window": "2 ms", "output.snapshots": 0}

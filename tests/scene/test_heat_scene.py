@@ -11,8 +11,8 @@ from emclutch.cli.main import app
 from emclutch.device_model.heat_model import COIL, POWDER, Drive, HeatModel, heat_problem, resistance_at_20
 from emclutch.scene.case import case_from
 from emclutch.scene.errors import SceneError
-from emclutch.studies.heat import heat
-from field.heat.conduction import HeatNotConverged, HeatProblem
+from emclutch.studies.heat import _Study, _where_reached, heat
+from field.heat.conduction import HeatNotConverged, HeatProblem, ThermalRunaway
 
 RPM = np.pi / 30.0
 BRAKE = {
@@ -191,6 +191,19 @@ def test_temperatures_that_are_not_found_name_the_key(tmp_path, monkeypatch):
     )
     words = " ".join(done.output.split())
     assert done.exit_code == 2 and "effects.heat.fade" in words and "less steeply" in words, done.output
+
+
+def test_what_is_not_found_is_said(monkeypatch):
+    """A temperature that no power brings to its limit; a mesh of the next order on which the winding runs away."""
+    with pytest.raises(emclutch.RunError, match=r"surface_limit = 75 .* above 50 degrees C at .* lower surface_limit"):
+        _where_reached(lambda power: 50.0 - 30.0 / (1.0 + power), 75.0, "surface_limit")
+    study = _Study.of(brake(), None)
+
+    def runs_away(*_, **__):
+        raise ThermalRunaway("the copper loss grows faster")
+
+    monkeypatch.setattr(HeatProblem, "steady", runs_away)
+    assert study.mesh_error(np.zeros(1)) == "not known: with elements of the next order the copper loss grows faster"
 
 
 def _written(folder, values):

@@ -36,6 +36,8 @@ def test_what_needs_an_effect_is_left_out_with_it():
     assert found["dipoles"].others == ("wall_images", "back_reaction")
     assert found["magnetic_force"].others == found["wall_images"].others == ("back_reaction",)
     assert found["back_reaction"].others == found["rolling_friction"].others == ()
+    heated = load_case(CASES / "quickstart.toml", {"effects.heat": {}})
+    assert {one.effect: one.reason for one in removals(heated)}["heat"] == "a run of the grains does not depend on it"
 
 
 @pytest.mark.parametrize("name", ["quickstart", "switch_on", "thesis/electromagnetic", "hard/mutual_and_dense"])

@@ -75,13 +75,15 @@ def removals(case: Case) -> list[Removal]:
     """Return for each effect of a scene what is left out with it, the fewest others with which the scene is valid.
 
     An effect that a setting of another section or effect needs, as saturation is needed by necks, is not left out: the
-    scene without it would be another one in more than an effect.
+    scene without it would be another one in more than an effect. Nor is one that no run of the grains depends on.
     """
     return [_removal(case, name) for name in case.scene.effects.active]
 
 
 def _removal(case: Case, name: str) -> Removal:
     active = case.scene.effects.active
+    if not case.scene.effects.get(name).acts_on_grains:
+        return Removal(name, reason="a run of the grains does not depend on it")
     for fault in _faults(case, Removal(name)):
         if fault.key.removeprefix("effects.") not in active:
             return Removal(name, reason=str(fault))
