@@ -74,8 +74,12 @@ Look = Annotated[
 ]
 ColourBy = Annotated[
     str | None,
-    typer.Option("--colour", metavar="WHAT", help="grains: speed, spin, force, magnetic-force, moment, contacts"),
+    typer.Option(
+        "--colour", metavar="WHAT", help="grains: speed, spin, force, magnetic-force, moment, shear-stress, contacts"
+    ),
 ]
+FieldShown = Annotated[str | None, typer.Option("--field", metavar="WHAT", help="of the field: B (default) or H")]
+FullRing = Annotated[bool, typer.Option("--ring", help="repeat the grains' sector to a full ring")]
 Moment = Annotated[str | None, typer.Option("--time", metavar="T", help="moment: '5 ms'; default: the last")]
 Screenshot = Annotated[Path | None, typer.Option("--screenshot", metavar="FILE", help="new picture (.png), no window")]
 Movie = Annotated[

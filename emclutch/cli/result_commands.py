@@ -48,6 +48,8 @@ def view(
     folder: opt.RunPath,
     look: opt.Look = None,
     colour: opt.ColourBy = None,
+    field: opt.FieldShown = None,
+    ring: opt.FullRing = False,
     time: opt.Moment = None,
     screenshot: opt.Screenshot = None,
     movie: opt.Movie = None,
@@ -58,12 +60,14 @@ def view(
         from emclutch.cli import view as viewed
 
         if paraview:
-            if (look, colour, time, screenshot, movie) != (None,) * 5:
+            if ring or (look, colour, field, time, screenshot, movie) != (None,) * 6:
                 message = "has its choices at the head of the script and as options of pvbatch; name the run alone"
                 raise SceneError([Fault("--paraview", "", message)], "command line")
             typer.echo(viewed.open_in_paraview(folder))
             return
-        for path in viewed.view_run(folder, look=look, colour=colour, time=time, screenshot=screenshot, movie=movie):
+        for path in viewed.view_run(
+            folder, look=look, colour=colour, field=field, ring=ring, time=time, screenshot=screenshot, movie=movie
+        ):
             typer.echo(str(path))
 
 

@@ -7,10 +7,11 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 from emclutch.results import OutputError
 from emclutch.results.text import format_time
-from emclutch.results.view.look import LOOKS
+from emclutch.results.view.look import FIELDS, LOOKS
 from emclutch.results.view.run_files import RunFiles, read_run_files
 from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.units import Quantity
@@ -23,6 +24,8 @@ def view_run(
     *,
     look: str | None = None,
     colour: str | None = None,
+    field: str | None = None,
+    ring: bool = False,
     time: str | None = None,
     screenshot: Path | None = None,
     movie: Path | None = None,
@@ -39,6 +42,7 @@ def view_run(
     files = read_run_files(folder)
     shown = _one_of("--look", look, list(LOOKS), "gap" if files.colours else "device")
     shade = _one_of("--colour", colour, list(files.colours), next(iter(files.colours), "")) or None
+    drawn: dict[str, Any] = {"field": _one_of("--field", field, list(FIELDS), "B"), "ring": ring}
     moment = None if time is None else _moment(time, files.times)
     for option, path, endings in (("--screenshot", screenshot, PICTURES), ("--movie", movie, MOVIES)):
         if path is not None:
@@ -49,13 +53,15 @@ def view_run(
         if not has_screen():
             message = "there is no screen for a window; add --screenshot FILE.png or --movie FILE.gif, or --paraview"
             raise SceneError([Fault("view", str(folder), message)], "command line")
-        pictures.window(pictures.RunView(files, shown, shade, window=True), moment)
+        pictures.window(pictures.RunView(files, shown, shade, window=True, **drawn), moment)
         return []
     written = []
     if screenshot is not None:
-        written.append(pictures.screenshot(pictures.RunView(files, shown, shade, window=False), screenshot, moment))
+        written.append(
+            pictures.screenshot(pictures.RunView(files, shown, shade, window=False, **drawn), screenshot, moment)
+        )
     if movie is not None:
-        written.append(pictures.movie(pictures.RunView(files, shown, shade, window=False), movie))
+        written.append(pictures.movie(pictures.RunView(files, shown, shade, window=False, **drawn), movie))
     return written
 
 

@@ -83,9 +83,9 @@ class RunFolder:
         Complete state of the latest checkpoint.
     replicas : Path
         Folder of the runs of the same scene with other packings; this run is the first of them.
-    particles, field, walls, contacts : Path
-        For ParaView: grains, the field's cross-section, the walls that grains touch, and force chains in time. The
-        numbered files of a series lie in a folder of its name.
+    particles, field, flux_lines, walls, contacts : Path
+        For ParaView: grains, the field's cross-section, its flux lines, the walls that grains touch, and force chains
+        in time. The numbered files of a series lie in a folder of its name.
     """
 
     case = _File("case.toml")
@@ -101,6 +101,7 @@ class RunFolder:
     mesh = _File("mesh.msh")
     particles = _File("particles.pvd")
     field = _File("field.pvd")
+    flux_lines = _File("flux_lines.pvd")
     walls = _File("walls.pvd")
     contacts = _File("contacts.pvd")
     section_picture = _File("section.png")
@@ -206,7 +207,7 @@ class RunFolder:
 
     def series(self) -> tuple[Path, ...]:
         """Return the files for ParaView."""
-        return self.particles, self.field, self.walls, self.contacts
+        return self.particles, self.field, self.flux_lines, self.walls, self.contacts
 
     def read_case(self) -> str:
         """Return ``case.toml``; OutputError where it cannot be read."""

@@ -64,13 +64,24 @@ def draw_run(case, folder: RunFolder, device, simulation, profiles: ProfileAvera
     if TORQUE_DISC in result.history:  # a box has no disc
         current = steady_current(result.history)
         torque_title = title if current is None else f"{title}\n{current:.4g} A"
-        torque_picture(folder.torque_picture, result.history, result.torque, result.other_histories, title=torque_title)
+        if transient := transient_in_words(result.summary):
+            torque_title += f"\n{transient}"
+        torque_picture(
+            folder.torque_picture,
+            result.history,
+            result.torque,
+            result.other_histories,
+            title=torque_title,
+            locked=result.summary.get("lock_up_time"),
+        )
     if (folder.path / TABLE).is_file():
         current_ramp_picture(folder.path / PICTURE, pandas.read_csv(folder.path / TABLE), title=title)
     if SHEAR_STRESS in result.history:
         stress_picture(folder.stress_picture, result.history, result.stress, result.other_histories, title=title)
     if speeds_vary(result.history):
-        speed_picture(folder.path / "speeds.png", {title: result.history}, title=title)
+        locked = result.summary.get("lock_up_time")
+        speed_title = title if locked is None else f"{title}\nlocked after {format_time(locked)}"
+        speed_picture(folder.path / "speeds.png", {title: result.history}, title=speed_title, locked=locked)
     if profiles is not None and (across := profiles.profiles()):
         profile_picture(folder.path / "profiles.png", across, title=f"{title}\n{at}")
     load = None if profiles is None else profiles.walls.pressure()
@@ -119,6 +130,19 @@ def moment_in_words(history, time: float) -> str:
     """The moment [s] that a picture shows, with the current at the end of a history where there is a coil."""
     at = f"t = {format_time(time)}"
     return f"{history[CURRENT].iloc[-1]:.4g} A, {at}" if CURRENT in history else at
+
+
+def transient_in_words(summary) -> str:
+    """Lock-up and the times to 63 and 90 % of the final values, where a run has them: the headline of a transient."""
+    parts = []
+    if (locked := summary.get("lock_up_time")) is not None:
+        parts.append(f"locked after {format_time(locked)}")
+    for name, key in (("torque", "torque"), ("current", "current"), ("field", "gap_flux_density")):
+        first, late = (summary.get(f"{key}_rise_time{share}") for share in ("", "_90"))
+        if first is not None and not (locked is not None and name == "torque"):
+            then = f", 90 % after {format_time(late)}" if late else ""
+            parts.append(f"{name} 63 % after {format_time(first)}{then}")
+    return "; ".join(parts)
 
 
 def steady_current(history) -> float | None:

@@ -15,10 +15,12 @@ from emclutch.results.record import Record
 from emclutch.results.view.paraview_script import write_script
 from emclutch.results.view.run_files import read_run_files
 from emclutch.results.vtk.field_arrays import field_arrays, field_arrays_3d
+from emclutch.results.vtk.flux_lines import flux_lines
 from emclutch.results.vtk.series import PvdSeries
 from field import MagneticField
 from field.three_d import Field3D
 from particles import GrainMotion
+from particles.diagnostics.stress import grain_stress, largest_shear_stress
 
 
 class Snapshots:
@@ -56,7 +58,7 @@ class Snapshots:
         if "vtk" in formats and count:
             self._series = {
                 name: PvdSeries(folder.path, name, resume_time=resume_time)
-                for name in ("particles", "field", "walls", "contacts")
+                for name in ("particles", "field", "flux_lines", "walls", "contacts")
             }
         self._folder = folder.path
         self._script_is_due = bool(self._series)
@@ -118,6 +120,11 @@ class Snapshots:
             self.record.append_grains(motion.step_count, motion.time, {"position": position, **arrays})
         if not self._series:
             return
+        if motion.box is None:
+            arrays["shear_stress"] = np.zeros(grains.count)
+            if len(lines[0]):
+                stress = grain_stress(grains, motion.contacts(), motion.sector)
+                arrays["shear_stress"] = largest_shear_stress(stress)
         self._series["particles"].write_particles(motion.time, position, arrays)
         self._series["walls"].write_walls(
             motion.time,
@@ -143,6 +150,7 @@ class Snapshots:
                 point_arrays=section.point_arrays,
                 region_names=section.region_names,
             )
+            self._series["flux_lines"].write_flux_lines(time, *flux_lines(solution))
         elif isinstance(solution, Field3D):
             carrier = simulation.field_carrier
             series.write_field_3d(

@@ -25,6 +25,7 @@ from emclutch.results import OutputError, RunFolder
 from emclutch.results.pictures import section_picture
 from emclutch.results.pictures.field import line_picture, saturation_picture
 from emclutch.results.vtk.field_arrays import field_arrays
+from emclutch.results.vtk.flux_lines import flux_lines
 from emclutch.results.vtk.series import PvdSeries
 from emclutch.scene.case import Case
 from emclutch.scene.fill import fill_of
@@ -155,7 +156,7 @@ def field_study(
     phi = None if amount is None or scene.effects.feedback is None else amount.solid_fraction
     fill = None if phi is None else coil.uniform_fill(phi)
     folder.mkdir(parents=True)
-    series = PvdSeries(folder, "field")
+    series, lines_of_flux = PvdSeries(folder, "field"), PvdSeries(folder, "flux_lines")
     growing = bool(np.all(np.diff(currents) > 0.0))  # then ParaView's time is the current
     rows: list[dict[str, float]] = []
     solution: MagneticField | None = None
@@ -170,9 +171,10 @@ def field_study(
             failure = error
             break
         rows.append(_row(case, coil, solution, current, phi, perf_counter() - began))
-        section = field_arrays(solution)
+        section, moment = field_arrays(solution), current if growing else float(number)
+        lines_of_flux.write_flux_lines(moment, *flux_lines(solution))
         series.write_field(
-            current if growing else float(number),
+            moment,
             section.points,
             section.triangles,
             cell_arrays=section.cell_arrays,

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from particles.diagnostics.tensors import principal
 from particles.grains import Grains
 from particles.neighbours.contact_table import ContactTable
 from particles.sector import CyclicSector
@@ -30,3 +31,9 @@ def grain_stress(grains: Grains, contacts: ContactTable, sector: CyclicSector | 
         force, point = sector.turn(force, back), sector.turn(point, back)
     np.add.at(total, j, -force[:, :, None] * (point - x[j])[:, None, :])
     return total / grains.volume[:, None, None]
+
+
+def largest_shear_stress(stress: np.ndarray) -> np.ndarray:
+    """Half the difference of the extreme principal stresses [Pa], shape (...), of stresses (..., 3, 3)."""
+    value, _ = principal(stress)
+    return 0.5 * (value[..., 0] - value[..., -1])

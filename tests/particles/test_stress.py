@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from particles.diagnostics.bins import RingBins, SlabBins, even_edges, ring_bins
 from particles.diagnostics.profiles import profile_of, profile_sums
-from particles.diagnostics.stress import grain_stress
+from particles.diagnostics.stress import grain_stress, largest_shear_stress
 from particles.grains import Grains
 from particles.neighbours.contact_table import ContactTable
 
@@ -132,3 +132,12 @@ def test_shear_stress_of_a_thin_gap_is_its_torque():
     np.testing.assert_allclose(profile.torque, 0.2 * n, rtol=1e-12)
     middle = 0.5 * (bins.edges[:-1] + bins.edges[1:])
     np.testing.assert_allclose(profile.shear_stress, 0.2 * n / (2 * np.pi * middle**2 * 2 * R), rtol=(d / radius) ** 2)
+
+
+def test_largest_shear_stress_is_that_of_mohrs_circle():
+    """Pure shear tau: tau; a uniaxial pressure p: p/2; a hydrostatic one: none."""
+    stress = np.zeros((3, 3, 3))
+    stress[0, 0, 1] = stress[0, 1, 0] = 3.0
+    stress[1, 2, 2] = 4.0
+    stress[2] = 5.0 * np.eye(3)
+    assert largest_shear_stress(stress) == pytest.approx([3.0, 2.0, 0.0], abs=1e-14)

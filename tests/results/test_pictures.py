@@ -10,7 +10,7 @@ import pytest
 
 from emclutch.results import pictures, steady_mean
 from emclutch.results.linear_range import linear_range
-from emclutch.results.pictures.grains import _across
+from emclutch.results.pictures.grains import _across, _gaps
 from emclutch.results.pictures.torque_curves import _draw_range, _torque_axes
 from emclutch.results.text import format_torque
 from emclutch.results.torque_curves import torque_curves
@@ -187,7 +187,7 @@ def test_the_gap_is_where_disc_and_rotor_enclose_the_grains(across, expected):
         ends = {"disc": ((0.02, -1e-3), (0.022, -1e-3)), "rotor": ((0.02, 1e-3), (0.022, 1e-3))}
         r = 0.021 + 0.5 * (r - 0.021)
     walls = [SimpleNamespace(body=body, start=start, end=end) for body, (start, end) in ends.items()]
-    assert _across(r, z, walls) == expected
+    assert _across(_gaps(r, z, walls), r, z) == expected
 
 
 def test_grains_around_the_whole_turn_are_cut_to_a_readable_strip(tmp_path):

@@ -33,7 +33,7 @@ def run(tmp_path_factory):
     title = TITLE.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n")
     (folder / "case.toml").write_text(f'[scene]\ntitle = "{title}"\n[particles]\nsector = 0.1\n')
     rng = np.random.default_rng(1)
-    series = {name: PvdSeries(folder, name) for name in ("particles", "walls", "contacts", "field")}
+    series = {name: PvdSeries(folder, name) for name in ("particles", "walls", "contacts", "field", "flux_lines")}
     rims = [
         SimpleNamespace(name=f"{body}_rim", body=body, start=(r, -0.005), end=(r, 0.005))
         for body, r in (("disc", 0.02), ("rotor", 0.021))
@@ -47,6 +47,7 @@ def run(tmp_path_factory):
         series["particles"].write_particles(time, x, arrays)
         series["walls"].write_walls(time, rims, angles={"rotor": 100.0 * time}, sector_angle=0.1)
         series["contacts"].write_contacts(time, x[:-1], x[1:], rng.random((19, 3)))
+        series["flux_lines"].write_flux_lines(time, np.array([[[0.0, 0.005], [0.02, 0.005]]]), np.array([1e-6]))
         series["field"].write_field(
             time,
             section,
@@ -83,7 +84,7 @@ def test_script_names_files_arrays_and_regions_that_are_there(run):
     assert all(label.endswith("]") and " [" in label for _, label in known["QUANTITIES"].values())
     assert known["COLOUR"] in known["QUANTITIES"]
     assert read_texts(data["field"], "region_names")[known["AIR"]] == "air"
-    assert known["WHERE"] == "POINTS" and known["FLUX_DENSITY"][0] in at_points["field"]
+    assert known["WHERE"] == "POINTS" and known["FIELDS"]["B"][0] in at_points["field"]
     assert list(known["BODIES"]) == ["disc", "rotor"] and "stripe" in array_names(data["walls"].GetCellData())
     assert known["LOOKS"] == LOOKS
     parts = {
@@ -157,7 +158,7 @@ import sys
 from pathlib import Path
 import numpy as np
 from PIL import Image
-from emclutch.results.view.look import BESIDE, LOOKS
+from emclutch.results.view.look import HEAD_HEIGHT, LOOKS
 from emclutch.results.view.pyvista_view import RunView, movie, screenshot
 from emclutch.results.view.run_files import read_run_files
 
@@ -169,7 +170,9 @@ for look in LOOKS:
     renderer = view.plotter.renderer
     renderer.SetWorldPoint(*view.plotter.actors["device" if look == "device" else "grains"].center, 1.0)
     renderer.WorldToView()
-    assert abs(renderer.GetViewPoint()[0] + 2.0 * BESIDE) < 1e-3, f"{look} does not make room for its bars"
+    assert np.allclose(renderer.GetViewPoint()[:2], 0.0, atol=1e-3), f"{look} is not in the middle"
+    drawn = [type(actor).__name__ for one in view.plotter.renderers[:2] for actor in one.actors.values()]
+    assert not any("ScalarBar" in name for name in drawn), f"{look} has a colour bar over what it shows"
     path = screenshot(view, out / f"{look}.png", None)
     colours = np.unique(np.asarray(Image.open(path).convert("RGB")).reshape(-1, 3), axis=0)
     assert len(colours) > 50, f"{look} is blank"
@@ -177,8 +180,8 @@ with Image.open(movie(RunView(files, "chains", "speed", window=False, size=(200,
     assert moving.n_frames == 2
 
 view = RunView(read_run_files(lone), "gap", "diameter", window=False, size=(300, 300))
-picture = np.asarray(Image.open(screenshot(view, out / "lone.png", None)).convert("RGB"))[60:240, 30:240]
-radius = 150.0 * 1e-4 / view.plotter.camera.parallel_scale
+picture = np.asarray(Image.open(screenshot(view, out / "lone.png", None)).convert("RGB"))[70:256, 40:225]
+radius = 150.0 * (1.0 - HEAD_HEIGHT) * 1e-4 / view.plotter.camera.parallel_scale
 assert abs((picture.min(axis=2) < 230).sum() / (np.pi * radius**2) - 1.0) < 0.05, "a sphere has not its size"
 """
 

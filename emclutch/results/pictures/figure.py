@@ -27,6 +27,7 @@ COLOURS = ("#0b5fa5", "#c4540a", "#2a8c3f", "#8a1c7c", "#7f6000", "#0a7d7d", "#b
 LINES = ("-", "--", "-.", ":")  # the next one when the colours are used up
 MARKERS = "osD^v<>Ph*"
 LETTERS = 11.5  # to the inch, at 11 points
+LOCKED = "locked: speeds stay\nwithin 1 % of the faster one"
 STRONGEST = 98  # percentile of the forces that is drawn at full width: a few outliers would hide all others
 
 
@@ -108,6 +109,12 @@ def finish_axis(axis: Axes, x: str, y: str) -> None:
     legend_beside(axis)
 
 
+def mark_lock_up(axis: Axes, per_second: float, locked: float | None) -> None:
+    """Mark the time [s] from which on the shafts are locked, `lock_up_time` of a summary; nothing for None."""
+    if locked is not None:
+        axis.axvline(per_second * locked, color="#7a0177", lw=1.2, ls=(0, (4, 2)), label=LOCKED)
+
+
 def legend_beside(axis: Axes, *, away: float = 1.0, handles: Any = None, labels: Any = None) -> None:
     """Draw a legend to the right of a panel, of what is drawn in it or of `handles` with their `labels`.
 
@@ -153,7 +160,7 @@ def draw_chains(axis: Axes, start: np.ndarray, end: np.ndarray, force: np.ndarra
     axis.add_collection(LineCollection(ends, colors="crimson", linewidths=width, alpha=0.85))
 
 
-def colour_limits(values: np.ndarray) -> tuple[float, float]:
-    """Return the ends of a range of colours; of equal values, a range about them."""
-    low, high = (float(np.min(values)), float(np.max(values))) if len(values) else (0.0, 1.0)
+def colour_limits(values: np.ndarray, percentile: float = 100.0) -> tuple[float, float]:
+    """Return the ends of a range of colours, the upper one a percentile; of equal values, a range about them."""
+    low, high = (float(np.min(values)), float(np.percentile(values, percentile))) if len(values) else (0.0, 1.0)
     return (low, high) if low < high else (low - 0.5, high + 0.5)

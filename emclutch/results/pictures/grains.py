@@ -17,6 +17,7 @@ from emclutch.results.pictures.figure import (
     BODY_COLOURS,
     MM,
     OTHER_BODY,
+    STRONGEST,
     colour_limits,
     draw_chains,
     draw_circles,
@@ -71,29 +72,37 @@ def grains_picture(
     position, radius, colour = np.asarray(position), np.asarray(radius), np.asarray(colour, dtype=np.float64)
     r, theta, z = np.hypot(position[:, 0], position[:, 1]), _azimuth(position), position[:, 2]
     outlines = [wall for wall in walls if hasattr(wall, "start")]
+    gaps = _gaps(r, z, outlines)
     if across is None:
-        across = _across(r, z, outlines)
+        across = _across(gaps, r, z)
     up, other = (r, z) if across == "r" else (z, r)
+    # Of gaps beside each other, as at both faces of a disc, the one with most grains: what is between them is empty.
+    chosen = max(gaps.get(across, []), key=np.count_nonzero, default=np.ones(len(r), dtype=bool))
+    shown = chosen if across == "z" else np.ones(len(r), dtype=bool)
     reference = float(np.median(r)) if len(r) else 1.0
     if layer is None:
-        layer = _loaded_layer(other, radius, chains, across)
-    drawn = (other >= layer[0]) & (other <= layer[1])
+        layer = _loaded_layer(other[shown], radius[shown], chains, across)
+    drawn = (other >= layer[0]) & (other <= layer[1]) & shown
 
-    views = (_view(reference * theta[drawn], up[drawn], radius[drawn]), _view(z, r, radius))
+    views = (
+        _view(reference * theta[drawn], up[drawn], radius[drawn]),
+        _view(other[shown], up[shown], radius[shown]),
+    )
     part = (views[0][3] - views[0][2]) < THINNEST * (views[0][1] - views[0][0])
     if part:  # a whole turn would be a hair's breadth high: show its beginning
         x0, _, y0, y1 = views[0]
         views = ((x0, x0 + (y1 - y0) / THINNEST, y0, y1), views[1])
     figure, unrolled, plane = _panels(views, title)
-    style = {"clim": colour_limits(colour), "linewidths": 0.3 if len(r) < FINE else 0.0}
+    style = {"clim": colour_limits(colour, STRONGEST), "linewidths": 0.3 if len(r) < FINE else 0.0}
     draw_circles(unrolled, reference * theta[drawn], up[drawn], radius[drawn], array=colour[drawn], **style)
     order = np.argsort(theta)  # the meridional view looks along the azimuth: near grains over far ones
-    circles = draw_circles(plane, z[order], r[order], radius[order], array=colour[order], **style)
+    order = order[shown[order]]
+    circles = draw_circles(plane, other[order], up[order], radius[order], array=colour[order], **style)
     has_chains = chains is not None and _draw_chains(unrolled, chains, across, layer, reference, sector_angle)
 
     for body in dict.fromkeys(wall.body for wall in outlines):
         own = [wall for wall in outlines if wall.body == body]
-        _draw_meridional_walls(plane, own, body)
+        _draw_meridional_walls(plane, own, body, across)
         _draw_unrolled_walls(unrolled, own, body, across, layer)
     if sector_angle is not None:
         for face in (0.0, reference * sector_angle):
@@ -101,10 +110,11 @@ def grains_picture(
     between = "z" if across == "r" else "r"
     of_turn = " (part of the turn)" if part else ""
     unrolled.set(xlabel=f"R0·θ [mm], R0 = {MM * reference:.4g} mm{of_turn}", ylabel=f"{across} [mm]")
-    shown = f"{between} = {MM * layer[0]:.3g} … {MM * layer[1]:.3g} mm"
-    label_panel(unrolled, f"unrolled: {np.count_nonzero(drawn)} of {len(r)} grains,\n{shown}")
-    plane.set(xlabel="z [mm]", ylabel="r [mm]")
-    label_panel(plane, f"all {len(r)} grains\nin the (r, z) plane")
+    where = f"{between} = {MM * layer[0]:.3g} … {MM * layer[1]:.3g} mm"
+    label_panel(unrolled, f"unrolled: {np.count_nonzero(drawn)} of {len(r)} grains,\n{where}")
+    plane.set(xlabel=f"{between} [mm]", ylabel=f"{across} [mm]")
+    count = f"all {len(r)}" if shown.all() else f"{np.count_nonzero(shown)} of {len(r)}"
+    label_panel(plane, f"{count} grains{'' if shown.all() else ', one of the gaps,'}\nin the (r, z) plane")
     handles, labels = plane.get_legend_handles_labels()
     if has_chains:
         handles.append(Line2D([], [], color="crimson", lw=2.0))
@@ -114,7 +124,7 @@ def grains_picture(
         labels.append("edges of the sector, which repeats")
     if handles:
         figure.legend(handles, labels, loc="outside lower left", ncols=4, frameon=False, fontsize=9)
-    figure.colorbar(circles, ax=[unrolled, plane], label=colour_label, shrink=0.8)
+    figure.colorbar(circles, ax=[unrolled, plane], label=colour_label, shrink=0.8, extend="max")
     return save_picture(figure, path)
 
 
@@ -123,9 +133,9 @@ def _is_level(wall: Any, up: int) -> bool:
     return abs(wall.start[up] - wall.end[up]) <= 1e-9 + 1e-6 * abs(wall.start[up])
 
 
-def _across(r: np.ndarray, z: np.ndarray, walls: Sequence[Any]) -> str:
-    """Return the coordinate across the gap: in it a wall of the disc faces one of the rotor over more grains."""
-    enclosed: dict[str, np.ndarray] = {}
+def _gaps(r: np.ndarray, z: np.ndarray, walls: Sequence[Any]) -> dict[str, list[np.ndarray]]:
+    """Return which grains are in each gap, by the coordinate across it: a wall of the disc faces one of the rotor."""
+    found: dict[str, dict[tuple[float, ...], np.ndarray]] = {}
     for name, up, along in (("r", 0, 1), ("z", 1, 0)):
         discs, rotors = ([w for w in walls if w.body == body and _is_level(w, up)] for body in ("disc", "rotor"))
         for pair in product(discs, rotors):
@@ -135,9 +145,15 @@ def _across(r: np.ndarray, z: np.ndarray, walls: Sequence[Any]) -> str:
                 bottom, top = sorted(wall.start[up] for wall in pair)
                 height, place = (r, z)[up], (r, z)[along]
                 inside = (height >= bottom) & (height <= top) & (place >= low) & (place <= high)
-                enclosed[name] = enclosed.get(name, False) | inside
-    if enclosed:
-        return max(enclosed, key=lambda name: np.count_nonzero(enclosed[name]))
+                known = found.setdefault(name, {})
+                known[bottom, top] = known.get((bottom, top), False) | inside
+    return {name: list(known.values()) for name, known in found.items()}
+
+
+def _across(gaps: dict[str, list[np.ndarray]], r: np.ndarray, z: np.ndarray) -> str:
+    """Return the coordinate across the gaps with more grains; without gaps, that in which the grains spread less."""
+    if gaps:
+        return max(gaps, key=lambda name: np.count_nonzero(np.any(gaps[name], axis=0)))
     return "z" if len(r) and np.ptp(z) < np.ptp(r) else "r"
 
 
@@ -231,12 +247,15 @@ def _draw_chains(
     return True
 
 
-def _draw_meridional_walls(axis: Axes, walls: Sequence[Any], body: str) -> None:
+def _draw_meridional_walls(axis: Axes, walls: Sequence[Any], body: str, across: str) -> None:
     colour = BODY_COLOURS.get(body, OTHER_BODY)
     for number, wall in enumerate(walls):
         (r0, z0), (r1, z1) = wall.start, wall.end
         label = body if number == 0 else None
-        axis.plot([MM * z0, MM * z1], [MM * r0, MM * r1], color=colour, lw=2.0, label=label, scalex=False, scaley=False)
+        right, up = ((z0, z1), (r0, r1)) if across == "r" else ((r0, r1), (z0, z1))
+        axis.plot(
+            MM * np.array(right), MM * np.array(up), color=colour, lw=2.0, label=label, scalex=False, scaley=False
+        )
 
 
 def _draw_unrolled_walls(axis: Axes, walls: Sequence[Any], body: str, across: str, layer: tuple[float, float]) -> None:

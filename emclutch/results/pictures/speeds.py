@@ -17,6 +17,7 @@ from emclutch.results.pictures.figure import (
     RPM,
     draw_measured,
     finish_axis,
+    mark_lock_up,
     new_figure,
     save_picture,
 )
@@ -43,6 +44,7 @@ def speed_picture(
     *,
     measured: Mapping[str, np.ndarray] | None = None,
     title: str | None = None,
+    locked: float | None = None,
 ) -> Path:
     """Draw the speeds of motor (rotor) and output (disc) against time, in rpm.
 
@@ -52,6 +54,7 @@ def speed_picture(
     runs : name -> history with the columns `time` [s], `rotor_speed` and `disc_speed` [rad/s]; the name is left out
         of the legend where there is one run only. Motors that turn alike are drawn once.
     measured : name -> (n, 2) time [s] and speed [rpm], or (n, 3) with errors, as `read_measured` returns them.
+    locked : time [s] from which on the shafts are locked; it is marked.
     """
     figure, (axis,) = new_figure(10.5, 5.0, title)
     longest = max((float(np.max(_column(one, TIME), initial=0.0)) for one in runs.values()), default=0.0)
@@ -69,6 +72,7 @@ def speed_picture(
         color, line = styles[name]
         axis.plot(factor * time, RPM * output, color=color, lw=1.6, label=f"output{of}", ls=line)
     draw_measured(axis, measured, per_x=factor, joined=False)
+    mark_lock_up(axis, factor, locked)
     finish_axis(axis, f"time [{unit}]", "speed [rpm]")
     return save_picture(figure, path)
 

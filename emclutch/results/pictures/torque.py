@@ -18,13 +18,19 @@ from emclutch.results.columns import (
     speed_of,
     torque_on,
 )
-from emclutch.results.pictures.figure import BODY_COLOURS, RPM, legend_beside, new_figure, save_picture
+from emclutch.results.pictures.figure import BODY_COLOURS, RPM, legend_beside, mark_lock_up, new_figure, save_picture
 from emclutch.results.statistics import Estimate
 from emclutch.results.text import format_torque, time_unit
 
 
 def torque_picture(
-    path: str | Path, history: Any, estimate: Estimate | None = None, others: Any = (), *, title: str | None = None
+    path: str | Path,
+    history: Any,
+    estimate: Estimate | None = None,
+    others: Any = (),
+    *,
+    title: str | None = None,
+    locked: float | None = None,
 ) -> Path:
     """Draw the torques on the bodies, and current and speeds where they vary.
 
@@ -35,6 +41,7 @@ def torque_picture(
     estimate : of the disc's torque; its steady part is shaded and its mean drawn with its 95 % interval; an unknown one
         is said, and no band is drawn.
     others : histories of the other replicas: their torque on the disc is drawn thin, as the mean is of all of them.
+    locked : time [s] from which on the shafts are locked; it is marked.
     """
     time = np.asarray(history[TIME], dtype=np.float64)
     unit_of_time, time_factor = time_unit(np.max(time, initial=0.0))
@@ -73,6 +80,7 @@ def torque_picture(
         axis.plot([start, time[-1]], [mean, mean], color="black", lw=1.4, ls="--", label=label, zorder=4)
         if not estimate.converged:
             figure.supxlabel(estimate.reason, x=0.01, ha="left", fontsize=8, color="crimson", parse_math=False)
+    mark_lock_up(axis, time_factor, locked)
     axis.set_ylabel(f"torque [{unit}]")
     legend_beside(axis)
     axis.margins(x=0.0)

@@ -8,33 +8,41 @@ from typing import Any
 import numpy as np
 import pyvista
 
-from emclutch.results.view.look import CHAIN_WIDTH, FLUX_DENSITY, FORCE, MARK, SHADES, SWEEP, flux_levels, line_offset
+from emclutch.results.view.look import CHAIN_WIDTH, FIELDS, FORCE, MARK, SHADES, SWEEP, line_offset
 from emclutch.results.view.run_files import RunFiles
 
+FACETS, RING_FACETS = 16, 8  # of a sphere, round and from pole to pole
+REPEATED = ("particles", "contacts", "walls")  # series that show a sector only
 
-def frame_meshes(files: RunFiles, time: float, parts: tuple[str, ...], colour: str | None) -> dict[str, Any]:
+
+def frame_meshes(
+    files: RunFiles, time: float, parts: tuple[str, ...], colour: str | None, field: str = "B", *, ring: bool = False
+) -> dict[str, Any]:
     """Meshes by the name of the part, of those parts that have something to show at a moment [s].
 
     Their array `shown` is what they are coloured by: of the grains the quantity `colour` of `COLOURS`, of chains
-    |F| [N], of the field |B| [T], of walls red, green, blue as bytes.
+    |F| [N], of the field `field` of `FIELDS`, of walls red, green, blue as bytes. `ring`:
+    grains, chains and walls of a sector are repeated round the axis.
     """
     read: dict[str, Any] = {
         name: pyvista.read(path) for name in files.series if (path := files.file(name, time)) is not None
     }
+    if ring and files.sector is not None:
+        read |= {name: full_ring(read[name], files.sector) for name in REPEATED if name in read}
     found: dict[str, Any] = {}
     if "grains" in parts and "particles" in read and colour is not None and read["particles"].n_points:
-        found["grains"] = _spheres(read["particles"], files.colours[colour][0])
+        found["grains"] = _spheres(read["particles"], files.colours[colour][0], RING_FACETS if ring else FACETS)
     if "chains" in parts and "contacts" in read and read["contacts"].n_cells:
         found["chains"] = _tubes(read["contacts"], 0.5 * float(read["particles"]["diameter"].min()))
     if "walls" in parts and "walls" in read and read["walls"].n_cells:
         found["walls"] = _painted(read["walls"])
-    if "field" in read and any(part in parts for part in ("section", "lines", "device")):
-        device = _without_air(read["field"], files)
+    if "lines" in parts and "flux_lines" in read and read["flux_lines"].n_cells:
+        found["lines"] = read["flux_lines"].translate((0.0, line_offset(read["flux_lines"].bounds[1]), 0.0))
+    if "field" in read and any(part in parts for part in ("section", "device")):
+        device = _without_air(read["field"], files, FIELDS[field][0])
         flat = files.field == "section"
         if "section" in parts and flat:
             found["section"] = device
-        if "lines" in parts and flat and (lines := _flux_lines(device)) is not None:
-            found["lines"] = lines
         if "device" in parts:
             surface = device.extract_surface(algorithm="dataset_surface")
             swept = surface.extrude_rotate(angle=-SWEEP, resolution=90, capping=True) if flat else surface
@@ -42,15 +50,22 @@ def frame_meshes(files: RunFiles, time: float, parts: tuple[str, ...], colour: s
     return found
 
 
+def full_ring(data: Any, sector: float) -> Any:
+    """What lies in a sector [rad] repeated round z; vectors turn with it, and what is shown stays the same."""
+    degrees = math.degrees(sector)
+    turned = [data.rotate_z(k * degrees, transform_all_input_vectors=True) for k in range(round(360.0 / degrees))]
+    return turned[0].append_polydata(*turned[1:]) if len(turned) > 1 else data
+
+
 def _magnitude(values: np.ndarray) -> np.ndarray:
     return np.linalg.norm(values, axis=1) if values.ndim == 2 else np.asarray(values)
 
 
-def _spheres(grains: Any, array: str) -> Any:
+def _spheres(grains: Any, array: str, facets: int) -> Any:
     centres = pyvista.PolyData(grains.points)
     centres["shown"] = _magnitude(grains[array]).astype(float)
     centres["diameter"] = grains["diameter"]
-    ball = pyvista.Sphere(radius=0.5, theta_resolution=16, phi_resolution=16)
+    ball = pyvista.Sphere(radius=0.5, theta_resolution=facets, phi_resolution=facets)
     return centres.glyph(orient=False, scale="diameter", factor=1.0, geom=ball)
 
 
@@ -70,20 +85,9 @@ def _painted(walls: Any) -> Any:
     return walls
 
 
-def _without_air(field: Any, files: RunFiles) -> Any:
+def _without_air(field: Any, files: RunFiles, array: str) -> Any:
     place = field.point_data if files.field_at_points else field.cell_data
-    place["shown"] = _magnitude(place[FLUX_DENSITY[0]])
+    place["shown"] = _magnitude(place[array])
     if files.air is None:
         return field
     return field.extract_cells(np.flatnonzero(field.cell_data["region"] != files.air))
-
-
-def _flux_lines(device: Any) -> Any:
-    """Lines of the section with equal flux between them, where there is flux."""
-    flux = 2.0 * math.pi * device.points[:, 0] * device.point_data["vector_potential"]
-    levels = flux_levels(float(flux.min()), float(flux.max()))
-    if not levels:
-        return None
-    lines = device.contour(levels, scalars=flux)
-    lines.points += (0.0, line_offset(device.bounds[1]), 0.0)
-    return lines

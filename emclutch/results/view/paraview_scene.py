@@ -16,6 +16,7 @@ LOOK = "gap"  # at the grains before the field ("gap"), at their force chains ("
 # round its axis ("device")
 SHOW = None  # None: what suits LOOK; or any of "grains", "chains", "walls", "section", "lines", "arrows", "device".
 # In the window each can be switched with the eye next to its name.
+FIELD_SHOWN = "B"  # "B" or "H": what the section and the device are coloured by
 TIME = None  # [s]; None: the last moment
 CROP_AIR = True  # show the field in the device only, without the air around it
 
@@ -31,14 +32,13 @@ WHERE = "POINTS"  # B and H stand at the section's points; "CELLS": at its cells
 QUANTITIES = {}
 
 import argparse
-import math
 import os
 import sys
 
 from emclutch.results.view.look import (
-    AMBIENT, BARS, CHAIN_WIDTH, DIFFUSE, FIELD_COLOURS, FLUX_DENSITY, FORCE, FORCE_COLOURS, FRAMES_A_SECOND,
+    AMBIENT, BARS, BESIDE, CHAIN_WIDTH, DIFFUSE, FIELDS, FIELD_COLOURS, FORCE, FORCE_COLOURS, FRAMES_A_SECOND,
     GRAIN_OPACITY, LINE_COLOUR, LOOKS, MARK, SHADES, SIZE, SOLID_OPACITY, SWEEP, TIME_PLACE, TITLE_PLACE,
-    WALL_OPACITY, camera, flux_levels, line_offset,
+    WALL_OPACITY, camera, line_offset,
 )  # fmt: skip
 
 HERE = os.path.dirname(os.path.abspath(__file__)) if "__file__" in globals() else RUN
@@ -59,7 +59,7 @@ def main():
     view.OrientationAxesLabelColor = view.OrientationAxesOutlineColor = (0.0, 0.0, 0.0)
     pv._DisableFirstRenderCameraReset()
     series = {}
-    for name in ("particles", "walls", "contacts", "field"):
+    for name in ("particles", "walls", "contacts", "field", "flux_lines"):
         file = os.path.join(HERE, name + ".pvd")
         if os.path.exists(file):
             series[name] = pv.PVDReader(registrationName=name, FileName=file)
@@ -86,6 +86,7 @@ def read_options():
     parser = argparse.ArgumentParser(description=TITLE)
     parser.add_argument("--colour", choices=list(QUANTITIES), default=COLOUR)
     parser.add_argument("--look", choices=list(LOOKS), default=LOOK)
+    parser.add_argument("--field", choices=list(FIELDS), default=FIELD_SHOWN)
     parser.add_argument("--show", nargs="*", choices=list(PARTS), default=SHOW)
     parser.add_argument("--time", type=float, default=TIME, help="[s]")
     parser.add_argument("--size", nargs=2, type=int, default=SIZE, help="pixels")
@@ -193,23 +194,15 @@ def section(view, field, visible, options):
         display = pv.Show(cropped(field), view)
         display.Visibility = visible
         display.Ambient, display.Diffuse = 1.0, 0.0  # the colours of the bar, whatever the light
-        coloured(display, view, "field", *FLUX_DENSITY, FIELD_COLOURS, WHERE)
+        coloured(display, view, "field", *FIELDS[options.field], FIELD_COLOURS, WHERE)
 
 
-def lines(view, field, visible, options):
+def lines(view, curves, visible, options):
     """Flux lines of the section, equal flux between them."""
-    if FIELD != "section":
-        return
-    flux = pv.Calculator(Input=cropped(field), ResultArrayName="flux")
-    flux.Function = f"{2.0 * math.pi}*coordsX*vector_potential"
-    low, high = updated(flux).PointData.GetArray("flux").GetRange()
-    if levels := flux_levels(low, high):
-        contour = pv.Contour(registrationName="lines", Input=flux, ContourBy=["POINTS", "flux"])
-        contour.Isosurfaces = levels
-        display = pv.Show(contour, view)
-        display.Visibility = visible
-        display.Position = (0.0, line_offset(field.GetDataInformation().GetBounds()[1]), 0.0)
-        plain(display, LINE_COLOUR)
+    display = pv.Show(curves, view)
+    display.Visibility = visible
+    display.Position = (0.0, line_offset(curves.GetDataInformation().GetBounds()[1]), 0.0)
+    plain(display, LINE_COLOUR)
 
 
 def arrows(view, field, visible, options):
@@ -234,7 +227,7 @@ def device(view, field, visible, options):
     display.Visibility = visible
     display.Ambient, display.Diffuse = AMBIENT, DIFFUSE
     display.Opacity = 1.0 if FIELD == "section" else SOLID_OPACITY
-    coloured(display, view, "field", *FLUX_DENSITY, FIELD_COLOURS, WHERE)
+    coloured(display, view, "field", *FIELDS[options.field], FIELD_COLOURS, WHERE)
 
 
 def cropped(field):
@@ -264,7 +257,8 @@ def aim(view, series, options):
         box[0] = -box[1] if FIELD == "section" else box[0]
     else:
         box = series.get("particles", next(iter(series.values()))).GetDataInformation().GetBounds()
-    focus, position, up, half = camera(options.look, SECTOR is not None, box, options.size)
+    aside = BESIDE * options.size[0] / options.size[1]
+    focus, position, up, half = camera(options.look, SECTOR is not None, box, aside)
     view.CameraFocalPoint, view.CameraPosition, view.CameraViewUp = focus, position, up
     view.CameraParallelProjection, view.CameraParallelScale = 1, half
 
@@ -274,7 +268,7 @@ PARTS = {  # what can be shown: the series that it is made of, and who draws it
     "chains": ("contacts", chains),
     "walls": ("walls", walls),
     "section": ("field", section),
-    "lines": ("field", lines),
+    "lines": ("flux_lines", lines),
     "arrows": ("field", arrows),
     "device": ("field", device),
 }

@@ -25,10 +25,15 @@ STYLES: dict[str, dict[str, Any]] = {
     "device": {"cmap": FIELD_MAP, "ambient": looks.AMBIENT, "diffuse": looks.DIFFUSE},
 }
 BAR = {
-    "vertical": True, "position_x": 0.865, "height": 0.25, "width": 0.12, "color": "black", "fill": True,
-    "background_color": "white", "title_font_size": 18, "label_font_size": 16, "fmt": "%.3g", "n_labels": 4,
-    "render": False,
+    "vertical": True, "position_x": 0.05, "height": 0.27, "width": 0.9, "color": "black", "title_font_size": 18,
+    "label_font_size": 16, "fmt": "%.3g", "n_labels": 4, "render": False,
 }  # fmt: skip
+LAYOUT: dict[str, Any] = {  # title and time above, colour bars to the right, so that nothing lies behind them
+    "shape": (2, 2), "groups": [(0, [0, 1])], "border": False,
+    "row_weights": [looks.HEAD_HEIGHT, 1.0 - looks.HEAD_HEIGHT],
+    "col_weights": [1.0 - looks.BAR_WIDTH, looks.BAR_WIDTH],
+}  # fmt: skip
+HEAD, PICTURE, BARS = (0, 0), (1, 0), (1, 1)  # parts of it
 
 
 class RunView:
@@ -40,36 +45,50 @@ class RunView:
     look : one of `look.LOOKS`.
     colour : of the grains, one of the run's colours; None where there are no grains.
     window : whether a window is to open.
+    field : what the section and the device are coloured by, one of `look.FIELDS`.
+    ring : whether a sector is repeated round the axis.
     """
 
     def __init__(
-        self, files: RunFiles, look: str, colour: str | None, *, window: bool, size: tuple[int, int] = looks.SIZE
+        self,
+        files: RunFiles,
+        look: str,
+        colour: str | None,
+        *,
+        window: bool,
+        field: str = "B",
+        ring: bool = False,
+        size: tuple[int, int] = looks.SIZE,
     ) -> None:
-        self.files, self.look, self.colour = files, look, colour
+        self.files, self.look, self.colour, self.field, self.ring = files, look, colour, field, ring
         with pyvista.vtk_verbosity("off"):  # without a screen vtk complains before it draws in memory
-            plotter: Any = pyvista.Plotter(off_screen=not window, window_size=list(size))
+            plotter: Any = pyvista.Plotter(off_screen=not window, window_size=list(size), **LAYOUT)
         self.plotter = plotter
         self.plotter.set_background("white")
+        self.plotter.subplot(*PICTURE)
         self.plotter.render_window.SetMultiSamples(0)  # else what is translucent is missing where Mesa draws
         self.plotter.enable_depth_peeling(4)
         self.plotter.enable_anti_aliasing("ssaa")
         self.plotter.add_axes(color="black")
-        self.plotter.add_text(files.title, position=looks.TITLE_PLACE, viewport=True, font_size=10, color="black")
+        self.plotter.subplot(*HEAD)
+        self.plotter.add_text(files.title, position=(0.02, 0.55), viewport=True, font_size=10, color="black")
         self._limits: dict[str, tuple[float, float]] = {}
         self._aimed = False
 
     def draw(self, time: float) -> None:
         """Show the moment that was written nearest to a time [s]."""
         time = self.files.nearest_time(time)
-        meshes = frame_meshes(self.files, time, looks.LOOKS[self.look], self.colour)
+        meshes = frame_meshes(self.files, time, looks.LOOKS[self.look], self.colour, self.field, ring=self.ring)
+        self.plotter.subplot(*PICTURE)
         for part in STYLES:
             if part in meshes:
                 self._add(part, meshes[part])
             else:
                 self.plotter.remove_actor(part, render=False)
         text = f"t = {1e3 * time:.3f} ms"
-        place = looks.TIME_PLACE
-        self.plotter.add_text(text, position=place, viewport=True, font_size=10, color="black", name="time")
+        self.plotter.subplot(*HEAD)
+        self.plotter.add_text(text, position=(0.02, 0.1), viewport=True, font_size=10, color="black", name="time")
+        self.plotter.subplot(*PICTURE)
         if not self._aimed and meshes:
             self._aim(meshes)
             self._aimed = True
@@ -86,29 +105,30 @@ class RunView:
         bar = {"section": "field", "device": "field"}.get(part, part)
         if bar in looks.BARS:
             if bar not in self._limits:  # of the first moment drawn: colours of a movie keep their meaning
-                low, high = float(np.min(mesh["shown"])), float(np.max(mesh["shown"]))
+                top = looks.MAX_FIELD if bar == "field" else 100.0
+                low, high = float(np.min(mesh["shown"])), float(np.percentile(mesh["shown"], top))
                 self._limits[bar] = (low, high if high > low else low + (abs(low) or 1.0))
             options["clim"] = self._limits[bar]
-            options["show_scalar_bar"] = True
-            options["scalar_bar_args"] = {**BAR, "title": self._label(bar), "position_y": looks.BARS[bar]}
-        self.plotter.add_mesh(mesh, **options)
-        if bar in looks.BARS:
-            drawn = self.plotter.scalar_bars[self._label(bar)]
-            drawn.SetVerticalTitleSeparation(2)
-            drawn.SetBarRatio(0.18)  # of the white box, which the title too lies in
+        actor = self.plotter.add_mesh(mesh, **options)
+        title = self._label(bar).replace(" [", "\n[") if bar in looks.BARS else ""
+        if title and title not in self.plotter.scalar_bars:
+            self.plotter.subplot(*BARS)
+            drawn = self.plotter.add_scalar_bar(title, mapper=actor.mapper, position_y=looks.BARS[bar], **BAR)
+            drawn.SetBarRatio(0.18)  # of its column, which the title too lies in
+            self.plotter.subplot(*PICTURE)
 
     def _label(self, bar: str) -> str:
         if bar == "grains":
             assert self.colour is not None
             return self.files.colours[self.colour][1]
-        return {"chains": looks.FORCE[1], "field": looks.FLUX_DENSITY[1]}[bar]
+        return {"chains": looks.FORCE[1], "field": looks.FIELDS[self.field][1]}[bar]
 
     def _aim(self, meshes: dict[str, Any]) -> None:
         """Turn the camera to the device or the grains."""
         target = meshes.get("device" if self.look == "device" else "grains", next(iter(meshes.values())))
-        camera, size = self.plotter.camera, self.plotter.window_size
-        is_sector = self.files.sector is not None
-        camera.focal_point, camera.position, camera.up, half = looks.camera(self.look, is_sector, target.bounds, size)
+        camera = self.plotter.camera
+        is_sector = self.files.sector is not None and not self.ring
+        camera.focal_point, camera.position, camera.up, half = looks.camera(self.look, is_sector, target.bounds)
         camera.parallel_projection = True
         camera.parallel_scale = half
         self.plotter.reset_camera_clipping_range()

@@ -16,6 +16,7 @@ COLOURS = {
     "force": ("force_contact", "force of the contacts [N]"),
     "magnetic-force": ("force_magnetic", "magnetic force [N]"),
     "moment": ("magnetic_moment", "magnetic moment [A m²]"),
+    "shear-stress": ("shear_stress", "shear stress [Pa]"),
     "contacts": ("n_contacts", "contacts of a grain [1]"),
     "diameter": ("diameter", "diameter [m]"),
 }

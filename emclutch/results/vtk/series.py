@@ -86,6 +86,12 @@ class PvdSeries:
             texts={"region_names": region_names} if region_names else None,
         )
 
+    def write_flux_lines(self, time: float, segments: np.ndarray, flux: np.ndarray) -> Path:
+        """Write lines of a section, in its half-plane: segments (k, 2, 2) r, z [m] and `flux_function` (k,) [Wb]."""
+        ends = _meridional(segments.reshape(-1, 2))
+        data = poly_data(ends, lines=np.arange(len(ends)).reshape(-1, 2))
+        return self._write(time, data, cell_arrays={"flux_function": flux})
+
     def write_field_3d(
         self,
         time: float,
