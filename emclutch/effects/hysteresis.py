@@ -102,7 +102,7 @@ class HysteresisSection(EffectSection):
     def left_out(cls, at):
         """Yield that the steel leaves no residual field; how large it is follows from a ramp of the field alone."""
         if at.solved and at.M > 0.0:
-            note = "[effects.hysteresis] computes it, in runs with a given current and in `emclutch field`"
+            note = "of steel alone a brake had 2 to 13 % more torque at falling current; `emclutch field` computes it"
             yield LeftOut(cls.name, OFF, "residual field of the steel", note=note)
 
     def history(self, scene: Scene, problem: AxisymmetricProblem) -> SteelHistory | None:

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from emclutch.scene.units import two_digits
 
 OFF, ABSENT, ALWAYS = "off", "not in this program", "in every scene"
+AT_LIMIT = 0.1
+"""Relative change of the torque at an effect's limit, by the order of magnitude: limits are chosen so."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,16 +51,27 @@ class LeftOut:
         """Of `matters`, in a word."""
         return {True: "YES", False: "no", None: "not known"}[self.matters]
 
+    @property
+    def on_torque(self) -> str:
+        """Say by how much it would change the torque, by the order of magnitude: a tenth at the limit, in proportion."""
+        if self.value is None or not self.limit:
+            return "not known"
+        near = self.limit / self.value if self.below and self.value else self.value / self.limit
+        if self.matters:
+            return f"{100.0 * AT_LIMIT:g} % or more"
+        share = 100.0 * AT_LIMIT * near
+        return f"{share:.1g} %" if share >= 0.1 else "below 0.1 %"
+
     def in_words(self) -> str:
-        """Number, limit, note, and where the effect is if it is not one that is switched off."""
+        """Number, limit and note."""
         text = self.number
         if self.value is not None:
             text += f": {two_digits(self.value)}"
         if self.value is not None and self.limit is not None:
             text += f" ({'below' if self.below else 'above'} {self.limit:g})"
-        return "; ".join(filter(None, (text, self.note, "" if self.where == OFF else self.where)))
+        return "; ".join(filter(None, (text, self.note)))
 
     def as_dict(self) -> dict[str, object]:
         """For JSON."""
         return {"effect": self.effect, "where": self.where, "matters": self.matters, "number": self.number,
-                "value": self.value, "limit": self.limit, "note": self.note}  # fmt: skip
+                "value": self.value, "limit": self.limit, "on_torque": self.on_torque, "note": self.note}  # fmt: skip

@@ -9,6 +9,7 @@ from typer.testing import CliRunner
 
 from emclutch.cli.main import app
 from emclutch.effects import PLANNED_EFFECTS, EffectsSection
+from emclutch.effects.left_out import LeftOut
 from emclutch.scene.case import case_from, load_case
 from emclutch.simulation.forecast.effects_left_out import left_out
 from emclutch.simulation.forecast.expected_torque import expected_torque
@@ -61,6 +62,17 @@ def test_the_pull_of_two_grains_over_their_weight(usual):
     assert line.matters is False
     weak = numbers(**{"field.field_strength": 1e3})["gravity"]
     assert weak.matters is True and weak.verdict == "YES"
+
+
+def test_an_effect_changes_the_torque_by_a_tenth_at_its_limit_and_in_proportion_below():
+    of = {"effect": "a", "where": "off", "number": "x", "limit": 0.1}
+    assert [LeftOut(**of, value=value).on_torque for value in (0.02, 5e-4, 0.2, None)] == [
+        "2 %",
+        "below 0.1 %",
+        "10 % or more",
+        "not known",
+    ]
+    assert LeftOut("a", "off", "x", 50.0, 10.0, below=True).on_torque == "2 %"
 
 
 def test_slow_shot_without_a_field_needs_its_weight():

@@ -340,8 +340,9 @@ def _effects(on: Sequence[str], left_out: Sequence[LeftOut]) -> Table:
         state = "on" if name in on else OFF if line is None else line.where
         what = "" if field is None else str(field.description)
         matters = "" if line is None else line.verdict.lower() if line.where == ALWAYS else line.verdict
-        rows.append((name.replace("_", " "), state, what, matters, "" if line is None else line.in_words()))
-    return Table(rows, ("effect", "", "what it is", "would matter", "by this number (from there on)"))
+        share, number = ("", "") if line is None else (line.on_torque, line.in_words())
+        rows.append((name.replace("_", " "), state, what, matters, share, number))
+    return Table(rows, ("effect", "", "what it is", "would matter", "torque, about", "by this number (limit)"))
 
 
 def _pictures(result: Result) -> list[Block]:
