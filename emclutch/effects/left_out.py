@@ -53,7 +53,7 @@ class LeftOut:
 
     @property
     def on_torque(self) -> str:
-        """Say by how much it would change the torque, by the order of magnitude: a tenth at the limit, in proportion."""
+        """Say what it does to the torque, by the order of magnitude: a tenth at its limit, and in proportion."""
         if self.value is None or not self.limit:
             return "not known"
         near = self.limit / self.value if self.below and self.value else self.value / self.limit

@@ -6,8 +6,8 @@ For each number of points, of processor time in all: checking the study, its poi
 as one object too, continuing it with all points done; the points in parts of at least 25, four at a time, 40 at most,
 gathering them, and gathering again; the points on three workers of a dask scheduler (extra `dask`), and of that the
 study's own process, and scheduler and workers with their children. With it the peak memory of the process, its open
-files at the end, and how many files a point has, and the study besides. The table in docs/how_to/studies.md is made by
-this.
+files at the end, and how many files a point has, and the study besides. docs/how_to/studies.md
+quotes it.
 """
 
 import os
