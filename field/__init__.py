@@ -32,7 +32,7 @@ from field.section.adaptive import AdaptiveResult, AdaptiveStep, adapt
 from field.section.axisymmetric import AxisymmetricProblem
 from field.section.current_sweep import sweep_currents
 from field.section.eddy_currents import CurrentDrive, EddyCurrentProblem, TransientState, VoltageDrive
-from field.section.error_estimate import ErrorEstimate, FluxLinkage, LargestFluxDensity, MeanFluxDensity, estimate_error
+from field.section.error_estimate import ErrorEstimate, FluxLinkage, MeanFluxDensity, estimate_error
 from field.section.field_lines import FieldAlongLine, straight_line
 from field.section.magnetic_field import MagneticField
 from field.section.maxwell_force import AxialForce, axial_force, lorentz_force, pole_pressure
@@ -64,7 +64,6 @@ __all__ = [
     "GrainLaw",
     "HSpline",
     "LangevinLaw",
-    "LargestFluxDensity",
     "Law",
     "LinearLaw",
     "MagneticCircuit",

@@ -223,6 +223,13 @@ def refuse_beside(option: str, others: dict[str, bool]) -> None:
         raise SceneError(faults, "command line")
 
 
+def refuse_to_resume_nothing(what: str, resume: bool, out: Path | None) -> None:
+    """SceneError with --resume and no folder of what was begun."""
+    if resume and out is None:
+        message = f"needs a {what} that was begun; name its folder with --out"
+        raise SceneError([Fault("--resume", "", message)], "command line")
+
+
 def run_to_resume(folder: Path, out: Path | None) -> tuple[Path, Path]:
     """The scene and the folder of a run that is to continue."""
     if out is not None and out.resolve() != folder.resolve():

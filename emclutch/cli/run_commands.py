@@ -18,6 +18,7 @@ from emclutch.cli.input import (
     read_budget,
     read_shares,
     refuse_beside,
+    refuse_to_resume_nothing,
     run_to_resume,
     search,
     study_to_check,
@@ -109,9 +110,7 @@ def sweep(
             refuse_beside("--gather", given)
             _gather(study, out, trust_scripts)
             return
-        if resume and out is None:
-            message = "needs a study that was begun; name the study's folder with --out"
-            raise SceneError([Fault("--resume", "", message)], "command line")
+        refuse_to_resume_nothing("study", resume, out)
         if dask is not None:
             refuse_beside("--dask", {"--part": part is not None, "--jobs": jobs != 1})
         which = part_asked(part, out, jobs)
@@ -189,9 +188,7 @@ def accuracy(
 ) -> None:
     """Measure what accuracy costs: the error of every numerical setting, and the cheapest settings for a target."""
     with explained():
-        if resume and out is None:
-            message = "needs a study that was begun; name its folder with --out"
-            raise SceneError([Fault("--resume", "", message)], "command line")
+        refuse_to_resume_nothing("study", resume, out)
         if effects and targets is not None:
             message = "has no part in --effects, which chooses no settings; leave one of the two out"
             raise SceneError([Fault("--for", targets, message)], "command line")
@@ -264,9 +261,7 @@ def fit(
     """Fit friction, rolling friction and fill to a measured torque curve, with the interval of what fits."""
     with explained():
         check_threads(threads)
-        if resume and out is None:
-            message = "needs a fit that was begun; name its folder with --out"
-            raise SceneError([Fault("--resume", "", message)], "command line")
+        refuse_to_resume_nothing("fit", resume, out)
         read = load(case, sets, trust_scripts)
         from emclutch.cli.fit import angle_of, drives_of, varied_of
         from emclutch.results.study_table import StudyTable

@@ -25,7 +25,8 @@ class FieldResult:
     folder : Path
         With field.csv, field.json, field.pvd, pictures and line-<n>.csv.
     summary : dict
-        field.json: `units`, `currents` (a row a current) and `at_last_current`.
+        field.json: `units`, `currents` (a row a current) and `at_last_current` (error estimate, forces [N], winding,
+        solver, powder in chains).
     """
 
     folder: Path
@@ -42,11 +43,6 @@ class FieldResult:
     def units(self) -> dict[str, str]:
         """Units of the columns and of what is known at the last current; what has none is a pure number."""
         return self.summary["units"]
-
-    @property
-    def at_last_current(self) -> dict[str, Any]:
-        """Results that are computed once: error estimate, forces [N], winding, solver, powder in chains."""
-        return self.summary["at_last_current"]
 
     @cached_property
     def lines(self) -> tuple[pandas.DataFrame, ...]:

@@ -26,9 +26,8 @@ import scipy.sparse as sp
 
 from field.factorisation import SymmetricSolver
 from field.newton import norm
-from field.sampling.locate import PointOutside
 from field.section.axisymmetric import AxisymmetricProblem
-from field.section.interpolation import interpolation, slopes_at
+from field.section.interpolation import interpolation
 from field.section.magnetic_field import MagneticField
 from field.section.powder_state import PowderState
 from field.section.section_elements import QUADRATURE_ORDER
@@ -56,8 +55,6 @@ class Goal(Protocol):
     def slope(self, space: EnrichedSpace, psi: np.ndarray) -> np.ndarray:
         """Derivative by the unknowns, (n_dofs,)."""
 
-    def distance(self, space: EnrichedSpace, psi: np.ndarray, other: np.ndarray) -> float:
-        """Difference of the goal between two fields, >= 0."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,10 +70,6 @@ class FluxLinkage:
     def slope(self, space: EnrichedSpace, psi: np.ndarray) -> np.ndarray:
         """See `Goal.slope`."""
         return 2.0 * np.pi * space.richer.coil_load
-
-    def distance(self, space: EnrichedSpace, psi: np.ndarray, other: np.ndarray) -> float:
-        """See `Goal.distance`."""
-        return abs(self.value(space, psi) - self.value(space, other))
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,10 +98,6 @@ class MeanFluxDensity:
         flow[self._region(space)] = gradient / (np.where(length > 0.0, length, 1.0)[:, None] * volume)
         return space.elements.divergence(flow)
 
-    def distance(self, space: EnrichedSpace, psi: np.ndarray, other: np.ndarray) -> float:
-        """See `Goal.distance`."""
-        return abs(self.value(space, psi) - self.value(space, other))
-
     def _region(self, space: EnrichedSpace) -> np.ndarray:
         regions = space.problem.mesh.regions
         if self.region not in regions:
@@ -118,46 +107,6 @@ class MeanFluxDensity:
     def _parts(self, space: EnrichedSpace, psi: np.ndarray) -> tuple[np.ndarray, float]:
         region, elements = self._region(space), space.elements
         return elements.gradient(psi)[region], float((elements.radius * elements.weight)[region].sum())
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class LargestFluxDensity:
-    """Largest |B| at the points (r, z) [m] of a line, shape (k, 2), off the axis and the steel's corners [T].
-
-    Its error is that of B where it is worst on the line; refined is for the mean of |B| along it, because the
-    adjoint of a value at one point is singular there.
-    """
-
-    points: np.ndarray
-    name: str = "largest B on the line"
-
-    def value(self, space: EnrichedSpace, psi: np.ndarray) -> float:
-        """See `Goal.value`."""
-        gradient = self._operator(space) @ psi
-        return float(np.hypot(*gradient.reshape(2, -1)).max())
-
-    def slope(self, space: EnrichedSpace, psi: np.ndarray) -> np.ndarray:
-        """See `Goal.slope`."""
-        operator = self._operator(space)
-        B = (operator @ psi).reshape(2, -1)
-        length = np.hypot(*B)
-        return operator.T @ (B / (np.where(length > 0.0, length, 1.0) * length.size)).ravel()
-
-    def distance(self, space: EnrichedSpace, psi: np.ndarray, other: np.ndarray) -> float:
-        """See `Goal.distance`."""
-        return float(np.hypot(*(self._operator(space) @ (psi - other)).reshape(2, -1)).max())
-
-    def _operator(self, space: EnrichedSpace) -> sp.csr_matrix:
-        """(1/r) grad psi at the points: all r components, then all z."""
-        points = np.ascontiguousarray(self.points, dtype=float)
-        element, _ = space.problem.locator.find(points)
-        if np.any(element < 0):
-            raise PointOutside(points[element < 0], "the mesh")
-        slopes = slopes_at(space.elements, element, points) / points[:, 0]  # (2, n_basis, k)
-        row = np.broadcast_to(np.arange(2 * len(points)).reshape(2, 1, -1), slopes.shape)
-        column = np.broadcast_to(space.elements.element_dofs[element].T, slopes.shape)
-        shape = (2 * len(points), space.elements.n_dofs)
-        return sp.csr_matrix((slopes.ravel(), (row.ravel(), column.ravel())), shape)
 
 
 @dataclass(frozen=True, slots=True)
@@ -371,8 +320,8 @@ def estimate_error(field: MagneticField, goals: Sequence[Goal], *, boundary_fiel
     found, indicators = [], np.zeros((len(goals), len(primal)))
     for i, goal in enumerate(goals):
         contribution = np.sqrt(primal * space.element_energy(at, adjoint[:, i]))
-        error = max(goal.distance(space, psi, start), _CANCELLING * float(contribution.sum())) / missed
         value = goal.value(space, psi)
+        error = max(abs(value - goal.value(space, start)), _CANCELLING * float(contribution.sum())) / missed
         indicators[i] = contribution * (error / abs(value) / contribution.sum() if contribution.any() else 0.0)
         found.append(GoalError(goal.name, value, error / abs(value)))
     return ErrorEstimate(tuple(found), indicators)

@@ -40,20 +40,6 @@ def interpolation(coarse: SectionElements, fine: SectionElements, parent: np.nda
     return matrix
 
 
-def slopes_at(elements: SectionElements, element: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Gradients of the shape functions of one element for each point (k, 2), shape (2, n_basis, k) [1/m]."""
-    x, y = _local(elements, element, points).T
-    reference = []
-    for i, j in _exponents(elements.order):
-        by_x = i * x ** max(i - 1, 0) * y**j
-        by_y = j * x**i * y ** max(j - 1, 0)
-        reference.append((by_x, by_y))
-    slope = np.einsum("mdk,mb->dbk", np.array(reference), coefficients(elements))
-    corner, second, third = _corners(elements, element)
-    inverse = np.linalg.inv(np.stack((second - corner, third - corner), axis=2))
-    return np.einsum("kde,dbk->ebk", inverse, slope)
-
-
 def _corners(elements: SectionElements, element: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     first, second, third = (elements.dof_points[elements.element_dofs[element, i]] for i in range(3))
     return first, second, third

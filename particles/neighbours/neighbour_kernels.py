@@ -207,14 +207,3 @@ def _first_from(value, ascending, begin, end):
         else:
             end = middle
     return begin
-
-
-@njit(cache=True, error_model="numpy")
-def transpose(start, other):
-    cursor = start[:-1].copy()
-    slot = np.empty(other.shape[0], dtype=np.int32)
-    for k in range(other.shape[0]):
-        j = other[k]
-        slot[cursor[j]] = k
-        cursor[j] += 1
-    return slot

@@ -62,12 +62,6 @@ class PairList:
         """The grain i of each pair, int64, shape (p,)."""
         return np.repeat(np.arange(len(self.start) - 1), np.diff(self.start))
 
-    def incoming(self) -> tuple[np.ndarray, np.ndarray]:
-        """The transposed index: (start (n + 1,), slot (p,)), the slots in which each grain is the partner."""
-        start = np.zeros(len(self.start), dtype=np.int64)
-        np.cumsum(np.bincount(self.other, minlength=len(self.start) - 1), out=start[1:])
-        return start, kernels.transpose(start, self.other)
-
 
 def find_pairs(
     position: np.ndarray,

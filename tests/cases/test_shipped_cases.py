@@ -105,19 +105,21 @@ def test_quickstart_at_toy_size(tmp_path):
 @pytest.mark.slow
 @pytest.mark.physics
 def test_the_torque_of_the_quickstart(tmp_path):
-    """As it is shipped: four packings after their start-up, within 15 % of 32 packings of three times the length."""
-    rows = table()
+    """As it is shipped, but two packings: after their start-up within 12 % of what was measured.
+
+    The four packings of quickstart.torque have a standard deviation of 3.6 %, so that the bound is 4.7 standard errors
+    of a mean of two. How many packings a run takes, and when it ends, is the subject of test_replicas.
+    """
     command = [sys.executable, "-m", "emclutch.cli.main", "run", str(CASES / "quickstart.toml")]
-    options = ["--out", str(tmp_path / "run"), "--set", "output.snapshots=0", "--set", "output.pictures=false"]
+    values = ("accuracy.replicas=2", "time.until=none", "output.snapshots=0", "output.pictures=false")
+    options = ["--out", str(tmp_path / "run"), *(word for value in values for word in ("--set", value))]
     done = subprocess.run([*command, *options], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     result = emclutch.load_result(tmp_path / "run")
-    long = float(rows["quickstart.torque_long"]["value"])
-    assert result.torque.mean == pytest.approx(long, rel=0.15)
-    assert result.torque.mean == pytest.approx(float(rows["quickstart.torque"]["value"]), rel=0.15)
-    assert result.summary["until"]["reached"] and result.torque.replicas >= 4
-    assert result.torque.start > 4e-3 and result.torque.half_width() < 0.1 * result.torque.mean
-    assert "N m (95 %" in done.stderr and "target precision reached" in done.stdout + done.stderr
+    for name in ("quickstart.torque", "quickstart.torque_long"):
+        assert result.torque.mean == pytest.approx(float(table()[name]["value"]), rel=0.12)
+    assert result.torque.replicas == 2 and result.torque.start > 4e-3
+    assert "N m (95 %" in done.stderr
     assert "4 grains across the gap" in done.stdout and result.summary["grain_size"]["across"] == pytest.approx(4.0)
 
 

@@ -7,8 +7,8 @@ from half_disc import half_disc
 
 from field import MU_0, AxisymmetricProblem, GrainLaw, LinearLaw, PowderLaw, material
 from field.section.adaptive import adapt, mark
-from field.section.error_estimate import EnrichedSpace, FluxLinkage, LargestFluxDensity, MeanFluxDensity, estimate_error
-from field.section.interpolation import interpolation, slopes_at
+from field.section.error_estimate import EnrichedSpace, FluxLinkage, MeanFluxDensity, estimate_error
+from field.section.interpolation import interpolation
 from field.section.section_elements import SectionElements
 from geometry import Clutch, SectionMesh, mesh_clutch
 from geometry.refinement import Circle, refine
@@ -19,7 +19,6 @@ R_COIL, Z_COIL, NI = (20e-3, 30e-3), (-8e-3, 8e-3), 800.0
 R_GAP, Z_GAP = (33e-3, 35e-3), (-10e-3, 10e-3)
 # of this coil [H]; converged quadrature of mutual inductances, see `coil_inductance` of the open boundary's test
 COIL_INDUCTANCE = 4.971921784498e-08
-LINE = np.column_stack((np.full(41, 34e-3), np.linspace(-10e-3, 10e-3, 41)))
 EFFECTIVE = (0.5, 3.0)
 
 
@@ -41,19 +40,16 @@ def mean_B_of_coil():
     ("order", "sizes"), [(1, (3e-3, 2e-3, 1e-3)), (2, (3e-3, 2e-3, 1e-3)), (3, (4e-3, 3e-3, 2e-3))]
 )
 def test_effectivity_on_a_coil_in_air(order, sizes):
-    """Linkage against the closed form, mean B against the loops, B where it is worst on a line."""
-    H = np.column_stack(rectangular_coil_field(R_COIL, Z_COIL, NI, *LINE.T))
-    goals = (FluxLinkage(), MeanFluxDensity("powder"), LargestFluxDensity(LINE))
+    """Linkage against the closed form, mean B against the loops."""
+    goals = (FluxLinkage(), MeanFluxDensity("powder"))
     for size in sizes:
         field = coil_in_air(size, order).solve(NI)
         estimate = estimate_error(field, goals)
         space = EnrichedSpace(field.problem)
         psi = space.embedding @ field.psi
-        B = field.flux_density(LINE)
         true = (
             abs(field.flux_linkage_per_turn / (NI * COIL_INDUCTANCE) - 1.0),
             abs(goals[1].value(space, psi) / mean_B_of_coil() - 1.0),
-            np.linalg.norm(B - MU_0 * H, axis=1).max() / (MU_0 * np.linalg.norm(H, axis=1).max()),
         )
         found = np.array([goal.relative for goal in estimate.goals]) / true
         assert np.all((found > EFFECTIVE[0]) & (found < EFFECTIVE[1])), (order, size, found, true)
@@ -196,21 +192,16 @@ def test_adaptive_clutch_is_within_1e4_at_10_000_unknowns_with_a_smooth_fields_r
 
 @pytest.mark.parametrize("ampere_turns", CURRENTS)
 def test_tolerance_holds_for_linkage_and_gap_field(coarse, overkill, ampere_turns):
-    line = SMALL_DRUM.gap_midline(21)
-    goals = (FluxLinkage(), MeanFluxDensity("powder"), LargestFluxDensity(line))
+    goals = (FluxLinkage(), MeanFluxDensity("powder"))
     tolerance = 3e-3
     result = adapt(drum(2), coarse, ampere_turns, goals=goals, tolerance=tolerance, fill=even_fill)
     assert result.converged and all(goal.relative <= tolerance for goal in result.estimate.goals)
     assert result.history[-1].dofs < 10_000, result.summary()
-    finer = adapt(drum(3), result.mesh, ampere_turns, goals=goals[2:], tolerance=0.2 * tolerance, fill=even_fill).field
-    B, reference = (field.flux_density(line) for field in (result.field, finer))
     space = EnrichedSpace(result.problem)
     psi = space.embedding @ result.field.psi
-    true = [
-        abs(goal.value(space, psi) / value - 1.0) for goal, value in zip(goals, overkill[ampere_turns], strict=False)
-    ]
-    true.append(np.linalg.norm(B - reference, axis=1).max() / np.linalg.norm(reference, axis=1).max())
-    assert max(true) < tolerance, true
+    values = np.array([goal.value(space, psi) for goal in goals])
+    true = np.abs(values / overkill[ampere_turns] - 1.0)
+    assert true.max() < tolerance, true
 
 
 def test_surplus_is_the_next_orders_solution_when_all_is_linear():
@@ -224,8 +215,7 @@ def test_goal_slopes_are_derivatives(coarse):
     space = EnrichedSpace(field.problem)
     psi = space.embedding @ field.psi
     change = np.random.default_rng(0).normal(size=psi.size) * np.abs(psi).max() * 1e-6
-    line = SMALL_DRUM.gap_midline(1)
-    for goal in (FluxLinkage(), MeanFluxDensity("powder"), LargestFluxDensity(line)):
+    for goal in (FluxLinkage(), MeanFluxDensity("powder")):
         up, down = goal.value(space, psi + change), goal.value(space, psi - change)
         assert (goal.slope(space, psi) * change).sum() == pytest.approx(0.5 * (up - down), rel=1e-4), goal.name
 
@@ -248,9 +238,6 @@ def test_interpolation_is_exact_for_nested_meshes(coarse, order):
     assert np.allclose(fine.gradient_at(carried, element, points), before, rtol=0, atol=1e-10 * scale)
     embedded = interpolation(own, rich) @ psi
     assert np.allclose(rich.gradient_at(embedded, refined.parent, points), before, rtol=0, atol=1e-10 * scale)
-    slopes = slopes_at(own, refined.parent, points)
-    by_hand = np.einsum("dbk,kb->kd", slopes, psi[own.element_dofs[refined.parent]])
-    assert np.allclose(by_hand, before, rtol=0, atol=1e-10 * scale)
 
 
 def test_refinement_starts_from_the_last_field(coarse):

@@ -137,14 +137,6 @@ def test_grains_may_have_drifted_past_a_face():
     assert list(zip(pairs.rows(), pairs.other, pairs.shift, strict=True)) == [(0, 2, 1), (0, 1, 1)]
 
 
-def test_transposed_index_holds_every_slot_once():
-    pairs = find_pairs(np.random.default_rng(3).random((200, 3)), 0.2)
-    start, slot = pairs.incoming()
-    assert sorted(slot.tolist()) == list(range(pairs.count))
-    for j in range(200):
-        assert (pairs.other[slot[start[j] : start[j + 1]]] == j).all()
-
-
 @given(
     st.lists(st.tuples(*3 * [st.integers(-8, 8)]), min_size=1, max_size=40),
     st.tuples(*3 * [st.integers(-1000, 1000)]),
