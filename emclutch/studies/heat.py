@@ -430,7 +430,7 @@ def _where_reached(value: Callable[[float], float], limit: float, key: str) -> f
         power = guess
     raise RunError(
         f"no power was found in 60 steps of the secant method at which effects.heat.{key} = {limit:g} degrees C is "
-        f"reached (above {at_low:.4g} degrees C at {low:.4g} W); lower {key}, or convection and shaft_conductance"
+        f"reached: {low:.4g} W make {at_low:.4g} degrees C; lower {key}, or convection and shaft_conductance"
     )
 
 

@@ -195,7 +195,7 @@ def test_temperatures_that_are_not_found_name_the_key(tmp_path, monkeypatch):
 
 def test_what_is_not_found_is_said(monkeypatch):
     """A temperature that no power brings to its limit; a mesh of the next order on which the winding runs away."""
-    with pytest.raises(emclutch.RunError, match=r"surface_limit = 75 .* above 50 degrees C at .* lower surface_limit"):
+    with pytest.raises(emclutch.RunError, match=r"surface_limit = 75 .* make 50 degrees C; lower surface_limit"):
         _where_reached(lambda power: 50.0 - 30.0 / (1.0 + power), 75.0, "surface_limit")
     study = _Study.of(brake(), None)
 
