@@ -50,6 +50,7 @@ class HeatProperties:
 
 _INCROPERA = "Incropera and DeWitt, Fundamentals of Heat and Mass Transfer, table A.1"
 _EN_10088 = "EN 10088-1"
+_PLAIN_CARBON = f"plain carbon steel, 60.5 at 27 and 56.7 at 127 degrees C; {_INCROPERA}"
 
 _PROPERTIES = {
     "air": HeatProperties(0.028, 1.09, 1007.0, "Incropera and DeWitt, table A.4, at 50 degrees C"),
@@ -59,6 +60,9 @@ _PROPERTIES = {
     "stainless_430": HeatProperties(25.0, 7700.0, 460.0, _EN_10088),
     "steel_1008": HeatProperties(62.0, 7850.0, 460.0, f"AISI 1010, 64 at 27 and 59 at 127 degrees C; {_INCROPERA}"),
     "steel_1010": HeatProperties(62.0, 7830.0, 450.0, f"AISI 1010, 64 at 27 and 59 at 127 degrees C; {_INCROPERA}"),
+    "steel_1018": HeatProperties(58.0, 7854.0, 450.0, _PLAIN_CARBON),
+    "steel_1020": HeatProperties(58.0, 7854.0, 450.0, _PLAIN_CARBON),
+    "stainless_416": HeatProperties(30.0, 7700.0, 460.0, f"1.4005, {_EN_10088}"),
     "steel_11smn30": HeatProperties(55.0, 7850.0, 460.0, f"assumed as plain carbon steel, 1 % Mn; {_INCROPERA}"),
     "steel_11smnpb30": HeatProperties(55.0, 7850.0, 460.0, f"as 11SMn30, its lead left out; {_INCROPERA}"),
     "dc01": HeatProperties(60.0, 7850.0, 460.0, f"as AISI 1010; {_INCROPERA}"),

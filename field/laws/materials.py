@@ -49,6 +49,68 @@ _STEEL_1010 = np.array(
     ]
 )
 
+# H [A/m], B [T]
+_STEEL_1018 = np.array(
+    [
+        (0.0, 0.0),
+        (238.7325, 0.2503),
+        (795.775, 0.925),
+        (1591.55, 1.25),
+        (2387.325, 1.39),
+        (3978.875, 1.525),
+        (7957.75, 1.71),
+        (15915.5, 1.87),
+        (23873.25, 1.955),
+        (39788.75, 2.02),
+        (79577.5, 2.11),
+        (159155.0, 2.225),
+        (318310.0, 2.43),
+    ]
+)
+
+# H [A/m], B [T]; every second point
+_STEEL_1020 = np.array(
+    [
+        (0.0, 0.0),
+        (79.577472, 0.166252),
+        (126.121793, 0.261635),
+        (199.889571, 0.407495),
+        (316.80362, 0.619366),
+        (502.099901, 0.893195),
+        (795.774715, 1.173276),
+        (1261.217929, 1.373533),
+        (1998.89571, 1.489189),
+        (3168.036204, 1.591321),
+        (5020.999013, 1.711927),
+        (7957.747155, 1.834976),
+        (12612.179293, 1.945262),
+        (19988.957103, 2.052852),
+        (31680.362037, 2.155149),
+        (50209.990127, 2.229008),
+        (79577.471546, 2.280053),
+        (126121.792926, 2.339975),
+        (199889.57103, 2.432708),
+        (316803.62037, 2.579627),
+    ]
+)
+
+# H [A/m], B [T]; its last point, 1.74 T at 55.7 kA/m, would bend the curve below mu_0
+_STAINLESS_416 = np.array(
+    [
+        (0.0, 0.0),
+        (318.31, 0.2004),
+        (477.465, 0.4256),
+        (795.775, 0.761),
+        (1591.55, 1.097),
+        (2387.325, 1.233),
+        (3978.875, 1.335),
+        (7957.75, 1.46),
+        (15915.5, 1.59),
+        (31831.0, 1.69),
+        (44456.28, 1.724232),
+    ]
+)
+
 # B [T], H [A/m]
 _TEAM_STEEL = np.array(
     [
@@ -93,6 +155,7 @@ _TEAM_STEEL = np.array(
     ]
 )
 
+_FEMM = "the table of the FEMM distribution"
 _FLUX_TUBES = "Modelica Standard Library, Magnetic.FluxTubes.Material.SoftMagnetic"
 
 _MATERIALS: dict[str, Callable[[], Law]] = {
@@ -104,7 +167,14 @@ _MATERIALS: dict[str, Callable[[], Law]] = {
         _STEEL_1010[:, 0],
         _STEEL_1010[:, 1],
         "steel_1010",
-        "AISI 1010 low-carbon steel, the table of the FEMM distribution",
+        f"AISI 1010 low-carbon steel, {_FEMM}",
+    ),
+    "steel_1018": lambda: TableLaw(*_STEEL_1018.T, "steel_1018", f"AISI 1018 low-carbon bar, {_FEMM}"),
+    "steel_1020": lambda: TableLaw(
+        *_STEEL_1020.T, "steel_1020", f"AISI 1020 low-carbon steel, {_FEMM}; its J_s is 1 % too high (iron: 2.16 T)"
+    ),
+    "stainless_416": lambda: TableLaw(
+        *_STAINLESS_416.T, "stainless_416", f"AISI 416 (1.4005, free-cutting, 13 % chromium), {_FEMM}"
     ),
     "steel_1008": lambda: PermeabilityLaw(200.0, 1.17, 8100.0, 2.59, 10.0, "steel_1008", f"AISI 1008, {_FLUX_TUBES}"),
     "stainless_430": lambda: PermeabilityLaw(
@@ -161,8 +231,11 @@ _ALIASES = {
     "x6cr17": "stainless_430",
     "aisi_430": "stainless_430",
     "aisi_304": "stainless_304",
+    "aisi_416": "stainless_416",
     "aisi_1008": "steel_1008",
     "aisi_1010": "steel_1010",
+    "aisi_1018": "steel_1018",
+    "aisi_1020": "steel_1020",
     "9smn28k": "steel_11smn30",
     "11smn30": "steel_11smn30",
     "9smnpb28": "steel_11smnpb30",
