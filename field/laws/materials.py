@@ -169,12 +169,20 @@ _MATERIALS: dict[str, Callable[[], Law]] = {
         "steel_1010",
         f"AISI 1010 low-carbon steel, {_FEMM}",
     ),
-    "steel_1018": lambda: TableLaw(*_STEEL_1018.T, "steel_1018", f"AISI 1018 low-carbon bar, {_FEMM}"),
+    "steel_1018": lambda: TableLaw(
+        _STEEL_1018[:, 0], _STEEL_1018[:, 1], "steel_1018", f"AISI 1018 low-carbon bar, {_FEMM}"
+    ),
     "steel_1020": lambda: TableLaw(
-        *_STEEL_1020.T, "steel_1020", f"AISI 1020 low-carbon steel, {_FEMM}; its J_s is 1 % too high (iron: 2.16 T)"
+        _STEEL_1020[:, 0],
+        _STEEL_1020[:, 1],
+        "steel_1020",
+        f"AISI 1020 low-carbon steel, {_FEMM}; its J_s is 1 % too high (iron: 2.16 T)",
     ),
     "stainless_416": lambda: TableLaw(
-        *_STAINLESS_416.T, "stainless_416", f"AISI 416 (1.4005, free-cutting, 13 % chromium), {_FEMM}"
+        _STAINLESS_416[:, 0],
+        _STAINLESS_416[:, 1],
+        "stainless_416",
+        f"AISI 416 (1.4005, free-cutting, 13 % chromium), {_FEMM}",
     ),
     "steel_1008": lambda: PermeabilityLaw(200.0, 1.17, 8100.0, 2.59, 10.0, "steel_1008", f"AISI 1008, {_FLUX_TUBES}"),
     "stainless_430": lambda: PermeabilityLaw(
