@@ -7,9 +7,10 @@ that `--help` and `schema` start at once.
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperCommand
 
 from emclutch import __version__
 from emclutch.cli.field_commands import field, heat, materials, mesh, powder, shear_cell
@@ -47,6 +48,17 @@ def _common(
     """Options of the program itself."""
 
 
+class Command(TyperCommand):
+    """A command whose help names no type for `--help`, as for no option without a value."""
+
+    def get_help_option(self, ctx: Any) -> Any:
+        """Return the option `--help`."""
+        option = super().get_help_option(ctx)
+        if option is not None:
+            option.metavar = ""
+        return option
+
+
 # as `emclutch --help` lists them
 for command in (
     run,
@@ -69,7 +81,7 @@ for command in (
     schema,
     doctor,
 ):
-    app.command()(command)
+    app.command(cls=Command)(command)
 
 
 if __name__ == "__main__":

@@ -79,7 +79,7 @@ ColourBy = Annotated[
     ),
 ]
 FieldShown = Annotated[str | None, typer.Option("--field", metavar="WHAT", help="of the field: B (default) or H")]
-FullRing = Annotated[bool, typer.Option("--ring", help="repeat the grains' sector to a full ring")]
+FullRing = Annotated[bool, flag("--ring", help="repeat the grains' sector to a full ring")]
 Moment = Annotated[str | None, typer.Option("--time", metavar="T", help="moment: '5 ms'; default: the last")]
 Screenshot = Annotated[Path | None, typer.Option("--screenshot", metavar="FILE", help="new picture (.png), no window")]
 Movie = Annotated[
@@ -272,6 +272,11 @@ DrivesAt = Annotated[
     typer.Option("--at", metavar="LIST", help="simulated currents: '0.2 A, 0.94 A'; default: three of those measured"),
 ]
 SceneKind = Annotated[
-    str, typer.Option("--kind", help="clutch, drum, cad, centrifugal, shear_cell, sheared_box, box, or field")
+    str,
+    typer.Option(
+        "--kind",
+        help="clutch (disc, powder at its faces; also a brake), drum (powder at the rim), cad, "
+        "centrifugal, shear_cell, sheared_box, box, or field",
+    ),
 ]
 NewScene = Annotated[Path, typer.Argument(metavar="FILE", help="new scene file (.toml)")]

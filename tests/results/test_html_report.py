@@ -42,7 +42,7 @@ class Page(HTMLParser):
 
     def handle_endtag(self, tag):
         assert self._open.pop() == tag
-        if tag == "tr" and len(self._cells) == 5:
+        if tag == "tr" and len(self._cells) == 6:
             self.effects[self._cells[0]] = self._cells[1]
 
     def handle_data(self, data):
