@@ -24,6 +24,7 @@ from coupling.mutual_moments import MutualMoments
 from coupling.mutually_magnetised_grains import MutuallyMagnetisedGrains
 from coupling.near_attraction import NearAttraction
 from coupling.powder_feedback import FeedbackError, PowderFeedback
+from coupling.powder_feedback_3d import PowderFeedback3D
 from coupling.staggered import Simulation, run_staggered
 from coupling.window_row import WindowRow
 
@@ -45,6 +46,7 @@ __all__ = [
     "MutuallyMagnetisedGrains",
     "NearAttraction",
     "PowderFeedback",
+    "PowderFeedback3D",
     "Simulation",
     "SolvedCoilField",
     "WindowRow",

@@ -157,7 +157,8 @@ class MutuallyMagnetisedGrains(MagnetisedGrains):
             return
         solution = None if source is None else source.solution
         if self._walls_of is None or solution is not self._walls_of:
-            solved = solution if isinstance(solution, MagneticField) else None
+            known = isinstance(solution, MagneticField) or (source is not None and source.feedback is not None)
+            solved = solution if known else None
             self.solver.walls = steel_walls(self.mirrors, solved)
             self._walls_of = solution if solution is not None else self
 

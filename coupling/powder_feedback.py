@@ -21,7 +21,7 @@ what their smear misses (`coupling.pair_fields`), its own included: nothing coun
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -29,14 +29,15 @@ from coupling.smear_region import mirror_points_in_steel
 from coupling.smeared_grains import SectionSmear, ring_smear
 from coupling.wall_reflection import steel_walls
 from field import (
-    AxisymmetricProblem,
     ConvergenceError,
+    FieldSampler,
     MagneticField,
     ParticleLaw,
     PowderState,
     RecoveredSampler,
 )
 from field.laws.reluctivity import MU_0, NU_0
+from particles import Body
 
 MIN_FACTOR, MAX_FACTOR = 0.03, 0.4
 MIN_FILL = 0.01
@@ -78,7 +79,7 @@ class PowderFeedback:
 
     Parameters
     ----------
-    problem : AxisymmetricProblem
+    problem : AxisymmetricProblem, in 3D Problem3D
         With a powder law, and `elements_within` as its `powder_beyond`.
     law : ParticleLaw
         Of a grain.
@@ -88,45 +89,62 @@ class PowderFeedback:
         Of the simulated sector [rad].
     walls : sequence of walls
         Those that grains touch; the magnetic ones among them fold the smear back.
+    carrier : Body or None
+        In whose frame a field in 3D stands still.
     """
 
-    def __init__(self, problem: AxisymmetricProblem, law: ParticleLaw, width: float, angle: float, walls) -> None:
+    DIMENSIONS: ClassVar[int] = 2
+
+    def __init__(
+        self, problem: Any, law: ParticleLaw, width: float, angle: float, walls, carrier: Body | None = None
+    ) -> None:
         self.problem, self.law, self.width, self.angle = problem, law, float(width), float(angle)
-        self.walls = walls
+        self.walls, self.carrier = walls, carrier
+        self._steel = steel_walls(walls)
+        self._volume = self._place()
+        self._weight = self._volume / self._volume.sum(axis=1, keepdims=True)
+        scale = getattr(law, "Ms", None)
+        self._scale = np.inf if scale is None else float(scale)
+        self._factor: np.ndarray | None = None
+        self._fill = np.zeros(len(self._volume))
+        self._M = np.zeros((len(self._volume), self.DIMENSIONS, self._volume.shape[1]))
+        self._field: Any = None
+        self._field_M = np.zeros_like(self._M)
+        self._damping = 1.0
+        self._judged: Any = None
+        self._given = np.zeros((0, 3))
+        self.residual = FeedbackResidual()
+
+    def _place(self) -> np.ndarray:
+        """Note where the smear is taken; the volumes (m, q) of the quadrature points."""
+        problem, rows = self.problem, self._steel
         elements, own = problem.elements, problem.powder_elements
         points = np.stack((elements.radius[own], elements.height[own]), axis=2)
         self._shape = points.shape[:2]
         self._points = np.ascontiguousarray(points.reshape(-1, 2))
-        self._volume = elements.radius[own] * elements.weight[own]
-        self._weight = self._volume / self._volume.sum(axis=1, keepdims=True)
         self._nodes = problem.recovery(problem.powder_region).nodes
-        rows = steel_walls(walls)
         self._folds = mirror_points_in_steel(self._points, rows, problem, self.width)
         self._node_folds = mirror_points_in_steel(self._nodes, rows, problem, self.width)
-        scale = getattr(law, "Ms", None)
-        self._scale = np.inf if scale is None else float(scale)
-        self._factor: np.ndarray | None = None
-        self._fill = np.zeros(len(own))
-        self._M = np.zeros((len(own), 2, self._shape[1]))
         self._node_M = np.zeros((6, len(self._nodes)))
         self._smear: SectionSmear | None = None
-        self._field: MagneticField | None = None
-        self._steel, self._field_M = rows, np.zeros_like(self._M)
-        self._damping = 1.0
-        self._judged: MagneticField | None = None
-        self._given = np.zeros((0, 3))
-        self.residual = FeedbackResidual()
+        return elements.radius[own] * elements.weight[own]
+
+    def _spread(self, position: np.ndarray, volume: np.ndarray, moment: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Solid fraction (m, q) and magnetisation (m, 2, q) of the smeared grains at the quadrature points."""
+        self._smear = ring_smear(position, volume, moment, self.width, self.angle, self._steel)
+        found = self._smear.at(self._points, self._folds, slopes=False)
+        M = np.ascontiguousarray(found[1:3].reshape(2, *self._shape).transpose(1, 0, 2))
+        return found[0].reshape(self._shape), M
 
     def deposit(
-        self, position: np.ndarray, volume: np.ndarray, moment: np.ndarray | None, field: MagneticField | None
+        self, position: np.ndarray, volume: np.ndarray, moment: np.ndarray | None, field: Any
     ) -> None:
         """Take grains at (n, 3) [m] of volumes (n,) [m^3], moments (n, 3) [A m^2]; note by how much `field` misses."""
         self._update_field(field)
         moment = np.zeros_like(position) if moment is None else moment
-        self._smear = ring_smear(position, volume, moment, self.width, self.angle, self._steel)
-        found = self._smear.at(self._points, self._folds, slopes=False)
-        self._fill = np.minimum((found[0].reshape(self._shape) * self._weight).sum(axis=1), 0.95)
-        before, self._M = self._M, np.ascontiguousarray(found[1:3].reshape(2, *self._shape).transpose(1, 0, 2))
+        before = self._M
+        fill, self._M = self._spread(position, volume, moment)
+        self._fill = np.minimum((fill * self._weight).sum(axis=1), 0.95)
         total = np.inf
         if field is not None:
             size = self._square(self._M)
@@ -138,37 +156,53 @@ class PowderFeedback:
             self._damping = HALF_WAY
         if self._damping < 1.0:
             moment = self._given + self._damping * (moment - self._given)
+            self._spread(position, volume, moment)  # what is taken of the smear afterwards is that of these moments
             self._M = before + self._damping * (self._M - before)
-            self._smear = ring_smear(position, volume, moment, self.width, self.angle, self._steel)
         self._judged, self._given = field, moment.copy()
         self.residual = FeedbackResidual(total, self.residual.across, self.residual.factor, self.residual.lag)
 
-    def _update_field(self, field: MagneticField | None) -> None:
+    def _update_field(self, field: Any) -> None:
         """Compute once per field the mirrors of its steel and its magnetisation, which `deposit` needs."""
         if field is None or field is not self._field:
             self._steel = steel_walls(self.walls, field)
             self._field_M = np.zeros_like(self._M) if field is None else self.magnetisation(field)
             self._field = field
 
-    def magnetisation(self, field: MagneticField) -> np.ndarray:
+    def magnetisation(self, field: Any) -> np.ndarray:
         """Magnetisation (m, 2, q) [A/m] of the powder in a solved field."""
         powder = field.powder
         B, size = self._flux(field)
         if powder is None:
             return np.zeros_like(B)
-        M, _ = self.law.from_flux(size, *powder.arguments)
-        M = powder.fill[:, None] * M
-        found = np.divide(M, size, out=np.zeros_like(size), where=size > 0.0)[:, None, :] * B
+        found = self._of_flux(powder, B, size)
         return found if powder.source is None else found + powder.source
 
-    def state(self, field: MagneticField | None) -> PowderState:
+    def _of_flux(self, powder: PowderState, B: np.ndarray, size: np.ndarray) -> np.ndarray:
+        M, _ = self.law.from_flux(size, *powder.arguments)
+        M = powder.fill[:, None] * M
+        return np.divide(M, size, out=np.zeros_like(size), where=size > 0.0)[:, None, :] * B
+
+    def _strength(self, field: Any) -> np.ndarray:
+        """H (m, 2, q) [A/m] of a solved field at the quadrature points."""
+        return NU_0 * self._flux(field)[0] - self.magnetisation(field)
+
+    def _law_part(self, powder: PowderState, H: np.ndarray) -> np.ndarray:
+        """What the law says of M in the next solve, where H and the moments now deposited hold."""
+        # at the B that the deposited moments make with the present H: grains follow H, and so does what is lagged
+        B = MU_0 * (H + self._M)
+        return self._of_flux(powder, B, np.hypot(B[:, 0], B[:, 1]))
+
+    def _is_on(self, field: Any) -> bool:
+        return bool(field.psi.any())
+
+    def state(self, field: Any) -> PowderState:
         """The powder of the grains deposited last for the next solve, after the present field (None: the first one)."""
-        if field is None or not self._M.any() or not field.psi.any():
+        if field is None or not self._M.any() or not self._is_on(field):
             self._factor = None
             return PowderState(self._fill)
-        H = NU_0 * self._flux(field)[0] - self.magnetisation(field)
+        H = self._strength(field)
         mean_H = (H * self._weight[:, None, :]).sum(axis=2)
-        strength = np.hypot(*mean_H.T)
+        strength = np.hypot.reduce(mean_H, axis=1)
         along = np.divide(mean_H, strength[:, None], out=np.zeros_like(mean_H), where=strength[:, None] > 0.0)
         mean_M = (self._M * self._weight[:, None, :]).sum(axis=2)
         M = np.divide((mean_M * along).sum(axis=1), self._fill, out=np.zeros_like(strength), where=self._fill > 0.0)
@@ -180,17 +214,12 @@ class PowderFeedback:
         target = np.clip(wanted, MIN_FACTOR, MAX_FACTOR)
         factor = target if self._factor is None else before + 0.5 * (target - before)
         state = PowderState(self._fill, factor)
-        # at the B that the deposited moments make with the present H: grains follow H, and so does what is lagged
-        B = MU_0 * (H + self._M)
-        size = np.hypot(B[:, 0], B[:, 1])
-        law_M, _ = self.law.from_flux(size, *state.arguments)
-        law_M = self._fill[:, None] * law_M
-        source = self._M - np.divide(law_M, size, out=np.zeros_like(size), where=size > 0.0)[:, None, :] * B
+        source = self._M - self._law_part(state, H)
         self._note(source, H, (target != wanted) | ~says)
         self._factor = factor
         return PowderState(self._fill, factor, np.ascontiguousarray(source))
 
-    def sampler_after_solve(self, field: MagneticField) -> RecoveredSampler:
+    def sampler_after_solve(self, field: Any) -> FieldSampler:
         """Sampler of H = B/mu_0 - M at grains in a field that was solved with the last `state`."""
         assert self._smear is not None  # grains are deposited before a solve
         recovery = self.problem.recovery(self.problem.powder_region)
@@ -206,7 +235,7 @@ class PowderFeedback:
             self._node_M[2 + 2 * k : 4 + 2 * k] += slope
         return self.sampler(field)
 
-    def sampler(self, field: MagneticField) -> RecoveredSampler:
+    def sampler(self, field: Any) -> FieldSampler:
         """The sampler of the last `sampler_after_solve`."""
         return RecoveredSampler(field, self.problem.powder_region, self._node_M)
 
@@ -221,14 +250,18 @@ class PowderFeedback:
         residual = self.residual
         return {
             "factor": self._factor,
-            "magnetisation": self._node_M,
+            **self._of_the_sampler(),
             "residual": [residual.total, residual.across, residual.factor, residual.lag],
         }
+
+    def _of_the_sampler(self) -> dict[str, Any]:
+        return {"magnetisation": self._node_M}
 
     def restore(self, saved: dict[str, Any]) -> None:
         """Take up the state of a checkpoint."""
         self._factor = saved["factor"]
-        self._node_M = np.array(saved["magnetisation"], dtype=float)
+        if "magnetisation" in saved:
+            self._node_M = np.array(saved["magnetisation"], dtype=float)
         self.residual = FeedbackResidual(*map(float, saved["residual"]))
 
     def _flux(self, field: MagneticField) -> tuple[np.ndarray, np.ndarray]:
@@ -244,7 +277,7 @@ class PowderFeedback:
     def _note(self, source: np.ndarray, H: np.ndarray, limited: np.ndarray) -> None:
         """The parts of a source, by cause."""
         size = self._square(self._M)
-        strength = np.hypot(H[:, 0], H[:, 1])[:, None, :]
+        strength = np.hypot.reduce(H, axis=1)[:, None, :]
         e = np.divide(H, strength, out=np.zeros_like(H), where=strength > 0.0)
         part = (source * e).sum(axis=1)
         across = source - part[:, None, :] * e

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from field import AxisymmetricProblem, Law, LinearLaw
-from geometry import SectionMesh
+from geometry import Mesh3D, SectionMesh
 
 
 def mirror_points_in_steel(
@@ -34,25 +34,28 @@ def magnetic_regions(laws: Mapping[str, Law]) -> list[str]:
     return [name for name, law in laws.items() if not (isinstance(law, LinearLaw) and law.mu_r == 1.0)]
 
 
-def elements_within(mesh: SectionMesh, magnetic: list[str], width: float, region: str = "powder") -> np.ndarray:
+def elements_within(
+    mesh: SectionMesh | Mesh3D, magnetic: list[str], width: float, region: str = "powder"
+) -> np.ndarray:
     """Elements (k,) of non-magnetic regions that touch the powder's and lie within `width` [m] of it."""
     own = mesh.regions[region]
-    open_to = np.ones(len(mesh.triangles), dtype=bool)
+    nodes = mesh.tetrahedra if isinstance(mesh, Mesh3D) else mesh.triangles
+    open_to = np.ones(len(nodes), dtype=bool)
     for name in magnetic:
         open_to[mesh.regions[name]] = False
     open_to[own] = False
-    corners = mesh.points[mesh.triangles]
+    corners = mesh.points[nodes]
     edge = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
     inside = corners[own].mean(axis=1)
     distance = cKDTree(inside).query(corners.mean(axis=1))[0]
     open_to &= distance < width + edge + edge[own].max()
     # from the powder outwards, over common corners: not through steel
     reached = np.zeros(len(mesh.points), dtype=bool)
-    reached[mesh.triangles[own]] = True
-    taken = np.zeros(len(mesh.triangles), dtype=bool)
+    reached[nodes[own]] = True
+    taken = np.zeros(len(nodes), dtype=bool)
     while True:
-        new = open_to & ~taken & reached[mesh.triangles].any(axis=1)
+        new = open_to & ~taken & reached[nodes].any(axis=1)
         if not new.any():
             return np.flatnonzero(taken)
         taken |= new
-        reached[mesh.triangles[new]] = True
+        reached[nodes[new]] = True

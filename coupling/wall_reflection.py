@@ -12,14 +12,15 @@ from collections.abc import Sequence
 import numpy as np
 
 from field import MU_0, MagneticField
-from field.laws.powder_law import PowderLaw
+from field.three_d import Field3D
 from geometry import RevolvedWall
 
+ANGLES = 24  # in 3D, over the sector that is meshed
 POINTS = 9  # along a wall, at both of its sides
 INSIDE = 1e-3  # of a wall's length: how deep in the steel its permeability is read
 
 
-def steel_walls(walls: Sequence, solution: MagneticField | None = None) -> np.ndarray:
+def steel_walls(walls: Sequence, solution: MagneticField | Field3D | None = None) -> np.ndarray:
     """Rows (w, 6) of `coupling.mirror` for the magnetic surfaces of revolution among `walls`.
 
     Their k is 1 without a `solution`, else the mean over the wall of what the solution says of the steel behind it.
@@ -36,21 +37,26 @@ def steel_walls(walls: Sequence, solution: MagneticField | None = None) -> np.nd
     return np.array(rows, dtype=float).reshape(-1, 6)
 
 
-def _reflection(solution: MagneticField, start: np.ndarray, tangent: np.ndarray, length: float) -> float:
-    """Mean k of the steel on that side of the wall where there is more of it."""
+def _reflection(solution: MagneticField | Field3D, start: np.ndarray, tangent: np.ndarray, length: float) -> float:
+    """Mean k of the steel on that side of the wall where there is more of it, in 3D also over the angle."""
     problem = solution.problem
     along = start + np.outer((np.arange(POINTS) + 0.5) / POINTS * length, tangent)
     normal = np.array([-tangent[1], tangent[0]])
-    powder = [problem.mesh.regions[r] for r in problem.mesh.regions if isinstance(problem.law_of(r), PowderLaw)]
+    powder = [problem.mesh.regions["powder"]] if problem.powder_law is not None else []
     best = 0.0
     for side in (1.0, -1.0):
         points = along + side * INSIDE * length * normal
-        points = np.ascontiguousarray(points[points[:, 0] >= 0.0])
+        points, count = np.ascontiguousarray(points[points[:, 0] >= 0.0]), POINTS
+        if isinstance(solution, Field3D):
+            points, count = _around(solution, points), POINTS * ANGLES
         element, _ = problem.locator.find(points)
         inside = (element >= 0) & ~np.isin(element, np.concatenate(powder) if powder else [])
         if not inside.any():
             continue
-        B = np.hypot(*solution.problem.elements.flux_density_at(solution.psi, element[inside], points[inside]).T)
+        if isinstance(solution, Field3D):
+            B = np.linalg.norm(solution.flux_density(points[inside]), axis=1)
+        else:
+            B = np.hypot(*solution.problem.elements.flux_density_at(solution.psi, element[inside], points[inside]).T)
         region = problem.mesh.region_of_element()[element[inside]]
         k = np.empty(len(B))
         for name in np.unique(region):
@@ -59,5 +65,14 @@ def _reflection(solution: MagneticField, start: np.ndarray, tangent: np.ndarray,
             secant = np.divide(B[here], H, out=1.0 / slope, where=H > 0.0) / MU_0
             mu = np.sqrt(np.maximum(secant / (MU_0 * slope), 1.0))
             k[here] = (mu - 1.0) / (mu + 1.0)
-        best = max(best, float(k.sum()) / POINTS)
+        best = max(best, float(k.sum()) / count)
     return best
+
+
+def _around(solution: Field3D, points: np.ndarray) -> np.ndarray:
+    """Points (k, 2) [m] at angles over the mesh's sector, (k ANGLES, 3)."""
+    fold = solution.problem.fold
+    angle = fold.first + fold.angle * (np.arange(ANGLES) + 0.5) / ANGLES
+    r, z = (np.repeat(x, ANGLES) for x in points.T)
+    angle = np.tile(angle, len(points))
+    return np.column_stack((r * np.cos(angle), r * np.sin(angle), z))

@@ -60,6 +60,7 @@ def mesh_slotted(
     periodic: bool | None = None,
     wedge: float = WEDGE,
     order: int = 2,
+    arc: float = math.inf,
 ) -> Mesh3D:
     """Tetrahedra for one sector of a clutch and the air around it.
 
@@ -77,6 +78,8 @@ def mesh_slotted(
         Angle of the sector of a clutch without slots [rad], a whole part of 2 pi.
     order : int
         2: curved elements; 1: flat ones.
+    arc : float
+        Elements in the rim gap are at most so long along the angle [m].
 
     Returns
     -------
@@ -100,7 +103,7 @@ def mesh_slotted(
     if not 0.2 <= size_factor <= 4.0:
         raise ValueError(f"`size_factor` = {size_factor:g}: allowed are 0.2 to 4; the default is 1")
     start, end, mirrored = _sector(clutch, periodic, wedge)
-    angles = _layers(clutch, gap_layers, size_factor, start, end)
+    angles = _layers(clutch, gap_layers, size_factor, start, end, arc)
     refuse_too_many_layers(section_sizes(clutch, gap_layers, size_factor), len(angles) - 1)
     section, triangles, owners = meshed_section(clutch, gap_layers, size_factor)
     points, elements, regions = _sweep(clutch, section, triangles, owners, angles, order)
@@ -147,14 +150,14 @@ def _widest(sides: np.ndarray, pitch: float) -> float:
     return float(sides[np.argmax(steps)] + 0.5 * steps.max()) - pitch
 
 
-def _layers(clutch: Clutch, layers: int, factor: float, start: float, end: float) -> np.ndarray:
+def _layers(clutch: Clutch, layers: int, factor: float, start: float, end: float, arc: float) -> np.ndarray:
     """Angles between which the section is swept [rad], the slots' sides among them."""
     patterns = [each for each in (clutch.disc_slots, clutch.rotor_slots) if each is not None]
     sides = np.unique(np.concatenate([each.edges(start, end) for each in patterns])) if patterns else np.zeros(0)
     # sides of two patterns that differ by rounding only are one
     sides = sides[np.append(True, np.diff(sides) > 1e-9)] if sides.size else sides
     least = _BESIDE_SLOT * gap_size(clutch.gap, layers, factor) / clutch.mean_gap_radius
-    widest = min(factor * _WIDEST_LAYER, 2.0 * _WIDEST_LAYER)
+    widest = min(factor * _WIDEST_LAYER, 2.0 * _WIDEST_LAYER, arc / clutch.mean_gap_radius)
     found = [start]
     for low, high in pairwise([start, *sides.tolist(), end]):
         s = np.linspace(low, high, 513)

@@ -7,12 +7,18 @@ from typing import Any
 
 import numpy as np
 
+from coupling.smear_region import elements_within, magnetic_regions
 from emclutch.device_model.excitation import Excitation, Supply, supply_of
-from emclutch.device_model.materials import region_laws
+from emclutch.device_model.materials import grain_law, region_laws
+from emclutch.scene.grain_smear import element_layers, moments_are_fed_back, smear_width
 from emclutch.scene.model import Scene
+from field import PowderLaw
 from field.three_d import Field3D, FlatCoil, Problem3D
 from geometry import AnnularBox, Mesh3D
 from geometry.device_shape import WoundShape
+
+ARC = 0.5
+"""Longest elements along the angle where moments are fed back, over the width of the smear: half of a grain's reach."""
 
 ALONG = 61
 """Points of the line on which the gap's field is averaged."""
@@ -79,9 +85,15 @@ class CoilDevice3D(Excitation):
     supply: Supply | None = None
 
     def solve_at_peak(self, fill: np.ndarray | None) -> Field3D:
-        """The field at the largest current; the powder does not change it."""
-        assert fill is None  # by the checks between sections
-        return self.problem.solve(self.turns * self.largest_current, tolerance=self.newton_tolerance)
+        """The field at the largest current, with powder of a solid fraction (n powder elements,) or without."""
+        return self.problem.solve(self.turns * self.largest_current, fill, tolerance=self.newton_tolerance)
+
+    def uniform_fill(self, phi: float) -> np.ndarray:
+        """Solid fraction `phi` on the powder's elements with their middle in the filled boxes; (n powder elements,)."""
+        x = self.mesh.centroid()[self.problem.powder_elements]
+        r, z = np.hypot(x[:, 0], x[:, 1]), x[:, 2]
+        boxes = [(r > b.r0) & (r < b.r1) & (z > b.z0) & (z < b.z1) for b in self.powder_boxes]
+        return phi * np.any(boxes, axis=0)
 
     def pole_line(self, *, faces: bool = False) -> np.ndarray:
         """The device's `line`, whatever `faces` is: what is filled decides; shape (k, 2)."""
@@ -99,14 +111,24 @@ def build_coil_device_3d(scene: Scene, source: Any) -> CoilDevice3D:
     """Mesh, materials and coil of a device that is no body of revolution; `source` is the table [field]."""
     shape, coil, order = scene.shape(), scene.coil, min(source.order, 2)
     assert coil is not None  # by the checks between sections
-    solid = scene.geometry.solid(shape, source.gap_layers, source.size_factor, order)
+    arc, powder, beyond = np.inf, None, None
+    if moments_are_fed_back(scene):
+        arc = ARC * smear_width(scene)
+    solid = scene.geometry.solid(shape, element_layers(scene, source.gap_layers), source.size_factor, order, arc)
+    laws = region_laws(scene, solid.mesh)
+    if scene.effects.feedback is not None:
+        powder = PowderLaw(grain_law(scene))
+    if moments_are_fed_back(scene):
+        beyond = elements_within(solid.mesh, magnetic_regions(laws), smear_width(scene))
     problem = Problem3D(
         solid.mesh,
-        region_laws(scene, solid.mesh),
+        laws,
         solid.coil,
         order=order,
         outer="open" if source.open_boundary else "flux_wall",
         centre_z=solid.centre_z,
+        powder_law=powder,
+        powder_beyond=beyond,
     )
     region = "" if scene.particles is None else scene.particles.region
     window = shape.coil_area, shape.coil_mean_radius

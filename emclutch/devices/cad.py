@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping
 from functools import lru_cache
 from pathlib import Path
@@ -60,6 +61,14 @@ def _fine_enough_for_moments(draft: Draft) -> Iterator[Fault]:
     """Rows of triangles across the width over which back_reaction spreads a grain."""
     scene = draft.scene
     geometry, source = scene.geometry, scene.coil_field
+    if geometry.is_solved_in_3d and source is not None and scene.effects.feedback is not None:
+        yield Fault(
+            f"effects.{scene.effects.feedback.name}",
+            "",
+            "is not available with geometry.three_dimensional: the elements of solids of any shape are not meshed as "
+            "finely as moments of single grains need; remove one of them",
+        )
+        return
     if not geometry.is_meshed or source is None:
         return
     if not moments_are_fed_back(scene) or scene.shape().faults(None):
@@ -251,7 +260,7 @@ class CadGeometry(GeometrySection):
             **self.options(),
         )
 
-    def solid(self, shape: CadShape, gap_layers: int, size_factor: float, order: int) -> Solid:
+    def solid(self, shape: CadShape, gap_layers: int, size_factor: float, order: int, arc: float = math.inf) -> Solid:
         """Mesh the device in 3D; see `geometry.cad_solid.mesh_cad_solids`."""
         from emclutch.device_model.device_3d import Solid, under_the_poles
         from field.three_d import FlatCoil

@@ -165,7 +165,7 @@ class ClutchGeometry(GeometrySection):
 
         return mesh_clutch(shape, gap_layers=gap_layers, size_factor=size_factor)
 
-    def solid(self, shape: Clutch, gap_layers: int, size_factor: float, order: int) -> Solid:
+    def solid(self, shape: Clutch, gap_layers: int, size_factor: float, order: int, arc: float = math.inf) -> Solid:
         """See `GeometrySection.solid`."""
         from emclutch.device_model.device_3d import ALONG, Solid, under_the_poles
         from field.three_d import FlatCoil
@@ -175,7 +175,7 @@ class ClutchGeometry(GeometrySection):
         slots = shape.disc_slots or shape.rotor_slots
         assert slots is not None  # else the field is that of a section
         return Solid(
-            mesh_slotted(shape, gap_layers=gap_layers, size_factor=size_factor, order=order),
+            mesh_slotted(shape, gap_layers=gap_layers, size_factor=size_factor, order=order, arc=arc),
             FlatCoil.ring((shape.coil_inner_radius, shape.coil_outer_radius), (-half, half)),
             carrier="disc" if shape.disc_slots is not None else "rotor",
             pole_line=under_the_poles(shape),

@@ -6,6 +6,7 @@ asks the table that the scene has and knows none by name. A shape that a method 
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -157,8 +158,8 @@ class GeometrySection(Section):
         """Mesh its section; of kinds with a coil."""
         raise NotImplementedError
 
-    def solid(self, shape: Any, gap_layers: int, size_factor: float, order: int) -> Solid:
-        """Mesh it in 3D; of kinds whose field is solved so."""
+    def solid(self, shape: Any, gap_layers: int, size_factor: float, order: int, arc: float = math.inf) -> Solid:
+        """Mesh it in 3D, the gap's elements at most `arc` [m] long along the angle; of kinds whose field is so."""
         raise NotImplementedError
 
     # how its powder is sheared where it has no shafts

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from coupling import PowderFeedback
     from emclutch.scene.model import Scene
     from field.section.axisymmetric import AxisymmetricProblem
+    from field.three_d import Problem3D
+    from particles import Body
 
 
 def _solved_field_and_moments(draft: Draft) -> Iterator[Fault]:
@@ -123,7 +125,6 @@ class BackReactionSection(EffectSection):
     columns = (FEEDBACK_RESIDUAL, FEEDBACK_ACROSS, FEEDBACK_CLIPPED, FEEDBACK_LAGGED)
     needs_field = True
     window_solves = 0.2  # 0.13 to 0.29 in quickstart and powder_clutch
-    not_in_3d = "moments of the grains are not spread over tetrahedra"
     CHECKS: ClassVar = (
         (_solved_field_and_moments, ("effects",)),
         (_all_parts_of_the_feedback, ("effects", "particles")),
@@ -134,14 +135,20 @@ class BackReactionSection(EffectSection):
         default=0.02, description="how far the magnetisation of the solution and that of the grains may differ"
     )
 
-    def powder_feedback(self, scene: Scene, problem: AxisymmetricProblem, walls) -> PowderFeedback | None:
-        """Build what gives the grains' moments to the field of `problem` and back; None without moments."""
+    def powder_feedback(
+        self, scene: Scene, problem: AxisymmetricProblem | Problem3D, walls, carrier: Body | None = None
+    ) -> PowderFeedback | None:
+        """Build what gives the grains' moments to the field of `problem` and back; None without moments.
+
+        `carrier` is the slotted body of a field in 3D.
+        """
         if not moments_are_fed_back(scene):
             return None
-        from coupling import PowderFeedback
+        from coupling import PowderFeedback, PowderFeedback3D
         from emclutch.device_model.materials import grain_law
 
-        return PowderFeedback(problem, grain_law(scene), smear_width(scene), scene.grains.sector or 2 * pi, walls)
+        kind = PowderFeedback if carrier is None else PowderFeedback3D
+        return kind(problem, grain_law(scene), smear_width(scene), scene.grains.sector or 2 * pi, walls, carrier)
 
     def warnings(self, scene):
         """Yield a width at which the field still knows single grains around the axis as if they were an even ring."""

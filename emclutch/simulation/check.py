@@ -94,7 +94,8 @@ def _check(case: Case, threads: int | None) -> Checked:
     elif device.coil is not None and made.peak_field is not None:
         B_max = device.coil.gap_flux_density(made.peak_field)
         words["field"] = (
-            f"at the largest current, without powder: |B| under the poles {B_max:.3g} T on average, "
+            f"at the largest current, {powder_in_words(scene, device.fill.solid_fraction)}: |B| under the poles "
+            f"{B_max:.3g} T on average, "
             f"grains magnetised up to {made.M_max / 1e3:.3g} kA/m"
         )
     unusual = FLUX_DENSITY.remark("|B|", B_max)

@@ -28,6 +28,7 @@ from field import MagneticField
 from field.coil.inductance import apparent_inductance, incremental_inductance
 
 if TYPE_CHECKING:
+    from emclutch.device_model.device_3d import CoilDevice3D
     from emclutch.simulation.plan import Plan
     from field.three_d import Field3D
 
@@ -49,7 +50,7 @@ def plan_in_words(device: Device, plan: Plan) -> dict[str, str]:
     words = dict(device_in_words(scene, device))
     if plan.scaled is not None:
         words["speed"] = plan.scaled.in_words()
-    coil, in_section, field = device.coil, device.section_coil, plan.peak_field
+    coil, field = device.coil, plan.peak_field
     if coil is not None and coil.supply is not None and field is not None:
         words["coil"] = coil_in_words(scene, coil, coil.supply.resistance, field)
     if scene.grains.repose is not None:
@@ -58,8 +59,8 @@ def plan_in_words(device: Device, plan: Plan) -> dict[str, str]:
     words |= dict(scene.geometry.words(scene, plan.end))
     sheared = 0.0 if scene.geometry.is_periodic else strain_rate(scene, device) * plan.end  # a box says so of itself
     words |= dict(windows_in_words(plan.division, sheared))
-    if moments_are_fed_back(scene) and in_section is not None:
-        words["feedback"] = feedback_in_words(scene, in_section)
+    if moments_are_fed_back(scene) and coil is not None:
+        words["feedback"] = feedback_in_words(scene, coil)
     if coil is not None:
         words["mesh"] = coil.mesh_in_words()
     words |= dict(end_in_words(scene, device, plan))
@@ -153,7 +154,7 @@ def windows_in_words(division: Windows, strain: float) -> Iterator[tuple[str, st
     )
 
 
-def feedback_in_words(scene, coil: CoilDevice) -> str:
+def feedback_in_words(scene, coil: CoilDevice | CoilDevice3D) -> str:
     """Return the width over which moments are fed back, and why."""
     width, d = smear_width(scene), scene.particles.largest_diameter
     text = f"moments spread over {1e3 * width:.3g} mm ({width / d:.3g} diameters"

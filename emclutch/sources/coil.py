@@ -96,7 +96,7 @@ class CoilFieldSection(SourceSection):
         coil, section = device.coil, device.section_coil
         carrier = None if section is not None else next(body for body in bodies if body.name == coil.carrier)
         circuit, eddy, reaction = scene.effects.circuit, scene.effects.eddy, scene.effects.feedback
-        feedback = None if reaction is None else reaction.powder_feedback(scene, coil.problem, walls)
+        feedback = None if reaction is None else reaction.powder_feedback(scene, coil.problem, walls, carrier)
         tolerance = 0.0 if reaction is None else reaction.tolerance
         supply = None if circuit is None else coil.supply
         if eddy is not None:

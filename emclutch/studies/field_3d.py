@@ -17,6 +17,8 @@ from emclutch.results.pictures.field import gap_map_picture
 from emclutch.results.vtk.field_arrays import field_arrays_3d
 from emclutch.results.vtk.series import PvdSeries
 from emclutch.scene.case import Case
+from emclutch.scene.fill import fill_of
+from emclutch.simulation.forecast.expected_field import powder_in_words
 from field.three_d import Field3D
 
 UNITS = {
@@ -59,11 +61,15 @@ def field_study_3d(
     assert case.scene.coil is not None
     resistance = case.scene.coil.resistance_in(device.shape.coil_area, device.shape.coil_mean_radius)
     series, rows = PvdSeries(folder, "field"), []
+    scene, phi, fill = case.scene, None, None
+    if scene.particles is not None:
+        phi = fill_of(device.shape, scene.particles).solid_fraction
+        fill = device.uniform_fill(phi) if scene.effects.feedback is not None else None
     solution: Field3D | None = None
     for number, current in enumerate([device.largest_current] if currents is None else currents):
         began = perf_counter()
         guess = solution if solution is not None and solution.ampere_turns != 0.0 else None
-        solution = device.problem.solve(device.turns * current, guess=guess, tolerance=device.newton_tolerance)
+        solution = device.problem.solve(device.turns * current, fill, guess, tolerance=device.newton_tolerance)
         linkage = device.turns * solution.flux_linkage_per_turn
         rows.append(
             {
@@ -87,7 +93,7 @@ def field_study_3d(
         along_line(solution, points).to_csv(folder / f"line-{number}.csv", index=False)
     gap_map_picture(folder / "gap.png", *gap_map(device, solution), title=case.scene.scene.title)
     details = {
-        "powder": "left out: a field in 3D is solved without it",
+        "powder": powder_in_words(scene, phi),
         "tetrahedra": len(device.mesh.tetrahedra),
         "unknowns": device.problem.n_dofs,
         "part_of_the_ring": f"1/{device.mesh.n_sectors}",

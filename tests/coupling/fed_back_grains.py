@@ -10,6 +10,7 @@ from coupling.grain_law_table import grain_table
 from coupling.mutual_moments import Magnetisation, MutualMoments
 from coupling.neighbour_rows import NeighbourRows, neighbour_rows
 from coupling.powder_feedback import PowderFeedback
+from coupling.powder_feedback_3d import PowderFeedback3D
 from coupling.smear_region import elements_within, magnetic_regions
 from coupling.wall_reflection import steel_walls
 from field import MU_0, AxisymmetricProblem, GrainLaw, MagneticField, PowderLaw
@@ -59,16 +60,18 @@ def powder_problem(mesh, law, width, laws=None, order=2, **more):
 
 def fed_back(
     problem, law, position, radius, width, *, model="mutual", sector=None, walls=(), ampere_turns=0.0,
-    boundary_field=0.0, solves=40, agree=1e-7, tolerance=1e-9, start=None,
+    boundary_field=0.0, solves=40, agree=1e-7, tolerance=1e-9, start=None, carrier=None,
 ):  # fmt: skip
     """Field and moments in turns until the deposited magnetisation is the solved one to `agree`.
 
-    `start` (n, 3): moments of lone dipoles to begin with [A m^2].
+    With a `carrier` the problem is one in 3D. `start` (n, 3): moments of lone dipoles to begin with [A m^2].
     """
     radius = np.broadcast_to(np.asarray(radius, dtype=float), (len(position),)).copy()
     volume = 4.0 / 3.0 * np.pi * radius**3
     angle = 2.0 * np.pi if sector is None else sector.angle
-    feedback = PowderFeedback(problem, law, width, angle, walls)
+    kind = PowderFeedback if carrier is None else PowderFeedback3D
+    feedback = kind(problem, law, width, angle, walls, carrier)
+    more = {"boundary_field": boundary_field} if carrier is None else {}
     solver = MutualMoments(grain_table(law, model), near=model == "near_field", reach=width, smear=True)
     rows = neighbour_rows(position, width, sector)
     moment, dipole, necks, solution, found, residuals = start, start, None, None, None, []
@@ -80,8 +83,8 @@ def fed_back(
                 break
         state = feedback.state(solution)
         solution = problem.solve(
-            ampere_turns, state, guess=solution, boundary_field=boundary_field, tolerance=1e-10
-        )  # fmt: skip
+            ampere_turns, state, guess=solution, tolerance=1e-10, **more
+        )
         H, grad_H = feedback.sampler_after_solve(solution).sample(position)
         solver.walls = steel_walls(walls, solution)
         found = solver.solve(

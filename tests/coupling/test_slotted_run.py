@@ -142,8 +142,23 @@ def test_a_slotted_clutch_is_switched_on(tmp_path):
     assert history["current"].iloc[-1] == pytest.approx(-np.expm1(-5e-5 * 2.0 / L), rel=0.05)
 
 
-def test_it_resumes_bit_for_bit(tmp_path):
-    short = {"field.size_factor": 3.0, "time.end": "0.05 ms"}
+def test_powder_strengthens_the_field_of_a_slotted_clutch_and_the_torques_balance(tmp_path):
+    """The moments agree with the field to the tolerance; disc + rotor + dL/dt close, the field's reaction included."""
+    values = {"particles.diameter": "0.4 mm", "field.size_factor": 3.0, "time.end": "5 us"}
+    history = emclutch.run(slotted(values | FED), out=tmp_path / "fed").history
+    assert (history["feedback_residual"] <= 0.02).all() and history["field_solves"].iloc[0] > 1
+    torque = history[["torque_disc", "torque_rotor"]].abs().sum(axis=1).max()
+    assert history["torque_residual"].abs().max() < 1e-3 * torque
+    device, plan = make_plan(slotted(values))
+    assert history["gap_flux_density"].iloc[0] > 1.05 * device.coil.gap_flux_density(plan.peak_field)
+
+
+FED = {"effects.back_reaction": {}, "effects.wall_images": {}, "particles.diameter": "0.4 mm"}
+
+
+@pytest.mark.parametrize("more", [{}, FED | {"time.end": "0.02 ms"}], ids=["alone", "with powder"])
+def test_it_resumes_bit_for_bit(tmp_path, more):
+    short = {"field.size_factor": 3.0, "time.end": "0.05 ms"} | more
     whole = emclutch.run(slotted(short), out=tmp_path / "whole")
 
     class InterruptAtHalf:

@@ -1,9 +1,11 @@
 """An iron sphere in a uniform applied field: the closed form, the order of curved and of flat elements."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from field import MU_0, FroehlichLaw, LinearLaw
+from field import MU_0, FroehlichLaw, GrainLaw, LinearLaw, PowderLaw, PowderState
 from field.three_d import Problem3D, UniformSource
 from geometry.mesh_3d import Mesh3D
 from geometry.mesher import initialize_gmsh
@@ -179,3 +181,22 @@ def test_saturating_sphere():
         field = problem.solve(strength)
         found = field.flux_density(x) / MU_0 - field.field_strength(x)
         assert found[0, 2] == pytest.approx(M, rel=5e-3), strength
+
+
+def test_a_sphere_of_powder_is_a_permeable_sphere_and_a_magnet():
+    """H = 3 H0/(3 + chi_eff) in even powder, -M/3 in one of a given M without a field."""
+    law = GrainLaw(50.0)
+    mesh = octant(2.0)
+    mesh = replace(mesh, regions={"powder": mesh.regions["iron"], "air": mesh.regions["air"]})
+    problem = Problem3D(mesh, {}, UniformSource(), fixed=["bottom"], powder_law=PowderLaw(law))
+    fill = np.full(problem.powder_elements.size, 0.4)
+    inside = np.array([[1e-3, 2e-3, 3e-3], [4e-3, 2e-3, 5e-3]])
+    chi = float(law.chi_eff(0.4, np.ones(1))[0])
+    field = problem.solve(H0, fill)
+    assert np.allclose(field.field_strength(inside), [0.0, 0.0, 3.0 * H0 / (3.0 + chi)], rtol=2e-3, atol=2e-3 * H0)
+    assert np.allclose(field.flux_density(inside), (1.0 + chi) * MU_0 * field.field_strength(inside), rtol=1e-9)
+    M = np.zeros((fill.size, 3, problem.powder_basis.dx.shape[1]))
+    M[:, 2] = 1e5
+    magnet = problem.solve(0.0, PowderState(0.0 * fill, None, M))
+    assert np.allclose(magnet.field_strength(inside), [0.0, 0.0, -1e5 / 3.0], rtol=2e-3, atol=100.0)
+    assert np.allclose(magnet.flux_density(inside), [0.0, 0.0, 2.0 / 3.0 * MU_0 * 1e5], rtol=2e-3, atol=1e-4)

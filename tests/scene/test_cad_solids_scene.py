@@ -166,8 +166,8 @@ REFUSED = {
     "no slots in a section": ({"geometry": {**SLOTTED, "three_dimensional": False}},
                               "part 'resin' does not meet the half-plane"),
     "oblique coil": ({"geometry": {"file": "oblique.step"}}, "the coil of a field in 3D is one ring of rectangular"),
-    "feedback": ({"effects": {"back_reaction": {}}}, "effects.back_reaction is not available in a 3D field, which "
-                 "geometry.three_dimensional asks for: moments of the grains"),
+    "feedback": ({"effects": {"back_reaction": {}}}, "effects.back_reaction is not available with "
+                 "geometry.three_dimensional"),
     "tolerance": ({"field": {"tolerance": 1e-3}}, "field.tolerance = 0.001 refines the mesh of a section"),
     "sector": ({"particles": {"sector": "60 deg"}}, "particles.sector = '60 deg' needs a field that repeats"),
     "axis": ({"geometry": {"axis": "x"}}, "geometry.axis = 'x' is of sections"),

@@ -39,7 +39,7 @@ def expected_magnetisation(case: Case, device: Device) -> tuple[MagneticField | 
         return None, 0.0
     phi = device.fill.solid_fraction
     coupled = scene.effects.feedback is not None
-    fill = device.section_coil.uniform_fill(phi) if coupled and device.section_coil is not None else None
+    fill = device.coil.uniform_fill(phi) if coupled else None
     field = device.coil.solve_at_peak(fill)
     points = _sample_points(device.coil.powder_boxes, scene.grains.largest_diameter)
     strength = np.linalg.norm(field.sampler("powder").sample(points)[0], axis=1)
