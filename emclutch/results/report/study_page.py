@@ -29,7 +29,7 @@ PAGE = "study.html"
 SEED = "scene.seed"
 FIRST = ("coil.current", "coil.voltage", "motion.rotor.speed")
 """Keys over which torque is drawn, if they are varied; of other studies the first key that has numbers."""
-MAX_ROWS, MAX_FAILURES, MAX_CURVES, MAX_DOTS = 300, 20, 8, 3000
+MAX_ROWS, MAX_FAILURES, MAX_LINES, MAX_CURVES, MAX_DOTS = 300, 20, 6, 8, 3000
 RELOAD = 10
 """Seconds after which a browser loads the page of a running study again."""
 ORDER = {FAILED: 0, STOPPED: 1, RUNNING: 2, DONE: 3, KEPT: 3, WAITING: 4}
@@ -44,6 +44,17 @@ class FailedPoint:
     folder: Path
     label: str
     reason: str
+
+    @property
+    def last_lines(self) -> str:
+        """The last lines of its log; empty where it has none."""
+        try:
+            with (self.folder / "run.log").open("rb") as file:
+                file.seek(max(0, file.seek(0, 2) - 4000))
+                text = file.read().decode(errors="replace")
+        except OSError:
+            return ""
+        return "\n".join(text.splitlines()[-MAX_LINES:])
 
 
 @dataclass(frozen=True, slots=True)
