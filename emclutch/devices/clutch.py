@@ -75,7 +75,11 @@ def _sector_of_whole_pitches(draft: Draft) -> Iterator[Fault]:
 
 
 class ClutchGeometry(GeometrySection):
-    """A disc in a rotor's cavity, in a housing with a coil; steel covers lead the flux to the faces."""
+    """A disc in a rotor's cavity, in a housing with a coil; steel covers lead the flux to the faces.
+
+    The kind is that of a disc device, sheared between its faces, clutch or brake: a brake is one whose disc is held.
+    `drum` is the one that is sheared at its rim.
+    """
 
     has_coil = True
     has_regions = True

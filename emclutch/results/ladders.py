@@ -20,7 +20,7 @@ SHIPPED = Path(__file__).with_name("shipped_ladders")
 """Ladders of shipped scenes, that come with the program."""
 DRIVE = ("coil.current", "coil.voltage")
 """Keys that the error hardly depends on: written beside the ladder."""
-WITHOUT = ("scene.", "time.", "accuracy.", "output.", *DRIVE)
+WITHOUT = ("scene.", "time.", "accuracy.", "output.", "motion.drag_torque", *DRIVE)
 
 
 def ladder_folder() -> Path:

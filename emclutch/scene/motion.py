@@ -14,6 +14,8 @@ from geometry.time_profile import TimeProfile
 
 _StallTorque = Annotated[float, Quantity("a torque", "N*m", "1500 N m", 0.0, 1e7, open_minimum=True)]
 
+_Drag = Annotated[float, Quantity("a torque", "N*m", "0.1 N m", 0.0, 1e7)]
+
 
 class MotorSection(Section):
     """A motor whose torque falls linearly with the speed, as that of a DC machine at a constant voltage does.
@@ -111,6 +113,15 @@ class MotionSection(Section):
 
     rotor: ShaftMotionSection = HELD
     disc: ShaftMotionSection = HELD
+    drag_torque: _Drag = Field(
+        default=0.0, description="of seals and bearings between both shafts, opposes their slip; added to the result"
+    )
+
+    @model_validator(mode="after")
+    def _drag_acts_between_driven_shafts(self) -> Self:
+        if self.drag_torque > 0.0 and (self.rotor.free is not None or self.disc.free is not None):
+            raise refuse("does not act on a free shaft; add it to free.load_torque", key="drag_torque")
+        return self
 
     @property
     def largest_slip(self) -> float:

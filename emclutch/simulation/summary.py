@@ -86,6 +86,9 @@ def summarise(
     torque = steady_torque(history, conditions, others) if TORQUE_DISC in history else None
     if torque is not None:
         summary["torque"] = torque.as_dict()
+        if drag := drag_on_disc(case.scene.motion.drag_torque, history):
+            summary["drag_torque"] = drag
+            summary["torque_with_drag"] = None if torque.mean is None else torque.mean + drag
         if others:
             summary["replicas"] = replicas_summary(case, (history, *others), torque, TORQUE_DISC)
         if case.scene.span.until is not None:
@@ -146,6 +149,16 @@ def summarise(
     summary["figure_of_merit"] = None if known is None else known.figure_of_merit(processor)
     summary |= {"contact": plan.contact_data, "plan": planned.decisions}
     folder.write_summary(summary)
+
+
+def drag_on_disc(drag: float, history) -> float:
+    """Return the torque [N m] about +z by which seals and bearings drag the disc along, 0 without slip at the end.
+
+    On the rotor it is the opposite: on each shaft it opposes the slip against the other one.
+    """
+    if not drag or ROTOR_SPEED not in history or DISC_SPEED not in history:
+        return 0.0
+    return float(np.sign(history[ROTOR_SPEED].iloc[-1] - history[DISC_SPEED].iloc[-1])) * drag
 
 
 def processor_seconds(histories) -> float:

@@ -130,6 +130,11 @@ def _end_lines(result: Result) -> Iterator[str]:
     summary = result.summary
     if "stopped" in summary:
         yield f"stopped {summary['stopped']}"
+    if (total := summary.get("torque_with_drag")) is not None:
+        yield (
+            f"with {abs(summary['drag_torque']):.3g} N m of drag of seals and bearings (motion.drag_torque) the torque "
+            f"on the disc's shaft is {total:.4g} N m"
+        )
     if "lock_up_time" in summary:
         history = result.history
         rotor, disc = (abs(float(history[name].iloc[-1])) * RPM for name in (ROTOR_SPEED, DISC_SPEED))

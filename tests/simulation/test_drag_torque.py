@@ -1,0 +1,36 @@
+"""Drag of seals and bearings opposes the slip: on the disc it acts the way the rotor turns against it."""
+
+from pathlib import Path
+
+import pandas
+import pytest
+
+from emclutch.scene.case import load_case
+from emclutch.scene.motion import MotionSection
+from emclutch.simulation.discretisation_error import device_of
+from emclutch.simulation.summary import drag_on_disc
+
+
+def history(rotor, disc):
+    return pandas.DataFrame({"rotor_speed": [0.0, rotor], "disc_speed": [0.0, disc]})
+
+
+def test_drag_has_the_sign_of_the_slip_and_is_nothing_where_it_is_off():
+    assert drag_on_disc(0.2, history(100.0, 0.0)) == 0.2
+    assert drag_on_disc(0.2, history(0.0, 100.0)) == -0.2  # the disc is the faster one, and is braked
+    assert drag_on_disc(0.2, history(-100.0, 0.0)) == -0.2
+    assert drag_on_disc(0.2, history(50.0, 50.0)) == 0.0  # locked
+    assert drag_on_disc(0.0, history(100.0, 0.0)) == 0.0
+    assert drag_on_disc(0.2, pandas.DataFrame({"disc_speed": [1.0]})) == 0.0  # no second shaft
+
+
+def test_a_free_shaft_has_it_in_its_load():
+    free = {"free": {"inertia": "1e-5 kg m^2"}}
+    assert MotionSection.model_validate({"rotor": {"speed": "10 rpm"}, "drag_torque": "0.1 N m"}).drag_torque == 0.1
+    with pytest.raises(ValueError, match=r"add it to free\.load_torque"):
+        MotionSection.model_validate({"rotor": {"speed": "10 rpm"}, "disc": free, "drag_torque": "0.1 N m"})
+
+
+def test_it_is_no_other_device_for_what_was_measured_of_its_settings():
+    case = load_case(Path(__file__).parents[2] / "cases" / "quickstart.toml")
+    assert device_of(case) == device_of(case.with_values({"motion.drag_torque": "0.1 N m"})) == "b53c187edf86ca92"
