@@ -52,10 +52,19 @@ Rated = Annotated[
 Measured = Annotated[
     Path | None,
     typer.Option(
+        "--with",
         "--measured",
         metavar="FILE",
         help="CSV with named columns to lay over --speeds (time [s], speeds [rpm]) or --torque-current (current [A], "
         "torques [N m]; with --rated both over the rated ones)",
+    ),
+]
+Catalogue = Annotated[
+    Path | None,
+    typer.Option(
+        "--with",
+        metavar="FILE",
+        help="measured or catalogue points to lay over torque against current: CSV with columns current_A, torque_Nm",
     ),
 ]
 Band = Annotated[

@@ -71,7 +71,9 @@ def view(
             typer.echo(str(path))
 
 
-def report(folder: opt.ResultPath, out: opt.NewFile = None, html: opt.AsHtml = False) -> None:
+def report(
+    folder: opt.ResultPath, out: opt.NewFile = None, html: opt.AsHtml = False, measured: opt.Catalogue = None
+) -> None:
     """Write a run or a study as Markdown; with --html as one page for a browser, pictures inside."""
     with explained():
         from emclutch.results.report.content import page_of
@@ -79,6 +81,16 @@ def report(folder: opt.ResultPath, out: opt.NewFile = None, html: opt.AsHtml = F
         from emclutch.simulation.check import left_out_of
 
         page = page_of(folder, left_out_of)
+        if measured is not None:
+            from emclutch.cli import plot as drawn
+            from emclutch.results.report.content import Picture
+
+            def draw(path: Path) -> Path:
+                return drawn.plot_runs([folder], drawn.TORQUE_CURRENT, measured=measured, out=path)
+
+            picture = Picture(f"torque against current, with {measured.name} laid over", draw=draw)
+            picture.png()  # a wrong table is an error, of a page without pictures too
+            page.sections["Pictures"].insert(0, picture)
         if html:
             typer.echo(str(write_page(page, out)))
         elif out is None:

@@ -96,11 +96,13 @@ def sweep(
     dask: opt.DaskAddress = None,
     dry_run: opt.DryRunOfStudy = False,
     threads: opt.Threads = None,
+    measured: opt.Catalogue = None,
     trust_scripts: opt.TrustScripts = False,
     force: opt.Force = False,
 ) -> None:
     """Simulate every point of a study: several at a time with --jobs, on many machines with --part or --dask."""
     with explained():
+        from emclutch.results.measured_table import TORQUE_CURVE, read_measured
         from emclutch.scene.study import read_study
 
         check_threads(threads)
@@ -111,6 +113,9 @@ def sweep(
             _gather(study, out, trust_scripts)
             return
         refuse_to_resume_nothing("study", resume, out)
+        if measured is not None:
+            refuse_beside("--with", {"--part": part is not None, "--dry-run": dry_run})
+            read_measured(measured, *TORQUE_CURVE)  # before anything runs
         if dask is not None:
             refuse_beside("--dask", {"--part": part is not None, "--jobs": jobs != 1})
         which = part_asked(part, out, jobs)
@@ -124,7 +129,8 @@ def sweep(
         from emclutch.studies.points import points_in
         from emclutch.studies.sweep import sweep as sweep_study
 
-        how: dict[str, Any] = {"out": out, "resume": resume, "force": force, "threads": threads, "part": which}
+        how: dict[str, Any] = {"out": out, "resume": resume, "force": force, "threads": threads, "part": which,
+                               "measured": measured}
         with nullcontext() if dask is None else DaskExecutor(dask) as executor:
             if which is None:
                 begun = points_in(read, out) if resume and out is not None else []

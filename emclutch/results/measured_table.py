@@ -9,8 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
+from emclutch.results.atomic_file import replace_text
 from emclutch.results.errors import OutputError
 from emclutch.scene.errors import reason_of
+
+MEASURED = "measured.csv"
+TORQUE_CURVE = "current [A]", "torque [N m]"
+"""What the columns of a measured torque curve hold."""
 
 
 def read_measured(path: str | Path, along: str, values: str) -> dict[str, np.ndarray]:
@@ -103,9 +108,25 @@ def read_band(path: str | Path) -> np.ndarray:
     return band
 
 
+def keep_measured(path: str | Path, folder: Path) -> None:
+    """Copy a table of torque over current into a study's folder, whose picture lays it over; raises as `read_measured`.
+    """
+    read_measured(path, *TORQUE_CURVE)
+    replace_text(folder / MEASURED, Path(path).read_text(encoding="utf-8-sig"))
+
+
+def measured_in(folder: Path) -> dict[str, np.ndarray] | None:
+    """Return the curves of a study's ``measured.csv``; None where it has none. Raises as `read_measured`."""
+    return read_measured(folder / MEASURED, *TORQUE_CURVE) if (folder / MEASURED).is_file() else None
+
+
 def _unit(name: str) -> str | None:
+    """Return the unit of "torque [N m]" or "torque_Nm"; None where the name has none."""
     found = re.search(r"\[([^\]]*)\]\s*$", name)
-    return None if found is None else found[1].strip()
+    if found is None:
+        found = re.search(r"_(m?A|[mk]?Nm|[mk]?N_m|lbft|ozin|rpm|m?s)$", name)
+        return None if found is None else re.sub("N_?m", "N m", found[1])
+    return found[1].strip()
 
 
 def _number(cell: str, separator: str) -> float | None:

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     import pandas
 
     from emclutch.results.record import Record
+    from emclutch.results.report.verdict import Statement
 
 
 class Result:
@@ -97,6 +98,22 @@ class Result:
             return SteadyConditions.from_dict(plan["steady_torque"])
         scene = self.folder.read_scene() if self.folder.case.is_file() else {}
         return SteadyConditions(average_from=scene.get("time", {}).get("average_from"))
+
+    @property
+    def verdict(self) -> list[Statement]:
+        """Torque with its interval, error budget, what to do next and its cost, balances, warnings.
+
+        Each has a `mark` (good, poor or note) and a `text`; `emclutch run` prints the same.
+        """
+        from emclutch.results.report.verdict import verdict  # local: it imports this module
+
+        return verdict(self)
+
+    def _repr_html_(self) -> str:
+        from emclutch.results.report.content import run_page  # local, as above
+        from emclutch.results.report.render import fragment
+
+        return fragment(run_page(self, lambda result: ()).short())
 
     def open_record(self) -> Record:
         """The HDF5 record, for reading."""

@@ -44,6 +44,12 @@ class StudyResult:
     grain_size: pandas.DataFrame | None = None
     grain_size_laws: list[dict[str, Any]] = field(default_factory=list)
 
+    def _repr_html_(self) -> str:
+        from emclutch.results.report.content import study_page  # local, as below
+        from emclutch.results.report.render import fragment
+
+        return fragment(study_page(read_study(self.folder), lambda result: ()).short())
+
     def to_xarray(self) -> xarray.Dataset:
         """Return the table as one object over the study's values and packings, with units as attributes.
 

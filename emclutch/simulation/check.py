@@ -53,6 +53,18 @@ class Checked:
     left_out: tuple[LeftOut, ...]
     expected: ExpectedTorque
 
+    def _repr_html_(self) -> str:
+        from emclutch.results.report.content import Block, Page, Table  # local: they import what draws
+        from emclutch.results.report.render import fragment
+
+        left_out = [(line.effect, line.verdict, line.in_words()) for line in self.left_out]
+        head = ("left out", "matters", "by this number (from there on)")
+        sections: dict[str, list[Block]] = {
+            "What follows": [Table([*self.decisions.items()])],
+            "Left out": [Table(left_out, head)] if left_out else [],
+        }
+        return fragment(Page(Path(), f"{self.title}: OK", f"effects: {', '.join(self.effects)}", sections))
+
 
 def check(case: Case | str | Path, threads: int | None = None) -> Checked:
     """Validate a scene and say what follows from it; `case`, `threads` and what is raised are as of `emclutch.plan`."""

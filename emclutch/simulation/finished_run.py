@@ -8,6 +8,7 @@ from time import perf_counter
 from emclutch.results import Result, load_result
 from emclutch.results.errors import Interrupted, RunError
 from emclutch.results.grain_profiles import write_profiles
+from emclutch.results.report.render import write_index
 from emclutch.results.run_folder import CURE
 from emclutch.results.vtk.wall_pressure import write_wall_pressure_surfaces
 from emclutch.results.wall_loads import write_wall_pressure
@@ -55,7 +56,10 @@ def finish_run(request: RunRequest, started: StartedRun, observers: RunObservers
         from emclutch.simulation.pictures import draw_run  # local: the libraries that draw are heavy
 
         draw_run(case, folder, started.planned.device, started.simulation, observers.profiles)
-    return load_result(folder.path)
+    result = load_result(folder.path)
+    if request.orders is None:  # of the other packings nobody asks
+        write_index(result)
+    return result
 
 
 def end_replicas(request: RunRequest, started: StartedRun, observers: RunObservers) -> None:

@@ -47,6 +47,7 @@ from emclutch.results.rise_time import rise_times
 from emclutch.results.steady_torque import steady_mean_of, steady_torque
 from emclutch.scene.replica_count import replica_seed
 from emclutch.simulation.discretisation_error import discretisation_error
+from emclutch.simulation.forecast.expected_torque import expected_torque
 from emclutch.simulation.observables import Observables
 from emclutch.simulation.planned_run import PlannedRun
 from emclutch.simulation.structure import structure_summary
@@ -105,12 +106,16 @@ def summarise(
     if {"rotor", "disc"} <= shafts and any(body.is_free for body in simulation.motion.bodies):
         summary["lock_up_time"] = lock_up_time(history)
     if device.coil is not None and simulation.source.solution is not None:
-        summary |= coil_summary(device.coil, simulation.source, history)
+        summary |= coil_summary(case.scene, device.coil, simulation.source, history)
     if torque is not None and case.scene.coil is not None and case.scene.coil.current is not None:
         ramp = current_ramp((history, *others), case.scene.coil.current, conditions)
         if ramp is not None:
             replace_text(folder.path / TABLE, ramp.table().to_csv(index=False))
             summary["torque_against_current"] = ramp.summary()
+    if torque is not None:
+        summary |= slip_summary(history, torque, 1.0 if plan.scaled is None else plan.scaled.factor)
+        if (expected := expected_torque(case.scene, device, plan.peak_field)).torque is not None:
+            summary["expected_torque"] = expected.as_dict()
     size = grain_size(case.scene, device) if torque is not None else None
     if size is not None:
         summary["grain_size"] = size.as_dict()
@@ -186,10 +191,14 @@ def inertial_number_summary(observables, simulation, history, wall_load: dict[st
     }
 
 
-def coil_summary(coil, source, history) -> dict[str, Any]:
-    """The coil's field at the run's end, its rise, and its accuracy."""
+def coil_summary(scene, coil, source, history) -> dict[str, Any]:
+    """Return the coil's current at the run's end, voltage R I [V], copper loss R I^2 [W], its field, and its rise."""
+    current = float(history[CURRENT].iloc[-1])
+    resistance = scene.coil.resistance_in(coil.shape.coil_area, coil.shape.coil_mean_radius)
     return {
-        "current": float(history[CURRENT].iloc[-1]),
+        "current": current,
+        "voltage": resistance * current,
+        "copper_loss": resistance * current**2,
         "turns": coil.turns,
         "gap_flux_density": float(history[GAP_FLUX_DENSITY].iloc[-1]),
         "flux_linkage": float(history[FLUX_LINKAGE].iloc[-1]),
@@ -197,6 +206,15 @@ def coil_summary(coil, source, history) -> dict[str, Any]:
         **rise_times(history, coil.currents.values[-1]),
         "field_error_estimate": source.solution.estimated_errors(),
     }
+
+
+def slip_summary(history, torque: Estimate, factor: float) -> dict[str, float]:
+    """Return slip [rad/s] and its heat [W] at the steady torque; of a scaled speed (`factor`) those of the real one."""
+    if torque.mean is None or not {ROTOR_SPEED, DISC_SPEED} <= set(history.columns):
+        return {}
+    late = history[history[TIME] > torque.start] if torque.start is not None else history.iloc[len(history) // 2 :]
+    slip = float((late[ROTOR_SPEED] - late[DISC_SPEED]).abs().mean()) / factor
+    return {"slip": slip, "slip_heat": abs(torque.mean) * slip}
 
 
 def work_over_slip(history, begin: float | None) -> float | None:

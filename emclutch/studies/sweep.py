@@ -22,6 +22,7 @@ from emclutch.results.errors import Interrupted, RunError
 from emclutch.results.folder_lock import LOCK, FolderInUse, has_files, locked_folder
 from emclutch.results.history import last_time
 from emclutch.results.lease import leased
+from emclutch.results.measured_table import keep_measured
 from emclutch.results.run_folder import logging_to
 from emclutch.results.study_folder import is_study
 from emclutch.results.study_table import DONE, FAILED, STOPPED, WAITING, StudyTable
@@ -44,7 +45,7 @@ from emclutch.studies.workers import ctrl_c_sets, threads_of_a_worker, worker_po
 log = logging.getLogger(__name__)
 LOGGERS = [__name__, "emclutch.studies.points", "emclutch.studies.adaptive"]
 LOOK_SECONDS = 0.5  # between two looks at the points that run
-PAGE_SECONDS = 5.0  # between two writings of study.html: a browser loads it every ten
+PAGE_SECONDS = 5.0  # between two writings of index.html: a browser loads it every ten
 
 
 def sweep(
@@ -58,11 +59,12 @@ def sweep(
     progress: StudyTable | None = None,
     force: bool = False,
     part: tuple[int, int] | None = None,
+    measured: str | Path | None = None,
 ) -> Path:
     """Run every point of a study, or a part of them, and return the study's folder.
 
     The folder holds point-000, point-001, ... (each a whole run), `study.csv` with a row a point, `study.log` with what
-    became of each, `study.html`, a page of all of it that is rewritten while they run, and where they apply:
+    became of each, `index.html`, a page of all of it that is rewritten while they run, and where they apply:
     `seeds.csv`, averages over `scene.seed`; `torque_vs_current.csv`, `.json` (linear range) and `.png` of a study over
     `coil.current` or `coil.voltage`; `torque_vs_speed.csv` and `.png` of one over constant `motion.rotor.speed`;
     `grain_size.csv`, `.json` (law and extrapolation) and `.png` of one over `particles.diameter` or `particles.sizes`
@@ -92,6 +94,9 @@ def sweep(
         time. It writes no tables: `emclutch.gather` does. What became of its points is in ``parts/3-of-40``. With
         `resume` it may be the first to come. A point that another process is at work on is left to that one.
 
+    measured : table of current [A] and torques [N m] to lay over the torque curve, as `read_measured` takes it
+        (`emclutch.results.measured_table`); the folder keeps it as ``measured.csv``.
+
     Raises
     ------
     SceneError
@@ -120,6 +125,8 @@ def sweep(
         if not resume and has_files(folder):
             raise OutputError(f"{folder} is not empty; continue it with --resume, or write elsewhere with --out")
         (folder / STOP).unlink(missing_ok=True)
+        if measured is not None:
+            keep_measured(measured, folder)
         with logging_to(folder / "study.log", LOGGERS):
             share = 1 if executor is not None else jobs or 1
             table = progress or StudyTable(stream=io.StringIO())

@@ -14,6 +14,7 @@ from emclutch.results.atomic_file import replace_json, replace_text
 from emclutch.results.columns import DISC_SPEED, ROTOR_SPEED, TIME, TORQUE_DISC
 from emclutch.results.grain_size_law import grain_size_law, law_in_words
 from emclutch.results.linear_range import linear_range
+from emclutch.results.measured_table import measured_in
 from emclutch.results.pictures.speeds import speed_picture
 from emclutch.results.pictures.torque_curves import (
     torque_against_current_picture,
@@ -105,13 +106,23 @@ def write_torques(folder: Path, study: StudySection, rows: list[dict[str, Any]])
             {"values": curve.values, "linear_range": one.as_dict()} for curve, one in zip(curves, ranges, strict=True)
         ]
         replace_json(folder / "torque_vs_current.json", {"curves": found})
-        torque_against_current_picture(folder / "torque_vs_current.png", curves, ranges, title=title)
+        torque_against_current_picture(
+            folder / "torque_vs_current.png", curves, ranges, measured=measured_in(folder), title=title,
+            band=expected_band(rows) if len(curves) == 1 else None,
+        )  # fmt: skip
     constant = not any(isinstance(speed, dict) for speed in study.values.get(SPEED, ()))
     if SPEED in varied and constant and _all_have("rotor_speed", rows):
         curves = _write_curves(folder / "torque_vs_speed.csv", rows, SPEED, "rotor_speed", varied)
         torque_against_speed_picture(folder / "torque_vs_speed.png", curves, title=title)
     if any(key.startswith(SIZES) for key in varied) and _all_have(ACROSS, rows):
         _write_grain_sizes(folder, runs, rows, varied, title)
+
+
+def expected_band(rows: Sequence[dict[str, Any]]) -> np.ndarray | None:
+    """Return current [A] and low, middle and high expected torque [N m] of a curve's rows; None below two of them."""
+    names = ("current", "expected_low", "expected_torque", "expected_high")
+    band = [[row[name] for name in names] for row in rows if all(row.get(name) is not None for name in names)]
+    return np.array(sorted(band)) if len(band) > 1 else None
 
 
 def _write_grain_sizes(
@@ -189,6 +200,8 @@ def row_of(values: dict[str, Any], result: Result) -> dict[str, Any]:
     }
     if (start := result.folder.read_provenance().get("grains_from")) is not None:
         row["started_from"] = Path(start["folder"]).name  # a study's point
+    if expected := summary.get("expected_torque"):
+        row |= {"expected_low": expected["low"], "expected_torque": expected["mean"], "expected_high": expected["high"]}
     for name in ("shear_stress", "shear_stress_error", "field_strength_powder", "fill_powder", "solid_fraction",
                  "relative_permeability"):  # fmt: skip
         if name in summary:  # between pole faces, or in a sheared box: a point of the powder's law tau(H, phi)

@@ -198,7 +198,7 @@ def ended(folder: Path) -> None:
 
 
 def _without_clocks(summary: dict[str, Any]) -> dict[str, Any]:
-    clocks = ("seconds", "plan", "figure_of_merit")
+    clocks = ("seconds", "plan", "figure_of_merit", "verdict")  # the verdict says what more would take
     paths = ("discretisation_error_note",)  # names the scene's file, for a run that continues its folder's
     return {key: value for key, value in summary.items() if key not in (*clocks, *paths)}
 

@@ -10,10 +10,11 @@ from written_run import written_run, written_study
 from emclutch.cli.main import app
 from emclutch.effects import EffectsSection
 from emclutch.results import OutputError, RunFolder, load_result
-from emclutch.results.report.content import page_of, run_page, study_page
-from emclutch.results.report.render import html, markdown, write_page
+from emclutch.results.report.content import FILES, page_of, run_page, study_page
+from emclutch.results.report.render import html, markdown, write_index, write_page
 from emclutch.results.report.verdict import Mark, verdict
 from emclutch.results.study_folder import read_study
+from emclutch.results.study_result import load_study
 from emclutch.results.text import format_torque
 from emclutch.simulation.check import left_out_of
 
@@ -66,7 +67,7 @@ def page(run):
 
 
 def test_the_verdict_comes_first(page):
-    assert page.headings[0] == "Verdict"
+    assert page.headings[:3] == ["Conclusion", "Operating point", "Verdict"]
     wanted = ["Scene", "Effects, on and off", "Pictures", "Torque with its errors", "Balances", "Provenance"]
     assert [heading for heading in page.headings if heading in wanted] == wanted
 
@@ -94,8 +95,10 @@ def test_markdown_has_the_sections_of_the_page_and_links_to_pictures(tmp_path):
 
 
 def test_nothing_is_fetched(page):
-    sources = [given[name] for _, given in page.elements for name in ("src", "href") if name in given]
+    """Pictures are inside; links lead to files beside the page only."""
+    sources = [given["src"] for _, given in page.elements if "src" in given]
     assert sources and all(source.startswith("data:image/png;base64,") for source in sources)
+    assert {given["href"] for _, given in page.elements if "href" in given} <= set(FILES)
     assert any(given.get("content", "").startswith("default-src 'none'") for _, given in page.elements)
 
 
@@ -108,6 +111,21 @@ def test_every_effect_is_named_on_or_off(page):
 def test_the_torque_stands_with_its_interval(run, page):
     torque = load_result(run.path).torque
     assert format_torque(torque) in page.text and "(95 %: " in format_torque(torque)
+
+
+def test_a_run_has_a_short_page_in_its_folder(tmp_path):
+    """index.html holds the conclusion and the operating point; summary and notebook say the same."""
+    folder = written_run(tmp_path / "run", HOSTILE)
+    folder.write_summary(folder.read_summary() | {"current": 1.5, "voltage": 24.0, "copper_loss": 36.0, "slip": 10.0})
+    result = load_result(folder.path)
+    page, shown = write_index(result).read_text(encoding="utf-8"), result._repr_html_()
+    for text in ("at 1.5 A and 95.49 rpm of slip is", "36 W", "history.csv"):
+        assert text in page and text in shown
+    assert "<script" not in page + shown and "columns of" in html(run_page(result, left_out_of))
+    said = [(one.mark.value, one.text) for one in result.verdict]
+    assert [(one["mark"], one["text"]) for one in result.summary["verdict"]] == said
+    study = load_study(written_study(tmp_path / "study", [1.0, 2.0]))
+    assert "2 of 3 points are done" in study._repr_html_()
 
 
 @pytest.mark.parametrize(("off", "mark"), [(1e-4, Mark.GOOD), (0.3, Mark.POOR)])

@@ -352,7 +352,7 @@ def test_a_stop_that_was_left_behind_is_told(tmp_path, runs):
 def test_the_page_of_a_study_is_there_while_it_runs_and_is_gathered_from_parts(tmp_path, runs):
     """Seen from inside the second and the last of its points; a part leaves the page to who gathers."""
     study, seen = study_of(tmp_path), []
-    page = tmp_path / "alone" / "study.html"
+    page = tmp_path / "alone" / "index.html"
     runs.acts = {0.2: lambda: seen.append(page.read_text()), 0.5: fails}
     with pytest.raises(RunError, match="the grains are gone"):
         sweep(study, out=page.parent)
@@ -362,6 +362,6 @@ def test_the_page_of_a_study_is_there_while_it_runs_and_is_gathered_from_parts(t
     assert "point-004" in ended and "the grains are gone" in ended
     runs.acts, out = {}, tmp_path / "out"
     sweep(study, out=out, part=(1, 3), resume=True)
-    assert not (out / "study.html").exists()
+    assert not (out / "index.html").exists()
     gather(study, out)
-    assert "2 done" in (out / "study.html").read_text() and "4 waiting" in (out / "study.html").read_text()
+    assert "2 done" in (out / "index.html").read_text() and "4 waiting" in (out / "index.html").read_text()

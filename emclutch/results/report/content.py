@@ -26,7 +26,7 @@ from emclutch.results.columns import (
 )
 from emclutch.results.grain_profiles import profile_column, read_profiles
 from emclutch.results.replicated_mean import drift_in_words
-from emclutch.results.report.verdict import Mark, Statement, in_words, sentence, verdict
+from emclutch.results.report.verdict import RPM, Mark, Statement, in_words, sentence, verdict
 from emclutch.results.study_folder import StudyFolder, is_study, read_study, refresh_in_words
 from emclutch.results.study_result import grain_size_lines
 from emclutch.results.text import format_stress, format_time, format_torque, per_cent
@@ -52,6 +52,25 @@ STUDY_PICTURES = {
     "grain_size.png": "torque against the size of the grains",
     "speeds.png": "speeds of the shafts against time",
 }
+FILES = {
+    "report.html": "the report: all that is known of the run, or of the points",
+    "summary.json": "the result for programs",
+    "history.csv": "a row a coupling window",
+    "profiles.csv": "means across the gap",
+    "study.csv": "a row a point, units in study.json",
+    "torque_vs_current.csv": "torque against current",
+    "torque_vs_speed.csv": "torque against speed",
+    "grain_size.csv": "torque against the size of the grains",
+    "failures.csv": "points that failed, with the reason",
+    "case.toml": "the scene as resolved, in SI units",
+    "run.log": "what was decided, and when",
+    "study.log": "what became of each point",
+    "particles.pvd": "grains in time, for ParaView",
+    "field.pvd": "the field in time, for ParaView",
+}
+"""Files of a run or a study for people to open."""
+SHORT = ("Conclusion", "Operating point", "Verdict", "Points", "Pictures", "Torque with its errors", "Files")
+"""Sections of the page that a run writes into its folder."""
 PARTS = ("start", "field", "magnetic", "contact", "output", "compiling", "total")
 ENERGIES = (
     "coil_supplied",
@@ -156,7 +175,16 @@ class Picture:
             return self.draw(Path(place) / "picture.png").read_bytes()
 
 
-Block = Table | Statements | Text | Picture
+@dataclass(frozen=True, slots=True)
+class Links:
+    """Files beside the page, and what is in them."""
+
+    files: Sequence[tuple[str, str]]
+    folded: ClassVar[str] = ""
+    kind: ClassVar[str] = "links"
+
+
+Block = Table | Statements | Text | Picture | Links
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,6 +195,15 @@ class Page:
     title: str
     under: str
     sections: dict[str, list[Block]]
+
+    def short(self) -> Page:
+        """Return the page for who wants the result alone; without pictures that would have to be drawn."""
+        chosen = {name: self.sections[name] for name in SHORT if name in self.sections}
+        chosen = {
+            name: [one for one in blocks if not isinstance(one, Picture) or one.path is not None]
+            for name, blocks in chosen.items()
+        }
+        return Page(self.folder, self.title, self.under, chosen)
 
 
 def page_of(folder: Path, left_out_of: LeftOutOf) -> Page:
@@ -187,6 +224,8 @@ def run_page(result: Result, left_out_of: LeftOutOf) -> Page:
         summary.get("title") or name,
         f"run {name}",
         {
+            "Conclusion": [Statements(conclusion(result))],
+            "Operating point": _rows(_operating_point(result)),
             "Verdict": [Statements([*verdict(result), *_that_matter(left_out, on)])],
             "Scene": _scene(folder),
             "Effects, on and off": [_effects(on, left_out)],
@@ -197,6 +236,7 @@ def run_page(result: Result, left_out_of: LeftOutOf) -> Page:
             "Cost, predicted and measured": _cost([summary]),
             "Provenance": _rows(_flat(folder.read_provenance())),
             "Files": [
+                *_links(folder.path),
                 _columns("history.csv", columns),
                 *_profile_columns(folder.path),
             ],
@@ -249,6 +289,7 @@ def study_page(study: StudyFolder, left_out_of: LeftOutOf) -> Page:
                 ]
             ),
             "Cost of all points, predicted and measured": _cost([result.summary for result in results.values()]),
+            "Files": _links(study.path),
             "Scene of the first point": [] if first is None else _scene(first.folder),
             "Provenance of the first point": [] if first is None else _rows(_flat(first.folder.read_provenance())),
         },
@@ -263,6 +304,51 @@ def effects_of(result: Result) -> list[str]:
         return list(result.folder.read_scene().get("effects", {}))
     except OutputError:  # a folder that lost its scene has a history all the same
         return []
+
+
+def conclusion(result: Result) -> list[Statement]:
+    """Return two sentences: what torque is transmitted, and what speaks against the number."""
+    summary, found = result.summary, result.steady
+    against = [one.text for one in verdict(result) if one.mark is Mark.POOR]
+    second = Statement(Mark.GOOD, "Nothing in the verdict speaks against the result.")
+    if against:
+        lines = "One line of the verdict speaks" if len(against) == 1 else f"{len(against)} lines of the verdict speak"
+        second = Statement(Mark.POOR, f"{lines} against the result: {against[0]}")
+    if found is None or found.mean is None:
+        return [Statement(Mark.NOTE, "The run has no steady torque."), second]
+    current = summary.get("current")
+    at = "" if current is None else f" at {current:.4g} A"
+    slip = summary.get("slip")
+    at += f"{' and' if at else ' at'} {slip * RPM:.4g} rpm of slip" if slip else ""
+    shown = _measured(result)
+    first = f"The {_measured_name({'': result})}{at} is {shown}"
+    first += "." if found.converged else ", which is not converged."
+    return [Statement(Mark.GOOD if found.converged else Mark.POOR, first), second]
+
+
+def _operating_point(result: Result) -> list[tuple[str, str]]:
+    summary = result.summary
+    units = {
+        "current": ("coil current", "A", 1.0), "voltage": ("voltage at the coil's resistance", "V", 1.0),
+        "copper_loss": ("copper loss", "W", 1.0), "gap_flux_density": ("flux density in the gap", "T", 1.0),
+        "slip": ("slip", "rpm", RPM), "slip_heat": ("slip heat", "W", 1.0),
+        "shear_stress": ("shear stress between the poles, at most", "kPa", 1e-3),
+    }  # fmt: skip
+    rows = [
+        (label, f"{factor * summary[key]:.4g} {unit}")
+        for key, (label, unit, factor) in units.items()
+        if isinstance(summary.get(key), float)
+    ]
+    if shown := _measured(result):
+        rows.insert(0, (_measured_name({"": result}), shown))
+    if expected := summary.get("expected_torque"):
+        rows.append(("expected before the run", expected["law"]))
+    return rows
+
+
+def _links(folder: Path) -> list[Block]:
+    found = [(name, what) for name, what in FILES.items() if (folder / name).is_file()]
+    return [Links(found)] if found else []
 
 
 def _rows(rows: Sequence[Sequence[str]]) -> list[Block]:

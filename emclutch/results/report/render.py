@@ -8,6 +8,7 @@ from elsewhere.
 from __future__ import annotations
 
 import base64
+import io
 import itertools
 import os
 import textwrap
@@ -19,19 +20,38 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
 from markupsafe import Markup
 
 from emclutch import __version__
-from emclutch.results import OutputError
-from emclutch.results.report.content import Page, Picture
+from emclutch.results import OutputError, Result
+from emclutch.results.atomic_file import replace_text
+from emclutch.results.report.content import Page, Picture, run_page
+from emclutch.results.report.verdict import verdict
 
+INDEX = "index.html"
 TEMPLATES = Path(__file__).parent / "templates"
 CLASSES = {"on": "good", "off": "soft", "YES": "poor", "NO": "poor"}
 """Colours of cells that have these words."""
 
 
-def html(page: Page) -> str:
-    """Return a page of HTML with its pictures inside."""
+def html(page: Page, small: bool = False) -> str:
+    """Return a page of HTML with its pictures inside; `small`: in fewer colours, for a file of some 300 kB."""
     environment = _environment(autoescape=True)
-    environment.filters["embedded"] = _embed
+    environment.filters["embedded"] = (lambda one: embed_small(one.png())) if small else _embed
     return environment.get_template("report.html.j2").render(page=page, classes=CLASSES, version=__version__)
+
+
+def fragment(page: Page) -> str:
+    """Return a page as HTML to be shown in another one, as in a notebook."""
+    environment = _environment(autoescape=True)
+    environment.filters["embedded"] = lambda one: embed_small(one.png())
+    return environment.get_template("fragment.html.j2").render(page=page, classes=CLASSES)
+
+
+def write_index(result: Result) -> Path:
+    """Write a run's ``index.html``, the short form of its report, and the verdict into its summary; return the page."""
+    folder = result.folder
+    lines = [{"mark": one.mark.value, "text": one.text} for one in verdict(result)]
+    folder.write_summary(result.summary | {"verdict": lines})
+    replace_text(folder.path / INDEX, html(run_page(result, lambda run: ()).short(), small=True))
+    return folder.path / INDEX
 
 
 def markdown(page: Page, place: Path) -> str:
@@ -79,6 +99,17 @@ def _environment(**options: Any) -> Environment:
 
 def _embed(picture: Picture) -> str:
     return f"data:image/png;base64,{base64.b64encode(picture.png()).decode()}"
+
+
+def embed_small(png: bytes) -> str:
+    """Return a picture as an address that holds it, at most 1400 pixels wide, in 128 colours: a fifth of the bytes."""
+    from PIL import Image  # local: matplotlib needs it, other pages do not
+
+    image = Image.open(io.BytesIO(png)).convert("RGB")
+    image.thumbnail((1400, 1400))
+    content = io.BytesIO()
+    image.quantize(128, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE).save(content, "png")
+    return f"data:image/png;base64,{base64.b64encode(content.getvalue()).decode()}"
 
 
 def _escape(value: Any) -> str:

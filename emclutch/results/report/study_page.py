@@ -18,14 +18,14 @@ import numpy as np
 
 from emclutch import __version__
 from emclutch.results.atomic_file import replace_text
-from emclutch.results.report.render import page_template
+from emclutch.results.report.content import FILES, STUDY_PICTURES
+from emclutch.results.report.render import INDEX, embed_small, page_template
 from emclutch.results.seed_average import averaged_over_seeds
 from emclutch.results.study_dataset import number_and_unit
 from emclutch.results.study_table import DONE, FAILED, KEPT, RUNNING, STOPPED, WAITING, PointRow, torque_text
 from emclutch.results.text import format_duration
 from emclutch.results.torque_curves import NORMAL, TorqueCurve, torque_curves
 
-PAGE = "study.html"
 SEED = "scene.seed"
 FIRST = ("coil.current", "coil.voltage", "motion.rotor.speed")
 """Keys over which torque is drawn, if they are varied; of other studies the first key that has numbers."""
@@ -87,8 +87,8 @@ class StudyState:
 
 
 def write_study_page(state: StudyState) -> Path:
-    """Write ``study.html`` into the study's folder in one step, and return it."""
-    path = state.folder / PAGE
+    """Write ``index.html`` into the study's folder in one step, and return it."""
+    path = state.folder / INDEX
     replace_text(path, study_page(state))
     return path
 
@@ -116,8 +116,15 @@ def study_page(state: StudyState) -> str:
         failures=state.failures[:MAX_FAILURES],
         more_failures=max(0, len(state.failures) - MAX_FAILURES),
         curve=_curve(state),
+        pictures=[] if state.is_running else _pictures(state.folder),
+        files=[(name, what) for name, what in FILES.items() if (state.folder / name).is_file()],
         version=__version__,
     )
+
+
+def _pictures(folder: Path) -> list[tuple[str, str]]:
+    found = [(what, folder / name) for name, what in STUDY_PICTURES.items()]
+    return [(what, embed_small(path.read_bytes())) for what, path in found if path.is_file()]
 
 
 def _cells(name: str, point: PointRow) -> dict[str, str]:

@@ -172,6 +172,12 @@ class ExpectedTorque:
     trust: Trust = BOUND
     law: str = ""
 
+    def as_dict(self) -> dict[str, float | str | None]:
+        """Return the torque and the ends of what a run may give [N m], for a summary."""
+        torque = self.torque or 0.0
+        low, high = torque / self.trust.too_large, torque * self.trust.too_small
+        return {"mean": self.torque, "low": low, "high": high, "law": self.in_words()}
+
     def in_words(self) -> str:
         """One line for the plan."""
         if self.torque is None:
