@@ -108,7 +108,8 @@ def sweep(
         check_threads(threads)
         if gather:
             given = {"--part": part is not None, "--jobs": jobs != 1, "--resume": resume, "--force": force,
-                     "--dask": dask is not None, "--threads": threads is not None, "--dry-run": dry_run}  # fmt: skip
+                     "--dask": dask is not None, "--threads": threads is not None, "--dry-run": dry_run,
+                     "--with": measured is not None}  # fmt: skip
             refuse_beside("--gather", given)
             _gather(study, out, trust_scripts)
             return
