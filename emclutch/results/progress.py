@@ -19,6 +19,15 @@ FIRST_STEPS, FIRST_FRACTION = 2, 0.01
 MIN_DONE = 0.03  # below, no time left is shown
 
 
+SHOWN = "shown"
+"""Progress of a function in Python unless another is given: a bar on a terminal or in a notebook, else nothing."""
+
+
+def someone_looks() -> bool:
+    """True on a terminal, and in a notebook."""
+    return sys.stderr.isatty() or "ipykernel" in sys.modules
+
+
 class Progress:
     """Shows the progress of one piece of work; use it in a ``with`` block and call `update`.
 

@@ -9,15 +9,16 @@ import pytest
 from rich.console import Console
 from written_run import written_study
 
-from emclutch.results import HistoryWriter
+from emclutch.results import HistoryWriter, OutputError
 from emclutch.results.history import last_time
+from emclutch.results.measured_table import keep_measured, measured_in
 from emclutch.results.report.content import study_page
 from emclutch.results.seed_average import averaged_over_seeds
 from emclutch.results.study_folder import read_study
 from emclutch.results.study_result import grain_size_lines, load_study
 from emclutch.results.study_table import FAILED, StudyTable
 from emclutch.scene.study import StudySection
-from emclutch.studies.tables import write_torques
+from emclutch.studies.tables import expected_band, write_torques
 
 CURRENT, SEED, SPEED, VOLTAGE = "coil.current", "scene.seed", "motion.rotor.speed", "coil.voltage"
 DIAMETER = "particles.diameter"
@@ -29,6 +30,22 @@ def study(**values):
 
 def row(torque, **more):
     return {"torque": torque, "standard_error": 0.05, "converged": True, "reason": "fine", **more}
+
+
+def test_measured_points_and_the_expected_torque_are_laid_over_a_study(tmp_path):
+    """Columns are current_A and torque_Nm; another unit is refused, and a band needs two currents."""
+    table = tmp_path / "bench.csv"
+    table.write_text("current_A,torque_Nm\n2,3\n1,2\n")
+    assert measured_in(tmp_path) is None
+    keep_measured(table, tmp_path)
+    assert measured_in(tmp_path)["torque_Nm"].tolist() == [[1.0, 2.0], [2.0, 3.0]]
+    table.write_text("current_mA,torque_Nm\n2,3\n")
+    with pytest.raises(OutputError, match="'current_mA' is in mA; it must be current"):
+        keep_measured(table, tmp_path)
+    names = ("current", "expected_low", "expected_torque", "expected_high")
+    rows = [dict(zip(names, row, strict=True)) for row in ((2.0, 1.0, 3.0, 9.0), (1.0, 0.5, 1.5, 4.5))]
+    assert expected_band(rows).tolist() == [[1.0, 0.5, 1.5, 4.5], [2.0, 1.0, 3.0, 9.0]]
+    assert expected_band(rows[:1]) is None
 
 
 def test_the_interval_between_seeds_holds_the_mean_as_often_as_it_promises():

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ from emclutch.knobs import KNOBS
 from emclutch.results import Result, RunFolder
 from emclutch.results.errors import OutputError
 from emclutch.results.ladders import ladder_folder
+from emclutch.results.progress import SHOWN, Progress, someone_looks
 from emclutch.results.recommended import STATISTICS, Choice, Obstacle
 from emclutch.results.text import per_cent
 from emclutch.scene.case import Case, as_case
@@ -58,7 +60,7 @@ def run(
     out: str | Path | None = None,
     threads: int | None = None,
     resume: bool = False,
-    progress=None,
+    progress: Any = SHOWN,
     start: str | Path | None = None,
     force: bool = False,
     callback: Callable[[WindowState], object] | None = None,
@@ -78,9 +80,9 @@ def run(
     threads : of the kernels of each replica; default: ``OMP_NUM_THREADS``, or what a trial in the first windows finds
         to pay of the cores, shared out among the replicas. The result does not depend on it.
     resume : continue from the checkpoint in `out`; a run that was killed before it wrote one starts again there.
-    progress : object with update(fraction, text), or None; if it has announce(text) too, what is being compiled, and
-        how long it has to go; if it has stop_asked, and that is true after a window, the run ends there as
-        after Ctrl-C.
+    progress : object with update(fraction, text), or None for none; default: a bar on a terminal or in a notebook.
+        If it has announce(text) too, what is being compiled, and how long it has to go; if
+        it has stop_asked, and that is true after a window, the run ends there as after Ctrl-C.
     start : folder of a finished run whose grains this one begins with (`emclutch.simulation.warm_start`), in place of
         a packing; it says nothing more where a run is resumed from a checkpoint.
     force : run also where more memory or disk is needed than is free.
@@ -100,6 +102,11 @@ def run(
         More memory or disk is needed than is free, a solver did not converge, grains do not fit, a contact failed;
         `Interrupted` after Ctrl-C.
     """
+    if progress == SHOWN:
+        with Progress() if someone_looks() else nullcontext() as bar:
+            return run(
+                case, out=out, threads=threads, resume=resume, progress=bar, start=start, force=force, callback=callback
+            )  # fmt: skip
     case = as_case(case)
     target = case.scene.accuracy.target
     if resume and (folder := out or case.scene.output.folder) is not None:
