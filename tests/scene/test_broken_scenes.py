@@ -50,7 +50,7 @@ EDITS = {
         {"effects.dipoles.model": "mutual", "effects.back_reaction": {}, "particles.diameter": "0.6 mm"},
         "effects.back_reaction", "remove its table (the field then holds no grain), or lower particles.diameter"),
     "misspelt kind": ({"geometry.kind": "clucth"}, "geometry.kind", "did you mean 'clutch'?"),
-    "unknown material": ({"geometry.materials.disc": "steel_101"}, "geometry.materials.disc",
+    "unknown material": ({"geometry.materials.disc": "steel_10100"}, "geometry.materials.disc",
         "did you mean 'steel_1010'?"),
     "gap below a grain": ({"geometry.gap": "0.1 mm"}, "geometry.gap = '0.1 mm'", "raise geometry.gap"),
     "coil in the cavity": ({"geometry.coil_radius": "20 mm"}, "geometry.coil_radius",
@@ -190,7 +190,7 @@ def test_grains_are_compared_with_the_sizes_that_are_right():
 HIDDEN = {
     "a size hides sizes": ({"geometry.gap": "3 kg", "geometry.shaft_radius": "60 mm"},
         "geometry.gap = '3 kg'", "geometry.shaft_radius = '60 mm'"),
-    "a missing size hides a material": ({"geometry.gap": None, "geometry.materials.disc": "steel_101"},
+    "a missing size hides a material": ({"geometry.gap": None, "geometry.materials.disc": "steel_10100"},
         "geometry.gap is missing", "geometry.materials.disc"),
     "a size hides the amount of powder": ({"geometry.gap": "0.1 mm", "particles.mass": "3 kg"},
         "geometry.gap = '0.1 mm'", "particles.mass = '3 kg'"),
@@ -238,7 +238,7 @@ def test_one_limit_of_threads_also_before_a_plan():
 
 def test_resume_needs_a_folder(tmp_path):
     refused(["run", str(GOOD), "--resume"], "emclutch run FOLDER --resume")
-    refused(["sweep", str(BROKEN / "good.toml"), "--resume"], "name the study's folder with --out")
+    refused(["sweep", str(BROKEN / "good.toml"), "--resume"], "name its folder with --out")
     refused(["run", str(tmp_path), "--resume"], str(tmp_path), "no case.toml")
 
 

@@ -102,7 +102,7 @@ FAULTS = {
     "a material too few": ({"materials": {"disc": "steel_1010"}}, "geometry.file",
                            ("name means nothing here: 'cover', 'housing'", "give each a material")),
     "unit": ({"scale": 1000.0}, "geometry.file", ("unit of length is likely wrong", "geometry.scale = 0.001")),
-    "unknown material": ({"materials": {**MATERIALS, "disc": "steel_101"}}, "geometry.materials.disc",
+    "unknown material": ({"materials": {**MATERIALS, "disc": "steel_10100"}}, "geometry.materials.disc",
                          ("did you mean 'steel_1010'?",)),
     "unknown body": ({"bodies": {"cover": "rotr"}}, "geometry.bodies.cover", ("did you mean 'rotor'?",)),
     "misspelt key": ({"filee": "a"}, "geometry.filee", ("did you mean 'file'?",)),
