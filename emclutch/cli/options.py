@@ -53,7 +53,6 @@ Measured = Annotated[
     Path | None,
     typer.Option(
         "--with",
-        "--measured",
         metavar="FILE",
         help="CSV with named columns to lay over --speeds (time [s], speeds [rpm]) or --torque-current (current [A], "
         "torques [N m]; with --rated both over the rated ones)",

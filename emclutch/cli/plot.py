@@ -63,7 +63,7 @@ def plot_runs(
     """
     if measured is not None and kind not in _MEASURED:
         message = "lies over speeds or torque against current only; add --speeds or --torque-current"
-        raise SceneError([Fault("--measured", str(measured), message)], "command line")
+        raise SceneError([Fault("--with", str(measured), message)], "command line")
     if band is not None and kind != TORQUE_CURRENT:
         message = "lies under torque against current only; add --torque-current"
         raise SceneError([Fault("--band", str(band), message)], "command line")

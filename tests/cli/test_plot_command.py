@@ -178,7 +178,7 @@ def test_a_column_in_another_unit_is_refused(tmp_path, columns, over, named):
 
 def test_the_measured_brakes_that_ship_lie_over_a_study(tmp_path):
     study = written_study(tmp_path / "study", [1.0, 2.0])
-    measured = ["--measured", str(CASES / "validation" / "dry_powder_brakes.csv")]
+    measured = ["--with", str(CASES / "validation" / "dry_powder_brakes.csv")]
     drawn = CliRunner().invoke(app, ["plot", str(study), "--torque-current", "--rated", "2 A", *measured])
     assert drawn.exit_code == 0 and drawn.output.strip() == str(study / "torque_current-1.png")
     assert (study / "torque_current-1.png").stat().st_size > 10_000
