@@ -25,6 +25,7 @@ import numpy as np
 
 from geometry.annular_spaces import AnnularSpaces
 from geometry.fault import FaultFinder, GeometryFault, millimetres
+from geometry.pole_edges import SMALLEST_EDGE, cut_corners
 from geometry.sheared_gap import ShearedGap
 from geometry.slots import Slots, slot_faults
 from geometry.walls import AnnularBox, Pair, RevolvedWall, outline
@@ -79,6 +80,9 @@ class Clutch(AnnularSpaces):
     magnetic : frozenset of str
         Regions of magnetic material: their faces mirror dipoles. With magnetic covers the ring may be wider than the
         disc.
+    pole_chamfer, pole_fillet : float
+        Leg of a chamfer, or radius of a fillet, of the edges of the housing's poles at the running clearance; 0: sharp.
+        The edges of disc and rotor bound the powder and stay sharp, as the grains' walls are.
     disc_slots, rotor_slots : Slots or None
         Slots in the disc's rim and in the rotor's poles, open towards the rim gap.
     """
@@ -98,6 +102,8 @@ class Clutch(AnnularSpaces):
     shaft_radius: float = 8e-3
     housing_width: float | None = None
     coil_radius: float | None = None
+    pole_chamfer: float = 0.0
+    pole_fillet: float = 0.0
     air_factor: float = 3.0
     magnetic: frozenset[str] = frozenset({"disc", "rotor"})
     disc_slots: Slots | None = None
@@ -127,6 +133,11 @@ class Clutch(AnnularSpaces):
     def housing_bore(self) -> float:
         """Inner radius of the housing [m]."""
         return self.rotor_radius + self.clearance
+
+    @property
+    def pole_edge(self) -> float:
+        """How far the edges of the housing's poles are cut, along both sides [m]."""
+        return max(self.pole_chamfer, self.pole_fillet)
 
     @property
     def coil_inner_radius(self) -> float:
@@ -262,7 +273,8 @@ class Clutch(AnnularSpaces):
         """
         mm = millimetres
         it = FaultFinder(self, {"housing_width": self.housing_length, "coil_radius": self.coil_inner_radius})
-        it.check_lengths(*_SIZES, or_zero={"ring_width": "no ring"})
+        sharp = dict.fromkeys(("pole_chamfer", "pole_fillet"), "sharp edges")
+        it.check_lengths(*_SIZES, *sharp, or_zero={"ring_width": "no ring", **sharp})
         for name in ("gap", "face_gap", "clearance"):
             it.refuse(0.0 < self.disc_radius <= getattr(self, name) < math.inf, name,
                       "a gap is wider than the disc's radius; a bare number is in metres",
@@ -312,6 +324,18 @@ class Clutch(AnnularSpaces):
                   f"at least {mm(self.housing_bore)}",
                   "raise `coil_radius`, or leave it out and the coil lies right outside the rotor",
                   "disc_radius", "gap", "rotor_wall", "clearance")  # fmt: skip
+
+        # two edges share the pole's face, and its sides reach as far as the coil
+        room = min(0.25 * (self.housing_length - self.coil_width), self.coil_outer_radius - self.housing_bore)
+        for name in sharp:
+            it.refuse(0.0 < room <= getattr(self, name), name, "the cut edges leave no face of the housing's poles",
+                      f"0 mm (sharp edges), or {mm(SMALLEST_EDGE)} to less than {mm(room)}", f"lower `{name}`",
+                      "coil_width", "housing_width", "coil_height", "coil_radius", *rotor)  # fmt: skip
+            it.refuse(0.0 < getattr(self, name) < SMALLEST_EDGE, name, "an edge that is broken so little is sharp",
+                      f"0 mm (sharp edges), or at least {mm(SMALLEST_EDGE)}", f"leave `{name}` out")  # fmt: skip
+        it.refuse(self.pole_chamfer > 0.0 and self.pole_fillet > 0.0, "pole_fillet", "the same edges have a chamfer",
+                  "0 mm with `pole_chamfer`", "keep one of `pole_chamfer` and `pole_fillet`",
+                  "pole_chamfer")  # fmt: skip
 
         for name, length, sizes in (
             ("gap", self.cavity_length, rotor[:2]),
@@ -423,7 +447,9 @@ class Clutch(AnnularSpaces):
             "rotor": [_rectangle(bore, shell, -rotor, -ring), _rectangle(bore, shell, ring, rotor)],
             "ring": [_rectangle(bore, shell, -ring, ring)],
             "coil": [_rectangle(self.coil_inner_radius, window, -coil, coil)],
-            "housing": [np.array(steel)],
+            "housing": [
+                cut_corners(np.array(steel), (0, 3, 4, 7), chamfer=self.pole_chamfer, fillet=self.pole_fillet)
+            ],
         }
         if self.ring_width == 0.0:
             del polygons["ring"]

@@ -158,8 +158,10 @@ def element_sizes(
         (min(rim, face), disc, disc_half),
         (rim, clutch.bore_radius, ring),
         (bore, clutch.rotor_radius, ring),
-        (bore, clutch.housing_bore, 0.5 * clutch.coil_width),
+        (min(bore, clutch.pole_edge or bore), clutch.housing_bore, 0.5 * clutch.coil_width),
     ]
+    if clutch.pole_edge > 0.0:
+        upper.append((min(bore, clutch.pole_edge), clutch.housing_bore, 0.5 * clutch.housing_length))
     if clutch.cover_magnetic:
         upper.append((face, seal, half))
     return boxes, [(CORNER * size, r, side) for size, r, z in upper if z > 0.0 for side in (-z, z)]

@@ -107,6 +107,12 @@ class ClutchGeometry(GeometrySection):
     coil_radius: Length | None = Field(
         default=None, description="inner radius of the coil; default: the housing's bore"
     )
+    pole_chamfer: LengthOrNone = Field(
+        default=0.0,
+        description="leg of a 45 degree chamfer of the edges of the housing's poles at the clearance; the edges of "
+        "disc and rotor bound the powder and stay sharp; 0: sharp",
+    )
+    pole_fillet: LengthOrNone = Field(default=0.0, description="radius of a fillet of the same edges; 0: sharp")
     air_factor: Annotated[float, number("3", 1.5, 20.0)] = Field(default=3.0, description="air box / device size")
     disc_slots: SlotsSection | None = Field(default=None, description="slots in the disc's rim")
     rotor_slots: SlotsSection | None = Field(default=None, description="slots in the rotor's poles")

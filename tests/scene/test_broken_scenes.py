@@ -55,6 +55,8 @@ EDITS = {
     "gap below a grain": ({"geometry.gap": "0.1 mm"}, "geometry.gap = '0.1 mm'", "raise geometry.gap"),
     "coil in the cavity": ({"geometry.coil_radius": "20 mm"}, "geometry.coil_radius",
         "raise geometry.coil_radius"),
+    "fillet as large as the pole": ({"geometry.pole_fillet": "20 mm"}, "geometry.pole_fillet",
+        "lower geometry.pole_fillet"),
     "impossible fill": ({"particles.mass": "3 kg"}, "particles.mass", "allowed: at most"),
     "less than a grain": ({"particles.mass": "1 ug"}, "particles.mass", "less than one grain; raise it"),
     "a number read as metres": ({"geometry.disc_radius": 80}, "geometry.disc_radius = 80", "write '80 mm'"),
