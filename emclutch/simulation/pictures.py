@@ -64,7 +64,7 @@ def draw_run(case, folder: RunFolder, device, simulation, profiles: ProfileAvera
     if TORQUE_DISC in result.history:  # a box has no disc
         current = steady_current(result.history)
         torque_title = title if current is None else f"{title}\n{current:.4g} A"
-        if transient := transient_in_words(result.summary):
+        if transient := transient_in_words(case.scene.effects, result.summary):
             torque_title += f"\n{transient}"
         torque_picture(
             folder.torque_picture,
@@ -80,7 +80,7 @@ def draw_run(case, folder: RunFolder, device, simulation, profiles: ProfileAvera
         stress_picture(folder.stress_picture, result.history, result.stress, result.other_histories, title=title)
     if speeds_vary(result.history):
         locked = result.summary.get("lock_up_time")
-        speed_title = title if locked is None else f"{title}\nlocked after {format_time(locked)}"
+        speed_title = title if locked is None else f"{title}\nlocked at t = {format_time(locked)}"
         speed_picture(folder.path / "speeds.png", {title: result.history}, title=speed_title, locked=locked)
     if profiles is not None and (across := profiles.profiles()):
         profile_picture(folder.path / "profiles.png", across, title=f"{title}\n{at}")
@@ -132,14 +132,22 @@ def moment_in_words(history, time: float) -> str:
     return f"{history[CURRENT].iloc[-1]:.4g} A, {at}" if CURRENT in history else at
 
 
-def transient_in_words(summary) -> str:
-    """Lock-up and the times to 63 and 90 % of the final values, where a run has them: the headline of a transient."""
+def transient_in_words(effects, summary) -> str:
+    """Lock-up and the times to 63 and 90 % of the final values, where a run has them: the headline of a transient.
+
+    A current that the scene gives is no result, nor is a field that follows it without delay.
+    """
     parts = []
     if (locked := summary.get("lock_up_time")) is not None:
-        parts.append(f"locked after {format_time(locked)}")
+        parts.append(f"locked at t = {format_time(locked)}")
+    delayed = {
+        "torque": locked is None,
+        "current": effects.circuit is not None,
+        "gap_flux_density": effects.circuit is not None or effects.eddy is not None,
+    }
     for name, key in (("torque", "torque"), ("current", "current"), ("field", "gap_flux_density")):
         first, late = (summary.get(f"{key}_rise_time{share}") for share in ("", "_90"))
-        if first is not None and not (locked is not None and name == "torque"):
+        if first is not None and delayed[key]:
             then = f", 90 % after {format_time(late)}" if late else ""
             parts.append(f"{name} 63 % after {format_time(first)}{then}")
     return "; ".join(parts)

@@ -14,6 +14,7 @@ from emclutch.results.pictures.grains import _across, _gaps
 from emclutch.results.pictures.torque_curves import _draw_range, _torque_axes
 from emclutch.results.text import format_torque
 from emclutch.results.torque_curves import torque_curves
+from emclutch.simulation.pictures import transient_in_words
 from field.section.section_elements import SectionElements
 from field.section.smooth_field import SmoothField
 from geometry import AnnularBox
@@ -203,3 +204,11 @@ def test_results_import_without_heavy_packages():
     code = f"import sys, emclutch.results, emclutch.results.pictures; print({heavy} & set(sys.modules))"
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
     assert found.strip() == "set()"
+
+
+def test_the_headline_of_a_transient_has_the_rise_of_what_is_delayed_only():
+    summary = {"current_rise_time": 2e-3, "gap_flux_density_rise_time": 3e-3, "lock_up_time": 4e-3}
+    given = SimpleNamespace(circuit=None, eddy=None)
+    assert transient_in_words(given, summary) == "locked at t = 4 ms"
+    driven = SimpleNamespace(circuit=object(), eddy=None)
+    assert transient_in_words(driven, summary) == "locked at t = 4 ms; current 63 % after 2 ms; field 63 % after 3 ms"

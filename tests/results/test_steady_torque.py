@@ -12,6 +12,7 @@ from emclutch.results import Estimate, HistoryWriter, RunFolder, load_result
 from emclutch.results.steady_stress import steady_stress, stress_summary
 from emclutch.results.steady_torque import MIN_AVERAGED_STRAIN, SteadyConditions, steady_torque
 from emclutch.scene.case import case_from
+from emclutch.simulation.forecast.expected_torque import ExpectedTorque
 from emclutch.simulation.planned_run import PlannedRun
 from emclutch.simulation.summary import summarise
 from emclutch.studies.method_comparison import compare_methods
@@ -57,6 +58,15 @@ def history(*, driven=2.0, speed=10.0):
 
 
 CONTACT = SimpleNamespace(tolerance=1e-3, springs=None)  # of the plan, as the verdict on the solver reads it
+NO_TORQUE = ExpectedTorque(torque=None, stress=0.0)
+NO_FIELD = SimpleNamespace(  # a device without a gap: nothing is expected of it
+    coil=None,
+    imposed=None,
+    filled_boxes=[],
+    shape=SimpleNamespace(gap_parts=lambda boxes: []),
+    kind=SimpleNamespace(friction_torque=lambda scene, device: NO_TORQUE),
+)
+
 
 def three_ways(path, rows, conditions):
     """The torque of a run's folder before its summary is written, in the summary, and in the comparison of methods."""
@@ -73,10 +83,8 @@ def three_ways(path, rows, conditions):
         n_sectors=1,
     )
     cost = SimpleNamespace(seconds={"total": 1.0})
-    plan = SimpleNamespace(scaled=None, count=10, dt=1e-3, contact_data={}, contact=CONTACT, cost=cost)
-    summarise(
-        CASE, folder, PlannedRun(SimpleNamespace(coil=None), plan, conditions, {}), simulation, {"whole_run": 1.0}
-    )
+    plan = SimpleNamespace(scaled=None, count=10, dt=1e-3, contact_data={}, contact=CONTACT, cost=cost, peak_field=None)
+    summarise(CASE, folder, PlannedRun(NO_FIELD, plan, conditions, {}), simulation, {"whole_run": 1.0})
     written = Estimate.from_dict(folder.read_summary()["torque"])
     result = load_result(path)
     (row,) = compare_methods([({"contact.method": method}, result) for method in ("dem", "dvi")])

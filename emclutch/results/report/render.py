@@ -103,7 +103,7 @@ def _embed(picture: Picture) -> str:
 
 def embed_small(png: bytes) -> str:
     """Return a picture as an address that holds it, at most 1400 pixels wide, in 128 colours: a fifth of the bytes."""
-    from PIL import Image  # local: matplotlib needs it, other pages do not
+    from PIL import Image  # local: pages without pictures do not need it
 
     image = Image.open(io.BytesIO(png)).convert("RGB")
     image.thumbnail((1400, 1400))

@@ -148,7 +148,7 @@ def movie(view: RunView, path: Path) -> Path:
     times = view.files.times
     view.draw(times[-1])  # the colours are those of the last moment
     if path.suffix == ".gif":
-        from PIL import Image  # matplotlib brings it
+        from PIL import Image
 
         pictures = []
         for time in times:
