@@ -7,9 +7,10 @@ What may be in the file (STEP, IGES, BREP, or gmsh's own .geo with the OpenCASCA
   volume is not that of its section turned (Pappus) is refused, because a slot would be lost without a message, or
   reported to a caller who solves the field in 3D.
 
-A part's region is its name in the file (`geometry.cad_parts`); a BREP file has none, and its parts are ``part1``,
-``part2`` and so on in the order of the file.  Air need not be drawn: what no part fills is air, out to a half disc
-around all.  STEP carries its unit of length; a BREP or .geo file is read in millimetres; ``scale`` mends a wrong unit.
+A part's region is its name in the file (`geometry.cad_parts`); one without a name is ``part3``, say, by its number in
+the order of the file, as are all parts of a BREP file.  Air need not be drawn: what no part fills is air, out to a half
+disc around all.  STEP carries its unit of length; a BREP or .geo file is read in millimetres; ``scale`` mends a wrong
+unit.
 A .geo file is a script, and refused unless the caller trusts it (`geometry.file_content`).
 """
 
@@ -21,7 +22,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from geometry.cad_parts import CadFile, CadPart, own_name
+from geometry.cad_parts import CadFile, CadPart, own_name, plain_name
 from geometry.file_content import SCRIPT, SHAPE_FORMATS, CadError, check_file
 from geometry.mesher import MILLIMETRE, SECTION_OPTIONS, gmsh_model
 
@@ -108,10 +109,7 @@ def _read(gmsh: Any, path: Path) -> _Shapes:
             found = gmsh.model.occ.importShapes(str(path), highestDimOnly=True, format=SHAPE_FORMATS[suffix])
             gmsh.model.occ.synchronize()
             found = [shape for shape in found if shape[0] >= 2]
-            names = [gmsh.model.getEntityName(*shape) for shape in found]
-            if suffix == ".brep":
-                names = [f"part{number + 1}" for number in range(len(found))]
-            shapes = dict(zip(found, names, strict=True))
+            shapes = _numbered(found, [gmsh.model.getEntityName(*shape) for shape in found], path)
     except CadError:
         raise
     except Exception as error:  # gmsh raises plain Exception, with its own last message
@@ -119,6 +117,19 @@ def _read(gmsh: Any, path: Path) -> _Shapes:
     if not shapes:
         raise CadError(f"{path} holds neither solids nor faces; export parts or the faces of a section, not curves")
     return shapes
+
+
+def _numbered(found: list[tuple[int, int]], labels: list[str], path: Path) -> _Shapes:
+    """Label each part that has no name by its number, from 1."""
+    numbers = [f"part{number}" for number in range(1, len(found) + 1)]
+    named = {plain_name(own_name(label)) for label in labels}
+    twice = next((n for n, label in zip(numbers, labels, strict=True) if not own_name(label) and n in named), None)
+    if twice:
+        raise CadError(
+            f"{path}: {twice!r} is the name of one part and the number of another, which has no name; rename it in the "
+            "CAD program"
+        )
+    return {shape: label if own_name(label) else n for shape, label, n in zip(found, labels, numbers, strict=True)}
 
 
 def _of_groups(gmsh: Any, path: Path) -> _Shapes:

@@ -7,6 +7,7 @@ physical group or the cell set of a mesh), without regard to case and without th
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -20,6 +21,7 @@ SMALLEST, LARGEST = 2e-3, 10.0
 _ROUNDED = 1e-8  # m; coordinates in a STEP file are rounded to 1e-9 or better
 # Part names that a translator makes up where the file has none.
 _MADE_UP = re.compile(r"open cascade.*|shape\d*|solid\d*|compound\d*|\d*|=>\[.*|component\d*|body\d*", re.IGNORECASE)
+_NUMBERED = re.compile(r"part[1-9]\d*")
 _COUNTER = re.compile(r"[:<#._ -]+v?\d+>?$")
 
 
@@ -30,7 +32,7 @@ class CadPart:
     Attributes
     ----------
     name : str
-        As it stands in the file; empty where it has none.
+        As it stands in the file; ``part3`` for the third part where it has none.
     region : str
         What it was taken for.
     size : float
@@ -51,10 +53,11 @@ class CadPart:
     def __str__(self) -> str:
         solid = len(self.lower) == 3
         sides = zip("xyz" if solid else "rz", self.lower, self.upper, strict=True)
+        turned = "" if solid else f", turned {2e6 * math.pi * self.radius * self.size:.4g} cm3"
         place = ", ".join(f"{axis} {1e3 * a:.4g} to {1e3 * b:.4g}{'' if solid else ' mm'}" for axis, a, b in sides)
         size = f"{1e9 * self.size:.4g} mm3" if solid else f"{1e6 * self.size:.4g} mm2"
-        taken = f"taken for {self.region!r}" if self.region else "not taken: no name"
-        return f"{self.name or '(no name)'}: {size}, {place}{' mm' if solid else ''}, {taken}"
+        taken = "no name in the file" if is_number(self.region) else f"taken for {self.region!r}"
+        return f"{self.name}: {size}, {place}{' mm' if solid else ''}{turned}, {taken}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,11 +125,12 @@ class CadFile:
     def check_parts(self, parts: Sequence[CadPart]) -> None:
         """Refuse parts without a name or beyond the axis, and regions that are missing or mean nothing."""
         found = list_of(parts)
-        unnamed = sum(not part.region for part in parts)
+        unnamed = [part.name for part in parts if is_number(part.region) and not self.expects(part.region)]
         if unnamed:
             raise CadError(
-                f"{self.path}: {unnamed} of {len(parts)} parts have no name; name the parts in the CAD program as the "
-                f"regions are called, and export STEP\n{found}"
+                f"{self.path}: {len(unnamed)} of {len(parts)} parts have no name; name them in the CAD program as the "
+                "regions are called, and export STEP, or translate their numbers with `names`, as in "
+                f'{{ {unnamed[0]} = "disc" }}\n{found}'
             )
         there = {part.region for part in parts}
         missing = [name for name in self.needed if name not in there]
@@ -149,6 +153,11 @@ class CadFile:
                 f"{self.path}: {', '.join(part.region for part in beyond)} reach to r = {1e3 * beyond[0].lower[0]:.4g} "
                 f"mm, beyond the axis; keep the half with x > 0 of the section\n{found}"
             )
+
+
+def is_number(name: str) -> bool:
+    """True for ``part3``, as the third part of a file is called that has no name there."""
+    return _NUMBERED.fullmatch(name) is not None
 
 
 def list_of(parts: Sequence[CadPart]) -> str:

@@ -103,9 +103,11 @@ class ClutchGeometry(GeometrySection):
     coil_height: Length = Field(description="radial height of the coil's window")
     yoke: Length = Field(description="radial thickness of the housing outside the coil")
     shaft_radius: Length = Field(description="radius of both shafts")
-    housing_width: Length | None = Field(default=None, description="axial width of the housing; default: the rotor's")
+    housing_width: Length | None = Field(
+        default=None, description="axial width of the housing; default: the rotor's", examples=["20 mm"]
+    )
     coil_radius: Length | None = Field(
-        default=None, description="inner radius of the coil; default: the housing's bore"
+        default=None, description="inner radius of the coil; default: the housing's bore", examples=["55 mm"]
     )
     pole_chamfer: LengthOrNone = Field(
         default=0.0,

@@ -75,8 +75,12 @@ class DutySection(Section):
     """What the device does for hours: on all the time, or on and off in periods."""
 
     end: Time = Field(default=14400.0, description="time that is computed, from the ambient temperature on")
-    period: Time | None = Field(default=None, description="time after which the duty repeats; default: never")
-    on: Time | None = Field(default=None, description="time at the start of each period in which the coil is on")
+    period: Time | None = Field(
+        default=None, description="time after which the duty repeats; default: never", examples=["10 min"]
+    )
+    on: Time | None = Field(
+        default=None, description="time at the start of each period in which the coil is on", examples=["4 min"]
+    )
     current: CurrentProfile | None = Field(
         default=None, description="coil current while it is on, in a period; default: the largest of [coil]"
     )

@@ -103,7 +103,9 @@ def _meaning(field: FieldInfo) -> str:
 
 
 def _example(field: FieldInfo) -> Any:
-    """Return an entry of a key that has no default; an ellipsis where it has no example."""
+    """Return an entry of a key that has no default, of a device's size; an ellipsis where it has no example."""
+    if field.examples:
+        return field.examples[0]
     if (entry := entry_of(annotation_of(field))) is not None:
         return entry.sample
     return "..." if str in members_of(field.annotation) else ...

@@ -42,7 +42,9 @@ class DviSection(Section):
         description="fraction of the steps that may miss the tolerance before the run is stopped",
     )
     step: Annotated[Time | None, Automatic()] = Field(
-        default=None, description="step of the rigid grains; default: time.step, else by the rules of travel and force"
+        default=None,
+        description="step of the rigid grains; default: time.step, else by the rules of travel and force",
+        examples=["5 us"],
     )
     allow_long_step: StrictBool = Field(default=False, description="take a step that is longer than the rules allow")
     theta: Annotated[float, number("1", 0.5, 1.0)] = Field(

@@ -36,12 +36,15 @@ class ParticlesSection(Section):
     `mesh` take it, with `[geometry]`, `[coil]` and `[field]`; a run refuses it.
     """
 
-    diameter: Length | None = Field(default=None, description="diameter of equal grains; or sizes")
+    diameter: Length | None = Field(
+        default=None, description="diameter of equal grains; or sizes", examples=["0.25 mm"]
+    )
     sizes: Sizes | None = Field(default=None, description="distribution of diameters, instead of diameter")
     stands_for: RealSize | None = Field(
         default=None,
         description="real powder that coarser grains stand for: diameter, or percentiles as of sizes; without it the "
         "grains are of real size, as shot is",
+        examples=["60 um"],
     )
     mass: Mass | None = Field(default=None, description="mass of powder in the whole device, not only in the sector")
     solid_fraction: Annotated[float, number("0.4", 0.0, 1.0, above=True)] | None = Field(
@@ -78,7 +81,9 @@ class ParticlesSection(Section):
     settle_kinetic: Annotated[float, number("1e-6", 1e-15, 0.1)] = Field(
         default=1e-6, description="at rest: kinetic energy / m g d (without gravity: / energy stored in contacts)"
     )
-    settle_longest: Time | None = Field(default=None, description="longest simulated time to rest; default: 100 falls")
+    settle_longest: Time | None = Field(
+        default=None, description="longest simulated time to rest; default: 100 falls", examples=["1 s"]
+    )
     initial_velocity: Annotated[str, Choice(("rest", "sheared"))] = Field(
         default="rest",
         description="velocities at time 0: none, or those of a steady shear between the shafts, as in powder that has "

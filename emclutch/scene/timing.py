@@ -30,13 +30,17 @@ class TimeSection(Section):
         "N m, or either: 'torque 2 %', 'torque 0.01 N m', 'torque 2 % or 0.01 N m'; in a sheared_box the shear "
         "stress: 'stress 2 %'",
     )
-    window: Annotated[Time | None, Automatic()] = Field(default=None, description="coupling window, or auto")
-    step: Annotated[Time | None, Automatic()] = Field(default=None, description="step of the grains, or auto")
+    window: Annotated[Time | None, Automatic()] = Field(
+        default=None, description="coupling window, or auto", examples=["0.03 ms"]
+    )
+    step: Annotated[Time | None, Automatic()] = Field(
+        default=None, description="step of the grains, or auto", examples=["0.08 us"]
+    )
     steps_per_contact: Annotated[float, number("20", 10.0, 200.0)] = Field(
         default=20.0, description="steps in the duration of a contact, where the step is automatic"
     )
     average_from: InstantOrStrain | None = Field(
-        default=None, description="start of the steady part; default: found in the run"
+        default=None, description="start of the steady part; default: found in the run", examples=["8 ms"]
     )
     exclude_drift: bool = Field(
         default=True,
@@ -103,7 +107,9 @@ class AccuracySection(Section):
     )
     ladders: LaddersSection = LaddersSection()
     time_end: TimeOrStrain | None = Field(
-        default=None, description="end of the ladder's runs; default: twice the start-up, else time.end"
+        default=None,
+        description="end of the ladder's runs; default: twice the start-up, else time.end",
+        examples=["strain 20"],
     )
     inertial_number: Annotated[float, number("0.03", 0.0, 1.0, above=True)] | None = Field(
         default=None,

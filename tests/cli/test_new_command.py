@@ -79,3 +79,18 @@ def test_nothing_is_overwritten_and_kinds_are_reported(tmp_path):
 def test_a_device_from_cad_without_materials_is_reported(written):
     with pytest.raises(SceneError, match=r"geometry\.materials is missing"):
         emclutch.load_case(written["cad"], {"geometry.materials": None})
+
+
+@pytest.mark.parametrize("kind", ["drum", "clutch"])
+def test_examples_of_times_and_sizes_fit_the_device_that_they_stand_in(kind, written):
+    """Taken out of its comment, each is right beside the others; a window is far shorter than the run."""
+    text = written[kind].read_text(encoding="utf-8")
+    keys = ("window", "step", "housing_width", "coil_radius", "settle_longest")
+    for key in keys:
+        text, count = re.subn(rf"^# ({key} = )", r"\1", text, count=1, flags=re.MULTILINE)
+        assert count == 1, key
+    beside = written[kind].with_name(f"{kind}-with-examples.toml")
+    beside.write_text(text, encoding="utf-8")
+    case = emclutch.load_case(beside)
+    assert 100.0 < case.scene.time.window / case.scene.time.step < 1000.0
+    assert case.scene.time.window < 1e-2 * 16e-3  # end of the drum; the clutch's, by its strain, is later

@@ -119,7 +119,8 @@ def test_a_missing_name_is_reported_with_what_was_found(tmp_path):
         read_cad(path, needed=["coil"])
     text = str(error.value)
     assert "no part named 'coil'" in text and "is 'coill' the coil?" in text
-    assert "coill: 100 mm2, r 20 to 30 mm, z 0 to 10 mm, taken for 'coill'" in text and "disc: 100 mm2" in text
+    assert "coill: 100 mm2, r 20 to 30 mm, z 0 to 10 mm, turned 15.71 cm3, taken for 'coill'" in text
+    assert "disc: 100 mm2" in text
 
 
 def test_an_unknown_name_is_reported(tmp_path):
@@ -169,13 +170,28 @@ def test_faces_out_of_plane_are_reported(tmp_path):
 
 def test_parts_without_names_are_reported(tmp_path):
     path = write_polygons(tmp_path / "a.step", {"Open CASCADE STEP translator 7.8 9": COIL["coil"]})
-    with pytest.raises(CadError, match="1 of 1 parts have no name"):
+    with pytest.raises(CadError, match=r"1 of 1 parts have no name(.|\n)*`names`, as in { part1 = \"disc\" }"):
         read_cad(path)
+
+
+def test_parts_without_names_are_translated_by_their_number_and_listed_with_size_and_place(tmp_path):
+    boxes = {"one": (0.02, 0.03), "": (0.0, 0.01), "Ring": (0.04, 0.05)}
+    shapes = {name: [rectangle(*r, 0, 0.01)] for name, r in boxes.items()}
+    path = write_polygons(tmp_path / "a.step", shapes)
+    volume = math.pi * 1.0**2 * 1.0  # cm3, turned
+    listed = rf"1 of 3 parts(.|\n)*part2: 100 mm2, r 0 to 10 mm.*turned {volume:.4g} cm3, no name"
+    with pytest.raises(CadError, match=listed):
+        read_cad(path, known=["one", "ring"])
+    parts = read_cad(path, names={"part2": "disc"}, known=["one", "ring", "disc"])
+    assert [part.region for part in parts] == ["one", "disc", "ring"]
+    clash = write_polygons(tmp_path / "b.step", {"Part2": shapes["one"], "": shapes[""]})
+    with pytest.raises(CadError, match="'part2' is the name of one part and the number of another"):
+        read_cad(clash)
 
 
 def test_parts_of_a_brep_file_are_named_by_their_number(tmp_path):
     path = write_polygons(tmp_path / "a.brep", {**COIL, "disc": [rectangle(0, 0.01, 0, 0.01)]})
-    with pytest.raises(CadError, match=r"no part named 'coil'(.|\n)*part1: 100 mm2, r 20 to 30 mm"):
+    with pytest.raises(CadError, match=r"2 of 2 parts have no name(.|\n)*part1: 100 mm2, r 20 to 30 mm"):
         read_cad(path, needed=["coil"])
     parts = read_cad(path, names={"part1": "coil", "part2": "disc"}, needed=["coil"], known=["disc"])
     assert [part.region for part in parts] == ["coil", "disc"] and parts[1].upper[0] == pytest.approx(0.01)
