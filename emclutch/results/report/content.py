@@ -307,13 +307,13 @@ def effects_of(result: Result) -> list[str]:
 
 
 def conclusion(result: Result) -> list[Statement]:
-    """Return two sentences: what torque is transmitted, and what speaks against the number."""
+    """Return two sentences: the torque that is transmitted, and the first reservation of the verdict."""
     summary, found = result.summary, result.steady
     against = [one.text for one in verdict(result) if one.mark is Mark.POOR]
-    second = Statement(Mark.GOOD, "Nothing in the verdict speaks against the result.")
+    second = Statement(Mark.GOOD, "The verdict has no reservation.")
     if against:
-        lines = "One line of the verdict speaks" if len(against) == 1 else f"{len(against)} lines of the verdict speak"
-        second = Statement(Mark.POOR, f"{lines} against the result: {against[0]}")
+        number = "one reservation" if len(against) == 1 else f"{len(against)} reservations, the first"
+        second = Statement(Mark.POOR, f"The verdict has {number}: {against[0]}")
     if found is None or found.mean is None:
         return [Statement(Mark.NOTE, "The run has no steady torque."), second]
     current = summary.get("current")
@@ -322,7 +322,7 @@ def conclusion(result: Result) -> list[Statement]:
     at += f"{' and' if at else ' at'} {slip * RPM:.4g} rpm of slip" if slip else ""
     shown = _measured(result)
     first = f"The {_measured_name({'': result})}{at} is {shown}"
-    first += "." if found.converged else ", which is not converged."
+    first += "." if found.converged else "; it has not converged."
     return [Statement(Mark.GOOD if found.converged else Mark.POOR, first), second]
 
 
