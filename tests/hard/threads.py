@@ -32,12 +32,13 @@ QUIET = {"output.pictures": False, "output.snapshots": 1, "accuracy.replicas": 1
 
 
 def shipped() -> list[Path]:
-    """All cases that run but those that are there to break the program, which `stability.py` runs.
+    """All cases that move grains but those that are there to break the program, which `stability.py` runs.
 
-    A search of a design runs another case of these.
+    A search of a design runs another case of these, as a study does.
     """
     there = (path for path in CASES.rglob("*.toml") if path.parent.name not in ("hard", "validation"))
-    return sorted(path for path in there if "[design]" not in path.read_text(encoding="utf-8"))
+    texts = {path: path.read_text(encoding="utf-8") for path in there}
+    return sorted(path for path, text in texts.items() if "[particles]" in text or "[study]" in text)
 
 
 def scene_of(path: Path) -> Case:
