@@ -47,6 +47,11 @@ class LeftOut:
         return self.value < self.limit if self.below else self.value > self.limit
 
     @property
+    def is_reservation(self) -> bool:
+        """Whether it matters and a scene could have it, or a later version."""
+        return bool(self.matters) and self.where != ALWAYS
+
+    @property
     def verdict(self) -> str:
         """Of `matters`, in a word."""
         return {True: "YES", False: "no", None: "not known"}[self.matters]

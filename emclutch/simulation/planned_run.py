@@ -11,6 +11,8 @@ from emclutch.results.steady_torque import SteadyConditions
 from emclutch.scene.input_files import hashed_input_files
 from emclutch.scene.model import Scene
 from emclutch.scene.start_up import start_up_strain
+from emclutch.simulation.forecast.effects_left_out import left_out
+from emclutch.simulation.forecast.expected_torque import expected_torque
 from emclutch.simulation.forecast.space import refuse_full_disk, refuse_too_much
 from emclutch.simulation.plan import Plan, make_plan
 from emclutch.simulation.plan_in_words import plan_in_words
@@ -65,12 +67,14 @@ def plan_run(request: RunRequest) -> PlannedRun:
     if request.target is not None:
         folder.add_to_provenance(accuracy_target=float(request.target))
     conditions = steady_conditions(plan.scene, device)
+    missing = left_out(plan.scene, device, plan, expected_torque(plan.scene, device, plan.peak_field))
     folder.write_plan(
         {
             "contact": plan.contact_data,
             "steady_torque": conditions.as_dict(),
             "decisions": decisions,
             "shear_rate": strain_rate(plan.scene, device),
+            "may_matter": {line.effect: line.in_words() for line in missing if line.is_reservation},
         }
     )
     return PlannedRun(device, plan, conditions, decisions)

@@ -326,6 +326,8 @@ def test_centrifugal_at_toy_size(tmp_path):
     drawn = CliRunner().invoke(app, ["plot", str(result.folder.path)])
     assert "had no pictures: they are drawn" in drawn.output
     assert result.folder.grains_picture.read_bytes() == grains
+    matter = {line.effect: line.in_words() for line in left_out_of(result) if line.is_reservation}
+    assert result.folder.read_plan()["may_matter"] == matter
     page = html(run_page(result, left_out_of))
     assert page.count("data:image/png") == 3 and "Stokes number in air" in page  # pictures, and what is left out
 

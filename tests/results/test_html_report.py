@@ -128,6 +128,16 @@ def test_a_run_has_a_short_page_in_its_folder(tmp_path):
     assert "2 of 3 points are done" in study._repr_html_()
 
 
+def test_an_effect_left_out_that_may_matter_is_in_the_conclusion_wherever_it_is_read(tmp_path):
+    folder = written_run(tmp_path / "run")
+    folder.write_plan(folder.read_plan() | {"may_matter": {"eddy_currents": "time over that of switching: 0.6"}})
+    result = load_result(folder.path)
+    page, text = write_index(result).read_text(encoding="utf-8"), "(time over that of switching: 0.6): eddy currents."
+    assert "2 lines of the verdict speak against" in page  # that, and one packing
+    for said in (page.split("<h2>Verdict")[1], str(result.summary["verdict"]), str(result.verdict)):
+        assert said.count(text) == 1
+
+
 @pytest.mark.parametrize(("off", "mark"), [(1e-4, Mark.GOOD), (0.3, Mark.POOR)])
 def test_a_balance_that_does_not_close_is_reported(tmp_path, off, mark):
     statements = verdict(load_result(written_run(tmp_path / "run", off=off).path))

@@ -226,7 +226,7 @@ def run_page(result: Result, left_out_of: LeftOutOf) -> Page:
         {
             "Conclusion": [Statements(conclusion(result))],
             "Operating point": _rows(_operating_point(result)),
-            "Verdict": [Statements([*verdict(result), *_that_matter(left_out, on)])],
+            "Verdict": [Statements(verdict(result))],
             "Scene": _scene(folder),
             "Effects, on and off": [_effects(on, left_out)],
             "Pictures": _pictures(result),
@@ -253,11 +253,7 @@ def study_page(study: StudyFolder, left_out_of: LeftOutOf) -> Page:
     first = next(iter(results.values()), None)
     left_out = () if first is None else left_out_of(first)
     over = f", over {', '.join(study.varied)}" if study.varied else ""
-    statements = [
-        *_progress(study, results),
-        *_on_points(verdicts),
-        *_that_matter(left_out, next(iter(on.values()), ()), "first point, "),
-    ]
+    statements = [*_progress(study, results), *_on_points(verdicts)]
     points = [
         [
             str(row["folder"]), *(str(row[key]) for key in study.varied), torques[label] or "none",
@@ -371,17 +367,6 @@ def _scene(folder: RunFolder) -> list[Block]:
     case = folder.read_case() if folder.case.is_file() else ""
     text = [Text(case, "the scene as resolved, in SI units (case.toml)")] if case else []
     return [*_rows([*folder.read_plan().get("decisions", {}).items()]), *text]
-
-
-def _that_matter(left_out: Sequence[LeftOut], on: Sequence[str], where: str = "") -> list[Statement]:
-    return [
-        Statement(
-            Mark.POOR,
-            f"Left out, although it may matter ({where}{line.in_words()}): {line.effect.replace('_', ' ')}.",
-        )
-        for line in left_out
-        if line.matters and line.where != ALWAYS and line.effect not in on
-    ]
 
 
 def _progress(study: StudyFolder, results: dict[str, Result]) -> list[Statement]:

@@ -59,7 +59,7 @@ def verdict(result: Result) -> list[Statement]:
     failed = not summary and result.folder.read_failure() is not None
     begin = [*end, *torque] if failed else [*torque, *end]
     found = [*begin, *_total_error(summary), *_target(summary), *_next(result), *_balances(result),
-             *_warnings(summary), *_gaps(result)]  # fmt: skip
+             *_warnings(summary), *_left_out(result), *_gaps(result)]  # fmt: skip
     return [Statement(one.mark, sentence(one.text)) for one in found]
 
 
@@ -248,6 +248,12 @@ def _warnings(summary: dict[str, Any]) -> Iterator[Statement]:
     parts = "grain_size", "scaled_speed", "solver", "moments"
     texts = [soft_grains(summary), *(text for part in parts for text in (summary.get(part) or {}).get("warnings", []))]
     yield from (Statement(Mark.POOR, text) for text in texts if text)
+
+
+def _left_out(result: Result) -> Iterator[Statement]:
+    """Name the effects that the scene leaves out although they may matter, as the run's plan found them."""
+    for effect, number in result.folder.read_plan().get("may_matter", {}).items():
+        yield Statement(Mark.POOR, f"left out, although it may matter ({number}): {in_words(effect)}")
 
 
 def _wall_load(summary: dict[str, Any]) -> str:
