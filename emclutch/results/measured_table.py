@@ -16,6 +16,14 @@ from emclutch.scene.errors import reason_of
 MEASURED = "measured.csv"
 TORQUE_CURVE = "current [A]", "torque [N m]"
 """What the columns of a measured torque curve hold."""
+_FORCE, _ARM = r"(?:[mkM]?N|dyn|k?gf?|kp|lbf?|ozf?)", r"(?:[uµmcdk]?m|in|ft)"
+_UNITS = {
+    "current": "[nuµmk]?A",
+    "torque": rf"{_FORCE}[\s_.·*-]?{_ARM}|{_ARM}[\s_.·*-]?{_FORCE}",
+    "time": "[nuµm]?s|min|h",
+    "speed": r"rpm|rps|Hz|1/(?:min|s)|(?:rad|deg)[\s_/]?s",
+}
+"""How the units of a quantity are written at the end of a name without brackets."""
 
 
 def read_measured(path: str | Path, along: str, values: str) -> dict[str, np.ndarray]:
@@ -39,8 +47,8 @@ def read_measured(path: str | Path, along: str, values: str) -> dict[str, np.nda
     Raises
     ------
     OutputError
-        The file cannot be read; the table has no names, fewer than two columns, a name with another unit in brackets, a
-        cell that is no number, or an error below 0; with the line.
+        The file cannot be read; the table has no names, fewer than two columns, a name that ends in another unit, as
+        "torque [N cm]" or "torque_Ncm" do, a cell that is no number, or an error below 0; with the line.
     """
     try:
         lines = Path(path).read_text(encoding="utf-8-sig").splitlines()
@@ -57,8 +65,9 @@ def read_measured(path: str | Path, along: str, values: str) -> dict[str, np.nda
             f"{separator}second, with each {values} below its name"
         )
     for name, wanted in zip(names, [along] + [values] * (len(names) - 1), strict=True):
-        unit = _unit(name)
-        if unit is not None and unit != _unit(wanted):
+        quantity = wanted.split()[0]
+        unit = _unit(name, quantity)
+        if unit is not None and _letters(unit) != _letters(_unit(wanted, quantity) or ""):
             raise OutputError(f"{path}: column {name!r} is in {unit}; it must be {wanted}: convert it, and its name")
     errors = {number for number, name in enumerate(names) if number and name.lower().startswith("error")}
     if any(number - 1 in {0, *errors} for number in errors):
@@ -120,13 +129,20 @@ def measured_in(folder: Path) -> dict[str, np.ndarray] | None:
     return read_measured(folder / MEASURED, *TORQUE_CURVE) if (folder / MEASURED).is_file() else None
 
 
-def _unit(name: str) -> str | None:
-    """Return the unit of "torque [N m]" or "torque_Nm"; None where the name has none."""
+def _unit(name: str, quantity: str) -> str | None:
+    """Return the unit of "torque [N m]", "torque_Nm" or "torque (N m)"; None where none of the quantity ends the name.
+
+    A torque named "brake_A" is that of brake A.
+    """
     found = re.search(r"\[([^\]]*)\]\s*$", name)
     if found is None:
-        found = re.search(r"_(m?A|[mk]?Nm|[mk]?N_m|lbft|ozin|rpm|m?s)$", name)
-        return None if found is None else re.sub("N_?m", "N m", found[1])
-    return found[1].strip()
+        found = re.search(rf"(?:^|[\s_(])({_UNITS[quantity]})\)?$", name, re.IGNORECASE)
+    return None if found is None else found[1].strip()
+
+
+def _letters(unit: str) -> str:
+    """Return a unit without what parts its factors and without capitals: "N m", "N_m" and "Nm" are one."""
+    return re.sub(r"[\s_.·*-]", "", unit).lower()
 
 
 def _number(cell: str, separator: str) -> float | None:

@@ -1,5 +1,6 @@
 """plot: runs and studies over one another, each with its band; pictures that a killed run owes are drawn."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -174,6 +175,30 @@ def test_a_column_in_another_unit_is_refused(tmp_path, columns, over, named):
         read_measured(table, *over)
     table.write_text("current [A],rising [N m]\n1,2\n")
     assert read_measured(table, "current [A]", "torque [N m]")["rising [N m]"].tolist() == [[1.0, 2.0]]
+
+
+@pytest.mark.parametrize("unit", ["Ncm", "N_cm", "Nmm", "mNm", "lbin", "in_lb", "kgcm", "lb_ft", "ft-lb", "ozin"])
+def test_a_torque_in_another_unit_is_never_read_as_newton_metres(tmp_path, unit):
+    table = tmp_path / "bench.csv"
+    for name in (f"torque_{unit}", f"torque ({unit})", f"torque [{unit}]", f"torque {unit}"):
+        table.write_text(f"current_A,{name}\n1,2\n")
+        with pytest.raises(OutputError, match=re.escape(f"column {name!r} is in {unit}; it must be torque [N m]")):
+            read_measured(table, "current [A]", "torque [N m]")
+
+
+def test_names_in_the_wanted_unit_and_of_devices_are_read(tmp_path):
+    """A torque named brake_A is that of brake A, and a current named so is in ampere."""
+    table = tmp_path / "bench.csv"
+    names = ["torque_Nm", "torque_N_m", "T [Nm]", "T (N·m)", "brake_A", "brake_s", "cold_in_oil", "lower_arm", "min"]
+    table.write_text(f"current_A,{','.join(names)}\n1{',2' * len(names)}\n")
+    assert list(read_measured(table, "current [A]", "torque [N m]")) == names
+    for along, values, head in (
+        ("time [s]", "speed [rpm]", "t_ms,motor"), ("time [s]", "speed [rpm]", "t_s,motor_rad_s"),
+        ("current over rated", "torque over rated", "current_A,brake"), ("current [A]", "torque [N m]", "I_mA,brake"),
+    ):  # fmt: skip
+        table.write_text(f"{head}\n1,2\n")
+        with pytest.raises(OutputError, match="convert it, and its name"):
+            read_measured(table, along, values)
 
 
 def test_the_measured_brakes_that_ship_lie_over_a_study(tmp_path):
