@@ -23,6 +23,7 @@ from emclutch.results.text import format_time
 if TYPE_CHECKING:
     import pandas
 
+INDEX = "index.html"
 LOGGERS = ("emclutch", "geometry", "field", "particles", "coupling")
 
 
@@ -73,6 +74,8 @@ class RunFolder:
         Versions, commit, seed, mesh hash, threads, machine.
     history : Path
         One row a coupling window.
+    index : Path
+        The page of the conclusion, written when the run is done.
     failure : Path
         Why the run failed for its scene, where it did.
     plan : Path
@@ -93,6 +96,7 @@ class RunFolder:
     log = _File("run.log")
     history = _File("history.csv")
     summary = _File("summary.json")
+    index = _File(INDEX)
     failure = _File("failure.json")
     plan = _File("plan.json")
     record = _File("run.h5")
@@ -117,7 +121,7 @@ class RunFolder:
         """Make the folder with its ``case.toml``, or open one to resume.
 
         On resuming with another scene text the old one is kept as ``case-1.toml``, ``case-2.toml``, …, and its summary
-        as ``summary-1.json``, …
+        and page as ``summary-1.json``, ``index-1.html``, …
 
         Raises
         ------
@@ -141,8 +145,9 @@ class RunFolder:
                 number = 1
                 while (older := folder.path / f"case-{number}.toml").exists():
                     number += 1
-                if folder.summary.is_file():  # it is that of the old scene: a new one comes when the run ends
-                    os.replace(folder.summary, folder.path / f"summary-{number}.json")
+                for result in (folder.summary, folder.index):  # of the old scene: new ones come when the run ends
+                    if result.is_file():
+                        os.replace(result, result.with_stem(f"{result.stem}-{number}"))
                 shutil.copy2(folder.case, older)  # there is a case.toml at every moment
             replace_text(folder.case, case_toml_text)
             folder.failure.unlink(missing_ok=True)

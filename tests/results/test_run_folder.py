@@ -45,6 +45,19 @@ def test_finished_folder_offers_to_resume(tmp_path):
     assert (tmp_path / "run" / "case-1.toml").read_text() == "a = 1"
 
 
+def test_the_conclusion_of_an_earlier_scene_is_moved_aside(tmp_path):
+    """While a run goes on with another scene, and where that fails, its folder has no page of the old one."""
+    folder = RunFolder.create(tmp_path / "run", "a = 1")
+    write_checkpoint(folder.checkpoint, {})
+    folder.write_summary({"torque": 1.0})
+    folder.index.write_text("1 N m")
+    RunFolder.create(folder.path, "a = 1", resume=True)
+    assert folder.index.is_file() and folder.summary.is_file()  # the same scene: they are its
+    RunFolder.create(folder.path, "a = 2", resume=True)
+    assert not folder.index.exists() and not folder.summary.exists()
+    assert (folder.path / "index-1.html").read_text() == "1 N m" and (folder.path / "summary-1.json").is_file()
+
+
 def test_unusable_folders_are_explained(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match="is a file"):

@@ -25,7 +25,6 @@ from emclutch.results.atomic_file import replace_text
 from emclutch.results.report.content import Page, Picture, run_page
 from emclutch.results.report.verdict import verdict
 
-INDEX = "index.html"
 TEMPLATES = Path(__file__).parent / "templates"
 CLASSES = {"on": "good", "off": "soft", "YES": "poor", "NO": "poor"}
 """Colours of cells that have these words."""
@@ -50,8 +49,8 @@ def write_index(result: Result) -> Path:
     folder = result.folder
     lines = [{"mark": one.mark.value, "text": one.text} for one in verdict(result)]
     folder.write_summary(result.summary | {"verdict": lines})
-    replace_text(folder.path / INDEX, html(run_page(result, lambda run: ()).short(), small=True))
-    return folder.path / INDEX
+    replace_text(folder.index, html(run_page(result, lambda run: ()).short(), small=True))
+    return folder.index
 
 
 def markdown(page: Page, place: Path) -> str:

@@ -19,7 +19,8 @@ import numpy as np
 from emclutch import __version__
 from emclutch.results.atomic_file import replace_text
 from emclutch.results.report.content import FILES, STUDY_PICTURES
-from emclutch.results.report.render import INDEX, embed_small, page_template
+from emclutch.results.report.render import embed_small, page_template
+from emclutch.results.run_folder import INDEX
 from emclutch.results.seed_average import averaged_over_seeds
 from emclutch.results.study_dataset import number_and_unit
 from emclutch.results.study_table import DONE, FAILED, KEPT, RUNNING, STOPPED, WAITING, PointRow, torque_text
