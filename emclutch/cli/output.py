@@ -28,7 +28,6 @@ def print_table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
 
 def print_plan(case: Case, as_json: bool, threads: int | None = None) -> None:
     """Print what follows from a scene, and what it leaves out."""
-    from emclutch.effects.left_out import ABSENT, ALWAYS, OFF
     from emclutch.simulation.check import check  # local: it needs the packages of the physics
 
     checked = check(case, threads)
@@ -40,12 +39,8 @@ def print_plan(case: Case, as_json: bool, threads: int | None = None) -> None:
     effects = case.scene.effects.names()
     print_table(("effect", ""), ((name, "on" if name in checked.effects else "off") for name in effects))
     print_table(("what follows", ""), checked.decisions.items())
-    if case.scene.particles is not None:
-        for where, head in ((OFF, "not in this scene"), (ABSENT, "not in this program"), (ALWAYS, "in every scene")):
-            lines = [line for line in checked.left_out if line.where == where]
-            if lines:
-                rows = ((one.effect.replace("_", " "), one.verdict, one.on_torque, one.in_words()) for one in lines)
-                print_table((head, "matters", "torque, about", "by this number (limit)"), rows)
+    for head, rows in checked.left_out_tables():
+        print_table(head, rows)
 
 
 def print_study(study: StudySection, jobs: int, as_json: bool) -> None:

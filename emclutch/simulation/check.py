@@ -10,6 +10,7 @@ import numpy as np
 
 from emclutch.device_model.grain_size import grain_size
 from emclutch.device_model.warning_text import with_warnings
+from emclutch.effects.left_out import ABSENT, ALWAYS, OFF, LeftOut
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import SceneError, bad_input_for
 from emclutch.scene.grain_smear import moments_are_fed_back
@@ -21,7 +22,6 @@ from emclutch.simulation.plan_in_words import paths_in_words, plan_in_words
 from field import MagneticField
 
 if TYPE_CHECKING:
-    from emclutch.effects.left_out import LeftOut
     from emclutch.results import Result
     from emclutch.scene.model import Scene
     from emclutch.simulation.forecast.expected_torque import ExpectedTorque
@@ -53,15 +53,22 @@ class Checked:
     left_out: tuple[LeftOut, ...]
     expected: ExpectedTorque
 
+    def left_out_tables(self) -> list[tuple[tuple[str, ...], list[tuple[str, ...]]]]:
+        """Return head and rows of a table for each place where effects are left out: scene, program, every scene."""
+        tables = []
+        for where, name in ((OFF, "not in this scene"), (ABSENT, "not in this program"), (ALWAYS, "in every scene")):
+            lines = [one for one in self.left_out if one.where == where]
+            rows = [(one.effect.replace("_", " "), one.verdict, one.on_torque, one.in_words()) for one in lines]
+            tables.append(((name, "matters", "torque, about", "by this number (limit)"), rows))
+        return [(head, rows) for head, rows in tables if rows]
+
     def _repr_html_(self) -> str:
         from emclutch.results.report.content import Block, Page, Table  # local: they import what draws
         from emclutch.results.report.render import fragment
 
-        left_out = [(line.effect, line.verdict, line.in_words()) for line in self.left_out]
-        head = ("left out", "matters", "by this number (from there on)")
         sections: dict[str, list[Block]] = {
             "What follows": [Table([*self.decisions.items()])],
-            "Left out": [Table(left_out, head)] if left_out else [],
+            "Left out": [Table(rows, head) for head, rows in self.left_out_tables()],
         }
         return fragment(Page(Path(), f"{self.title}: OK", f"effects: {', '.join(self.effects)}", sections))
 
