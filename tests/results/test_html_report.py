@@ -108,6 +108,15 @@ def test_every_effect_is_named_on_or_off(page):
     assert {name for name in named if page.effects[name] == "on"} == {"dipoles"}
 
 
+def test_the_effects_alone_are_stacked_on_a_narrow_screen(run):
+    """The class is that of the one table whose columns the page names there, however many a table has."""
+    text = html(run_page(load_result(run.path), left_out_of))
+    (stacked,) = re.findall(r'<table class="stack">\s*<tr>(.*?)</tr>', text, re.DOTALL)
+    head = re.findall("<th>(.*?)</th>", stacked)
+    for number, name in enumerate(head[3:5], start=4):
+        assert re.search(rf"\.stack td:nth-child\({number}\)::before {{ content: .*{name}: ", text)
+
+
 def test_the_torque_stands_with_its_interval(run, page):
     torque = load_result(run.path).torque
     assert format_torque(torque) in page.text and "(95 %: " in format_torque(torque)

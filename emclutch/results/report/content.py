@@ -129,12 +129,14 @@ class Table:
     """Rows of cells under a head; without one the first cell is the label of the row.
 
     `numbers` are the columns to be aligned to the right. A block with a text in `folded` opens on demand under it.
+    `stacked`: on a narrow screen a row becomes a paragraph; `report.html.j2` names the columns of the effects in it.
     """
 
     rows: Sequence[Sequence[str]]
     head: Sequence[str] = ()
     numbers: Sequence[int] = ()
     folded: str = ""
+    stacked: bool = False
     kind: ClassVar[str] = "table"
 
 
@@ -413,7 +415,8 @@ def _effects(on: Sequence[str], left_out: Sequence[LeftOut]) -> Table:
         matters = "" if line is None else line.verdict.lower() if line.where == ALWAYS else line.verdict
         share, number = ("", "") if line is None else (line.on_torque, line.in_words())
         rows.append((name.replace("_", " "), state, what, matters, share, number))
-    return Table(rows, ("effect", "", "what it is", "would matter", "torque, about", "by this number (limit)"))
+    head = ("effect", "", "what it is", "would matter", "torque, about", "by this number (limit)")
+    return Table(rows, head, stacked=True)
 
 
 def _pictures(result: Result) -> list[Block]:
