@@ -42,4 +42,5 @@ ARRAY_UNITS: dict[str, str] = {
     "stripe": "1",
     "pressure": "Pa",
     "shear_stress": "Pa",
+    "largest_shear_stress": "Pa",
 }

@@ -16,9 +16,10 @@ import pytest
 from emclutch.cli import view
 from emclutch.cli.view import view_run
 from emclutch.results import OutputError
+from emclutch.results.array_units import ARRAY_UNITS
 from emclutch.results.view.look import FIELD_COLOURS, LOOKS
 from emclutch.results.view.paraview_script import NAME, write_script
-from emclutch.results.view.run_files import read_run_files
+from emclutch.results.view.run_files import COLOURS, read_run_files
 from emclutch.results.vtk.data_set import array_names, read_data_set, read_texts
 from emclutch.results.vtk.series import PvdSeries
 from emclutch.scene.errors import SceneError
@@ -144,6 +145,12 @@ def test_what_cannot_be_shown_is_reported(run, tmp_path):
     (tmp_path / "a.png").touch()
     with pytest.raises(OutputError, match="exists"):
         view_run(run, screenshot=tmp_path / "a.png")
+
+
+def test_a_colour_is_of_one_array_with_its_unit():
+    """The walls' shear stress, over an area, and the largest one inside a grain, over its volume, are two arrays."""
+    assert all(label.endswith(f"[{ARRAY_UNITS[name].replace('m2', 'm²')}]") for name, label in COLOURS.values())
+    assert COLOURS["shear-stress"] == ("largest_shear_stress", "largest shear stress in a grain [Pa]")
 
 
 def test_steel_without_flux_is_seen_before_white_and_has_one_colour_in_both_programs(run):

@@ -16,7 +16,7 @@ COLOURS = {
     "force": ("force_contact", "force of the contacts [N]"),
     "magnetic-force": ("force_magnetic", "magnetic force [N]"),
     "moment": ("magnetic_moment", "magnetic moment [A m²]"),
-    "shear-stress": ("shear_stress", "shear stress [Pa]"),
+    "shear-stress": ("largest_shear_stress", "largest shear stress in a grain [Pa]"),
     "contacts": ("n_contacts", "contacts of a grain [1]"),
     "diameter": ("diameter", "diameter [m]"),
 }
