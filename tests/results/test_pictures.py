@@ -199,6 +199,30 @@ def test_grains_around_the_whole_turn_are_cut_to_a_readable_strip(tmp_path):
     assert is_picture(path)
 
 
+@pytest.mark.parametrize(
+    ("speeds", "limits", "extend"),
+    [
+        ([0.0] * 995 + [1.0, 2.0, 3.0, 4.0, 5.0], (0.0, 5.0), "neither"),  # nearly all rest: those that move are seen
+        ([2.0] * 1000, (1.5, 2.5), "neither"),
+        ([*np.linspace(0.0, 1.0, 981), *[9.0] * 19], None, "max"),
+    ],
+)
+def test_colours_of_grains_end_with_an_arrow_only_where_values_exceed_them(
+    tmp_path, monkeypatch, speeds, limits, extend
+):
+    from matplotlib.figure import Figure
+
+    drawn, colorbar = [], Figure.colorbar
+    monkeypatch.setattr(
+        Figure, "colorbar", lambda self, shown, **given: drawn.append(given | {"limits": shown.get_clim()})
+        or colorbar(self, shown, **given)
+    )  # fmt: skip
+    position = np.random.default_rng(4).uniform(1e-2, 2e-2, (1000, 3))
+    pictures.grains_picture(tmp_path / "g.png", position, np.full(1000, 1e-4), np.array(speeds))
+    (bar,) = drawn
+    assert bar["extend"] == extend and bar["limits"] == (limits or (0.0, np.percentile(speeds, 98)))
+
+
 def test_results_import_without_heavy_packages():
     heavy = "{'matplotlib', 'pandas', 'vtkmodules', 'pyvista', 'rich', 'h5py'}"
     code = f"import sys, emclutch.results, emclutch.results.pictures; print({heavy} & set(sys.modules))"

@@ -161,6 +161,12 @@ def draw_chains(axis: Axes, start: np.ndarray, end: np.ndarray, force: np.ndarra
 
 
 def colour_limits(values: np.ndarray, percentile: float = 100.0) -> tuple[float, float]:
-    """Return the ends of a range of colours, the upper one a percentile; of equal values, a range about them."""
-    low, high = (float(np.min(values)), float(np.percentile(values, percentile))) if len(values) else (0.0, 1.0)
+    """Return the ends of a range of colours, the upper one a percentile; of equal values, a range about them.
+
+    Where that percentile is no more than the smallest value, as of grains that nearly all rest, it is the largest.
+    """
+    if not len(values):
+        return 0.0, 1.0
+    low, high = float(np.min(values)), float(np.percentile(values, percentile))
+    high = high if low < high else float(np.max(values))
     return (low, high) if low < high else (low - 0.5, high + 0.5)

@@ -93,7 +93,8 @@ def grains_picture(
         x0, _, y0, y1 = views[0]
         views = ((x0, x0 + (y1 - y0) / THINNEST, y0, y1), views[1])
     figure, unrolled, plane = _panels(views, title)
-    style = {"clim": colour_limits(colour, STRONGEST), "linewidths": 0.3 if len(r) < FINE else 0.0}
+    limits = colour_limits(colour, STRONGEST)
+    style = {"clim": limits, "linewidths": 0.3 if len(r) < FINE else 0.0}
     draw_circles(unrolled, reference * theta[drawn], up[drawn], radius[drawn], array=colour[drawn], **style)
     order = np.argsort(theta)  # the meridional view looks along the azimuth: near grains over far ones
     order = order[shown[order]]
@@ -124,7 +125,8 @@ def grains_picture(
         labels.append("edges of the sector, which repeats")
     if handles:
         figure.legend(handles, labels, loc="outside lower left", ncols=4, frameon=False, fontsize=9)
-    figure.colorbar(circles, ax=[unrolled, plane], label=colour_label, shrink=0.8, extend="max")
+    extend = "max" if np.max(colour, initial=limits[1]) > limits[1] else "neither"
+    figure.colorbar(circles, ax=[unrolled, plane], label=colour_label, shrink=0.8, extend=extend)
     return save_picture(figure, path)
 
 
