@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -53,7 +54,7 @@ class Checked:
     left_out: tuple[LeftOut, ...]
     expected: ExpectedTorque
 
-    def left_out_tables(self) -> list[tuple[tuple[str, ...], list[tuple[str, ...]]]]:
+    def left_out_tables(self) -> list[tuple[Sequence[str], Sequence[Sequence[str]]]]:
         """Return head and rows of a table for each place where effects are left out: scene, program, every scene."""
         tables = []
         for where, name in ((OFF, "not in this scene"), (ABSENT, "not in this program"), (ALWAYS, "in every scene")):
