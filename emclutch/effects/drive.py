@@ -42,7 +42,8 @@ def switching_left_out(at: Regime, name: str, number: str, time: float | None) -
         return
     text = number if time is None else f"{number}, {two_digits(time)} s,"
     if at.switching_time is None:
-        yield LeftOut(name, OFF, f"{text} over that of switching", 0.0, 0.1, note="the current is constant")
+        note = "the current is constant"
+        yield LeftOut(name, OFF, f"{text} over that of switching", 0.0, 0.1, note=note, change=None)
     else:
         ratio = None if time is None else time / at.switching_time
-        yield LeftOut(name, OFF, f"{text} over that of switching", ratio, 0.1)
+        yield LeftOut(name, OFF, f"{text} over that of switching", ratio, 0.1, change=None)

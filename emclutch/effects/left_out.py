@@ -8,7 +8,7 @@ from emclutch.scene.units import two_digits
 
 OFF, ABSENT, ALWAYS = "off", "not in this program", "in every scene"
 AT_LIMIT = 0.1
-"""Relative change of the torque at an effect's limit, by the order of magnitude: limits are chosen so."""
+"""Relative change of the steady torque at an effect's limit, a guess by the order of magnitude, not measured."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +29,9 @@ class LeftOut:
         Whether the effect matters below the limit, and not above.
     note : str
         What else there is to say.
+    change : float or None
+        Relative change of the steady torque at the limit, by the order of magnitude; None where that is not estimated,
+        as of what changes transients only.
     """
 
     effect: str
@@ -38,6 +41,7 @@ class LeftOut:
     limit: float | None = None
     below: bool = False
     note: str = ""
+    change: float | None = AT_LIMIT
 
     @property
     def matters(self) -> bool | None:
@@ -58,13 +62,17 @@ class LeftOut:
 
     @property
     def on_torque(self) -> str:
-        """Say what it does to the torque, by the order of magnitude: a tenth at its limit, and in proportion."""
+        """Say what it does to the torque, by the order of magnitude: `change` at its limit, and in proportion."""
+        if self.where == ALWAYS:
+            return "included"
+        if self.change is None:
+            return "not estimated"
         if self.value is None or not self.limit:
             return "not known"
         near = self.limit / self.value if self.below and self.value else self.value / self.limit
         if self.matters:
-            return f"{100.0 * AT_LIMIT:g} % or more"
-        share = 100.0 * AT_LIMIT * near
+            return f"{100.0 * self.change:g} % or more"
+        share = 100.0 * self.change * near
         return f"{share:.1g} %" if share >= 0.1 else "below 0.1 %"
 
     def in_words(self) -> str:

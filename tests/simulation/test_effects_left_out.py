@@ -3,12 +3,14 @@
 import json
 from math import pi, sqrt
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from typer.testing import CliRunner
 
 from emclutch.cli.main import app
 from emclutch.effects import PLANNED_EFFECTS, EffectsSection
+from emclutch.effects.drive import switching_left_out
 from emclutch.effects.left_out import LeftOut
 from emclutch.scene.case import case_from, load_case
 from emclutch.simulation.forecast.effects_left_out import left_out
@@ -64,7 +66,7 @@ def test_the_pull_of_two_grains_over_their_weight(usual):
     assert weak.matters is True and weak.verdict == "YES"
 
 
-def test_an_effect_changes_the_torque_by_a_tenth_at_its_limit_and_in_proportion_below():
+def test_an_effect_changes_the_torque_by_its_change_at_the_limit_and_in_proportion_below():
     of = {"effect": "a", "where": "off", "number": "x", "limit": 0.1}
     assert [LeftOut(**of, value=value).on_torque for value in (0.02, 5e-4, 0.2, None)] == [
         "2 %",
@@ -73,6 +75,13 @@ def test_an_effect_changes_the_torque_by_a_tenth_at_its_limit_and_in_proportion_
         "not known",
     ]
     assert LeftOut("a", "off", "x", 50.0, 10.0, below=True).on_torque == "2 %"
+    assert LeftOut(**of, value=0.02, change=0.2).on_torque == "4 %"
+
+
+def test_no_change_is_said_of_what_is_always_in_nor_of_what_delays_only(usual):
+    assert {usual[name].on_torque for name in ("centrifugal force", "inertia of grains")} == {"included"}
+    regime = SimpleNamespace(solved=True, M=1.0, switching_time=0.1)
+    assert [line.on_torque for line in switching_left_out(regime, "a", "x", 0.2)] == ["not estimated"]
 
 
 def test_slow_shot_without_a_field_needs_its_weight():

@@ -46,4 +46,4 @@ def _of_grain_hysteresis(at: Regime) -> Iterator[LeftOut]:
     if at.M > 0.0:
         coercive = COERCIVE_FIELD / at.H if at.H > 0.0 else None
         yield LeftOut("grain_hysteresis", ABSENT, "coercive field of soft iron powder, 1 kA/m, over H", coercive, 0.05,
-                      note="the grains keep a moment when the current is switched off")  # fmt: skip
+                      note="the grains keep a moment when the current is switched off", change=None)  # fmt: skip
