@@ -10,6 +10,8 @@ from emclutch.results.pictures.figure import RPM
 from emclutch.results.text import format_duration
 from emclutch.studies.heat import HOTTEST, HeatResult
 
+RIPPLE_NAMES = {"coil_hottest": "coil", "powder_hottest": "powder", "surface": "surface"}
+
 
 def as_data(found: HeatResult) -> dict[str, Any]:
     """For a machine: heat.json and the rows of permitted.csv."""
@@ -24,6 +26,8 @@ def tables_of(found: HeatResult) -> list[Table]:
     if "surface" in steady:
         temperatures.add_row("steady, on all the time", *(f"{steady[key]:.1f}" for key in keys))
     temperatures.add_row("largest in the duty", *(f"{duty[f'largest_{key}']:.1f}" for key in keys))
+    if duty.get("steady"):
+        temperatures.add_row("largest, duty repeated for ever", *(f"{duty['steady'][key]:.1f}" for key in keys))
     permitted = Table("slip [1/min]", "by surface [W]", "by coil [W]", "slip power [W]", "torque [N m]")
     for row in found.permitted.to_dict("records"):
         shown = (row["by_surface"], row["by_coil"], row["slip_power"], row["torque"])
@@ -58,6 +62,8 @@ def in_words(found: HeatResult) -> list[str]:
     lines.append(
         f"duty: {duty['state']}, {duty['steps']} steps; residual of the energy balance {abs(duty['energy_error']):.1e}"
     )
+    if "ripple" in duty:
+        lines.append(averaging_in_words(duty))
     for key, name in (("surface", "surface"), ("coil_hottest", "coil")):
         passed = duty[f"{key}_limit_passed_after"]
         if passed is not None:
@@ -71,3 +77,14 @@ def in_words(found: HeatResult) -> list[str]:
     if isinstance(error, dict):
         lines.append(f"error of the mesh, steady: {max(map(abs, error.values())):.2g} K")
     return lines
+
+
+def averaging_in_words(duty: dict[str, Any]) -> str:
+    """How a duty of many periods was computed, its ripple and the error of its mean."""
+    sizes = ", ".join(f"{name} {duty['ripple'][key]:.2g} K" for key, name in RIPPLE_NAMES.items())
+    error = duty["error_of_the_mean"]
+    known = "not known, as the mean power has no steady temperatures" if error is None else f"{error:.1g} K"
+    return (
+        f"averaged: the mean power of a period in steps over many of {duty['averaged_periods']:.0f} periods, and the "
+        f"ripple of one period resolved ({sizes} from smallest to largest); error of the mean by the ripple: {known}"
+    )

@@ -96,12 +96,6 @@ class DutySection(Section):
             return self
         if self.on is not None and self.on > self.period:
             raise refuse(f"is longer than the period of {self.period:g} s; lower it", key="on")
-        if self.end / self.period > 5000.0:
-            raise refuse(
-                f"repeats more than 5000 times within the end of {self.end:g} s; lower the end, or give "
-                "the mean as one constant duty",
-                key="period",
-            )
         return self
 
 

@@ -3,15 +3,20 @@
 The torque is that of the grains: of a run (`run`), of the scene (`effects.heat.torque`, `torque_curve`), or the
 expected one of `emclutch check`. From there on the thermal model stands alone (`emclutch.device_model.heat_model`,
 `field.heat`).
+
+A duty of up to `MAX_RESOLVED_PERIODS` periods is resolved. One of more is *averaged*: the mean power over a period
+heats the device in steps over many of them, the ripple about that mean is found from a few periods resolved, and what
+it does to the mean through R(T), the torque's fade and radiation, which averaging leaves out, is `error_of_the_mean`.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
+from itertools import pairwise
 from math import inf, pi
 from pathlib import Path
 from typing import Any
@@ -35,8 +40,8 @@ from emclutch.results.pictures.temperature import duty_picture, temperature_pict
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import Fault, SceneError, bad_input_for
 from emclutch.scene.model import Scene
-from field.heat.conduction import HeatNotConverged, HeatProblem, ThermalRunaway
-from field.heat.transient import HeatInTime, HeatState
+from field.heat.conduction import HeatNotConverged, HeatProblem, Powers, ThermalRunaway
+from field.heat.transient import HeatInTime, HeatState, Ripple
 
 RPM = 2.0 * pi / 60.0
 SPEEDS = tuple(n * RPM for n in (50.0, 100.0, 200.0, 500.0, 1000.0, 1500.0))
@@ -44,6 +49,15 @@ SPEEDS = tuple(n * RPM for n in (50.0, 100.0, 200.0, 500.0, 1000.0, 1500.0))
 
 HOTTEST = 250.0
 """Mean temperature of the winding [degrees C] up to which copper's linear law holds; beyond, it counts as run away."""
+
+MAX_RESOLVED_PERIODS = 300
+"""Of a duty; beyond, it is averaged."""
+
+_ROWS = 100
+"""Of an averaged duty at least: limits are met between rows on a line."""
+
+_PIECES = 8
+"""Of a stretch of a period, with two points of Gauss each, in the mean power."""
 
 UNITS = {
     "time": "s",
@@ -59,7 +73,10 @@ UNITS = {
     "powder_hottest": "degC",
     "surface": "degC",
 }
-"""Columns of heat.csv and their units; the surface's is its hottest place, the shaft's ends excepted."""
+"""Columns of heat.csv and their units; the surface's is its hottest place, the shaft's ends excepted. Of an
+averaged duty those of the hottest places are the largest within a period, all others means over it."""
+
+HOTTEST_PLACES = ("coil_hottest", "powder_hottest", "surface")
 
 PERMITTED_UNITS = {
     "speed": "rad/s",
@@ -202,26 +219,39 @@ class _Study:
             raise ThermalRunaway(f"the winding would be above {HOTTEST:g} degrees C")
         return found
 
-    def _row(self, drive: Drive, temperature: np.ndarray, time: float = 0.0) -> dict[str, float]:
-        problem = self.problem
-        means, largest = problem.means(temperature), problem.largest(temperature)
-        powers, _ = self.model.powers(drive, means)
-        current = self.model.current(drive, means[COIL])
+    def _row(
+        self, drives: Mapping[Drive, float], temperature: np.ndarray, time: float = 0.0, ripple: Ripple | None = None
+    ) -> dict[str, float]:
+        """Of drives by their share of the time, at temperatures or, with a ripple, at their means over a period."""
+        problem, model, means = self.problem, self.model, self.problem.means(temperature)
+        currents = {drive: model.current(drive, means[COIL]) for drive in drives}
+        powers, _ = self._mean_powers(drives, means)
         values = (
             time,
-            current,
-            drive.slip,
-            self.model.torque_at(current, means[POWDER]),
+            sum(share * currents[drive] for drive, share in drives.items()),
+            sum(share * drive.slip for drive, share in drives.items()),
+            sum(share * model.torque_at(currents[drive], means[POWDER]) for drive, share in drives.items()),
             powers[COIL],
             powers[POWDER],
             sum(problem.losses(temperature).values()),
             means[COIL],
-            largest[COIL],
             means[POWDER],
-            largest[POWDER],
-            _surface(problem, temperature),
         )
-        return dict(zip(UNITS, map(float, values), strict=True))
+        names = [key for key in UNITS if key not in HOTTEST_PLACES]
+        row = dict(zip(names, map(float, values), strict=True))
+        row |= dict(zip(HOTTEST_PLACES, map(float, self._hottest(temperature, ripple).max(axis=0)), strict=True))
+        return {key: row[key] for key in UNITS}
+
+    def _hottest(self, temperature: np.ndarray, ripple: Ripple | None) -> np.ndarray:
+        """Temperatures (k, 3) [degrees C] of the `HOTTEST_PLACES` at the times of a ripple."""
+        problem = self.problem
+        through = [temperature] if ripple is None else temperature + ripple.departures
+        return np.array([[*problem.largest(one)[[COIL, POWDER]], _surface(problem, one)] for one in through])
+
+    def _mean_powers(self, drives: Mapping[Drive, float], means: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        each = [(share, self.model.powers(drive, means)) for drive, share in drives.items()]
+        none = np.zeros(2)
+        return sum((share * one for share, (one, _) in each), none), sum((share * s for share, (_, s) in each), none)
 
     def steady(self) -> tuple[dict[str, Any], np.ndarray | None]:
         """With the coil on and slip all the time: the row, with the heat through each surface; or why there is none."""
@@ -229,24 +259,40 @@ class _Study:
             found = self._solve(self.peak)
         except ThermalRunaway:
             return {"state": f"none: the winding passes {HOTTEST:g} degrees C"}, None
-        row = self._row(self.peak, found)
+        row = self._row({self.peak: 1.0}, found)
         del row["time"]
         out = {f"heat_out_{name}": heat for name, heat in self.problem.losses(found).items()}
         return {"state": "steady", **row, **out}, found
 
     def through_the_duty(self, reference: np.ndarray | None) -> tuple[pandas.DataFrame, dict[str, Any], np.ndarray]:
         """A row a step, what came of it, and the last temperatures."""
-        effect, problem = self.scene.effects.thermal, self.problem
-        march = HeatInTime(
-            problem, lambda t, means: self.model.powers(self._drive(t), means), effect.tolerance, reference
-        )
-        state = first = march.start(effect.ambient)
-        rows = [self._row(self._drive(0.0), state.temperature)]
+        effect, duty = self.scene.effects.thermal, self.scene.effects.thermal.duty
+        if duty.period is not None and duty.end > MAX_RESOLVED_PERIODS * duty.period:
+            return self._averaged(reference)
+        march = HeatInTime(self.problem, self._powers_in_time, effect.tolerance, reference)
+        return self._marched(march, effect.ambient, self._switchings(duty.end), self._row_in_time)
+
+    def _powers_in_time(self, time: float, means: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return self.model.powers(self._drive(time), means)
+
+    def _row_in_time(self, temperature: np.ndarray, time: float) -> dict[str, float]:
+        before = time - 1e-9 * max(time, 1.0) if time > 0.0 else 0.0  # a source that jumps there has not yet
+        return self._row({self._drive(before): 1.0}, temperature, time)
+
+    def _marched(
+        self,
+        march: HeatInTime,
+        start: np.ndarray | float,
+        ends: Sequence[float],
+        row: Callable[[np.ndarray, float], dict[str, float]],
+    ) -> tuple[pandas.DataFrame, dict[str, Any], np.ndarray]:
+        effect = self.scene.effects.thermal
+        state = first = march.start(start)
+        rows = [row(state.temperature, 0.0)]
         told: dict[str, Any] = {"state": f"computed to {effect.duty.end:g} s", "end": effect.duty.end}
         try:
-            for state in march.run(first, self._switchings()):
-                before = state.time - 1e-9 * max(state.time, 1.0)  # a source that jumps there has not yet
-                rows.append(self._row(self._drive(before), state.temperature, state.time))
+            for state in march.run(first, ends):
+                rows.append(row(state.temperature, state.time))
                 if rows[-1]["coil_mean"] > HOTTEST:
                     raise ThermalRunaway
         except ThermalRunaway:
@@ -255,10 +301,69 @@ class _Study:
         table = pandas.DataFrame(rows)
         for key, limit in (("surface", effect.surface_limit), ("coil_hottest", effect.coil_limit)):
             told[f"{key}_limit_passed_after"] = _passes(table["time"].to_numpy(), table[key].to_numpy(), limit)
-        told |= {f"largest_{key}": float(table[key].max()) for key in ("surface", "coil_hottest", "powder_hottest")}
-        told |= _energy(problem, first, state)
+        told |= {f"largest_{key}": float(table[key].max()) for key in HOTTEST_PLACES}
+        told |= _energy(self.problem, first, state)
         told["steps"] = march.steps
         return table, told, state.temperature
+
+    def _averaged(self, reference: np.ndarray | None) -> tuple[pandas.DataFrame, dict[str, Any], np.ndarray]:
+        """Through the duty with its mean power, and the ripple about it."""
+        effect, problem, duty = self.scene.effects.thermal, self.problem, self.scene.effects.thermal.duty
+        times, weights = self._through_a_period()
+        drives: dict[Drive, float] = {}
+        for time, weight in zip(times, weights, strict=True):
+            drives[self._drive(time)] = drives.get(self._drive(time), 0.0) + weight
+        powers = partial(self._mean_powers, drives)
+        ends = np.linspace(0.0, duty.end, _ROWS + 1)[1:].tolist()
+
+        def through(start: np.ndarray | float, ripple: Ripple | None) -> tuple[Any, dict[str, Any], np.ndarray]:
+            march = HeatInTime(problem, lambda _, means: powers(means), effect.tolerance, reference)
+            return self._marched(march, start, ends, lambda mean, time: self._row(drives, mean, time, ripple))
+
+        mean = steady = self._steady_or_none(powers)
+        if mean is None:
+            _, _, mean = through(effect.ambient, None)
+        cycle = HeatInTime(problem, self._powers_in_time, effect.tolerance, mean)
+        ripple = cycle.ripple(mean, self._switchings(duty.period))
+        # mean and ripple together start at the temperature of the surroundings
+        table, told, last = through(effect.ambient - ripple.departures[0], ripple)
+        table.loc[0, list(HOTTEST_PLACES)] = effect.ambient
+        told["averaged_periods"] = duty.end / duty.period
+        told["ripple"] = dict(zip(HOTTEST_PLACES, map(float, np.ptp(self._hottest(mean, ripple), axis=0)), strict=True))
+        told["steady"] = told["error_of_the_mean"] = None
+        if steady is not None:
+            told["steady"] = self._row(drives, steady, ripple=ripple)
+            del told["steady"]["time"]
+            told["error_of_the_mean"] = self._error_of_the_mean(powers, steady, ripple)
+        return table, told, last
+
+    def _error_of_the_mean(self, powers: Powers, steady: np.ndarray, ripple: Ripple) -> float:
+        """Largest shift [K] of steady temperatures if their equations are those averaged through the ripple, not at
+        its mean; linearised.
+        """
+        problem, means = self.problem, self.problem.means(steady)
+        times, weights = self._through_a_period()
+        departures = ripple.departures @ problem.spread
+        through = np.column_stack([np.interp(times, ripple.times, of_source) for of_source in departures.T])
+        each = [self._powers_in_time(time, means + one)[0] for time, one in zip(times, through, strict=True)]
+        losses = [problem.loss(steady + one) for one in ripple.departures]
+        power, slope = powers(means)
+        missed = problem.spread @ (weights @ np.array(each) - power) + problem.loss(steady) - ripple.weights @ losses
+        return float(np.abs(problem.factorised(problem.tangent(steady)).solve(missed, slope)).max())
+
+    def _steady_or_none(self, powers: Powers) -> np.ndarray | None:
+        with suppress(ThermalRunaway):
+            found = self.problem.steady(powers, HOTTEST)
+            return found if self.problem.means(found)[COIL] <= HOTTEST else None
+        return None
+
+    def _through_a_period(self) -> tuple[np.ndarray, np.ndarray]:
+        """Times [s] and weights, of sum 1, of a mean over a period."""
+        cuts = [0.0, *self._switchings(self.scene.effects.thermal.duty.period)]
+        edges = np.concatenate([np.linspace(a, b, _PIECES, endpoint=False) for a, b in pairwise(cuts)] + [cuts[-1:]])
+        middle, half = 0.5 * (edges[:-1] + edges[1:]), 0.5 * np.diff(edges)
+        times = (middle[:, None] + half[:, None] * np.array([-1.0, 1.0]) / np.sqrt(3.0)).ravel()
+        return times, np.repeat(half, 2) / cuts[-1]
 
     def _drive(self, time: float) -> Drive:
         """What heats at a time of the duty [s]."""
@@ -271,16 +376,16 @@ class _Study:
             return Drive(self.peak.current, self.peak.voltage, slip)
         return Drive(abs(duty.current(within)), 0.0, slip)
 
-    def _switchings(self) -> list[float]:
-        """Instants [s] at which a stretch of the duty ends."""
+    def _switchings(self, end: float) -> list[float]:
+        """Instants [s] at which a stretch of the duty ends, until `end`."""
         duty = self.scene.effects.thermal.duty
         period = duty.period or duty.end
         cuts = {period} | ({duty.on} if duty.on else set())
         for profile in (duty.current, duty.slip):
             cuts |= set() if profile is None else {time for time in profile.times if 0.0 < time < period}
-        count = int(np.ceil(duty.end / period * (1.0 - 1e-12)))
+        count = int(np.ceil(end / period * (1.0 - 1e-12)))
         times = {k * period + cut for k in range(count) for cut in cuts}
-        return sorted(time for time in {*times, duty.end} if 0.0 < time <= duty.end)
+        return sorted(time for time in {*times, end} if 0.0 < time <= end)
 
     def permitted(self, speeds: Sequence[float]) -> pandas.DataFrame:
         """A row a speed, with the rotor turning at it and the coil at its largest current or voltage."""

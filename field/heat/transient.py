@@ -10,6 +10,15 @@ Time is cut into *stretches* between the instants at which a source is switched.
 two, so that the steps of a repeated duty are the same in each period and few matrices are factorised. Each step's
 equations are nonlinear in the surface's radiation and the sources' powers; they are solved by Newton's method with the
 matrix of one reference temperature, which changes them by per cents only.
+
+**Ripple.** In a duty that repeats every P, T is the temperature under the mean power plus a periodic ripple of mean 0
+(exactly so where the equations are linear). One period from T_0 with the mean <T> is followed by one from
+
+    T_0' = T(P) + T_m - <T>
+
+about the mean T_m asked for. A mode of time constant tau that is off by d is then off by d (e^-x - (1 - e^-x)/x), x =
+P/tau: by less than 0.30 d at any x, so that a few periods find the ripple, however much longer than them the device
+takes to warm.
 """
 
 from __future__ import annotations
@@ -30,6 +39,11 @@ _KEPT = 32
 _ITERATIONS = 40
 _CLOSE = 1e-9
 """Change of the temperatures [K] at which a step's iteration ends."""
+_PERIODS = 30
+"""Periods within which a ripple is found: 0.30^n."""
+RIPPLE_ERROR = 0.01
+"""Of a step and of the iteration, over the largest ripple; and its floor [K]."""
+_LEAST_RIPPLE = 1e-4
 FINEST = 24
 """Halvings of a stretch beyond which a step counts as failed."""
 
@@ -54,6 +68,25 @@ class HeatState:
     temperature: np.ndarray
     made: np.ndarray
     left: float
+
+
+@dataclass(frozen=True, slots=True)
+class Ripple:
+    """Temperatures through a period less their mean over it.
+
+    Attributes
+    ----------
+    times : ndarray (k,)
+        From 0 to the period [s].
+    weights : ndarray (k,)
+        Of the mean over the period by the trapezoidal rule.
+    departures : ndarray (k, n_dofs)
+        [K]
+    """
+
+    times: np.ndarray
+    weights: np.ndarray
+    departures: np.ndarray
 
 
 @dataclass
@@ -127,6 +160,32 @@ class HeatInTime:
                 yield state
                 if error < 0.25 * self.tolerance:
                     level -= 1
+
+    def ripple(self, mean: np.ndarray, ends: Sequence[float]) -> Ripple:
+        """The ripple about mean temperatures (n_dofs,) [degrees C] of powers that repeat after the last of `ends` [s].
+
+        `ends` are those of the stretches of one period from 0 on. The tolerance falls to `RIPPLE_ERROR` of the ripple.
+
+        Raises
+        ------
+        ThermalRunaway, HeatNotConverged
+            As `run`; or the periods do not approach one that repeats.
+        """
+        start = mean
+        for _ in range(_PERIODS):
+            first = self.start(start)
+            states = [first, *self.run(first, ends)]
+            times, found = (np.array([getattr(one, key) for one in states]) for key in ("time", "temperature"))
+            between = np.diff(times)
+            weights = 0.5 * (np.append(between, 0.0) + np.append(0.0, between)) / times[-1]
+            average = weights @ found
+            change = found[-1] - start + mean - average
+            small = RIPPLE_ERROR * max(float(np.ptp(found, axis=0).max()), _LEAST_RIPPLE)
+            if self.tolerance <= 1.5 * small and np.abs(change).max() <= small:
+                return Ripple(times, weights, found - average)
+            self.tolerance = min(self.tolerance, small)
+            start = start + change
+        raise HeatNotConverged(f"the ripple of a period of {ends[-1]:.6g} s was not found within {_PERIODS} periods")
 
     def _step(self, state: HeatState, h: float, begin: float, end: float) -> tuple[HeatState, float]:
         """The state after h [s] within a stretch, and the error's estimate [K]."""

@@ -184,6 +184,24 @@ def test_switching_is_met_and_a_repeated_duty_keeps_its_matrices():
     assert len(march._factors) <= 12
 
 
+@pytest.mark.parametrize("share", [1e-4, 0.1, 1.0, 6.0])
+def test_the_ripple_of_a_lumped_body_is_that_of_its_pulse_train(share):
+    """Peak T_a + P R (1 - exp(-t_on/tau))/(1 - exp(-T/tau)), lowest exp(-(T - t_on)/tau) of it, T/tau = share."""
+    problem, G, C = lumped()
+    tau, P = C / G, 40.0
+    period, on = share * tau, 0.3 * share * tau
+    march = HeatInTime(problem, lambda t, _: (np.array([P * (t % period < on)]), np.zeros(1)))
+    mean = problem.steady(constant(0.3 * P))
+    ripple = march.ripple(mean, [on, period])
+    peak = P / G * -np.expm1(-on / tau) / -np.expm1(-period / tau)
+    lowest = peak * np.exp(-(period - on) / tau)
+    found = mean + ripple.departures - AMBIENT
+    assert np.allclose([found.max(), found.min()], [peak, lowest], atol=0.03 * (peak - lowest), rtol=2e-5)
+    assert np.ptp(found) == pytest.approx(peak - lowest, rel=0.03)
+    assert np.allclose(ripple.weights @ ripple.departures, 0.0, atol=1e-9)
+    assert np.allclose(found[-1], found[0], atol=0.02 * (peak - lowest))
+
+
 def test_nothing_moves_at_the_temperature_of_the_room():
     problem, _, C = lumped()
     march = HeatInTime(problem, constant(0.0))

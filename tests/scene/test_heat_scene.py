@@ -7,11 +7,13 @@ import pytest
 from typer.testing import CliRunner
 
 import emclutch
+from emclutch.cli.heat import averaging_in_words
 from emclutch.cli.main import app
 from emclutch.device_model.heat_model import COIL, POWDER, Drive, HeatModel, heat_problem, resistance_at_20
 from emclutch.scene.case import case_from
 from emclutch.scene.errors import SceneError
-from emclutch.studies.heat import _Study, _where_reached, heat
+from emclutch.studies import heat as heat_study
+from emclutch.studies.heat import HOTTEST_PLACES, _Study, _where_reached, heat
 from field.heat.conduction import HeatNotConverged, HeatProblem, ThermalRunaway
 
 RPM = np.pi / 30.0
@@ -95,6 +97,39 @@ def test_a_duty_of_a_quarter_has_a_quarter_of_the_heat(found, tmp_path):
     assert 0.2 < mean / (found.summary["steady"]["surface"] - 20.0) < 0.35
     assert part.summary["duty"]["heat_of_slip"] == pytest.approx(0.25 * 2400.0 * 0.1 * 300.0 * RPM, rel=1e-6)
     assert abs(part.summary["duty"]["energy_error"]) < 1e-7
+
+
+def test_an_averaged_duty_is_the_resolved_one(monkeypatch):
+    """The last period of a duty resolved: peaks, means, ripple and heat; means within the error that is given."""
+    duty = {"end": "4 h", "period": "20 min", "on": "6 min"}
+    fade = {"temperatures": [20.0, 150.0], "factors": [1.0, 0.8]}
+    values = {"effects.heat.duty": duty, "effects.heat.fade": fade, "effects.heat.torque": "0.15 N m"}
+    study = _Study.of(brake(**values, **{"field.size_factor": 4.0, "effects.heat.tolerance": 0.05}), None)
+    table, resolved, _ = study.through_the_duty(None)
+    monkeypatch.setattr(heat_study, "MAX_RESOLVED_PERIODS", 1)
+    rows, averaged, _ = study.through_the_duty(None)
+    last, ripple, end = table[table["time"] > 13199.9], averaged["ripple"], rows.iloc[-1]
+    for key in HOTTEST_PLACES:
+        assert ripple[key] == pytest.approx(np.ptp(last[key]), rel=0.05) and ripple[key] > 5.0
+        assert end[key] == pytest.approx(last[key].max(), abs=0.05 * ripple[key])
+        assert rows[key].iloc[0] == 20.0
+    for key in ("coil_mean", "powder_mean"):
+        mean = np.trapezoid(last[key], last["time"]) / np.ptp(last["time"])
+        assert abs(end[key] - mean) < averaged["error_of_the_mean"] + 0.05 < 1.0
+    assert averaged["heat_of_slip"] == pytest.approx(resolved["heat_of_slip"], rel=0.01)
+    assert abs(averaged["energy_error"]) < 1e-7 and "ripple" not in resolved
+
+
+@pytest.mark.hard
+def test_short_pulses_that_run_away_say_so():
+    """4 A for a third of every 3 s over 3 h have no steady temperatures: no error of the mean, and a stop."""
+    duty = {"end": "3 h", "period": "3 s", "on": "1 s"}
+    study = _Study.of(brake(**{"coil.current": "4 A", "effects.heat.duty": duty, "field.size_factor": 4.0}), None)
+    table, found, _ = study.through_the_duty(None)
+    assert "stopped" in found["state"] and found["end"] < 10800.0 and np.all(np.isfinite(table))
+    assert found["steady"] is None and found["error_of_the_mean"] is None and found["ripple"]["coil_hottest"] > 0.0
+    line = " ".join(averaging_in_words(found).split())
+    assert "3600 periods" in line and "not known" in line
 
 
 @pytest.mark.hard
