@@ -116,7 +116,8 @@ def test_an_averaged_duty_is_the_resolved_one(monkeypatch):
     for key in ("coil_mean", "powder_mean"):
         mean = np.trapezoid(last[key], last["time"]) / np.ptp(last["time"])
         assert abs(end[key] - mean) < averaged["error_of_the_mean"] + 0.05 < 1.0
-    assert averaged["heat_of_slip"] == pytest.approx(resolved["heat_of_slip"], rel=0.01)
+    # while it slips the powder is warmer than in the mean by half its ripple, so that it fades more
+    assert 1.0 < averaged["heat_of_slip"] / resolved["heat_of_slip"] < 1.03
     assert abs(averaged["energy_error"]) < 1e-7 and "ripple" not in resolved
 
 
