@@ -21,6 +21,7 @@ from coupling.mutual_moments import HeldForces, Magnetisation, MutualMoments, Ne
 from coupling.near_attraction import NearAttraction
 from coupling.wall_reflection import steel_walls
 from field import ConvergenceError, MagneticField
+from field.three_d import Field3D
 from particles import DVI, GrainMotion
 
 MAX_SWEEPS, MAX_ROUNDS = 200, 30
@@ -157,8 +158,7 @@ class MutuallyMagnetisedGrains(MagnetisedGrains):
             return
         solution = None if source is None else source.solution
         if self._walls_of is None or solution is not self._walls_of:
-            known = isinstance(solution, MagneticField) or (source is not None and source.feedback is not None)
-            solved = solution if known else None
+            solved = solution if isinstance(solution, MagneticField | Field3D) else None
             self.solver.walls = steel_walls(self.mirrors, solved)
             self._walls_of = solution if solution is not None else self
 

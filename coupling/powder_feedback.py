@@ -131,10 +131,15 @@ class PowderFeedback:
 
     def _spread(self, position: np.ndarray, volume: np.ndarray, moment: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Solid fraction (m, q) and magnetisation (m, 2, q) of the smeared grains at the quadrature points."""
-        self._smear = ring_smear(position, volume, moment, self.width, self.angle, self._steel)
+        self._take_smear(position, volume, moment)
+        assert self._smear is not None
         found = self._smear.at(self._points, self._folds, slopes=False)
         M = np.ascontiguousarray(found[1:3].reshape(2, *self._shape).transpose(1, 0, 2))
         return found[0].reshape(self._shape), M
+
+    def _take_smear(self, position: np.ndarray, volume: np.ndarray, moment: np.ndarray) -> None:
+        """Keep the smear of which `sampler_after_solve` takes M at the nodes."""
+        self._smear = ring_smear(position, volume, moment, self.width, self.angle, self._steel)
 
     def deposit(
         self, position: np.ndarray, volume: np.ndarray, moment: np.ndarray | None, field: Any
@@ -156,7 +161,7 @@ class PowderFeedback:
             self._damping = HALF_WAY
         if self._damping < 1.0:
             moment = self._given + self._damping * (moment - self._given)
-            self._spread(position, volume, moment)  # what is taken of the smear afterwards is that of these moments
+            self._take_smear(position, volume, moment)
             self._M = before + self._damping * (self._M - before)
         self._judged, self._given = field, moment.copy()
         self.residual = FeedbackResidual(total, self.residual.across, self.residual.factor, self.residual.lag)
@@ -164,7 +169,7 @@ class PowderFeedback:
     def _update_field(self, field: Any) -> None:
         """Compute once per field the mirrors of its steel and its magnetisation, which `deposit` needs."""
         if field is None or field is not self._field:
-            self._steel = steel_walls(self.walls, field)
+            self._steel = steel_walls(self.walls, field, steel_only=True)
             self._field_M = np.zeros_like(self._M) if field is None else self.magnetisation(field)
             self._field = field
 

@@ -4,8 +4,8 @@ The field stands still in the frame of the slotted body, into which the grains a
 (`coupling.smeared_grains_3d`) has the symmetry of its mesh. A grain takes H = -grad of the total potential, which has
 no jump where powder begins.
 
-At a steel face the smear is folded back as in the section, where the mirror point lies in steel: not over a slot. The
-pairs' images have one k for a face, its mean over teeth and slots (`coupling.wall_reflection`), and so has the fold.
+At a steel face the smear is folded back as in the section, where the mirror point lies in steel: not over a slot, and
+with k of the teeth. The pairs' images have one k for a face, its mean over teeth and slots (`coupling.wall_reflection`).
 """
 
 from __future__ import annotations
@@ -68,6 +68,9 @@ class PowderFeedback3D(PowderFeedback):
             total[1:, own] += row[5] * (2.0 * across * normal.T - there[1:])
         shape = self._volume.shape
         return total[0].reshape(shape), np.ascontiguousarray(total[1:].reshape(3, *shape).transpose(1, 0, 2))
+
+    def _take_smear(self, position: np.ndarray, volume: np.ndarray, moment: np.ndarray) -> None:
+        pass  # H at the grains is that of the potential
 
     def _law_part(self, powder: PowderState, H: np.ndarray) -> np.ndarray:
         size = np.sqrt((H * H).sum(axis=1))

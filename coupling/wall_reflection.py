@@ -11,6 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from coupling.smear_region import magnetic_regions
 from field import MU_0, MagneticField
 from field.three_d import Field3D
 from geometry import RevolvedWall
@@ -20,10 +21,13 @@ POINTS = 9  # along a wall, at both of its sides
 INSIDE = 1e-3  # of a wall's length: how deep in the steel its permeability is read
 
 
-def steel_walls(walls: Sequence, solution: MagneticField | Field3D | None = None) -> np.ndarray:
+def steel_walls(
+    walls: Sequence, solution: MagneticField | Field3D | None = None, *, steel_only: bool = False
+) -> np.ndarray:
     """Rows (w, 6) of `coupling.mirror` for the magnetic surfaces of revolution among `walls`.
 
-    Their k is 1 without a `solution`, else the mean over the wall of what the solution says of the steel behind it.
+    Their k is 1 without a `solution`, else the mean over the wall of what the solution says of the steel behind it,
+    with `steel_only` over its teeth without the slots.
     """
     rows = []
     for wall in walls:
@@ -32,18 +36,21 @@ def steel_walls(walls: Sequence, solution: MagneticField | Field3D | None = None
         start, end = np.asarray(wall.start), np.asarray(wall.end)
         length = float(np.hypot(*(end - start)))
         tangent = (end - start) / length
-        k = 1.0 if solution is None else _reflection(solution, start, tangent, length)
+        k = 1.0 if solution is None else _reflection(solution, start, tangent, length, steel_only)
         rows.append([*start, *tangent, length, k])
     return np.array(rows, dtype=float).reshape(-1, 6)
 
 
-def _reflection(solution: MagneticField | Field3D, start: np.ndarray, tangent: np.ndarray, length: float) -> float:
+def _reflection(
+    solution: MagneticField | Field3D, start: np.ndarray, tangent: np.ndarray, length: float, steel_only: bool
+) -> float:
     """Mean k of the steel on that side of the wall where there is more of it, in 3D also over the angle."""
     problem = solution.problem
     along = start + np.outer((np.arange(POINTS) + 0.5) / POINTS * length, tangent)
     normal = np.array([-tangent[1], tangent[0]])
     powder = [problem.mesh.regions["powder"]] if problem.powder_law is not None else []
-    best = 0.0
+    magnetic = magnetic_regions(problem.laws)
+    best = share = 0.0
     for side in (1.0, -1.0):
         points = along + side * INSIDE * length * normal
         points, count = np.ascontiguousarray(points[points[:, 0] >= 0.0]), POINTS
@@ -65,8 +72,9 @@ def _reflection(solution: MagneticField | Field3D, start: np.ndarray, tangent: n
             secant = np.divide(B[here], H, out=1.0 / slope, where=H > 0.0) / MU_0
             mu = np.sqrt(np.maximum(secant / (MU_0 * slope), 1.0))
             k[here] = (mu - 1.0) / (mu + 1.0)
-        best = max(best, float(k.sum()) / count)
-    return best
+        if k.sum() > best * count:
+            best, share = float(k.sum()) / count, np.count_nonzero(np.isin(region, magnetic)) / count
+    return best / share if steel_only and share > 0.0 else best
 
 
 def _around(solution: Field3D, points: np.ndarray) -> np.ndarray:
