@@ -4,15 +4,22 @@ The reference are dense sums over all dipoles of the ring (`fed_back_grains.all_
 nothing, and direct sums of the smear's kernel over the copies of a sector.
 """
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from fed_back_grains import IRON, A, D, all_pairs, fed_back, random_grains, turned
 from sector_grid_3d import sector_grid
 
-from coupling.smear_region import elements_within
+from coupling import powder_feedback_3d
+from coupling.mutually_magnetised_grains import MutuallyMagnetisedGrains
+from coupling.powder_feedback_3d import PowderFeedback3D
+from coupling.smear_region import elements_within, magnetic_regions
 from coupling.smeared_grains_3d import smear_3d
-from field import PowderLaw
-from field.three_d import Problem3D, SectorFold, UniformSource
+from coupling.wall_reflection import steel_walls
+from field import LinearLaw, PowderLaw
+from field.three_d import Field3D, Problem3D, SectorFold, UniformSource
+from geometry import RevolvedWall
 from particles import Body
 from particles.sector import CyclicSector
 
@@ -80,3 +87,56 @@ def test_a_ring_of_grains_has_the_moments_and_forces_of_all_its_pairs():
         )
     assert errors[1][0] < 0.025 and errors[1][1] < 0.04
     assert errors[1][0] < errors[0][0] and errors[1][1] < errors[0][1]
+
+
+@pytest.fixture(scope="module")
+def toothed():
+    """Powder over a floor whose steel (mu_r 1000) fills 0.6 of each sixth of the turn, wider than a grain's smear."""
+    pitch = np.pi / 3.0
+    r = np.concatenate(([0.0, 12e-3], np.arange(17e-3, 31.1e-3, 1e-3), [40e-3]))
+    regions = {"powder": (17e-3, 31e-3, 0.0, 8e-3), "steel": (12e-3, 40e-3, -8e-3, 0.0, 0.0, 0.6 * pitch)}
+    mesh = sector_grid(r, 20, np.concatenate(([-20e-3], np.arange(-8e-3, 8.1e-3, 1e-3), [20e-3])), regions, angle=pitch)
+    laws = {"steel": LinearLaw(1000.0)}
+    beyond = elements_within(mesh, magnetic_regions(laws), WIDTH)
+    problem = Problem3D(mesh, laws, UniformSource(), order=1, powder_law=PowderLaw(IRON), powder_beyond=beyond)
+    walls = [RevolvedWall("floor", "disc", (17e-3, 0.0), (31e-3, 0.0), magnetic=True)]
+    return problem, walls, [Field3D(problem, np.zeros(problem.elements.n_nodes), 0.0, None, []) for _ in range(2)]
+
+
+@pytest.mark.parametrize("height", [0.2, 0.5])
+def test_over_a_tooth_the_smear_keeps_the_grains_normal_moment(toothed, height):
+    """Its part in the steel is folded back with k = 0.998 of the tooth, not with 0.6 of tooth and slot."""
+    problem, walls, (field, _) = toothed
+    feedback = PowderFeedback3D(problem, IRON, WIDTH, np.pi / 3.0, walls, Body("disc"))
+    angle = 0.3 * np.pi / 3.0
+    x = np.array([[24e-3 * np.cos(angle), 24e-3 * np.sin(angle), height * WIDTH]])
+    feedback.deposit(x, np.array([4e-9]), np.array([[0.0, 0.0, 1.0]]), field)
+    deposited = (feedback._M[:, 2] * feedback._volume).sum()
+    volume = (feedback._fill * feedback._volume.sum(axis=1)).sum()
+    assert deposited == pytest.approx(1.0, abs=0.02) and volume == pytest.approx(4e-9, rel=0.02)
+    assert steel_walls(walls, field)[0, 5] == pytest.approx(0.6, abs=0.05)
+    assert steel_walls(walls, field, steel_only=True)[0, 5] == pytest.approx(999.0 / 1001.0, rel=1e-6)
+
+
+def test_images_have_the_k_of_the_solved_field_without_feedback(toothed):
+    """A pair's image beside teeth and slots is the same whether the powder changes the field or not."""
+    _, walls, (field, _) = toothed
+    grains = SimpleNamespace(mirrors=walls, _walls_of=None, solver=SimpleNamespace(walls=None))
+    for feedback in (None, "on"):
+        grains._walls_of = None
+        MutuallyMagnetisedGrains._refresh_walls(grains, SimpleNamespace(solution=field, feedback=feedback))
+        assert np.array_equal(grains.solver.walls, steel_walls(walls, field))
+
+
+def test_a_damped_deposit_smears_once(toothed, monkeypatch):
+    """The moments' damping needs no smear of its own: H at grains is that of the potential."""
+    problem, walls, (first, second) = toothed
+    feedback = PowderFeedback3D(problem, IRON, WIDTH, np.pi / 3.0, walls, Body("disc"))
+    smears = []
+    monkeypatch.setattr(powder_feedback_3d, "smear_3d", lambda *given: smears.append(1) or smear_3d(*given))
+    x, V, m = np.array([[24e-3, 0.0, 3e-3]]), np.array([4e-9]), np.array([[0.0, 0.0, 1.0]])
+    feedback.deposit(x, V, m, first)
+    before = feedback._M.copy()
+    feedback.deposit(x, V, 3.0 * m, second)
+    assert feedback._damping == 0.5 and np.allclose(feedback._M, 2.0 * before)
+    assert len(smears) == 2
