@@ -155,7 +155,7 @@ _TEAM_STEEL = np.array(
     ]
 )
 
-_FEMM = "the table of the FEMM distribution"
+_FEMM = "the table of FEMM's matlib.dat"
 _FLUX_TUBES = "Modelica Standard Library, Magnetic.FluxTubes.Material.SoftMagnetic"
 
 _MATERIALS: dict[str, Callable[[], Law]] = {
@@ -176,7 +176,7 @@ _MATERIALS: dict[str, Callable[[], Law]] = {
         _STEEL_1020[:, 0],
         _STEEL_1020[:, 1],
         "steel_1020",
-        f"AISI 1020 low-carbon steel, {_FEMM}; its J_s is 1 % too high (iron: 2.16 T)",
+        f"AISI 1020 low-carbon steel, every second point of {_FEMM}; its J_s is 1 % too high (iron: 2.16 T)",
     ),
     "stainless_416": lambda: TableLaw(
         _STAINLESS_416[:, 0],
