@@ -5,7 +5,7 @@ The field stands still in the frame of the slotted body, into which the grains a
 no jump where powder begins.
 
 At a steel face the smear is folded back as in the section, where the mirror point lies in steel: not over a slot, and
-with k of the teeth. The pairs' images have one k for a face, its mean over teeth and slots (`coupling.wall_reflection`).
+with k of the teeth. The pairs' images have one k for a face, its mean over teeth and slots.
 """
 
 from __future__ import annotations
