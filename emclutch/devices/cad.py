@@ -61,7 +61,7 @@ def _fine_enough_for_moments(draft: Draft) -> Iterator[Fault]:
     """Rows of triangles across the width over which back_reaction spreads a grain."""
     scene = draft.scene
     geometry, source = scene.geometry, scene.coil_field
-    if geometry.is_solved_in_3d and source is not None and scene.particles is not None and moments_are_fed_back(scene):
+    if geometry.is_solved_in_3d and source is not None and scene.effects.feedback is not None:
         yield Fault(
             f"effects.{scene.effects.feedback.name}",
             "",
