@@ -47,7 +47,7 @@ from particles.dvi.sweep_chunks import extrapolate_chunks, gather_chunks, residu
 GAUSS_SEIDEL, ANDERSON = range(2)  # methods: sweeps alone, accelerated
 PLAIN = 1.0  # relaxation of sweeps that are not over-relaxed
 PLAIN_SWEEPS = 30  # most warm-started steps are done by then
-FIRST_SWEEPS = 100  # before the acceleration begins, over-relaxed after the plain ones; loose tolerances need no more
+FIRST_SWEEPS = 100  # before the acceleration begins, over-relaxed after the plain ones, at most half of all
 SWEEPS = 3  # in one application of G: they cost less than an extrapolation
 PATIENCE = 60  # sweeps in which |F| must have found a new minimum; as many without extrapolation follow otherwise
 SLIGHTLY_OVER = 1.3  # over-relaxation within G
@@ -69,7 +69,7 @@ def solve(convex, compliance, settings, records, contact_torques, chunk=None, se
     cap, tolerance = settings.cap, settings.tolerance
     first, over = cap, PLAIN
     if settings.method != GAUSS_SEIDEL:
-        first, over = min(cap, FIRST_SWEEPS), OVER
+        first, over = min(cap, max(PLAIN_SWEEPS, min(FIRST_SWEEPS, cap // 2))), OVER
     for count in range(first):
         relax = PLAIN if count < PLAIN_SWEEPS else over
         change = _sweep(convex, relax, compliance, records, contact_torques, chunk, serial)
