@@ -33,5 +33,6 @@ $(VENV)/installed: pyproject.toml constraints.txt
 	@PYTHON="$(PYTHON)" sh .ci/system-libraries "$(GMSH_LIBRARIES)" "$(GMSH_PACKAGES)"
 	@command -v $(PYTHON) >/dev/null || { echo "$(PYTHON) not found: apt-get install python3.11 python3.11-venv, or make PYTHON=python3.12"; exit 1; }
 	$(PYTHON) -m venv $(VENV)
+	@echo "installing about 90 packages: some minutes, and nothing is printed meanwhile"
 	$(BIN)/pip install --quiet --disable-pip-version-check --no-compile -c constraints.txt -e '.[dev,fast,solid,dask,sensitivity,xarray]'
 	@touch $@

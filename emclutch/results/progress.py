@@ -52,12 +52,13 @@ class Progress:
         self._started = self._line_time = time.monotonic()
         if self.stream.isatty():
             from rich.console import Console
-            from rich.progress import BarColumn, Progress, TextColumn
+            from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
             self._bar = Progress(
                 TextColumn("{task.description}"),
                 BarColumn(),
                 TextColumn("{task.percentage:>3.0f} %  {task.fields[left]}"),
+                TimeElapsedColumn(),
                 console=Console(file=self.stream),
             )
             self._bar.start()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -31,12 +32,13 @@ class Result:
     def history(self) -> pandas.DataFrame:
         """One row a coupling window; columns as of `emclutch.results.COLUMNS`. OutputError where there is none."""
         if self._history is None:
-            self._history = self.folder.read_history()
-            if not len(self._history):
+            history = self.folder.read_history()
+            if not len(history):
                 failed = self.folder.read_failure()
                 resume = f"continue with: emclutch run {self.folder.path} --resume"
                 how = resume if failed is None else failed.in_words()
                 raise OutputError(f"{self.folder.history} has no window yet; {how}")
+            self._history = history
         return self._history
 
     @property
@@ -103,7 +105,8 @@ class Result:
     def verdict(self) -> list[Statement]:
         """Torque with its interval, error budget, what to do next and its cost, balances, warnings.
 
-        Each has a `mark` (good, poor or note) and a `text`; `emclutch run` prints the same.
+        Each has a `mark` (good, poor or note) and a `text`; `emclutch run` prints the same. OutputError where there is
+        no window yet.
         """
         from emclutch.results.report.verdict import verdict  # local: it imports this module
 
@@ -113,7 +116,10 @@ class Result:
         from emclutch.results.report.content import run_page  # local, as above
         from emclutch.results.report.render import fragment
 
-        return fragment(run_page(self, lambda result: ()).short())
+        try:
+            return fragment(run_page(self, lambda result: ()).short())
+        except OutputError as error:  # a notebook shows the object all the same
+            return f"<p>{escape(str(error))}</p>"
 
     def open_record(self) -> Record:
         """The HDF5 record, for reading."""

@@ -184,12 +184,16 @@ def did_you_mean(given: object, names: tuple[str, ...] | list[str]) -> str:
     return f"did you mean '{close[0]}'? " if close else ""
 
 
+_BRAKE = "a brake is kind 'clutch' (or 'drum') with [motion.disc] speed = 0; "
+
+
 def not_one_of(given: object, available: tuple[str, ...], planned: tuple[str, ...] = ()) -> str:
     """Say why a name is refused: planned, or unknown with the nearest name; and what there is."""
     listed = "available: " + ", ".join(available)
     if given in planned:
         return f"is planned but not in this version; {listed}"
-    return f"is unknown; {did_you_mean(given, list(available))}{listed}"
+    hint = _BRAKE if given == "brake" and "clutch" in available else did_you_mean(given, list(available))
+    return f"is unknown; {hint}{listed}"
 
 
 def refuse(message: str, key: str = "") -> PydanticCustomError:

@@ -277,7 +277,10 @@ def _faults_of_points(study: StudySection, numbers: Sequence[int] | None) -> lis
         if "study" in data:
             raise SceneError([Fault("study", "", "makes it a study; name the file of one scene")])
     except SceneError as error:
-        return [Fault("study.case", shown(study.case), " ".join(map(str, error.faults)))]
+        path = study.case_path
+        found = " ".join(fault.message if fault.key == str(path) else str(fault) for fault in error.faults)
+        message = f"{found} ({path.absolute()}; relative paths start in the study's folder)"
+        return [Fault("study.case", shown(study.case), message)]
     right = {key: values for key, values in study.values.items() if _is_list(values) and not key_fault(key, Scene)}
     fixed = {key: value for key, value in study.set.items() if not key_fault(key, Scene)}
     sample = study.sample if len(right) == len(study.values) else None

@@ -179,7 +179,9 @@ class Quantity(Entry):
         wanted = registry().parse_units(self.unit)
         if unit is None:
             fitting = [u for u in _COMMON_UNITS if _parse_unit(u).dimensionality == wanted.dimensionality]
-            close = get_close_matches(unit_text, fitting, n=1, cutoff=0.5)
+            close = get_close_matches(unit_text, fitting, n=len(fitting), cutoff=0.5) if fitting else []
+            # one wrong letter, and that not the first, before a letter too many: 'mn' is rather 'mm' than 'm'
+            close.sort(key=lambda u: (len(u) != len(unit_text), u[0] != unit_text[0]))
             hint = f"did you mean '{close[0]}'? " if close else ""
             raise ValueError(f"has the unknown unit '{unit_text}'; {hint}{self._needed(unit_given=True)}")
         if unit.dimensionality != wanted.dimensionality:

@@ -20,6 +20,7 @@ import numpy as np
 from coupling.sheared_powder import dem_in_box
 from emclutch.scene.contact import ContactSection
 from emclutch.scene.replica_count import cores_at_hand
+from emclutch.simulation.kernel_compilation import ONCE
 from geometry.kernels.cache import ROOT, has_entries
 from geometry.kernels.threads import default_threads
 from geometry.walls import cylinder
@@ -65,11 +66,16 @@ def _no_drives(motion: GrainMotion) -> tuple[np.ndarray, np.ndarray]:
     return np.zeros((motion.listed_pairs.count, 3)), np.zeros((len(motion.listed_walls.wall), 2))
 
 
-def start(scene: Any) -> subprocess.Popen | None:
-    """The child that compiles, or None where it would not help: a step is in the cache, or there is one core only."""
+def lacks_step(scene: Any) -> bool:
+    """True where the grains move by DEM and the cache holds no compiled step yet."""
     from particles.dem.step_kernel import run_steps
 
-    if scene.contact.method != "dem" or default_threads(cores_at_hand()) < 2 or has_entries(run_steps):
+    return scene.contact.method == "dem" and not has_entries(run_steps)
+
+
+def start(scene: Any) -> subprocess.Popen | None:
+    """The child that compiles, or None where it would not help: a step is in the cache, or there is one core only."""
+    if not lacks_step(scene) or default_threads(cores_at_hand()) < 2:
         return None
     # -P: the folder that the user stands in may hold files with the names of modules, from elsewhere even
     command = [sys.executable, "-P", "-m", "emclutch.simulation.kernel_warm_up", *kind_of(scene)]
@@ -88,7 +94,7 @@ def step_compiled_aside(scene: Any, announce: Callable[[str], None]) -> Iterator
     """
     child = start(scene)
     if child is not None:
-        announce("compiling the grains' step (DEM) in a second process, once, about half a minute")
+        announce(f"compiling the grains' step (DEM) in a second process, {ONCE}")
     try:
         yield
     finally:

@@ -69,7 +69,7 @@ def run(
         tune_threads, threads = may_tune_threads(threads), use_threads(threads, count)
         slots = replicas_side_by_side(max(count, max_replica_count(case.scene)), threads)
         with (
-            interruptible(stop, lambda: opened.compiled.is_going_on or last_time(folder.history) is None),
+            interruptible(stop, lambda: last_time(folder.history) is None, opened.compiled),
             step_compiled_aside(case.scene, reporter.announce),
             other_replicas(
                 case, folder, count, threads=threads, slots=slots, tune_threads=tune_threads, resume=resume, start=start

@@ -9,6 +9,8 @@ from typing import Any
 from coupling import Simulation
 from emclutch.device_model.device import Device
 from emclutch.simulation.assembly import assemble, simulation_of
+from emclutch.simulation.kernel_compilation import ONCE
+from emclutch.simulation.kernel_warm_up import lacks_step
 from emclutch.simulation.plan import Plan
 from emclutch.simulation.planned_run import PlannedRun
 from emclutch.simulation.resume import run_checkpoint
@@ -52,7 +54,8 @@ def start_run(request: RunRequest, planned: PlannedRun) -> StartedRun:
     if not request.opened.goes_on:
         grains = request.grains
         simulation = assemble(device, plan) if grains is None else warm_started(device, plan, grains)
-        log.info("started: %d windows", plan.windows)
+        compiling = f"; the grains' step is being compiled, {ONCE}" if lacks_step(request.case.scene) else ""
+        request.progress.announce(f"started: {plan.windows} windows{compiling}")
         return StartedRun(planned, simulation)
     state = run_checkpoint(request.folder.checkpoint)
     plan = plan.continued(state["steps_per_update"], state["updates"])

@@ -105,6 +105,9 @@ def test_a_history_without_a_window_is_reported(tmp_path):
     result = load_result(tmp_path)
     with pytest.raises(OutputError, match=r"history\.csv has no window yet; continue with: emclutch run .* --resume"):
         _ = result.torque
+    with pytest.raises(OutputError, match="has no window yet"):
+        _ = result.verdict
+    assert "has no window yet; continue with: emclutch run" in result._repr_html_()
 
 
 @pytest.mark.parametrize("name", ["summary", "plan", "provenance"])

@@ -34,6 +34,8 @@ EDITS = {
     "wrong dimension": ({"geometry.gap": "3 kg"}, "geometry.gap = '3 kg'",
         "is a mass; a length is needed, e.g. '1 mm'"),
     "unknown unit": ({"geometry.gap": "1 mmm"}, "geometry.gap", "did you mean 'mm'? a length is needed"),
+    "a brake": ({"geometry.kind": "brake"}, "geometry.kind", "a brake is kind 'clutch' (or 'drum') with [motion.disc]"),
+    "unit with a wrong letter": ({"geometry.gap": "1 mn"}, "geometry.gap", "did you mean 'mm'?"),
     "no unit in a text": ({"geometry.gap": "1"}, "geometry.gap", "has no unit"),
     "frequency as speed": ({"motion.rotor.speed": "50 Hz"}, "motion.rotor.speed", "e.g. '100 rpm'"),
     "not a number": ({"particles.diameter": float("nan")}, "particles.diameter", "is not finite"),
@@ -162,6 +164,12 @@ def edited(values: dict) -> dict:
 def test_file_is_refused(name):
     command, key, remedy = FILES[name]
     refused([command, str(BROKEN / f"{name}.toml")], key, remedy)
+
+
+def test_the_missing_scene_of_a_study_is_named_once_with_its_folder(tmp_path):
+    (tmp_path / "study.toml").write_text('[study]\ncase = "nowhere.toml"\n[study.values]\n"coil.current" = [1]\n')
+    output = refused(["sweep", str(tmp_path / "study.toml")], "study.case = 'nowhere.toml' does not exist; check")
+    assert f"({tmp_path / 'nowhere.toml'}; relative paths start in the study's folder)" in output
 
 
 def test_all_faults_are_reported_at_once():

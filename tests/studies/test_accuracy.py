@@ -178,7 +178,8 @@ def test_faults_are_told_before_anything_runs(packings, tmp_path):
     assert "accuracy.ladders.start_up = 30 is not before the end of the packings, strain 18" in text
     text = refused({"accuracy.ladders.overlap": [0.01, 1e-4], "time.step": "0.08 us"})
     assert text.count("accuracy.ladders.overlap") == 1 and "accuracy.ladders.overlap = 0.0001 is none that" in text
-    assert "--budget = 1 s is less than the 4 packings" in refused({}, budget=1.0)
+    text = refused({}, budget=1.0)
+    assert "--budget = 1 s is less than the 4 packings" in text and "other settings" in text and "five times" in text
     text = refused({"accuracy.ladders.rigid_step": ["1 us"], "accuracy.ladders.contact_step": []})
     assert "accuracy.ladders.rigid_step = [1e-06] is of contact.dvi.step, which has no part in this scene" in text
     assert "accuracy.ladders.contact_step = [] has no setting" in text

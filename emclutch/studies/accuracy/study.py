@@ -158,7 +158,8 @@ def _begun(case: Case, base: Base, budget: float, jobs: int, queue: TaskQueue, p
     if first > budget:
         message = (
             f"is less than the {BASE_PACKINGS} packings at the scene's own settings take with {jobs} jobs, about "
-            f"{format_duration(first)}; give {format_duration(5.0 * first)} or more"
+            f"{format_duration(first)}, and packings of other settings must be run beside them; give five times that, "
+            f"{format_duration(5.0 * first)}, or more"
         )
         raise SceneError([Fault(BUDGET_OPTION, f"{budget:g} s", message)], source_of(case))
     tasks = setting_tasks(base)
