@@ -63,7 +63,7 @@ Catalogue = Annotated[
     typer.Option(
         "--with",
         metavar="FILE",
-        help="measured or catalogue points to lay over torque against current: CSV with columns current_A, torque_Nm",
+        help="measured or catalogue points to lay over torque against current: CSV, current [A], torque [N m]",
     ),
 ]
 Band = Annotated[
