@@ -278,8 +278,8 @@ def _faults_of_points(study: StudySection, numbers: Sequence[int] | None) -> lis
             raise SceneError([Fault("study", "", "makes it a study; name the file of one scene")])
     except SceneError as error:
         path = study.case_path
-        found = " ".join(fault.message if fault.key == str(path) else str(fault) for fault in error.faults)
-        message = f"{found} ({path.absolute()}; relative paths start in the study's folder)"
+        words = " ".join(fault.message if fault.key == str(path) else str(fault) for fault in error.faults)
+        message = f"{words} ({path.absolute()}; relative paths start in the study's folder)"
         return [Fault("study.case", shown(study.case), message)]
     right = {key: values for key, values in study.values.items() if _is_list(values) and not key_fault(key, Scene)}
     fixed = {key: value for key, value in study.set.items() if not key_fault(key, Scene)}
