@@ -1,0 +1,58 @@
+"""Effects that meet in the field or in an energy close torques and energies together as each does alone.
+
+The bounds are those of `cases/hard/invariants.toml`. There are, besides: the circuit with fed-back powder
+(`cases/hard/voltage_jump.toml`), and both with eddy currents (`cases/hard/eddy_currents_with_powder.toml`); eddy currents and circuit without powder (`test_coil_transient.py`);
+slots with fed-back powder at a current, and with a circuit without it (`test_slotted_run.py`).
+"""
+
+import numpy as np
+import pytest
+from finished_run import FinishedRun
+from hard_scene import hard_scenes
+from invariants import margins
+
+pytestmark = [pytest.mark.hard, pytest.mark.physics]
+
+SCENES = {scene.name: scene for scene in hard_scenes()}
+UP_AND_DOWN = {"times": [0.0, 4e-4, 8e-4], "values": [0.2, 1.0, 0.2]}
+AT_A_CURRENT = {"effects.coil_circuit": None, "coil.voltage": None, "coil.current": UP_AND_DOWN}
+SHORT = {"field.size_factor": 3, "time.end": "0.8 ms"}
+
+
+def into_steel_and_field(run: FinishedRun, share: float) -> float:
+    """The integral of i d(flux linkage) is the change of the field's energy and the heat of hysteresis.
+
+    From the first window's field on: a row has the field of the window's begin, and the current of its end. The little
+    work on the grains is left open, as by `coil_energy`.
+    """
+    history = run.history
+    current, linkage = history["current"].to_numpy()[:-1], history["flux_linkage"].to_numpy()[1:]
+    put_in = 0.5 * (current[1:] + current[:-1]) * np.diff(linkage)
+    heat = history["hysteresis_loss"].to_numpy()[2:]
+    energy = history["field_energy"].to_numpy()[1:]
+    assert heat.sum() > share * energy.max()
+    return abs(put_in.sum() - heat.sum() - (energy[-1] - energy[0])) / (share * (np.abs(put_in).sum() + energy.max()))
+
+
+PAIRS = {
+    "eddy currents, feedback": ("eddy_currents_with_powder", AT_A_CURRENT),
+    "hysteresis, feedback": (
+        "eddy_currents_with_powder",
+        AT_A_CURRENT | {"effects.eddy_currents": None, "effects.hysteresis": {}},
+    ),
+}
+
+
+@pytest.mark.parametrize("name", PAIRS)
+def test_torques_and_energies_close(name, tmp_path):
+    of, values = PAIRS[name]
+    scene = SCENES[of]
+    run = scene.run(tmp_path / "run", SHORT | values)
+    bounds = dict(scene.bounds)
+    del bounds["current"]  # what voltage and resistance allow: here the current is given
+    if "hysteresis_loss" in run.history:
+        del bounds["coil_energy"]  # no supply: the current is given
+        assert into_steel_and_field(run, 0.005) < 1.0
+    found = margins(run, bounds)
+    assert all(margin < 1.0 for margin in found.values()), {n: m for n, m in found.items() if m >= 1.0}
+    assert run.history["feedback_residual"].max() > 0.0 and np.linalg.norm(run.moment, axis=1).min() > 0.0

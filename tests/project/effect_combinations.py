@@ -1,0 +1,109 @@
+"""Which effects run together, as the checks of a scene answer; the table of docs/limits.md is made again by
+
+    python tests/project/effect_combinations.py
+
+Each pair is put into a scene of magnetised powder that is valid by itself: what its checks report is the reason.
+"""
+
+from __future__ import annotations
+
+import re
+from itertools import combinations
+from pathlib import Path
+from string import ascii_lowercase
+from typing import Any
+
+from emclutch.effects import EFFECTS
+from emclutch.scene.case import Case, load_case
+from emclutch.scene.errors import SceneError
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGE = ROOT / "docs" / "limits.md"
+BEGIN, END = "<!-- combinations: made by tests/project/effect_combinations.py -->\n", "<!-- end of combinations -->\n"
+
+NEEDED = {"magnetic_force": {}, "dipoles": {"model": "near_field", "cutoff": 2.5}, "saturation": {}}
+"""Effects that others need, in every scene; the grains' images stand in those that have steel faces."""
+
+AT_A_VOLTAGE = {"coil.current": None, "coil.voltage": "24 V"}
+TABLES: dict[str, dict[str, Any]] = {
+    "cohesion": {"force": "1 mN"},
+    "fluid_drag": {"viscosity": "0.1 Pa s"},
+    "heat": {"torque_curve": {"currents": [0.0, 1.0], "torques": [0.0, 1.0]}},
+}
+"""Of effects that have keys without a default."""
+
+SETTINGS: dict[str, dict[str, Any]] = {
+    "slots: a field in 3D": {
+        "geometry.disc_slots": {"count": 60, "share": 0.4, "depth": "2 mm"},
+        "particles.sector": "6 deg",
+    },
+    "contact.method = dvi": {"contact.method": "dvi"},
+    "a sheared box": {
+        "geometry": {"kind": "sheared_box", "size": ["3 mm"] * 3, "shear_rate": 1000.0},
+        "field": {"source": "uniform", "field_strength": "40 kA/m", "direction": "z", "means": "macroscopic"},
+        "particles": {"diameter": "0.25 mm", "solid_fraction": 0.3},
+        **dict.fromkeys(("coil", "motion", "effects.wall_images", "time.until")),
+    },
+}
+"""What is no effect and excludes some, by its name in the table."""
+
+NAMES = (*(effect.name for effect in EFFECTS), *SETTINGS)
+
+
+def base() -> Case:
+    """The drum of the quickstart with the effects that others need."""
+    return load_case(ROOT / "cases" / "quickstart.toml", {"effects": NEEDED | {"wall_images": {}}})
+
+
+def values(*names: str) -> dict[str, Any]:
+    """Values of a scene that has all of these effects and settings; a setting is the last."""
+    found: dict[str, Any] = {}
+    for name in names:
+        found |= SETTINGS.get(name, {})
+    for name in names:
+        if name not in SETTINGS:
+            found[f"effects.{name}"] = TABLES.get(name, NEEDED.get(name, {}))
+    return found | (AT_A_VOLTAGE if "coil_circuit" in names and found.get("coil", "") is not None else {})
+
+
+def reason(scene: Case, *names: str) -> str:
+    """Why these do not run together, without the remedy, or that one has no effect; empty where they run."""
+    try:
+        found = scene.with_values(values(*names)).scene
+    except SceneError as error:
+        first = error.faults[0]
+        return f"`{first.key}` {re.sub(r'; (remove|add|take) .*', '', first.message)}"
+    warned = (said for one in found.effects.present for said in one.warnings(found))
+    return next((said for said in warned if "has no effect" in said), "")
+
+
+def refused() -> dict[tuple[str, str], str]:
+    """Reason by pair, a setting second; pairs that run are not in it."""
+    scene = base()
+    pairs = [pair for pair in combinations(NAMES, 2) if pair[0] not in SETTINGS]
+    return {pair: why for pair in pairs if (why := reason(scene, *pair))}
+
+
+def table() -> str:
+    """Markdown of the triangle, and of the reasons below it."""
+    found = refused()
+    letters = dict(zip(dict.fromkeys(found.values()), ascii_lowercase, strict=False))
+    columns = len(EFFECTS)
+    lines = ["| | " + " | ".join(str(k + 1) for k in range(columns)) + " |", "|---" * (columns + 1) + "|"]
+    for k, name in enumerate(NAMES):
+        pairs = [(other, name) for other in NAMES[: min(k, columns)]]
+        cells = [letters[found[pair]] if pair in found else "+" for pair in pairs]
+        number = f"{k + 1} `{name}`" if k < columns else name
+        lines.append(f"| {number} | " + " | ".join(cells + [""] * (columns - len(cells))) + " |")
+    reasons = [f"- {letter}: {why}" for why, letter in letters.items()]
+    return "\n".join([*lines, "", *reasons]) + "\n"
+
+
+def in_page() -> str:
+    """The table as the page has it."""
+    return PAGE.read_text(encoding="utf-8").split(BEGIN)[1].split(END)[0]
+
+
+if __name__ == "__main__":
+    text = PAGE.read_text(encoding="utf-8")
+    PAGE.write_text(text.replace(BEGIN + in_page() + END, BEGIN + table() + END), encoding="utf-8")
