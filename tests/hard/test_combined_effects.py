@@ -1,8 +1,9 @@
 """Effects that meet in the field or in an energy close torques and energies together as each does alone.
 
 The bounds are those of `cases/hard/invariants.toml`. There are, besides: the circuit with fed-back powder
-(`cases/hard/voltage_jump.toml`), and both with eddy currents (`cases/hard/eddy_currents_with_powder.toml`); eddy currents and circuit without powder (`test_coil_transient.py`);
-slots with fed-back powder at a current, and with a circuit without it (`test_slotted_run.py`).
+(`cases/hard/voltage_jump.toml`), and both with eddy currents (`cases/hard/eddy_currents_with_powder.toml`);
+eddy currents and circuit without powder (`test_coil_transient.py`); slots with fed-back powder at a current, and with a
+circuit without it (`test_slotted_run.py`).
 """
 
 import numpy as np
