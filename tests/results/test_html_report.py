@@ -3,6 +3,8 @@
 import re
 from html.parser import HTMLParser
 
+import numpy as np
+import pandas
 import pytest
 from typer.testing import CliRunner
 from written_run import written_run, written_study
@@ -137,12 +139,24 @@ def test_a_run_has_a_short_page_in_its_folder(tmp_path):
     assert "2 of 3 points are done" in study._repr_html_()
 
 
+def test_a_torque_is_not_said_to_be_that_of_the_last_current_where_it_changes(tmp_path):
+    """The mean over a current that falls to nothing is not the torque at 0 A; copper loss is that of the run's end."""
+    folder = written_run(tmp_path / "run")
+    history = pandas.read_csv(folder.history)
+    history["current"] = np.linspace(1.0, 0.0, len(history))
+    history.to_csv(folder.history, index=False)
+    folder.write_summary(folder.read_summary() | {"current": 0.0, "copper_loss": 0.0, "expected_torque": {"law": "L"}})
+    page = write_index(load_result(folder.path)).read_text(encoding="utf-8")
+    assert " at 0 A" not in page and "copper loss, at the run&#x27;s end" in page.replace("&#39;", "&#x27;")
+    assert "expected before the run" not in page
+
+
 def test_an_effect_left_out_that_may_matter_is_in_the_conclusion_wherever_it_is_read(tmp_path):
     folder = written_run(tmp_path / "run")
     folder.write_plan(folder.read_plan() | {"may_matter": {"eddy_currents": "time over that of switching: 0.6"}})
     result = load_result(folder.path)
     page, text = write_index(result).read_text(encoding="utf-8"), "(time over that of switching: 0.6): eddy currents."
-    assert "2 lines of the verdict speak against" in page  # that, and one packing
+    assert "The verdict has 2 reservations" in page  # that, and one packing
     for said in (page.split("<h2>Verdict")[1], str(result.summary["verdict"]), str(result.verdict)):
         assert said.count(text) == 1
 

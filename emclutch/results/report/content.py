@@ -9,13 +9,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
+import numpy as np
+
 from emclutch.effects import EffectsSection
 from emclutch.effects.left_out import ALWAYS, OFF, LeftOut
 from emclutch.results import COLUMNS, OutputError, Result, RunFolder, load_result
 from emclutch.results.columns import (
+    CURRENT,
     DISSIPATED,
     ENERGY_RESIDUAL,
     SHEAR_STRESS,
+    TIME,
     TORQUE_DISC,
     WORK_BOX_MAGNETIC,
     WORK_HELD,
@@ -30,6 +34,10 @@ from emclutch.results.report.verdict import RPM, Mark, Statement, in_words, sent
 from emclutch.results.study_folder import StudyFolder, is_study, read_study, refresh_in_words
 from emclutch.results.study_result import grain_size_lines
 from emclutch.results.text import format_stress, format_time, format_torque, per_cent
+
+STEADY_CURRENT = 0.01
+"""Relative range of the current within which the torque's mean is one at that current."""
+AT_THE_END = ("coil current", "voltage", "copper loss", "flux density")  # rows of quantities of the last window
 
 LeftOutOf = Callable[[Result], Sequence[LeftOut]]
 """What the scene of a run leaves out, see `emclutch.simulation.check`."""
@@ -314,7 +322,7 @@ def conclusion(result: Result) -> list[Statement]:
         second = Statement(Mark.POOR, f"The verdict has {number}: {against[0]}")
     if found is None or found.mean is None:
         return [Statement(Mark.NOTE, "The run has no steady torque."), second]
-    current = summary.get("current")
+    current = summary.get("current") if _current_is_steady(result) else None
     at = "" if current is None else f" at {current:.4g} A"
     slip = summary.get("slip")
     at += f"{' and' if at else ' at'} {slip * RPM:.4g} rpm of slip" if slip else ""
@@ -322,6 +330,14 @@ def conclusion(result: Result) -> list[Statement]:
     first = f"The {_measured_name({'': result})}{at} is {shown}"
     first += "." if found.converged else "; it has not converged."
     return [Statement(Mark.GOOD if found.converged else Mark.POOR, first), second]
+
+
+def _current_is_steady(result: Result) -> bool:
+    """Whether the current is the same, to 1 %, in all windows that the torque is the mean of."""
+    if CURRENT not in result.history or result.steady is None or result.steady.start is None:
+        return True
+    averaged = result.history[CURRENT][result.history[TIME] >= result.steady.start]
+    return bool(np.ptp(averaged) <= STEADY_CURRENT * averaged.abs().max())
 
 
 def _operating_point(result: Result) -> list[tuple[str, str]]:
@@ -339,7 +355,9 @@ def _operating_point(result: Result) -> list[tuple[str, str]]:
     ]
     if shown := _measured(result):
         rows.insert(0, (_measured_name({"": result}), shown))
-    if expected := summary.get("expected_torque"):
+    if not _current_is_steady(result):
+        rows = [(f"{name}, at the run's end" if name.startswith(AT_THE_END) else name, value) for name, value in rows]
+    elif expected := summary.get("expected_torque"):
         rows.append(("expected before the run", expected["law"]))
     return rows
 
