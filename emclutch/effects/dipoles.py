@@ -147,10 +147,7 @@ class DipolesSection(EffectSection):
         """What both entries of `contact.method` were measured to take with necks; empty without."""
         if not self.has_necks:
             return ""
-        return (
-            "either for powder, dvi for shot: dvi took about the processor time of dem at 20 times its step "
-            "(cases/quickstart.toml), 0.7 times at 41 times its step (200 spheres of cases/thesis/electromagnetic.toml)"
-        )
+        return "either for powder, dvi for shot: about the same and 0.7 times the processor time of dem"
 
     def acting(self, scene, bodies):
         """Yield the forces between moments."""

@@ -22,6 +22,8 @@ from emclutch.scene.section import Section, refuse
 from emclutch.scene.time_table import CurrentProfile, SpeedProfile
 from emclutch.scene.units import Current, LoadTorque, Quantity, Time, number, two_digits
 
+MAX_RISE = 100.0
+"""Rise of the temperature [K] above which the effect matters."""
 Celsius = Annotated[float, number("40", -100.0, 250.0)]
 _Film = Annotated[float, Quantity("a heat transfer coefficient", "W/(m^2*K)", "6 W/(m^2 K)", 0.0, 1e5)]
 _Conductance = Annotated[float, Quantity("a thermal conductance", "W/K", "0.5 W/K", 0.0, 1e4)]
@@ -256,6 +258,7 @@ class HeatSection(EffectSection):
             return
         note = f"at most {two_digits(at.slip_power)} W of slip, {two_digits(at.heating)} K/s in the powder alone"
         if at.housing_rise is not None:
+            matters = "YES" if at.housing_rise > MAX_RISE else "no"
             rise = two_digits(at.housing_rise)
-            note += f"; in steady operation the housing would be {rise} K above the room (emclutch heat)"
-        yield LeftOut(cls.name, OFF, "kelvins in this run", at.heating * at.end, 100.0, note=note)
+            note += f"; in steady operation {matters}: housing {rise} K above the room (emclutch heat)"
+        yield LeftOut(cls.name, OFF, "kelvins in this run", at.heating * at.end, MAX_RISE, note=note)

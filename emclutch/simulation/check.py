@@ -125,7 +125,7 @@ def _check(case: Case, threads: int | None) -> Checked:
         words["copper"] = coil_heat_in_words(scene, device.coil, device.coil.shape)
     compared = methods_compared(scene)
     if compared:
-        words["method"] = compared
+        words["method"] = f"{scene.contact.method}; {compared}"
     expected = expected_torque(scene, device, made.peak_field)
     words["expected torque"] = expected.in_words()
     size = grain_size(scene, device)

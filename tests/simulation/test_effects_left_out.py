@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 from emclutch.cli.main import app
 from emclutch.effects import PLANNED_EFFECTS, EffectsSection
 from emclutch.effects.drive import switching_left_out
+from emclutch.effects.heat import HeatSection
 from emclutch.effects.left_out import LeftOut
 from emclutch.scene.case import case_from, load_case
 from emclutch.simulation.forecast.effects_left_out import left_out
@@ -119,6 +120,13 @@ def test_the_heat_of_slip_warms_the_powder(usual):
     warmed = usual[None].torque * 10.0 * pi * 1e-3 / (mass * 450.0)
     assert usual["heat"].value == pytest.approx(warmed, rel=0.02)
     assert numbers(**{"time.end": "100 s"})["heat"].matters is True
+
+
+@pytest.mark.parametrize(("rise", "words"), [(1500.0, "steady operation YES: housing 1500 K"), (20.0, "no: ")])
+def test_heat_of_steady_operation_has_its_own_verdict(rise, words):
+    at = SimpleNamespace(slip_power=2.0, heating=0.5, housing_rise=rise, end=0.01)
+    (line,) = HeatSection.left_out(at)
+    assert line.matters is False and words in line.in_words()
 
 
 def test_grains_at_steel_and_grains_without_end_of_magnetisation(usual):

@@ -31,4 +31,4 @@ def test_a_scene_of_another_kind_is_not():
 
 def test_check_prints_it():
     decisions = emclutch.check(CASES / "thesis" / "centrifugal_held.toml").decisions
-    assert decisions["method"].startswith("dem is cheaper")
+    assert decisions["method"].startswith("dem; dem is cheaper")
