@@ -157,6 +157,21 @@ def test_a_torque_of_unknown_error_says_so(tmp_path, monkeypatch):
     assert "disc: 0.5 N m, error unknown, not converged" in labels
 
 
+def test_a_transient_is_not_judged_as_a_steady_torque(tmp_path, monkeypatch):
+    labels = []
+    monkeypatch.setattr("matplotlib.axes.Axes.legend", lambda self, **_: labels.extend(
+        self.get_legend_handles_labels()[1]))  # fmt: skip
+    monkeypatch.setattr("matplotlib.figure.Figure.supxlabel", lambda self, text, **_: labels.append(text))
+    time = np.arange(1.0, 101.0)
+    history = {"time": time, "torque_disc": 1e-2 * time}
+    drifting = steady_mean(time, history["torque_disc"])
+    pictures.torque_picture(tmp_path / "steady.png", history, drifting)
+    assert not drifting.converged and drifting.reason in labels and "averaged part" in labels
+    labels.clear()
+    pictures.torque_picture(tmp_path / "switched.png", history | {"current": time}, drifting)
+    assert "current" in labels and drifting.reason not in labels and "averaged part" not in labels
+
+
 @pytest.mark.parametrize("count", [0, 1, 200])
 def test_grains(tmp_path, count):
     rng = np.random.default_rng(0)

@@ -39,7 +39,7 @@ def torque_picture(
     path : PNG to write.
     history : table with the columns of `emclutch.results.COLUMNS` (pandas, or a dictionary of arrays).
     estimate : of the disc's torque; its steady part is shaded and its mean drawn with its 95 % interval; an unknown one
-        is said, and no band is drawn.
+        is said, and no band is drawn. Not drawn where it is not converged because current or speed change.
     others : histories of the other replicas: their torque on the disc is drawn thin, as the mean is of all of them.
     locked : time [s] from which on the shafts are locked; it is marked.
     """
@@ -66,7 +66,8 @@ def torque_picture(
         torque = factor * np.asarray(other[TORQUE_DISC], dtype=np.float64)
         axis.plot(time_factor * np.asarray(other[TIME]), torque, color="#7fb2dd", lw=0.6, zorder=1, label=label)
     axis.axhline(0.0, color="black", lw=0.6)
-    if estimate is not None and estimate.mean is not None and estimate.start is not None:
+    is_transient = bool(drives) and estimate is not None and not estimate.converged
+    if estimate is not None and estimate.mean is not None and estimate.start is not None and not is_transient:
         start = time_factor * estimate.start
         axis.axvspan(start, time[-1], color="#0b5fa5", alpha=0.07, lw=0, label="averaged part")
         mean = factor * estimate.mean
