@@ -127,7 +127,8 @@ class Obstacle:
         if self.knob == STATISTICS and self.best is not None:
             half = per_cent(self.half_width)
             return f"not reachable: {self.best.packings} packings have a {STATISTICS} part of ± {half}"
-        words = f"not reachable by what was measured: limited by {self.knob}, known to ± {per_cent(self.half_width)}"
+        half = per_cent(self.half_width)
+        words = f"not reachable by what was measured: limited by {self.knob}, the part to lower first (± {half})"
         if self.seconds is not None:
             about = "more than" if self.at_least else "about"
             return f"{words}; a study of {about} {format_duration(self.seconds)} of processor time may know enough"

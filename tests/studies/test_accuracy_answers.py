@@ -117,7 +117,7 @@ def test_a_combination_that_the_scene_refuses_is_passed_over(tmp_path, case, own
 def test_what_is_not_reached_has_a_reason_and_no_scene(tmp_path, case, own, rest, without_picture):
     (tmp_path / "target_0.1_percent.toml").write_text("of an earlier study")
     lines = present(case, whole(own, rest), tmp_path, (0.001,))
-    assert any("not reachable by what was measured: limited by" in line and "known to ±" in line for line in lines)
+    assert any("measured: limited by" in line and "to lower first (±" in line for line in lines)
     assert not list(tmp_path.glob("target*"))
     reason = {"grains_across": "not measured in this budget: about 9 min more"}
     lines = present(case, whole(own, rest, unknown=reason), tmp_path, (0.1,))

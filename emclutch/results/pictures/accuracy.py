@@ -11,6 +11,7 @@ import numpy as np
 
 from emclutch.results.ladder import INTERACTION, KnobLadder, Ladder
 from emclutch.results.pictures.figure import COLOURS, MARKERS, label_panel, new_figure, save_picture
+from emclutch.results.recommended import PACKINGS as NUMBERS
 from emclutch.results.recommended import (
     STATISTICS,
     Choice,
@@ -24,8 +25,8 @@ from emclutch.results.text import format_duration
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-PACKINGS = 8
-"""Of the points of a line: with them the packings count less than most settings."""
+PACKINGS = NUMBERS[0]
+"""Of the points of a line, as in the table's row of the scene itself."""
 NAMED = 3
 """Lines with a name at most; the colours of all stand in the panel beside."""
 MOVES = 1.05
@@ -66,8 +67,8 @@ def accuracy_picture(
         is_named = knob.knob in named and _moves(lines[knob.knob]) >= MOVES
         _draw_knob(cost, ladder, knob, lines[knob.knob], looks[knob.knob], is_named)
     cost.plot(own.seconds, 100.0 * own.half_width, "*", ms=17, mfc="gold", mec="black", zorder=6, gid="this scene")
-    cost.annotate("this scene", (own.seconds, 100.0 * own.half_width), xytext=(-8, -14), textcoords="offset points",
-                  ha="right", fontsize=9, fontweight="bold")  # fmt: skip
+    cost.annotate("this scene", (own.seconds, 100.0 * own.half_width), xytext=(12, 5), textcoords="offset points",
+                  fontsize=9, fontweight="bold")  # fmt: skip
     for target, found in answers:
         _draw_target(cost, target, found)
     label_panel(cost, f"Error against cost (lines: one setting changed, {PACKINGS} packings)")
@@ -106,13 +107,16 @@ def _draw_knob(
         axis.plot(x, y, color=look.colour, lw=1.3, marker=look.marker, ms=6)
         if is_named:
             own = int(np.argmin(np.abs(settings / knob.own - 1.0)))
-            for place in range(len(settings)):
-                if place != own:
-                    axis.annotate(f"{settings[place]:.3g}", (x[place], y[place]), xytext=(5, 5), fontsize=8,
-                                  textcoords="offset points", color=look.colour)  # fmt: skip
             end = int(np.argmax(np.abs(np.log(y / y[own]))))
-            axis.annotate(_name(knob.knob), (x[end], y[end]), xytext=(8, -12), fontsize=9,
-                          textcoords="offset points", color=look.colour)  # fmt: skip
+            written = [own]
+            for place in sorted(range(len(settings)), key=lambda one: abs(one - end)):
+                if any(abs(np.log(x[place] / x[one])) < 0.35 and abs(np.log(y[place] / y[one])) < 0.07
+                       for one in written):  # fmt: skip
+                    continue  # the numbers would overlap
+                written.append(place)
+                name = f"{_name(knob.knob)} " if place == end else ""
+                axis.annotate(f"{name}{settings[place]:.3g}", (x[place], y[place]), xytext=(6, 5), fontsize=9,
+                              textcoords="offset points", color=look.colour)  # fmt: skip
     failed = [rung.cost * ladder.seconds * PACKINGS for rung in knob.rungs if rung.failure]
     above = axis.get_xaxis_transform()
     for seconds in failed:
@@ -130,8 +134,9 @@ def _draw_target(axis: Axes, target: float, found: Choice | Obstacle) -> None:
         axis.plot(found.seconds, 100.0 * found.half_width, "o", ms=12, mfc="none", mec=colour, mew=2.2, zorder=7)
         words += f": {format_duration(found.seconds)}"
     else:
-        words += f": not reached, limited by {_name(found.knob)}"
-    axis.annotate(words, (0.995, 100.0 * target), xycoords=axis.get_yaxis_transform(), ha="right", va="bottom",
+        words += f": not reached, to lower first: error of {_name(found.knob)}"
+    side, place = ("right", 0.995) if reached else ("left", 0.005)
+    axis.annotate(words, (place, 100.0 * target), xycoords=axis.get_yaxis_transform(), ha=side, va="bottom",
                   fontsize=9, color=colour, xytext=(0, 2), textcoords="offset points")  # fmt: skip
 
 

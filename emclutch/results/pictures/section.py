@@ -195,8 +195,8 @@ def _region_names(axis: Axes, mesh: Any, points: np.ndarray, triangles: np.ndarr
         r, z = centres[np.argmin(((centres - middle) ** 2).sum(axis=1))]
         width, height = np.ptp(points[corners[largest]][:, :, 1]), np.ptp(points[corners[largest]][:, :, 0])
         axis.text(
-            MM * z, MM * r, name, ha="center", va="center", fontsize=8, rotation=90 if height > 2.5 * width else 0,
-            path_effects=[withStroke(linewidth=2.0, foreground="white")],
+            MM * z, MM * r, name, ha="center", va="center", fontsize=10, rotation=90 if height > 2.5 * width else 0,
+            path_effects=[withStroke(linewidth=3.0, foreground="white")],
         )  # fmt: skip
 
 

@@ -44,7 +44,7 @@ def present(case: Case, ladder: Ladder, folder: Path, targets: Sequence[float]) 
         folder / "accuracy.png",
         ladder,
         [(one.target, one.found) for one in answers],
-        title=f"What accuracy costs: {ladder.case}",
+        title=f"Accuracy and processor time: {ladder.case}",
     )
     replace_text(folder / "accuracy.md", markdown(study_page(ladder, answers, folder, BOLD_MARKDOWN), folder))
     replace_text(folder / "accuracy.html", html(study_page(ladder, answers, folder, BOLD_HTML)))

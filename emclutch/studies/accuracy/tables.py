@@ -119,7 +119,7 @@ def study_page(ladder: Ladder, answers: Sequence[Answer], folder: Path, bold: st
         ]
     return Page(
         folder,
-        f"What accuracy costs: {ladder.case}",
+        f"Accuracy and processor time: {ladder.case}",
         f"device {ladder.device}{f'; {machine}' if machine else ''}",
         {
             "Settings for wanted accuracies": [_answers(ladder, answers, bold), Statements(_remarks(ladder, answers))],
