@@ -21,6 +21,8 @@ SHIPPED = Path(__file__).with_name("shipped_ladders")
 DRIVE = ("coil.current", "coil.voltage")
 """Keys that the error hardly depends on: written beside the ladder."""
 WITHOUT = ("scene.", "time.", "accuracy.", "output.", "motion.drag_torque", *DRIVE)
+NOT_THERE_AT_ZERO = ("geometry.pole_chamfer", "geometry.pole_fillet")
+"""Keys that are younger than shipped ladders, and whose 0 is the device without what they describe."""
 
 
 def ladder_folder() -> Path:
@@ -39,7 +41,9 @@ def device_hash(flat_scene: Mapping[str, Any], knob_keys: Mapping[str, Any]) -> 
     kept = {
         key: value
         for key, value in flat_scene.items()
-        if key not in knob_keys and not any(key == one or (one[-1] == "." and key.startswith(one)) for one in WITHOUT)
+        if key not in knob_keys
+        and not any(key == one or (one[-1] == "." and key.startswith(one)) for one in WITHOUT)
+        and not (key in NOT_THERE_AT_ZERO and not value)
     }
     return hashlib.sha256(json.dumps(kept, sort_keys=True, default=str).encode()).hexdigest()[:16]
 
