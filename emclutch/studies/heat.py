@@ -147,7 +147,8 @@ def heat(
         if not all(0.0 < speed < inf for speed in speeds):
             raise ValueError("speeds of the permitted slip power must be above 0")
         study = _Study.of(case, run)
-    summary: dict[str, Any] = {"title": case.scene.scene.title, "units": UNITS | PERMITTED_UNITS, "torque": study.told}
+    units = UNITS | PERMITTED_UNITS
+    summary: dict[str, Any] = {"title": case.scene.scene.title, "units": units, "torque": study.torque_summary}
     try:
         summary["steady"], temperature = study.steady()
         table, summary["duty"], last = study.through_the_duty(temperature)
@@ -176,7 +177,7 @@ class _Study:
     scene: Scene
     problem: HeatProblem
     model: HeatModel
-    told: dict[str, Any]
+    torque_summary: dict[str, Any]
     peak: Drive
 
     @classmethod
@@ -184,7 +185,7 @@ class _Study:
         scene = case.scene
         effect, coil, shape = scene.effects.thermal, scene.coil, scene.shape()
         assert coil is not None  # by the effect's checks
-        torque, told = _torque(case, run)
+        torque, torque_summary = _torque(case, run)
         fade = effect.fade and (np.array(effect.fade.temperatures), np.array(effect.fade.factors))
         motion = scene.motion
         problem = heat_problem(scene, motion.rotor.largest_speed, motion.disc.largest_speed)
@@ -197,7 +198,7 @@ class _Study:
             window = shape.coil_area, shape.coil_mean_radius
             current = coil.currents_in(*window).largest if effect.duty.current is None else effect.duty.current.largest
             peak = Drive(current, 0.0, slip)
-        return cls(scene, problem, model, told, peak)
+        return cls(scene, problem, model, torque_summary, peak)
 
     def _solve(self, drive: Drive, problem: HeatProblem | None = None, near: np.ndarray | None = None) -> np.ndarray:
         """Steady temperatures, found sooner from others that are `near`.
@@ -289,22 +290,22 @@ class _Study:
         effect = self.scene.effects.thermal
         state = first = march.start(start)
         rows = [row(state.temperature, 0.0)]
-        told: dict[str, Any] = {"state": f"computed to {effect.duty.end:g} s", "end": effect.duty.end}
+        summary: dict[str, Any] = {"state": f"computed to {effect.duty.end:g} s", "end": effect.duty.end}
         try:
             for state in march.run(first, ends):
                 rows.append(row(state.temperature, state.time))
                 if rows[-1]["coil_mean"] > HOTTEST:
                     raise ThermalRunaway
         except ThermalRunaway:
-            told["state"] = f"stopped: the winding passes {HOTTEST:g} degrees C after {state.time:.4g} s"
-            told["end"] = state.time
+            summary["state"] = f"stopped: the winding passes {HOTTEST:g} degrees C after {state.time:.4g} s"
+            summary["end"] = state.time
         table = pandas.DataFrame(rows)
         for key, limit in (("surface", effect.surface_limit), ("coil_hottest", effect.coil_limit)):
-            told[f"{key}_limit_passed_after"] = _passes(table["time"].to_numpy(), table[key].to_numpy(), limit)
-        told |= {f"largest_{key}": float(table[key].max()) for key in HOTTEST_PLACES}
-        told |= _energy(self.problem, first, state)
-        told["steps"] = march.steps
-        return table, told, state.temperature
+            summary[f"{key}_limit_passed_after"] = _passes(table["time"].to_numpy(), table[key].to_numpy(), limit)
+        summary |= {f"largest_{key}": float(table[key].max()) for key in HOTTEST_PLACES}
+        summary |= _energy(self.problem, first, state)
+        summary["steps"] = march.steps
+        return table, summary, state.temperature
 
     def _averaged(self, reference: np.ndarray | None) -> tuple[pandas.DataFrame, dict[str, Any], np.ndarray]:
         """Through the duty with its mean power, and the ripple about it."""
@@ -326,16 +327,17 @@ class _Study:
         cycle = HeatInTime(problem, self._powers_in_time, effect.tolerance, mean)
         ripple = cycle.ripple(mean, self._switchings(duty.period))
         # mean and ripple together start at the temperature of the surroundings
-        table, told, last = through(effect.ambient - ripple.departures[0], ripple)
+        table, summary, last = through(effect.ambient - ripple.departures[0], ripple)
         table.loc[0, list(HOTTEST_PLACES)] = effect.ambient
-        told["averaged_periods"] = duty.end / duty.period
-        told["ripple"] = dict(zip(HOTTEST_PLACES, map(float, np.ptp(self._hottest(mean, ripple), axis=0)), strict=True))
-        told["steady"] = told["error_of_the_mean"] = None
+        summary["averaged_periods"] = duty.end / duty.period
+        ranges = np.ptp(self._hottest(mean, ripple), axis=0)
+        summary["ripple"] = dict(zip(HOTTEST_PLACES, map(float, ranges), strict=True))
+        summary["steady"] = summary["error_of_the_mean"] = None
         if steady is not None:
-            told["steady"] = self._row(drives, steady, ripple=ripple)
-            del told["steady"]["time"]
-            told["error_of_the_mean"] = self._error_of_the_mean(powers, steady, ripple)
-        return table, told, last
+            summary["steady"] = self._row(drives, steady, ripple=ripple)
+            del summary["steady"]["time"]
+            summary["error_of_the_mean"] = self._error_of_the_mean(powers, steady, ripple)
+        return table, summary, last
 
     def _error_of_the_mean(self, powers: Powers, steady: np.ndarray, ripple: Ripple) -> float:
         """Largest shift [K] of steady temperatures if their equations are those averaged through the ripple, not at

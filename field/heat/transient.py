@@ -43,7 +43,7 @@ _PERIODS = 30
 """Periods within which a ripple is found: 0.30^n."""
 RIPPLE_ERROR = 0.01
 """Of a step and of the iteration, over the largest ripple; and its floor [K]."""
-_LEAST_RIPPLE = 1e-4
+_MIN_RIPPLE = 1e-4
 FINEST = 24
 """Halvings of a stretch beyond which a step counts as failed."""
 
@@ -180,7 +180,7 @@ class HeatInTime:
             weights = 0.5 * (np.append(between, 0.0) + np.append(0.0, between)) / times[-1]
             average = weights @ found
             change = found[-1] - start + mean - average
-            small = RIPPLE_ERROR * max(float(np.ptp(found, axis=0).max()), _LEAST_RIPPLE)
+            small = RIPPLE_ERROR * max(float(np.ptp(found, axis=0).max()), _MIN_RIPPLE)
             if self.tolerance <= 1.5 * small and np.abs(change).max() <= small:
                 return Ripple(times, weights, found - average)
             self.tolerance = min(self.tolerance, small)
