@@ -207,6 +207,21 @@ def creeps_for_certain(found: Estimate, wanted: float) -> bool:
     return drift - _quantile(found.drift_freedom, 0.95) * error > CREEP * wanted
 
 
+def excess(found: Estimate, wanted: float) -> float | None:
+    """Return how many times a wanted half width the interval is, or the drift that can be excluded over its limit.
+
+    The time that is missing, or the packings, grow with its square. None: the interval is unknown.
+    """
+    half = found.half_width()
+    if half is None or wanted <= 0.0:
+        return None
+    ratio = half / wanted
+    if found.exclude_drift and found.drift_freedom is not None and not found.converged:
+        _, error = _nominal_drift(found)
+        ratio = max(ratio, (1.0 + _quantile(found.drift_freedom, DRIFT_CONFIDENCE)) * error / (DRIFT_LIMIT * wanted))
+    return ratio
+
+
 def drift_in_words(found: Estimate) -> str:
     """The drift over the averaged stretch with its 95 % half width, relative to the mean: ``1.2 +- 0.8 %``."""
     if found.drift is None or found.drift_error is None or found.start is None or found.end is None or not found.mean:

@@ -65,7 +65,7 @@ class Result:
             history = self.history
             if TORQUE_DISC not in history:
                 raise OutputError(f"{self.folder.history} has no torque_disc: the scene has no disc")
-            self._torque = steady_torque(history, self._conditions(), self.other_histories)
+            self._torque = steady_torque(history, self.conditions, self.other_histories)
         return self._torque
 
     @property
@@ -76,7 +76,7 @@ class Result:
             return Estimate.from_dict(written)
         if SHEAR_STRESS not in self.history:
             raise OutputError(f"{self.folder.history} has no shear_stress: the scene is no sheared box")
-        return steady_stress((self.history, *self.other_histories), self._conditions()).shear
+        return steady_stress((self.history, *self.other_histories), self.conditions).shear
 
     @property
     def steady(self) -> Estimate | None:
@@ -93,7 +93,8 @@ class Result:
         found = [folder.read_history() for folder in folders if folder.history.is_file()]
         return [history for history in found if len(history)]
 
-    def _conditions(self) -> SteadyConditions:
+    @property
+    def conditions(self) -> SteadyConditions:
         """The scene's part of the verdict, from ``plan.json``; of a folder without one, what the scene itself says."""
         plan = self.folder.read_plan()
         if "steady_torque" in plan:

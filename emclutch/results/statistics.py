@@ -71,6 +71,7 @@ class Estimate:
     starts_up : whether the start-up takes most of the run, by MSER-5 on the mean over several replicas.
     fluctuation : standard deviation of one replica's mean that its own fluctuation explains [unit of the signal].
     exclude_drift : whether a small drift is to be excluded; else the start-up is known to be over.
+    missing : time [s] that a run of one packing is estimated to lack; None: none, or unknown.
     """
 
     mean: float | None
@@ -90,6 +91,7 @@ class Estimate:
     fluctuation: float | None = None
     starts_up: bool = False
     exclude_drift: bool = True
+    missing: float | None = None
 
     def half_width(self, confidence: float = 0.95) -> float | None:
         """Half the width of the mean's two-sided confidence interval by Student's t; None: unknown.

@@ -137,7 +137,8 @@ def steady_torque(
     if _is_negligible((history, *replicas), conditions):
         return _negligible(found, conditions.negligible)
     if not found.converged or found.mean is None or found.start is None:
-        return replace(found, reason=found.reason + _how_much_longer(found, history, conditions))
+        text, missing = _how_much_longer(found, history, conditions)
+        return replace(found, reason=found.reason + text, missing=missing)
     for each in (history, *replicas):
         duration = durations(each)
         late = each[TIME].to_numpy() - 0.5 * duration > found.start
@@ -146,8 +147,8 @@ def steady_torque(
         if not problem:
             problem, least = _little_shear(each, duration, late, conditions)
         if problem:
-            problem += _how_much_longer(found, history, conditions, least)
-            return replace(found, converged=False, reason=f"not converged: {problem}")
+            text, missing = _how_much_longer(found, history, conditions, least)
+            return replace(found, converged=False, reason=f"not converged: {problem}{text}", missing=missing)
     return found
 
 
@@ -179,19 +180,19 @@ def _negligible(found: Estimate, bound: float) -> Estimate:
 
 def _how_much_longer(
     found: Estimate, history: pandas.DataFrame, conditions: SteadyConditions, least: float = 0.0
-) -> str:
-    """Estimated time to the requested precision, in words; `least` [s]: what the mechanics needs.
+) -> tuple[str, float | None]:
+    """Estimated time to the requested precision, in words and [s]; `least` [s]: what the mechanics needs.
 
     Of several packings `emclutch.simulation.stopping_rule` estimates it.
     """
     if found.mean is None or not (least or (found.replicas == 1 and found.batches < MIN_BATCHES)):
-        return ""
+        return "", None
     half, wanted = found.half_width(), conditions.wanted(found.mean)
     more = more_time(found, float(history[TIME].iloc[-1]), wanted) if found.replicas == 1 else None
     if more is None or (half is not None and abs(found.mean) <= half and not conditions.negligible):
-        return f" (estimate: about {least:.2g} s more)" if least else ""
+        return (f" (estimate: about {least:.2g} s more)", least) if least else ("", None)
     aim = f"{100.0 * wanted / abs(found.mean):.2g} %" if found.mean else f"{wanted:.2g} N m"
-    return f" (estimate: about {max(more, least):.2g} s more for {aim})"
+    return f" (estimate: about {max(more, least):.2g} s more for {aim})", max(more, least)
 
 
 def _imbalance(late: pandas.DataFrame, duration: np.ndarray, mean: float, error: float) -> tuple[str, float]:

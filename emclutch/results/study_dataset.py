@@ -33,6 +33,8 @@ MEANINGS = {
     "standard_error": "standard error of the torque",
     "low": "lower end of the torque's 95 % interval",
     "high": "upper end of the torque's 95 % interval",
+    "drag_torque": "torque on the disc by the drag of seals and bearings, given without an interval of its own",
+    "torque_with_drag": "torque on the disc's shaft; its interval is that of the torque, moved by the drag",
     "converged": "whether the steady torque is known",
     "reason": "why it is known, or not",
     "seconds": "wall-clock time of the run",

@@ -29,6 +29,8 @@ UNITS = {
     "low": "N m",
     "high": "N m",
     "torque_rotor": "N m",
+    "drag_torque": "N m",
+    "torque_with_drag": "N m",
     "expected_low": "N m",
     "expected_torque": "N m",
     "expected_high": "N m",

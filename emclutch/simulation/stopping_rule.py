@@ -182,6 +182,18 @@ def _expected_drift(torque: Estimate, count: int, factor: float, wanted: float) 
     return bool((1.0 + float(stdtrit(3.0 * count - 1.0, DRIFT_CONFIDENCE))) * error < DRIFT_LIMIT * wanted)
 
 
+def enough(torque: Estimate, wanted: float, end: float) -> tuple[int | None, float | None]:
+    """Return the packings, and the end [s], of which either is estimated to reach the half width `wanted` [N m]."""
+    if torque.replicas < 2:
+        half = torque.half_width()
+        return None, None if half is None or not torque.converged else end * max(1.0, (half / wanted) ** 2)
+    counts = [one for one in (*COUNTS, 96, 128, 192, 256) if one > torque.replicas]
+    count = next((one for one in counts if more_packings_suffice(torque, one, wanted)), None)
+    times = end * np.array([1.5, 2.0, 3.0, 5.0, 10.0])
+    time = next((one for one in times if more_time_suffices(torque, float(one), wanted)), None)
+    return count, time
+
+
 def remedy(torque: Estimate, target: TorqueTarget, end: float) -> str:
     """Return why a torque, or stress, is not known well enough at the end of its run at `end` [s], and what helps."""
     half = torque.half_width()
@@ -196,17 +208,13 @@ def remedy(torque: Estimate, target: TorqueTarget, end: float) -> str:
     if torque.replicas < 2:
         if not torque.converged:
             return torque.reason
-        longer = end * max(1.0, (half / wanted) ** 2)
         short = f"half the interval is {half:.2g} {target.unit}, {wanted:.2g} asked for"
-        return f"{short}; raise time.end to about {longer:.2g} s"
+        return f"{short}; raise time.end to about {enough(torque, wanted, end)[1]:.2g} s"
     if creeps_for_certain(torque, wanted):
         return f"{torque.reason}; raise time.end above {end:.3g} s: more packings do not help"
     if not torque.converged and torque.drift_error is None:
         return torque.reason
-    counts = [one for one in (*COUNTS, 96, 128, 192, 256) if one > torque.replicas]
-    count = next((one for one in counts if more_packings_suffice(torque, one, wanted)), None)
-    times = end * np.array([1.5, 2.0, 3.0, 5.0, 10.0])
-    time = next((one for one in times if more_time_suffices(torque, float(one), wanted)), None)
+    count, time = enough(torque, wanted, end)
     ways = [f"accuracy.max_replicas (or replicas) to {count}"] if count else []
     ways += [f"time.end to {time:.2g} s"] if time else []
     text = f"half the interval is {half:.2g} {target.unit}, {wanted:.2g} asked for"

@@ -17,7 +17,7 @@ from emclutch.results.steady_torque import SteadyConditions
 from emclutch.simulation.forecast.cost import spoken
 from emclutch.simulation.replicas import Replicas
 from emclutch.simulation.run_progress import RunProgress
-from emclutch.simulation.stopping_rule import GoOn, Stop, StoppingRule, is_known, remedy
+from emclutch.simulation.stopping_rule import GoOn, Stop, StoppingRule, enough, is_known, remedy
 
 if TYPE_CHECKING:
     import pandas
@@ -113,5 +113,8 @@ def how_it_ended(torque: Estimate, history: pandas.DataFrame, target: TorqueTarg
     reached = is_known(torque, target)
     found: dict[str, Any] = {"asked": str(target), "reached": reached, "half_width": torque.half_width()}
     if not reached:
-        found["reason"] = remedy(torque, target, float(history[TIME].iloc[-1]))
+        end = float(history[TIME].iloc[-1])
+        found["reason"] = remedy(torque, target, end)
+        if torque.mean is not None:
+            found["packings"], found["end"] = enough(torque, target.half_width(torque.mean), end)
     return found

@@ -35,6 +35,8 @@ MOST_COURSES = 100
 """Of `speeds.png`: of more points every second, third, ... is drawn."""
 STARTED = 0.01  # of the motor's fastest speed: an output that dry friction holds chatters below it
 SEED, CURRENT, VOLTAGE, SPEED = "scene.seed", "coil.current", "coil.voltage", "motion.rotor.speed"
+DRAG = "drag_torque", "torque_with_drag"
+"""Of seals and bearings, without an interval of its own, and the torque on the disc's shaft with it."""
 SIZES = "particles.diameter", "particles.sizes"
 SIZE_COLUMNS = (ACROSS, REAL_ACROSS, "seeds", "torque", "standard_error", "low", "high", "converged", "inertial_number",
                 "grains", "seconds")  # fmt: skip
@@ -191,6 +193,7 @@ def row_of(values: dict[str, Any], result: Result) -> dict[str, Any]:
         "converged": torque.converged,
         "torque_rotor": summary.get("torque_rotor", {}).get("mean"),
         "gap_flux_density": summary.get("gap_flux_density"),
+        **{name: summary[name] for name in DRAG if name in summary},
         "typical_overlap": summary["typical_overlap"],
         "inertial_number": summary.get("inertial_number"),
         "seconds": summary["seconds"]["whole_run"],

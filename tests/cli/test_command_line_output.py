@@ -105,7 +105,12 @@ def test_the_verdict_names_the_error_budget_and_what_to_do_next(tmp_path):
     torque = {"mean": 0.9, "standard_error": 0.02, "batches": 4, "replicas": 4, "converged": True, "reason": "steady"}
     unknown = lines(torque=torque, discretisation_error_note="no ladder; find with: X")
     assert "– The interval is statistical only, the error of the settings unknown: no ladder; find with: X." in unknown
-    assert "– Next: half the statistical interval takes four times the packings" in str(unknown)
+    # half of 95 % is 3.18 * 0.02 = 7.1 % of 0.9: 5 % takes 2.0005 times the packings and the 5 s of 4 packings
+    assert "– Next: 5 % takes about 9 packings (accuracy.replicas = 9), 11 s of processor time in all." in unknown
+    narrow = lines(torque={**torque, "standard_error": 0.005})  # better than the usual 5 %: half of it
+    assert "0.88 % takes about 16 packings (accuracy.replicas = 16), 20 s of processor time in all" in str(narrow)
+    resumed = summary["seconds"] | {"processor": 50.0}  # of all parts, where `whole_run` is of the last one
+    assert "(accuracy.replicas = 9), 2 min of processor time" in str(lines(torque=torque, seconds=resumed))
     found = {
         "bias": 0.2, "half_width": 0.06, "unknown": {"sector": "no time"}, "extrapolated": {}, "total_error": 0.1,
         "corrected_torque": {"mean": 0.75, "half_width": 0.057}, "ladder": {"note": "measured at coil.current = 2.0",
@@ -120,9 +125,16 @@ def test_the_verdict_names_the_error_budget_and_what_to_do_next(tmp_path):
         "measured: sector; measured at coil.current = 2.0."
     )
     assert budget[2] == "✗ The total error of accuracy.target = 5 % is not reached."
-    assert budget[3] == "– Next: 5 % takes about 9 packings."
+    assert budget[3] == "– Next: grains across is the largest part of the error; 5 % takes about 9 packings."
+    mostly_packings = found | {"largest_part": {"name": "statistics", "half_width": 0.071}, "half_width": 0.03}
+    both = lines(torque=torque, discretisation_error=mostly_packings, accuracy_target=asked)
+    assert budget[0] == both[0] and "5 % takes about 13 packings" in str(both)  # 4 * 7.1^2 / (5^2 - 3^2)
+    assert "Next" not in str(lines(torque=torque, accuracy_target={"asked": 0.1, "reached": True}))
     creeping = lines(torque={**torque, "converged": False, "reason": "not settled"})
-    assert "✗ The torque on the disc is not known" in creeping[0] and "run twice as long" in str(creeping)
+    assert "✗ The torque on the disc is not known" in creeping[0]
+    lacks = lines(torque={**torque, "replicas": 1, "converged": False, "missing": 0.12})  # of 0.2 s, which took 5 s
+    how = f"emclutch run {folder.path} --resume --set time.end='320 ms'"
+    assert f"({how}), about 3 s of processor time more." in str(lacks)
 
 
 @pytest.mark.parametrize(

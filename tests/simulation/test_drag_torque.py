@@ -5,10 +5,13 @@ from pathlib import Path
 import pandas
 import pytest
 
+from emclutch.results import load_result
 from emclutch.scene.case import load_case
 from emclutch.scene.motion import MotionSection
 from emclutch.simulation.discretisation_error import device_of
 from emclutch.simulation.summary import drag_on_disc
+from emclutch.studies.tables import row_of
+from tests.results.written_run import written_run
 
 
 def history(rotor, disc):
@@ -34,3 +37,17 @@ def test_a_free_shaft_has_it_in_its_load():
 def test_it_is_no_other_device_for_what_was_measured_of_its_settings():
     case = load_case(Path(__file__).parents[2] / "cases" / "quickstart.toml")
     assert device_of(case) == device_of(case.with_values({"motion.drag_torque": "0.1 N m"})) == "b53c187edf86ca92"
+
+
+def test_it_has_its_columns_in_a_studys_table_where_it_is_given(tmp_path):
+    folder = written_run(tmp_path / "point-000")
+    text = folder.case.read_text() + '\n[time]\nend = 0.2\n'
+    folder.case.write_text(text)
+    without = row_of({}, load_result(folder.path))
+    assert not {"drag_torque", "torque_with_drag"} & set(without)
+    folder.write_summary(folder.read_summary() | {"drag_torque": -0.2, "torque_with_drag": without["torque"] - 0.2})
+    result = load_result(folder.path)
+    row = row_of({}, result)
+    assert row["drag_torque"] == -0.2 and row["torque_with_drag"] == pytest.approx(row["torque"] - 0.2)
+    assert {name: row[name] for name in without} == without  # interval and all else are those of the powder
+    assert "without an interval of its own" in str([one.text for one in result.verdict])

@@ -17,6 +17,7 @@ from emclutch.results import Estimate, Result
 from emclutch.results.columns import DISC_SPEED, ROTOR_SPEED, SHEAR_STRESS, TIME, TORQUE_DISC
 from emclutch.results.current_ramp import in_words as in_words_of_ramp
 from emclutch.results.recommended import STATISTICS
+from emclutch.results.replicated_mean import creeps_for_certain, excess
 from emclutch.results.text import format_duration, format_mean, format_stress, format_time, format_torque, per_cent
 from particles.dem.overlap_limits import SOFT
 
@@ -132,8 +133,8 @@ def _end_lines(result: Result) -> Iterator[str]:
         yield f"stopped {summary['stopped']}"
     if (total := summary.get("torque_with_drag")) is not None:
         yield (
-            f"with {abs(summary['drag_torque']):.3g} N m of drag of seals and bearings (motion.drag_torque) the torque "
-            f"on the disc's shaft is {total:.4g} N m"
+            f"with {abs(summary['drag_torque']):.3g} N m of drag of seals and bearings (motion.drag_torque), without "
+            f"an interval of its own, the torque on the disc's shaft is {total:.4g} N m"
         )
     if "lock_up_time" in summary:
         history = result.history
@@ -192,25 +193,59 @@ def _total_error(summary: dict[str, Any]) -> Iterator[Statement]:
 
 
 def _next(result: Result) -> Iterator[Statement]:
-    """Say what narrows the interval most, and what that takes."""
+    """Say what reaches the target, or the usual one, and what that takes."""
     summary = result.summary
-    seconds, found = (summary.get("seconds") or {}).get("whole_run"), result.steady if summary else None
-    if found is None or seconds is None or "torque_against_current" in summary or "lock_up_time" in summary:
+    found, spent = (result.steady, _spent(summary.get("seconds") or {})) if summary else (None, 0.0)
+    if found is None or not spent or "torque_against_current" in summary or "lock_up_time" in summary:
+        return
+    until, asked = summary.get("until") or {}, summary.get("accuracy_target") or {}
+    if until.get("reached") or asked.get("reached"):
         return
     settings = summary.get("discretisation_error") or {}
-    if not found.converged or found.half_width() is None:
-        if summary.get("time"):
-            longer = f"--resume --set time.end='{2e3 * summary['time']:.4g} ms'"
-            how = f"emclutch run {result.folder.path} {longer}"
-            yield Statement(Mark.NOTE, f"next: run twice as long ({how}), about {format_duration(seconds)} more")
-    elif found.replicas == 1:
-        how = f"accuracy.replicas = {PACKINGS} shows what packings differ by, in up to"
-        yield Statement(Mark.NOTE, f"next: {how} {format_duration(PACKINGS * seconds)} in all")
-    elif settings.get("next") and settings["largest_part"]["name"] != STATISTICS:
-        yield Statement(Mark.NOTE, f"next: {settings['next']}")
+    largest, own = (settings.get("largest_part") or {}).get("name"), settings.get("half_width") or 0.0
+    wanted, end = result.conditions.wanted(found.mean or 0.0), float(summary.get("time") or 0.0)
+    ratio = excess(found, wanted)
+    if found.converged and found.replicas > 1 and largest not in (None, STATISTICS):
+        if settings.get("next"):
+            how = f"{in_words(largest)} is the largest part of the error; {settings['next']}"
+            yield Statement(Mark.NOTE, f"next: {how}")
+    elif found.converged and found.replicas == 1 and until.get("end") is None:
+        how = f"accuracy.replicas = {PACKINGS} shows what packings differ by, in about"
+        yield Statement(Mark.NOTE, f"next: {how} {format_duration(PACKINGS * spent)} of processor time in all")
+    elif found.replicas == 1 or _runs_longer(found, wanted, until, ratio):
+        if end:
+            yield _longer(result, until.get("end") or end + (found.missing or end), end, spent)
     else:
-        how = f"half the statistical interval takes four times the packings (accuracy.replicas = {4 * found.replicas})"
-        yield Statement(Mark.NOTE, f"next: {how}, about {format_duration(4.0 * seconds)}")
+        assert ratio is not None and found.mean
+        share = wanted / abs(found.mean)
+        if (target := asked.get("asked")) and target > own:
+            ratio, share = ratio * share / math.sqrt(target**2 - own**2), target
+        elif ratio <= 1.0 and found.converged:
+            ratio, share = 2.0, 0.5 * ratio * share
+        packings = until.get("packings") or max(math.ceil(found.replicas * ratio**2 - 1e-9), found.replicas + 1)
+        key, cost = "accuracy.max_replicas" if until else "accuracy.replicas", spent * packings / found.replicas
+        how = f"{per_cent(share)} takes about {packings} packings ({key} = {packings})"
+        yield Statement(Mark.NOTE, f"next: {how}, {format_duration(cost)} of processor time in all")
+
+
+def _runs_longer(found: Estimate, wanted: float, until: dict[str, Any], ratio: float | None) -> bool:
+    """True where more packings do not help: a start-up that is not over, or a drift."""
+    if until.get("packings") is not None:
+        return False
+    return ratio is None or until.get("end") is not None or found.starts_up or creeps_for_certain(found, wanted)
+
+
+def _longer(result: Result, until: float, end: float, spent: float) -> Statement:
+    how = f"emclutch run {result.folder.path} --resume --set time.end='{1e3 * until:.4g} ms'"
+    cost = format_duration(spent * (until / end - 1.0))
+    return Statement(Mark.NOTE, f"next: run to {format_time(until)} ({how}), about {cost} of processor time more")
+
+
+def _spent(seconds: dict[str, Any]) -> float:
+    """Return the processor time [s] of all packings, of all parts of a resumed run; without that of compiling."""
+    windows = sum(seconds.get(part, 0.0) for part in ("field", "magnetic", "contact"))
+    whole = max(seconds.get("whole_run", 0.0), seconds.get("total", 0.0))
+    return max(windows, seconds.get("processor", whole) - seconds.get("compiling", 0.0))
 
 
 def in_words(name: str) -> str:
