@@ -20,7 +20,7 @@ from emclutch.results.study_folder import is_study, read_study, refresh_in_words
 from emclutch.results.torque_curves import ACROSS, REAL_ACROSS, TorqueCurve, band_over_rated, torque_curves
 from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.units import Quantity
-from emclutch.simulation.missing_pictures import draw_missing
+from emclutch.simulation.pictures import draw_missing
 from emclutch.studies.tables import CURRENT, SEED, SIZES, VOLTAGE
 
 TORQUE, SPEEDS, TORQUE_SPEED, TORQUE_CURRENT = "torque", "speeds", "torque_speed", "torque_current"
@@ -107,7 +107,7 @@ def plot_runs(
 
         return torque_picture(out, results[0].history, results[0].torque, results[0].other_histories, title=title)
     if kind == TORQUE:
-        from emclutch.results.pictures.torque_overlay import torque_overlay_picture
+        from emclutch.results.pictures.torque import torque_overlay_picture
 
         return torque_overlay_picture(out, runs, title=title)
     if kind == TORQUE_CURRENT:

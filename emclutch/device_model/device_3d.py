@@ -12,7 +12,7 @@ from emclutch.device_model.excitation import Excitation, Supply, supply_of
 from emclutch.device_model.materials import grain_law, region_laws
 from emclutch.scene.grain_smear import element_layers, moments_are_fed_back, smear_width
 from emclutch.scene.model import Scene
-from field import PowderLaw
+from field import MU_0, PowderLaw
 from field.three_d import Field3D, FlatCoil, Problem3D
 from geometry import AnnularBox, Mesh3D
 from geometry.device_shape import WoundShape
@@ -151,3 +151,20 @@ def under_the_poles(shape: WoundShape) -> np.ndarray:
     """Points (r, z) [m] on the middle of the rim gap, without those over the ring between the poles; shape (k, 2)."""
     line = shape.gap_midline(ALONG)
     return line[np.abs(line[:, 1]) > 0.5 * shape.ring_width]
+
+
+def gap_map(
+    device: CoilDevice3D, solution: Field3D, pitches: float = 2.0, count: int = 200
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Recovered B_r (m, count) [T] on the gap's middle cylinder, free of powder; at angles [rad] and z (m,) [m].
+
+    Over some pitches of a slotted clutch, or all around.
+    """
+    angle = np.linspace(0.0, 2.0 * np.pi if device.pitch is None else pitches * device.pitch, count)
+    line = device.shape.gap_midline(80)
+    r, z = line.T
+    points = np.stack(
+        [np.outer(r, np.cos(angle)), np.outer(r, np.sin(angle)), np.broadcast_to(z[:, None], (len(z), count))], axis=-1
+    )
+    H = solution.sampler("powder").sample(points.reshape(-1, 3))[0].reshape(len(z), count, 3)
+    return angle, z, MU_0 * (H[..., 0] * np.cos(angle) + H[..., 1] * np.sin(angle))

@@ -12,17 +12,51 @@ from emclutch.scene.draft import Draft, size_key
 from emclutch.scene.errors import Fault
 from emclutch.scene.fill import fill_of
 from emclutch.scene.grains import MAX_GRAINS
-from emclutch.scene.magnetic_checks import field_of_effects, materials
 from emclutch.scene.motion import HELD
 from emclutch.scene.replica_count import packs_alike
 from emclutch.scene.repose import repose_agrees
+from emclutch.scene.section import did_you_mean
 from emclutch.scene.sector_checks import sector_in_geometry, sector_in_surfaces, sector_width
 from emclutch.scene.slip_checks import one_slip
 from emclutch.scene.surfaces import extent_in_words
 from emclutch.scene.timing import instant_in_words, not_before
+from emclutch.sources import sources_in_words
 
 if TYPE_CHECKING:
     from geometry.fault import GeometryFault
+
+
+def materials(draft: Draft) -> Iterator[Fault]:
+    """Materials that the geometry names are there, and those that are there are used."""
+    from field.laws.materials import canonical_name, material_aliases, material_names  # local: only here
+
+    built_in, own = material_names(), list(draft.scene.materials or {})
+    for name in own:
+        if canonical_name(name) is not None:
+            yield draft.fault(f"materials.{name}", "has the name of a built-in material; choose another name")
+    if draft.scene.geometry.has_coil:
+        for region, name in dict(draft.scene.geometry.materials or {}).items():
+            if canonical_name(name) is None and name not in own:
+                yield draft.fault(
+                    f"geometry.materials.{region}",
+                    f"is not a material; {did_you_mean(name, [*own, *built_in, *material_aliases()])}"
+                    f"built in: {', '.join(built_in)}; "
+                    f"or define [materials.{name}]",
+                )
+
+
+def field_of_effects(draft: Draft) -> Iterator[Fault]:
+    """Effects of the field have one."""
+    if "field" in draft.data:
+        return
+    for one in draft.scene.effects.present:
+        if one.needs_field:
+            yield Fault(
+                f"effects.{one.name}",
+                "",
+                f"needs a field; add [field] with source = {sources_in_words()}, or remove the effect's table",
+            )
+
 
 GEOMETRY_KIND = "geometry.kind"
 """Stands in `Draft.broken` where of the geometry not even the kind is known."""

@@ -84,8 +84,8 @@ def check(case: Case | str | Path, threads: int | None = None) -> Checked:
 def _check(case: Case, threads: int | None) -> Checked:
     from emclutch.device_model.coil_heat import coil_heat_in_words  # local, as the next three: a run does not need them
     from emclutch.simulation.field_plan import ampere_turns_row, field_plan
-    from emclutch.simulation.forecast.effects_left_out import left_out
     from emclutch.simulation.forecast.expected_torque import ExpectedTorque, expected_torque
+    from emclutch.simulation.forecast.regime import left_out
 
     scene = case.scene
     if scene.particles is None:

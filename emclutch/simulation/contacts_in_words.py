@@ -13,7 +13,7 @@ from emclutch.simulation.stiffness import Stiffness
 from particles.dem.overlap_limits import SOFT
 
 if TYPE_CHECKING:
-    from emclutch.scene.dvi import DviSection
+    from emclutch.scene.contact import DviSection
     from emclutch.scene.model import Scene
     from emclutch.simulation.contact_plan import ElasticContacts
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from emclutch.simulation.orders import Orders
 from emclutch.simulation.plan import Plan
 from emclutch.simulation.planned_run import PlannedRun
+from emclutch.simulation.replicas import Orders
 from emclutch.simulation.run_request import RunRequest
 from emclutch.simulation.stopping_rule import stopping_rule
 from emclutch.simulation.torque_trigger import TorqueTrigger

@@ -10,7 +10,7 @@ from emclutch.results.errors import Interrupted, RunError
 from emclutch.results.grain_profiles import write_profiles
 from emclutch.results.report.render import write_index
 from emclutch.results.run_folder import CURE
-from emclutch.results.vtk.wall_pressure import write_wall_pressure_surfaces
+from emclutch.results.vtk.wall_surface import write_wall_pressure_surfaces
 from emclutch.results.wall_loads import write_wall_pressure
 from emclutch.simulation.run_observers import RunObservers
 from emclutch.simulation.run_request import RunRequest

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas
 
-from emclutch.device_model.gap_map import gap_map
+from emclutch.device_model.device_3d import gap_map
 from emclutch.results import RunFolder, load_result
 from emclutch.results.columns import CURRENT, SHEAR_STRESS, TORQUE_DISC
 from emclutch.results.current_ramp import PICTURE, TABLE
+from emclutch.results.folder_lock import locked_folder
 from emclutch.results.pictures import (
     axial_picture,
     current_ramp_picture,
@@ -27,7 +28,12 @@ from emclutch.results.pictures.field import gap_map_picture
 from emclutch.results.pictures.speeds import speeds_vary
 from emclutch.results.pictures.torque import varies
 from emclutch.results.text import format_time
+from emclutch.scene.case import Case, load_case
+from emclutch.simulation.plan import make_plan
+from emclutch.simulation.resume import refuse_changed_files, run_checkpoint
+from emclutch.simulation.run_observers import profile_average
 from emclutch.simulation.snapshots import contact_lines, wrapped
+from emclutch.simulation.started_run import restored
 from field import MagneticField
 from field.section.smooth_field import SmoothField
 
@@ -158,3 +164,35 @@ def steady_current(history) -> float | None:
     if CURRENT not in history or varies(history[CURRENT]):
         return None
     return float(history[CURRENT].iloc[-1])
+
+
+def draw_missing(folder: RunFolder, case: Case | None = None, *, trust_scripts: bool = False) -> bool:
+    """Draw a finished run's pictures where they are missing, and return whether that was so.
+
+    The summary is written before the pictures, so that a run that was killed between the two is done and is not run
+    again. What it ended with lies in its checkpoint, of which they are drawn.
+
+    Parameters
+    ----------
+    folder : of the run.
+    case : of the run; None reads it from the folder, where `trust_scripts` is as for `load_case`.
+
+    Raises
+    ------
+    OutputError
+        The checkpoint cannot be read, a file that the scene names has changed, or somebody else writes the folder.
+    """
+    if not folder.lacks_pictures():
+        return False
+    with locked_folder(folder.path):
+        case = load_case(folder.case, trust_scripts=trust_scripts) if case is None else case
+        refuse_changed_files(case, folder)
+        state = run_checkpoint(folder.checkpoint)
+        device, plan = make_plan(case)
+        plan = plan.continued(state["steps_per_update"], state["updates"])
+        simulation = restored(device, plan, state)
+        profiles = profile_average(plan.scene, device)
+        if profiles is not None:
+            profiles.restore(state.get("profiles"), simulation.motion)
+        draw_run(case, folder, device, simulation, profiles)
+    return True

@@ -11,8 +11,8 @@ from emclutch.results.steady_torque import SteadyConditions
 from emclutch.scene.input_files import hashed_input_files
 from emclutch.scene.model import Scene
 from emclutch.scene.start_up import start_up_strain
-from emclutch.simulation.forecast.effects_left_out import left_out
 from emclutch.simulation.forecast.expected_torque import expected_torque
+from emclutch.simulation.forecast.regime import left_out
 from emclutch.simulation.forecast.space import refuse_full_disk, refuse_too_much
 from emclutch.simulation.plan import Plan, make_plan
 from emclutch.simulation.plan_in_words import plan_in_words

@@ -37,7 +37,7 @@ def run_task(task: dict[str, Any], orders: Any) -> int:
 
 def main() -> int:
     """Entry point of the process."""
-    from emclutch.simulation.orders import Orders
+    from emclutch.simulation.replicas import Orders
 
     task = json.loads(sys.stdin.readline())
     orders = Orders(task["limit"], task["tolerance"])

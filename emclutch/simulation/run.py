@@ -13,12 +13,11 @@ from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.replica_count import max_replica_count, replicas_side_by_side
 from emclutch.simulation.finished_run import finish_run
-from emclutch.simulation.interruption import interruptible
+from emclutch.simulation.kernel_compilation import interruptible
 from emclutch.simulation.kernel_warm_up import step_compiled_aside
 from emclutch.simulation.open_folder import open_folder
-from emclutch.simulation.orders import Orders
 from emclutch.simulation.planned_run import plan_run
-from emclutch.simulation.replicas import Replicas, count_of_run, other_replicas
+from emclutch.simulation.replicas import Orders, Replicas, count_of_run, other_replicas
 from emclutch.simulation.run_observers import make_callbacks, march
 from emclutch.simulation.run_progress import RunProgress
 from emclutch.simulation.run_request import RunRequest

@@ -13,17 +13,15 @@ from emclutch.device_model.device import Device
 from emclutch.scene.model import Scene
 from emclutch.simulation.checkpoints import Checkpoints
 from emclutch.simulation.early_end import EarlyEnd, early_end
-from emclutch.simulation.heartbeat import Heartbeat
 from emclutch.simulation.missed_steps import MissedSteps
 from emclutch.simulation.observables import Observables
 from emclutch.simulation.pace import RunPace
 from emclutch.simulation.replicas import Replicas
-from emclutch.simulation.run_progress import RunProgress
+from emclutch.simulation.run_progress import Heartbeat, RunProgress
 from emclutch.simulation.run_request import RunRequest
 from emclutch.simulation.snapshots import History, Snapshots
 from emclutch.simulation.started_run import StartedRun
-from emclutch.simulation.thread_trial import ThreadTrial
-from emclutch.simulation.threads import threads_in_use, use_threads
+from emclutch.simulation.threads import ThreadTrial, threads_in_use, use_threads
 
 if TYPE_CHECKING:
     from emclutch.simulation.profile_average import ProfileAverage

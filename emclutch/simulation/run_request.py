@@ -14,7 +14,7 @@ from emclutch.simulation.run_progress import RunProgress
 
 if TYPE_CHECKING:
     from emclutch.results import RunFolder
-    from emclutch.simulation.orders import Orders
+    from emclutch.simulation.replicas import Orders
     from emclutch.simulation.warm_start import StartingGrains
     from emclutch.simulation.window_state import WindowState
 

@@ -1,8 +1,14 @@
-"""Number of threads of the compiled kernels, and the threading layer."""
+"""Number of threads of the compiled kernels, the threading layer, and the trial of how many pay."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
 from geometry.kernels.threads import default_threads, requested_threads
+
+if TYPE_CHECKING:
+    from coupling import Simulation, WindowRow
 
 
 def use_threads(threads: int | None, replicas: int = 1) -> int:
@@ -39,3 +45,61 @@ def threading_layer() -> str:
         return numba.threading_layer()
     except ValueError:  # no parallel kernel has run yet: the first choice that this machine can load
         return str(getattr(numba.config, "THREADING_LAYER_PRIORITY")[0])  # noqa: B009
+
+
+ROUNDS = 3  # windows of each number in a trial; the fastest counts
+REST = 20  # times as many windows pass between two trials as one takes
+GAIN = 1.05  # more threads must be faster by this factor
+
+
+class ThreadTrial:
+    """Callback of the loop; it tries how many threads pay, and sets the number of those of the windows to come.
+
+    No bit of a result depends on their number. Two threads gain up to a factor of two, or cost some of it: a thousand
+    grains leave them some ten microseconds of work between two stages, and a thread that shares its core with another
+    program is late at each. Which holds is a property of the machine, the scene and the hour, so it is measured in a
+    few windows, and again in one of twenty.
+
+    Parameters
+    ----------
+    most : int
+        Threads that this process may use; powers of two below it, and it itself, are tried.
+    use : callable
+        Sets the number of threads of the compiled loops.
+    announce : callable
+        Takes the text of the first choice, and of each that differs from the one before.
+    """
+
+    def __init__(self, most: int, use: Callable[[int], object], announce: Callable[[str], None]) -> None:
+        self.numbers = sorted({*(2**k for k in range(most.bit_length()) if 2**k < most), most})
+        self._use, self._announce, self._rested, self._chosen = use, announce, 0, 0
+        self._begin()
+
+    def __call__(self, simulation: Simulation, row: WindowRow) -> None:
+        if not self._to_try:
+            self._rested += 1
+            if self._rested >= REST * ROUNDS * len(self.numbers):
+                self._begin()
+            return
+        number = self._to_try.pop(0)
+        seconds = row.seconds.contact + (row.seconds.magnetic or 0.0)
+        self._seconds[number] = min(seconds, self._seconds.get(number, seconds))
+        self._take(self._to_try[0] if self._to_try else self._choose())
+
+    def _begin(self) -> None:
+        self._seconds: dict[int, float] = {}  # of the fastest window
+        self._to_try = ROUNDS * self.numbers  # one entry a window
+        self._take(self._to_try[0])
+
+    def _choose(self) -> int:
+        self._rested, least = 0, min(self._seconds.values())
+        speeds = ", ".join(f"{n}: {self._seconds[1] / self._seconds[n]:.2f}" for n in self.numbers[1:])
+        chosen = next(n for n in self.numbers if self._seconds[n] <= GAIN * least)
+        if chosen != self._chosen:
+            self._announce(f"threads: {chosen} (tried; times as fast as one thread: {speeds})")
+        self._chosen = chosen
+        return chosen
+
+    def _take(self, number: int) -> None:
+        self.threads = number
+        self._use(number)

@@ -10,8 +10,7 @@ from time import perf_counter
 import numpy as np
 import pandas
 
-from emclutch.device_model.device_3d import CoilDevice3D
-from emclutch.device_model.gap_map import gap_map
+from emclutch.device_model.device_3d import CoilDevice3D, gap_map
 from emclutch.results import OutputError, RunFolder
 from emclutch.results.pictures.field import gap_map_picture
 from emclutch.results.vtk.field_arrays import field_arrays_3d

@@ -19,8 +19,7 @@ from emclutch.results.report.study_page import FailedPoint, StudyState, write_st
 from emclutch.results.study_table import DONE, FAILED, RUNNING, WAITING, PointRow
 from emclutch.scene.study import StudySection, read_study
 from emclutch.studies.accuracy.target import cases_of
-from emclutch.studies.part_folder import PARTS, lease_of, parts_in
-from emclutch.studies.point_index import PointIndex
+from emclutch.studies.point_index import PARTS, PointIndex, lease_of, parts_in
 from emclutch.studies.points import POINT, PointFolder, folders_of_points, unclaimed
 from emclutch.studies.tables import DonePoint, label_of, write_failures, write_tables
 

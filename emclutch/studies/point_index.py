@@ -12,6 +12,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import re
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -22,7 +23,6 @@ from emclutch import __version__
 from emclutch.results import OutputError, RunFolder, load_result
 from emclutch.results.atomic_file import json_values, replace_text
 from emclutch.results.pictures.speeds import speeds_vary
-from emclutch.studies.part_folder import parts_in
 from emclutch.studies.tables import row_of
 
 INDEX = "points.jsonl"
@@ -133,3 +133,28 @@ def _stamp_of(path: Path) -> Stamp | None:
     except OSError:
         return None
     return [[state.st_mtime_ns, state.st_size] for state in states]
+
+
+PARTS = "parts"
+"""Folder of what parts write besides points, no file of which two write: ``parts/3-of-40`` has the log and the failures
+of a part, ``parts/point-002.1.lease`` says who is at work on a point."""
+_PART = re.compile(r"(\d+)-of-(\d+)")
+
+
+def part_folder(study: Path, part: tuple[int, int]) -> Path:
+    """The folder of a part, in that of its study."""
+    return study / PARTS / f"{part[0]}-of-{part[1]}"
+
+
+def lease_of(point: Path) -> Path:
+    """The lease of a point's folder, as `emclutch.results.lease.leased` takes it."""
+    return point.parent / PARTS / point.name
+
+
+def parts_in(study: Path) -> dict[tuple[int, int], Path]:
+    """The folders of all parts that have run, by which part of how many they are."""
+    found = {}
+    for path in sorted((study / PARTS).glob("*-of-*")):
+        if match := _PART.fullmatch(path.name):
+            found[int(match[1]), int(match[2])] = path
+    return found

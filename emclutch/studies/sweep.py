@@ -29,13 +29,12 @@ from emclutch.results.study_table import DONE, FAILED, STOPPED, WAITING, StudyTa
 from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.replica_count import replica_count
 from emclutch.scene.study import StudySection, read_study
-from emclutch.simulation.missing_pictures import draw_missing
+from emclutch.simulation.pictures import draw_missing
 from emclutch.simulation.resume import seconds_of
 from emclutch.studies.accuracy.target import cases_of
 from emclutch.studies.adaptive import AdaptiveStudy
 from emclutch.studies.dask_executor import SchedulerLost
-from emclutch.studies.part_folder import lease_of, part_folder
-from emclutch.studies.point_index import PointIndex
+from emclutch.studies.point_index import PointIndex, lease_of, part_folder
 from emclutch.studies.points import PointFolder, folders_of_points, goes_on, is_done_now, unclaimed
 from emclutch.studies.renewal import Renewal
 from emclutch.studies.tables import DonePoint, label_of, write_failures, write_tables

@@ -21,7 +21,7 @@ from emclutch.results.study_table import DONE, FAILED, STOPPED
 from emclutch.scene.case import Case, case_from
 from emclutch.scene.errors import SceneError
 from emclutch.simulation.run import run
-from emclutch.studies.part_folder import lease_of
+from emclutch.studies.point_index import lease_of
 from emclutch.studies.points import goes_on, is_done_now
 
 log = logging.getLogger(__name__)

@@ -5,7 +5,7 @@ rigid contacts and lists have many short ones. Measured with two loops a step of
 virtual machine: 2.7 million particle steps a second with threads that sleep at each, 5.0 with one thread, 8 to 10 with
 two that spin. Threads that spin while another program has their core hold up the others instead (1.8 where one thread
 does 4.9, less the longer they spin). So they spin, but not for long, and a run finds out how many threads pay
-(`emclutch.simulation.thread_trial`).
+(`emclutch.simulation.threads`).
 
 The count is read once, when the OpenMP library is loaded (by numba's first parallel loop, or by gmsh): it stands here,
 in the package that all others import, and nothing heavy is imported for it. What the user has set wins:

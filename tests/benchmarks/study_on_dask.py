@@ -27,7 +27,7 @@ import emclutch
 from emclutch.results.checkpoint import read_checkpoint
 from emclutch.results.lease import lease_holder
 from emclutch.scene.study import StudySection
-from emclutch.studies.part_folder import lease_of
+from emclutch.studies.point_index import lease_of
 
 TESTS = Path(__file__).resolve().parents[1]
 THESIS = TESTS.parent / "cases" / "thesis"

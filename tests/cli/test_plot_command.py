@@ -16,8 +16,7 @@ from emclutch.results.measured_table import read_measured
 from emclutch.results.pictures.figure import save_picture
 from emclutch.results.text import format_time, time_unit
 from emclutch.scene.errors import SceneError
-from emclutch.simulation.missing_pictures import draw_missing
-from emclutch.simulation.pictures import moment_in_words, steady_current
+from emclutch.simulation.pictures import draw_missing, moment_in_words, steady_current
 
 CASES = Path(__file__).resolve().parents[2] / "cases"
 

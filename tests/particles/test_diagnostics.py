@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from emclutch.simulation.structure import structure_summary
+from emclutch.simulation.summary import structure_summary
 from particles.diagnostics.coordination import contacts_per_grain, coordination
 from particles.diagnostics.fabric import fabric
 from particles.diagnostics.force_chains import force_chains

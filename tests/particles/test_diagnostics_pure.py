@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from emclutch.simulation.structure import structure_summary
+from emclutch.simulation.summary import structure_summary
 from geometry.annular_cell import ShearCell
 from geometry.box import Box
 from geometry.time_profile import TimeProfile

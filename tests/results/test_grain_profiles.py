@@ -12,7 +12,7 @@ from emclutch.results.checkpoint import read_checkpoint, write_checkpoint
 from emclutch.results.grain_profiles import profile_column, profile_table, read_profiles, write_profiles
 from emclutch.results.pictures.profile import profile_picture
 from emclutch.results.pictures.wall_pressure import wall_pressure_picture
-from emclutch.results.vtk.wall_pressure import write_wall_pressure_surfaces
+from emclutch.results.vtk.wall_surface import write_wall_pressure_surfaces
 from emclutch.results.wall_loads import WALL_COLUMNS, read_wall_pressure, write_wall_pressure
 from emclutch.simulation.profile_average import ProfileAverage, gap_of
 from emclutch.simulation.wall_average import WallAverage

@@ -14,8 +14,8 @@ from emclutch.effects.drive import switching_left_out
 from emclutch.effects.heat import HeatSection
 from emclutch.effects.left_out import LeftOut
 from emclutch.scene.case import case_from, load_case
-from emclutch.simulation.forecast.effects_left_out import left_out
 from emclutch.simulation.forecast.expected_torque import expected_torque
+from emclutch.simulation.forecast.regime import left_out
 from emclutch.simulation.plan import make_plan
 from field import MU_0
 from field.coil.inductance import apparent_inductance

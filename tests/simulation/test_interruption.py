@@ -10,8 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from emclutch.simulation.interruption import interruptible
-from emclutch.simulation.kernel_compilation import Compiled
+from emclutch.simulation.kernel_compilation import Compiled, interruptible
 
 ROOT = Path(__file__).resolve().parents[2]
 SCENE = """

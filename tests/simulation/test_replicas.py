@@ -294,7 +294,7 @@ def test_a_pool_runs_as_many_at_a_time_as_there_are_cores_for(tmp_path):
 def test_a_replica_waits_at_its_limit_until_it_is_sent_on():
     from types import SimpleNamespace
 
-    from emclutch.simulation.orders import Orders
+    from emclutch.simulation.replicas import Orders
 
     def at(time):
         return SimpleNamespace(motion=SimpleNamespace(time=time))

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import pytest
 
 from coupling.window_row import WallClock
-from emclutch.simulation.thread_trial import REST, ROUNDS, ThreadTrial
+from emclutch.simulation.threads import REST, ROUNDS, ThreadTrial
 
 
 class Machine:

@@ -458,7 +458,7 @@ def _study_pictures(folder: Path, results: dict[str, Result]) -> list[Block]:
         return found
 
     def draw(path: Path) -> Path:
-        from emclutch.results.pictures.torque_overlay import torque_overlay_picture
+        from emclutch.results.pictures.torque import torque_overlay_picture
 
         return torque_overlay_picture(path, results)
 
