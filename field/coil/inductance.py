@@ -125,18 +125,6 @@ class FluxLinkageCurve:
         """d lambda/d i [H] at currents [A]."""
         return self._linkage.derivative()(np.minimum(np.abs(current), self.currents[-1]))
 
-    def rise_time(self, voltage: float, resistance: float, fraction: float = 0.632) -> float:
-        """Time [s] after a step of the voltage at which the current has reached `fraction` of V/R.
-
-        t = integral of L_d di/(V - R i): exact for this curve.  `fraction` = 1 - 1/e: the time constant.
-        """
-        if not 0.0 < fraction < 1.0:
-            raise ValueError(f"`fraction` = {fraction} of the final current must lie between 0 and 1")
-        final = abs(voltage) / resistance
-        i = np.linspace(0.0, fraction * final, 4001)
-        integrand = self.incremental(i) / (abs(voltage) - resistance * i)
-        return float((0.5 * (integrand[1:] + integrand[:-1]) * np.diff(i)).sum())
-
 
 def _odd(curve: PchipInterpolator, last: float, x: np.ndarray) -> np.ndarray:
     size = np.abs(x)

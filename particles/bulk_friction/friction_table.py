@@ -1,6 +1,6 @@
 """Bulk friction mu_bulk(mu_s, mu_r) of a dry powder from a measured table, and the pairs that give one bulk friction.
 
-The table, `measured.csv`, has the result of `particles.bulk_friction.steady_shear` against sliding friction mu_s and
+The table, `measured.csv`, has the result of `tests/benchmarks/steady_shear.py` against sliding friction mu_s and
 rolling friction mu_r; `tests/benchmarks/bulk_friction.py` made it. Errors of single runs are too small where seeds
 differ by more; all are then enlarged by what the repeated points say together (R. T. Birge, Phys. Rev. 40 (1932) 207).
 Means over the seeds grow with rolling friction; where noise has one that does not, neighbours are averaged (isotonic

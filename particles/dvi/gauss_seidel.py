@@ -406,13 +406,18 @@ def apply_records(sign, grain, body, pair_index, pair, wall_index, wall):
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
-def sweep_records(convex, relax, compliance, grain, body, pair_index, pair, wall_index, wall):
+def _visit_records(sweeps, convex, relax, compliance, grain, body, pair_index, pair, wall_index, wall):
+    records, change = grouped(grain, body, pair_index, pair, wall_index, wall), 0.0
+    for _ in range(sweeps):
+        change = sweep(convex, relax, compliance, records)
+    return change, residual(all_of(records), convex, compliance, records)
+
+
+def sweep_records(convex, relax, compliance, *records):
     """`sweep` for calls from Python."""
-    return sweep(convex, relax, compliance, grouped(grain, body, pair_index, pair, wall_index, wall))
+    return _visit_records(1, convex, relax, compliance, *records)[0]
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
-def residual_records(convex, compliance, grain, body, pair_index, pair, wall_index, wall):
+def residual_records(convex, compliance, *records):
     """`residual` for calls from Python."""
-    records = grouped(grain, body, pair_index, pair, wall_index, wall)
-    return residual(all_of(records), convex, compliance, records)
+    return _visit_records(0, convex, 1.0, compliance, *records)[1]

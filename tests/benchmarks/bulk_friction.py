@@ -2,7 +2,7 @@
 
     python tests/benchmarks/bulk_friction.py particles/bulk_friction/measured.csv [--seeds 2]
 
-A line of the table is one run of `particles.bulk_friction.steady_shear`, six seconds on one core; the whole takes ten
+A line of the table is one run of `tests/benchmarks/steady_shear.py`, six seconds on one core; the whole takes ten
 minutes with two seeds. Lines that are in the file already are kept and not run again: what was interrupted
 goes on, and a seed more adds lines. `--check` prints instead how far the result moves with the number of
 grains, the stiffness, the inertial number and the strain (another ten minutes).
@@ -16,8 +16,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numba
-
-from particles.bulk_friction.steady_shear import BulkFriction, SteadyShear, measure_bulk_friction
+from steady_shear import BulkFriction, SteadyShear, measure_bulk_friction
 
 FRICTION = (0.5, 0.3, 0.7, 1.0, 0.2, 0.1)  # the middle first
 ROLLING = (0.0, 0.1, 0.4, 1.0, 0.2, 0.05)
@@ -57,7 +56,7 @@ def write_table(path: Path, seeds: int) -> None:
     else:
         p = SteadyShear(friction=0.0)
         head = (
-            f"# Bulk friction tau/P by particles.bulk_friction.steady_shear: {p.count} grains, k/(P d) {p.stiffness},\n"
+            f"# Bulk friction tau/P by tests/benchmarks/steady_shear.py: {p.count} grains, k/(P d) {p.stiffness},\n"
             f"# restitution {p.restitution}, sizes +- {p.spread}; strain: averaged; error: of that mean. Made by\n"
             "# python tests/benchmarks/bulk_friction.py particles/bulk_friction/measured.csv\n"
         )

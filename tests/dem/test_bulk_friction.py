@@ -4,9 +4,9 @@ import dataclasses
 
 import numpy as np
 import pytest
+from steady_shear import SteadyShear, measure_bulk_friction
 
 from particles.bulk_friction.friction_table import measured_table, read_table
-from particles.bulk_friction.steady_shear import SteadyShear, measure_bulk_friction
 
 pytestmark = pytest.mark.physics
 

@@ -118,8 +118,6 @@ def test_flux_linkage_curve(pot):
     assert float(curve.current(curve.linkage(3.3))) == pytest.approx(3.3, rel=2e-3)
     assert float(curve.linkage(9.0)) > float(curve.linkage(8.0)), "beyond the last point it goes on"
     assert float(curve.incremental(7.5)) < 0.7 * float(curve.incremental(0.5)), "saturated"
-    linear = FluxLinkageCurve(np.linspace(0.0, 2.0, 5), 0.3 * np.linspace(0.0, 2.0, 5))
-    assert linear.rise_time(24.0, 12.0) == pytest.approx(0.3 / 12.0 * -math.log(1.0 - 0.632), rel=1e-6)
 
 
 @pytest.mark.parametrize(
