@@ -7,17 +7,23 @@ that `--help` and `schema` start at once.
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+import sys
 
-import typer
-from typer.core import TyperCommand
+try:
+    from typing import Annotated, Any
 
-from emclutch import __version__
-from emclutch.cli.field_commands import field, heat, materials, mesh, powder, shear_cell
-from emclutch.cli.options import flag
-from emclutch.cli.result_commands import export, plot, report, view
-from emclutch.cli.run_commands import accuracy, check, design, fit, run, sweep
-from emclutch.cli.scene_commands import doctor, new, schema
+    import typer
+    from typer.core import TyperCommand
+
+    from emclutch import __version__
+    from emclutch.cli.field_commands import field, heat, materials, mesh, powder, shear_cell
+    from emclutch.cli.options import flag
+    from emclutch.cli.result_commands import export, plot, report, view
+    from emclutch.cli.run_commands import accuracy, check, design, fit, run, sweep
+    from emclutch.cli.scene_commands import doctor, new, schema
+except KeyboardInterrupt:  # while the program is loaded no command is there to answer
+    sys.stderr.write("interrupted\n")
+    raise SystemExit(130) from None
 
 app = typer.Typer(
     no_args_is_help=True,

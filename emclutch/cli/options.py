@@ -190,6 +190,8 @@ CurvePicture = Annotated[Path | None, typer.Option("--plot", metavar="FILE", hel
 PairForceAsked = Annotated[
     bool, flag("--pair-force", help="force between two grains of a powder against their gap (powder_iron)")
 ]
+DryRunOfAccuracy = Annotated[bool, flag("--dry-run", help="print settings, packings and cost; run and write nothing")]
+Details = Annotated[bool, flag("--details", help="print all that follows: grains, steps, mesh, what is left out")]
 AsJson = Annotated[bool, flag("--json", help="print JSON and nothing else")]
 PowderName = Annotated[str | None, typer.Argument(metavar="[MATERIAL]", help="a powder by its name, as powder_iron")]
 Chi = Annotated[float | None, typer.Option("--chi", help="susceptibility of the grains' material, in place of a name")]

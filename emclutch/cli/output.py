@@ -26,8 +26,12 @@ def print_table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
     Console().print(table)
 
 
-def print_plan(case: Case, as_json: bool, threads: int | None = None) -> None:
-    """Print what follows from a scene, and what it leaves out."""
+FIRST = "expected torque", "cost", "field", "accuracy"
+"""What an engineer looks for first; rows with a warning stand beside them."""
+
+
+def print_plan(case: Case, as_json: bool, threads: int | None = None, details: bool = False) -> None:
+    """Print what follows from a scene, and what it leaves out: what counts first, or with `details` all."""
     from emclutch.simulation.check import check  # local: it needs the packages of the physics
 
     checked = check(case, threads)
@@ -36,6 +40,15 @@ def print_plan(case: Case, as_json: bool, threads: int | None = None) -> None:
                      "plan": checked.decisions, "left_out": [line.as_dict() for line in checked.left_out]})  # fmt: skip
         return
     Console().print(f"{checked.title}: OK", highlight=False, markup=False)
+    first = {name: words for name, words in checked.decisions.items() if name in FIRST or "WARNING" in words}
+    if first and not details:
+        Console().print(f"effects: {', '.join(checked.effects) or 'none'}", highlight=False, markup=False)
+        print_table(("what follows", ""), sorted(first.items(), key=lambda row: (*FIRST, row[0]).index(row[0])))
+        missing = [(line.effect.replace("_", " "), line.in_words()) for line in checked.left_out if line.is_reservation]
+        if missing:
+            print_table(("left out, although it may matter", "by this number (limit)"), missing)
+        typer.echo("grains, steps, mesh and all that is left out: emclutch check CASE --details")
+        return
     effects = case.scene.effects.names()
     print_table(("effect", ""), ((name, "on" if name in checked.effects else "off") for name in effects))
     print_table(("what follows", ""), checked.decisions.items())

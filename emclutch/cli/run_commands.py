@@ -75,6 +75,7 @@ def check(
     case: opt.CheckedFile,
     sets: opt.Sets = None,
     jobs: opt.Jobs = 1,
+    details: opt.Details = False,
     as_json: opt.AsJson = False,
     trust_scripts: opt.TrustScripts = False,
 ) -> None:
@@ -83,7 +84,7 @@ def check(
         if (study := study_to_check(case, sets, jobs, trust_scripts)) is not None:
             print_study(study, jobs, as_json)
             return
-        print_plan(load(case, sets, trust_scripts), as_json)
+        print_plan(load(case, sets, trust_scripts), as_json, details=details)
 
 
 def sweep(
@@ -190,6 +191,7 @@ def accuracy(
     resume: opt.ResumeAccuracy = False,
     targets: opt.Targets = None,
     effects: opt.OfEffects = False,
+    dry_run: opt.DryRunOfAccuracy = False,
     sets: opt.Sets = None,
     trust_scripts: opt.TrustScripts = False,
 ) -> None:
@@ -203,8 +205,14 @@ def accuracy(
         read = load(case, sets, trust_scripts)
         from emclutch.results import Progress
         from emclutch.studies.accuracy.effect_contributions import EffectsResult, effect_contributions
-        from emclutch.studies.accuracy.study import AccuracyResult
+        from emclutch.studies.accuracy.study import AccuracyResult, preview
         from emclutch.studies.accuracy.study import accuracy as measure_accuracy
+
+        if dry_run:
+            refuse_beside("--dry-run", {"--effects": effects, "--resume": resume, "--out": out is not None})
+            for line in preview(read, seconds, jobs):
+                typer.echo(line)
+            return
 
         options: dict[str, Any] = {"out": out, "budget": seconds, "jobs": jobs, "resume": resume}
         found: AccuracyResult | EffectsResult

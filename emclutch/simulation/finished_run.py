@@ -8,7 +8,7 @@ from time import perf_counter
 from emclutch.results import Result, load_result
 from emclutch.results.errors import Interrupted, RunError
 from emclutch.results.grain_profiles import write_profiles
-from emclutch.results.report.render import write_index
+from emclutch.results.report.render import write_failed_index, write_index
 from emclutch.results.run_folder import CURE
 from emclutch.results.vtk.wall_surface import write_wall_pressure_surfaces
 from emclutch.results.wall_loads import write_wall_pressure
@@ -77,7 +77,7 @@ def end_replicas(request: RunRequest, started: StartedRun, observers: RunObserve
     if problem := replicas.failure():
         how = request.how_to_go_on
         if replicas.failed_for_the_scene():
-            request.folder.write_failure(problem)
+            write_failed_index(request.folder, problem)
             how = CURE
         raise RunError(f"{problem}; {how}\n(log: {request.folder.log})")
 

@@ -12,6 +12,7 @@ from time import perf_counter
 from emclutch.results import OutputError, RunFolder
 from emclutch.results.errors import Interrupted, RunError
 from emclutch.results.folder_lock import locked_folder
+from emclutch.results.report.render import write_failed_index
 from emclutch.scene.case import Case
 from emclutch.simulation.forecast.space import NotEnoughSpace
 from emclutch.simulation.kernel_compilation import Compiled, announced_compilation
@@ -74,7 +75,7 @@ def translate_errors(case: Case, folder: RunFolder) -> Iterator[None]:
         text = f"{error}{remedy_in_scene(case, error)}"
         log.error("%s", text)
         if not isinstance(error, NotEnoughSpace):  # what the machine lacks today
-            folder.write_failure(text)
+            write_failed_index(folder, text)
         raise RunError(f"{text}\n(log: {folder.log})") from error
     except OSError as error:
         text = f"{error.filename or folder.path}: {error.strerror or error}"

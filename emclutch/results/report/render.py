@@ -12,6 +12,7 @@ import io
 import itertools
 import os
 import textwrap
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -20,9 +21,9 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
 from markupsafe import Markup
 
 from emclutch import __version__
-from emclutch.results import OutputError, Result
+from emclutch.results import OutputError, Result, RunFolder
 from emclutch.results.atomic_file import replace_text
-from emclutch.results.report.content import Page, Picture, run_page
+from emclutch.results.report.content import Block, Links, Page, Picture, run_page
 from emclutch.results.report.verdict import verdict
 
 TEMPLATES = Path(__file__).parent / "templates"
@@ -51,6 +52,16 @@ def write_index(result: Result) -> Path:
     folder.write_summary(result.summary | {"verdict": lines})
     replace_text(folder.index, html(run_page(result, lambda run: ()).short(), small=True))
     return folder.index
+
+
+def write_failed_index(folder: RunFolder, reason: str) -> None:
+    """Write that a run fails for its scene, and an ``index.html`` that says so: what, at which time, what to do."""
+    folder.write_failure(reason)
+    with suppress(OSError, OutputError):  # what it failed of is reported all the same
+        if (found := folder.read_failure()) is not None:
+            title = folder.read_scene().get("scene", {}).get("title") or folder.path.name
+            sections: dict[str, list[Block]] = {"Log": [Links([(folder.log.name, "log of the run")])]}
+            replace_text(folder.index, html(Page(folder.path, f"{title}: failed", found.in_words(), sections)))
 
 
 def markdown(page: Page, place: Path) -> str:

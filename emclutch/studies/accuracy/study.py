@@ -146,6 +146,32 @@ def accuracy(
     return AccuracyResult(folder, ladder, tuple(lines))
 
 
+def preview(case: Case, budget: float | None = None, jobs: int | None = None) -> list[str]:
+    """Return what `accuracy` would measure and what that is estimated to cost, in lines; nothing runs or is written.
+
+    `budget` [s], `jobs` and what is raised before anything runs are as of `accuracy`. Costs are processor times of one
+    packing each, within a factor of two; which rungs get more packings is decided by what the first ones say.
+    """
+    jobs, budget = checked_jobs(jobs), BUDGET if budget is None else budget
+    refuse_what_has_no_ladder(case)
+    base = base_of(case)
+    tasks, own = setting_tasks(base), base.plan.cost.seconds["total"]
+    rungs = _distinct(base, planned_rungs(base, tasks, [planned_setting(one) for one in tasks]))
+    lines = [f"{BASE_PACKINGS} packings at the scene's own settings: {format_duration(BASE_PACKINGS * own)}"]
+    for knob in knobs_of(base.scene):
+        frozen = knob.measured_on == FROZEN
+        found = [
+            f"{one.setting:.4g} ({format_duration(one.planning if frozen else own * one.seconds / base.seconds)})"
+            for one in rungs
+            if one.knob == knob.name
+        ]
+        how = "on standing grains" if frozen else "a packing each"
+        setting = f"{knob.name.replace('_', ' ')}, {knob.own(base.scene, base.plan):.4g} in the scene"
+        lines.append(f"{setting}: {', '.join(found)}, {how}" if found else f"{setting}: no other setting")
+    number = jobs * budget / own
+    return [*lines, f"in {format_duration(budget)} with {jobs} at a time there is time for some {number:.0f} packings"]
+
+
 def _presented(case: Case, ladder: Ladder, folder: Path, targets: Sequence[float]) -> list[str]:
     from emclutch.studies.accuracy.answers import present  # local: it draws
 

@@ -1,0 +1,56 @@
+"""What a command says first: check what counts, accuracy what it would cost, a failed run why, a stopped one one line.
+"""
+
+import subprocess
+import sys
+from pathlib import Path
+
+from typer.testing import CliRunner
+
+from emclutch.cli.main import app
+from emclutch.results import RunFolder
+from emclutch.results.report.render import write_failed_index
+
+CASES = Path(__file__).parents[2] / "cases"
+COARSE = ("--set", "field.size_factor=2")
+
+
+def test_check_says_what_counts_on_a_page_and_the_rest_on_request():
+    short = CliRunner().invoke(app, ["check", str(CASES / "quickstart.toml")]).output
+    assert len(short.splitlines()) <= 40
+    for word in ("OK", "expected torque", "cost", "--details", "effects: "):
+        assert word in short
+    whole = CliRunner().invoke(app, ["check", str(CASES / "quickstart.toml"), "--details"]).output
+    assert "ampere-turns" in whole and "not in this scene" in whole and "ampere-turns" not in short
+
+
+def test_accuracy_says_what_it_would_measure_and_writes_nothing(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    result = CliRunner().invoke(app, ["accuracy", str(CASES / "quickstart.toml"), "--dry-run", *COARSE])
+    assert result.exit_code == 0, result.output
+    assert "4 packings at the scene's own settings" in result.output and "grains across" in result.output
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_run_that_fails_leaves_a_page_that_says_why(tmp_path):
+    folder = RunFolder.create(tmp_path / "run", '[scene]\ntitle = "a <b>brake</b>"\n')
+    write_failed_index(folder, "grain 3 overlaps by 11 %. In the scene: raise contact.stiffness")
+    page = folder.index.read_text()
+    for words in ("failed before its first window", "raise contact.stiffness", "a &lt;b&gt;brake"):
+        assert words in page
+    failed = folder.read_failure()
+    assert failed is not None and failed.reason in page
+
+
+def test_a_stop_while_the_program_is_loaded_is_one_line():
+    stop = """
+import sys
+class Stop:
+    def find_spec(self, name, path=None, target=None):
+        if name == "emclutch.cli.run_commands":
+            raise KeyboardInterrupt
+sys.meta_path.insert(0, Stop())
+import emclutch.cli.main
+"""
+    done = subprocess.run([sys.executable, "-c", stop], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (130, "interrupted\n")
