@@ -8,7 +8,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from fed_back_grains import IRON, A, D, all_pairs, fed_back, random_grains, turned
+from fed_back_grains import IRON, A, D, all_pairs, fed_back, powder_problem, random_grains, turned
+from section_grid import section_grid
 from sector_grid_3d import sector_grid
 
 from coupling import powder_feedback_3d
@@ -17,8 +18,8 @@ from coupling.powder_feedback_3d import PowderFeedback3D
 from coupling.smear_region import elements_within, magnetic_regions
 from coupling.smeared_grains_3d import smear_3d
 from coupling.wall_reflection import steel_walls
-from field import LinearLaw, PowderLaw
-from field.three_d import Field3D, Problem3D, SectorFold, UniformSource
+from field import AIR, LinearLaw, PowderLaw
+from field.three_d import Field3D, FlatCoil, Problem3D, SectorFold, UniformSource
 from geometry import RevolvedWall
 from particles import Body
 from particles.sector import CyclicSector
@@ -87,6 +88,66 @@ def test_a_ring_of_grains_has_the_moments_and_forces_of_all_its_pairs():
         )
     assert errors[1][0] < 0.025 and errors[1][1] < 0.04
     assert errors[1][0] < errors[0][0] and errors[1][1] < errors[0][1]
+
+
+POT = {
+    "iron": (0.0, 88e-3, -60e-3, 60e-3),
+    "window": (40e-3, 72e-3, -44e-3, 44e-3),
+    "coil": (48e-3, 72e-3, -32e-3, 32e-3),
+    "powder": (8e-3, 40e-3, -4e-3, 4e-3),
+    "pin": (0.0, 8e-3, -4e-3, 4e-3),
+}
+
+
+def test_in_a_slit_of_steel_it_is_the_section():
+    """108 grains, four across the slit of a pot core: what powder adds to the flux linkage, mean and single moments,
+    forces. Each difference to the section's falls with the elements' size, from 0.8 to 0.27 widths.
+
+    Measured: linkage 0.39 and 0.14 %, mean moment 0.49 and 0.06 %, moments 1.6 and 0.7 %, forces 5.9 and 1.9 % (root
+    mean square).
+    """
+    laws, drive, grains = {"iron": LinearLaw(1000.0), "window": AIR, "pin": AIR}, 2000.0, 8
+    x = random_grains(grains, (14e-3, 34e-3), 8e-3, 0.15, 1)
+    faces = [((8e-3, -4e-3), (40e-3, -4e-3)), ((40e-3, 4e-3), (8e-3, 4e-3))]
+    walls = [RevolvedWall(f"face {k}", "disc", *ends, magnetic=True) for k, ends in enumerate(faces)]
+
+    def grid(step):
+        r = [*np.linspace(8e-3, 40e-3, round(32e-3 / step) + 1), 0.0, 48e-3, 72e-3, 88e-3]
+        z = np.unique(np.round([*np.linspace(0.0, 4e-3, round(4e-3 / step) + 1), 8e-3, 18e-3, 32e-3, 44e-3, 60e-3], 9))
+        return np.unique(np.round(r, 9)), np.concatenate((-z[:0:-1], z))
+
+    def answer(problem, carrier=None):
+        found = fed_back(
+            problem, IRON, x, A, WIDTH, sector=CyclicSector(2.0 * np.pi / grains), walls=walls, ampere_turns=drive,
+            agree=1e-3, tolerance=1e-5, carrier=carrier, solves=15,
+        )  # fmt: skip
+        assert found.residuals[-1] <= 1e-3
+        bare = problem.solve(drive, None, tolerance=1e-10)
+        return found, found.solution.flux_linkage_per_turn - bare.flux_linkage_per_turn
+
+    truth, truly_added = answer(powder_problem(section_grid(*grid(1e-3), POT), IRON, WIDTH, laws))
+    differences = []
+    for step, parts in ((4e-3, 2), (4e-3 / 3.0, 4)):
+        r, z = grid(step)
+        mesh = sector_grid(r, parts, z, POT, angle=2.0 * np.pi / 24)
+        beyond = elements_within(mesh, magnetic_regions(laws), WIDTH)
+        problem = Problem3D(
+            mesh, laws, FlatCoil.ring((48e-3, 72e-3), (-32e-3, 32e-3)), outer="flux_wall", linear_solver="direct",
+            powder_law=PowderLaw(IRON), powder_beyond=beyond,
+        )  # fmt: skip
+        found, added = answer(problem, Body("disc"))
+        differences.append(
+            (
+                abs(added / truly_added - 1.0),
+                abs(found.moment[:, 2].mean() / truth.moment[:, 2].mean() - 1.0),
+                np.linalg.norm(found.moment - truth.moment) / np.linalg.norm(truth.moment),
+                np.linalg.norm(found.force - truth.force) / np.linalg.norm(truth.force),
+            )
+        )
+    coarse, fine = np.array(differences)
+    assert np.all(fine < 0.6 * coarse), (coarse, fine)
+    assert np.all(fine < [0.003, 0.002, 0.01, 0.025]), fine
+    assert truly_added > 0.15 * truth.solution.flux_linkage_per_turn  # so that a fault of the powder shows
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import emclutch
-from coupling import CoilField
+from coupling import CircuitCoilField, CoilField, run_staggered
 from coupling.turning_sampler import TurningSampler
 from emclutch.results.checkpoint import read_checkpoint
 from emclutch.results.errors import Interrupted
@@ -92,8 +92,6 @@ def test_a_free_slotted_disc_feels_the_grains_through_its_field():
         angular_momentum = 1e-7 * disc.speed
         impulse += row.bodies["disc"].torque * plan.steps_per_update * plan.updates * plan.dt
 
-    from coupling import run_staggered
-
     run_staggered(simulation, 30 * plan.steps_per_update * plan.updates * plan.dt, (follow,))
     assert simulation.source.solution is plan.peak_field and simulation.source.solves == 1
     assert abs(impulse) > 0.0 and angular_momentum == pytest.approx(impulse, rel=1e-6)
@@ -175,6 +173,24 @@ def test_it_resumes_bit_for_bit(tmp_path, more):
     for key in ("position_radius", "velocity_force", "particle_id"):
         assert np.array_equal(states[0][key], states[1][key])
     assert whole.summary["torque_rotor"] == parts.summary["torque_rotor"]
+
+
+def test_an_effect_that_is_off_is_one_with_nothing_to_do():
+    """Without a current, runs with feedback or circuit are bit for bit the one without their tables."""
+
+    def end(*tables):
+        values = {"coil.current": None, "coil.voltage": "0 V", "coil.resistance": "2 ohm", "effects.wall_images": {}}
+        values |= {"particles.diameter": "0.4 mm", "field.size_factor": 3.0}
+        simulation = assemble(*make_plan(slotted(values | {f"effects.{name}": {} for name in tables})))
+        run_staggered(simulation, 3e-6)
+        grains, source = simulation.motion.grains, simulation.source
+        assert type(source) is (CircuitCoilField if "coil_circuit" in tables else CoilField)
+        assert (source.feedback is not None) == ("back_reaction" in tables)
+        assert source.solves > 0 and grains.velocity.any()
+        return np.hstack((grains.position, grains.velocity, grains.angular_velocity))
+
+    off = end()
+    assert np.array_equal(off, end("back_reaction")) and np.array_equal(off, end("coil_circuit"))
 
 
 def test_without_the_field_slots_cost_nothing():
