@@ -33,6 +33,7 @@ _Conductivity = Annotated[
 _Capacity = Annotated[
     float, Quantity("a heat capacity", "J/(m^3*K)", "3.5e6 J/(m^3 K)", 0.0, 1e8, open_minimum=True, least=1e-3)
 ]
+_BodyCapacity = Annotated[float, Quantity("a heat capacity of a body", "J/K", "200 J/K", 0.0, 1e8)]
 _Resistance = Annotated[float, Quantity("a thermal resistance", "m^2*K/W", "1e-4 m^2 K/W", 0.0, 10.0)]
 
 
@@ -214,6 +215,9 @@ class HeatSection(EffectSection):
     shaft_conductance: _Conductance = Field(
         default=0.0, description="of the shaft from the ends of its stubs to the surroundings, both together"
     )
+    shaft_heat_capacity: _BodyCapacity = Field(
+        default=0.0, description="of the shaft beyond its stubs, lumped in the middle of shaft_conductance"
+    )
     powder_conductivity: _Conductivity | None = Field(
         default=None, description="of the powder; default: of a packing of its solid fraction at rest in air"
     )
@@ -248,6 +252,12 @@ class HeatSection(EffectSection):
         for key in ("surface_limit", "coil_limit"):
             if getattr(self, key) <= self.ambient:
                 raise refuse(f"is not above the ambient temperature of {self.ambient:g} degrees C; raise it", key=key)
+        return self
+
+    @model_validator(mode="after")
+    def _shaft_takes_heat(self) -> Self:
+        if self.shaft_heat_capacity > 0.0 and self.shaft_conductance == 0.0:
+            raise refuse("needs shaft_conductance above 0 W/K, by which it is heated", key="shaft_heat_capacity")
         return self
 
     @classmethod

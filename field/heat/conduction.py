@@ -18,6 +18,10 @@ to the tangent; they are inverted by the formula of Sherman, Morrison and Woodbu
 **Runaway.** A coil at a given current I makes I^2 R(T), R(T) = R_0 (1 + alpha (T - T_0)). Where a watt more warms it by
 R_th kelvins it has a steady temperature only for alpha R_0 I^2 R_th < 1; beyond, the tangent has a negative eigenvalue.
 At a given voltage its power falls with T and it always has one.
+
+**A body behind a surface**, as a shaft: a conductance G to the outside with a heat capacity C_b in its middle, 2 G
+before and behind it, C_b dT_b/dt = 2 G (mean of T - T_b) - 2 G (T_b - T_o). Steady temperatures do not depend on
+C_b, and are those without it where the surface has one temperature.
 """
 
 from __future__ import annotations
@@ -75,6 +79,8 @@ class CooledSurface:
         epsilon [-], 0 to 1.
     outside : float
         T_o [degrees C].
+    capacity : float
+        Heat capacity [J/K] of a body in the middle of the film's conductance, >= 0; with one, emissivity must be 0.
     """
 
     name: str
@@ -82,6 +88,14 @@ class CooledSurface:
     film: float
     emissivity: float
     outside: float
+    capacity: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.capacity < np.inf or (self.capacity > 0.0 and (self.emissivity > 0.0 or self.film == 0.0)):
+            raise ValueError(
+                f"`capacity` = {self.capacity} J/K behind the surface {self.name} must be 0 or more, with a film above "
+                "0 and no emissivity"
+            )
 
 
 def outer_edges(mesh: SectionMesh, elements: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -114,8 +128,8 @@ class HeatProblem:
 
     Attributes
     ----------
-    points : ndarray (n_dofs, 2)
-        Where the unknowns live, (r, z) [m].
+    points : ndarray (n, 2)
+        Where the unknowns live, (r, z) [m]; those of bodies behind surfaces follow, which have no place.
     M, K : csc_matrix (n_dofs, n_dofs)
         [J/K] and [W/K].
     spread : ndarray (n_dofs, m)
@@ -192,7 +206,8 @@ class HeatProblem:
             columns.append(column / column.sum())
         self.spread = np.column_stack(columns) if columns else np.zeros((self.n_dofs, 0))
         self._held = [np.unique(basis.element_dofs[:, place[np.asarray(heated, int)]]) for heated in sources.values()]
-        self._surfaces = [_Film(skfem, section, element, intorder, one, number) for one in surfaces if len(one.edges)]
+        films = [_Film(skfem, section, element, intorder, one, number) for one in surfaces if len(one.edges)]
+        self._surfaces: list[_Film | _Body] = [self._with_body(one) if one.surface.capacity else one for one in films]
         # one pattern for all matrices, so that the ordering of the factorisation is found once
         pattern = abs(self.K) + abs(self.M)
         for surface in self._surfaces:
@@ -201,6 +216,18 @@ class HeatProblem:
         self._pattern.data[:] = 0.0
         self._pattern.sort_indices()
         self._solver = SymmetricSolver()
+
+    def _with_body(self, film: _Film) -> _Body:
+        """Add the unknown of the body behind a film."""
+        n, before = self.n_dofs, film.with_film(2.0 * film.surface.film)
+        exchange = before.tangent(np.zeros(n), n)
+        to_body = sp.csc_matrix(exchange.sum(axis=1))
+        body = _Body(film.surface, n, float(to_body.sum()))
+        self.K = sp.csc_matrix(sp.bmat([[self.K + exchange, -to_body], [-to_body.T, [[body.conductance]]]]))
+        self.M = sp.csc_matrix(sp.block_diag([self.M, [[film.surface.capacity]]]))
+        self.spread = np.vstack((self.spread, np.zeros((1, len(self.names)))))
+        self.n_dofs = n + 1
+        return body
 
     @property
     def outside(self) -> float:
@@ -367,3 +394,26 @@ class _Film:
         rows = np.repeat(self.facet_dofs, n, axis=1).ravel()
         columns = np.tile(self.facet_dofs, (1, n)).ravel()
         return sp.csc_matrix((local.ravel(), (rows, columns)), shape=(n_dofs, n_dofs))
+
+
+class _Body:
+    """A body behind a surface: its conductance to the outside [W/K], as a `_Film` of one unknown."""
+
+    def __init__(self, surface: CooledSurface, dof: int, conductance: float) -> None:
+        self.surface, self.conductance = surface, conductance
+        self.dofs = np.array([dof])
+        self.facet_dofs = self.dofs[None]
+
+    def with_film(self, film: float) -> _Body:
+        """Itself: no film is changed that leads into a body."""
+        if film != self.surface.film:
+            raise ValueError(f"the film of {self.surface.name} leads into a body; make the problem again")
+        return self
+
+    def loss(self, temperature: np.ndarray) -> np.ndarray:
+        """The heat (1, 1) [W] that leaves."""
+        return self.conductance * (temperature[self.facet_dofs] - self.surface.outside)
+
+    def tangent(self, temperature: np.ndarray, n_dofs: int) -> sp.csc_matrix:
+        """Its derivative [W/K]."""
+        return sp.csc_matrix(([self.conductance], (self.dofs, self.dofs)), shape=(n_dofs, n_dofs))

@@ -6,6 +6,7 @@ chapters 3 and 5.
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 from section_grid import section_grid
 
 from field.heat.conduction import (
@@ -30,14 +31,14 @@ pytestmark = pytest.mark.physics
 AMBIENT = 20.0
 
 
-def ring(r, z, *, k, capacity=3e6, film=0.0, emissivity=0.0, where=None, order=1, sources=None):
+def ring(r, z, *, k, capacity=3e6, film=0.0, emissivity=0.0, where=None, order=1, sources=None, behind=0.0):
     """A ring on a tensor grid of lines r, z [m], cooled where `where(r, z)` of an edge's middle says."""
     mesh = section_grid(r, z, {"body": (r[0], r[-1], z[0], z[-1])})
     elements = np.arange(len(mesh.triangles))
     edges, _ = outer_edges(mesh, elements)
     if where is not None:
         edges = edges[where(*mesh.points[edges].mean(axis=1).T)]
-    surface = CooledSurface("outside", edges, film, emissivity, AMBIENT)
+    surface = CooledSurface("outside", edges, film, emissivity, AMBIENT, behind)
     heated = {"body": elements} if sources is None else sources(mesh)
     full = np.full(len(elements), 1.0)
     return HeatProblem(mesh, elements, k * full, capacity * full, [surface], heated, order)
@@ -115,9 +116,9 @@ def test_a_plane_wall_cools_by_its_first_mode():
     assert (one.temperature[inner].mean() - AMBIENT) / 100.0 == pytest.approx(1.1191 * np.exp(-(0.8603**2)), rel=0.005)
 
 
-def lumped(film=20.0):
+def lumped(film=20.0, capacity=0.0):
     """A cylinder that has one temperature: the problem, its film's conductance [W/K] and heat capacity [J/K]."""
-    problem = ring(np.linspace(0, 0.02, 3), np.linspace(0, 0.03, 3), k=1e6, film=film)
+    problem = ring(np.linspace(0, 0.02, 3), np.linspace(0, 0.03, 3), k=1e6, film=film, behind=capacity)
     return problem, film * 2.0 * np.pi * 0.02 * 0.05, 3e6 * np.pi * 0.02**2 * 0.03
 
 
@@ -158,6 +159,34 @@ def test_a_current_that_copper_cannot_carry_runs_away_and_says_so():
         assert np.all(np.isfinite(state.temperature))
     exact = AMBIENT + 1.5 * G / alpha / (C * rate) * (np.exp(rate * state.time) - 1.0)
     assert state.temperature.mean() == pytest.approx(exact, rel=0.01)
+
+
+def test_a_shaft_behind_a_surface_is_a_second_capacity():
+    """C_1 T_1' = P - 2 G (T_1 - T_2), C_2 T_2' = 2 G (T_1 - T_2) - 2 G (T_2 - T_a), by the matrix' exponential.
+
+    Heat closes; the steady temperature P/G is that without the capacity; without one the equations are those of a film.
+    """
+    plain, G, C1 = lumped()
+    P, C2 = 15.0, 2.0 * C1
+    problem, _, _ = lumped(capacity=C2)
+    march = HeatInTime(problem, constant(P), 0.02)
+    state = first = march.start(AMBIENT)
+    A = np.array([[-2.0 * G / C1, 2.0 * G / C1], [2.0 * G / C2, -4.0 * G / C2]])
+    steady = np.array([P / G, 0.5 * P / G])
+    for state in march.run(first, [0.5 * C1 / G, 3.0 * C1 / G]):
+        exact = AMBIENT + steady - expm(A * state.time) @ steady
+        assert np.allclose(state.temperature[:-1], exact[0], atol=0.1)
+        assert state.temperature[-1] == pytest.approx(exact[1], abs=0.1)
+    stored = problem.heat_content @ (state.temperature - first.temperature)
+    assert state.made.sum() - state.left == pytest.approx(stored, rel=1e-7)
+    assert exact[0] < AMBIENT + 0.9 * P / G  # the shaft still warms
+    found, without = problem.steady(constant(P)), plain.steady(constant(P))
+    assert np.allclose(found[:-1], without, atol=1e-6) and found[-1] == pytest.approx(AMBIENT + 0.5 * P / G, abs=1e-3)
+    assert problem.losses(found)["outside"] == pytest.approx(P, rel=1e-9)
+    off, _, _ = lumped(capacity=0.0)
+    assert np.array_equal(off.steady(constant(P)), without) and off.n_dofs == problem.n_dofs - 1
+    with pytest.raises(ValueError, match="capacity"):
+        CooledSurface("shaft", np.zeros((1, 2), int), 0.0, 0.0, AMBIENT, 1.0)
 
 
 @pytest.mark.parametrize(("high", "low"), [(60.0, 1.0), (20.0, 5.0)])

@@ -179,6 +179,11 @@ def test_a_shaft_and_a_better_powder_take_heat():
     _, _, usual = steady()
     problem, found, cooler = steady(**{"effects.heat.shaft_conductance": "0.5 W/K"})
     assert problem.losses(found)["shaft_ends"] > 0.5 and cooler < usual - 5.0
+    shaft = {"effects.heat.shaft_conductance": "0.5 W/K", "effects.heat.shaft_heat_capacity": "90 J/K"}
+    held, slow, _ = steady(**shaft)
+    assert held.heat_content.sum() == pytest.approx(problem.heat_content.sum() + 90.0)
+    assert np.allclose(slow[:-1], found, atol=0.02)  # one body behind both ends, whose temperatures differ
+    assert "shaft_conductance above 0" in faults(**{"effects.heat.shaft_heat_capacity": "90 J/K"})
     filled = {**BRAKE, "particles": {"diameter": "0.3 mm", "mass": "1 g", "region": "poles"}, "time": {"end": "1 ms"}}
     filled["effects"] = BRAKE["effects"] | {"magnetic_force": {}}
 
