@@ -52,6 +52,11 @@ class FieldResult:
         count = len(list(self.folder.glob("line-*.csv")))
         return tuple(pandas.read_csv(self.folder / f"line-{number}.csv") for number in range(1, count + 1))
 
+    def _repr_html_(self) -> str:
+        from emclutch.results.report.render import folder_fragment  # local: it imports what draws
+
+        return folder_fragment(self.folder, self.table, self.units)
+
 
 def field(
     case: Case | str | Path,

@@ -112,6 +112,11 @@ class HeatResult:
     table: pandas.DataFrame
     permitted: pandas.DataFrame
 
+    def _repr_html_(self) -> str:
+        from emclutch.results.report.render import folder_fragment  # local: it imports what draws
+
+        return folder_fragment(self.folder, self.table, UNITS)
+
 
 def heat(
     case: Case | str | Path,

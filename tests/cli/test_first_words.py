@@ -5,12 +5,17 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pandas
 from typer.testing import CliRunner
 
 from emclutch.cli.main import app
 from emclutch.results import RunFolder
 from emclutch.results.report.render import write_failed_index
+from emclutch.studies.accuracy import study
+from emclutch.studies.field_result import FieldResult
+from emclutch.studies.heat import HeatResult
 
+setting_tasks = study.setting_tasks
 CASES = Path(__file__).parents[2] / "cases"
 COARSE = ("--set", "field.size_factor=2")
 
@@ -25,10 +30,12 @@ def test_check_says_what_counts_on_a_page_and_the_rest_on_request():
 
 
 def test_accuracy_says_what_it_would_measure_and_writes_nothing(tmp_path, monkeypatch):
+    """With two of the settings only: to plan each takes a second."""
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(study, "setting_tasks", lambda base: setting_tasks(base)[:2])
     result = CliRunner().invoke(app, ["accuracy", str(CASES / "quickstart.toml"), "--dry-run", *COARSE])
     assert result.exit_code == 0, result.output
-    assert "4 packings at the scene's own settings" in result.output and "grains across" in result.output
+    assert "4 packings at the scene's own settings" in result.output and "grains across, 4" in result.output
     assert not list(tmp_path.iterdir())
 
 
@@ -54,3 +61,11 @@ import emclutch.cli.main
 """
     done = subprocess.run([sys.executable, "-c", stop], capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (130, "interrupted\n")
+
+
+def test_a_notebook_shows_the_tables_of_field_and_heat(tmp_path):
+    summary = {"units": {"current": "A"}, "currents": [{"current": 0.5, "material": "<steel>"}]}
+    shown = FieldResult(tmp_path / "field", summary)._repr_html_()
+    assert "current [A]" in shown and "0.5" in shown and "&lt;steel&gt;" in shown
+    table = pandas.DataFrame([{"coil": 351.2345}])
+    assert "351.2<" in HeatResult(tmp_path / "heat", {}, table, table)._repr_html_().replace(" ", "")

@@ -12,9 +12,10 @@ import io
 import itertools
 import os
 import textwrap
+from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
@@ -23,8 +24,11 @@ from markupsafe import Markup
 from emclutch import __version__
 from emclutch.results import OutputError, Result, RunFolder
 from emclutch.results.atomic_file import replace_text
-from emclutch.results.report.content import Block, Links, Page, Picture, run_page
+from emclutch.results.report.content import Block, Links, Page, Picture, Table, run_page
 from emclutch.results.report.verdict import verdict
+
+if TYPE_CHECKING:
+    import pandas
 
 TEMPLATES = Path(__file__).parent / "templates"
 CLASSES = {"on": "good", "off": "soft", "YES": "poor", "NO": "poor"}
@@ -43,6 +47,13 @@ def fragment(page: Page) -> str:
     environment = _environment(autoescape=True)
     environment.filters["embedded"] = lambda one: embed_small(one.png())
     return environment.get_template("fragment.html.j2").render(page=page, classes=CLASSES)
+
+
+def folder_fragment(folder: Path, frame: pandas.DataFrame, units: Mapping[str, str]) -> str:
+    """Return the table of a study as HTML for a notebook, with its folder; columns without a unit are pure numbers."""
+    head = [f"{name} [{units[name]}]" if units.get(name) else name for name in map(str, frame.columns)]
+    rows = [[f"{one:.4g}" if isinstance(one, float) else str(one) for one in row] for row in frame.to_numpy(object)]
+    return fragment(Page(folder, folder.name, str(folder), {"Results": [Table(rows, head)]}))
 
 
 def write_index(result: Result) -> Path:
