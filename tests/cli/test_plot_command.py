@@ -24,7 +24,7 @@ CASES = Path(__file__).resolve().parents[2] / "cases"
 @pytest.fixture
 def figures(monkeypatch):
     """The figures that are saved, in place of files."""
-    from emclutch.results.pictures import torque_overlay as torque_overlay_picture
+    from emclutch.results.pictures import torque as torque_overlay_picture
 
     kept = []
     monkeypatch.setattr(torque_overlay_picture, "save_picture", lambda figure, path: kept.append(figure) or Path(path))
