@@ -7,13 +7,14 @@ BIN    := $(VENV)/bin
 GMSH_LIBRARIES := libGLU.so.1 libGL.so.1 libXrender.so.1 libXcursor.so.1 libXft.so.2 libXinerama.so.1 libXfixes.so.3 libgomp.so.1
 GMSH_PACKAGES  := libglu1-mesa libgl1 libxrender1 libxcursor1 libxft2 libxinerama1 libxfixes3 libgomp1
 
-.PHONY: help run test laws bench stability setup lint sweep docs dist clean
+.PHONY: help run test laws bench stability setup lint sweep docs pictures dist clean
 help:
 	@echo "make run      set up, and simulate a first scene (CASE=other.toml)"
 	@echo "make test     set up, and run all tests"
 	@echo "make sweep    torque against current"
 	@echo "make bench    measured against other programs"
 	@echo "make docs     documentation as HTML"
+	@echo "make pictures draw the pictures of docs/ that are older than what they show (PICTURES=all: every one)"
 	@echo "make lint     style and types"
 	@echo "make dist     wheel and source distribution"
 	@echo "make clean    remove what was set up, and runs"
@@ -25,6 +26,7 @@ stability: setup ; $(BIN)/python tests/hard/all_parts.py runs/stability
 sweep: setup ; $(BIN)/emclutch sweep cases/current_to_torque.toml
 lint: setup ; $(BIN)/ruff check . && $(BIN)/mypy
 docs: setup ; $(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[docs]' && $(BIN)/python -m sphinx -q -W --keep-going -n docs docs/_build/html
+pictures: setup ; $(BIN)/python tests/project/pictures.py $(PICTURES)
 dist: setup ; $(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt build && $(BIN)/python -m build
 clean: ; rm -rf $(VENV) runs build dist docs/_build .pytest_cache .mypy_cache .ruff_cache; find . -name __pycache__ -prune -exec rm -rf {} +
 setup: $(VENV)/installed

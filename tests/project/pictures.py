@@ -1,8 +1,13 @@
-"""Which scene each picture of the gallery was made of; a new row after a picture was made again:
+"""Redraws the pictures of docs/ that are older than what they show: `make pictures`.
 
-    python tests/project/pictures.py grains.png
+    python tests/project/pictures.py                        # the outdated ones
+    python tests/project/pictures.py grains.png lock_up.png    # these; or: all
+    python tests/project/pictures.py --record grains.png    # made by hand of the present sources
 
-The table is docs/pictures.csv: picture, scene, and the hash of what the scene says, comments aside.
+docs/pictures.csv has a row a picture: what it shows (`sources`: scenes and tables, separated by blanks), the `command`
+that draws it, and the `hash` of the sources when it was drawn. In a command RUN is a folder below runs/pictures for
+the sources and their hash, and PICTURE the file to write; parts are separated by `&&`. What several need is run
+once and kept; a run that was interrupted starts again. Costs are in the headers of the scenes.
 """
 
 from __future__ import annotations
@@ -10,12 +15,16 @@ from __future__ import annotations
 import csv
 import hashlib
 import json
+import os
+import shutil
+import subprocess
 import sys
 import tomllib
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 TABLE = ROOT / "docs" / "pictures.csv"
+COLUMNS = ("picture", "sources", "command", "hash")
 
 
 def gallery() -> dict[str, str]:
@@ -29,32 +38,69 @@ def scene_hash(text: str) -> str:
     return hashlib.sha256(json.dumps(tomllib.loads(text), sort_keys=True).encode()).hexdigest()[:16]
 
 
-def recorded() -> dict[str, tuple[str, str]]:
-    """Scene and hash by picture."""
+def source_hash(sources: str) -> str:
+    """Hash of scenes, with that which a study varies, and of other files as they are."""
+    parts, paths = [], [ROOT / source for source in sources.split()]
+    for path in paths:
+        text = path.read_text(encoding="utf-8")
+        parts.append(scene_hash(text) if path.suffix == ".toml" else hashlib.sha256(text.encode()).hexdigest())
+        if path.suffix == ".toml" and "study" in (scene := tomllib.loads(text)):
+            paths.append(path.parent / scene["study"]["case"])
+    return hashlib.sha256(" ".join(parts).encode()).hexdigest()[:16]
+
+
+def recorded() -> dict[str, dict[str, str]]:
+    """The rows of the table by picture."""
     with TABLE.open(encoding="utf-8", newline="") as file:
-        return {row["picture"]: (row["scene"], row["hash"]) for row in csv.DictReader(file)}
+        return {row["picture"]: row for row in csv.DictReader(file)}
 
 
 def outdated() -> list[str]:
-    """Pictures of the gallery whose scene has changed since, or that have no row."""
-    rows = recorded()
-    return [
-        picture
-        for picture, scene in gallery().items()
-        if rows.get(picture) != (scene, scene_hash((ROOT / "cases" / scene).read_text(encoding="utf-8")))
-    ]
+    """Pictures whose sources have changed since they were drawn."""
+    return [name for name, row in recorded().items() if row["hash"] != source_hash(row["sources"])]
 
 
 def record(picture: str) -> None:
-    """Write the row of a picture that was made of the present scene."""
-    scene = gallery()[picture]
-    rows = recorded() | {picture: (scene, scene_hash((ROOT / "cases" / scene).read_text(encoding="utf-8")))}
+    """Write the hash of a picture that was drawn of the present sources."""
+    rows = recorded()
+    rows[picture]["hash"] = source_hash(rows[picture]["sources"])
     with TABLE.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(("picture", "scene", "hash"))
-        writer.writerows((name, *row) for name, row in sorted(rows.items()))
+        writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(row for _, row in sorted(rows.items()))
+
+
+def draw(pictures: list[str]) -> int:
+    """Run the commands of some pictures; the number of those that failed."""
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    rows, failed = recorded(), 0
+    for name in pictures:
+        sources = rows[name]["sources"]
+        run = f"runs/pictures/{Path(sources.split()[0]).stem}-{source_hash(sources)}"
+        for part in rows[name]["command"].split(" && "):
+            command = part.replace("RUN", run).replace("PICTURE", f"docs/{name}")
+            words, folder = command.split(), None
+            if words[0] == "emclutch" and words[1] in ("run", "sweep", "accuracy"):
+                folder = ROOT / words[words.index("--out") + 1]
+                if (folder / "complete").exists():
+                    continue
+                shutil.rmtree(folder, ignore_errors=True)
+            print(f"{name}: {command}", flush=True)
+            if subprocess.run(command, shell=True, cwd=ROOT, env=os.environ | {"PATH": path}).returncode:
+                print(f"{name} was not drawn", file=sys.stderr)
+                failed += 1
+                break
+            if folder is not None:
+                (folder / "complete").touch()
+        else:
+            record(name)
+    return failed
 
 
 if __name__ == "__main__":
-    for name in sys.argv[1:]:
-        record(name)
+    given = sys.argv[1:]
+    if given[:1] == ["--record"]:
+        for name in given[1:]:
+            record(name)
+    else:
+        sys.exit(min(draw(sorted(recorded()) if given == ["all"] else given or outdated()), 1))

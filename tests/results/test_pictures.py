@@ -138,8 +138,7 @@ def test_an_unknown_error_is_no_bar():
 
 def test_the_torques_picture_has_the_interval_and_no_standard_error(tmp_path, monkeypatch):
     labels = []
-    monkeypatch.setattr("matplotlib.axes.Axes.legend", lambda self, **_: labels.extend(
-        self.get_legend_handles_labels()[1]))  # fmt: skip
+    monkeypatch.setattr("matplotlib.figure.Figure.legend", lambda self, handles, names, **_: labels.extend(names))
     time = np.arange(1.0, 101.0)
     history = {"time": time, "torque_disc": 0.5 + 0.1 * np.random.default_rng(1).standard_normal(100)}
     found = steady_mean(time, history["torque_disc"])
@@ -149,8 +148,7 @@ def test_the_torques_picture_has_the_interval_and_no_standard_error(tmp_path, mo
 
 def test_a_torque_of_unknown_error_says_so(tmp_path, monkeypatch):
     labels = []
-    monkeypatch.setattr("matplotlib.axes.Axes.legend", lambda self, **_: labels.extend(
-        self.get_legend_handles_labels()[1]))  # fmt: skip
+    monkeypatch.setattr("matplotlib.figure.Figure.legend", lambda self, handles, names, **_: labels.extend(names))
     time = np.arange(1.0, 101.0)
     history = {"time": time, "torque_disc": np.full(100, 0.5)}
     pictures.torque_picture(tmp_path / "t.png", history, steady_mean(time, history["torque_disc"]))
@@ -159,9 +157,8 @@ def test_a_torque_of_unknown_error_says_so(tmp_path, monkeypatch):
 
 def test_a_transient_is_not_judged_as_a_steady_torque(tmp_path, monkeypatch):
     labels = []
-    monkeypatch.setattr("matplotlib.axes.Axes.legend", lambda self, **_: labels.extend(
-        self.get_legend_handles_labels()[1]))  # fmt: skip
-    monkeypatch.setattr("matplotlib.figure.Figure.supxlabel", lambda self, text, **_: labels.append(text))
+    monkeypatch.setattr("matplotlib.figure.Figure.legend", lambda self, handles, names, **_: labels.extend(names))
+    monkeypatch.setattr("matplotlib.axes.Axes.set_title", lambda self, text, **_: labels.append(text))
     time = np.arange(1.0, 101.0)
     history = {"time": time, "torque_disc": 1e-2 * time}
     drifting = steady_mean(time, history["torque_disc"])

@@ -115,17 +115,10 @@ def mark_lock_up(axis: Axes, per_second: float, locked: float | None) -> None:
         axis.axvline(per_second * locked, color="#7a0177", lw=1.2, ls=(0, (4, 2)), label=LOCKED)
 
 
-def legend_beside(axis: Axes, *, away: float = 1.0, handles: Any = None, labels: Any = None) -> None:
-    """Draw a legend to the right of a panel, of what is drawn in it or of `handles` with their `labels`.
-
-    `away`: where it begins, in widths of the panel. Nothing where nothing has a label.
-    """
-    if handles is None:
-        handles, labels = axis.get_legend_handles_labels()
-    if handles:
-        axis.legend(
-            handles=handles, labels=labels, loc="upper left", bbox_to_anchor=(away, 1.0), frameon=False, fontsize=9
-        )
+def legend_beside(axis: Axes) -> None:
+    """Draw a legend to the right of a panel, of what is drawn in it; nothing where nothing has a label."""
+    if axis.get_legend_handles_labels()[0]:
+        axis.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False, fontsize=9)
 
 
 def legend_below(axis: Axes, columns: int = 1) -> None:

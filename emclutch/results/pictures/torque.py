@@ -25,7 +25,6 @@ from emclutch.results.pictures.figure import (
     LINES,
     RPM,
     finish_axis,
-    legend_beside,
     mark_lock_up,
     new_figure,
     save_picture,
@@ -63,7 +62,7 @@ def torque_picture(
     drives = [name for name in (CURRENT, ROTOR_SPEED, DISC_SPEED) if name in history and varies(history[name])]
     rows = 2 if drives else 1
     height, ratios = 4.6 + 2.0 * (rows - 1), [2.4, 1.0][:rows]
-    figure, axes = new_figure(9.0, height, title, rows=rows, sharex=True, height_ratios=ratios)
+    figure, axes = new_figure(9.0, height + 0.6, title, rows=rows, sharex=True, height_ratios=ratios)
     axis = axes[0]
     shown = [body for body in BODY_COLOURS if torque_on(body) in history]
     unit, factor = torque_unit([np.asarray(history[torque_on(body)], dtype=np.float64) for body in shown])
@@ -94,18 +93,21 @@ def torque_picture(
         label += format_torque(estimate, unit, factor) + ("" if estimate.converged else ", not converged")
         axis.plot([start, time[-1]], [mean, mean], color="black", lw=1.4, ls="--", label=label, zorder=4)
         if not estimate.converged:
-            figure.supxlabel(estimate.reason, x=0.01, ha="left", fontsize=8, color="crimson", parse_math=False)
+            axis.set_title(estimate.reason, loc="left", fontsize=8, color="crimson", parse_math=False)
     mark_lock_up(axis, time_factor, locked)
     axis.set_ylabel(f"torque [{unit}]")
-    legend_beside(axis)
     axis.margins(x=0.0)
+    handles, labels = axis.get_legend_handles_labels()
     if drives:
-        _draw_drives(axes[1], time, history, drives)
+        more = _draw_drives(axes[1], time, history, drives)
+        handles, labels = handles + more[0], labels + more[1]
+    figure.legend(handles, labels, loc="outside lower left", ncols=2, frameon=False, fontsize=9)
     axes[-1].set_xlabel(f"time [{unit_of_time}]")
     return save_picture(figure, path)
 
 
-def _draw_drives(axis: Any, time: np.ndarray, history: Any, drives: Sequence[str]) -> None:
+def _draw_drives(axis: Any, time: np.ndarray, history: Any, drives: Sequence[str]) -> tuple[list[Any], list[str]]:
+    """Draw current and speeds; the entries of the legend are returned."""
     speeds = [name for name in drives if name != CURRENT]
     if CURRENT in drives:
         axis.plot(time, np.asarray(history[CURRENT]), color="#8a1c7c", lw=1.2, label="current")
@@ -134,7 +136,7 @@ def _draw_drives(axis: Any, time: np.ndarray, history: Any, drives: Sequence[str
     if right is not axis:
         more = right.get_legend_handles_labels()
         handles, labels = handles + more[0], labels + more[1]
-    legend_beside(axis, away=1.0 if right is axis else 1.13, handles=handles, labels=labels)
+    return handles, labels
 
 
 def varies(values: Any) -> bool:

@@ -138,7 +138,7 @@ def coloured(display, view, part, array, label, palette, association="POINTS"):
 
 
 def plain(display, colour):
-    pv.ColorBy(display, None)
+    display.ColorArrayName = ["POINTS", ""]  # ColorBy(display, None) fails where no array was shown yet
     display.AmbientColor = display.DiffuseColor = colour
 
 
@@ -202,6 +202,7 @@ def lines(view, curves, visible, options):
     display = pv.Show(curves, view)
     display.Visibility = visible
     display.Position = (0.0, line_offset(curves.GetDataInformation().GetBounds()[1]), 0.0)
+    display.LineWidth = 1.5  # thinner ones have gaps
     plain(display, LINE_COLOUR)
 
 

@@ -29,7 +29,8 @@ def script_text(files: RunFiles) -> str:
         "BODIES": tuple(files.bodies),
         "QUANTITIES": files.colours,
     }
-    scene, _, look = SCENE.read_text(encoding="utf-8"), *LOOK.read_text(encoding="utf-8").split("import math\n", 1)
+    scene = SCENE.read_text(encoding="utf-8")
+    look = "".join(LOOK.read_text(encoding="utf-8").partition("import math\n")[1:])
     text = re.sub(r"^# (ruff|mypy): .*\n", "", scene, flags=re.MULTILINE)
     text = re.sub(r"^from emclutch.*? import \(.*?^\).*?\n", lambda _: look, text, flags=re.MULTILINE | re.DOTALL)
     for name, value in known.items():
