@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import re
 import sys
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -33,7 +32,7 @@ DATA = ROOT / "cases" / "validation" / "dry_powder_brakes.csv"
 PAGE = ROOT / "docs" / "explanation" / "dry_brakes.md"
 RATED = 0.94  # [A] of brakes of 12 N m, tests/REFERENCE.md section 6
 RANGES = ((0.1, 0.4), (0.4, 0.6), (0.6, 0.9))  # of the rated current
-SHARES = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
+SHARES = (0.1, 0.2, 0.3, 0.5, 0.8)
 MARKS = "<!-- tables by tests/benchmarks/dry_brakes.py -->", "<!-- end of tables -->"
 ROW = re.compile(r"powder_clutch\.torque_([\d.]+)A")
 
@@ -103,21 +102,12 @@ def tables() -> str:
         "",
     ]
     names = [name for name in measured if not name.startswith("B5ZD")]
-    lines += ["| emclutch | current | torque | " + " | ".join(names) + " |", "|---" * (len(names) + 3) + "|"]
+    lines += ["| current | emclutch | " + " | ".join(names) + " |", "|---" * (len(names) + 2) + "|"]
     for curve in ours():
         for x, torque, error in zip(curve.x, curve.torque, curve.error, strict=True):
             if x < 1.0:
                 cells = [f"{np.interp(x, *measured[name].T):.3f}" for name in names]
-                said = curve.label.partition(": ")[2]
-                lines.append(f"| {said} | {x:.3f} | {torque:.3f} ± {NORMAL * error:.3f} | {' | '.join(cells)} |")
-    lines += ["", "Exponent of emclutch between neighbouring currents:", "", "| emclutch | from | to | exponent |",
-              "|---|---|---|---|"]  # fmt: skip
-    for curve in ours():
-        said = curve.label.partition(": ")[2]
-        for i, j in pairwise(range(len(curve.x))):
-            ratio = np.log(curve.torque[j] / curve.torque[i]) / np.log(curve.x[j] / curve.x[i])
-            error = np.hypot(*(curve.error[k] / curve.torque[k] for k in (i, j))) / np.log(curve.x[j] / curve.x[i])
-            lines.append(f"| {said} | {curve.x[i]:.2f} | {curve.x[j]:.2f} | {ratio:.2f} ± {error:.2f} |")
+                lines.append(f"| {x:.3f} | {torque:.3f} ± {NORMAL * error:.3f} | {' | '.join(cells)} |")
     return "\n".join(lines)
 
 
