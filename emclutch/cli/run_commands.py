@@ -209,7 +209,8 @@ def accuracy(
         from emclutch.studies.accuracy.study import accuracy as measure_accuracy
 
         if dry_run:
-            refuse_beside("--dry-run", {"--effects": effects, "--resume": resume, "--out": out is not None})
+            given = {"--effects": effects, "--resume": resume, "--out": out is not None, "--for": targets is not None}
+            refuse_beside("--dry-run", given)
             for line in preview(read, seconds, jobs):
                 typer.echo(line)
             return

@@ -29,6 +29,7 @@ import numpy as np
 
 from emclutch.results.statistics import (
     MIN_SAMPLES,
+    STOPPING_ALLOWANCE,
     Estimate,
     checked_signal,
     correlation_samples,
@@ -48,6 +49,7 @@ DRIFT_LIMIT = 2.0  # of the half width that is asked for: a drift that a steady 
 DRIFT_CONFIDENCE = 0.975
 """One-sided. With it a drift at the limit passes in less than 10 % of runs under the rule that ends them: up to nine
 looks, of which each has its chance."""
+MARGIN = 0.9  # of the half width that is asked for: aimed at when the rest is estimated
 CREEP = 0.75  # of the half width that is asked for: a drift beyond it for certain (95 %), which no more replicas cure
 
 
@@ -207,19 +209,43 @@ def creeps_for_certain(found: Estimate, wanted: float) -> bool:
     return drift - _quantile(found.drift_freedom, 0.95) * error > CREEP * wanted
 
 
-def excess(found: Estimate, wanted: float) -> float | None:
-    """Return how many times a wanted half width the interval is, or the drift that can be excluded over its limit.
-
-    The time that is missing, or the packings, grow with its square. None: the interval is unknown.
-    """
+def may_be_zero(found: Estimate) -> bool:
+    """True if the interval holds 0, so that no fraction of the mean can be reached."""
     half = found.half_width()
-    if half is None or wanted <= 0.0:
-        return None
-    ratio = half / wanted
-    if found.exclude_drift and found.drift_freedom is not None and not found.converged:
-        _, error = _nominal_drift(found)
-        ratio = max(ratio, (1.0 + _quantile(found.drift_freedom, DRIFT_CONFIDENCE)) * error / (DRIFT_LIMIT * wanted))
-    return ratio
+    return half is not None and found.mean is not None and abs(found.mean) <= half
+
+
+def more_packings_suffice(found: Estimate, count: int, wanted: float) -> bool:
+    """True if `count` packings of the same length are expected to reach the half width `wanted`."""
+    return _expected(found, count, 1.0) <= MARGIN * wanted and _expected_drift(found, count, 1.0, wanted)
+
+
+def more_time_suffices(found: Estimate, length: float, wanted: float) -> bool:
+    """True if the same packings are expected to reach the half width `wanted` at the time `length` [s]."""
+    start, end = found.start or 0.0, found.end or length
+    start = max(start, 0.5 * length)
+    if found.end is None or found.start is None or length <= start or end <= found.start:
+        return False
+    factor = (length - start) / (end - found.start)
+    return _expected(found, found.replicas, factor) <= MARGIN * wanted and _expected_drift(
+        found, found.replicas, factor, wanted
+    )
+
+
+def _expected(found: Estimate, count: int, factor: float) -> float:
+    """Half width [unit of the signal] of `count` packings averaged `factor` times as long."""
+    variance = (found.standard_error or math.inf) ** 2 * found.replicas
+    own = min((found.fluctuation or 0.0) ** 2, variance)
+    one = variance - own + own / factor
+    return _quantile(count - 1.0, 1.0 - 0.025 * STOPPING_ALLOWANCE) * math.sqrt(one / count)
+
+
+def _expected_drift(found: Estimate, count: int, factor: float, wanted: float) -> bool:
+    """True if a drift is expected to be excluded, if there is none."""
+    if not found.exclude_drift or found.drift_error is None or found.end is None or found.settled is None:
+        return True
+    error = _nominal_drift(found)[1] * math.sqrt(found.replicas / count / factor)
+    return bool((1.0 + _quantile(3.0 * count - 1.0, DRIFT_CONFIDENCE)) * error < DRIFT_LIMIT * wanted)
 
 
 def drift_in_words(found: Estimate) -> str:

@@ -71,7 +71,7 @@ class Estimate:
     starts_up : whether the start-up takes most of the run, by MSER-5 on the mean over several replicas.
     fluctuation : standard deviation of one replica's mean that its own fluctuation explains [unit of the signal].
     exclude_drift : whether a small drift is to be excluded; else the start-up is known to be over.
-    missing : time [s] that a run of one packing is estimated to lack; None: none, or unknown.
+    missing : time [s] that the run is estimated to lack; None: none, or unknown.
     """
 
     mean: float | None

@@ -102,7 +102,7 @@ def _sheared_enough(found: Estimate, histories: Sequence[pandas.DataFrame]) -> E
                 f"not converged: the box was sheared by {averaged:.2g} only while averaging, {MIN_AVERAGED_STRAIN:g} "
                 f"needed; raise time.end to {1.05 * needed:.2g} s"
             )
-            return replace(found, converged=False, reason=reason)
+            return replace(found, converged=False, reason=reason, missing=1.05 * needed - end)
     return found
 
 

@@ -14,14 +14,20 @@ tests/results/test_stopping_rule.py.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from emclutch.results.replicated_mean import DRIFT_CONFIDENCE, DRIFT_LIMIT, Steadiness, creeps_for_certain, steadiness
+from emclutch.results.replicated_mean import (
+    Steadiness,
+    creeps_for_certain,
+    may_be_zero,
+    more_packings_suffice,
+    more_time_suffices,
+    steadiness,
+)
 from emclutch.results.statistics import Estimate
 from emclutch.scene.replica_count import max_replica_count
 from emclutch.scene.start_up import start_up_strain
@@ -38,7 +44,6 @@ FIRST_LENGTH = 3.0  # times the start-up that is known
 ALONE = 0.125  # of time.end: taken for the start-up of a run of one packing of which nothing is known
 CONFIRMED = 8  # packings whose mean tells a start-up that lasts from a chance
 LONGER = 1.5  # factor between lengths
-MARGIN = 0.9  # of the half width that is asked for: aimed at when the rest is estimated
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,49 +150,12 @@ def stopping_rule(scene: Scene, device: Device, end: float) -> StoppingRule | No
     return StoppingRule(until, lengths(end, start_up), count)
 
 
-def more_packings_suffice(torque: Estimate, count: int, wanted: float) -> bool:
-    """True if `count` packings of the same length are expected to reach the half width `wanted` [N m]."""
-    return _expected(torque, count, 1.0) <= MARGIN * wanted and _expected_drift(torque, count, 1.0, wanted)
-
-
-def more_time_suffices(torque: Estimate, length: float, wanted: float) -> bool:
-    """True if the same packings are expected to reach the half width `wanted` [N m] at the time `length` [s]."""
-    start, end = torque.start or 0.0, torque.end or length
-    start = max(start, 0.5 * length)
-    if torque.end is None or torque.start is None or length <= start or end <= torque.start:
-        return False
-    factor = (length - start) / (end - torque.start)
-    return _expected(torque, torque.replicas, factor) <= MARGIN * wanted and _expected_drift(
-        torque, torque.replicas, factor, wanted
-    )
-
-
-def _expected(torque: Estimate, count: int, factor: float) -> float:
-    """Half width [N m] of `count` packings averaged `factor` times as long."""
-    from scipy.special import stdtrit
-
-    variance = (torque.standard_error or math.inf) ** 2 * torque.replicas
-    own = min((torque.fluctuation or 0.0) ** 2, variance)
-    one = variance - own + own / factor
-    return float(stdtrit(count - 1.0, 0.985)) * math.sqrt(one / count)
-
-
-def _expected_drift(torque: Estimate, count: int, factor: float, wanted: float) -> bool:
-    """True if a drift is expected to be excluded, if there is none."""
-    from scipy.special import stdtrit
-
-    if not torque.exclude_drift or torque.drift_error is None or torque.end is None or torque.settled is None:
-        return True
-    error = torque.drift_error * (torque.end - torque.settled) * math.sqrt(torque.replicas / count / factor)
-    return bool((1.0 + float(stdtrit(3.0 * count - 1.0, DRIFT_CONFIDENCE))) * error < DRIFT_LIMIT * wanted)
-
-
 def enough(torque: Estimate, wanted: float, end: float) -> tuple[int | None, float | None]:
     """Return the packings, and the end [s], of which either is estimated to reach the half width `wanted` [N m]."""
     if torque.replicas < 2:
         half = torque.half_width()
         return None, None if half is None or not torque.converged else end * max(1.0, (half / wanted) ** 2)
-    counts = [one for one in (*COUNTS, 96, 128, 192, 256) if one > torque.replicas]
+    counts = [] if creeps_for_certain(torque, wanted) else [one for one in COUNTS if one > torque.replicas]
     count = next((one for one in counts if more_packings_suffice(torque, one, wanted)), None)
     times = end * np.array([1.5, 2.0, 3.0, 5.0, 10.0])
     time = next((one for one in times if more_time_suffices(torque, float(one), wanted)), None)
@@ -200,7 +168,7 @@ def remedy(torque: Estimate, target: TorqueTarget, end: float) -> str:
     if half is None or torque.mean is None:
         return torque.reason
     wanted = target.half_width(torque.mean)
-    if abs(torque.mean) <= half and not target.absolute:
+    if may_be_zero(torque) and not target.absolute:
         return (
             f"there is no {target.quantity} that differs from 0 ({torque.mean:.2g} +- {half:.2g} {target.unit}), so no "
             f"fraction of it can be reached; give a {target.quantity} as well: until = '{target} or {target.example}'"
@@ -212,7 +180,7 @@ def remedy(torque: Estimate, target: TorqueTarget, end: float) -> str:
         return f"{short}; raise time.end to about {enough(torque, wanted, end)[1]:.2g} s"
     if creeps_for_certain(torque, wanted):
         return f"{torque.reason}; raise time.end above {end:.3g} s: more packings do not help"
-    if not torque.converged and torque.drift_error is None:
+    if torque.missing or (not torque.converged and torque.drift_error is None):
         return torque.reason
     count, time = enough(torque, wanted, end)
     ways = [f"accuracy.max_replicas (or replicas) to {count}"] if count else []

@@ -90,9 +90,7 @@ def summarise(
     torque = steady_torque(history, conditions, others) if TORQUE_DISC in history else None
     if torque is not None:
         summary["torque"] = torque.as_dict()
-        if drag := drag_on_disc(case.scene.motion.drag_torque, history):
-            summary["drag_torque"] = drag
-            summary["torque_with_drag"] = None if torque.mean is None else torque.mean + drag
+        summary |= drag_summary(case.scene.motion.drag_torque, history, torque.mean)
         if others:
             summary["replicas"] = replicas_summary(case, (history, *others), torque, TORQUE_DISC)
         if case.scene.span.until is not None:
@@ -159,14 +157,18 @@ def summarise(
     folder.write_summary(summary)
 
 
-def drag_on_disc(drag: float, history) -> float:
-    """Return the torque [N m] about +z by which seals and bearings drag the disc along, 0 without slip at the end.
+def drag_summary(given: float, history, torque: float | None) -> dict[str, float | None]:
+    """Return the torque [N m] about +z by which seals and bearings drag the disc along, and its sum with the powder's.
 
-    On the rotor it is the opposite: on each shaft it opposes the slip against the other one.
+    0 without slip at the end; empty where none is `given` [N m]. On the rotor it is the opposite: on each shaft it
+    opposes the slip against the other one.
     """
-    if not drag or ROTOR_SPEED not in history or DISC_SPEED not in history:
-        return 0.0
-    return float(np.sign(history[ROTOR_SPEED].iloc[-1] - history[DISC_SPEED].iloc[-1])) * drag
+    if not given:
+        return {}
+    drag = 0.0
+    if ROTOR_SPEED in history and DISC_SPEED in history:
+        drag = float(np.sign(history[ROTOR_SPEED].iloc[-1] - history[DISC_SPEED].iloc[-1])) * given
+    return {"drag_torque": drag, "torque_with_drag": None if torque is None else torque + drag}
 
 
 def processor_seconds(histories) -> float:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from emclutch.results.columns import TIME
+from emclutch.results.replicated_mean import may_be_zero
 from emclutch.results.steady_stress import steady_measure
 from emclutch.results.steady_torque import SteadyConditions
 from emclutch.simulation.forecast.cost import spoken
@@ -115,6 +116,6 @@ def how_it_ended(torque: Estimate, history: pandas.DataFrame, target: TorqueTarg
     if not reached:
         end = float(history[TIME].iloc[-1])
         found["reason"] = remedy(torque, target, end)
-        if torque.mean is not None:
+        if torque.mean is not None and (target.absolute or not may_be_zero(torque)):
             found["packings"], found["end"] = enough(torque, target.half_width(torque.mean), end)
     return found

@@ -105,12 +105,12 @@ def test_the_verdict_names_the_error_budget_and_what_to_do_next(tmp_path):
     torque = {"mean": 0.9, "standard_error": 0.02, "batches": 4, "replicas": 4, "converged": True, "reason": "steady"}
     unknown = lines(torque=torque, discretisation_error_note="no ladder; find with: X")
     assert "– The interval is statistical only, the error of the settings unknown: no ladder; find with: X." in unknown
-    # half of 95 % is 3.18 * 0.02 = 7.1 % of 0.9: 5 % takes 2.0005 times the packings and the 5 s of 4 packings
-    assert "– Next: 5 % takes about 9 packings (accuracy.replicas = 9), 11 s of processor time in all." in unknown
+    # 5 %, 0.045, less a margin of a tenth: 2.83 * 0.04 / sqrt(7) = 0.0428, 2.71 * 0.04 / sqrt(8) = 0.0384; 5 s for 4
+    assert "– Next: 5 % takes about 8 packings (accuracy.replicas = 8), 10 s of processor time in all." in unknown
     narrow = lines(torque={**torque, "standard_error": 0.005})  # better than the usual 5 %: half of it
-    assert "0.88 % takes about 16 packings (accuracy.replicas = 16), 20 s of processor time in all" in str(narrow)
+    assert "0.88 % takes about 13 packings (accuracy.replicas = 13), 16 s of processor time in all" in str(narrow)
     resumed = summary["seconds"] | {"processor": 50.0}  # of all parts, where `whole_run` is of the last one
-    assert "(accuracy.replicas = 9), 2 min of processor time" in str(lines(torque=torque, seconds=resumed))
+    assert "(accuracy.replicas = 8), 2 min of processor time" in str(lines(torque=torque, seconds=resumed))
     found = {
         "bias": 0.2, "half_width": 0.06, "unknown": {"sector": "no time"}, "extrapolated": {}, "total_error": 0.1,
         "corrected_torque": {"mean": 0.75, "half_width": 0.057}, "ladder": {"note": "measured at coil.current = 2.0",
@@ -128,13 +128,45 @@ def test_the_verdict_names_the_error_budget_and_what_to_do_next(tmp_path):
     assert budget[3] == "– Next: grains across is the largest part of the error; 5 % takes about 9 packings."
     mostly_packings = found | {"largest_part": {"name": "statistics", "half_width": 0.071}, "half_width": 0.03}
     both = lines(torque=torque, discretisation_error=mostly_packings, accuracy_target=asked)
-    assert budget[0] == both[0] and "5 % takes about 13 packings" in str(both)  # 4 * 7.1^2 / (5^2 - 3^2)
+    assert budget[0] == both[0] and "5 % takes about 11 packings" in str(both)  # of which 4 % are left, 5^2 - 3^2
     assert "Next" not in str(lines(torque=torque, accuracy_target={"asked": 0.1, "reached": True}))
     creeping = lines(torque={**torque, "converged": False, "reason": "not settled"})
     assert "✗ The torque on the disc is not known" in creeping[0]
     lacks = lines(torque={**torque, "replicas": 1, "converged": False, "missing": 0.12})  # of 0.2 s, which took 5 s
     how = f"emclutch run {folder.path} --resume --set time.end='320 ms'"
     assert f"({how}), about 3 s of processor time more." in str(lacks)
+
+
+def test_what_to_do_next_does_not_contradict_why_the_torque_is_not_known(tmp_path):
+    """Run longer where more packings do not help; else as many as Student's t needs, and what is cheaper of the two."""
+    folder = written_run(tmp_path / "run")
+    summary, scene = folder.read_summary(), folder.case.read_text()
+
+    def following(until=None, **torque):
+        known = {"mean": 1.0, "standard_error": 0.02, "batches": 4, "replicas": 4, "converged": True, "reason": ""}
+        changed = {} if until is None else {"until": {"asked": "torque 5 %", "reached": False, "reason": "", **until}}
+        folder.write_summary(summary | {"torque": known | torque} | changed)
+        return " ".join(line for line in closing_lines(load_result(folder.path)) if "Next" in line)
+
+    stretch = {"start": 0.1, "end": 0.2, "settled": 0.1, "converged": False}
+    stretch |= {"drift_freedom": 11.0, "exclude_drift": True}
+    longer = "--set time.end='400 ms'"
+    assert longer in following({"packings": 8, "end": None}, **stretch, drift=1.0, drift_error=0.01)  # by 10 %
+    creeps = {**stretch, "drift": 0.7, "drift_error": 0.25}  # by 7 % +- 5.5 %: not 0, and 10 % is not excluded
+    assert longer in following(**creeps)
+    assert "time.end='360 ms'" in following({"packings": 6, "end": 0.36}, **creeps)
+    for until in (None, {"packings": 6, "end": 0.3}):  # not balanced yet
+        assert "time.end='400 ms'" in following(until, **stretch, drift=0.0, drift_error=0.01, missing=0.2)
+    assert "takes about 5 packings (accuracy.replicas = 5)" in following(replicas=2, batches=2)  # 144 by Gauss's law
+    assert "takes about 6 packings" in following(replicas=3, batches=3)
+    assert "takes about 7 packings" in following()  # 4.9 % of 6 leave no margin
+    assert following(standard_error=0.2).endswith("5 % is out of reach with 64 packings; run longer, or ask for less.")
+    assert not following(standard_error=0.5)  # it may be 0, of which there is no fraction
+    both = {"packings": 8, "end": 0.3}
+    assert "time.end='300 ms'" in following(both) and "8 packings" in following(both | {"end": 0.5})
+    assert "(accuracy.max_replicas = 8)" in following({"packings": 8, "end": None})
+    folder.case.write_text(scene + "\n[accuracy]\nreplicas = 4\n")
+    assert "(accuracy.replicas = 8)" in following({"packings": 8, "end": None})
 
 
 @pytest.mark.parametrize(

@@ -36,6 +36,11 @@ def test_accuracy_says_what_it_would_measure_and_writes_nothing(tmp_path, monkey
     result = CliRunner().invoke(app, ["accuracy", str(CASES / "quickstart.toml"), "--dry-run", *COARSE])
     assert result.exit_code == 0, result.output
     assert "4 packings at the scene's own settings" in result.output and "grains across, 4" in result.output
+    assert "packings at the scene's own settings; the four above run in any case" in " ".join(result.output.split())
+    for option, value in (("--for", "5 %"), ("--budget", "1 s")):
+        given = [str(CASES / "quickstart.toml"), "--dry-run", option, value, *COARSE]
+        refused = CliRunner().invoke(app, ["accuracy", *given])
+        assert refused.exit_code == 2 and option in refused.output, refused.output
     assert not list(tmp_path.iterdir())
 
 

@@ -6,9 +6,12 @@ Long form (also start-up known, ladder of lengths, all cells): ``python tests/re
 from dataclasses import replace
 
 import numpy as np
+import pandas
 import pytest
 from stopping_rule_study import FRESH, REFERENCE, Signal, recorded, run_of, summary_of
 
+from emclutch.results.replicated_mean import more_packings_suffice
+from emclutch.results.report.verdict import MAX_PACKINGS
 from emclutch.results.statistics import Estimate
 from emclutch.scene.torque_target import TorqueTarget
 from emclutch.simulation.stopping_rule import (
@@ -20,6 +23,7 @@ from emclutch.simulation.stopping_rule import (
     lengths,
     remedy,
 )
+from emclutch.simulation.torque_trigger import how_it_ended
 
 
 @pytest.mark.parametrize(
@@ -144,5 +148,26 @@ def test_an_end_without_a_known_torque_says_why(torque, words):
     assert re.search(words, remedy(torque, TorqueTarget(0.02), 1.0))
 
 
+def test_an_end_that_lacks_time_or_a_torque_proposes_no_packings():
+    history, target = pandas.DataFrame({"time": [0.5, 1.0]}), TorqueTarget(0.02)
+    assert how_it_ended(estimate(1.0, 0.02, fluctuation=0.0), history, target)["packings"] == 32
+    creeps = estimate(1.0, 0.001, drift=0.5, drift_error=0.01)
+    assert how_it_ended(creeps, history, target)["packings"] is None
+    assert "packings" not in how_it_ended(estimate(1e-6, 1e-5), history, target)
+    assert "packings" in how_it_ended(estimate(1e-6, 1e-5), history, TorqueTarget(0.02, 1e-6))
+    lacks = estimate(1.0, 0.001, converged=False, reason="sheared by 2; run longer", missing=0.3)
+    assert how_it_ended(lacks, history, target)["reason"] == lacks.reason
+
+
+def test_packings_that_suffice_by_students_t():
+    """97 %: of 2 packings with 2 %, 3.30 * 2.83 / sqrt(5) = 4.2 %; of 4 with 2 %, 2.83 * 4 / sqrt(7) = 4.3 %."""
+    for count, needed in ((2, 5), (3, 6), (4, 7)):
+        torque = estimate(1.0, 0.02, count)
+        assert [more_packings_suffice(torque, one, 0.05) for one in (needed - 1, needed)] == [False, True]
+    drifts = estimate(1.0, 0.02, 4, drift_error=0.1)  # 5 % over the run: 9 of its errors' 10 must shrink
+    assert more_packings_suffice(drifts, 11, 0.05) and not more_packings_suffice(drifts, 8, 0.05)
+
+
 def test_counts_rise():
+    assert COUNTS[-1] == MAX_PACKINGS
     assert COUNTS[:6] == (4, 6, 8, 12, 16, 24) and np.all(np.diff(COUNTS) > 0)

@@ -9,7 +9,7 @@ from emclutch.results import load_result
 from emclutch.scene.case import load_case
 from emclutch.scene.motion import MotionSection
 from emclutch.simulation.discretisation_error import device_of
-from emclutch.simulation.summary import drag_on_disc
+from emclutch.simulation.summary import drag_summary
 from emclutch.studies.tables import row_of
 from tests.results.written_run import written_run
 
@@ -19,12 +19,17 @@ def history(rotor, disc):
 
 
 def test_drag_has_the_sign_of_the_slip_and_is_nothing_where_it_is_off():
-    assert drag_on_disc(0.2, history(100.0, 0.0)) == 0.2
-    assert drag_on_disc(0.2, history(0.0, 100.0)) == -0.2  # the disc is the faster one, and is braked
-    assert drag_on_disc(0.2, history(-100.0, 0.0)) == -0.2
-    assert drag_on_disc(0.2, history(50.0, 50.0)) == 0.0  # locked
-    assert drag_on_disc(0.0, history(100.0, 0.0)) == 0.0
-    assert drag_on_disc(0.2, pandas.DataFrame({"disc_speed": [1.0]})) == 0.0  # no second shaft
+    def drag(given):
+        return drag_summary(0.2, given, 1.0)["drag_torque"]
+
+    assert drag(history(100.0, 0.0)) == 0.2
+    assert drag(history(0.0, 100.0)) == -0.2  # the disc is the faster one, and is braked
+    assert drag(history(-100.0, 0.0)) == -0.2
+    assert drag(pandas.DataFrame({"disc_speed": [1.0]})) == 0.0  # no second shaft
+    locked = drag_summary(0.2, history(50.0, 50.0), 1.5)
+    assert locked == {"drag_torque": 0.0, "torque_with_drag": 1.5}  # a point without slip keeps its columns
+    assert drag_summary(0.2, history(1.0, 0.0), None)["torque_with_drag"] is None
+    assert drag_summary(0.0, history(100.0, 0.0), 1.0) == {}
 
 
 def test_a_free_shaft_has_it_in_its_load():
@@ -50,4 +55,4 @@ def test_it_has_its_columns_in_a_studys_table_where_it_is_given(tmp_path):
     row = row_of({}, result)
     assert row["drag_torque"] == -0.2 and row["torque_with_drag"] == pytest.approx(row["torque"] - 0.2)
     assert {name: row[name] for name in without} == without  # interval and all else are those of the powder
-    assert "without an interval of its own" in str([one.text for one in result.verdict])
+    assert "with 0.2 N m of drag of seals and bearings (motion.drag_torque, taken as exact)" in str(result.verdict)

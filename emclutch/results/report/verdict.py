@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Any
 
@@ -17,7 +17,13 @@ from emclutch.results import Estimate, Result
 from emclutch.results.columns import DISC_SPEED, ROTOR_SPEED, SHEAR_STRESS, TIME, TORQUE_DISC
 from emclutch.results.current_ramp import in_words as in_words_of_ramp
 from emclutch.results.recommended import STATISTICS
-from emclutch.results.replicated_mean import creeps_for_certain, excess
+from emclutch.results.replicated_mean import (
+    Steadiness,
+    creeps_for_certain,
+    may_be_zero,
+    more_packings_suffice,
+    steadiness,
+)
 from emclutch.results.text import format_duration, format_mean, format_stress, format_time, format_torque, per_cent
 from particles.dem.overlap_limits import SOFT
 
@@ -28,6 +34,9 @@ statistical errors are larger."""
 
 PACKINGS = 6
 """Of a first run that is to know how packings differ."""
+
+MAX_PACKINGS = 64
+"""Of accuracy.replicas and accuracy.max_replicas."""
 
 ROUGH = 0.1
 """A torque whose 95 % interval reaches further than this fraction of it is known roughly only."""
@@ -133,8 +142,8 @@ def _end_lines(result: Result) -> Iterator[str]:
         yield f"stopped {summary['stopped']}"
     if (total := summary.get("torque_with_drag")) is not None:
         yield (
-            f"with {abs(summary['drag_torque']):.3g} N m of drag of seals and bearings (motion.drag_torque), without "
-            f"an interval of its own, the torque on the disc's shaft is {total:.4g} N m"
+            f"the torque on the disc's shaft is {total:.4g} N m, with {abs(summary['drag_torque']):.3g} N m of drag of "
+            "seals and bearings (motion.drag_torque, taken as exact)"
         )
     if "lock_up_time" in summary:
         history = result.history
@@ -204,7 +213,8 @@ def _next(result: Result) -> Iterator[Statement]:
     settings = summary.get("discretisation_error") or {}
     largest, own = (settings.get("largest_part") or {}).get("name"), settings.get("half_width") or 0.0
     wanted, end = result.conditions.wanted(found.mean or 0.0), float(summary.get("time") or 0.0)
-    ratio = excess(found, wanted)
+    if not end or (may_be_zero(found) and not result.conditions.negligible):
+        return
     if found.converged and found.replicas > 1 and largest not in (None, STATISTICS):
         if settings.get("next"):
             how = f"{in_words(largest)} is the largest part of the error; {settings['next']}"
@@ -212,27 +222,49 @@ def _next(result: Result) -> Iterator[Statement]:
     elif found.converged and found.replicas == 1 and until.get("end") is None:
         how = f"accuracy.replicas = {PACKINGS} shows what packings differ by, in about"
         yield Statement(Mark.NOTE, f"next: {how} {format_duration(PACKINGS * spent)} of processor time in all")
-    elif found.replicas == 1 or _runs_longer(found, wanted, until, ratio):
-        if end:
-            yield _longer(result, until.get("end") or end + (found.missing or end), end, spent)
+    elif found.replicas == 1 or _runs_longer(found, wanted, until, end):
+        later = until.get("end") or (0.0 if found.missing else 2.0 * end)
+        yield _longer(result, max(later, end + (found.missing or 0.0)), end, spent)
     else:
-        assert ratio is not None and found.mean
-        share = wanted / abs(found.mean)
-        if (target := asked.get("asked")) and target > own:
-            ratio, share = ratio * share / math.sqrt(target**2 - own**2), target
-        elif ratio <= 1.0 and found.converged:
-            ratio, share = 2.0, 0.5 * ratio * share
-        packings = until.get("packings") or max(math.ceil(found.replicas * ratio**2 - 1e-9), found.replicas + 1)
-        key, cost = "accuracy.max_replicas" if until else "accuracy.replicas", spent * packings / found.replicas
-        how = f"{per_cent(share)} takes about {packings} packings ({key} = {packings})"
-        yield Statement(Mark.NOTE, f"next: {how}, {format_duration(cost)} of processor time in all")
+        target = asked.get("asked") or 0.0
+        yield _more_packings(result, found, wanted, (target, own) if target > own else None, spent)
 
 
-def _runs_longer(found: Estimate, wanted: float, until: dict[str, Any], ratio: float | None) -> bool:
-    """True where more packings do not help: a start-up that is not over, or a drift."""
-    if until.get("packings") is not None:
-        return False
-    return ratio is None or until.get("end") is not None or found.starts_up or creeps_for_certain(found, wanted)
+def _runs_longer(found: Estimate, wanted: float, until: dict[str, Any], end: float) -> bool:
+    """True where more packings do not help, as after a start-up that is not over or in a drift, or cost more."""
+    if found.missing or steadiness(found, wanted) is Steadiness.CREEPING or creeps_for_certain(found, wanted):
+        return True
+    packings, later = until.get("packings"), until.get("end")
+    if packings is not None:
+        return later is not None and later / end < packings / found.replicas
+    return later is not None or found.starts_up or found.half_width() is None
+
+
+def _more_packings(
+    result: Result, found: Estimate, wanted: float, asked: tuple[float, float] | None, spent: float
+) -> Statement:
+    """Say how many packings reach `wanted`, or of what is `asked` what the settings' error leaves, or half the error.
+
+    `asked` holds the relative error that is asked for and that of the settings, the smaller one.
+    """
+    until, half = result.summary.get("until") or {}, found.half_width()
+    assert half is not None and found.mean
+    share = wanted / abs(found.mean)
+    if asked is not None:
+        share, wanted = asked[0], abs(found.mean) * math.sqrt(asked[0] ** 2 - asked[1] ** 2)
+    elif half <= wanted and found.converged:
+        share, wanted = 0.5 * half / abs(found.mean), 0.5 * half
+    judged = replace(found, exclude_drift=False) if found.converged else found  # a drift is excluded already
+    counts = range(found.replicas + 1, MAX_PACKINGS + 1)
+    packings = until.get("packings") or next((one for one in counts if more_packings_suffice(judged, one, wanted)), 0)
+    if not packings:
+        how = f"is out of reach with {MAX_PACKINGS} packings; run longer, or ask for less"
+        return Statement(Mark.NOTE, f"next: {per_cent(share)} {how}")
+    given = "replicas" in result.folder.read_scene().get("accuracy", {})
+    key = "accuracy.max_replicas" if until and not given else "accuracy.replicas"
+    cost = format_duration(spent * packings / found.replicas)
+    how = f"{per_cent(share)} takes about {packings} packings ({key} = {packings})"
+    return Statement(Mark.NOTE, f"next: {how}, {cost} of processor time in all")
 
 
 def _longer(result: Result, until: float, end: float, spent: float) -> Statement:

@@ -150,18 +150,22 @@ def preview(case: Case, budget: float | None = None, jobs: int | None = None) ->
     """Return what `accuracy` would measure and what that is estimated to cost, in lines; nothing runs or is written.
 
     `budget` [s], `jobs` and what is raised before anything runs are as of `accuracy`. Costs are processor times of one
-    packing each, within a factor of two; which rungs get more packings is decided by what the first ones say.
+    packing each, within a factor of two, and on standing grains of mesh and field alone, without that of the moments;
+    which rungs get more packings is decided by what the first ones say.
     """
     jobs, budget = checked_jobs(jobs), BUDGET if budget is None else budget
     refuse_what_has_no_ladder(case)
     base = base_of(case)
+    _refuse_small_budget(case, base, budget, jobs)
     tasks, own = setting_tasks(base), base.plan.cost.seconds["total"]
     rungs = _distinct(base, planned_rungs(base, tasks, [planned_setting(one) for one in tasks]))
     lines = [f"{BASE_PACKINGS} packings at the scene's own settings: {format_duration(BASE_PACKINGS * own)}"]
     for knob in knobs_of(base.scene):
         frozen = knob.measured_on == FROZEN
         found = [
-            f"{one.setting:.4g} ({format_duration(one.planning if frozen else own * one.seconds / base.seconds)})"
+            f"{one.setting:.4g} (field alone: {format_duration(one.planning)})"
+            if frozen
+            else f"{one.setting:.4g} ({format_duration(own * one.seconds / base.seconds)})"
             for one in rungs
             if one.knob == knob.name
         ]
@@ -169,7 +173,8 @@ def preview(case: Case, budget: float | None = None, jobs: int | None = None) ->
         setting = f"{knob.name.replace('_', ' ')}, {knob.own(base.scene, base.plan):.4g} in the scene"
         lines.append(f"{setting}: {', '.join(found)}, {how}" if found else f"{setting}: no other setting")
     number = jobs * budget / own
-    return [*lines, f"in {format_duration(budget)} with {jobs} at a time there is time for some {number:.0f} packings"]
+    room = f"in {format_duration(budget)} with {jobs} at a time there is time for some {number:.0f} packings"
+    return [*lines, f"{room} at the scene's own settings; the four above run in any case"]
 
 
 def _presented(case: Case, ladder: Ladder, folder: Path, targets: Sequence[float]) -> list[str]:
@@ -178,8 +183,8 @@ def _presented(case: Case, ladder: Ladder, folder: Path, targets: Sequence[float
     return present(case, ladder, folder, targets)
 
 
-def _begun(case: Case, base: Base, budget: float, jobs: int, queue: TaskQueue, progress: Any) -> dict[str, Any]:
-    """Plan every setting, and return what stands in plan.json before anything runs."""
+def _refuse_small_budget(case: Case, base: Base, budget: float, jobs: int) -> None:
+    """SceneError where the packings that run in any case take longer."""
     first = makespan([base.plan.cost.seconds["total"]] * BASE_PACKINGS, jobs)
     if first > budget:
         message = (
@@ -188,6 +193,11 @@ def _begun(case: Case, base: Base, budget: float, jobs: int, queue: TaskQueue, p
             f"{format_duration(5.0 * first)}, or more"
         )
         raise SceneError([Fault(BUDGET_OPTION, f"{budget:g} s", message)], source_of(case))
+
+
+def _begun(case: Case, base: Base, budget: float, jobs: int, queue: TaskQueue, progress: Any) -> dict[str, Any]:
+    """Plan every setting, and return what stands in plan.json before anything runs."""
+    _refuse_small_budget(case, base, budget, jobs)
     tasks = setting_tasks(base)
     found: dict[int, PlannedSetting] = {}
 
