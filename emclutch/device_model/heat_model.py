@@ -6,7 +6,7 @@
 - **Clearances** hold still air: a gap of 0.3 mm passes 90 W/(m^2 K) without its flow, which is laminar there.
 - **Outside**: film and radiation; faces of what turns besides as a disc in still air, both films added by their cubes
   (S. W. Churchill, AIChE J. 23 (1977) 10, assisting convection). The ends of the shaft stubs lead to the surroundings
-  by a conductance, in the middle of which the shaft's heat capacity is lumped; with 0 they are insulated.
+  by a conductance, in the middle of which the shaft's heat capacity lies, shared by both; with 0 they are insulated.
 - **Sources**: R(T) I^2 evenly in the winding, R(T) = R_20 (1 + 0.00393 (T - 20)) of its mean temperature, at a given
   current or, at a voltage, V^2/R(T); torque times slip speed evenly in the powder between the poles, where it is made,
   the torque of the current and of the powder's mean temperature.

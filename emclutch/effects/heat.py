@@ -216,7 +216,7 @@ class HeatSection(EffectSection):
         default=0.0, description="of the shaft from the ends of its stubs to the surroundings, both together"
     )
     shaft_heat_capacity: _BodyCapacity = Field(
-        default=0.0, description="of the shaft beyond its stubs, lumped in the middle of shaft_conductance"
+        default=0.0, description="of the shaft beyond its stubs, shared by both, in the middle of shaft_conductance"
     )
     powder_conductivity: _Conductivity | None = Field(
         default=None, description="of the powder; default: of a packing of its solid fraction at rest in air"

@@ -25,6 +25,11 @@ from emclutch.sources import sources_in_words
 if TYPE_CHECKING:
     from geometry.fault import GeometryFault
 
+GEOMETRY_KIND = "geometry.kind"
+"""Stands in `Draft.broken` where of the geometry not even the kind is known."""
+
+Check = Callable[[Draft], Iterator[Fault]]
+
 
 def materials(draft: Draft) -> Iterator[Fault]:
     """Materials that the geometry names are there, and those that are there are used."""
@@ -56,12 +61,6 @@ def field_of_effects(draft: Draft) -> Iterator[Fault]:
                 "",
                 f"needs a field; add [field] with source = {sources_in_words()}, or remove the effect's table",
             )
-
-
-GEOMETRY_KIND = "geometry.kind"
-"""Stands in `Draft.broken` where of the geometry not even the kind is known."""
-
-Check = Callable[[Draft], Iterator[Fault]]
 
 
 def faults_between_sections(draft: Draft) -> list[Fault]:

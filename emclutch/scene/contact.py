@@ -20,11 +20,6 @@ if TYPE_CHECKING:
     from particles.laws.contact_law import ContactLaw
 
 
-# Why a tenth: the centrifugal clutch of cases/thesis/centrifugal_held.toml at 400 rpm, torque from 0.8 to 1.3 s, by
-# max_sweeps (2026-11-23). Misses of less than 1 %: 241.0 +- 1.1 N m (11 runs); 11 to 12 %: 239.3 (2); 60 %: 243.8 (2);
-# 94 %: 231.8 (2); 98 %: 217 (1), and of 14 runs with 94 % and more 10 stopped for overlaps. So a tenth costs less than
-# the 1.5 % that these runs can resolve.
-
 
 class DviSection(Section):
     """Solver of the rigid contacts. It may stand in a scene by DEM too: a study may then change the method alone."""
@@ -48,6 +43,10 @@ class DviSection(Section):
     max_sweeps: Annotated[int, Whole(1, 1_000_000, "500")] = Field(
         default=500, description="sweeps over all contacts that a step may take"
     )
+    # A tenth: the centrifugal clutch of cases/thesis/centrifugal_held.toml at 400 rpm, torque from 0.8 to 1.3 s, by
+    # max_sweeps (2026-11-23). Misses of less than 1 %: 241.0 +- 1.1 N m (11 runs); 11 to 12 %: 239.3 (2); 60 %: 243.8
+    # (2); 94 %: 231.8 (2); 98 %: 217 (1), and of 14 runs with 94 % and more 10 stopped for overlaps. So a tenth costs
+    # less than the 1.5 % that these runs can resolve.
     allowed_misses: Annotated[float, number("0.1", 0.0, 1.0)] = Field(
         default=0.1,
         description="fraction of the steps that may miss the tolerance before the run is stopped",

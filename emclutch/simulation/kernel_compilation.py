@@ -1,4 +1,4 @@
-"""Report of kernels that are compiled while a run waits, and their compile time."""
+"""Report of kernels that are compiled while a run waits, and their compile time; Ctrl-C, also while one is compiled."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ class interruptible:
 
     So does the first one while `at_once()` is true: before there is a window whose end could be waited for.
     KeyboardInterrupt is raised then. While a kernel is compiled, which may take a minute, the compiler raises it after
-    its present pass (`kernel_compilation`): a callback of LLVM, where the signal may arrive, would lose it.
+    its present pass: a callback of LLVM, where the signal may arrive, would lose it.
     """
 
     def __init__(

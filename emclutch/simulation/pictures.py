@@ -1,4 +1,7 @@
-"""The pictures of a finished run: section with |B| and flux lines, torque and speeds against time, grains."""
+"""The pictures of a finished run, at its end or later where they are missing.
+
+Section with |B| and flux lines, torque and speeds against time, profiles, grains.
+"""
 
 from __future__ import annotations
 

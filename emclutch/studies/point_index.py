@@ -26,6 +26,10 @@ from emclutch.results.pictures.speeds import speeds_vary
 from emclutch.studies.tables import row_of
 
 INDEX = "points.jsonl"
+PARTS = "parts"
+"""Folder of what parts write besides points, no file of which two write: ``parts/3-of-40`` has the log and the failures
+of a part, ``parts/point-002.1.lease`` says who is at work on a point."""
+_PART = re.compile(r"(\d+)-of-(\d+)")
 Stamp = list[list[int]]
 """Time of the last change [ns] and size [bytes] of ``case.toml`` and of ``summary.json``."""
 
@@ -133,12 +137,6 @@ def _stamp_of(path: Path) -> Stamp | None:
     except OSError:
         return None
     return [[state.st_mtime_ns, state.st_size] for state in states]
-
-
-PARTS = "parts"
-"""Folder of what parts write besides points, no file of which two write: ``parts/3-of-40`` has the log and the failures
-of a part, ``parts/point-002.1.lease`` says who is at work on a point."""
-_PART = re.compile(r"(\d+)-of-(\d+)")
 
 
 def part_folder(study: Path, part: tuple[int, int]) -> Path:

@@ -19,9 +19,10 @@ to the tangent; they are inverted by the formula of Sherman, Morrison and Woodbu
 R_th kelvins it has a steady temperature only for alpha R_0 I^2 R_th < 1; beyond, the tangent has a negative eigenvalue.
 At a given voltage its power falls with T and it always has one.
 
-**A body behind a surface**, as a shaft: a conductance G to the outside with a heat capacity C_b in its middle, 2 G
-before and behind it, C_b dT_b/dt = 2 G (mean of T - T_b) - 2 G (T_b - T_o). Steady temperatures do not depend on
-C_b, and are those without it where the surface has one temperature.
+**A body behind a surface**, as a shaft: a conductance of h per area to the outside with a heat capacity C_b, shared by
+area, in its middle, 2 h before and behind it. At each place of the surface A, (C_b/A) dT_b/dt = 2 h (T - T_b) -
+2 h (T_b - T_o), so that no heat passes along or across surfaces through the body. Steady temperatures are those without
+C_b.
 """
 
 from __future__ import annotations
@@ -80,7 +81,7 @@ class CooledSurface:
     outside : float
         T_o [degrees C].
     capacity : float
-        Heat capacity [J/K] of a body in the middle of the film's conductance, >= 0; with one, emissivity must be 0.
+        Heat capacity [J/K], shared by area, of a body in the middle of the film, >= 0; with one, emissivity must be 0.
     """
 
     name: str
@@ -129,7 +130,7 @@ class HeatProblem:
     Attributes
     ----------
     points : ndarray (n, 2)
-        Where the unknowns live, (r, z) [m]; those of bodies behind surfaces follow, which have no place.
+        Where the unknowns live, (r, z) [m]; those of bodies behind surfaces follow, which are not among them.
     M, K : csc_matrix (n_dofs, n_dofs)
         [J/K] and [W/K].
     spread : ndarray (n_dofs, m)
@@ -207,7 +208,7 @@ class HeatProblem:
         self.spread = np.column_stack(columns) if columns else np.zeros((self.n_dofs, 0))
         self._held = [np.unique(basis.element_dofs[:, place[np.asarray(heated, int)]]) for heated in sources.values()]
         films = [_Film(skfem, section, element, intorder, one, number) for one in surfaces if len(one.edges)]
-        self._surfaces: list[_Film | _Body] = [self._with_body(one) if one.surface.capacity else one for one in films]
+        self._surfaces = [self._with_body(one) if one.surface.capacity else one for one in films]
         # one pattern for all matrices, so that the ordering of the factorisation is found once
         pattern = abs(self.K) + abs(self.M)
         for surface in self._surfaces:
@@ -217,17 +218,18 @@ class HeatProblem:
         self._pattern.sort_indices()
         self._solver = SymmetricSolver()
 
-    def _with_body(self, film: _Film) -> _Body:
-        """Add the unknown of the body behind a film."""
-        n, before = self.n_dofs, film.with_film(2.0 * film.surface.film)
-        exchange = before.tangent(np.zeros(n), n)
-        to_body = sp.csc_matrix(exchange.sum(axis=1))
-        body = _Body(film.surface, n, float(to_body.sum()))
-        self.K = sp.csc_matrix(sp.bmat([[self.K + exchange, -to_body], [-to_body.T, [[body.conductance]]]]))
-        self.M = sp.csc_matrix(sp.block_diag([self.M, [[film.surface.capacity]]]))
-        self.spread = np.vstack((self.spread, np.zeros((1, len(self.names)))))
-        self.n_dofs = n + 1
-        return body
+    def _with_body(self, film: _Film) -> _Film:
+        """Add the unknowns of the body behind a film, one for each of its own; the film that leads to the outside."""
+        n, m = self.n_dofs, len(film.dofs)
+        behind = film.behind(n)
+        exchange = behind.tangent(np.zeros(n + m), n + m)[n:, n:]
+        onto = sp.csc_matrix((np.ones(m), (film.dofs, np.arange(m))), shape=(n, m))
+        to_body = onto @ exchange
+        self.K = sp.csc_matrix(sp.bmat([[self.K + to_body @ onto.T, -to_body], [-to_body.T, exchange]]))
+        self.M = sp.csc_matrix(sp.block_diag([self.M, (film.surface.capacity / exchange.sum()) * exchange]))
+        self.spread = np.vstack((self.spread, np.zeros((m, len(self.names)))))
+        self.n_dofs = n + m
+        return behind
 
     @property
     def outside(self) -> float:
@@ -363,16 +365,28 @@ class _Film:
             section, element, facets=np.array([facets[int(a), int(b)] for a, b in wanted]), intorder=intorder
         )
         self.surface = surface
-        self.facet_dofs = basis.element_dofs.T  # (k, n_basis), all of the facet's element
         shape = np.array([np.broadcast_to(np.asarray(each[0]), basis.dx.shape) for each in basis.basis])
-        self._shape = shape.transpose(1, 2, 0)  # (k, n_quadrature, n_basis)
+        shape = shape.transpose(1, 2, 0)  # (k, n_quadrature, of the facet's element)
+        own = np.nonzero(np.any(np.abs(shape) > 1e-12, axis=1))[1].reshape(len(shape), -1)
+        self.facet_dofs = np.take_along_axis(basis.element_dofs.T, own, axis=1)  # (k, n_basis)
+        self._shape = np.take_along_axis(shape, own[:, None], axis=2)  # (k, n_quadrature, n_basis)
         self._weight = 2.0 * np.pi * np.asarray(basis.global_coordinates())[0] * basis.dx  # (k, n_quadrature) [m^2]
-        self.dofs = np.unique(self.facet_dofs[np.any(np.abs(self._shape) > 1e-12, axis=1)])
+        self.dofs = np.unique(self.facet_dofs)
 
     def with_film(self, film: float) -> _Film:
-        """The same with another heat transfer coefficient [W/(m^2 K)]."""
+        """The same with another heat transfer coefficient [W/(m^2 K)]; ValueError with a body behind the surface."""
+        if self.surface.capacity and film != self.surface.film:
+            raise ValueError(f"the film of {self.surface.name} leads into a body; make the problem again")
         other = copy.copy(self)
         other.surface = replace(self.surface, film=film)
+        return other
+
+    def behind(self, first: int) -> _Film:
+        """The film from a body in its middle to the outside; the body's unknowns begin at ``first``."""
+        other = copy.copy(self)
+        other.surface = replace(self.surface, film=2.0 * self.surface.film)
+        other.facet_dofs = first + np.searchsorted(self.dofs, self.facet_dofs)
+        other.dofs = first + np.arange(len(self.dofs))
         return other
 
     def _at(self, temperature: np.ndarray) -> np.ndarray:
@@ -394,26 +408,3 @@ class _Film:
         rows = np.repeat(self.facet_dofs, n, axis=1).ravel()
         columns = np.tile(self.facet_dofs, (1, n)).ravel()
         return sp.csc_matrix((local.ravel(), (rows, columns)), shape=(n_dofs, n_dofs))
-
-
-class _Body:
-    """A body behind a surface: its conductance to the outside [W/K], as a `_Film` of one unknown."""
-
-    def __init__(self, surface: CooledSurface, dof: int, conductance: float) -> None:
-        self.surface, self.conductance = surface, conductance
-        self.dofs = np.array([dof])
-        self.facet_dofs = self.dofs[None]
-
-    def with_film(self, film: float) -> _Body:
-        """Itself: no film is changed that leads into a body."""
-        if film != self.surface.film:
-            raise ValueError(f"the film of {self.surface.name} leads into a body; make the problem again")
-        return self
-
-    def loss(self, temperature: np.ndarray) -> np.ndarray:
-        """The heat (1, 1) [W] that leaves."""
-        return self.conductance * (temperature[self.facet_dofs] - self.surface.outside)
-
-    def tangent(self, temperature: np.ndarray, n_dofs: int) -> sp.csc_matrix:
-        """Its derivative [W/K]."""
-        return sp.csc_matrix(([self.conductance], (self.dofs, self.dofs)), shape=(n_dofs, n_dofs))

@@ -24,7 +24,7 @@ ROOT = Path(__file__).resolve().parents[2]
 TABLE = ROOT / "docs" / "measured.csv"
 COLUMNS = ("name", "value", "low", "high", "unit", "quantity", "command", "date", "commit", "machine")
 SAID = re.compile(
-    r"(?P<value>\d*\.?\d+)(?: \+- (?P<half>\d*\.?\d+))?(?: N m| ms)?\s*(?:<!-- |\()measured: (?P<name>[\w.]+)"
+    r"(?P<value>\d*\.?\d+)(?: \+- (?P<half>\d*\.?\d+))?(?: N m| ms| s)?\s*(?:<!-- |\()measured: (?P<name>[\w.]+)"
 )
 
 

@@ -2,10 +2,22 @@
 
 from pathlib import Path
 
-from pictures import ROOT, gallery, outdated, recorded, scene_hash, source_hash
+import pictures
+import pytest
+from pictures import (
+    ROOT,
+    commands,
+    draw,
+    gallery,
+    outdated,
+    output_folder,
+    recorded,
+    refuse_unknown,
+    scene_hash,
+    source_hash,
+)
 
 TO_BE_MADE = {
-    "friction_from_repose.png",
     "thesis_methods.png",
     "thesis_electromagnetic.png",
     "thesis_electromagnetic_overload.png",
@@ -37,3 +49,48 @@ def test_a_study_has_the_hash_of_the_scene_that_it_varies_too(tmp_path):
         (tmp_path / "scene.toml").write_text(f'gap = "{gap}"\n')
         found.append(source_hash(str(tmp_path / "study.toml")))
     assert found[0] == found[2] != found[1]
+
+
+def test_the_comments_of_a_table_do_not_matter_and_its_rows_do(tmp_path):
+    table = tmp_path / "table.csv"
+    found = []
+    for text in ("# one\na,b\n1,2\n", "# two\n# lines\na,b\n1,2\n", "# one\na,b\n1,3\n"):
+        table.write_text(text)
+        found.append(source_hash(str(table)))
+    assert found[0] == found[1] != found[2]
+
+
+def test_no_folder_is_written_by_two_different_commands():
+    """What is complete is not run again, so that the second one would not be run."""
+    written = {(output_folder(one), one) for name in recorded() for one in commands(name)}
+    folders = [folder for folder, _ in written if folder is not None]
+    assert len(folders) > 5 and len(folders) == len(set(folders))
+
+
+def test_all_reuses_no_run_of_an_earlier_call_and_an_unknown_picture_is_refused(tmp_path, monkeypatch):
+    """Two pictures of one run: it is made once a call with `all`, and never again without."""
+    sources = "cases/quickstart.toml"
+    rows = {
+        name: {"sources": sources, "command": f"emclutch run {sources} --out RUN && cp RUN/{name} PICTURE"}
+        for name in ("grains.png", "section.png")
+    }
+    ran = []
+
+    class Done:
+        returncode = 0
+
+    def run(command, **_):
+        ran.append(command.split()[0])
+        if (folder := output_folder(command)) is not None:
+            (tmp_path / folder).mkdir(parents=True)
+        return Done
+
+    monkeypatch.setattr(pictures, "recorded", lambda: rows)
+    monkeypatch.setattr(pictures, "source_hash", lambda sources: "0")
+    monkeypatch.setattr(pictures, "record", lambda name: None)
+    monkeypatch.setattr(pictures.subprocess, "run", run)
+    monkeypatch.setattr(pictures, "ROOT", tmp_path)
+    for reuse, times in ((True, 1), (True, 1), (False, 2), (False, 3)):
+        assert draw(sorted(rows), reuse) == 0 and ran.count("emclutch") == times
+    with pytest.raises(SystemExit, match=r"no picture nothing.png; it has grains.png, section.png; or take: all"):
+        refuse_unknown(["nothing.png"])

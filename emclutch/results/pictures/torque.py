@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -93,7 +94,8 @@ def torque_picture(
         label += format_torque(estimate, unit, factor) + ("" if estimate.converged else ", not converged")
         axis.plot([start, time[-1]], [mean, mean], color="black", lw=1.4, ls="--", label=label, zorder=4)
         if not estimate.converged:
-            axis.set_title(estimate.reason, loc="left", fontsize=8, color="crimson", parse_math=False)
+            reason = textwrap.fill(estimate.reason, 120)
+            axis.set_title(reason, loc="left", fontsize=8, color="crimson", parse_math=False)
     mark_lock_up(axis, time_factor, locked)
     axis.set_ylabel(f"torque [{unit}]")
     axis.margins(x=0.0)
