@@ -1,8 +1,8 @@
 """The five contact laws with one restitution and friction, and DEMs whose compiled steps many tests share.
 
-Every combination of law, resistance and sector is compiled once (10 s). A DEM made here has the law alone, or with
-``everything`` two species of one material, rolling and twisting resistance and cohesion. Of the laws in `ONE_STEP` both
-run the same compiled step: the law alone has a twisting resistance too small to be seen.
+Every combination of law, species, resistance, energy budget and sector is compiled once (10 s). A DEM made here is one
+of two of each law: the law alone, and with ``everything`` two species of one material, rolling and twisting resistance
+and cohesion.
 """
 
 import numpy as np
@@ -32,8 +32,6 @@ LAWS = ("linear", "hertz_mindlin", "hertz", "thesis", "walton_braun")
 FLOOR = Plane("floor", "housing", np.zeros(3), np.array([0.0, 0.0, 1.0]))
 # laws that tests try with all that stands beside one: without a memory, with one, and the usual one
 BESIDE = ("linear", "hertz_mindlin", "walton_braun")
-ONE_STEP = HertzMindlin, WaltonBraun
-UNSEEN = TwistingFriction(1e-13)
 EVERYTHING = [(name, False) for name in LAWS] + [(name, True) for name in BESIDE]
 
 
@@ -68,8 +66,6 @@ def make_dem(grains, walls, bodies, contact, *, dt=None, steps=40.0, speed=SPEED
             cohesion=Cohesion.constant(COHESION),
         )
         more = {"species": np.arange(grains.count) % 2} | more
-    elif isinstance(contact, ONE_STEP):
-        contact = PairLaws.of_one(contact, twisting=UNSEEN)
     if dt is None:
         chosen = choose_time_step(
             contact, grains.mass, grains.radius, speed=speed, steps_per_contact=steps, rolling=everything

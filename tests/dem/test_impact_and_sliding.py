@@ -7,7 +7,7 @@ from dem_laws import FLOOR, LAWS, G, law, make_dem
 from geometry.time_profile import TimeProfile
 from geometry.triangle_wall import TriangleWall
 from geometry.walls import Plane, cylinder
-from particles import DEM, Body, Elastic, Grains, HertzContact, HertzMindlin, LinearContact
+from particles import Body, Elastic, Grains, HertzContact, HertzMindlin, LinearContact
 
 pytestmark = pytest.mark.physics
 
@@ -105,8 +105,6 @@ def test_oblique_impact_in_gross_sliding(name):
             )
     grains = Grains.create([[0.0, 0.0, r * 1.0001]], r, 2700.0, velocity=[[2.5069, 0.0, -2.9876]])
     dem = make_dem(grains, [FLOOR], [Body("housing")], contact, steps=400.0, speed=2.9876)
-    if name == "hertz_mindlin":  # without the twisting resistance that it has in `dem_laws`, as scenes do
-        dem = DEM(grains, [FLOOR], [Body("housing")], contact, dt=dem.dt)
     deepest = dem.run(100).max_overlap
     while dem.grains.position[0, 2] < 1.0001 * r:
         deepest = max(deepest, dem.run(100).max_overlap)

@@ -54,8 +54,7 @@ def test_momentum_and_angular_momentum_are_kept_to_round_off(name, everything):
     dem = make_dem(grains, [], [], law(name), everything=everything, overlap_limit=0.3)
     totals = dem.run(8000)
     after = momenta(dem.grains)
-    losses = sorted(totals.energy_budget.dissipation.values(), reverse=True)
-    assert losses[4 if everything else 2] > 1e-4 * totals.energy_budget.dissipated
+    assert min(totals.energy_budget.dissipation.values()) > 1e-4 * totals.energy_budget.dissipated
     assert np.max(np.abs(after[0] - before[0])) < 1e-12 * scale
     assert np.max(np.abs(after[1] - before[1])) < 1e-12 * scale * arm
 

@@ -4,12 +4,11 @@ import math
 
 import numpy as np
 import pytest
-from dem_laws import make_dem
 from numba import njit
 
 from geometry import Box
 from geometry.kernels.simd_math import log, sqrt
-from particles import Body, Grains, LinearContact
+from particles import DEM, Body, Grains, LinearContact
 from particles.dem.contact_kernel import Touch, contact_force
 from particles.dem.pair_search import ROOM
 from particles.dem.stored_energy import law_table
@@ -34,7 +33,7 @@ def crowd(n, spread, seed=3):
 
 
 def far_away(grains, law, species=None):
-    return make_dem(
+    return DEM(
         grains, Box((1.0, 1.0, 1.0)).walls(), [Body("housing")], law, dt=DT, overlap_limit=2.0, species=species
     )  # fmt: skip
 

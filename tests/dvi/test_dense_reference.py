@@ -333,7 +333,6 @@ def test_every_contact_obeys_signorini_and_coulomb(kind):
     assert np.all(miss <= few * (1.0 + speed[slips] / slip[slips]))
 
 
-@pytest.mark.convex_all_at_once
 @pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("kind", KINDS)
 def test_velocities_of_the_convex_law(kind, seed):

@@ -132,7 +132,7 @@ def _differences(a, b):
         (_box, 400, 40, {"stiffness": STIFF}),
         (_box, 3000, 24, {"tolerance": 1e-4, "stiffness": STIFF}),
         (_drum, 300, 60, {"max_sweeps": 200}),
-        (_drum, 3000, 20, {"max_sweeps": 100, "friction_cone": "convex"}),
+        (_drum, 3000, 20, {"max_sweeps": 100}),
         (_vanes, 300, 60, {"tolerance": 1e-4, "stiffness": STIFF}),
         (_sector, 600, 60, {"tolerance": 1e-5, "stiffness": STIFF}),
     ],
