@@ -20,9 +20,8 @@ from pictures import (
 TO_BE_MADE = {
     "thesis_methods.png",
     "thesis_electromagnetic.png",
-    "thesis_electromagnetic_overload.png",
 }
-"""Older than their scenes: two studies of nine minutes, and a run whose header has the numbers of the old scene."""
+"""Older than their scenes: two studies of nine minutes each."""
 
 
 def test_every_picture_has_a_row_and_that_of_a_scene_of_the_gallery_names_it():
