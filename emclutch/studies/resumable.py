@@ -12,6 +12,7 @@ import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -125,13 +126,13 @@ class ResumableStudy(ABC):
         for task in tasks:
             if (done := result_in(task.target)) is not None:
                 self.results[task.folder] = done
-        left = [(n, task) for n, task in enumerate(tasks) if task.folder not in self.results]
+        left = [(number, task) for number, task in enumerate(tasks) if task.folder not in self.results]
 
         def take(number: int, outcome: TaskResult | str) -> None:
             if isinstance(outcome, str):
                 self.queue.stopped = True
                 return
-            folder = left[number][1].folder
+            folder = tasks[number].folder
             self.results[folder] = outcome
             log.info("%s: %s", folder, outcome.failure or f"{outcome.value} in {outcome.seconds:.3g} s")
             done = sum(task.folder in self.results for task in tasks)
@@ -140,10 +141,9 @@ class ResumableStudy(ABC):
         tell(self.progress, self.fraction(), text)
         self.queue.all(
             perform,
-            [task for _, task in left],
+            takewhile(lambda one: may_begin(one[0]), left),
             take,
-            lambda number: may_begin(left[number][0]),
-            lambda numbers: look([left[n][1] for n in numbers]),
+            lambda: look([tasks[number] for number in self.queue.running.values()]),
         )
         if self.queue.stopped:
             raise Interrupted(

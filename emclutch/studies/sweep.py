@@ -15,7 +15,6 @@ from collections.abc import Iterable
 from concurrent.futures import BrokenExecutor, Executor, Future
 from contextlib import suppress
 from pathlib import Path
-from queue import Empty, SimpleQueue
 
 from emclutch.results import OutputError, RunFolder
 from emclutch.results.errors import Interrupted, RunError
@@ -38,12 +37,12 @@ from emclutch.studies.point_index import PointIndex, lease_of, part_folder
 from emclutch.studies.points import PointFolder, folders_of_points, goes_on, is_done_now, unclaimed
 from emclutch.studies.renewal import Renewal
 from emclutch.studies.tables import DonePoint, label_of, write_failures, write_tables
+from emclutch.studies.task_queue import TaskQueue
 from emclutch.studies.tasks import STOP, PointOutcome, PointTask, run_leased_point, run_point
 from emclutch.studies.workers import ctrl_c_sets, threads_of_a_worker, worker_pool
 
 log = logging.getLogger(__name__)
 LOGGERS = [__name__, "emclutch.studies.points", "emclutch.studies.adaptive"]
-LOOK_SECONDS = 0.5  # between two looks at the points that run
 PAGE_SECONDS = 5.0  # between two writings of index.html: a browser loads it every ten
 
 
@@ -228,50 +227,38 @@ class _StudyRun:
 
     def here(self) -> None:
         """Run the points in this process, one after the other."""
-        while not self.stopped and (number := self._next()) is not None:
-            task = self._task(number)
-            if task is not None:
-                self.table.set_running(number)
-                self._take(number, run_point(task, _Part(self, number)))
+        while not self.stopped and (new := self._next_task()):
+            number, task = new
+            self.table.set_running(number)
+            self._take(number, run_point(task, _Part(self, number)))
 
     def by(self, executor: Executor, at_a_time: int | None) -> None:
         """Hand the points to an executor, so many `at_a_time`, and wait for them."""
-        running: dict[Future[PointOutcome], int] = {}
-        ended: SimpleQueue[Future[PointOutcome]] = SimpleQueue()  # to wait for all again each time is quadratic
-        look = Renewal(lambda: self._look_at(running.values()), LOOK_SECONDS)
-        function = run_leased_point if self.leases else run_point
         asked = threading.Event()
+        queue = TaskQueue(executor, at_a_time, asked, self.folder / STOP)
+        look = Renewal(lambda: self._look_at(queue.running.values()))
+
+        def take(number: int, future: Future[PointOutcome]) -> None:
+            try:
+                outcome = future.result()
+            except BrokenExecutor:
+                raise
+            except Exception as error:  # for example in passing the task on
+                outcome = PointOutcome(FAILED, f"{type(error).__name__}: {error}")
+            self._take(number, outcome)
+
+        def not_begun(number: int) -> None:
+            self.waiting.insert(0, number)
+            if asked.is_set():
+                self.table.set_ended(number, STOPPED)
+
         try:
             with ctrl_c_sets(asked):
-                while True:
-                    ends = asked.is_set()
-                    while not ends and (at_a_time is None or len(running) < at_a_time):
-                        if (number := self._next()) is None:
-                            break
-                        if (task := self._task(number)) is not None:
-                            try:
-                                running[future := executor.submit(function, task)] = number
-                                future.add_done_callback(ended.put)
-                            except BrokenExecutor:
-                                self.waiting.insert(0, number)
-                                raise
-                    if asked.is_set():
-                        self.stopped = True
-                        (self.folder / STOP).touch()
-                    if ends:
-                        for future in [future for future in running if future.cancel()]:
-                            self.table.set_ended(running.pop(future), STOPPED)
-                    if not running:
-                        return
-                    for future in _arrived(ended, LOOK_SECONDS):
-                        if future in running:  # it may have been cancelled
-                            outcome = _outcome(future)
-                            self._take(running.pop(future), outcome)
-                    look()
-                    self.renew_page()
+                function = run_leased_point if self.leases else run_point
+                queue.hand_out(function, self._next_task, take, look, not_begun)
         except SchedulerLost as error:
             log.error("%s", error)
-            for number in sorted(set(running.values()) - set(self.done)):
+            for number in sorted(set(queue.running.values()) - set(self.done)):
                 self.table.set_ended(number, STOPPED)
             raise RunError(
                 f"{error}; {len(self.done)} of {len(self.points)} points are done; start it again, then "
@@ -283,8 +270,10 @@ class _StudyRun:
                 "its process, or another one of the pool, ended without a message; it was killed, most often for want "
                 "of memory, or the calling script lacks its if __name__ == '__main__'; take fewer --jobs"
             )
-            for number in sorted(set(running.values()) - set(self.done)):
+            for number in sorted(set(queue.running.values()) - set(self.done)):
                 self._take(number, PointOutcome(FAILED, reason))
+        finally:
+            self.stopped |= queue.stopped
 
     def raise_failures(self, jobs: int | None) -> None:
         """Raise the failures of the points, or `Interrupted`; nothing where all points are done."""
@@ -333,6 +322,13 @@ class _StudyRun:
             if before is None or before in self.done:
                 self.waiting.remove(number)
                 return number
+        return None
+
+    def _next_task(self) -> tuple[int, PointTask] | None:
+        """The first point that waits for no other one and is not done, and its task."""
+        while (number := self._next()) is not None:
+            if (task := self._task(number)) is not None:
+                return number, task
         return None
 
     def _choose(self) -> None:
@@ -424,7 +420,7 @@ class _StudyRun:
         write_failures(self.home, sorted(failed, key=lambda row: row[0]))
 
     def _look_at(self, numbers: Iterable[int]) -> None:
-        """Tell the table how far points are that run elsewhere."""
+        """Tell the table, and the page, how far points are that run elsewhere."""
         for number in numbers:
             folder = RunFolder(self.targets[number].path)
             if self.table.rows[number].state == WAITING:  # in an executor's queue
@@ -435,6 +431,7 @@ class _StudyRun:
             end = seconds_of(self.points[number][1].scene.span.end, folder)
             if reached is not None and end is not None:
                 self.table.set_fraction(number, reached / end)
+        self.renew_page()
 
 
 class _PartRun(_StudyRun):
@@ -492,25 +489,6 @@ class _PartRun(_StudyRun):
 
     def _write_page(self) -> None:
         """Write nothing: the page is of all parts, see `emclutch.gather`."""
-
-
-def _arrived(queue: SimpleQueue[Future[PointOutcome]], seconds: float) -> list[Future[PointOutcome]]:
-    """All that is in a queue of one reader, waiting for the first of it up to some seconds."""
-    try:
-        first = queue.get(timeout=seconds)
-    except Empty:
-        return []
-    return [first, *(queue.get() for _ in range(queue.qsize()))]
-
-
-def _outcome(future: Future[PointOutcome]) -> PointOutcome:
-    """The outcome of a point; a failure where its worker raised an error, for example in passing the task on."""
-    try:
-        return future.result()
-    except BrokenExecutor:
-        raise
-    except Exception as error:
-        return PointOutcome(FAILED, f"{type(error).__name__}: {error}")
 
 
 class _Announced:

@@ -4,56 +4,82 @@ from __future__ import annotations
 
 import heapq
 import threading
-from collections.abc import Callable, Sequence
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import BrokenExecutor, Executor, Future, wait
+from contextlib import suppress
 from pathlib import Path
+from queue import Empty, SimpleQueue
 from typing import Any
 
 from emclutch.results.errors import RunError
 
-LOOK_SECONDS = 0.5
+LOOK_SECONDS = 0.5  # between two looks at the tasks that run
 
 
 class TaskQueue:
-    """Hands tasks to an executor, so many at a time, until they are done or the user stops."""
+    """Hands tasks to an executor, so many at a time (None: all), until they are done or the user stops."""
 
-    def __init__(self, executor: Executor, jobs: int, asked: threading.Event) -> None:
-        self.executor, self.jobs, self.asked = executor, jobs, asked
-        self.stop_file: Path | None = None
+    def __init__(
+        self, executor: Executor, jobs: int | None, asked: threading.Event, stop_file: Path | None = None
+    ) -> None:
+        self.executor, self.jobs, self.asked, self.stop_file = executor, jobs, asked, stop_file
         self.stopped = False
+        self.running: dict[Future[Any], int] = {}
+
+    def hand_out(
+        self,
+        function: Callable[[Any], Any],
+        next_task: Callable[[], tuple[int, Any] | None],
+        take: Callable[[int, Future[Any]], None],
+        look: Callable[[], None] = lambda: None,
+        not_begun: Callable[[int], None] = lambda number: None,
+    ) -> None:
+        """Do tasks, each with its number, until `next_task` returns None while none runs.
+
+        `take` gets number and future of each that has ended, `not_begun` the number of each that the executor had not
+        begun when the user stopped or when it broke; `look` is called now and then.
+        """
+        ended: SimpleQueue[Future[Any]] = SimpleQueue()  # to wait for all again each time is quadratic
+        while True:
+            ends = self.asked.is_set() or self.stopped
+            while not ends and (self.jobs is None or len(self.running) < self.jobs) and (new := next_task()):
+                try:
+                    self.running[future := self.executor.submit(function, new[1])] = new[0]
+                except BrokenExecutor:
+                    not_begun(new[0])
+                    raise
+                future.add_done_callback(ended.put)
+            if self.asked.is_set():
+                self.stopped = True
+                if self.stop_file is not None:
+                    self.stop_file.touch()
+            if ends:
+                for future in [future for future in self.running if future.cancel()]:
+                    not_begun(self.running.pop(future))
+            if not self.running:
+                return
+            with suppress(Empty):
+                for future in [ended.get(timeout=LOOK_SECONDS), *(ended.get() for _ in range(ended.qsize()))]:
+                    if future in self.running:  # it may have been cancelled
+                        take(self.running[future], future)
+                        del self.running[future]
+            look()
 
     def all(
         self,
         function: Callable[[Any], Any],
-        tasks: Sequence[Any],
+        tasks: Iterable[tuple[int, Any]],
         take: Callable[[int, Any], None],
-        may_begin: Callable[[int], bool] = lambda number: True,
-        look: Callable[[Sequence[int]], None] = lambda numbers: None,
+        look: Callable[[], None] = lambda: None,
     ) -> None:
-        """Do the tasks in their order; `take` gets number and outcome of each. `may_begin` false ends the series."""
-        waiting = list(range(len(tasks)))
-        running: dict[Future[Any], int] = {}
+        """Do numbered tasks in their order; `take` gets number and outcome. RunError where a process was killed."""
+        left = iter(tasks)
         try:
-            while True:
-                while waiting and len(running) < self.jobs and not (self.asked.is_set() or self.stopped):
-                    if not may_begin(waiting[0]):
-                        waiting.clear()
-                        break
-                    number = waiting.pop(0)
-                    running[self.executor.submit(function, tasks[number])] = number
-                if self.asked.is_set():
-                    self.stopped = True
-                    if self.stop_file is not None:
-                        self.stop_file.touch()
-                if not running:
-                    return
-                for future in wait(running, LOOK_SECONDS, FIRST_COMPLETED).done:
-                    take(running.pop(future), future.result())
-                look(list(running.values()))
+            self.hand_out(function, lambda: next(left, None), lambda number, task: take(number, task.result()), look)
         except BaseException as error:
             if self.stop_file is not None:
                 self.stop_file.touch()
-            wait(running)  # they end at the sight of the file
+            wait(self.running)  # they end at the sight of the file
             if not isinstance(error, BrokenExecutor):
                 raise
             raise RunError(

@@ -26,7 +26,7 @@ from emclutch.results.errors import Interrupted, RunError
 from emclutch.results.lease import LeaseLost, leased
 from emclutch.results.study_table import StudyTable
 from emclutch.scene.errors import SceneError
-from emclutch.studies import sweep as sweep_module
+from emclutch.studies import task_queue
 from emclutch.studies.task_process import TaskProcessEnded
 
 distributed = pytest.importorskip("distributed", reason="the extra dask is not installed")
@@ -177,7 +177,7 @@ def stop():
 @pytest.mark.slow
 def test_a_study_goes_from_one_process_to_parts_to_dask_and_back_with_the_same_bits(cluster, tmp_path, monkeypatch):
     """Each of them is ended in the middle of a point; the scheduler is lost for good."""
-    monkeypatch.setattr(sweep_module, "LOOK_SECONDS", 0.05)
+    monkeypatch.setattr(task_queue, "LOOK_SECONDS", 0.05)
     study = emclutch.read_study(THESIS / "centrifugal_speeds.toml")
     ends = ["20 ms", "24 ms", "60 ms", "0.4 s", "22 ms"]
     small = study.model_copy(update={"set": TOY, "values": {"time.end": ends}})

@@ -205,7 +205,7 @@ def _begun(case: Case, base: Base, budget: float, jobs: int, queue: TaskQueue, p
         found[number] = one
         tell(progress, 0.0, f"settings are planned: {len(found)} of {len(tasks)}")
 
-    queue.all(planned_setting, tasks, take)
+    queue.all(planned_setting, enumerate(tasks), take)
     if queue.stopped:
         raise Interrupted("stopped before the study began")
     rungs = planned_rungs(base, tasks, [found[n] for n in range(len(tasks))])
