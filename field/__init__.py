@@ -5,13 +5,12 @@ The field in 3D, for devices with slots or teeth, is the sub-package `field.thre
 
 import geometry.kernels.cache  # noqa: F401 (before the first kernel is defined)
 from field.coil.coil_circuit import solve_at_flux_linkage
-from field.coil.inductance import FluxLinkageCurve
 from field.coil.magnetic_circuit import Branch, FilledPowder, FluxTube, MagneticCircuit, clutch_circuit
 from field.coil.winding import Winding
 from field.laws.brauer import BrauerLaw
 from field.laws.conductivity import Conductivity, conductivity
 from field.laws.froehlich import FroehlichLaw
-from field.laws.h_spline import HSpline, spline_of
+from field.laws.h_spline import HSpline
 from field.laws.langevin import LangevinLaw
 from field.laws.magnetisation_curve import PermeabilityLaw, TableLaw
 from field.laws.magnetisation_table import TableFault, read_table, table_law
@@ -58,7 +57,6 @@ __all__ = [
     "FieldSampler",
     "FilledPowder",
     "FluxLinkage",
-    "FluxLinkageCurve",
     "FluxTube",
     "FroehlichLaw",
     "GrainLaw",
@@ -99,7 +97,6 @@ __all__ = [
     "pole_pressure",
     "read_table",
     "solve_at_flux_linkage",
-    "spline_of",
     "straight_line",
     "sweep_currents",
     "table_law",

@@ -37,7 +37,6 @@ def triangle_wall_from_file(
     *,
     scale: float = 1.0,
     size: float | None = None,
-    magnetic: bool = False,
 ) -> TriangleWall:
     """Read the surface in a file as a wall.
 
@@ -84,7 +83,7 @@ def triangle_wall_from_file(
     triangles = triangles[heights(vertices, triangles) > 2.0 * MERGED * float(np.linalg.norm(sides))]
     if len(triangles) == 0:
         raise CadError(f"{path}: none of its triangles has an area; export it again")
-    return TriangleWall(name, body, vertices, triangles, magnetic)
+    return TriangleWall(name, body, vertices, triangles)
 
 
 def _read_mesh(path: Path) -> tuple[np.ndarray, np.ndarray]:

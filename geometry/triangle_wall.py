@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -27,15 +28,13 @@ class TriangleWall:
     triangles : ndarray of int64, shape (t, 3)
         Vertices of each. The right-hand rule gives the normal; it matters for nothing but a grain whose centre is
         exactly on the surface.
-    magnetic : bool
-        A steel face. Triangles mirror no dipoles.
     """
 
     name: str
     body: str
     vertices: np.ndarray
     triangles: np.ndarray
-    magnetic: bool = False
+    magnetic: ClassVar[bool] = False  # triangles mirror no dipoles
 
     def __post_init__(self) -> None:
         vertices, triangles = np.array(self.vertices, dtype=float), np.asarray(self.triangles)
@@ -103,17 +102,11 @@ class TriangleWall:
         """The same wall turned by ``angle`` [rad] about the axis z: the next vane."""
         cos, sin = math.cos(angle), math.sin(angle)
         turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
-        return TriangleWall(name or self.name, self.body, self.vertices @ turn.T, self.triangles, self.magnetic)
+        return TriangleWall(name or self.name, self.body, self.vertices @ turn.T, self.triangles)
 
 
 def box_surface(
-    name: str,
-    body: str,
-    centre: Sequence[float],
-    size: Sequence[float],
-    angle: float = 0.0,
-    *,
-    magnetic: bool = False,
+    name: str, body: str, centre: Sequence[float], size: Sequence[float], angle: float = 0.0
 ) -> TriangleWall:
     """A closed box, ``size`` (3,) [m] about ``centre`` (3,) [m], its first side turned by ``angle`` [rad] from x."""
     if len(size) != 3 or min(size) <= 0.0:
@@ -124,19 +117,10 @@ def box_surface(
         (x + 0.5 * (a * size[0] * cos - b * size[1] * sin), y + 0.5 * (a * size[0] * sin + b * size[1] * cos))
         for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))
     ]
-    return extruded(name, body, np.array(corners), z - 0.5 * size[2], z + 0.5 * size[2], magnetic=magnetic)
+    return extruded(name, body, np.array(corners), z - 0.5 * size[2], z + 0.5 * size[2])
 
 
-def extruded(
-    name: str,
-    body: str,
-    polygon_xy: np.ndarray,
-    z0: float,
-    z1: float,
-    caps: bool = True,
-    *,
-    magnetic: bool = False,
-) -> TriangleWall:
+def extruded(name: str, body: str, polygon_xy: np.ndarray, z0: float, z1: float, caps: bool = True) -> TriangleWall:
     """The prism over a simple polygon, convex or not, between the heights z0 < z1 [m].
 
     Parameters
@@ -166,10 +150,10 @@ def extruded(
     if caps:
         cap = _ears(polygon)
         triangles += [cap[:, ::-1], cap + k]
-    return TriangleWall(name, body, vertices, np.vstack(triangles), magnetic)
+    return TriangleWall(name, body, vertices, np.vstack(triangles))
 
 
-def joined(name: str, body: str, walls: Sequence[TriangleWall], *, magnetic: bool = False) -> TriangleWall:
+def joined(name: str, body: str, walls: Sequence[TriangleWall]) -> TriangleWall:
     """Several walls as one; their common vertices are merged."""
     offsets = np.cumsum([0, *(len(wall.vertices) for wall in walls)])
     return TriangleWall(
@@ -177,7 +161,6 @@ def joined(name: str, body: str, walls: Sequence[TriangleWall], *, magnetic: boo
         body,
         np.vstack([wall.vertices for wall in walls]),
         np.vstack([wall.triangles + offset for wall, offset in zip(walls, offsets, strict=False)]),
-        magnetic,
     )
 
 

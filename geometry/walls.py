@@ -20,6 +20,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -78,7 +79,7 @@ class Plane:
     body: str
     point: np.ndarray
     normal: np.ndarray
-    magnetic: bool = False
+    magnetic: ClassVar[bool] = False  # a plane mirrors no dipoles
 
     def __post_init__(self) -> None:
         point, normal = np.asarray(self.point, dtype=float), np.asarray(self.normal, dtype=float)
@@ -111,14 +112,14 @@ def cylinder(name: str, body: str, radius: float, z0: float, z1: float, *, magne
     return RevolvedWall(name, body, (radius, z0), (radius, z1), magnetic)
 
 
-def annulus(name: str, body: str, z: float, r0: float, r1: float, *, magnetic: bool = False) -> RevolvedWall:
+def annulus(name: str, body: str, z: float, r0: float, r1: float) -> RevolvedWall:
     """Flat ring at height z from r0 to r1 [m] (a disc for r0 = 0), with no edge of its own."""
-    return cone(name, body, (r0, z), (r1, z), magnetic=magnetic)
+    return cone(name, body, (r0, z), (r1, z))
 
 
-def cone(name: str, body: str, start: Pair, end: Pair, *, magnetic: bool = False) -> RevolvedWall:
+def cone(name: str, body: str, start: Pair, end: Pair) -> RevolvedWall:
     """Frustum between the circles start and end (r, z) [m], without edges but an apex on the axis."""
-    return _close_on_axis(RevolvedWall(name, body, start, end, magnetic))
+    return _close_on_axis(RevolvedWall(name, body, start, end))
 
 
 def outline(

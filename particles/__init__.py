@@ -5,7 +5,7 @@ from particles.attraction import Attraction, contact_share, depth_warning
 from particles.barostat import Barostat
 from particles.bodies import Body, FreeShaft
 from particles.dem.dem import DEM
-from particles.dem.time_step import TimeStep, choose_time_step, contact_time, stiffness_for_overlap
+from particles.dem.time_step import TimeStep, choose_time_step, stiffness_for_overlap
 from particles.dvi.dvi import DVI
 from particles.dvi.dvi_contact import DviContact
 from particles.dvi.dvi_step import choose_dvi_step
@@ -27,7 +27,7 @@ from particles.laws.twisting_friction import TwistingFriction
 from particles.laws.walton_braun import WaltonBraun
 from particles.neighbours.contact_table import ContactTable
 from particles.neighbours.neighbour_list import PairList, find_pairs
-from particles.packing.file_packing import file_packing
+from particles.packing.file_packing import read_packing
 from particles.packing.grown_packing import grown_packing
 from particles.packing.lattice_packing import lattice_packing
 from particles.packing.packing import Packing
@@ -100,10 +100,8 @@ __all__ = [
     "choose_dvi_step",
     "choose_time_step",
     "contact_share",
-    "contact_time",
     "damping_ratio",
     "depth_warning",
-    "file_packing",
     "find_pairs",
     "grown_packing",
     "lattice_packing",
@@ -111,6 +109,7 @@ __all__ = [
     "periodic_packing",
     "poured_packing",
     "random_packing",
+    "read_packing",
     "read_sizes",
     "restitution_of",
     "settle",

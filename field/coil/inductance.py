@@ -1,4 +1,4 @@
-"""Flux linkage and inductance of the coil, and its flux linkage curve against the current.
+"""Flux linkage and inductance of the coil.
 
     lambda = N phi_turn,      L = lambda/i  (apparent),      L_d = d lambda/d i  (incremental).
 
@@ -10,11 +10,9 @@ same.  K is that of the material's curve, so L_d is the slope along the sweep, n
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 
 from field.newton import scalar_product
 
@@ -55,78 +53,3 @@ def _check_coil(problem: AxisymmetricProblem) -> None:
             f"no inductance without a coil: the mesh has no region {problem.coil_region!r}; "
             f"it has {', '.join(sorted(problem.mesh.regions))}"
         )
-
-
-@dataclass(frozen=True, slots=True)
-class FluxLinkageCurve:
-    """lambda(i) of a coil at constant fill, odd in i: monotone cubic (PCHIP), the last slope beyond.
-
-    Parameters
-    ----------
-    currents : ndarray (n,)
-        [A], from 0, growing.
-    linkages : ndarray (n,)
-        [Wb], from 0, growing.
-    """
-
-    currents: np.ndarray
-    linkages: np.ndarray
-    _linkage: PchipInterpolator = field(init=False, repr=False)
-    _current: PchipInterpolator = field(init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        i, linkage = np.asarray(self.currents, dtype=float), np.asarray(self.linkages, dtype=float)
-        if i.ndim != 1 or i.shape != linkage.shape or i.size < 3 or i[0] != 0.0 or linkage[0] != 0.0:
-            raise ValueError(
-                f"a flux linkage curve needs one linkage for each of at least 3 currents, both from 0; "
-                f"got {i.size} currents and {linkage.size} linkages"
-            )
-        if np.any(np.diff(i) <= 0.0) or np.any(np.diff(linkage) <= 0.0):
-            raise ValueError("currents and linkages of a flux linkage curve must grow from point to point")
-        object.__setattr__(self, "currents", i)
-        object.__setattr__(self, "linkages", linkage)
-        object.__setattr__(self, "_linkage", PchipInterpolator(i, linkage))
-        object.__setattr__(self, "_current", PchipInterpolator(linkage, i))
-
-    @classmethod
-    def of(
-        cls,
-        problem: AxisymmetricProblem,
-        turns: float,
-        largest_current: float,
-        fill: np.ndarray | None = None,
-        *,
-        points: int = 13,
-        tolerance: float = 1e-8,
-    ) -> FluxLinkageCurve:
-        """Solve a sweep from 0 to `largest_current` [A], each point started from the one before."""
-        _check_coil(problem)
-        if not largest_current > 0.0 or points < 3:
-            raise ValueError(
-                f"a sweep needs a largest current above 0 A and at least 3 points; got {largest_current} A, {points}"
-            )
-        # dense at small currents, where iron opens
-        currents = largest_current * np.linspace(0.0, 1.0, points) ** 1.5
-        linkages, guess = np.zeros(points), None
-        for k, current in enumerate(currents[1:], start=1):
-            guess = problem.solve(turns * current, fill, guess, tolerance=tolerance)
-            linkages[k] = turns * guess.flux_linkage_per_turn
-        return cls(currents, linkages)
-
-    def linkage(self, current: np.ndarray | float) -> np.ndarray:
-        """lambda [Wb] at currents [A]."""
-        return _odd(self._linkage, self.currents[-1], np.asarray(current, dtype=float))
-
-    def current(self, linkage: np.ndarray | float) -> np.ndarray:
-        """i [A] at flux linkages [Wb]."""
-        return _odd(self._current, self.linkages[-1], np.asarray(linkage, dtype=float))
-
-    def incremental(self, current: np.ndarray | float) -> np.ndarray:
-        """d lambda/d i [H] at currents [A]."""
-        return self._linkage.derivative()(np.minimum(np.abs(current), self.currents[-1]))
-
-
-def _odd(curve: PchipInterpolator, last: float, x: np.ndarray) -> np.ndarray:
-    size = np.abs(x)
-    slope = float(curve.derivative()(last))
-    return np.sign(x) * (curve(np.minimum(size, last)) + slope * np.maximum(size - last, 0.0))

@@ -95,9 +95,9 @@ def heat_properties(name: str) -> HeatProperties:
     return _PROPERTIES[found]
 
 
-def winding_properties(fill_factor: float, binder: HeatProperties = BINDER) -> HeatProperties:
+def winding_properties(fill_factor: float) -> HeatProperties:
     """Of a copper winding across its wires, copper filling `fill_factor` of it, 0 to 1."""
-    copper, f = _PROPERTIES["copper"], fill_factor
+    copper, binder, f = _PROPERTIES["copper"], BINDER, fill_factor
     k_c, k_b = copper.conductivity, binder.conductivity
     k = k_b * ((1.0 + f) * k_c + (1.0 - f) * k_b) / ((1.0 - f) * k_c + (1.0 + f) * k_b)
     density = f * copper.density + (1.0 - f) * binder.density

@@ -115,10 +115,10 @@ def file_law(path: str | Path) -> TableLaw | MajorLoopLaw:
         raise TableFault(str(error)) from None
 
 
-def table_law(path: str | Path, name: str | None = None) -> TableLaw:
-    """The law of a file's curve, named after the file unless a name is given; raises as `read_table` does."""
+def table_law(path: str | Path) -> TableLaw:
+    """The law of a file's curve, named after the file; raises as `read_table` does."""
     H, B = read_table(path)
-    return TableLaw(H, B, name or Path(path).stem, f"file {Path(path).name}")
+    return TableLaw(H, B, Path(path).stem, f"file {Path(path).name}")
 
 
 def _rows(lines: list[str]) -> tuple[list[_Row], bool]:

@@ -77,14 +77,6 @@ class StepLimit:
     rule: str
 
 
-def contact_time(law: ContactLaw, mass: float, radius: float = math.nan, speed: float = 0.0) -> float:
-    """Duration [s] of an undamped impact of two grains of ``mass`` [kg] and ``radius`` [m] at ``speed`` [m/s].
-
-    Radius and speed count in Hertzian laws only.
-    """
-    return law.contact_time(0.5 * mass, 0.5 * radius, speed)
-
-
 def choose_time_step(
     contact: ContactLaw | PairLaws,
     mass: float | np.ndarray,

@@ -56,11 +56,10 @@ def fabric(
     sector: CyclicSector | None = None,
     *,
     force_weighted: bool = False,
-    with_walls: bool = False,
 ) -> Fabric:
     """Fabric of the contacts (module docstring); pulling contacts weigh nothing in the force-weighted one."""
     geometry = contact_geometry(grains, contacts, sector)
-    used = np.ones(len(geometry.is_pair), dtype=bool) if with_walls else geometry.is_pair
+    used = geometry.is_pair
     n, point = geometry.normal[used], contacts.point[used]
     weight = np.maximum(geometry.normal_force[used], 0.0) if force_weighted else np.ones(len(n))
     total = float(weight.sum())

@@ -21,10 +21,9 @@ from zipfile import BadZipFile
 
 import numpy as np
 
-from particles.errors import FileFault, PackingError
+from particles.errors import FileFault
 from particles.packing.columns_file import read_columns
-from particles.packing.packing import Packing, require_fit
-from particles.packing.space import Space
+from particles.packing.packing import Packing
 
 MAX_BYTES = 2_000_000_000
 """Of a file's arrays, unpacked: 10 million grains with all that there is of them; more is refused unread."""
@@ -77,24 +76,6 @@ def read_packing(path: str | Path, *, radius: float | None = None) -> Packing:
         k = int(np.flatnonzero(~(size > 0.0))[0])
         raise FileFault(path, f"the radius of grain {k} is {size[k] * 1e3:g} mm; it must be positive")
     return Packing(position, size, velocity, spin)
-
-
-def file_packing(
-    space: Space, path: str | Path, *, radius: float | None = None, limit: float = OVERLAP_LIMIT
-) -> Packing:
-    """The grains of a file as they fit into ``space``; see `read_packing` and `particles.packing.packing.require_fit`.
-
-    Raises
-    ------
-    PackingError
-        If the file is not right, or a grain is outside or overlaps by more than ``limit`` of its diameter.
-    """
-    try:
-        packing = read_packing(path, radius=radius)
-    except (ValueError, OSError) as error:
-        raise PackingError(str(error)) from None
-    require_fit(packing, space, limit)
-    return packing
 
 
 def _array(path: Path, found: Mapping[str, np.ndarray], name: str, width: int) -> np.ndarray | None:

@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from flux_linkage_curve import current_of_linkage
 from graded_lines import graded_lines
 from pot_core import pot_core
 from section_grid import section_grid
@@ -224,8 +225,6 @@ def test_current_of_a_closed_iron_circuit_does_not_lag_its_linkage(steel):
 
     Against lambda(i) of a fine sweep and Runge-Kutta on V = R i + d lambda/dt.
     """
-    from field import FluxLinkageCurve
-
     r = np.unique(np.round(np.concatenate((graded_lines(4e-3, (0.0, 20e-3), (0.0, 0.1)), [8e-3, 16e-3])), 9))
     z = np.unique(np.round(np.concatenate((graded_lines(4e-3, (0.0, 16e-3), (0.0, 0.1)), [12e-3])), 9))
     regions = {"core": (0.0, 20e-3, -16e-3, 16e-3), "coil": (8e-3, 16e-3, -12e-3, 12e-3)}
@@ -234,14 +233,14 @@ def test_current_of_a_closed_iron_circuit_does_not_lag_its_linkage(steel):
     source = CircuitCoilField(
         closed, N, voltage=TimeProfile.constant(V), resistance=R, largest_current=V / R, current_tolerance=0.02
     )
-    curve = FluxLinkageCurve.of(closed, N, 1.01 * V / R, points=121)
+    current = current_of_linkage(closed, N, 1.01 * V / R, points=121)
     linkage, worst, window = 0.0, 0.0, 1e-4
     for k in range(400):
         source.refresh(k * window)
         for _ in range(4):  # classical Runge-Kutta
 
             def slope(at):
-                return V - R * float(curve.current(at))
+                return V - R * float(current(at))
 
             h = window / 4
             a = slope(linkage)
@@ -249,6 +248,6 @@ def test_current_of_a_closed_iron_circuit_does_not_lag_its_linkage(steel):
             c = slope(linkage + 0.5 * h * b)
             linkage += h / 6.0 * (a + 2.0 * b + 2.0 * c + slope(linkage + h * c))
         if k > 0:  # DC01's permeability of 5 at rest makes the first window's line a steep one
-            worst = max(worst, abs(source.current((k + 1) * window) - float(curve.current(linkage))))
+            worst = max(worst, abs(source.current((k + 1) * window) - float(current(linkage))))
     assert worst < 0.03 * V / R
     assert source.solves < 200

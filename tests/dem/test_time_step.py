@@ -10,7 +10,6 @@ from particles.dem.time_step import (
     SLIDING,
     WALL_ROLLING,
     choose_time_step,
-    contact_time,
     stiffness_for_overlap,
 )
 from particles.laws.elastic import Elastic, rayleigh_time
@@ -46,7 +45,7 @@ def test_linear_step_is_a_twentieth_of_the_contact():
     step = choose_time_step(LAWS[0], MASS, RADIUS)
     assert step.dt == pytest.approx(math.pi * math.sqrt(0.5 * MASS / 1e4) / 20, rel=1e-14)
     assert "20 steps a contact" in step.reason and "k_n = 1e+04 N/m" in step.reason
-    assert 20 * step.dt == pytest.approx(contact_time(LAWS[0], MASS), rel=1e-14)
+    assert 20 * step.dt == pytest.approx(LAWS[0].contact_time(0.5 * MASS, 0.5 * RADIUS, 0.0), rel=1e-14)
 
 
 def test_lightest_and_smallest_grain_count():

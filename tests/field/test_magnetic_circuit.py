@@ -13,7 +13,7 @@ from section_grid import section_grid
 
 from field import MU_0, AxisymmetricProblem, GrainLaw, LinearLaw, PointOutside, PowderLaw, material
 from field.coil.coil_circuit import solve_at_flux_linkage
-from field.coil.inductance import FluxLinkageCurve, apparent_inductance, incremental_inductance
+from field.coil.inductance import apparent_inductance, incremental_inductance
 from field.coil.magnetic_circuit import Branch, FilledPowder, FluxTube, MagneticCircuit, clutch_circuit
 from field.section.field_lines import field_along
 from geometry import Clutch, mesh_clutch
@@ -108,25 +108,6 @@ def test_solve_at_a_linkage_finds_the_current(pot):
     assert not solve_at_flux_linkage(pot, 0.0, fill).psi.any()
     with pytest.raises(ValueError, match="finite"):
         solve_at_flux_linkage(pot, math.nan)
-
-
-def test_flux_linkage_curve(pot):
-    curve = FluxLinkageCurve.of(pot, N, 8.0)
-    exact = pot.solve(N * 3.3).flux_linkage(N)
-    assert float(curve.linkage(3.3)) == pytest.approx(exact, rel=2e-3)
-    assert float(curve.linkage(-3.3)) == -float(curve.linkage(3.3))
-    assert float(curve.current(curve.linkage(3.3))) == pytest.approx(3.3, rel=2e-3)
-    assert float(curve.linkage(9.0)) > float(curve.linkage(8.0)), "beyond the last point it goes on"
-    assert float(curve.incremental(7.5)) < 0.7 * float(curve.incremental(0.5)), "saturated"
-
-
-@pytest.mark.parametrize(
-    ("currents", "linkages"),
-    [([0.0, 1.0], [0.0, 1.0]), ([0.0, 1.0, 2.0], [0.0, 1.0, 1.0]), ([1.0, 2.0, 3.0], [0.0, 1.0, 2.0])],
-)
-def test_bad_curves_are_refused(currents, linkages):
-    with pytest.raises(ValueError, match="flux linkage curve"):
-        FluxLinkageCurve(np.array(currents), np.array(linkages))
 
 
 def test_no_inductance_without_a_coil():

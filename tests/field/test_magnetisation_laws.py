@@ -21,7 +21,6 @@ from field import (
     material_names,
 )
 from field.laws.brauer import BrauerLaw
-from field.laws.h_spline import spline_of
 from field.laws.langevin import LangevinLaw
 from field.laws.materials import _STEEL_1010
 
@@ -185,67 +184,6 @@ def test_fitted_permeability_is_the_formula_until_M_is_held():
 def test_air_is_linear():
     H, slope = AIR.H_of_B(np.array([1.0]))
     assert H[0] == pytest.approx(1 / MU_0) and slope[0] == pytest.approx(1 / MU_0)
-
-
-# --- every law as one spline, the form that compiled kernels take -----------------------------------------
-
-
-@pytest.mark.parametrize("name", ALL)
-def test_spline_of_a_law_is_the_law(name):
-    law, spline = ALL[name], spline_of(ALL[name])
-    B = np.concatenate(([0.0], B_RANGE, [50.0, 300.0, 2e3]))
-    H, exact = spline.H_of_B(B)[0], law.H_of_B(B)[0]
-    # 1e-9: where H is below a thousandth of an A/m, the error counts against that
-    assert np.abs(H - exact).max(where=B < 1e-6, initial=0.0) < 1e-9
-    assert np.all(np.abs(H - exact)[1:] <= 1e-6 * exact[1:] + 1e-9)
-    w, energy = spline.energy_density(B), law.energy_density(B)
-    assert np.all(np.abs(w - energy) <= 1e-6 * energy + 1e-15)
-    slope = spline.H_of_B(B)[1]
-    assert np.all(slope > 0.0) and np.allclose(slope, law.H_of_B(B)[1], rtol=2e-3)
-
-
-@pytest.mark.parametrize("name", ["brauer", "langevin", "froehlich"])
-def test_spline_converges_with_the_fourth_order_of_cubics(name):
-    """16 times smaller an error for twice the intervals: error ~ n^-4 from tolerance to tolerance."""
-    sizes, errors = [], []
-    B = np.linspace(1e-3, 2.5, 5001)
-    exact = LAWS[name].H_of_B(B)[0]
-    for tolerance in (1e-5, 1e-7, 1e-9):
-        spline = spline_of(LAWS[name], tolerance)
-        sizes.append(spline.B.size)
-        errors.append(np.abs(spline.H_of_B(B)[0] / exact - 1.0).max())
-        assert errors[-1] <= tolerance
-    rates = np.log(np.divide(errors[:-1], errors[1:])) / np.log(np.divide(sizes[1:], sizes[:-1]))
-    assert np.all(rates > 3.3)
-
-
-def test_tables_and_fits_are_their_own_spline():
-    for name in ("steel_1010", "stainless_430"):
-        assert spline_of(material(name)) is material(name).curve
-
-
-def test_what_no_spline_can_follow_is_refused():
-    class Jumping:
-        name, source = "jumping", "a test"
-
-        def H_of_B(self, B):
-            return np.where(B > 0.3, 2.0, 1.0) * NU_0 * B, np.full_like(B, NU_0)
-
-        def energy_density(self, B):
-            return 0.0 * B
-
-    class Unsaturated(Jumping):
-        name = "unsaturated"
-
-        def H_of_B(self, B):
-            return 400.0 * B, np.full_like(B, 400.0)
-
-    with pytest.raises(ValueError, match="does not saturate"):
-        spline_of(Unsaturated())
-    with pytest.raises(ValueError, match=r"jump|saturate"):
-        spline_of(Jumping())
-    with pytest.raises(ValueError, match="tolerance"):
-        spline_of(AIR, 0.0)
 
 
 # --- faults ------------------------------------------------------------------------------------------------

@@ -10,7 +10,8 @@ import pyvista
 from geometry.box import Box
 from particles import CyclicSector, PackingError
 from particles.errors import FileFault
-from particles.packing.file_packing import file_packing, read_packing
+from particles.packing.file_packing import OVERLAP_LIMIT, read_packing
+from particles.packing.packing import require_fit
 from particles.packing.space import Space
 
 BOX = Box((0.02, 0.02, 0.02))
@@ -18,10 +19,16 @@ SPACE = Space.of(BOX, BOX.walls())
 CSV = "x [mm], y [mm], z [mm], diameter [mm], vx [mm/s], vy [mm/s], vz [mm/s]\n-2, 0, 5, 2, 0, 0, -100\n2,0,5,3,0,0,0\n"
 
 
+def fitted(space, path, radius=None, limit=OVERLAP_LIMIT):
+    packing = read_packing(path, radius=radius)
+    require_fit(packing, space, limit)
+    return packing
+
+
 def test_csv_with_units(tmp_path):
     path = tmp_path / "start.csv"
     path.write_text(CSV)
-    packing = file_packing(SPACE, path)
+    packing = fitted(SPACE, path)
     assert packing.position == pytest.approx(np.array([[-2e-3, 0, 5e-3], [2e-3, 0, 5e-3]]))
     assert packing.radius == pytest.approx([1e-3, 1.5e-3])
     assert packing.velocity[0] == pytest.approx([0, 0, -0.1]) and packing.angular_velocity is None
@@ -39,7 +46,7 @@ def test_arrays_come_back(tmp_path, suffix):
         cloud = pyvista.PolyData(x)
         cloud.point_data["radius"], cloud.point_data["velocity"] = r, v
         cloud.save(path)
-    packing = file_packing(SPACE, path)
+    packing = fitted(SPACE, path)
     for found, written in ((packing.position, x), (packing.radius, r), (packing.velocity, v)):
         assert np.array_equal(found, written)
 
@@ -54,20 +61,20 @@ def test_faults_name_grain_and_place(tmp_path):
     two = np.array([[0.0, 0.0, 5e-3], [1.9e-3, 0.0, 5e-3]])
     path = _npz(tmp_path, position=two)
     with pytest.raises(PackingError, match=r"grain 0 at .* \(0, 0, 5\) mm overlaps a neighbour by 5 % .*limit|allowed"):
-        file_packing(SPACE, path, radius=1e-3, limit=0.04)
-    assert file_packing(SPACE, path, radius=1e-3, limit=0.051).count == 2
+        fitted(SPACE, path, radius=1e-3, limit=0.04)
+    assert fitted(SPACE, path, radius=1e-3, limit=0.051).count == 2
     path = _npz(tmp_path, position=two - np.array([0.0, 0.0, 4.3e-3]), radius=np.full(2, 0.8e-3))
     with pytest.raises(PackingError, match=r"grain 0 at .* overlaps a wall by 6.25 % of the diameter \(allowed: 5 %\)"):
-        file_packing(SPACE, path)
+        fitted(SPACE, path)
     path = _npz(tmp_path, position=1e3 * two, radius=np.full(2, 0.5e-3))  # millimetres taken for metres
     with pytest.raises(PackingError, match=r"outside the walls or in a solid \(2 of 2 grains do\); check .*unit"):
-        file_packing(SPACE, path)
+        fitted(SPACE, path)
 
 
 def test_grains_beside_the_sector_are_refused(tmp_path):
     path = _npz(tmp_path, position=np.array([[5e-3, -1e-3, 5e-3]]), radius=np.array([1e-4]))
     with pytest.raises(PackingError, match="outside the sector"):
-        file_packing(Space.of(BOX, BOX.walls(), CyclicSector(math.radians(90.0))), path)
+        fitted(Space.of(BOX, BOX.walls(), CyclicSector(math.radians(90.0))), path)
 
 
 @pytest.mark.parametrize(

@@ -41,30 +41,25 @@ def grains_picture(
     radius: np.ndarray,
     colour: np.ndarray,
     *,
-    colour_label: str = "speed [m/s]",
     walls: Sequence[Any] = (),
     chains: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None,
-    across: str | None = None,
-    layer: tuple[float, float] | None = None,
     sector_angle: float | None = None,
     title: str | None = None,
 ) -> Path:
     """Draw the unrolled gap and the meridional projection, below or next to each other, whichever fills the page.
+
+    Up in the unrolled view is the coordinate across the gap in which disc and rotor enclose more grains; without such
+    walls, the one in which the grains spread less. It shows the layer of two diameters that carries most (without
+    chains: holds most grains), or all where that holds fewer than 20 grains.
 
     Parameters
     ----------
     path : PNG to write.
     position : (n, 3) [m]; z is the shaft's axis.
     radius : (n,) [m].
-    colour : (n,) what the grains are coloured by.
+    colour : (n,) speed [m/s].
     walls : revolved walls with `body`, `start`, `end` (r, z) [m]; others are left out.
     chains : start (k, 3), end (k, 3) [m] and force (k,) [N] of the contacts.
-    across : coordinate across the gap, up in the unrolled view: "r" (rim gap) or "z" (face gap); None
-        takes the one in which disc and rotor enclose more grains; without such walls, the one in which the
-        grains spread less.
-    layer : limits of the other coordinate [m]: only grains whose centre is inside are drawn unrolled.
-        None takes the layer of two diameters that carries most (without chains: holds most grains), or
-        all where that holds fewer than 20 grains.
     sector_angle : of the cyclic sector [rad]; its faces are marked.
     """
     from matplotlib.lines import Line2D
@@ -73,15 +68,13 @@ def grains_picture(
     r, theta, z = np.hypot(position[:, 0], position[:, 1]), _azimuth(position), position[:, 2]
     outlines = [wall for wall in walls if hasattr(wall, "start")]
     gaps = _gaps(r, z, outlines)
-    if across is None:
-        across = _across(gaps, r, z)
+    across = _across(gaps, r, z)
     up, other = (r, z) if across == "r" else (z, r)
     # Of gaps beside each other, as at both faces of a disc, the one with most grains: what is between them is empty.
     chosen = max(gaps.get(across, []), key=np.count_nonzero, default=np.ones(len(r), dtype=bool))
     shown = chosen if across == "z" else np.ones(len(r), dtype=bool)
     reference = float(np.median(r)) if len(r) else 1.0
-    if layer is None:
-        layer = _loaded_layer(other[shown], radius[shown], chains, across)
+    layer = _loaded_layer(other[shown], radius[shown], chains, across)
     drawn = (other >= layer[0]) & (other <= layer[1]) & shown
 
     views = (
@@ -126,7 +119,7 @@ def grains_picture(
     if handles:
         figure.legend(handles, labels, loc="outside lower left", ncols=4, frameon=False, fontsize=9)
     extend = "max" if np.max(colour, initial=limits[1]) > limits[1] else "neither"
-    figure.colorbar(circles, ax=[unrolled, plane], label=colour_label, shrink=0.8, extend=extend)
+    figure.colorbar(circles, ax=[unrolled, plane], label="speed [m/s]", shrink=0.8, extend=extend)
     return save_picture(figure, path)
 
 

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from geometry import AnnularBox
 
 SMALL_TRIANGLES = 30_000  # to draw in a panel: a quarter of a second
+FLUX_LINES = 24
 PARTS = (2, 16)  # of an element's edge, at least and at most
 
 
@@ -27,22 +28,20 @@ def section_picture(
     field: SmoothField,
     *,
     grains: np.ndarray | None = None,
-    zoom: tuple[float, float, float, float] | None = None,
     filled: Sequence[AnnularBox] = (),
     title: str | None = None,
-    flux_lines: int = 24,
 ) -> Path:
-    """Draw the field in the (r, z) half-plane: the axis lies at the bottom, r points up.
+    """Draw the field in the (r, z) half-plane, and the powder where |B| is largest once more, enlarged.
+
+    The axis lies at the bottom, r points up.
 
     Parameters
     ----------
     path : PNG to write.
     field : on a section with `points` (n, 2) r, z [m], `triangles` (k, 3) and `regions` by name.
     grains : (m, 3) r, z, radius [m] of the grains to draw: those near one half-plane show a slice.
-    zoom : r0, r1, z0, z1 [m] of the enlarged part; None takes the powder where |B| is largest.
     filled : the parts of the powder's region that are filled: the enlarged part lies in the one with the largest |B|.
     title : may have several lines.
-    flux_lines : how many there are in the whole section.
     """
 
     mesh = field.elements.mesh
@@ -54,7 +53,8 @@ def section_picture(
     solid = [elements for name, elements in mesh.regions.items() if name != "air"]
     device = points[triangles[np.concatenate(solid)]].reshape(-1, 2) if solid else points
     (r0, z0), (r1, z1) = device.min(axis=0), device.max(axis=0)
-    if zoom is None and len(mesh.regions.get("powder", ())):
+    zoom = None
+    if len(mesh.regions.get("powder", ())):
         powder = mesh.regions["powder"]
         centres = points[triangles[powder]].mean(axis=1)
         part = _strongest_part(centres, magnitude[powder], filled)
@@ -77,7 +77,7 @@ def section_picture(
     inside = (r >= r0) & (r <= r1) & (z >= z0) & (z <= z1)
     # The 99.5th percentile, not the largest: iron corners are singular and would darken all the rest.
     top = float(np.percentile(magnitude[inside], 99.5)) or 1.0
-    levels = flux_levels(field, flux_lines)
+    levels = flux_levels(field, FLUX_LINES)
     outline = _outline(triangles, region)
     for axis, window in zip(axes, windows, strict=True):
         colours = _draw_field(axis, field, window, levels, top)

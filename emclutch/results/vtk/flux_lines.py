@@ -8,11 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from emclutch.results.pictures.section import flux_levels
+from emclutch.results.pictures.section import FLUX_LINES, flux_levels
 from field import MagneticField
 from field.section.smooth_field import SmoothField
 
-LINES = 24  # in the whole section, as in section.png
 PARTS = 4  # of an element's edge
 
 
@@ -23,7 +22,7 @@ def flux_lines(solution: MagneticField) -> tuple[np.ndarray, np.ndarray]:
     solid = np.concatenate([elements for name, elements in regions.items() if name != "air"])
     fine = field.subdivide(solid, PARTS)
     segments, flux = [np.empty((0, 2, 2))], [np.empty(0)]
-    for level in flux_levels(field, LINES):
+    for level in flux_levels(field, FLUX_LINES):
         found = level_segments(fine.points, fine.triangles, fine.psi, level)
         segments.append(found)
         flux.append(np.full(len(found), 2.0 * np.pi * level))
