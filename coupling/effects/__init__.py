@@ -2,7 +2,7 @@
 
 An effect has a `name`, may act at the start of a coupling window (`begin_window`) and may add to the held forces
 of a sub-cycle (`add_forces`, which returns its bookings for the balances). To add one: a new file here, and its table
-in `emclutch.effects`, see docs/how_to/new_effect.md.
+in `emclutch.effects`, see docs/how_to/extend.md.
 """
 
 from coupling.effects.dipoles import Dipoles

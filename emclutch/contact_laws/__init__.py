@@ -1,7 +1,7 @@
 """The contact laws of a scene, one module each: keys, stiffness entry, construction, cost.
 
 To add one: a module here and its line in `LAWS`, with its compiled spring in `particles/laws`
-(docs/how_to/new_contact_law.md).
+(docs/how_to/extend.md).
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The kinds of devices of a scene, one module each: keys, checks, shape, meshes, measures of the gap, pictures.
 
 To add one: a module here with a subclass of `GeometrySection`, its import and its place in `GEOMETRIES`; its shape is a
-module of `geometry` (docs/how_to/new_device.md).
+module of `geometry` (docs/how_to/extend.md).
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The effects of a scene, one module each: schema, needs, check, construction, cost, and what its absence means.
 
 To add one: a module here with a subclass of `EffectSection`, its import and its place in `EFFECTS`; if it has compiled
-physics, a module in `coupling/effects`, `particles` or `field` (docs/how_to/new_effect.md).
+physics, a module in `coupling/effects`, `particles` or `field` (docs/how_to/extend.md).
 """
 
 from __future__ import annotations

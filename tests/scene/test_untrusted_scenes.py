@@ -1,4 +1,4 @@
-"""An untrusted scene is data: docs/how_to/untrusted_scenes.md has the promises, each with its test."""
+"""An untrusted scene is data: it keeps the promises of docs/how_to/untrusted_scenes.md."""
 
 from __future__ import annotations
 
