@@ -231,7 +231,10 @@ def refuse_to_resume_nothing(what: str, resume: bool, out: Path | None) -> None:
 
 
 def run_to_resume(folder: Path, out: Path | None) -> tuple[Path, Path]:
-    """The scene and the folder of a run that is to continue."""
+    """Return the scene and the folder of a run that is to continue; SceneError where `folder` is none of a run."""
+    if folder.is_file():
+        message = f"is a file; --resume takes the run's folder: emclutch run {folder.parent} --resume"
+        raise SceneError([Fault(str(folder), "", message)], "command line")
     if out is not None and out.resolve() != folder.resolve():
         message = f"is another folder than the run's, {folder}; remove --out"
         raise SceneError([Fault("--out", str(out), message)], "command line")

@@ -47,7 +47,7 @@ def run(
     """Simulate one scene."""
     with explained():
         check_threads(threads)
-        if resume and case.is_dir():
+        if resume and (case.is_dir() or case.suffix == ".h5"):
             case, out = run_to_resume(case, out)
         read = load(case, sets, trust_scripts)
         if resume and out is None and read.scene.output.folder is None:

@@ -8,15 +8,14 @@ from types import TracebackType
 from typing import TYPE_CHECKING, TextIO
 
 from emclutch.results.text import format_duration
+from emclutch.results.time_left import TimeLeft
 
 if TYPE_CHECKING:
     from rich.progress import Progress as RichProgress
 
 LINE_EVERY_SECONDS = 5.0
 LINE_EVERY_FRACTION = 0.1
-# The first windows compile kernels: they say nothing about the rest, and the time left is guessed without them.
-FIRST_STEPS, FIRST_FRACTION = 2, 0.01
-MIN_DONE = 0.03  # below, no time left is shown
+MIN_DONE, MIN_PASSED = 0.03, 0.5  # and seconds; below, no time left is shown
 
 
 SHOWN = "shown"
@@ -42,10 +41,8 @@ class Progress:
         self.text = text
         self._bar: RichProgress | None = None
         self._started = time.monotonic()
-        self._first = 0.0  # fraction that was done at the start, where a run resumes
-        self._seen = False
-        self._steps, self._latest = 0, 0.0  # updates that brought the work forward, and the last of them
-        self._clock: tuple[float, float] | None = None  # time and fraction since which the rate is measured
+        self._time_left: TimeLeft | None = None  # from the first update on
+        self._latest = 0.0
         self._line_time, self._line_fraction = self._started, 0.0
 
     def __enter__(self) -> Progress:
@@ -69,12 +66,11 @@ class Progress:
         """Report that `fraction` of the work is done; `text` says what is going on."""
         if text is not None:
             self.text = text
-        if not self._seen:
-            self._first, self._seen = fraction, True
-            self._line_fraction = self._latest = fraction
-        if fraction > self._latest:
-            self._steps, self._latest = self._steps + 1, fraction
-        left = self._left(fraction)
+        if self._time_left is None:
+            self._time_left, self._line_fraction = TimeLeft(fraction), fraction
+        self._latest = fraction
+        self._time_left.read(fraction)
+        left = self._left(self._time_left)
         if self._bar is not None:
             self._bar.update(self._task, completed=fraction, description=self.text, left=left)
             return
@@ -102,19 +98,13 @@ class Progress:
         else:
             print(text, file=self.stream, flush=True)
 
-    def _left(self, fraction: float) -> str:
-        now = time.monotonic()
-        if fraction >= 1.0:
-            return f"took {format_duration(now - self._started)}"
-        done = (fraction - self._first) / (1.0 - self._first)
-        if self._clock is None:
-            if self._steps >= FIRST_STEPS and done >= FIRST_FRACTION:
-                self._clock = now, fraction
+    def _left(self, reading: TimeLeft) -> str:
+        if self._latest >= 1.0:
+            return f"took {format_duration(time.monotonic() - self._started)}"
+        found = reading.estimate()
+        if found is None or reading.advanced < MIN_DONE or reading.passed < MIN_PASSED:  # too early
             return ""
-        passed, advanced = now - self._clock[0], fraction - self._clock[1]
-        if done < MIN_DONE or advanced <= 0.0 or passed < 0.5:  # too early for an honest guess
-            return ""
-        return f"{format_duration(passed * (1.0 - fraction) / advanced)} left"
+        return f"{format_duration(found[0])} left"
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None

@@ -93,31 +93,26 @@ def _check(case: Case, threads: int | None) -> Checked:
         return Checked(scene.scene.title, scene.effects.active, case.warnings, field_plan(case), (), none)
     device, made = make_plan(case, threads=threads)
     words, B_max = plan_in_words(device, made), 0.0
-    coil, even = device.section_coil, made.peak_section
+    coil, even, phi = device.section_coil, made.peak_section, device.fill.solid_fraction
+    magnetised = f"grains magnetised up to {made.M_max / 1e3:.3g} kA/m"
     if coil is not None and even is not None:
-        faces, phi = device.shears_faces, device.fill.solid_fraction
+        faces = device.shears_faces
         midline = coil.shape.face_midline() if faces else coil.shape.gap_midline()
 
         def largest(field: MagneticField) -> float:
             return float(np.linalg.norm(field.B_along(midline), axis=1).max())
 
         B_max = largest(even)
-        words["field"] = (
-            f"at the largest current, {powder_in_words(scene, phi)}: |B| in the {'face' if faces else 'rim'} gap up to "
-            f"{B_max:.3g} T, grains magnetised up to {made.M_max / 1e3:.3g} kA/m"
-        )
+        words["field"] = f"|B| in the {'face' if faces else 'rim'} gap up to {B_max:.3g} T"
         if moments_are_fed_back(scene) and coil.largest_current > 0.0:
             chains = field_in_chains(coil, phi, coil.largest_current, even)
-            in_chains = chains_in_words(coil, even, chains, largest(chains), faces)
-            words["field"] += f"; {in_chains}"
-        words |= ampere_turns_row(coil, even)
+            words["field"] += chains_in_words(coil, even, chains, largest(chains), faces)
+        words["field"] += f"; {magnetised}"
+        words |= {"powder in that field": powder_in_words(scene, phi)} | ampere_turns_row(coil, even)
     elif device.coil is not None and made.peak_field is not None:
         B_max = device.coil.gap_flux_density(made.peak_field)
-        words["field"] = (
-            f"at the largest current, {powder_in_words(scene, device.fill.solid_fraction)}: |B| under the poles "
-            f"{B_max:.3g} T on average, "
-            f"grains magnetised up to {made.M_max / 1e3:.3g} kA/m"
-        )
+        words["field"] = f"|B| under the poles {B_max:.3g} T on average; {magnetised}"
+        words["powder in that field"] = powder_in_words(scene, phi)
     unusual = FLUX_DENSITY.remark("|B|", B_max)
     if unusual:
         words["field"] = with_warnings(words["field"], unusual)

@@ -83,7 +83,12 @@ def make_callbacks(request: RunRequest, started: StartedRun) -> RunObservers:
     profiles = profile_average(plan.scene, started.planned.device)
     if profiles is not None:
         profiles.restore(started.profiles, simulation.motion)
-    alive = Heartbeat(progress.listener, simulation, plan.end)
+
+    def share(time: float) -> float:
+        """Fraction of the run that is done when this packing has come to a time [s]."""
+        return request.replicas.share_done(time) if request.replicas.count > 1 else time / plan.end
+
+    alive = Heartbeat(progress.listener, simulation, share)
 
     measures = (Observables(scene, started.planned.device),)
     deciding = (*missed_steps(request, resume_time), *early.callbacks)
@@ -91,10 +96,10 @@ def make_callbacks(request: RunRequest, started: StartedRun) -> RunObservers:
         ReplicaPool(request.replicas),
         snapshots,
         *(() if profiles is None else (profiles,)),
-        WindowProgress(progress, plan.windows, request.replicas),
+        WindowProgress(progress, share),
     )
     keeping = (Checkpoints(request, plan.windows, early, snapshots, profiles),)
-    tuning = (RunPace(plan.cost, simulation.motion.time, progress.announce), *thread_trial(request))
+    tuning = (RunPace(plan.cost, share, simulation.motion.time, progress.announce), *thread_trial(request))
     callbacks = (alive.stop, history, *deciding, *showing, *keeping, *tuning)
     return RunObservers(measures, callbacks, early, profiles, alive, history, snapshots)
 
@@ -123,21 +128,19 @@ class ReplicaPool:
 
 @dataclass(frozen=True, slots=True)
 class WindowProgress:
-    """Callback of the loop that reports how far the run is: of its `windows`, or of what its replicas are to reach."""
+    """Callback of the loop that reports how far the run is; `share` is the fraction that is done at a time [s]."""
 
     progress: RunProgress
-    windows: int
-    replicas: Replicas
+    share: Callable[[float], float]
 
     def __call__(self, simulation: Simulation, row: WindowRow) -> None:
+        if self.progress.listener is None:
+            return
         disc, box = row.bodies.get("disc"), row.part(BoxRow)
         measured = "" if disc is None else f"  torque on the disc {disc.torque:.3g} N m"
         if box is not None:
             measured = f"  strain {box.shear_strain:.3g}, shear stress {box.shear_stress:.3g} Pa"
-        share = simulation.window / self.windows
-        if self.replicas.count > 1 and self.progress.listener is not None:
-            share = self.replicas.share_done(row.time)
-        self.progress.update(share, f"t = {row.time * 1e3:.3g} ms{measured}")
+        self.progress.update(self.share(row.time), f"t = {row.time * 1e3:.3g} ms{measured}")
 
 
 def profile_average(scene: Scene, device: Device) -> ProfileAverage | None:

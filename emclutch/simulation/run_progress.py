@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -56,12 +57,12 @@ class Heartbeat:
     progress : object with ``update(fraction, text)``, or None
         Called from the other thread between entering and `stop`, and by nobody else then.
     simulation : Simulation
-    end : float
-        Time at the end of the run [s].
+    share : callable
+        Fraction of the run that is done at a time [s].
     """
 
-    def __init__(self, progress: Any, simulation: Simulation, end: float) -> None:
-        self._progress, self._simulation, self._end = progress, simulation, end
+    def __init__(self, progress: Any, simulation: Simulation, share: Callable[[float], float]) -> None:
+        self._progress, self._simulation, self._share = progress, simulation, share
         self._stopped = threading.Event()
         self._thread = threading.Thread(target=self._beat, name="heartbeat", daemon=True)
 
@@ -86,4 +87,4 @@ class Heartbeat:
             if self._simulation.motion.step_count > steps:  # else what was said last is still what is waited for
                 steps = self._simulation.motion.step_count
                 time = self._simulation.motion.time
-                self._progress.update(time / self._end, f"t = {time * 1e3:.3g} ms, in the first window")
+                self._progress.update(self._share(time), f"t = {time * 1e3:.3g} ms, in the first window")

@@ -163,6 +163,19 @@ class DesignResult:
         interval = None if self.nearest is None else self.nearest.run.torque.interval()
         return interval is not None and all(self._is_within(abs(end)) for end in interval)
 
+    def _repr_html_(self) -> str:
+        from emclutch.results.report.content import Block, Page, Statements, Table  # local: they import what draws
+        from emclutch.results.report.render import fragment
+        from emclutch.results.report.verdict import Mark, Statement
+
+        lines = [Statement(Mark.NOTE, line) for line in (*in_words(self), *run_in_words(self))]
+        tried = [(self.search.shown(value), f"{torque:.4g}") for value, torque in self.tried]
+        sections: dict[str, list[Block]] = {
+            "Answer": [Statements(lines)],
+            "Tried": [Table(tried, (self.search.key, "expected torque [N m]"), numbers=[1])],
+        }
+        return fragment(Page(self.folder, self.folder.name, f"design search, {self.search.case.name}", sections))
+
     def _is_within(self, torque: float) -> bool:
         return abs(torque / self.search.torque - 1.0) <= self.tolerance
 

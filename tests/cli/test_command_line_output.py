@@ -187,6 +187,14 @@ def test_grains_pressed_in_too_far_name_the_key(values, reported):
         refuse_other_scene("[contact]\nfriction = 0.1", "[contact]\nfriction = 0.2", "runs/a")
 
 
+def test_resume_names_the_folder_where_it_is_given_a_file_of_it(tmp_path):
+    checkpoint = tmp_path / "run" / "checkpoint.h5"
+    checkpoint.parent.mkdir()
+    checkpoint.write_bytes(b"\x89HDF\r\n")
+    asked = CliRunner().invoke(app, ["run", "--resume", str(checkpoint)], env={"COLUMNS": "500"})
+    assert asked.exit_code == 2 and f"takes the run's folder: emclutch run {checkpoint.parent} --resume" in asked.output
+
+
 def test_none_and_off_remove_and_on_adds():
     given = ["effects.gravity=off", "effects.dipoles=on", "coil.voltage=none", "scene.title='none'"]
     assert assignments(given) == {

@@ -45,9 +45,9 @@ def test_the_plan_tells_the_field_of_chains_and_of_surfaces_that_mirror_nothing(
     meshio.write(tmp_path / "vane.stl", meshio.Mesh(wall.vertices, [("triangle", wall.triangles)]))
     surface = {"surfaces": {"vane": {"file": str(tmp_path / "vane.stl"), "body": "rotor"}}}
     reasons = check(load_case(CASES / "quickstart.toml", COARSE | surface), threads=1).decisions
-    even, chains = map(float, re.findall(r"up to ([\d.]+) T", reasons["field"]))
+    even, chains, *means = map(float, re.findall(r"([\d.]+) T", reasons["field"]))
     ratio = (1.0 + 0.35 / (CHAIN_FACTOR + 1.0 / 200.0)) / (1.0 + 0.35 / (0.65 / 3.0 + 1.0 / 200.0))
     assert even < chains < ratio * even
-    means = [float(number) for number in re.search(r"poles: ([\d.]+) T so, ([\d.]+) T in", reasons["field"]).groups()]
-    assert means[0] < means[1] and means[0] < even and means[1] < chains and "no bounds" in reasons["field"]
+    assert means[0] < means[1] and means[0] < even and means[1] < chains
+    assert "no bounds" in reasons["powder in that field"]
     assert "not magnetic" in reasons["surface vane"] and "wall_images" in reasons["surface vane"]

@@ -1,5 +1,6 @@
 """Seconds, memory and disk that are predicted follow what they are made of; a run that needs too much is refused."""
 
+import io
 import logging
 from dataclasses import replace
 from types import SimpleNamespace
@@ -11,9 +12,9 @@ from typer.testing import CliRunner
 
 from emclutch.cli.main import app
 from emclutch.effects.dipoles import SKIN
+from emclutch.results import Progress, time_left
 from emclutch.results.errors import RunError
 from emclutch.scene.case import case_from
-from emclutch.simulation import pace as run_pace
 from emclutch.simulation.forecast import cost as cost_module
 from emclutch.simulation.forecast import machine_speed, space
 from emclutch.simulation.forecast.cost import CURRENT_STEP, Cost, predict, solve_seconds
@@ -239,16 +240,17 @@ def estimated(seconds):
 def clock(monkeypatch):
     """Wall-clock and processor time that a test sets, and what compiling takes of the first."""
     made = SimpleNamespace(wall=0.0, share=1.0, compiling=0.0)
-    monkeypatch.setattr(run_pace.time, "perf_counter", lambda: made.wall)
-    monkeypatch.setattr(run_pace.time, "process_time", lambda: made.share * made.wall)
-    monkeypatch.setattr(run_pace, "compile_seconds", lambda: made.compiling)
+    for clock in ("perf_counter", "monotonic"):
+        monkeypatch.setattr(time_left.time, clock, lambda: made.wall)
+    monkeypatch.setattr(time_left.time, "process_time", lambda: made.share * made.wall)
+    monkeypatch.setattr(time_left, "compile_seconds", lambda: made.compiling)
     return made
 
 
-def announced(clock, seconds, windows, *, begin=0.0, compiling=0.0, cost=None):
+def announced(clock, seconds, windows, *, begin=0.0, compiling=0.0, cost=None, share=lambda time: 1e-3 * time):
     """What is announced in windows of 1 s of simulated time that take so many seconds."""
     said = []
-    pace = RunPace(cost or estimated(1000.0), begin, lambda text, level: said.append((level, text)))
+    pace = RunPace(cost or estimated(1000.0), share, begin, lambda text, level: said.append((level, text)))
     clock.compiling += compiling
     clock.wall += compiling
     for k in range(windows):
@@ -285,6 +287,30 @@ def test_a_run_on_a_busy_machine_says_that(clock):
 def test_a_run_that_goes_on_late_is_measured_from_there(clock):
     ((_, text),) = announced(clock, 1.0, 60, begin=600.0)
     assert "about 6 min left" in text
+
+
+def test_the_line_and_the_progress_bar_agree_on_what_is_left_of_all_packings(clock):
+    """Four packings of 1000 s, two at a time, taken up at 600 s of the first two: 2800 s of 4000 at 2 s a second."""
+
+    def share(time):
+        return 2.0 * time / 4000.0
+
+    stream = io.StringIO()
+    bar = Progress(stream=stream)
+    for k in range(61):
+        clock.wall += k > 0
+        bar.update(share(600.0 + k))
+    ((level, text),) = announced(clock, 1.0, 60, begin=600.0, share=share, cost=replace(estimated(1000.0), rounds=2))
+    assert level == logging.INFO and text.startswith("about 23 min left")
+    assert stream.getvalue().splitlines()[-1].endswith("22 min left")
+
+
+def test_time_left_starts_again_where_the_work_grows(clock):
+    left = time_left.TimeLeft(0.0)
+    for fraction, wall in ((0.5, 10.0), (0.3, 20.0), (0.4, 30.0)):  # more packings are needed than were asked first
+        clock.wall = wall
+        left.read(fraction)
+    assert left.estimate() == (pytest.approx(60.0), pytest.approx(1.0))
 
 
 def test_what_is_soon_over_is_not_worth_a_line(clock):

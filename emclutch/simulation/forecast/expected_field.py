@@ -62,16 +62,19 @@ def powder_in_words(scene, phi: float | None) -> str:
     even = f"powder spread evenly to {phi:.3g} with Maxwell Garnett's permeability, as of grains without order"
     if not moments_are_fed_back(scene):
         return f"{even} (so has the run, with the fill of its grains)"
-    return f"{even} (the run feeds back their own moments, which chains make larger)"
+    return (
+        f"{even} (the run feeds back their own moments, which chains make larger); estimates for an even fill, no "
+        "bounds: runs gather powder under the poles and had up to 15 % more"
+    )
 
 
 def chains_in_words(coil: CoilDevice, even: MagneticField, chains: MagneticField, B_max: float, faces: bool) -> str:
-    """The gap's field with grains in chains, what to compare a run's mean with, and that neither of both bounds it."""
-    text = f"in straight chains up to {B_max:.3g} T"
+    """Return the largest |B| [T] in the gap with grains in chains, and both means under the poles."""
+    text = f" ({B_max:.3g} T with grains in straight chains)"
     if coil.has_poles:
         means = [coil.gap_flux_density(field, faces=faces) for field in (even, chains)]
-        text += f". Mean under the poles: {means[0]:.3g} T so, {means[1]:.3g} T in chains"
-    return f"{text}; estimates for an even fill, no bounds: runs gather powder there and had up to 15 % more"
+        text += f", mean under the poles {means[0]:.3g} T ({means[1]:.3g} T)"
+    return text
 
 
 def _corners(device: Device) -> np.ndarray:
