@@ -1,4 +1,4 @@
-"""A closed rectangular box for tests of grains and of loose packings. It has no mesh."""
+"""A rectangular box: closed, for tests of grains and of loose packings, or periodic. It has no mesh."""
 
 from __future__ import annotations
 
@@ -92,3 +92,22 @@ class Box:
             planes.append(Plane(f"{letter}_low", "housing", self.lower, inward))
             planes.append(Plane(f"{letter}_high", "housing", self.upper, -inward))
         return planes
+
+
+@dataclass(frozen=True, slots=True)
+class PeriodicBox(Box):
+    """0 <= x < X, 0 <= y < Y, 0 <= z < Z for size = (X, Y, Z) [m], repeated in all directions: it has no walls."""
+
+    @property
+    def lower(self) -> np.ndarray:
+        """Lowest corner [m], shape (3,)."""
+        return np.zeros(3)
+
+    @property
+    def upper(self) -> np.ndarray:
+        """Highest corner [m], shape (3,)."""
+        return np.asarray(self.size)
+
+    def walls(self) -> list[Plane]:
+        """None: beyond each face is the box again."""
+        return []

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from emclutch.scene.materials import Material
     from emclutch.scene.model import Scene
     from emclutch.simulation.forecast.expected_torque import ExpectedTorque
-    from geometry.periodic_box import PeriodicBox
+    from geometry.box import PeriodicBox
     from particles import Barostat, ShearedBox
 
 _ShearRate = Annotated[float, Quantity("a shear rate", "1/s", "500 1/s", 0.0, 1e7, open_minimum=True)]
@@ -231,14 +231,14 @@ class ShearedBoxGeometry(GeometrySection):
 
     def shape(self, own: Mapping[str, Material] = NO_MATERIALS) -> PeriodicBox:
         """Return the shape for volumes where its size is given; see `shape_in`."""
-        from geometry.periodic_box import PeriodicBox
+        from geometry.box import PeriodicBox
 
         assert self.size is not None  # else the grains have it
         return PeriodicBox(self.size)
 
     def shape_in(self, scene: Any) -> PeriodicBox:
         """See `GeometrySection.shape_in`: the box of its size, or the cube that holds the scene's grains."""
-        from geometry.periodic_box import PeriodicBox
+        from geometry.box import PeriodicBox
 
         particles = scene.particles
         if self.size is not None or particles is None or particles.count is None:

@@ -70,8 +70,6 @@ class EffectSection(Section):
         Whether it adds to the forces that are held over several steps.
     saturates : bool
         Whether the grains' law saturates.
-    acts_on_field : bool
-        Whether it needs the field of a coil, and effects that feel that field.
     of_the_field_alone : bool
         Whether a scene without [particles] may have it.
     acts_on_grains : bool
@@ -99,7 +97,6 @@ class EffectSection(Section):
     needs_moments: ClassVar[bool] = False
     holds_forces: ClassVar[bool] = False
     saturates: ClassVar[bool] = False
-    acts_on_field: ClassVar[bool] = False
     of_the_field_alone: ClassVar[bool] = False
     acts_on_grains: ClassVar[bool] = True
     not_in_3d: ClassVar[str] = ""

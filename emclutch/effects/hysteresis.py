@@ -71,7 +71,6 @@ class HysteresisSection(EffectSection):
     summary = "steel remembers earlier currents"
     role = "memory"
     columns = (HYSTERESIS_LOSS,)
-    acts_on_field = True
     of_the_field_alone = True
     not_in_3d = "the history of the steel is kept in a section only"
     CHECKS: ClassVar = (

@@ -99,6 +99,7 @@ class ContactStep(Knob):
     )
     order = 2.0
     finer_is_larger = True
+    settings = (10.0, 14.0, 20.0, 40.0)
 
     @classmethod
     def applies(cls, scene):
@@ -107,10 +108,6 @@ class ContactStep(Knob):
     @classmethod
     def own(cls, scene, plan):
         return scene.span.steps_per_contact
-
-    @classmethod
-    def usual(cls, scene, plan):
-        return (10.0, 14.0, 20.0, 40.0)
 
 
 class RigidStep(Knob):
@@ -131,6 +128,7 @@ class RigidStep(Knob):
     )
     order = 1.0
     unit = "s"
+    factors = (4.0, 2.0, 0.5)
 
     @classmethod
     def applies(cls, scene):
@@ -139,10 +137,6 @@ class RigidStep(Knob):
     @classmethod
     def own(cls, scene, plan):
         return plan.dt
-
-    @classmethod
-    def usual(cls, scene, plan):
-        return tuple(plan.dt * factor for factor in (4.0, 2.0, 0.5))
 
     @classmethod
     def keys(cls, scene):
@@ -163,6 +157,7 @@ class RigidTolerance(Knob):
     theory = "the error of impulses is in proportion to the residual; sweeps grow as it falls"
     order = 1.0
     unit = "m/s"
+    factors = (10.0, 0.1)
 
     @classmethod
     def applies(cls, scene):
@@ -171,10 +166,6 @@ class RigidTolerance(Knob):
     @classmethod
     def own(cls, scene, plan):
         return plan.contact.tolerance
-
-    @classmethod
-    def usual(cls, scene, plan):
-        return tuple(plan.contact.tolerance * factor for factor in (10.0, 0.1))
 
 
 class RigidSweeps(Knob):
@@ -200,7 +191,3 @@ class RigidSweeps(Knob):
     def usual(cls, scene, plan):
         own = scene.contact.dvi.max_sweeps
         return (max(1, own // 4), 4 * own)
-
-    @classmethod
-    def values(cls, scene, plan, setting):
-        return {cls.key: round(setting)}

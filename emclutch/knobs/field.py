@@ -18,6 +18,7 @@ class FieldMesh(Knob):
     )
     order = None
     measured_on = FROZEN
+    settings = (2.0, 1.4, 1.0, 0.7, 0.5)
 
     @classmethod
     def applies(cls, scene):
@@ -26,10 +27,6 @@ class FieldMesh(Knob):
     @classmethod
     def own(cls, scene, plan):
         return scene.coil_field.size_factor
-
-    @classmethod
-    def usual(cls, scene, plan):
-        return (2.0, 1.4, 1.0, 0.7, 0.5)
 
 
 class FieldTolerance(Knob):
@@ -41,6 +38,7 @@ class FieldTolerance(Knob):
     theory = "the error of the field is in proportion to the estimate that ends the refinement"
     order = 1.0
     measured_on = FROZEN
+    settings = (1e-2, 3e-3, 1e-3, 3e-4)
 
     @classmethod
     def applies(cls, scene):
@@ -49,10 +47,6 @@ class FieldTolerance(Knob):
     @classmethod
     def own(cls, scene, plan):
         return scene.coil_field.tolerance
-
-    @classmethod
-    def usual(cls, scene, plan):
-        return (1e-2, 3e-3, 1e-3, 3e-4)
 
 
 class ElementOrder(Knob):
@@ -66,6 +60,7 @@ class ElementOrder(Knob):
     measured_on = FROZEN
     finer_is_larger = True
     is_whole = True
+    settings = (2, 3)
 
     @classmethod
     def applies(cls, scene):
@@ -74,11 +69,3 @@ class ElementOrder(Knob):
     @classmethod
     def own(cls, scene, plan):
         return scene.coil_field.order
-
-    @classmethod
-    def usual(cls, scene, plan):
-        return (2, 3)
-
-    @classmethod
-    def values(cls, scene, plan, setting):
-        return {cls.key: int(setting)}

@@ -37,6 +37,9 @@ class Knob(ABC):
     is_whole: ClassVar[bool] = False
     is_large: ClassVar[bool] = False
     """Error that is large in most scenes that have the knob: measured before knobs that cost less."""
+    settings: ClassVar[Sequence[float]] = ()
+    """That are tried where the scene lists none; or `factors` of its own setting."""
+    factors: ClassVar[Sequence[float]] = ()
     entry: ClassVar[Any]
     """Mark of a setting's type, with its range: `emclutch.scene.units.number`, or the metadata of `Time`."""
 
@@ -51,9 +54,9 @@ class Knob(ABC):
         """Return the scene's own setting, also where the program has chosen it."""
 
     @classmethod
-    @abstractmethod
     def usual(cls, scene: Scene, plan: Plan) -> Sequence[float]:
         """Return the settings that are tried where the scene lists none; its own need not be among them."""
+        return cls.settings or [factor * cls.own(scene, plan) for factor in cls.factors]
 
     @classmethod
     def keys(cls, scene: Scene) -> tuple[str, ...]:
@@ -63,7 +66,7 @@ class Knob(ABC):
     @classmethod
     def values(cls, scene: Scene, plan: Plan, setting: float) -> dict[str, Any]:
         """Return the entries of a scene, by dotted key, that give it a setting."""
-        return {cls.key: setting}
+        return {cls.key: round(setting) if cls.is_whole else setting}
 
     @classmethod
     def ladder(cls, scene: Scene, plan: Plan) -> tuple[float, ...]:

@@ -45,6 +45,7 @@ class MomentTolerance(Knob):
     theory = "the error of moments and forces is in proportion to the residual; sweeps grow with its logarithm"
     order = 1.0
     measured_on = FROZEN
+    settings = (1e-2, 3e-3, 1e-3, 3e-4, 1e-4)
 
     @classmethod
     def applies(cls, scene):
@@ -53,10 +54,6 @@ class MomentTolerance(Knob):
     @classmethod
     def own(cls, scene, plan):
         return scene.effects.attraction.tolerance
-
-    @classmethod
-    def usual(cls, scene, plan):
-        return (1e-2, 3e-3, 1e-3, 3e-4, 1e-4)
 
 
 class FeedbackTolerance(Knob):
@@ -68,6 +65,7 @@ class FeedbackTolerance(Knob):
     theory = "the error of the field in the powder is in proportion to it; a larger one needs fewer solutions"
     order = 1.0
     measured_on = FROZEN
+    settings = (0.08, 0.04, 0.02, 0.01, 0.005)
 
     @classmethod
     def applies(cls, scene):
@@ -76,10 +74,6 @@ class FeedbackTolerance(Knob):
     @classmethod
     def own(cls, scene, plan):
         return scene.effects.feedback.tolerance
-
-    @classmethod
-    def usual(cls, scene, plan):
-        return (0.08, 0.04, 0.02, 0.01, 0.005)
 
 
 class UpdateInterval(Knob):
@@ -160,6 +154,7 @@ class CouplingWindow(Knob):
     )
     order = 1.0
     unit = "s"
+    factors = (4.0,)
 
     @classmethod
     def applies(cls, scene):
@@ -168,10 +163,6 @@ class CouplingWindow(Knob):
     @classmethod
     def own(cls, scene, plan):
         return plan.division.steps * plan.dt * _speed_factor(plan)
-
-    @classmethod
-    def usual(cls, scene, plan):
-        return (4.0 * cls.own(scene, plan),)
 
     @classmethod
     def values(cls, scene, plan, setting):

@@ -150,6 +150,7 @@ class StartUp(Knob):
     measured_on = HISTORIES
     finer_is_larger = True
     unit = "strain"
+    factors = (0.5, 1.5)
 
     @classmethod
     def applies(cls, scene):
@@ -162,10 +163,6 @@ class StartUp(Knob):
     def own(cls, scene, plan):
         given = scene.time.average_from
         return start_up_strain(scene) if given is None else given.value
-
-    @classmethod
-    def usual(cls, scene, plan):
-        return (0.5 * cls.own(scene, plan), 1.5 * cls.own(scene, plan))
 
     @classmethod
     def values(cls, scene, plan, setting):

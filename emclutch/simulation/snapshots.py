@@ -141,15 +141,7 @@ class Snapshots:
             return
         series = self._series["field"]
         if isinstance(solution, MagneticField):
-            section = field_arrays(solution)
-            series.write_field(
-                time,
-                section.points,
-                section.triangles,
-                cell_arrays=section.cell_arrays,
-                point_arrays=section.point_arrays,
-                region_names=section.region_names,
-            )
+            series.write_field(time, field_arrays(solution))
             self._series["flux_lines"].write_flux_lines(time, *flux_lines(solution))
         elif isinstance(solution, Field3D):
             carrier = simulation.field_carrier

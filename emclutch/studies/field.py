@@ -171,16 +171,9 @@ def field_study(
             failure = error
             break
         rows.append(_row(case, coil, solution, current, phi, perf_counter() - began))
-        section, moment = field_arrays(solution), current if growing else float(number)
+        moment = current if growing else float(number)
         lines_of_flux.write_flux_lines(moment, *flux_lines(solution))
-        series.write_field(
-            moment,
-            section.points,
-            section.triangles,
-            cell_arrays=section.cell_arrays,
-            point_arrays=section.point_arrays,
-            region_names=section.region_names,
-        )
+        series.write_field(moment, field_arrays(solution))
         began = perf_counter()
     table = pandas.DataFrame(rows)
     table.to_csv(folder / "field.csv", index=False)

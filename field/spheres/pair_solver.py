@@ -49,16 +49,11 @@ class PairSolution:
         On one sphere, attraction > 0 [mu_0 Ms^2 a^2].
     moment : ndarray (n,)
         Mean magnetisation of a sphere [Ms].
-    newton_steps : int
-        Of all fields together.
-    unknowns : int
     """
 
     field: np.ndarray
     force: np.ndarray
     moment: np.ndarray
-    newton_steps: int
-    unknowns: int
 
 
 class SpherePair:
@@ -120,7 +115,6 @@ def solve_pair(
     field: Sequence[float] | np.ndarray,
     *,
     resolution: float = 1.0,
-    order: int = 3,
     done: Callable[[], None] | None = None,
 ) -> PairSolution:
     """Force and moment of a pair of a saturating material at growing fields.
@@ -132,7 +126,7 @@ def solve_pair(
         In radii.
     field : sequence of float
         Uniform fields [Ms], above 0 and strictly growing.
-    resolution, order : float, int
+    resolution : float
         See `SpherePair`.
     done : callable or None
         Called after each field.
@@ -148,20 +142,18 @@ def solve_pair(
     if h.ndim != 1 or not np.all(np.isfinite(h) & (h > 0.0)) or np.any(np.diff(h) <= 0.0):
         raise ValueError("`field` must hold numbers above 0 that grow, in units of Ms")
     Ms = saturation(law)
-    pair = SpherePair(law, gap, resolution=resolution, order=order)
+    pair = SpherePair(law, gap, resolution=resolution)
     force, moment = np.empty(h.size), np.empty(h.size)
     last: list[tuple[float, np.ndarray]] = [(0.0, np.zeros(pair.problem.n_dofs))]
-    steps = 0
     for i, one in enumerate(h):
         guess = None
         if len(last) > 1:
             (h1, psi1), (h2, psi2) = last[-2:]
             guess = psi2 + (psi2 - psi1) * ((one - h2) / (h2 - h1))
         solution = pair.solve(one * Ms, guess)
-        steps += len(solution.newton) - 1
         last = [last[-1], (float(one), solution.psi)]
         force[i] = pair.force(solution) / (MU_0 * Ms**2)
         moment[i] = pair.magnetisation(solution) / Ms
         if done is not None:
             done()
-    return PairSolution(h, force, moment, steps, pair.problem.n_dofs)
+    return PairSolution(h, force, moment)

@@ -21,6 +21,7 @@ from emclutch.results.view.look import FIELD_COLOURS, LOOKS
 from emclutch.results.view.paraview_script import NAME, write_script
 from emclutch.results.view.run_files import COLOURS, read_run_files
 from emclutch.results.vtk.data_set import array_names, read_data_set, read_texts
+from emclutch.results.vtk.field_arrays import SectionArrays
 from emclutch.results.vtk.series import PvdSeries
 from emclutch.scene.errors import SceneError
 
@@ -49,14 +50,9 @@ def run(tmp_path_factory):
         series["walls"].write_walls(time, rims, angles={"rotor": 100.0 * time}, sector_angle=0.1)
         series["contacts"].write_contacts(time, x[:-1], x[1:], rng.random((19, 3)))
         series["flux_lines"].write_flux_lines(time, np.array([[[0.0, 0.005], [0.02, 0.005]]]), np.array([1e-6]))
-        series["field"].write_field(
-            time,
-            section,
-            triangles,
-            point_arrays={"flux_density": rng.random((6, 2)), "vector_potential": rng.random(6)},
-            cell_arrays={"region": np.array([1, 1, 0, 0]), "flux_density": rng.random((4, 2))},
-            region_names=["air", "disc"],
-        )
+        at_points = {"flux_density": rng.random((6, 2)), "vector_potential": rng.random(6)}
+        cells = {"region": np.array([1, 1, 0, 0]), "flux_density": rng.random((4, 2))}
+        series["field"].write_field(time, SectionArrays(section, triangles, cells, at_points, ["air", "disc"]))
     write_script(read_run_files(folder))
     return folder
 

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from emclutch.results.vtk.field_arrays import SectionArrays
 from emclutch.results.vtk.series import PvdSeries, read_pvd
 from geometry import box_surface
 
@@ -73,16 +74,10 @@ def test_any_number_of_grains(tmp_path, count):
 
 
 def test_field_lies_in_the_half_plane_of_the_device(tmp_path):
-    section = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 2.0]])
-    path = PvdSeries(tmp_path, "field").write_field(
-        0.5,
-        section,
-        np.array([[0, 1, 2]]),
-        point_arrays={"flux_density": np.array([[1.0, 2.0]] * 3), "vector_potential": np.arange(3.0)},
-        cell_arrays={"region": np.array([1])},
-        region_names=["air", "disc"],
-    )
-    data = opened(path)
+    corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 2.0]])
+    at_corners = {"flux_density": np.array([[1.0, 2.0]] * 3), "vector_potential": np.arange(3.0)}
+    section = SectionArrays(corners, np.array([[0, 1, 2]]), {"region": np.array([1])}, at_corners, ["air", "disc"])
+    data = opened(PvdSeries(tmp_path, "field").write_field(0.5, section))
     assert points(data).tolist() == [[0, 0, 0], [1, 0, 0], [0, 0, 2]]
     assert array(data.GetPointData(), "flux_density")[0].tolist() == [1.0, 0.0, 2.0]
     assert array(data.GetCellData(), "region").tolist() == [1]

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 from xml.sax.saxutils import quoteattr
 
@@ -21,6 +21,9 @@ from emclutch.results.atomic_file import replace_text
 from emclutch.results.errors import OutputError
 from emclutch.results.vtk.data_set import poly_data, simplices, write_data_set
 from emclutch.results.vtk.wall_surface import wall_surfaces
+
+if TYPE_CHECKING:
+    from emclutch.results.vtk.field_arrays import SectionArrays
 
 
 class PvdSeries:
@@ -58,32 +61,17 @@ class PvdSeries:
             arrays = {**arrays, "diameter": 2.0 * np.asarray(arrays["radius"])}
         return self._write(time, poly_data(position, vertices=True), point_arrays=arrays)
 
-    def write_field(
-        self,
-        time: float,
-        points: np.ndarray,
-        triangles: np.ndarray,
-        *,
-        point_arrays: Mapping[str, np.ndarray] | None = None,
-        cell_arrays: Mapping[str, np.ndarray] | None = None,
-        region_names: Sequence[str] = (),
-    ) -> Path:
+    def write_field(self, time: float, section: SectionArrays) -> Path:
         """Write the field's cross-section, in the half-plane y = 0 of the device: x = r, z = z.
 
-        Parameters
-        ----------
-        points : (n, 2) r, z [m].
-        triangles : (k, 3).
-        point_arrays, cell_arrays : (n,) or (n, 2); columns of the latter are the r and z components,
-            written as 3D vectors (r, 0, z).
-        region_names : names that the numbers of the cell array `region` stand for, as field data.
+        Arrays (n, 2) of the components along r and z are written as 3D vectors (r, 0, z).
         """
         return self._write(
             time,
-            simplices(_meridional(points), triangles),
-            point_arrays={name: _meridional(values) for name, values in (point_arrays or {}).items()},
-            cell_arrays={name: _meridional(values) for name, values in (cell_arrays or {}).items()},
-            texts={"region_names": region_names} if region_names else None,
+            simplices(_meridional(section.points), section.triangles),
+            point_arrays={name: _meridional(values) for name, values in section.point_arrays.items()},
+            cell_arrays={name: _meridional(values) for name, values in section.cell_arrays.items()},
+            texts={"region_names": section.region_names},
         )
 
     def write_flux_lines(self, time: float, segments: np.ndarray, flux: np.ndarray) -> Path:
