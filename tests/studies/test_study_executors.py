@@ -13,44 +13,16 @@ from pathlib import Path
 
 import pandas
 import pytest
+from stand_in_runs import FRICTION, SPEED, study_file
 
-from emclutch.results import HistoryWriter, OutputError, RunFolder, lease, load_result
-from emclutch.results.checkpoint import write_checkpoint
+from emclutch.results import OutputError, RunFolder, lease
 from emclutch.results.errors import Interrupted, RunError
 from emclutch.scene.study import read_study
 from emclutch.studies import tasks as study_tasks
 from emclutch.studies.sweep import sweep
 
-GOOD = Path(__file__).parents[1] / "scene" / "broken" / "good.toml"
 ROOT = Path(__file__).parents[2]
-FRICTION, SPEED = "contact.friction", "motion.rotor.speed"
 WAIT = 20.0  # s; a test that needs it has failed
-
-
-class Runs:
-    """Stands in for `run`: `acts` maps a point's friction to what it does before it writes its files."""
-
-    def __init__(self):
-        self.acts, self.asked = {}, []
-
-    def __call__(self, case, *, out, threads, progress, resume, start, force, accuracy_target):
-        friction = case.scene.contact.friction
-        self.asked.append((friction, None if start is None else Path(start).name, threads))
-        folder = RunFolder.create(out, case.toml(), resume=resume)
-        self.acts.get(friction, lambda progress: None)(progress)
-        with HistoryWriter(folder.history) as history:
-            history.append({"time": case.scene.time.end, "torque_disc": friction})
-        write_checkpoint(folder.checkpoint, {})
-        torque = {"mean": friction, "standard_error": 0.1, "converged": True, "reason": ""}
-        folder.write_summary({"torque": torque, "typical_overlap": 0.0, "seconds": {"whole_run": 1.0}})
-        return load_result(folder.path)
-
-
-@pytest.fixture
-def runs(monkeypatch):
-    stand_in = Runs()
-    monkeypatch.setattr(study_tasks, "run", stand_in)
-    return stand_in
 
 
 @pytest.fixture
@@ -59,12 +31,8 @@ def threads():
         yield executor
 
 
-def study_of(folder, values, **more):
-    lines = [f'"{key}" = {entry!r}' for key, entry in values.items()]
-    own = [f"{key} = {entry!r}" for key, entry in more.items()]
-    path = folder / "study.toml"
-    path.write_text("\n".join(["[study]", f'case = "{GOOD}"', *own, "[study.values]", *lines]))
-    return read_study(path)
+def study_of(folder, values, **own):
+    return read_study(study_file(folder, values, **own))
 
 
 def frictions(folder):
@@ -77,7 +45,7 @@ def test_tables_are_in_the_studys_order_whichever_point_is_done_first(tmp_path, 
     last = threading.Event()
     runs.acts = {0.1: lambda _: last.wait(WAIT), 0.3: lambda _: last.set()}
     out = sweep(study, out=tmp_path / "out", executor=threads, threads=3)
-    assert last.is_set() and runs.asked[-1][2] == 3
+    assert last.is_set() and runs.asked[-1].threads == 3
     assert (out / "study.csv").read_bytes() == (alone / "study.csv").read_bytes()
 
 
@@ -105,7 +73,7 @@ def test_where_a_point_fails_the_others_go_on(tmp_path, runs, threads, error, be
     runs.acts = {}
     out = sweep(study, out=tmp_path / "out", resume=True, **how)
     assert frictions(out) == [0.1, 0.2, 0.3, 0.4] and not (out / "failures.csv").exists()
-    assert sorted(asked[0] for asked in runs.asked[before:]) == [0.2, 0.4]  # what was done stays
+    assert sorted(asked.friction for asked in runs.asked[before:]) == [0.2, 0.4]  # what was done stays
 
 
 def test_points_that_wait_for_one_that_failed_have_failed_too(tmp_path, runs):
@@ -226,7 +194,7 @@ def test_grains_are_handed_on_along_one_value_and_chains_run_side_by_side(tmp_pa
     runs.acts = dict.fromkeys([0.1, 0.2], lambda _: both.wait())
     values = {SPEED: ["1 rpm", "2 rpm", "3 rpm"], FRICTION: [0.1, 0.2]}
     sweep(study_of(tmp_path, values, warm_start=SPEED), out=tmp_path / "out", executor=threads)
-    chains = {friction: [asked[1] for asked in runs.asked if asked[0] == friction] for friction in (0.1, 0.2)}
+    chains = {friction: [asked.start for asked in runs.asked if asked.friction == friction] for friction in (0.1, 0.2)}
     assert chains == {0.1: [None, "point-000", "point-002"], 0.2: [None, "point-001", "point-003"]}
 
 
@@ -250,7 +218,7 @@ def test_a_point_that_another_process_has_is_waited_for_and_kept(tmp_path, runs,
     runs.acts = {0.1: lambda _: go_on.set()}
     sweep(study, out=out, executor=threads, resume=True)  # its folder has the lease
     holder.join()
-    assert [asked[0] for asked in runs.asked] == [0.1] and frictions(out) == [0.1, 0.2]
+    assert [asked.friction for asked in runs.asked] == [0.1] and frictions(out) == [0.1, 0.2]
 
 
 def test_a_point_whose_lease_was_lost_is_taken_in_turn_again(tmp_path, runs, threads, monkeypatch):
@@ -270,4 +238,4 @@ def test_a_point_whose_lease_was_lost_is_taken_in_turn_again(tmp_path, runs, thr
 
     runs.acts = {0.1: loses}
     sweep(study, out=out, executor=threads)
-    assert [asked[0] for asked in runs.asked] == [0.1, 0.1] and frictions(out) == [0.1]
+    assert [asked.friction for asked in runs.asked] == [0.1, 0.1] and frictions(out) == [0.1]

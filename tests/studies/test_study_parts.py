@@ -8,59 +8,26 @@ import threading
 from pathlib import Path
 
 import pytest
+from stand_in_runs import FRICTION, SPEED, study_file
 from typer.testing import CliRunner
 
 from emclutch.cli.main import app
-from emclutch.results import HistoryWriter, OutputError, RunFolder, lease, load_result
-from emclutch.results.checkpoint import write_checkpoint
+from emclutch.results import OutputError, lease
 from emclutch.results.errors import Interrupted, RunError
 from emclutch.results.folder_lock import FolderInUse
 from emclutch.results.lease import lease_holder, leased, leased_in_turn
 from emclutch.scene.errors import SceneError
 from emclutch.scene.study import read_study
-from emclutch.studies import tasks as study_tasks
 from emclutch.studies.gather import gather
 from emclutch.studies.sweep import sweep
 from emclutch.studies.tasks import STOP
 
-GOOD = Path(__file__).parents[1] / "scene" / "broken" / "good.toml"
 ROOT = Path(__file__).parents[2]
-FRICTION, SPEED = "contact.friction", "motion.rotor.speed"
 SIX = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6]
 
 
-class Runs:
-    """Stands in for `run`: `acts` maps a point's friction to what it does before it writes its files."""
-
-    def __init__(self):
-        self.acts, self.asked = {}, []
-
-    def __call__(self, case, *, out, resume, start, **_):
-        friction = case.scene.contact.friction
-        self.asked.append((Path(out).name, None if start is None else Path(start).name))
-        folder = RunFolder.create(out, case.toml(), resume=resume)
-        self.acts.get(friction, lambda: None)()
-        with HistoryWriter(folder.history) as history:
-            history.append({"time": case.scene.time.end, "torque_disc": friction})
-        write_checkpoint(folder.checkpoint, {})
-        torque = {"mean": friction, "standard_error": 0.1, "converged": True, "reason": ""}
-        folder.write_summary({"torque": torque, "typical_overlap": 0.0, "seconds": {"whole_run": 1.0}})
-        return load_result(folder.path)
-
-
-@pytest.fixture
-def runs(monkeypatch):
-    stand_in = Runs()
-    monkeypatch.setattr(study_tasks, "run", stand_in)
-    return stand_in
-
-
-def study_of(folder, values=None, **more):
-    lines = [f'"{key}" = {entry!r}' for key, entry in (values or {FRICTION: SIX}).items()]
-    own = [f"{key} = {entry!r}" for key, entry in more.items()]
-    path = folder / "study.toml"
-    path.write_text("\n".join(["[study]", f'case = "{GOOD}"', *own, "[study.values]", *lines]))
-    return path
+def study_of(folder, values=None, **own):
+    return study_file(folder, values or {FRICTION: SIX}, **own)
 
 
 def tables(folder):
@@ -69,7 +36,7 @@ def tables(folder):
     return {path.name: path.read_bytes() for path in found}
 
 
-def fails():
+def fails(_):
     raise RunError("the grains are gone")
 
 
@@ -81,7 +48,7 @@ def test_parts_in_any_order_make_the_tables_of_one_process(tmp_path, runs):
     out = tmp_path / "out"
     for which in (4, 2, 1, 3):
         assert sweep(study, out=out, part=(which, 4), resume=True) == out
-    assert [name for name, _ in runs.asked] == [f"point-00{n}" for n in (3, 1, 5, 0, 4, 2)]  # points 4; 2, 6; 1, 5; 3
+    assert runs.points == [f"point-00{n}" for n in (3, 1, 5, 0, 4, 2)]  # points 4; 2, 6; 1, 5; 3
     assert not tables(out)
     for _ in range(2):
         found = gather(study, out)
@@ -95,7 +62,7 @@ def test_parts_in_any_order_make_the_tables_of_one_process(tmp_path, runs):
 def test_a_study_goes_from_one_process_to_parts_and_back(tmp_path, runs):
     study, out = study_of(tmp_path), tmp_path / "out"
 
-    def stops():
+    def stops(_):
         raise KeyboardInterrupt
 
     runs.acts = {0.3: stops}
@@ -105,9 +72,9 @@ def test_a_study_goes_from_one_process_to_parts_and_back(tmp_path, runs):
         sweep(study, out=out, part=(1, 2))
     runs.acts = {}
     sweep(study, out=out, part=(1, 2), resume=True)
-    assert [name for name, _ in runs.asked[3:]] == ["point-002", "point-004"]
+    assert runs.points[3:] == ["point-002", "point-004"]
     sweep(study, out=out, resume=True)
-    assert [name for name, _ in runs.asked[5:]] == ["point-003", "point-005"]
+    assert runs.points[5:] == ["point-003", "point-005"]
     assert tables(out)["study.csv"] == tables(sweep(study, out=tmp_path / "alone"))["study.csv"]
 
 
@@ -138,7 +105,8 @@ def test_points_that_hand_on_their_grains_stay_in_one_part(tmp_path, runs):
     values = {SPEED: ["1 rpm", "2 rpm", "3 rpm"], FRICTION: [0.1, 0.2]}
     study, out = study_of(tmp_path, values, warm_start=SPEED), tmp_path / "out"
     sweep(study, out=out, part=(2, 2))
-    assert runs.asked == [("point-001", None), ("point-003", "point-001"), ("point-005", "point-003")]
+    assert [(asked.point, asked.start) for asked in runs.asked] == [
+        ("point-001", None), ("point-003", "point-001"), ("point-005", "point-003")]  # fmt: skip
     with pytest.raises(SceneError, match=r"--part = 1/3 .*2 chains of points along motion\.rotor\.speed; allowed: 1/2"):
         sweep(study, out=out, part=(1, 3))
 
@@ -148,7 +116,7 @@ def test_two_equal_parts_at_once_divide_their_points(tmp_path, runs):
     study, out = study_of(tmp_path), tmp_path / "out"
     inside, go_on = threading.Event(), threading.Event()
 
-    def waits():
+    def waits(_):
         inside.set()
         assert go_on.wait(20.0)
 
@@ -161,7 +129,7 @@ def test_two_equal_parts_at_once_divide_their_points(tmp_path, runs):
         sweep(study, out=out, part=(1, 3), resume=True)
     go_on.set()
     first.join()
-    assert found == "point-000" and [name for name, _ in runs.asked] == ["point-000", "point-003"]
+    assert found == "point-000" and runs.points == ["point-000", "point-003"]
     assert gather(study, out).done == 2 and not gather(study, out).failed  # what was in use has not failed
 
 
@@ -173,7 +141,7 @@ def test_new_points_of_a_changed_study_get_numbers_that_no_other_part_can_take(t
     assert parts == {1: [0], 2: [1], 3: [2], 4: [3]}
     for which in (3, 1, 2, 4):
         sweep(study, out=out, part=(which, 4), resume=True)
-    assert [name for name, _ in runs.asked[2:]] == ["point-002", "point-004"]
+    assert runs.points[2:] == ["point-002", "point-004"]
     assert gather(study, out).done == 4
 
 
@@ -353,7 +321,7 @@ def test_the_page_of_a_study_is_there_while_it_runs_and_is_gathered_from_parts(t
     """Seen from inside the second and the last of its points; a part leaves the page to who gathers."""
     study, seen = study_of(tmp_path), []
     page = tmp_path / "alone" / "index.html"
-    runs.acts = {0.2: lambda: seen.append(page.read_text()), 0.5: fails}
+    runs.acts = {0.2: lambda _: seen.append(page.read_text()), 0.5: fails}
     with pytest.raises(RunError, match="the grains are gone"):
         sweep(study, out=page.parent)
     assert "1 done" in seen[0] and 'http-equiv="refresh"' in seen[0]

@@ -1,70 +1,35 @@
 """Points of a study are known by their values: nothing finished is computed twice, mixed with another, or lost."""
 
 import logging
-from pathlib import Path
 
 import pandas
 import pytest
+from stand_in_runs import FRICTION, study_file
 
 from emclutch.cli.plot import plot_runs
-from emclutch.results import HistoryWriter, OutputError, RunFolder, load_result
-from emclutch.results.checkpoint import write_checkpoint
+from emclutch.results import OutputError, RunFolder
 from emclutch.results.errors import Interrupted, RunError
 from emclutch.results.folder_lock import locked_folder
 from emclutch.results.report.content import study_page
 from emclutch.results.report.render import html
 from emclutch.results.study_folder import read_study as read_folder
-from emclutch.scene.input_files import hashed_input_files
 from emclutch.scene.study import read_study
 from emclutch.studies import sweep as run_study
 from emclutch.studies import tables as study_tables
 from emclutch.studies import tasks as study_tasks
 from emclutch.studies.sweep import sweep
 
-GOOD = Path(__file__).parents[1] / "scene" / "broken" / "good.toml"
-TORQUE = {"mean": 1.0, "standard_error": 0.1, "converged": True, "reason": "", "start": 0.0}
-
-
-class Runs:
-    """Stands in for `run`: writes the files of a finished run, and keeps what it was asked for."""
-
-    def __init__(self):
-        self.asked = []
-        self.dies = False
-
-    def __call__(self, case, *, out, threads, progress, resume, start, force, accuracy_target=None):
-        folder = RunFolder.create(out, case.toml(), resume=resume)
-        self.asked.append((Path(out).name, resume, case.scene.time.end))
-        if self.dies:
-            raise KeyboardInterrupt
-        folder.write_provenance(input_files=hashed_input_files(case.scene))
-        with HistoryWriter(folder.history) as history:
-            history.append({"time": case.scene.time.end, "torque_disc": 1.0})
-        write_checkpoint(folder.checkpoint, {})
-        folder.write_summary({"torque": TORQUE, "typical_overlap": 0.0, "seconds": {"whole_run": 1.0}})
-        return load_result(folder.path)
-
-
-@pytest.fixture
-def runs(monkeypatch):
-    stand_in = Runs()
-    monkeypatch.setattr(study_tasks, "run", stand_in)
-    return stand_in
-
 
 def study_of(folder, values, **settings):
-    path = folder / "study.toml"
-    lines = [f'"{key}" = {entry!r}' for key, entry in values.items()]
-    given = [f'"{key}" = {entry!r}' for key, entry in settings.items()]
-    path.write_text("\n".join([f'[study]\ncase = "{GOOD}"', "[study.values]", *lines, "[study.set]", *given]))
-    return read_study(path)
+    return read_study(study_file(folder, values, settings))
+
+
+def stops(_):
+    raise KeyboardInterrupt
 
 
 def table(folder):
     return pandas.read_csv(folder / "study.csv")
-
-
-FRICTION = "contact.friction"
 
 
 def test_a_study_whose_first_point_fails_says_so(tmp_path, monkeypatch, runs):
@@ -94,7 +59,7 @@ def test_a_study_whose_first_point_fails_says_so(tmp_path, monkeypatch, runs):
 
 def test_values_may_be_inserted_removed_and_put_in_another_order(tmp_path, runs):
     out = sweep(study_of(tmp_path, {FRICTION: [0.1, 0.3]}), out=tmp_path / "out")
-    assert [asked[0] for asked in runs.asked] == ["point-000", "point-001"]
+    assert runs.points == ["point-000", "point-001"]
     runs.asked.clear()
     sweep(study_of(tmp_path, {FRICTION: [0.3, 0.2, 0.1]}), out=out, resume=True)
     assert [asked[:2] for asked in runs.asked] == [("point-004", False)]
@@ -111,7 +76,7 @@ def test_a_later_end_continues_every_point_and_is_in_the_table(tmp_path, runs):
     out = sweep(study_of(tmp_path, values, **{"time.end": "4 ms"}), out=tmp_path / "out")
     runs.asked.clear()
     sweep(study_of(tmp_path, values, **{"time.end": "5 ms"}), out=out, resume=True)
-    assert runs.asked == [("point-000", True, 5e-3), ("point-001", True, 5e-3)]
+    assert [asked[:3] for asked in runs.asked] == [("point-000", True, 5e-3), ("point-001", True, 5e-3)]
     assert (out / "point-000" / "summary-1.json").is_file()  # that of the former end
     assert table(out)["end_time"].tolist() == [5e-3, 5e-3]
     (out / "point-000" / "summary.json").unlink()
@@ -127,16 +92,16 @@ def test_a_torque_that_was_known_before_its_end_stays_as_it_is(tmp_path, runs):
         folder.write_summary(folder.read_summary() | {"until": {"reached": reached}})
     runs.asked.clear()
     sweep(study_of(tmp_path, values, **{"time.end": "5 ms"}), out=out, resume=True)
-    assert runs.asked == [("point-001", True, 5e-3)]
+    assert [asked[:3] for asked in runs.asked] == [("point-001", True, 5e-3)]
 
 
-def test_a_point_resumed_alone_makes_the_table_old_and_sweep_renews_it(tmp_path, runs, monkeypatch):
+def test_a_point_resumed_alone_makes_the_table_old_and_sweep_renews_it(tmp_path, runs):
     study = study_of(tmp_path, {FRICTION: [0.1, 0.3]}, **{"time.end": "4 ms"})
     out = sweep(study, out=tmp_path / "out")
     assert read_folder(out).outdated() == []
     (_, case), _ = study.cases()
     alone = {"out": out / "point-000", "threads": 1, "progress": None, "resume": True, "start": None, "force": False}
-    monkeypatch.setitem(TORQUE, "mean", 1.5)
+    runs.torque = 1.5
     runs(case.with_values({"time.end": "5 ms"}), **alone)
     assert read_folder(out).outdated() == ["point-000"]
     reported = []
@@ -145,7 +110,7 @@ def test_a_point_resumed_alone_makes_the_table_old_and_sweep_renews_it(tmp_path,
     runs.asked.clear()
     sweep(study, out=out, resume=True)
     assert not runs.asked and read_folder(out).outdated() == []
-    assert table(out)[["end_time", "torque"]].to_numpy().tolist() == [[5e-3, 1.5], [4e-3, 1.0]]
+    assert table(out)[["end_time", "torque"]].to_numpy().tolist() == [[5e-3, 1.5], [4e-3, 0.3]]
     sweep(study, out=out, resume=True)
     assert not runs.asked
 
@@ -162,28 +127,28 @@ def test_a_point_killed_on_its_way_to_a_later_end_is_not_done(tmp_path, runs):
     values = {FRICTION: [0.1]}
     out = sweep(study_of(tmp_path, values, **{"time.end": "4 ms"}), out=tmp_path / "out")
     later = study_of(tmp_path, values, **{"time.end": "5 ms"})
-    runs.dies = True
+    runs.acts = {0.1: stops}
     with pytest.raises(Interrupted, match="--resume"):
         sweep(later, out=out, resume=True)
-    runs.dies, runs.asked = False, []
+    runs.acts, runs.asked = {}, []
     sweep(later, out=out, resume=True)
-    assert runs.asked == [("point-000", True, 5e-3)]
+    assert [asked[:3] for asked in runs.asked] == [("point-000", True, 5e-3)]
 
 
 def test_ends_that_are_the_studys_values_tell_points_apart(tmp_path, runs):
     out = sweep(study_of(tmp_path, {"time.end": ["2 ms", "6 ms"]}), out=tmp_path / "out")
     runs.asked.clear()
     sweep(study_of(tmp_path, {"time.end": ["2 ms", "4 ms", "6 ms"]}), out=out, resume=True)
-    assert runs.asked == [("point-004", False, 4e-3)]
+    assert [asked[:3] for asked in runs.asked] == [("point-004", False, 4e-3)]
 
 
 def test_a_point_killed_before_its_first_checkpoint_is_started_anew(tmp_path, runs):
     study = study_of(tmp_path, {FRICTION: [0.1, 0.3]})
-    runs.dies = True
+    runs.acts = {0.1: stops}
     with pytest.raises(Interrupted, match="--resume"):
         sweep(study, out=tmp_path / "out")
     (tmp_path / "out" / "point-000" / "history.csv").write_text("half")
-    runs.dies, runs.asked = False, []
+    runs.acts, runs.asked = {}, []
     out = sweep(study, out=tmp_path / "out", resume=True)
     assert [asked[:2] for asked in runs.asked] == [("point-000", False), ("point-001", False)]
     assert (out / "point-000-set-aside-1" / "history.csv").read_text() == "half"
