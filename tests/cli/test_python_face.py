@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pandas
 import pytest
+import sheared_annulus
 
 import emclutch
 from emclutch.results.checkpoint import read_checkpoint
@@ -20,17 +21,7 @@ ROOT = Path(__file__).resolve().parents[2]
 QUICKSTART = ROOT / "cases" / "quickstart.toml"
 COARSE = {"field.size_factor": 3.0, "field.gap_layers": 3}
 
-CELL = {
-    "scene": {"title": "sheared annulus", "seed": 3},
-    "geometry": {"kind": "shear_cell", "inner_radius": 10e-3, "outer_radius": 11.2e-3, "height": 2e-3},
-    "field": {"source": "uniform", "field_strength": "150 kA/m", "direction": "radial"},
-    "particles": {"diameter": "0.3 mm", "solid_fraction": 0.35, "sector": "20 deg"},
-    "motion": {"rotor": {"speed": "300 rpm"}, "disc": {"speed": 0.0}},
-    "effects": {"magnetic_force": {}, "dipoles": {"model": "mutual", "cutoff": 2.5}, "saturation": {}},
-    "time": {"end": "0.2 ms", "window": "20 us"},
-    "output": {"snapshots": 0, "pictures": False, "formats": []},
-    "accuracy": {"replicas": 1},
-}
+CELL = sheared_annulus.CELL | {"time": {"end": "0.2 ms", "window": "20 us"}, "accuracy": {"replicas": 1}}
 
 
 def run(folder, callback=None, **options):

@@ -16,6 +16,11 @@ CELL = {
     "time": {"end": "1 ms"},
     "output": {"snapshots": 0, "pictures": False, "formats": []},
 }
+DRY = {name: CELL[name] for name in ("scene", "geometry", "motion", "time")} | {
+    "particles": CELL["particles"] | {"solid_fraction": 0.1},
+    "effects": {},
+}
+"""Fewer grains without a field."""
 
 
 def run(folder, name, values=None, **options):

@@ -8,14 +8,26 @@ import math
 import numba
 import numpy as np
 import pytest
-from attraction_drives import alike, from_moments
+from attraction_drives import (
+    ACROSS,
+    ALONG,
+    DENSITY,
+    RADIUS,
+    SMALLEST,
+    VALUES,
+    X,
+    alike,
+    at_gaps,
+    from_moments,
+    pull,
+    table,
+)
 from dem_laws import FLOOR
 
 from geometry.annular_cell import ShearCell
 from geometry.box import Box
 from geometry.time_profile import TimeProfile
 from geometry.triangle_wall import TriangleWall
-from geometry.walls import Plane, cylinder
 from particles import (
     DEM,
     Attraction,
@@ -31,25 +43,7 @@ from particles import (
 
 pytestmark = pytest.mark.physics
 
-RADIUS, DENSITY = 0.5e-3, 7850.0
 LAW = LinearContact.from_restitution(2e4, 0.6, 0.4)
-X = np.linspace(np.log(2e-3), np.log(0.3), 40)  # ln gap
-COLUMNS = np.linspace(0.5, 1.5, 5)
-VALUES = (0.3 - np.exp(X))[:, None] ** 2 / (np.exp(X)[:, None] + 0.02 * COLUMNS)
-ACROSS = 0.2 * (0.3 - np.exp(X))
-SMALLEST = 3e-3
-
-
-def table(drives, **more):
-    return Attraction(X[0], X[1] - X[0], VALUES, ACROSS, SMALLEST, drives, **more)
-
-
-def pull(gap, column, amplitude, across=0.0):
-    """The formula of `particles.attraction`, by other means."""
-    x, k = np.log(np.maximum(gap, SMALLEST)), np.arange(len(COLUMNS))
-    at = np.array([np.interp(column, k, [np.interp(one, X, VALUES[:, j]) for j in k]) for one in np.atleast_1d(x)])
-    found = amplitude * at + across * np.interp(x, X, ACROSS)
-    return np.where(gap < np.exp(X[-1]), found, 0.0)
 
 
 def magnetised(dem, strength, seed=0, **more):
@@ -87,29 +81,16 @@ def differing(a, b):
 def test_forces_of_pairs_and_walls_are_the_tables():
     """From below the smallest gap to beyond the last one; unequal grains, apart, from rest."""
     gap = np.array([1e-4, 2.5e-3, 4e-3, 0.011, 0.07, 0.21, 0.299, 0.31])
-    n, first, second = len(gap), RADIUS, 0.7 * RADIUS
-    a = 2.0 * first * second / (first + second)
-    place = 10.0 * RADIUS * np.arange(n)
-    x = np.stack([place, np.zeros(n), np.full(n, 20.0 * RADIUS)], axis=1)
-    across = np.array([0.6, 0.0, 0.8])
-    there = x + (first + second + a * gap)[:, None] * across
-    on_plane = np.stack([place, np.full(n, 20.0 * RADIUS), first * (1.0 + 0.5 * gap)], axis=1)
-    bore = 200.0 * RADIUS
-    far = bore - second * (1.0 + 0.5 * gap)
-    in_bore = np.stack([far * np.cos(0.3), -far * np.sin(0.3), 60.0 * RADIUS + place], axis=1)
-    walls = [
-        Plane("plane", "housing", np.zeros(3), np.array([0.0, 0.0, 1.0])),
-        cylinder("bore", "housing", bore, 20.0 * RADIUS, 1.0),
-    ]
-    radius = np.repeat([first, second, first, second], n)
-    grains = Grains.create(np.concatenate([x, there, on_plane, in_bore]), radius, DENSITY)
+    n = len(gap)
+    x, radius, walls = at_gaps(gap, RADIUS, 0.7 * RADIUS)
+    grains = Grains.create(x, radius, DENSITY)
     dem = DEM(grains, walls, [Body("housing")], LAW, dt=1e-9, skin=RADIUS)
     dem.attraction = table(alike(0.03, 1.7, 0.05, walls=0.02))
     dem.run(1)
     order = np.argsort(dem.grains.particle_id)
     force = (dem.grains.mass[:, None] * dem.grains.velocity / dem.dt)[order].reshape(4, n, 3)
     expected = pull(gap, 1.7, 0.03, 0.05)
-    np.testing.assert_allclose(force[0], expected[:, None] * across, rtol=1e-10, atol=1e-12)
+    np.testing.assert_allclose(force[0], expected[:, None] * ALONG, rtol=1e-10, atol=1e-12)
     np.testing.assert_allclose(force[1], -force[0], rtol=1e-13)
     expected = pull(gap, 1.7, 0.02)
     np.testing.assert_allclose(force[2], expected[:, None] * [0.0, 0.0, -1.0], rtol=1e-10, atol=1e-12)
@@ -127,7 +108,7 @@ def test_pairs_that_touch_attract_as_at_the_smallest_gap():
     dem.run(1)
     felt = dem.grains.mass[0] * dem.grains.velocity[0, 0] / dem.dt
     assert dem.contact_force[0, 0] == pytest.approx(-LAW.stiffness_n * overlap, rel=1e-9)
-    assert felt - dem.contact_force[0, 0] == pytest.approx(pull(0.0, 1.7, 0.03)[0], rel=1e-9)
+    assert felt - dem.contact_force[0, 0] == pytest.approx(pull(0.0, 1.7, 0.03), rel=1e-9)
 
 
 def test_drives_are_renewed_on_demand_and_the_list_keeps_its_order():
@@ -325,7 +306,7 @@ def test_the_stiffest_slot_is_known_to_the_step_and_to_the_warnings():
     a, gap = 2.0 * RADIUS * 0.9 / 1.9, np.geomspace(SMALLEST, 0.29, 4000)
     steepest = np.max(-np.diff(pull(gap, 1.7, 0.02)) / np.diff(gap)) / a
     assert dem.attraction.stiffest == pytest.approx(steepest, rel=0.01)
-    assert dem.attraction.strongest == pytest.approx(pull(SMALLEST, 1.7, 0.02)[0], rel=0.05)
+    assert dem.attraction.strongest == pytest.approx(pull(SMALLEST, 1.7, 0.02), rel=0.05)
     assert contact_share(dem.attraction, LAW, RADIUS) == pytest.approx(steepest / LAW.stiffness_n, rel=0.01)
     assert depth_warning(dem.attraction, LAW, RADIUS) is None
     soft = LinearContact.from_restitution(50.0, 0.6, 0.4)

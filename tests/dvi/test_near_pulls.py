@@ -4,36 +4,17 @@ import itertools
 
 import numpy as np
 import pytest
-from attraction_drives import alike, from_moments
+from attraction_drives import ALONG, DENSITY, OUT, RADIUS, SMALLEST, X, alike, at_gaps, from_moments, pull, table
 from scipy.integrate import quad
 
 from geometry.box import Box
-from geometry.walls import Plane, cylinder
-from particles import DVI, Attraction, Body, CyclicSector, DviContact, Grains, ShearedBox, pack
+from geometry.walls import cylinder
+from particles import DVI, Body, CyclicSector, DviContact, Grains, ShearedBox, pack
 from particles.dvi import sweep_chunks
 
 pytestmark = pytest.mark.physics
 
-RADIUS, DENSITY = 0.5e-3, 7850.0
 STIFF = np.array([[2e4, 6e3], [2e4, 6e3]])
-X = np.linspace(np.log(2e-3), np.log(0.3), 40)  # ln gap
-COLUMNS = np.linspace(0.5, 1.5, 5)
-VALUES = (0.3 - np.exp(X))[:, None] ** 2 / (np.exp(X)[:, None] + 0.02 * COLUMNS)
-ACROSS = 0.2 * (0.3 - np.exp(X))
-SMALLEST = 3e-3
-
-
-def table(drives, **more):
-    return Attraction(X[0], X[1] - X[0], VALUES, ACROSS, SMALLEST, drives, **more)
-
-
-def pull(gap, column, amplitude, across=0.0):
-    """The formula of `particles.attraction`, by other means."""
-    x, k = np.log(max(gap, SMALLEST)), np.arange(len(COLUMNS))
-    if gap >= np.exp(X[-1]):
-        return 0.0
-    at = np.interp(column, k, [np.interp(x, X, VALUES[:, j]) for j in k])
-    return amplitude * at + across * np.interp(x, X, ACROSS)
 
 
 def give(dvi, strength, number=None):
@@ -76,24 +57,12 @@ def test_force_of_a_step_is_the_mean_pull_over_its_way(way):
     """
     dt, n, first, second = 1e-7, len(GAPS), RADIUS, 0.7 * RADIUS
     a = 2.0 * first * second / (first + second)
-    place = 10.0 * RADIUS * np.arange(n)
-    x = np.stack([place, np.zeros(n), np.full(n, 20.0 * RADIUS)], axis=1)
-    across = np.array([0.6, 0.0, 0.8])
-    there = x + (first + second + a * GAPS)[:, None] * across
-    on_plane = np.stack([place, np.full(n, 20.0 * RADIUS), first * (1.0 + 0.5 * GAPS)], axis=1)
-    bore = 200.0 * RADIUS
-    far = bore - second * (1.0 + 0.5 * GAPS)
-    in_bore = np.stack([far * np.cos(0.3), -far * np.sin(0.3), 60.0 * RADIUS + place], axis=1)
-    walls = [
-        Plane("plane", "housing", np.zeros(3), np.array([0.0, 0.0, 1.0])),
-        cylinder("bore", "housing", bore, 20.0 * RADIUS, 1.0),
-    ]
-    radius = np.repeat([first, second, first, second], n)
+    x, radius, walls = at_gaps(GAPS, first, second)
     velocity = np.zeros((4 * n, 3))
-    velocity[n : 2 * n] = way * a / dt * across
+    velocity[n : 2 * n] = way * a / dt * ALONG
     velocity[2 * n : 3 * n, 2] = 0.5 * way * first / dt
-    velocity[3 * n :] = -0.5 * way * second / dt * np.array([np.cos(0.3), -np.sin(0.3), 0.0])
-    grains = Grains.create(np.concatenate([x, there, on_plane, in_bore]), radius, DENSITY, velocity=velocity)
+    velocity[3 * n :] = -0.5 * way * second / dt * OUT
+    grains = Grains.create(x, radius, DENSITY, velocity=velocity)
     dvi = DVI(grains, walls, [Body("housing")], DviContact(0.3, 0.0), dt=dt, stiffness=STIFF, tolerance=1e-9)
     held = np.random.default_rng(2).normal(size=(4 * n, 3)) * 1e-3
     dvi.attraction = table(alike(0.02, 1.7, 0.05, walls=0.01), near_gap=0.3)
@@ -106,9 +75,9 @@ def test_force_of_a_step_is_the_mean_pull_over_its_way(way):
     for k, gap in enumerate(GAPS):
         end = max(gap + way, -SMALLEST)
         for i, towards, drive in (
-            (k, across, (1.7, 0.02, 0.05)),
+            (k, ALONG, (1.7, 0.02, 0.05)),
             (2 * n + k, np.array([0.0, 0.0, -1.0]), (1.7, 0.01)),
-            (3 * n + k, np.array([np.cos(0.3), -np.sin(0.3), 0.0]), (1.7, 0.01)),
+            (3 * n + k, OUT, (1.7, 0.01)),
         ):
             mean = pull(gap, *drive)
             if way and mean:

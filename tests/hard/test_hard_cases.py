@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import sheared_annulus
 
 import emclutch
 from emclutch.scene.case import case_from
@@ -13,18 +14,9 @@ from geometry.annular_cell import ShearCell
 pytestmark = [pytest.mark.hard, pytest.mark.physics]
 
 CASES = Path(__file__).resolve().parents[2] / "cases"
-CELL = {
+CELL = sheared_annulus.CELL | {
     "scene": {"title": "hard cell", "seed": 5},
-    "geometry": {"kind": "shear_cell", "inner_radius": 10e-3, "outer_radius": 11.2e-3, "height": 2e-3},
-    "field": {"source": "uniform", "field_strength": "150 kA/m", "direction": "radial"},
-    "particles": {"diameter": "0.3 mm", "solid_fraction": 0.35, "sector": "20 deg"},
-    "motion": {"rotor": {"speed": "300 rpm"}, "disc": {"speed": 0.0}},
-    "effects": {
-        "magnetic_force": {},
-        "dipoles": {"model": "mutual", "cutoff": 2.5},
-        "saturation": {},
-        "wall_images": {},
-    },
+    "effects": sheared_annulus.CELL["effects"] | {"wall_images": {}},
     "time": {"end": "0.4 ms"},
     "output": {"snapshots": 0, "pictures": False, "formats": [], "checkpoint": False},
 }

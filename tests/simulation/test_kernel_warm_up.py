@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from numba import typeof
+from sheared_annulus import DRY
 
 from coupling.staggered import refresh_field
 from emclutch.scene.case import case_from
@@ -10,15 +11,6 @@ from emclutch.simulation import kernel_warm_up
 from emclutch.simulation.assembly import assemble
 from emclutch.simulation.plan import make_plan
 from particles.dem import box_kernel, total_columns
-
-CELL = {
-    "scene": {"title": "sheared annulus", "seed": 3},
-    "geometry": {"kind": "shear_cell", "inner_radius": 10e-3, "outer_radius": 11.2e-3, "height": 2e-3},
-    "particles": {"diameter": "0.3 mm", "solid_fraction": 0.1, "sector": "20 deg"},
-    "motion": {"rotor": {"speed": "300 rpm"}, "disc": {"speed": 0.0}},
-    "effects": {},
-    "time": {"end": "1 ms"},
-}
 
 
 def types(dem):
@@ -51,7 +43,7 @@ def types(dem):
     ],
 )
 def test_the_second_process_compiles_what_the_run_needs(values):
-    case = case_from(CELL, values)
+    case = case_from(DRY, values)
     simulation = assemble(*make_plan(case))
     assert types(kernel_warm_up.grains_of_kind(*kernel_warm_up.kind_of(case.scene))) == types(simulation.motion)
 
@@ -60,7 +52,7 @@ def test_the_second_process_knows_that_grains_attract():
     """The pull of near grains is in the step from the first evaluation of the moments on."""
     field = {"source": "uniform", "field_strength": "50 kA/m", "direction": "radial"}
     effects = {"dipoles": {"model": "near_field", "cutoff": 2.5}, "saturation": {}}
-    case = case_from({**CELL, "field": field, "effects": effects}, {})
+    case = case_from({**DRY, "field": field, "effects": effects}, {})
     simulation = assemble(*make_plan(case))
     refresh_field(simulation)
     simulation.magnetised.update(simulation)
@@ -72,7 +64,7 @@ def test_the_second_process_knows_that_grains_attract():
 def test_there_is_no_second_process_where_one_thread_is_asked_for(monkeypatch):
     """So in this test run, whose workers have one core each."""
     monkeypatch.setenv("OMP_NUM_THREADS", "1")
-    assert kernel_warm_up.start(case_from(CELL).scene) is None
+    assert kernel_warm_up.start(case_from(DRY).scene) is None
 
 
 def test_the_second_process_runs_no_file_of_the_folder_that_the_user_stands_in(tmp_path, monkeypatch):
@@ -81,7 +73,7 @@ def test_the_second_process_runs_no_file_of_the_folder_that_the_user_stands_in(t
     monkeypatch.setenv("OMP_NUM_THREADS", "2")
     monkeypatch.setattr(kernel_warm_up, "has_entries", lambda kernel: False)
     monkeypatch.setattr(kernel_warm_up, "kind_of", lambda scene: [])  # it has imported everything when it fails
-    child = kernel_warm_up.start(case_from(CELL).scene)
+    child = kernel_warm_up.start(case_from(DRY).scene)
     if child is not None:  # a machine with one core has none
         assert child.wait(timeout=120) == 1
     assert not (tmp_path / "ran").exists()

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
+from sheared_annulus import DRY
 from typer.testing import CliRunner
 
 from emclutch.cli.main import app
@@ -22,14 +23,6 @@ from emclutch.simulation.pace import RunPace
 from emclutch.simulation.plan import make_plan
 from emclutch.simulation.run import run
 
-CELL = {
-    "scene": {"title": "sheared annulus", "seed": 3},
-    "geometry": {"kind": "shear_cell", "inner_radius": 10e-3, "outer_radius": 11.2e-3, "height": 2e-3},
-    "particles": {"diameter": "0.3 mm", "solid_fraction": 0.1, "sector": "20 deg"},
-    "motion": {"rotor": {"speed": "300 rpm"}, "disc": {"speed": 0.0}},
-    "effects": {},
-    "time": {"end": "1 ms"},
-}
 MAGNETIC = {
     "field": {"source": "uniform", "field_strength": "50 kA/m", "direction": "radial"},
     "effects.dipoles": {"model": "near_field", "cutoff": 2.5},
@@ -45,7 +38,7 @@ def reference(monkeypatch):
 
 
 def cost(values=None, *, threads=1):
-    return make_plan(case_from(CELL, values or {}), threads=threads)[1].cost
+    return make_plan(case_from(DRY, values or {}), threads=threads)[1].cost
 
 
 def test_the_parts_make_the_total_and_the_loop_is_over_at_the_end():
@@ -89,12 +82,12 @@ BY_DVI = MAGNETIC | {"contact.method": "dvi"}
 
 def test_sweeps_by_dvi_grow_with_the_step():
     """In proportion to the step over the contact time, which goes with k^(-1/2); within 1 and the scene's limit."""
-    scene = case_from(CELL, BY_DVI).scene
+    scene = case_from(DRY, BY_DVI).scene
     at_all = cost_module.CHAINED_STEP_NS
     once = cost_module.step_ns(scene, 1e-6, 1e5) - at_all
     assert cost_module.step_ns(scene, 2e-6, 1e5) - at_all == pytest.approx(2.0 * once)
     assert cost_module.step_ns(scene, 1e-6, 4e5) - at_all == pytest.approx(2.0 * once)
-    few = case_from(CELL, BY_DVI | {"contact.dvi.max_sweeps": 30}).scene
+    few = case_from(DRY, BY_DVI | {"contact.dvi.max_sweeps": 30}).scene
     assert cost_module.expected_sweeps(few, 1.0, 1e5) == 30.0
     assert cost_module.expected_sweeps(scene, 1e-9, 1e5) == 1.0
     assert cost_module.expected_sweeps(scene, 1e-6, None) == cost_module.RIGID_SWEEPS
@@ -133,7 +126,7 @@ def test_threads_gain_less_than_their_number_and_only_on_cores_that_are_there():
 def test_neighbours_in_a_gap_are_those_of_random_points_in_it():
     """Counted among points that are spread evenly in a gap of some diameters, as many a volume as grains."""
     rng = np.random.default_rng(0)
-    case = case_from(CELL, MAGNETIC)
+    case = case_from(DRY, MAGNETIC)
     device, _ = make_plan(case)
     d, gap = case.scene.particles.largest_diameter, device.narrowest_gap
     reach, wide = (case.scene.effects.dipoles.cutoff + SKIN) * d, 20.0 * gap
@@ -147,7 +140,7 @@ def test_neighbours_in_a_gap_are_those_of_random_points_in_it():
 
 def test_magnetic_forces_and_solves_cost_while_there_is_a_current():
     """A current that rises through the second half: three quarters off and on, and a solve for each of its steps."""
-    case = case_from(CELL, MAGNETIC)
+    case = case_from(DRY, MAGNETIC)
     device, plan = make_plan(case)
     rhythm = plan.steps_per_update, plan.updates, 10_000
     always = predict(case.scene, device, plan.dt, rhythm, 1)
@@ -180,7 +173,7 @@ def test_a_run_that_needs_too_much_is_refused(monkeypatch, tmp_path):
     little_memory(monkeypatch, 100.0)
     needed = f"{cost().memory:.0f} MiB"
     with pytest.raises(RunError, match=rf"needs about {needed}.* 100 MiB are free.*fewer.*--force"):
-        run(case_from(CELL, {}), out=tmp_path / "run")
+        run(case_from(DRY, {}), out=tmp_path / "run")
 
 
 def test_force_is_not_refused(monkeypatch):
@@ -205,7 +198,7 @@ def test_the_command_line_hands_on_force(command, monkeypatch, tmp_path):
     monkeypatch.setattr(emclutch.studies.accuracy.target, "run_scene", stand_in)
     monkeypatch.setattr(emclutch.studies.tasks, "run", stand_in)
     case, study = tmp_path / "case.toml", tmp_path / "study.toml"
-    case.write_text(case_from(CELL, {}).toml())
+    case.write_text(case_from(DRY, {}).toml())
     study.write_text('[study]\ncase = "case.toml"\n[study.values]\n"scene.seed" = [1]\n')
     target = ["--out", str(tmp_path / "out")]
     for extra, wanted in (["--force"], True), ([], False):

@@ -8,6 +8,7 @@ import signal
 import threading
 from contextlib import suppress
 
+import made_up_ladder
 import numpy as np
 import pytest
 
@@ -23,21 +24,9 @@ from emclutch.scene.replica_count import automatic_count, replica_seed
 from emclutch.scene.torque_target import TorqueTarget
 from emclutch.simulation import replicas
 
-CELL = {
-    "scene": {"title": "sheared annulus", "seed": 3},
-    "geometry": {"kind": "shear_cell", "inner_radius": 10e-3, "outer_radius": 11.2e-3, "height": 1e-3},
-    "field": {"source": "uniform", "field_strength": "300 kA/m", "direction": "radial"},
-    "particles": {"diameter": "0.3 mm", "solid_fraction": 0.45, "sector": "20 deg"},
-    "motion": {"rotor": {"speed": "6000 rpm"}, "disc": {"speed": 0.0}},
-    "effects": {
-        "magnetic_force": {},
-        "dipoles": {"model": "mutual", "cutoff": 2.5, "update_every": 61},
-        "saturation": {},
-    },
-    "contact": {"stiffness": "50 kN/m"},
+CELL = made_up_ladder.CELL | {
     "time": {"end": "6 ms", "until": "torque 1 N m", "window": "20 us", "average_from": "0.4 ms"},
     "accuracy": {"replicas": 3},
-    "output": {"snapshots": 0, "pictures": False, "formats": []},
 }
 CLOCKS = ["wall_field", "wall_magnetic", "wall_contact", "wall_total", "processor_time"]
 

@@ -7,6 +7,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
+import sheared_annulus
 from typer.testing import CliRunner
 
 import emclutch
@@ -19,17 +20,7 @@ from emclutch.studies.accuracy import target as run_case
 from emclutch.studies.design_search import expectation_of
 
 QUICKSTART = Path(__file__).resolve().parents[2] / "cases" / "quickstart.toml"
-CELL = {
-    "scene": {"title": "sheared annulus", "seed": 3},
-    "geometry": {"kind": "shear_cell", "inner_radius": 10e-3, "outer_radius": 11.2e-3, "height": 2e-3},
-    "field": {"source": "uniform", "field_strength": "150 kA/m", "direction": "radial"},
-    "particles": {"diameter": "0.3 mm", "solid_fraction": 0.35, "sector": "20 deg"},
-    "motion": {"rotor": {"speed": "300 rpm"}, "disc": {"speed": 0.0}},
-    "effects": {"magnetic_force": {}, "dipoles": {"cutoff": 2.5, "model": "mutual"}, "saturation": {}},
-    "time": {"end": "0.2 ms", "window": "20 us"},
-    "output": {"snapshots": 0, "pictures": False, "formats": []},
-    "accuracy": {"replicas": 1},
-}
+CELL = sheared_annulus.CELL | {"time": {"end": "0.2 ms", "window": "20 us"}, "accuracy": {"replicas": 1}}
 FIELD = "field.field_strength"
 
 
