@@ -58,6 +58,21 @@ class HSpline:
         return w
 
 
+class SplineLaw:
+    """A law that is a spline, its `curve`."""
+
+    __slots__ = ()
+    curve: HSpline
+
+    def H_of_B(self, B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """See `Law.H_of_B`."""
+        return self.curve.H_of_B(B)
+
+    def energy_density(self, B: np.ndarray) -> np.ndarray:
+        """See `Law.energy_density`."""
+        return self.curve.energy_density(B)
+
+
 @device_function(error_model="numpy")
 def _interval(B, breaks, last):
     """Index of the interval that holds B, by bisection; `last` is tried first (neighbours in an element are alike)."""

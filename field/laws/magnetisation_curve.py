@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
 
-from field.laws.h_spline import HSpline
+from field.laws.h_spline import HSpline, SplineLaw
 from field.laws.reluctivity import MU_0
 
 # Slope at a table's ends, at least, over that of the next interval.
@@ -57,7 +57,7 @@ def last_before_tail(H: np.ndarray, B: np.ndarray) -> int | None:
 
 
 @dataclass(frozen=True, slots=True)
-class TableLaw:
+class TableLaw(SplineLaw):
     """A measured magnetisation curve.
 
     Parameters
@@ -163,17 +163,9 @@ class TableLaw:
                 "does that; check the units and that B, not M or mu_0 M, is given"
             )
 
-    def H_of_B(self, B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """See `Law.H_of_B`."""
-        return self.curve.H_of_B(B)
-
-    def energy_density(self, B: np.ndarray) -> np.ndarray:
-        """See `Law.energy_density`."""
-        return self.curve.energy_density(B)
-
 
 @dataclass(frozen=True, slots=True)
-class PermeabilityLaw:
+class PermeabilityLaw(SplineLaw):
     """A fitted permeability, mu_r(B) = 1 + (mu_i - 1 + c_a b)/(1 + c_b b + b^n), b = B/B_m.
 
     Source of the form: Modelica Standard Library, Magnetic.FluxTubes.Material.SoftMagnetic (Roschke).
@@ -233,11 +225,3 @@ class PermeabilityLaw:
         B = np.linspace(0.0, 20.0 * self.B_m, 200_001)
         H, _ = self._fit(B)
         return float(B[np.argmax(B / MU_0 - H)])
-
-    def H_of_B(self, B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """See `Law.H_of_B`."""
-        return self.curve.H_of_B(B)
-
-    def energy_density(self, B: np.ndarray) -> np.ndarray:
-        """See `Law.energy_density`."""
-        return self.curve.energy_density(B)

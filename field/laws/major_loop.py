@@ -23,7 +23,7 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator, PPoly
 from scipy.optimize import nnls
 
-from field.laws.h_spline import HSpline
+from field.laws.h_spline import HSpline, SplineLaw
 from field.laws.pinning import Pinning
 from field.laws.reluctivity import NU_0
 
@@ -55,7 +55,7 @@ class LoopNumbers:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class MajorLoopLaw:
+class MajorLoopLaw(SplineLaw):
     """Steel whose hysteresis is fitted to a measured major loop; as a law, its curve of first magnetisation.
 
     Parameters
@@ -117,14 +117,6 @@ class MajorLoopLaw:
             ("misfit", float(np.sqrt(np.mean((law - H)[near] ** 2)) / measured.coercivity)),
         ):
             object.__setattr__(self, name, value)
-
-    def H_of_B(self, B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """See `Law.H_of_B`."""
-        return self.curve.H_of_B(B)
-
-    def energy_density(self, B: np.ndarray) -> np.ndarray:
-        """See `Law.energy_density`."""
-        return self.curve.energy_density(B)
 
     def in_words(self) -> str:
         """Coercivity, remanence and loss of the fit against those of the table."""

@@ -29,7 +29,6 @@ def current_ramp_picture(
     path: str | Path,
     table: pandas.DataFrame,
     *,
-    rated: tuple[float, float] | None = None,
     measured: Mapping[str, np.ndarray] | None = None,
     title: str | None = None,
 ) -> Path:
@@ -39,24 +38,21 @@ def current_ramp_picture(
     ----------
     path : PNG to write.
     table : as of `emclutch.results.current_ramp.CurrentRamp.table`, or ``torque_vs_current.csv`` of a run.
-    rated : current [A] and torque [N m] that all is drawn over; None: in A and N m.
     measured : name -> (n, 2) current and torque in what is drawn, as `read_measured` returns them.
     """
     figure, (axis,) = new_figure(7.0, 4.8, title)
     unit, factor = torque_unit([table["torque"].to_numpy()])
-    if rated is not None:
-        factor = 1.0 / rated[1]
-    draw_ramp(axis, table, per_current=1.0 if rated is None else 1.0 / rated[0], per_torque=factor)
+    draw_ramp(axis, table, per_current=1.0, per_torque=factor)
     draw_measured(axis, measured, joined=True)
     axis.axhline(0.0, color="black", lw=0.6)
     axis.grid(alpha=0.25)
-    axis.set_xlabel("coil current [A]" if rated is None else "coil current over the largest current")
-    axis.set_ylabel(f"torque on the disc [{unit}]" if rated is None else "torque over torque at the largest current")
+    axis.set_xlabel("coil current [A]")
+    axis.set_ylabel(f"torque on the disc [{unit}]")
     legend_below(axis, 2)
     return save_picture(figure, path)
 
 
-def draw_ramp(axis: Axes, table: pandas.DataFrame, *, per_current: float, per_torque: float, name: str = "") -> None:
+def draw_ramp(axis: Axes, table: pandas.DataFrame, *, per_current: float, per_torque: float) -> None:
     """Draw the branches of a ramp with their bands, the first of each course with a label."""
     labelled: set[str] = set()
     for number, (_, branch) in enumerate(table.groupby("branch", sort=True)):
@@ -66,7 +62,7 @@ def draw_ramp(axis: Axes, table: pandas.DataFrame, *, per_current: float, per_to
             colour = COLOURS[number % len(COLOURS)] if course != "held" else colour
         x, torque = per_current * branch["current"].to_numpy(), per_torque * branch["torque"].to_numpy()
         low, high = (per_torque * branch[end].to_numpy(dtype=float) for end in ("low", "high"))
-        label = f"{name}{course}{', 95 % band' if np.isfinite(low).any() else ', error unknown'}"
+        label = f"{course}{', 95 % band' if np.isfinite(low).any() else ', error unknown'}"
         label = label if course not in labelled else "_nolegend_"
         labelled.add(course)
         if course == "held":
