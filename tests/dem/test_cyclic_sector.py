@@ -1,29 +1,23 @@
 """A cyclic sector behaves as the full ring made of its copies."""
 
-import math
 
 import numpy as np
 import pytest
+from ring_of_wedges import CELL, OMEGA, PARTS, SECTOR, ring_of, wedge_of
 
-from geometry.annular_cell import ShearCell
 from geometry.time_profile import TimeProfile
 from particles import (
     DEM,
     Body,
-    CyclicSector,
     Grains,
     LinearContact,
     PairLaws,
     RollingFriction,
     choose_time_step,
-    pack,
 )
 
 pytestmark = pytest.mark.physics
 
-PARTS = 6
-SECTOR = CyclicSector(2.0 * math.pi / PARTS)
-CELL = ShearCell(0.006, 0.0085, 0.003)
 RADIUS = 0.25e-3
 
 
@@ -32,26 +26,11 @@ def _law(wall_friction=0.5, rolling=None):
     return PairLaws.of_one(between, at_walls=at_walls, rolling=rolling)
 
 
-def _wedge(fraction=0.5, stir=0.2):
-    box, rng = CELL.fill_boxes()["annulus"], np.random.default_rng(4)
-    count = int(fraction * box.volume(SECTOR.angle) / (4 / 3 * np.pi * RADIUS**3))
-    # packed a little larger: grains that touch at zero overlap would start with or without a dashpot by
-    # round-off
-    x = pack([box], CELL.walls(), count, 1.005 * RADIUS, seed=1, sector=SECTOR)
-    r = np.hypot(x[:, 0], x[:, 1])
-    # a common rotation carries grains, and their contacts, through the faces
-    v = 60.0 * np.stack([-x[:, 1], x[:, 0], 0.0 * r], axis=1) + stir * rng.normal(size=x.shape)
-    return Grains.create(x, RADIUS, 7850.0, velocity=v, angular_velocity=100.0 * rng.normal(size=x.shape))
+def _wedge(fraction=0.5):
+    return wedge_of(RADIUS, 1.005, fraction)
 
 
-def _ring(wedge):
-    copies = [[np.asarray(a) @ SECTOR.rotation(k).T for k in range(PARTS)] for a in
-              (wedge.position, wedge.velocity, wedge.angular_velocity)]  # fmt: skip
-    x, v, w = (np.concatenate(part) for part in copies)
-    return Grains.create(x, RADIUS, 7850.0, velocity=v, angular_velocity=w)
-
-
-def _dem(grains, sector, law, speed=60.0):
+def _dem(grains, sector, law, speed=OMEGA):
     bodies = [Body("disc"), Body("rotor", TimeProfile.constant(speed)), Body("housing")]
     dt = choose_time_step(law, grains.mass, grains.radius).dt
     return DEM(grains, CELL.walls(), bodies, law, dt=dt, periodicity=sector)
@@ -61,7 +40,7 @@ def _dem(grains, sector, law, speed=60.0):
 def test_ring_of_copies_follows_the_sector(rolling):
     """Same trajectories to the growth of round-off, same torque, with contacts carried through the faces."""
     wedge = _wedge()
-    ring = _dem(_ring(wedge), None, _law(rolling=rolling))
+    ring = _dem(ring_of(wedge), None, _law(rolling=rolling))
     part = _dem(wedge, SECTOR, _law(rolling=rolling))
     first, n = part.grains.angular_momentum_z(), part.grains.count
     total_ring, total_part = ring.run(300), part.run(300)

@@ -5,8 +5,8 @@ Springs make forces of a packing unique, so that both may be compared to the sol
 
 import numpy as np
 import pytest
+from ring_of_wedges import CELL, OMEGA, PARTS, SECTOR, ring_of, wedge_of
 
-from geometry.annular_cell import ShearCell
 from geometry.time_profile import TimeProfile
 from particles import (
     DEM,
@@ -18,39 +18,21 @@ from particles import (
     DemErrorKind,
     DviContact,
     FreeShaft,
-    Grains,
     LinearContact,
     PairLaws,
     RollingFriction,
     TwistingFriction,
-    pack,
 )
 
 pytestmark = pytest.mark.physics
 
-PARTS = 6
-SECTOR = CyclicSector(2.0 * np.pi / PARTS)
-CELL = ShearCell(0.006, 0.0085, 0.003)
 R = 0.35e-3
 STIFF = np.array([[2000.0, 600.0], [2000.0, 600.0]])
 INERTIA = 1e-7
-OMEGA = 60.0
 
 
-def _wedge(fraction=0.5, stir=0.2):
-    """Grains of one sector on their way round, through its faces."""
-    box, rng = CELL.fill_boxes()["annulus"], np.random.default_rng(4)
-    count = int(fraction * box.volume(SECTOR.angle) / (4 / 3 * np.pi * R**3))
-    x = pack([box], CELL.walls(), count, 1.002 * R, seed=1, sector=SECTOR)
-    v = OMEGA * np.stack([-x[:, 1], x[:, 0], 0.0 * x[:, 0]], axis=1) + stir * rng.normal(size=x.shape)
-    return Grains.create(x, R, 7850.0, velocity=v, angular_velocity=100.0 * rng.normal(size=x.shape))
-
-
-def _ring(wedge):
-    copies = [[np.asarray(a) @ SECTOR.rotation(k).T for k in range(PARTS)] for a in
-              (wedge.position, wedge.velocity, wedge.angular_velocity)]  # fmt: skip
-    x, v, w = (np.concatenate(part) for part in copies)
-    return Grains.create(x, R, 7850.0, velocity=v, angular_velocity=w)
+def _wedge(fraction=0.5):
+    return wedge_of(R, 1.002, fraction)
 
 
 def _dvi(grains, sector, wall_friction=0.5, dt=1e-5, **more):
@@ -79,7 +61,7 @@ WAYS = {"rolls": {}, "resists": RESISTS, "adheres": RESISTS | {"cohesion": Cohes
 def test_ring_of_copies_follows_the_sector(way):
     """Same places, speed of a free shaft, torques, axial forces and energies; grains are carried through the faces."""
     wedge = _wedge()
-    ring, part = _dvi(_ring(wedge), None, **WAYS[way]), _dvi(wedge, SECTOR, **WAYS[way])
+    ring, part = _dvi(ring_of(wedge), None, **WAYS[way]), _dvi(wedge, SECTOR, **WAYS[way])
     n = part.grains.count
     whole, sums = ring.run(200), part.run(200)
     assert sums.missed_steps == whole.missed_steps == 0
