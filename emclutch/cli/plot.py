@@ -17,7 +17,7 @@ from emclutch.results.columns import SHEAR_STRESS
 from emclutch.results.measured_table import read_band, read_measured
 from emclutch.results.seed_average import averaged_over_seeds
 from emclutch.results.study_folder import is_study, read_study, refresh_in_words
-from emclutch.results.torque_curves import ACROSS, REAL_ACROSS, TorqueCurve, band_over_rated, torque_curves
+from emclutch.results.torque_curves import ACROSS, TorqueCurve, band_over_rated, row_of_run, torque_curves
 from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.units import Quantity
 from emclutch.simulation.pictures import draw_missing
@@ -110,6 +110,10 @@ def plot_runs(
         from emclutch.results.pictures.torque import torque_overlay_picture
 
         return torque_overlay_picture(out, runs, title=title)
+    if kind == TORQUE_CURRENT and rated is None and band is None and len(folders) == 1 and not is_study(folders[0]):
+        from emclutch.results.pictures.current_ramp import run_against_current_picture
+
+        return run_against_current_picture(out, results[0], measured=points, title=title)
     if kind == TORQUE_CURRENT:
         from emclutch.results.pictures.torque_curves import torque_against_current_picture
 
@@ -170,14 +174,7 @@ def curves_of(folders: Sequence[Path], kind: str) -> list[TorqueCurve]:
             curves += torque_curves([{"study": name, **row} for row in rows], x,
                                     ["study"] * (len(folders) > 1) + others)  # fmt: skip
         else:
-            result = load_result(folder)
-            torque = result.torque
-            low, high = torque.interval() or (None, None)
-            row = {"torque": torque.mean, "standard_error": torque.standard_error, "low": low, "high": high,
-                   "converged": torque.converged}  # fmt: skip
-            size = result.summary.get("grain_size", {})
-            row |= {"current": result.summary.get("current"), ACROSS: size.get("across")}
-            alone.append(row | {REAL_ACROSS: size.get("real_across")})
+            alone.append(row_of_run(load_result(folder)))
             _require(x, alone, name)
     return curves + torque_curves(alone, x, [])
 

@@ -89,7 +89,8 @@ def report(
                 return drawn.plot_runs([folder], drawn.TORQUE_CURRENT, measured=measured, out=path)
 
             picture = Picture(f"torque against current, with {measured.name} laid over", draw=draw)
-            picture.png()  # a wrong table is an error, of a page without pictures too
+            if not html:
+                picture.png()  # a wrong table is an error, of a page without pictures too
             page.sections["Pictures"].insert(0, picture)
         if html:
             typer.echo(str(write_page(page, out)))

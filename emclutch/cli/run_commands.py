@@ -40,6 +40,7 @@ def run(
     resume: opt.Resume = False,
     threads: opt.Threads = None,
     dry_run: opt.DryRun = False,
+    measured: opt.Catalogue = None,
     as_json: opt.AsJson = False,
     trust_scripts: opt.TrustScripts = False,
     force: opt.Force = False,
@@ -47,6 +48,7 @@ def run(
     """Simulate one scene."""
     with explained():
         check_threads(threads)
+        refuse_beside("--with", {"--dry-run": dry_run and measured is not None})
         if resume and (case.is_dir() or case.suffix == ".h5"):
             case, out = run_to_resume(case, out)
         read = load(case, sets, trust_scripts)
@@ -60,7 +62,9 @@ def run(
         from emclutch.studies.accuracy.target import run as run_scene
 
         with nullcontext() if as_json else Progress() as progress:
-            result = run_scene(read, out=out, threads=threads, resume=resume, progress=progress, force=force)
+            result = run_scene(
+                read, out=out, threads=threads, resume=resume, progress=progress, force=force, measured=measured
+            )
         if as_json:
             print_json(result.summary)
         else:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import io
 import re
 from pathlib import Path
 
@@ -12,6 +11,7 @@ import numpy as np
 from emclutch.results.atomic_file import replace_text
 from emclutch.results.errors import OutputError
 from emclutch.scene.errors import reason_of
+from emclutch.scene.units import factor_between
 
 MEASURED = "measured.csv"
 TORQUE_CURVE = "current [A]", "torque [N m]"
@@ -26,17 +26,20 @@ _UNITS = {
 """How the units of a quantity are written at the end of a name without brackets."""
 
 
-def read_measured(path: str | Path, along: str, values: str) -> dict[str, np.ndarray]:
+def read_measured(path: str | Path, along: str, values: str, *, needs_units: bool = False) -> dict[str, np.ndarray]:
     """Return the curves of a table, each column but the first over the first.
 
-    The first line holds the columns' names; lines before it that begin with # are comments. Columns are parted by
-    commas, semicolons or tabs; with the latter two a comma may be the decimal sign. An empty cell is a value that was
-    not measured. A column whose name begins with "error" holds the standard errors of the column before it.
+    The first line holds the columns' names; empty lines, and those that begin with #, are skipped. Columns are parted
+    by commas, semicolons or tabs; with the latter two a comma may be the decimal sign. An empty cell is a value that
+    was not measured. A column whose name begins with "error" holds the standard errors of the column before it.
 
     Parameters
     ----------
     path : of the table.
-    along, values : what the first column and the others hold, with the unit: "time [s]", "speed [rpm]".
+    along, values : what the first column and the others are returned in, with the unit: "time [s]", "speed [rpm]". A
+        column whose name has another unit of the same quantity, as "torque [N cm]" or "current_mA", is converted; one
+        without a unit is taken as it is.
+    needs_units : whether a name without a unit is refused.
 
     Returns
     -------
@@ -47,46 +50,48 @@ def read_measured(path: str | Path, along: str, values: str) -> dict[str, np.nda
     Raises
     ------
     OutputError
-        The file cannot be read; the table has no names, fewer than two columns, a name that ends in another unit, as
-        "torque [N cm]" or "torque_Ncm" do, a cell that is no number, or an error below 0; with the line.
+        The file cannot be read; the table has no names, fewer than two columns, a name that ends in the unit of another
+        quantity or in none that is known, as "torque_Ncm" does, a cell that is no number, or an error below 0; with
+        the line.
     """
     try:
         lines = Path(path).read_text(encoding="utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as error:
         raise OutputError(f"{path} cannot be read ({reason_of(error)}); name a measured table (.csv)") from None
-    head = next((number for number, line in enumerate(lines) if not line.startswith("#")), len(lines))
-    first = lines[head] if head < len(lines) else ""
+    numbered = [(number, line) for number, line in enumerate(lines, 1) if line.strip() and not line.startswith("#")]
+    first = numbered[0][1] if numbered else ""
     separator = next((mark for mark in ";\t" if mark in first), ",")
-    rows = list(csv.reader(io.StringIO("\n".join(lines[head:])), delimiter=separator))
+    rows = list(csv.reader((line for _, line in numbered), delimiter=separator))
     names = [name.strip() for name in rows[0]] if rows else []
     if len(names) < 2 or any(_number(name, separator) is not None for name in names):
         raise OutputError(
             f"{path}: the first line is '{first.strip()}'; it must name the columns, e.g. {along}{separator}first"
             f"{separator}second, with each {values} below its name"
         )
-    for name, wanted in zip(names, [along] + [values] * (len(names) - 1), strict=True):
-        quantity = wanted.split()[0]
-        unit = _unit(name, quantity)
-        if unit is not None and _letters(unit) != _letters(_unit(wanted, quantity) or ""):
-            raise OutputError(f"{path}: column {name!r} is in {unit}; it must be {wanted}: convert it, and its name")
+    factors = [
+        _factor(path, name, wanted, needs_units)
+        for name, wanted in zip(names, [along] + [values] * (len(names) - 1), strict=True)
+    ]
     errors = {number for number, name in enumerate(names) if number and name.lower().startswith("error")}
     if any(number - 1 in {0, *errors} for number in errors):
         raise OutputError(f"{path}: a column of errors follows no measured one; write {values} before its errors")
     found: dict[str, list[tuple[float, ...]]] = {name: [] for k, name in enumerate(names) if k and k not in errors}
-    for line, row in enumerate(rows[1:], start=head + 2):
-        if not any(cell.strip() for cell in row):
-            continue
+    for (line, text), row in zip(numbered[1:], rows[1:], strict=True):
         numbers = [_number(cell, separator) for cell in row]
         if len(row) != len(names) or numbers[0] is None:
+            if not any(cell.strip() for cell in row):
+                continue
             wanted = f"{along} and {len(names) - 1} values of {values}"
-            raise OutputError(f"{path}, line {line}: {separator.join(row)!r} is not a {wanted}")
+            raise OutputError(f"{path}, line {line}: {text!r} is not a {wanted}")
         for number, (name, cell, value) in enumerate(zip(names, row, numbers, strict=True)):
             if cell.strip() and (value is None or (number in errors and value < 0.0)):
                 wanted = "an error of at least 0" if number in errors else "a number"
                 raise OutputError(f"{path}, line {line}: {cell.strip()!r} in column {name!r} is not {wanted}")
+        scaled = [None if one is None else one * factor for one, factor in zip(numbers, factors, strict=True)]
+        for number, (name, value) in enumerate(zip(names, scaled, strict=True)):
             if name in found and value is not None:
-                own = numbers[number + 1 : number + 2] if number + 1 in errors else []
-                found[name].append((numbers[0], value, *(np.nan if one is None else one for one in own)))
+                own = scaled[number + 1 : number + 2] if number + 1 in errors else []
+                found[name].append((scaled[0], value, *(np.nan if one is None else one for one in own)))
     width = {name: 3 if number + 1 in errors else 2 for number, name in enumerate(names)}
     return {name: np.array(sorted(points)).reshape(-1, width[name]) for name, points in found.items()}
 
@@ -129,14 +134,34 @@ def measured_in(folder: Path) -> dict[str, np.ndarray] | None:
     return read_measured(folder / MEASURED, *TORQUE_CURVE) if (folder / MEASURED).is_file() else None
 
 
-def _unit(name: str, quantity: str) -> str | None:
+def _factor(path: str | Path, name: str, wanted: str, needs_units: bool) -> float:
+    """Return what a column's numbers are multiplied by to be what is `wanted`, as "torque [N m]"."""
+    quantity = wanted.partition("[")[0].strip()
+    unit, goal = _unit(name, quantity, needs_units), _unit(wanted, quantity, False) or ""
+    if unit is None:
+        if needs_units and goal:
+            raise OutputError(f"{path}: column {name!r} has no unit; write it in brackets, as in {wanted}")
+        return 1.0
+    if _letters(unit) == _letters(goal):
+        return 1.0
+    try:
+        return factor_between(unit, goal)
+    except ValueError as error:
+        remedy = f": it {error}; convert it, and its name" if goal else ": convert it, and its name"
+        raise OutputError(f"{path}: column {name!r} is in {unit}; it must be {wanted}{remedy}") from None
+
+
+def _unit(name: str, quantity: str, in_parentheses: bool) -> str | None:
     """Return the unit of "torque [N m]", "torque_Nm" or "torque (N m)"; None where none of the quantity ends the name.
 
-    A torque named "brake_A" is that of brake A.
+    A torque named "brake_A" is that of brake A, and "torque (cold)" one of a cold brake, unless `in_parentheses` are
+    units alone.
     """
     found = re.search(r"\[([^\]]*)\]\s*$", name)
-    if found is None:
+    if found is None and quantity in _UNITS:
         found = re.search(rf"(?:^|[\s_(])({_UNITS[quantity]})\)?$", name, re.IGNORECASE)
+    if found is None and in_parentheses:
+        found = re.search(r"\(([^)]*)\)\s*$", name)
     return None if found is None else found[1].strip()
 
 

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from emclutch.results.errors import OutputError
+
+if TYPE_CHECKING:
+    from emclutch.results.result import Result
 
 ACROSS, REAL_ACROSS = "grains_across", "real_grains_across"
 """Columns: grains across the sheared gap, those of the scene and those of the powder that they stand for."""
@@ -95,6 +98,15 @@ def torque_curves(rows: Sequence[Mapping[str, Any]], x: str, others: Sequence[st
             )
         )
     return curves
+
+
+def row_of_run(result: Result) -> dict[str, Any]:
+    """Return a run as a row of `torque_curves`, over its current at the end or its grains across the gap."""
+    torque, size = result.torque, result.summary.get("grain_size", {})
+    low, high = torque.interval() or (None, None)
+    return {"torque": torque.mean, "standard_error": torque.standard_error, "low": low, "high": high,
+            "converged": torque.converged, "current": result.summary.get("current"), ACROSS: size.get("across"),
+            REAL_ACROSS: size.get("real_across")}  # fmt: skip
 
 
 def band_over_rated(band: np.ndarray, rated: float) -> np.ndarray:

@@ -8,16 +8,15 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas
 
 from emclutch.device_model.device_3d import gap_map
 from emclutch.results import RunFolder, load_result
 from emclutch.results.columns import CURRENT, SHEAR_STRESS, TORQUE_DISC
 from emclutch.results.current_ramp import PICTURE, TABLE
 from emclutch.results.folder_lock import locked_folder
+from emclutch.results.measured_table import measured_in
 from emclutch.results.pictures import (
     axial_picture,
-    current_ramp_picture,
     grains_picture,
     profile_picture,
     section_picture,
@@ -27,6 +26,7 @@ from emclutch.results.pictures import (
     torque_picture,
     wall_pressure_picture,
 )
+from emclutch.results.pictures.current_ramp import run_against_current_picture
 from emclutch.results.pictures.field import gap_map_picture
 from emclutch.results.pictures.speeds import speeds_vary
 from emclutch.results.pictures.torque import varies
@@ -47,9 +47,9 @@ if TYPE_CHECKING:
 def draw_run(case, folder: RunFolder, device, simulation, profiles: ProfileAverage | None = None) -> None:
     """Write the pictures that the run has something to show in.
 
-    section.png or gap.png with a solved field, torque.png, torque_vs_current.png of a slow ramp of the current,
-    stress.png of a sheared box, speeds.png where a shaft's speed changes, profiles.png and wall_pressure.png where
-    profiles were asked for, and at last grains.png: where it lies all others do.
+    section.png or gap.png with a solved field, torque.png, torque_vs_current.png of a slow ramp of the current or where
+    the folder has a measured curve, stress.png of a sheared box, speeds.png where a shaft's speed changes, profiles.png
+    and wall_pressure.png where profiles were asked for, and at last grains.png: where it lies all others do.
     """
     title = case.scene.scene.title
     result = load_result(folder.path)
@@ -83,8 +83,9 @@ def draw_run(case, folder: RunFolder, device, simulation, profiles: ProfileAvera
             title=torque_title,
             locked=result.summary.get("lock_up_time"),
         )
-    if (folder.path / TABLE).is_file():
-        current_ramp_picture(folder.path / PICTURE, pandas.read_csv(folder.path / TABLE), title=title)
+    measured = measured_in(folder.path)
+    if (folder.path / TABLE).is_file() or (measured is not None and CURRENT in result.history):
+        run_against_current_picture(folder.path / PICTURE, result, measured=measured, title=title)
     if SHEAR_STRESS in result.history:
         stress_picture(folder.stress_picture, result.history, result.stress, result.other_histories, title=title)
     if speeds_vary(result.history):

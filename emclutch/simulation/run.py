@@ -7,8 +7,10 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+from emclutch.device_model.device import field_is_needed
 from emclutch.results import Result, RunFolder
 from emclutch.results.history import last_time
+from emclutch.results.measured_table import TORQUE_CURVE, keep_measured, read_measured
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.replica_count import max_replica_count, replicas_side_by_side
@@ -37,13 +39,14 @@ def run(
     start: str | Path | None = None,
     force: bool = False,
     callback: Callable[[WindowState], object] | None = None,
+    measured: str | Path | None = None,
     accuracy_target: float | None = None,
 ) -> Result:
     """Run a scene whose settings are its own and return its result; see `emclutch.run`, which takes a target, too.
 
     Parameters
     ----------
-    case, out, threads, resume, progress, start, force, callback : as of `emclutch.run`
+    case, out, threads, resume, progress, start, force, callback, measured : as of `emclutch.run`
     accuracy_target : total error that the settings were chosen for (`emclutch.studies.accuracy.target`): the run's
         folder keeps it, and its summary says whether it was reached.
 
@@ -62,6 +65,8 @@ def run(
     stop, reporter = threading.Event(), RunProgress(progress)
     with open_folder(case, target, resume, reporter) as opened:
         folder = opened.folder
+        if measured is not None:
+            keep_measured(measured, folder.path)
         if resume and not opened.goes_on and (start := start or folder.grains_from()) is not None:
             grains = starting_grains(case, start)
         count = count_of_run(case, folder, opened.goes_on)
@@ -86,6 +91,18 @@ def refuse_target(case: Case) -> None:
             "remove accuracy.target and set time.until = 'torque 5 %'"
         )
         raise SceneError([Fault("accuracy.target", f"'{target}'", message)], str(case.path or "scene"))
+
+
+def refuse_unshown(case: Case, measured: str | Path) -> None:
+    """Raise OutputError for a measured curve that cannot be read, SceneError for one that no picture would show."""
+    read_measured(measured, *TORQUE_CURVE)
+    message = ""
+    if case.scene.coil_field is None or not field_is_needed(case.scene):
+        message = "lies over torque against the coil's current, of which this scene has none; remove it"
+    elif not case.scene.output.pictures:
+        message = "lies over a picture, and output.pictures = false; remove one of them"
+    if message:
+        raise SceneError([Fault("--with", str(measured), message)], str(case.path or "scene"))
 
 
 def run_replica(

@@ -25,9 +25,8 @@ from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.fault_report import key_fault, quantity_at
 from emclutch.scene.model import Scene
 from emclutch.scene.study import read_study
-from emclutch.studies.measured_curve import read_measured
 from emclutch.studies.sweep import sweep
-from emclutch.studies.torque_fit import MeasuredTorques, SimulatedTorques, TorqueFit, fit_torque
+from emclutch.studies.torque_fit import MeasuredTorques, SimulatedTorques, TorqueFit, fit_torque, read_torques
 
 if TYPE_CHECKING:
     from emclutch.results.study_table import StudyTable
@@ -119,7 +118,7 @@ def fit(
     Parameters
     ----------
     case : Case or the path of a scene file.
-    to : file of the measured curve (`emclutch.studies.measured_curve`).
+    to : file of the measured curve, as `emclutch.studies.torque_fit.read_torques` takes it.
     varied : what is simulated and fitted.
     key : dotted key of the drive; its unit is that of the curve's first column.
     drives : simulated drives [SI], from the smallest to the largest that are fitted; default: three of those measured.
@@ -130,9 +129,9 @@ def fit(
     Raises
     ------
     SceneError
-        Faults of the scene, the curve, or of what is varied.
+        Faults of the scene, or of what is varied.
     OutputError, RunError
-        The folder is there already; of the study.
+        The curve cannot be read; the folder is there already; of the study.
     """
     case = as_case(case)
     if case.scene.geometry.measured != "torque":
@@ -141,7 +140,7 @@ def fit(
         raise SceneError([Fault("geometry.kind", repr(kind), message)], case.name)
     case = case.with_values({"particles.repose": None})  # its friction is what is looked for
     drive = drive_quantity(case, key)
-    measured, left_out = read_measured(Path(to), drive)
+    measured, left_out = read_torques(to, drive.unit)
     simulated_at = drives or _some(measured.drive)
     within = (measured.drive >= min(simulated_at) * (1 - 1e-9)) & (measured.drive <= max(simulated_at) * (1 + 1e-9))
     left_out += int((~within).sum())

@@ -25,11 +25,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import combinations, product
+from pathlib import Path
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 from scipy.stats import chi2, f
+
+from emclutch.results.errors import OutputError
+from emclutch.results.measured_table import TORQUE_CURVE, read_measured
 
 Residual = Callable[[np.ndarray], np.ndarray | float]
 PROFILE = 33
@@ -80,6 +84,32 @@ class MeasuredTorques:
     drive: np.ndarray
     torque: np.ndarray
     error: np.ndarray | None = None
+
+
+def read_torques(path: str | Path, unit: str) -> tuple[MeasuredTorques, int]:
+    """Read a curve, and how many of its points are left out: those with a drive or a torque of 0.
+
+    Parameters
+    ----------
+    path : of a table as of `read_measured`, with the drive in the first column, one column of torques, and their
+        standard errors in one that is named "error [N m]", or no errors. All names have their units.
+    unit : of the drive that is returned.
+
+    Raises
+    ------
+    OutputError
+        As `read_measured`; several curves; errors that are not above 0; no point with a drive and a torque above 0.
+    """
+    curves = read_measured(path, f"drive [{unit}]" if unit else "drive", TORQUE_CURVE[1], needs_units=True)
+    if len(curves) > 1:
+        raise OutputError(f"{path} has {len(curves)} columns of torques, {', '.join(curves)}; leave one")
+    (points,) = curves.values()
+    used = points[(points[:, :2] > 0.0).all(axis=1)]  # both are fitted by their logarithms
+    if not len(used):
+        raise OutputError(f"{path} has no point with a drive and a torque above 0")
+    if not (used[:, 2:] > 0.0).all():
+        raise OutputError(f"{path} has points without an error above 0; give all points one, or leave the column out")
+    return MeasuredTorques(*used.T), len(points) - len(used)
 
 
 class ResponseSurface:

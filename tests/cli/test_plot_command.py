@@ -163,7 +163,7 @@ def test_what_cannot_be_drawn_over_the_current_is_refused(tmp_path):
 @pytest.mark.parametrize(
     ("columns", "over", "named"),
     [
-        (("current [mA]", "rising [N m]"), ("current [A]", "torque [N m]"), r"'current .mA.' is in mA; .* current .A."),
+        (("current [mm]", "rising [N m]"), ("current [A]", "torque [N m]"), r"in mm; .* .A.: it is a length; a cur"),
         (("current [A]", "rising"), ("current over rated", "torque over rated"), "'current .A.' is in A"),
     ],
 )
@@ -174,6 +174,20 @@ def test_a_column_in_another_unit_is_refused(tmp_path, columns, over, named):
         read_measured(table, *over)
     table.write_text("current [A],rising [N m]\n1,2\n")
     assert read_measured(table, "current [A]", "torque [N m]")["rising [N m]"].tolist() == [[1.0, 2.0]]
+
+
+def test_a_column_in_another_unit_of_its_quantity_is_converted(tmp_path):
+    """1 mA = 1e-3 A, 1 N cm = 1e-2 N m with its error; 2 pi rad/s are 60 rpm, and 1 Hz is refused as no angle."""
+    table = tmp_path / "bench.csv"
+    table.write_text("current_mA,torque [N cm],error [mN m],other (N m)\n400,200,5,3\n")
+    found = read_measured(table, "current [A]", "torque [N m]")
+    assert np.concatenate([*found.values()], axis=1) == pytest.approx(np.array([[0.4, 2.0, 5e-3, 0.4, 3.0]]))
+    table.write_text("time [ms],motor [rad/s],output\n500,6.283185307,60\n")
+    found = read_measured(table, "time [s]", "speed [rpm]")
+    assert np.concatenate([*found.values()]) == pytest.approx(np.array([[0.5, 60.0]] * 2))
+    table.write_text("time [ms],motor [Hz]\n500,1\n")
+    with pytest.raises(OutputError, match="has no angle in its unit"):
+        read_measured(table, "time [s]", "speed [rpm]")
 
 
 @pytest.mark.parametrize("unit", ["Ncm", "N_cm", "Nmm", "mNm", "lbin", "in_lb", "kgcm", "lb_ft", "ft-lb", "ozin"])
@@ -192,8 +206,8 @@ def test_names_in_the_wanted_unit_and_of_devices_are_read(tmp_path):
     table.write_text(f"current_A,{','.join(names)}\n1{',2' * len(names)}\n")
     assert list(read_measured(table, "current [A]", "torque [N m]")) == names
     for along, values, head in (
-        ("time [s]", "speed [rpm]", "t_ms,motor"), ("time [s]", "speed [rpm]", "t_s,motor_rad_s"),
-        ("current over rated", "torque over rated", "current_A,brake"), ("current [A]", "torque [N m]", "I_mA,brake"),
+        ("time [s]", "speed [rpm]", "t_s,motor_rad_s"),
+        ("current over rated", "torque over rated", "current [A],brake"),
     ):  # fmt: skip
         table.write_text(f"{head}\n1,2\n")
         with pytest.raises(OutputError, match="convert it, and its name"):

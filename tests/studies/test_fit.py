@@ -1,6 +1,7 @@
 """`emclutch fit`: the study it runs, what it writes, the curve it reads, and what it refuses."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -9,13 +10,12 @@ from typer.testing import CliRunner
 
 import emclutch
 from emclutch.cli.main import app
+from emclutch.results import OutputError
 from emclutch.scene.case import case_from
 from emclutch.scene.errors import SceneError
-from emclutch.scene.units import Quantity
 from emclutch.studies.fit import Varied, fit, study_case
-from emclutch.studies.measured_curve import read_measured
+from emclutch.studies.torque_fit import read_torques
 
-CURRENT = Quantity("a current", "A", "0.5 A")
 FIELD = "field.field_strength"
 CELL = {
     "scene": {"title": "sheared annulus", "seed": 3},
@@ -70,32 +70,32 @@ def test_a_measured_curve_is_read_in_its_units(tmp_path):
     path = write(
         tmp_path, "m.csv", "\ufeff# brake\ncurrent [mA], torque [mN m], error (mN m)\n\n400,300,5\n200, 90, 3\n0,1,1\n"
     )
-    found, left_out = read_measured(path, CURRENT)
+    found, left_out = read_torques(path, "A")
     assert found.drive == pytest.approx([0.2, 0.4])
     assert found.torque == pytest.approx([0.09, 0.3]) and found.error == pytest.approx([0.003, 0.005])
     assert left_out == 1
-    assert read_measured(write(tmp_path, "n.csv", "I [A],T [N m]\n1,2\n"), CURRENT)[0].error is None
+    assert read_torques(write(tmp_path, "n.csv", "I [A],T [N m]\n1,2\n"), "A")[0].error is None
 
 
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("", "has no curve"),
-        ("current, torque\n1,2\n", "no unit"),
-        ("current [kg], torque [N m]\n1,2\n", "is a mass"),
-        ("current [A], torque [N m]\n1,two\n", "line 2 = '1,two' does not have 2 numbers"),
-        ("current [A], torque [N m]\n1\n", "line 2 = '1' does not have 2 numbers"),
-        ("current [A], torque [N m]\n1,nan\n", "not finite"),
-        ("current [A], torque [N m], error [N m]\n1,2,0\n", "not above 0"),
+        ("", "must name the columns"),
+        ("current, torque\n1,2\n", "column 'current' has no unit; write it in brackets, as in drive [A]"),
+        ("current [kg], torque [N m]\n1,2\n", "is in kg; it must be drive [A]: it is a mass; a current is needed"),
+        ("current [A], torque [N m]\n1,two\n", "line 2: 'two' in column 'torque [N m]' is not a number"),
+        ("current [A], torque [N m]\n1\n", "line 2: '1' is not"),
+        ("current [A], torque [N m]\n1,nan\n", "'nan' in column 'torque [N m]' is not a number"),
+        ("current [A], torque [N m], error [N m]\n1,2,0\n", "without an error above 0"),
+        ("current [A], cold [N m], warm [N m]\n1,2,3\n", "has 2 columns of torques"),
         ("current [A], torque [N m]\n0,1\n1,0\n", "no point"),
     ],
 )
 def test_a_curve_that_cannot_be_read_is_explained(text, says, tmp_path):
-    with pytest.raises(SceneError) as raised:
-        read_measured(write(tmp_path, "m.csv", text), CURRENT)
-    assert says in raised.value.report()
-    with pytest.raises(SceneError, match="cannot be read"):
-        read_measured(tmp_path / "none.csv", CURRENT)
+    with pytest.raises(OutputError, match=re.escape(says)):
+        read_torques(write(tmp_path, "m.csv", text), "A")
+    with pytest.raises(OutputError, match="cannot be read"):
+        read_torques(tmp_path / "none.csv", "A")
 
 
 def test_a_sheared_box_has_no_torque_to_fit(tmp_path):

@@ -7,7 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas
 
+from emclutch.results.current_ramp import TABLE
 from emclutch.results.pictures.figure import (
     BODY_COLOURS,
     COLOURS,
@@ -17,10 +19,13 @@ from emclutch.results.pictures.figure import (
     save_picture,
 )
 from emclutch.results.pictures.torque import torque_unit
+from emclutch.results.pictures.torque_curves import torque_against_current_picture
+from emclutch.results.torque_curves import row_of_run, torque_curves
 
 if TYPE_CHECKING:
-    import pandas
     from matplotlib.axes import Axes
+
+    from emclutch.results.result import Result
 
 RISING, FALLING, HELD = BODY_COLOURS["rotor"], BODY_COLOURS["disc"], "black"
 
@@ -38,18 +43,34 @@ def current_ramp_picture(
     ----------
     path : PNG to write.
     table : as of `emclutch.results.current_ramp.CurrentRamp.table`, or ``torque_vs_current.csv`` of a run.
-    measured : name -> (n, 2) current and torque in what is drawn, as `read_measured` returns them.
+    measured : name -> (n, 2) or (n, 3) current [A], torque and its error [N m], as `read_measured` returns them.
     """
     figure, (axis,) = new_figure(7.0, 4.8, title)
     unit, factor = torque_unit([table["torque"].to_numpy()])
     draw_ramp(axis, table, per_current=1.0, per_torque=factor)
-    draw_measured(axis, measured, joined=True)
+    draw_measured(axis, measured, per_y=factor, joined=True)
     axis.axhline(0.0, color="black", lw=0.6)
     axis.grid(alpha=0.25)
     axis.set_xlabel("coil current [A]")
     axis.set_ylabel(f"torque on the disc [{unit}]")
     legend_below(axis, 2)
     return save_picture(figure, path)
+
+
+def run_against_current_picture(
+    path: str | Path,
+    result: Result,
+    *,
+    measured: Mapping[str, np.ndarray] | None = None,
+    title: str | None = None,
+) -> Path:
+    """Draw a run's torque against current: the branches of a ramp where it has them, else one point; see above."""
+    table = result.folder.path / TABLE
+    if table.is_file():
+        return current_ramp_picture(path, pandas.read_csv(table), measured=measured, title=title)
+    return torque_against_current_picture(
+        path, torque_curves([row_of_run(result)], "current", []), measured=measured, title=title
+    )
 
 
 def draw_ramp(axis: Axes, table: pandas.DataFrame, *, per_current: float, per_torque: float) -> None:

@@ -84,15 +84,18 @@ def make_logarithmic(axis: Axes) -> None:
         one.set_minor_formatter(NullFormatter())
 
 
-def draw_measured(axis: Axes, measured: Mapping[str, np.ndarray] | None, *, per_x: float = 1.0, joined: bool) -> None:
-    """Draw measured curves as markers with 95 % bars, as `read_measured` returns them, at `per_x` times their x."""
+def draw_measured(
+    axis: Axes, measured: Mapping[str, np.ndarray] | None, *, per_x: float = 1.0, per_y: float = 1.0, joined: bool
+) -> None:
+    """Draw measured curves, as `read_measured` returns them, as markers with 95 % bars, x and y in the axis' units."""
     for number, (name, points) in enumerate((measured or {}).items()):
         every = 1 if joined else max(1, len(points) // 60)  # a curve of markers says nothing
         x, y, *error = points[::every].T
-        axis.plot(per_x * x, y, ls=":" if joined else "", lw=0.7, marker=MARKERS[number % len(MARKERS)], ms=4.5,
+        axis.plot(per_x * x, per_y * y, ls=":" if joined else "", lw=0.7, marker=MARKERS[number % len(MARKERS)], ms=4.5,
                   mfc="none", color="black", zorder=1.5, label=f"measured: {name}")  # fmt: skip
         if error:
-            axis.errorbar(per_x * x, y, NORMAL * error[0], fmt="none", ecolor="black", elinewidth=0.7, capsize=3)
+            axis.errorbar(per_x * x, per_y * y, per_y * NORMAL * error[0], fmt="none", ecolor="black", elinewidth=0.7,
+                          capsize=3)  # fmt: skip
 
 
 def label_panel(axis: Axes, title: str) -> None:

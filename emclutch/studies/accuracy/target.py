@@ -30,6 +30,7 @@ from emclutch.scene.start_up import start_up_strain
 from emclutch.scene.study import StudySection
 from emclutch.simulation.discretisation_error import ladder_of_device
 from emclutch.simulation.recommended_case import cheapest_case
+from emclutch.simulation.run import refuse_unshown
 from emclutch.simulation.run import run as run_scene
 from emclutch.simulation.window_state import WindowState
 
@@ -64,6 +65,7 @@ def run(
     start: str | Path | None = None,
     force: bool = False,
     callback: Callable[[WindowState], object] | None = None,
+    measured: str | Path | None = None,
 ) -> Result:
     """Run a scene and return its result: the first of its replicas, with the torque of all of them.
 
@@ -88,11 +90,13 @@ def run(
     force : run also where more memory or disk is needed than is free.
     callback : called with the `emclutch.WindowState` after every window of the first replica; where it returns true,
         all replicas end with a checkpoint, and the result, of what was run, says so (`Result.stopped`).
+    measured : table of current [A] and torques [N m] to draw the run's torque over, as `read_measured` takes it
+        (`emclutch.results.measured_table`); the folder keeps it as ``measured.csv``.
 
     Raises
     ------
     SceneError
-        The scene has faults, or no settings reach its target.
+        The scene has faults, no settings reach its target, or no picture would show the measured table.
     CallbackError
         The callback raised an error.
     OutputError
@@ -105,15 +109,18 @@ def run(
     if progress == SHOWN:
         with Progress() if someone_looks() else nullcontext() as bar:
             return run(
-                case, out=out, threads=threads, resume=resume, progress=bar, start=start, force=force, callback=callback
+                case, out=out, threads=threads, resume=resume, progress=bar, start=start, force=force,
+                callback=callback, measured=measured,
             )  # fmt: skip
     case = as_case(case)
     target = case.scene.accuracy.target
+    if measured is not None:
+        refuse_unshown(case, measured)
     if resume and (folder := out or case.scene.output.folder) is not None:
         RunFolder(folder).has_checkpoint()  # raises where there is nothing to continue, before a ladder is measured
     return run_scene(
         with_target(case, progress), out=out, threads=threads, resume=resume, progress=progress, start=start,
-        force=force, callback=callback, accuracy_target=target,
+        force=force, callback=callback, measured=measured, accuracy_target=target,
     )  # fmt: skip
 
 
