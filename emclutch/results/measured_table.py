@@ -44,8 +44,8 @@ def read_measured(path: str | Path, along: str, values: str, *, needs_units: boo
     Returns
     -------
     dict
-        Name of the column -> (n, 2) first column and value, by the first column; (n, 3) with standard errors, nan where
-        a value has none.
+        Name of the column, with the unit that it is returned in -> (n, 2) first column and value, by the first column;
+        (n, 3) with standard errors, nan where a value has none.
 
     Raises
     ------
@@ -68,10 +68,9 @@ def read_measured(path: str | Path, along: str, values: str, *, needs_units: boo
             f"{path}: the first line is '{first.strip()}'; it must name the columns, e.g. {along}{separator}first"
             f"{separator}second, with each {values} below its name"
         )
-    factors = [
-        _factor(path, name, wanted, needs_units)
-        for name, wanted in zip(names, [along] + [values] * (len(names) - 1), strict=True)
-    ]
+    factors = [1.0] * len(names)
+    for number, wanted in enumerate([along] + [values] * (len(names) - 1)):
+        factors[number], names[number] = _in_unit_of(path, names[number], wanted, needs_units)
     errors = {number for number, name in enumerate(names) if number and name.lower().startswith("error")}
     if any(number - 1 in {0, *errors} for number in errors):
         raise OutputError(f"{path}: a column of errors follows no measured one; write {values} before its errors")
@@ -87,11 +86,12 @@ def read_measured(path: str | Path, along: str, values: str, *, needs_units: boo
             if cell.strip() and (value is None or (number in errors and value < 0.0)):
                 wanted = "an error of at least 0" if number in errors else "a number"
                 raise OutputError(f"{path}, line {line}: {cell.strip()!r} in column {name!r} is not {wanted}")
-        scaled = [None if one is None else one * factor for one, factor in zip(numbers, factors, strict=True)]
+        x = factors[0] * numbers[0]
+        scaled = [None if one is None else factor * one for one, factor in zip(numbers, factors, strict=True)]
         for number, (name, value) in enumerate(zip(names, scaled, strict=True)):
             if name in found and value is not None:
                 own = scaled[number + 1 : number + 2] if number + 1 in errors else []
-                found[name].append((scaled[0], value, *(np.nan if one is None else one for one in own)))
+                found[name].append((x, value, *(np.nan if one is None else one for one in own)))
     width = {name: 3 if number + 1 in errors else 2 for number, name in enumerate(names)}
     return {name: np.array(sorted(points)).reshape(-1, width[name]) for name, points in found.items()}
 
@@ -134,18 +134,19 @@ def measured_in(folder: Path) -> dict[str, np.ndarray] | None:
     return read_measured(folder / MEASURED, *TORQUE_CURVE) if (folder / MEASURED).is_file() else None
 
 
-def _factor(path: str | Path, name: str, wanted: str, needs_units: bool) -> float:
-    """Return what a column's numbers are multiplied by to be what is `wanted`, as "torque [N m]"."""
+def _in_unit_of(path: str | Path, name: str, wanted: str, needs_units: bool) -> tuple[float, str]:
+    """Return what a column's numbers are multiplied by to be what is `wanted`, as "torque [N m]", and its name then."""
     quantity = wanted.partition("[")[0].strip()
     unit, goal = _unit(name, quantity, needs_units), _unit(wanted, quantity, False) or ""
     if unit is None:
         if needs_units and goal:
             raise OutputError(f"{path}: column {name!r} has no unit; write it in brackets, as in {wanted}")
-        return 1.0
+        return 1.0, name
     if _letters(unit) == _letters(goal):
-        return 1.0
+        return 1.0, name
     try:
-        return factor_between(unit, goal)
+        before, _, after = name.rpartition(unit)
+        return factor_between(unit, goal), f"{before}{goal}{after}"
     except ValueError as error:
         remedy = f": it {error}; convert it, and its name" if goal else ": convert it, and its name"
         raise OutputError(f"{path}: column {name!r} is in {unit}; it must be {wanted}{remedy}") from None

@@ -49,7 +49,7 @@ def bench(tmp_path):
     return path
 
 
-POINTS = {"torque [N cm]": pytest.approx([0.4, 0.755])}
+POINTS = {"torque [N m]": pytest.approx([0.4, 0.755])}
 
 
 def test_a_run_and_its_report_have_the_measured_points(tmp_path, bench, drawn):
@@ -67,7 +67,7 @@ def test_a_run_and_its_report_have_the_measured_points(tmp_path, bench, drawn):
     rise = {"branch": 1, "course": "rising", "current": [0.1, 0.9], "torque": [1e-4, 9e-4], "low": 0.0, "high": 1e-3}
     pandas.DataFrame(rise).to_csv(folder / TABLE)
     over = invoke("plot", folder, "--torque-current", "--with", bench)  # drawn in mN m
-    assert over.exit_code == 0 and drawn == [POINTS, POINTS, {"torque [N cm]": pytest.approx([400.0, 755.0])}]
+    assert over.exit_code == 0 and drawn == [POINTS, POINTS, {"torque [N m]": pytest.approx([400.0, 755.0])}]
 
 
 def test_a_study_and_its_report_have_the_measured_points(tmp_path, bench, drawn):

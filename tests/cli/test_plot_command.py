@@ -181,6 +181,7 @@ def test_a_column_in_another_unit_of_its_quantity_is_converted(tmp_path):
     table = tmp_path / "bench.csv"
     table.write_text("current_mA,torque [N cm],error [mN m],other (N m)\n400,200,5,3\n")
     found = read_measured(table, "current [A]", "torque [N m]")
+    assert list(found) == ["torque [N m]", "other (N m)"]
     assert np.concatenate([*found.values()], axis=1) == pytest.approx(np.array([[0.4, 2.0, 5e-3, 0.4, 3.0]]))
     table.write_text("time [ms],motor [rad/s],output\n500,6.283185307,60\n")
     found = read_measured(table, "time [s]", "speed [rpm]")

@@ -23,8 +23,8 @@ from emclutch.results.report.render import embed_small, page_template
 from emclutch.results.run_folder import INDEX
 from emclutch.results.seed_average import averaged_over_seeds
 from emclutch.results.study_dataset import number_and_unit
-from emclutch.results.study_table import DONE, FAILED, KEPT, RUNNING, STOPPED, WAITING, PointRow, torque_text
-from emclutch.results.text import format_duration
+from emclutch.results.study_table import DONE, FAILED, KEPT, RUNNING, STOPPED, WAITING, PointRow
+from emclutch.results.text import format_duration, format_mean
 from emclutch.results.torque_curves import NORMAL, TorqueCurve, torque_curves
 
 SEED = "scene.seed"
@@ -103,6 +103,8 @@ def study_page(state: StudyState) -> str:
     parts.append(("waiting", len(state.points) - sum(number for _, number in parts)))
     places = sorted(range(len(state.points)), key=lambda k: (ORDER[state.points[k].state], k))
     undecided = sum(point.state in (DONE, KEPT) and not point.converged for point in state.points)
+    pictures = {} if state.is_running else _pictures(state.folder)
+    is_drawn = any(name.startswith("torque_vs_") for name in pictures)  # with what the curve here has, and more
     return page_template("study.html.j2").render(
         title=state.title or state.folder.resolve().name,
         name=state.folder.resolve().name,
@@ -116,16 +118,17 @@ def study_page(state: StudyState) -> str:
         more=max(0, len(places) - MAX_ROWS),
         failures=state.failures[:MAX_FAILURES],
         more_failures=max(0, len(state.failures) - MAX_FAILURES),
-        curve=_curve(state),
-        pictures=[] if state.is_running else _pictures(state.folder),
+        curve=None if is_drawn else _curve(state),
+        pictures=[*pictures.values()],
         files=[(name, what) for name, what in FILES.items() if (state.folder / name).is_file()],
         version=__version__,
     )
 
 
-def _pictures(folder: Path) -> list[tuple[str, str]]:
-    found = [(what, folder / name) for name, what in STUDY_PICTURES.items()]
-    return [(what, embed_small(path.read_bytes())) for what, path in found if path.is_file()]
+def _pictures(folder: Path) -> dict[str, tuple[str, str]]:
+    """Return the pictures in a study's folder by their names: what they show, and an address that holds it."""
+    found = {name: (what, folder / name) for name, what in STUDY_PICTURES.items() if (folder / name).is_file()}
+    return {name: (what, embed_small(path.read_bytes())) for name, (what, path) in found.items()}
 
 
 def _cells(name: str, point: PointRow) -> dict[str, str]:
@@ -133,7 +136,7 @@ def _cells(name: str, point: PointRow) -> dict[str, str]:
     state = f"running, {100.0 * point.fraction:.0f} %" if point.state == RUNNING else point.state
     return {
         "name": name, "label": point.label, "state": state, "kind": "done" if is_done else point.state,
-        "torque": torque_text(point) if is_done else "",
+        "torque": format_mean(point.torque, point.interval) if is_done else "",
         "verdict": ("converged" if point.converged else "not converged") if is_done else "",
         "time": "" if point.seconds is None else format_duration(point.seconds),
     }  # fmt: skip
