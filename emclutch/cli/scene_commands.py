@@ -37,7 +37,7 @@ def schema(out: opt.NewFile = None, markdown: opt.AsMarkdown = False) -> None:
 
 
 def doctor() -> None:
-    """Tell whether this machine has what the program needs."""
+    """Check whether this machine has what the program needs."""
     from emclutch.cli.doctor import examine
 
     table, good = examine()
