@@ -22,6 +22,7 @@ WALL_OPACITY = 0.3
 SOLID_OPACITY = 0.4  # of a device in 3D, which the grains are inside of
 AMBIENT, DIFFUSE = 0.65, 0.45  # light on the device
 BESIDE = 0.07  # of the picture's width, by which what ParaView shows moves away from the bars
+NEAR = (0.28, 1.0, 0.07)  # how far around the grains ParaView shows a gap, in x, y and z, over the grains' diagonal
 BAR_WIDTH, HEAD_HEIGHT = 0.14, 0.11  # of the picture, kept free for colour bars and for title and time by pyvista
 
 SHADES = ((0.85, 0.55, 0.25), (0.25, 0.5, 0.8), (0.45, 0.65, 0.4), (0.6, 0.6, 0.6))  # of the bodies, in turn

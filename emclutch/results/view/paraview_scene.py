@@ -37,7 +37,7 @@ import sys
 
 from emclutch.results.view.look import (
     AMBIENT, BARS, BESIDE, CHAIN_WIDTH, DIFFUSE, FIELDS, FIELD_COLOURS, FORCE, FORCE_COLOURS, FRAMES_A_SECOND,
-    GRAIN_OPACITY, LINE_COLOUR, LOOKS, MARK, SHADES, SIZE, SOLID_OPACITY, SWEEP, TIME_PLACE, TITLE_PLACE,
+    GRAIN_OPACITY, LINE_COLOUR, LOOKS, MARK, NEAR, SHADES, SIZE, SOLID_OPACITY, SWEEP, TIME_PLACE, TITLE_PLACE,
     WALL_OPACITY, camera, line_offset,
 )  # fmt: skip
 
@@ -174,7 +174,7 @@ def walls(view, surfaces, visible, options):
     """The walls that grains touch, each body in two shades: the marks turn with its shaft."""
     shade = pv.Calculator(registrationName="walls", Input=surfaces, AttributeType="Cell Data", ResultArrayName="shade")
     shade.Function = "2*body+stripe"
-    display = pv.Show(shade, view)
+    display = pv.Show(near_grains(shade, options), view)
     display.Opacity, display.Visibility = WALL_OPACITY, visible
     pv.ColorBy(display, ("CELLS", "shade"))
     names, colours = [], []
@@ -191,7 +191,7 @@ def walls(view, surfaces, visible, options):
 def section(view, field, visible, options):
     """The field's section, at the first face of the grains' sector."""
     if FIELD == "section":
-        display = pv.Show(cropped(field), view)
+        display = pv.Show(near_grains(cropped(field), options), view)
         display.Visibility = visible
         display.Ambient, display.Diffuse = 1.0, 0.0  # the colours of the bar, whatever the light
         coloured(display, view, "field", *FIELDS[options.field], FIELD_COLOURS, WHERE)
@@ -199,7 +199,7 @@ def section(view, field, visible, options):
 
 def lines(view, curves, visible, options):
     """Flux lines of the section, equal flux between them."""
-    display = pv.Show(curves, view)
+    display = pv.Show(near_grains(curves, options), view)
     display.Visibility = visible
     display.Position = (0.0, line_offset(curves.GetDataInformation().GetBounds()[1]), 0.0)
     display.LineWidth = 1.5  # thinner ones have gaps
@@ -239,6 +239,20 @@ def cropped(field):
         found = pv.Threshold(registrationName="section", Input=field, Scalars=["CELLS", "region"], Invert=1)
         found.ThresholdMethod, found.LowerThreshold, found.UpperThreshold = "Between", AIR, AIR
     return found
+
+
+def near_grains(source, options):
+    """What lies at the grains, for a look at the gap: bars, title and time then stand beside it."""
+    particles = pv.FindSource("particles")
+    if options.look != "gap" or SECTOR is None or particles is None:
+        return source
+    box = updated(particles).GetDataInformation().GetBounds()
+    reach = sum((box[k + 1] - box[k]) ** 2 for k in (0, 2, 4)) ** 0.5
+    margins = [share * reach for share in NEAR]
+    clip = pv.Clip(Input=source, ClipType="Box", Invert=1, Exact=1)
+    clip.ClipType.Position = [box[2 * k] - margins[k] for k in range(3)]
+    clip.ClipType.Length = [box[2 * k + 1] - box[2 * k] + 2.0 * margins[k] for k in range(3)]
+    return clip
 
 
 def caption(view, series):
