@@ -4,8 +4,12 @@ Two ways into the spline of `field.laws.h_spline`: a measured table (`TableLaw`,
 and Carlson 1980), and a fitted permeability mu_r(B) (`PermeabilityLaw`, the form of Modelica's FluxTubes).
 Beyond the last point the material is saturated: M stays what it is and dH/dB = nu_0.  A table whose last points rise
 more slowly than mu_0 H, as those of some published steels do, is taken as saturated from where that begins
-(`last_before_tail`).  The energy
-density is the spline's own antiderivative, so energy and H agree to round-off, which the energy line
+(`last_before_tail`).  With a saturation polarisation J_s, J = B - mu_0 H goes from the last point (H_1, J_1) on to
+
+    J = J_s - (J_s - J_1) exp(-(H - H_1)/h),    h such that dB/dH is continuous:
+
+the exponential extrapolation of Umenei, Melikhov and Jiles, IEEE Trans. Magn. 47 (2011) 4707; dB/dH falls to mu_0 from
+above.  The energy density is the spline's own antiderivative, so energy and H agree to round-off, which the energy line
 search of Newton relies on.
 """
 
@@ -17,7 +21,7 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
 
 from field.laws.h_spline import HSpline, SplineLaw
-from field.laws.reluctivity import MU_0
+from field.laws.reluctivity import MU_0, NU_0
 
 # Slope at a table's ends, at least, over that of the next interval.
 _MIN_END = 0.1
@@ -28,6 +32,9 @@ _MAX_POLARISATION = 3.0
 
 # A published table rounds its figures: a last slope 2 % under mu_0 is a rounding, not a fault.
 SLOPE_ROUNDING = 0.02
+# Points of the exponential approach to J_s, and its length over h: what is left of dB/dH - mu_0 is 6e-6 of its begin.
+_APPROACH = np.linspace(0.0, 12.0, 61)[1:]
+
 # A tail is what lies above this fraction of the largest B: nothing that ends a curve lower is saturation.
 _SATURATION_FRACTION = 0.5
 
@@ -56,6 +63,38 @@ def last_before_tail(H: np.ndarray, B: np.ndarray) -> int | None:
     return last
 
 
+def _not_above_vacuum(H: np.ndarray, B: np.ndarray, slope: np.ndarray) -> np.ndarray:
+    """dH/dB (n,) [A/(m T)] between which the cubics of M = B/mu_0 - H grow too, where the points do.
+
+    Fritsch and Carlson's bound for M(B): its slopes are at most three times those of the chords on both sides. That
+    for H(B) comes first, at a kink from steep to saturated where no cubic meets both.
+    """
+    chord = np.diff(H) / np.diff(B)
+    most = 3.0 * np.minimum(np.append(chord, chord[-1]), np.append(chord[0], chord))
+    rise = 3.0 * np.maximum(NU_0 - np.maximum(np.append(chord, chord[-1]), np.append(chord[0], chord)), 0.0)
+    return np.minimum(np.clip(slope, NU_0 - rise, NU_0), most)
+
+
+def _approach(
+    H: np.ndarray, B: np.ndarray, slope: np.ndarray, J_s: float, name: str
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """H, B and dH/dB with the points of the exponential approach to J_s [T] after the last one."""
+    left, rise = J_s - (B[-1] - MU_0 * H[-1]), 1.0 / slope[-1] - MU_0
+    if not (left > 0.0 and rise > 0.0):
+        raise ValueError(
+            f"`J_s` = {J_s:g} T of {name!r} cannot be approached from the table's end, where B - mu_0 H = "
+            f"{J_s - left:.4g} T and dB/dH = {1.0 / slope[-1]:.4g} H/m: give a larger J_s, or leave out points beyond "
+            f"which dB/dH is not above mu_0 = {MU_0:.4g} H/m"
+        )
+    part = np.exp(-_APPROACH)
+    beyond = H[-1] + left / rise * _APPROACH
+    return (
+        np.append(H, beyond),
+        np.append(B, J_s - left * part + MU_0 * beyond),
+        np.append(slope, 1.0 / (MU_0 + rise * part)),
+    )
+
+
 @dataclass(frozen=True, slots=True)
 class TableLaw(SplineLaw):
     """A measured magnetisation curve.
@@ -68,11 +107,14 @@ class TableLaw(SplineLaw):
         Flux density [T], strictly growing.
     name, source : str
         For messages and tables.
+    J_s : float or None
+        Saturation polarisation [T] that the curve approaches beyond its last point; None: it is that of this point.
 
     Attributes
     ----------
     H, B : ndarray
-        The points that the curve goes through: the origin first, without a tail in which dB/dH is below mu_0.
+        The points of the table that the curve goes through: the origin first, without a tail in which dB/dH is below
+        mu_0.
     warning : str
         What was replaced by the slope of vacuum, for the user; empty where nothing was.
 
@@ -80,13 +122,14 @@ class TableLaw(SplineLaw):
     ------
     ValueError
         Fewer than four points, a curve that does not grow, or one with dB/dH below mu_0 before its saturation (no
-        material: usually M or mu_0 M was entered as B).
+        material: usually M or mu_0 M was entered as B), or not below J_s at its end.
     """
 
     H: np.ndarray
     B: np.ndarray
     name: str = "table"
     source: str = "a table of the user"
+    J_s: float | None = None
     curve: HSpline = field(init=False, repr=False)
     warning: str = field(init=False, repr=False, default="")
 
@@ -116,6 +159,9 @@ class TableLaw(SplineLaw):
         # PCHIP's rule for the ends gives 0 next to an interval three times as steep: mu_r would be infinite there
         slope[0] = max(slope[0], _MIN_END * H[1] / B[1])
         slope[-1] = max(slope[-1], _MIN_END * (H[-1] - H[-2]) / (B[-1] - B[-2]))
+        slope = _not_above_vacuum(H, B, slope)
+        if self.J_s is not None:
+            H, B, slope = _approach(H, B, slope, self.J_s, self.name)
         object.__setattr__(self, "curve", HSpline.through(CubicHermiteSpline(B, H, slope)))
 
     def _check_shape(self, H: np.ndarray, B: np.ndarray) -> None:
@@ -201,6 +247,7 @@ class PermeabilityLaw(SplineLaw):
         # Quadratic spacing: b = 0 is where mu_r rises fastest (DC01: from 5 to 1000 within 0.2 T).
         B = self.saturation_B() * np.linspace(0.0, 1.0, 600) ** 2
         H, slope = self._fit(B)
+        slope = np.minimum(slope, NU_0)  # the last one, where M is largest, to the spacing in which it was looked for
         if np.any(slope <= 0.0):
             at = B[int(np.argmax(slope <= 0.0))]
             raise ValueError(
