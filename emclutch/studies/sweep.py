@@ -236,7 +236,11 @@ class _StudyRun:
         """Hand the points to an executor, so many `at_a_time`, and wait for them."""
         asked = threading.Event()
         queue = TaskQueue(executor, at_a_time, asked, self.folder / STOP)
-        look = Renewal(lambda: self._look_at(queue.running.values()))
+        look_at_points = Renewal(lambda: self._look_at(queue.running.values()))
+
+        def look() -> None:
+            look_at_points()
+            self.renew_page()
 
         def take(number: int, future: Future[PointOutcome]) -> None:
             try:
@@ -420,7 +424,7 @@ class _StudyRun:
         write_failures(self.home, sorted(failed, key=lambda row: row[0]))
 
     def _look_at(self, numbers: Iterable[int]) -> None:
-        """Tell the table, and the page, how far points are that run elsewhere."""
+        """Show in the table how far points are that run elsewhere."""
         for number in numbers:
             folder = RunFolder(self.targets[number].path)
             if self.table.rows[number].state == WAITING:  # in an executor's queue
@@ -431,7 +435,6 @@ class _StudyRun:
             end = seconds_of(self.points[number][1].scene.span.end, folder)
             if reached is not None and end is not None:
                 self.table.set_fraction(number, reached / end)
-        self.renew_page()
 
 
 class _PartRun(_StudyRun):

@@ -58,11 +58,14 @@ class TaskQueue:
                     not_begun(self.running.pop(future))
             if not self.running:
                 return
+            finished: list[Future[Any]] = []
             with suppress(Empty):
-                for future in [ended.get(timeout=LOOK_SECONDS), *(ended.get() for _ in range(ended.qsize()))]:
-                    if future in self.running:  # it may have been cancelled
-                        take(self.running[future], future)
-                        del self.running[future]
+                finished.append(ended.get(timeout=LOOK_SECONDS))
+                finished += [ended.get() for _ in range(ended.qsize())]
+            for future in finished:
+                if future in self.running:  # it may have been cancelled
+                    take(self.running[future], future)
+                    del self.running[future]
             look()
 
     def all(
@@ -79,7 +82,7 @@ class TaskQueue:
         except BaseException as error:
             if self.stop_file is not None:
                 self.stop_file.touch()
-            wait(self.running)  # they end at the sight of the file
+            wait(self.running)  # they end when the file is there
             if not isinstance(error, BrokenExecutor):
                 raise
             raise RunError(

@@ -242,7 +242,7 @@ def cropped(field):
 
 
 def near_grains(source, options):
-    """What lies at the grains, for a look at the gap: bars, title and time then stand beside it."""
+    """The part of a source around the grains, for a look at the gap: bars, title and time then stand beside it."""
     particles = pv.FindSource("particles")
     if options.look != "gap" or SECTOR is None or particles is None:
         return source
