@@ -46,9 +46,10 @@ def test_limits_at_no_field_and_in_saturation(law):
     assert sphere_magnetisation(law, 1e9) == pytest.approx(saturation(law), rel=1e-3)
 
 
-def test_saturation_of_a_table_is_that_of_its_last_point():
-    steel = material("steel_1010")
-    assert saturation(steel) == pytest.approx(steel.B[-1] / MU_0 - steel.H[-1], rel=1e-9)
+def test_saturation_of_a_table_is_that_of_its_last_point_or_its_polarisation():
+    steel, transformer = material("steel_1010"), material("team_steel")
+    assert saturation(transformer) == pytest.approx(transformer.B[-1] / MU_0 - transformer.H[-1], rel=1e-9)
+    assert saturation(steel) == pytest.approx(steel.J_s / MU_0, rel=1e-4)
     assert saturation(GrainLaw(273.0, 1.3e6)) == 1.3e6
 
 

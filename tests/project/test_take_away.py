@@ -149,7 +149,7 @@ def test_only_its_room_knows_a_device_or_a_source(thing):
     """Neither its class, nor that of its shape, nor a comparison with its name stands in another room."""
     shape = [thing.shape.__annotations__["return"]] if hasattr(thing, "shape") else []
     names = [thing.__name__, *shape]
-    known = rf"(?<![\w.])({'|'.join(names)})\b|\b(kind|source) *[!=]= *[\"']{thing.name()}[\"']"
+    known = rf"(?<![\w.\"'])({'|'.join(names)})\b|\b(kind|source) *[!=]= *[\"']{thing.name()}[\"']"
     room = Path(*thing.__module__.split(".")[:-1])
     strangers = {path for path, text in modules_of_the_face().items() if re.search(known, without_docstrings(text))}
     assert not {path.as_posix() for path in strangers if not path.is_relative_to(room)}

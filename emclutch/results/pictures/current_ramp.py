@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas
 
 from emclutch.results.current_ramp import TABLE
 from emclutch.results.pictures.figure import (
@@ -23,6 +22,7 @@ from emclutch.results.pictures.torque_curves import torque_against_current_pictu
 from emclutch.results.torque_curves import row_of_run, torque_curves
 
 if TYPE_CHECKING:
+    import pandas
     from matplotlib.axes import Axes
 
     from emclutch.results.result import Result
@@ -67,6 +67,8 @@ def run_against_current_picture(
     """Draw a run's torque against current: the branches of a ramp where it has them, else one point; see above."""
     table = result.folder.path / TABLE
     if table.is_file():
+        import pandas
+
         return current_ramp_picture(path, pandas.read_csv(table), measured=measured, title=title)
     return torque_against_current_picture(
         path, torque_curves([row_of_run(result)], "current", []), measured=measured, title=title

@@ -209,10 +209,10 @@ def lines(view, curves, visible, options):
 def arrows(view, field, visible, options):
     """Direction of B; of H: choose field_strength as the filter's Orientation Array."""
     where = cropped(field)
-    box = updated(where).GetDataInformation().GetBounds()
+    bounds = updated(where).GetDataInformation().GetBounds()
     arrow = pv.Glyph(registrationName="arrows", Input=where, GlyphType="Arrow")
     arrow.OrientationArray, arrow.ScaleArray = [WHERE, "flux_density"], ["POINTS", "No scale array"]
-    arrow.ScaleFactor = 0.03 * max(box[1] - box[0], box[5] - box[4])
+    arrow.ScaleFactor = 0.03 * max(bounds[1] - bounds[0], bounds[5] - bounds[4])
     arrow.GlyphMode, arrow.MaximumNumberOfSamplePoints = "Uniform Spatial Distribution (Bounds Based)", 1500
     display = pv.Show(arrow, view)
     display.Visibility = visible
@@ -246,12 +246,12 @@ def near_grains(source, options):
     particles = pv.FindSource("particles")
     if options.look != "gap" or SECTOR is None or particles is None:
         return source
-    box = updated(particles).GetDataInformation().GetBounds()
-    reach = sum((box[k + 1] - box[k]) ** 2 for k in (0, 2, 4)) ** 0.5
+    bounds = updated(particles).GetDataInformation().GetBounds()
+    reach = sum((bounds[k + 1] - bounds[k]) ** 2 for k in (0, 2, 4)) ** 0.5
     margins = [share * reach for share in NEAR]
     clip = pv.Clip(Input=source, ClipType="Box", Invert=1, Exact=1)
-    clip.ClipType.Position = [box[2 * k] - margins[k] for k in range(3)]
-    clip.ClipType.Length = [box[2 * k + 1] - box[2 * k] + 2.0 * margins[k] for k in range(3)]
+    clip.ClipType.Position = [bounds[2 * k] - margins[k] for k in range(3)]
+    clip.ClipType.Length = [bounds[2 * k + 1] - bounds[2 * k] + 2.0 * margins[k] for k in range(3)]
     return clip
 
 
@@ -268,12 +268,12 @@ def caption(view, series):
 def aim(view, series, options):
     """Turn the camera to the device or the grains."""
     if options.look == "device" and "field" in series:
-        box = list(updated(cropped(series["field"])).GetDataInformation().GetBounds())
-        box[0] = -box[1] if FIELD == "section" else box[0]
+        bounds = list(updated(cropped(series["field"])).GetDataInformation().GetBounds())
+        bounds[0] = -bounds[1] if FIELD == "section" else bounds[0]
     else:
-        box = series.get("particles", next(iter(series.values()))).GetDataInformation().GetBounds()
+        bounds = series.get("particles", next(iter(series.values()))).GetDataInformation().GetBounds()
     aside = BESIDE * options.size[0] / options.size[1]
-    focus, position, up, half = camera(options.look, SECTOR is not None, box, aside)
+    focus, position, up, half = camera(options.look, SECTOR is not None, bounds, aside)
     view.CameraFocalPoint, view.CameraPosition, view.CameraViewUp = focus, position, up
     view.CameraParallelProjection, view.CameraParallelScale = 1, half
 
