@@ -14,7 +14,7 @@ from typing import Any
 from emclutch.cli.input import number_or_text
 from emclutch.results import OutputError, Result, load_result
 from emclutch.results.columns import SHEAR_STRESS
-from emclutch.results.measured_table import read_band, read_measured
+from emclutch.results.measured_table import OVER_RATED, read_band, read_measured
 from emclutch.results.seed_average import averaged_over_seeds
 from emclutch.results.study_folder import is_study, read_study, refresh_in_words
 from emclutch.results.torque_curves import ACROSS, TorqueCurve, band_over_rated, row_of_run, torque_curves
@@ -83,8 +83,7 @@ def plot_runs(
     for folder in folders:
         if is_study(folder) and (old := refresh_in_words(read_study(folder))):
             log(f"{folder}: {old}")
-    over_rated = ("current over the rated one", "torque over the rated one")
-    columns = _MEASURED.get(kind, over_rated) if rated is None else over_rated
+    columns = _MEASURED.get(kind, OVER_RATED) if rated is None else OVER_RATED
     points = None if measured is None else read_measured(measured, *columns)
     predicted = None if band is None else read_band(band)
     curves = curves_of(folders, kind) if kind in _AXES else []

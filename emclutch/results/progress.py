@@ -88,7 +88,8 @@ class Progress:
         if self._bar is not None:
             self._bar.update(self._task, description=text)
             return
-        print(f"{100.0 * self._latest:3.0f} %  {text}", file=self.stream, flush=True)
+        done = "" if self._time_left is None else f"{100.0 * self._latest:3.0f} %  "  # unknown before the first update
+        print(f"{done}{text}", file=self.stream, flush=True)
         self._line_time = time.monotonic()
 
     def note(self, text: str) -> None:

@@ -44,14 +44,18 @@ class TimeLeft:
             self._readings = [*self._readings[:-1:2], self._readings[-1]]
 
     def estimate(self) -> tuple[float, float] | None:
-        """Return the seconds left, and the cores that this process has had; None before anything is done."""
+        """Return the seconds left, and the cores that this process has had; None before anything is done.
+
+        What has passed since the last reading that advanced counts as done.
+        """
         if len(self._readings) < 2:
             return None
         last = self._readings[-1]
         half = 0.5 * (self._readings[0][0] + last[0])
         early = max(one for one in self._readings[:-1] if one is self._readings[0] or one[0] <= half)
         done, wall, processor = (b - a for a, b in zip(early, last, strict=True))
-        return max(1.0 - last[0], 0.0) * wall / done, processor / max(wall, 1e-9)
+        since = _clocks()[0] - last[1]
+        return max((1.0 - last[0]) * wall / done - since, 0.0), processor / max(wall, 1e-9)
 
 
 def _clocks() -> tuple[float, float]:

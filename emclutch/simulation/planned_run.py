@@ -46,7 +46,10 @@ class PlannedRun:
 def plan_run(request: RunRequest) -> PlannedRun:
     """Build the device and decide the run; ValueError where it cannot be, or the machine has too little room for it."""
     scene, folder, progress = request.case.scene, request.folder, request.progress
-    progress.update(0.0, "mesh and field")
+    if request.opened.goes_on:  # what it had done is known once its checkpoint is read
+        progress.announce("mesh and field")
+    else:
+        progress.update(0.0, "mesh and field")
     device, plan = make_plan(request.case, threads=threads_in_use())
     decisions = plan_in_words(device, plan)
     for label, reason in decisions.items():

@@ -88,6 +88,8 @@ def make_callbacks(request: RunRequest, started: StartedRun) -> RunObservers:
         """Fraction of the run that is done when this packing has come to a time [s]."""
         return request.replicas.share_done(time) if request.replicas.count > 1 else time / plan.end
 
+    if resume_time is not None:  # the time left is that of the pace from here on
+        progress.update(share(resume_time), f"resumed at t = {resume_time * 1e3:.3g} ms")
     alive = Heartbeat(progress.listener, simulation, share)
 
     measures = (Observables(scene, started.planned.device),)

@@ -50,8 +50,8 @@ class StartedRun:
 def start_run(request: RunRequest, planned: PlannedRun) -> StartedRun:
     """Pack the grains of a run, take them from another one, or continue from its checkpoint."""
     device, plan = planned.device, planned.plan
-    request.progress.update(0.0, f"packing {plan.count} grains")
     if not request.opened.goes_on:
+        request.progress.update(0.0, f"packing {plan.count} grains")
         grains = request.grains
         simulation = assemble(device, plan) if grains is None else warm_started(device, plan, grains)
         compiling = f"; the grains' step is being compiled, {ONCE}" if lacks_step(request.case.scene) else ""

@@ -102,7 +102,10 @@ def read_torques(path: str | Path, unit: str) -> tuple[MeasuredTorques, int]:
     """
     curves = read_measured(path, f"drive [{unit}]" if unit else "drive", TORQUE_CURVE[1], needs_units=True)
     if len(curves) > 1:
-        raise OutputError(f"{path} has {len(curves)} columns of torques, {', '.join(curves)}; leave one")
+        raise OutputError(
+            f"{path} has {len(curves)} columns of torques, {', '.join(curves)}; leave one, and name the "
+            "column of standard errors 'error [N m]'"
+        )
     (points,) = curves.values()
     used = points[(points[:, :2] > 0.0).all(axis=1)]  # both are fitted by their logarithms
     if not len(used):

@@ -12,7 +12,7 @@ from written_run import written_run, written_study
 from emclutch.cli.main import app
 from emclutch.cli.plot import GRAIN_SIZE, TORQUE_CURRENT, curves_of, plot_runs, runs_of
 from emclutch.results import OutputError, load_result, pictures
-from emclutch.results.measured_table import read_measured
+from emclutch.results.measured_table import OVER_RATED, read_measured
 from emclutch.results.pictures.figure import save_picture
 from emclutch.results.text import format_time, time_unit
 from emclutch.scene.errors import SceneError
@@ -139,6 +139,7 @@ def test_runs_of_several_grain_sizes_are_extrapolated(tmp_path):
 
 def test_what_cannot_be_drawn_over_the_current_is_refused(tmp_path):
     study, run = written_study(tmp_path / "study", [1.0, 2.0]), written_run(tmp_path / "run").path
+    (bench := tmp_path / "bench.csv").write_text("current_A,torque_Nm\n0.9,12\n")
     bands = [tmp_path / f"band-{number}.csv" for number in range(3)]
     for path, text in zip(bands, ("low,middle,high\n2,1,2,4", "low,middle,high\n2,3,2,4", "low,mean,high\n2,1,2,4"),
                           strict=True):  # fmt: skip
@@ -147,6 +148,7 @@ def test_what_cannot_be_drawn_over_the_current_is_refused(tmp_path):
         ({"rated": "3 A"}, r"no torque at 3 A to divide by; it has: 1, 2 A"),
         ({"rated": "3 V"}, "--rated = 3 V is a voltage; a current is needed"),
         ({"rated": "0 A"}, "allowed"),
+        ({"rated": "1 A", "measured": bench}, "'current_A' is in A; it must be current over the rated one"),
         ({"kind": "torque", "rated": "1 A"}, "add --torque-current"),
         ({"kind": "torque", "measured": tmp_path / "m.csv"}, "add --speeds or --torque-current"),
         ({"kind": "torque", "band": tmp_path / "m.csv"}, "add --torque-current"),
@@ -165,6 +167,9 @@ def test_what_cannot_be_drawn_over_the_current_is_refused(tmp_path):
     [
         (("current [mm]", "rising [N m]"), ("current [A]", "torque [N m]"), r"in mm; .* .A.: it is a length; a cur"),
         (("current [A]", "rising"), ("current over rated", "torque over rated"), "'current .A.' is in A"),
+        (("current_A", "torque_Nm"), OVER_RATED, "'current_A' is in A; it must be current over the rated one"),
+        (("current (A)", "torque (N m)"), OVER_RATED, "'current .A.' is in A"),
+        (("current", "torque (N m)"), OVER_RATED, "'torque .N m.' is in N m"),
     ],
 )
 def test_a_column_in_another_unit_is_refused(tmp_path, columns, over, named):
@@ -191,7 +196,34 @@ def test_a_column_in_another_unit_of_its_quantity_is_converted(tmp_path):
         read_measured(table, "time [s]", "speed [rpm]")
 
 
-@pytest.mark.parametrize("unit", ["Ncm", "N_cm", "Nmm", "mNm", "lbin", "in_lb", "kgcm", "lb_ft", "ft-lb", "ozin"])
+@pytest.mark.parametrize(("unit", "factor"), [("mNm", 1e-3), ("Nmm", 1e-3), ("Ncm", 1e-2), ("N_cm", 1e-2)])
+def test_errors_without_a_unit_have_that_of_their_torque(tmp_path, unit, factor):
+    table = tmp_path / "bench.csv"
+    for name in (f"torque_{unit}", f"torque ({unit})", f"torque [{unit}]"):
+        table.write_text(f"current_A,{name},error\n1,10,1\n")
+        (points,) = read_measured(table, "current [A]", "torque [N m]").values()
+        assert points == pytest.approx(np.array([[1.0, 10.0 * factor, factor]]))
+
+
+@pytest.mark.parametrize("unit", ["1/min", "min-1", "min^-1", "rpm"])
+def test_speeds_per_minute_are_turns(tmp_path, unit):
+    table = tmp_path / "bench.csv"
+    for name in (f"motor [{unit}]", f"motor ({unit})", f"motor_{unit}"):
+        table.write_text(f"t_s,{name}\n1,10\n")
+        assert read_measured(table, "time [s]", "speed [rpm]")[name.replace(unit, "rpm")].tolist() == [[1.0, 10.0]]
+
+
+@pytest.mark.parametrize("unit", ["MA", "ma"])
+@pytest.mark.parametrize("name", ["CURRENT_{}", "current [{}]", "current ({})"])
+def test_capitals_that_mean_another_unit_are_refused(tmp_path, unit, name):
+    """MA is a megaampere and ma a year; both are typed for mA."""
+    table = tmp_path / "bench.csv"
+    table.write_text(f"{name.format(unit)},torque\n900,12\n")
+    with pytest.raises(OutputError, match=f"is in {unit}, whose capitals are unusual; write mA$"):
+        read_measured(table, "current [A]", "torque [N m]")
+
+
+@pytest.mark.parametrize("unit", ["lbin", "in_lb", "kgcm", "lb_ft", "ft-lb", "ozin"])
 def test_a_torque_in_another_unit_is_never_read_as_newton_metres(tmp_path, unit):
     table = tmp_path / "bench.csv"
     for name in (f"torque_{unit}", f"torque ({unit})", f"torque [{unit}]", f"torque {unit}"):

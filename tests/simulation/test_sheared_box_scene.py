@@ -2,6 +2,7 @@
 
 import copy
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -233,7 +234,11 @@ def test_a_resumed_run_is_the_same_bit_for_bit(base, method, tmp_path):
     whole = run(case, out=tmp_path / "whole", threads=1)
     half = run(case, out=tmp_path / "half", threads=1, callback=lambda state: state.row["time"] > 0.9e-4)
     assert half.stopped and len(half.history) < len(whole.history)
-    resumed = run(case, out=tmp_path / "half", threads=1, resume=True)
+    shares = []
+    seen = SimpleNamespace(update=lambda share, text: shares.append(share))
+    resumed = run(case, out=tmp_path / "half", threads=1, resume=True, progress=seen)
+    begun = len(half.history) / len(whole.history)
+    assert shares[0] == pytest.approx(begun) and shares[-1] == 1.0  # what was done before is not of this pace
     same = [name for name in whole.history.columns if not name.startswith(("wall_", "processor_"))]
     assert whole.history[same].equals(resumed.history[same])
     with whole.open_record() as one, resumed.open_record() as other:

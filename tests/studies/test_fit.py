@@ -87,7 +87,7 @@ def test_a_measured_curve_is_read_in_its_units(tmp_path):
         ("current [A], torque [N m]\n1\n", "line 2: '1' is not"),
         ("current [A], torque [N m]\n1,nan\n", "'nan' in column 'torque [N m]' is not a number"),
         ("current [A], torque [N m], error [N m]\n1,2,0\n", "without an error above 0"),
-        ("current [A], cold [N m], warm [N m]\n1,2,3\n", "has 2 columns of torques"),
+        ("current [A], cold [N m], warm [N m]\n1,2,3\n", "leave one, and name the column of standard errors 'error"),
         ("current [A], torque [N m]\n0,1\n1,0\n", "no point"),
     ],
 )
