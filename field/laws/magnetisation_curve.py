@@ -18,7 +18,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
+from scipy.interpolate import CubicHermiteSpline, PchipInterpolator, PPoly
 
 from field.laws.h_spline import HSpline, SplineLaw
 from field.laws.reluctivity import MU_0, NU_0
@@ -63,16 +63,26 @@ def last_before_tail(H: np.ndarray, B: np.ndarray) -> int | None:
     return last
 
 
-def _not_above_vacuum(H: np.ndarray, B: np.ndarray, slope: np.ndarray) -> np.ndarray:
-    """dH/dB (n,) [A/(m T)] between which the cubics of M = B/mu_0 - H grow too, where the points do.
+def _within_bounds(H: np.ndarray, B: np.ndarray, slope: np.ndarray) -> np.ndarray:
+    """dH/dB (n,) [A/(m T)] with which H(B) and, where the points do so, M(B) = B/mu_0 - H grow between all points.
 
-    Fritsch and Carlson's bound for M(B): its slopes are at most three times those of the chords on both sides. That
-    for H(B) comes first, at a kink from steep to saturated where no cubic meets both.
+    Fritsch and Carlson's bound for both: at most three times the slopes of the chords on both sides. That for H(B)
+    comes first, at a kink from steep to saturated where no slope meets both.
     """
     chord = np.diff(H) / np.diff(B)
     most = 3.0 * np.minimum(np.append(chord, chord[-1]), np.append(chord[0], chord))
     rise = 3.0 * np.maximum(NU_0 - np.maximum(np.append(chord, chord[-1]), np.append(chord[0], chord)), 0.0)
     return np.minimum(np.clip(slope, NU_0 - rise, NU_0), most)
+
+
+def _cubics(H: np.ndarray, B: np.ndarray, slope: np.ndarray) -> PPoly:
+    """Cubics through the points with dH/dB (n,); at a kink each side keeps its own bound, and dH/dB jumps."""
+    step = np.diff(B)
+    chord = np.diff(H) / step
+    least, most = NU_0 - 3.0 * np.maximum(NU_0 - chord, 0.0), np.minimum(3.0 * chord, NU_0)
+    begin, end = np.clip(slope[:-1], least, most), np.clip(slope[1:], least, most)
+    bend = (begin + end - 2.0 * chord) / step
+    return PPoly(np.array([bend / step, (chord - begin) / step - bend, begin, H[:-1]]), B)
 
 
 def _approach(
@@ -97,7 +107,10 @@ def _approach(
 
 @dataclass(frozen=True, slots=True)
 class TableLaw(SplineLaw):
-    """A measured magnetisation curve.
+    """A measured magnetisation curve: H grows with B, and dB/dH is not below mu_0, up to the rounding of a table.
+
+    dB/dH is continuous but at kinks of coarse tables, from a steep interval to one near the slope of vacuum, and at
+    the end of a table without `J_s`.
 
     Parameters
     ----------
@@ -159,10 +172,10 @@ class TableLaw(SplineLaw):
         # PCHIP's rule for the ends gives 0 next to an interval three times as steep: mu_r would be infinite there
         slope[0] = max(slope[0], _MIN_END * H[1] / B[1])
         slope[-1] = max(slope[-1], _MIN_END * (H[-1] - H[-2]) / (B[-1] - B[-2]))
-        slope = _not_above_vacuum(H, B, slope)
+        slope = _within_bounds(H, B, slope)
         if self.J_s is not None:
             H, B, slope = _approach(H, B, slope, self.J_s, self.name)
-        object.__setattr__(self, "curve", HSpline.through(CubicHermiteSpline(B, H, slope)))
+        object.__setattr__(self, "curve", HSpline.through(_cubics(H, B, slope)))
 
     def _check_shape(self, H: np.ndarray, B: np.ndarray) -> None:
         if H.ndim != 1 or H.shape != B.shape:

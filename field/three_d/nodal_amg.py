@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from .elements_3d import Elements3D
 
 DIRECT_UNKNOWNS: dict[Backend, int] = {"cholmod": 25_000, "superlu": 8_000}
-"""Up to so many unknowns "auto" factorises; above, conjugate gradients are faster, or not much slower.
+"""Up to so many unknowns "auto" factorises; above, conjugate gradients are faster, or take up to half as long again.
 
 Processor time [s] of a nonlinear solve from zero, in steel, P1 or P2 (two cores of 2.1 GHz, CHOLMOD of cvxopt 1.3.3,
 pyamg 5.4.1):
@@ -46,7 +46,7 @@ the same, P2                     12 532     0.88       10        2.4
 the same                         51 966      8.1                  12
 =============================  ========  =======  =======  =========
 
-A thin sector is nearly two-dimensional: its factors stay small, and its stretched elements take 50 to 120 iterations
+A thin sector is nearly two-dimensional: its factors stay small, and its stretched elements take 50 to 148 iterations
 where the quarter takes 6 to 60. They are the cost: setting up the preconditioner takes 0.03 s of a linear solve of
 2.3 s, and with the linear elements' matrix factorised it takes 106 iterations instead of 148, with three sweeps 88.
 """

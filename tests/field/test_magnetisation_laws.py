@@ -235,6 +235,40 @@ def test_every_monotone_table_has_a_finite_permeability(seed):
     assert slope.min() > 0.0 and np.all(np.diff(found) > 0.0)
 
 
+def random_table(seed):
+    """Points of a law whose permeability only falls, coarse and with kinks; the last one near the slope of vacuum."""
+    random = np.random.default_rng(seed)
+    H = np.cumsum(10.0 ** random.uniform(1.5, 5.0, 6))
+    mu_r = np.sort(1.0 + 10.0 ** random.uniform(-2.0, 3.5, 6))[::-1]
+    B = np.cumsum(MU_0 * mu_r * np.diff(H, prepend=0.0))
+    scale = min(1.0, 2.0 / (B - MU_0 * H)[-1])  # J of at most 2 T
+    return H, scale * (B - MU_0 * H) + MU_0 * H
+
+
+@pytest.mark.parametrize(
+    "table",
+    [
+        ([100.0, 300.0, 1e3, 2e5], [1.0, 1.5, 1.7, 1.97]),
+        ([100.0, 200.0, 300.0, 1e5], [1.0, 1.5, 1.6, 1.75]),
+        ([100.0, 200.0, 300.0, 1e5], [1.0, 1.5, 1.6, 1.6 + MU_0 * 99_700.0]),  # no polarisation left: mu_0 itself
+        *(random_table(seed) for seed in range(300)),
+    ],
+)
+def test_no_kink_of_a_table_takes_the_slope_below_vacuum(table):
+    """Where the points of a table have dB/dH >= mu_0, its cubics have it too; H and energy stay those of one curve."""
+    H, B = np.array(table[0]), np.array(table[1])
+    law = TableLaw(H, B)
+    fine = np.linspace(0.0, 1.2 * B[-1], 5001)
+    found, slope = law.H_of_B(fine)
+    assert slope.min() >= 0.0 and slope.max() * MU_0 <= 1.0 + 1e-9
+    assert np.allclose(law.H_of_B(B)[0], H, rtol=1e-12) and np.all(np.diff(found) > 0.0)
+    work = np.diff(law.energy_density(fine))  # H grows: its integral is between those of the ends' values
+    step = np.diff(fine)
+    assert np.all(work >= found[:-1] * step * (1 - 1e-9) - 1e-9) and np.all(
+        work <= found[1:] * step * (1 + 1e-9) + 1e-9
+    )
+
+
 def test_a_polarisation_that_no_material_has_is_refused():
     """1800 T, that is mT under a heading in T."""
     with pytest.raises(ValueError, match="check the unit of B"):

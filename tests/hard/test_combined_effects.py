@@ -1,8 +1,11 @@
 """Effects that meet in the field or in an energy close torques and energies together as each does alone.
 
-The bounds are those of `cases/hard/invariants.toml`. There are, besides: the circuit with fed-back powder
-(`cases/hard/voltage_jump.toml`) by DEM, and both with eddy currents (`cases/hard/eddy_currents_with_powder.toml`);
-eddy currents and circuit without powder (`test_coil_transient.py`).
+The bounds are those of `cases/hard/invariants.toml`, but for those that a pair gives itself. There are, besides: the
+circuit with fed-back powder (`cases/hard/voltage_jump.toml`) by DEM, and both with eddy currents
+(`cases/hard/eddy_currents_with_powder.toml`); eddy currents and circuit without powder (`test_coil_transient.py`).
+
+Slots with circuit and powder end before the voltage jumps: they test the switch-on. At a fill of 0.15 the first window
+leaves 2.2 % of the coil's energy open, 41 uJ in 0.1 ms and 11 uJ in 0.05 ms: about of second order in the window.
 """
 
 import numpy as np
@@ -43,23 +46,31 @@ def into_steel_and_field(run: FinishedRun, share: float) -> float:
     return abs(put_in.sum() - heat.sum() - (energy[-1] - energy[0])) / (share * (np.abs(put_in).sum() + energy.max()))
 
 
+# Rigid grains: impulses do their work exactly. Of the energy that goes through, 1.2e-16 was measured, and no loss
+# below zero; round-off, and a tenth of the solver's tolerance as in every scene by DVI. DEM's bound would be 6e-3.
+RIGID = {"energy_balance": 1e-12, "losses": 1e-5}
+
+# Scene, its values, and the bounds of the scene that are others here; None: not looked at.
 PAIRS = {
-    "eddy currents, feedback": ("eddy_currents_with_powder", AT_A_CURRENT),
+    "eddy currents, feedback": ("eddy_currents_with_powder", AT_A_CURRENT, {}),
     "hysteresis, feedback": (
         "eddy_currents_with_powder",
         AT_A_CURRENT | {"effects.eddy_currents": None, "effects.hysteresis": {}},
+        {},
     ),
-    "DVI, circuit, feedback": ("voltage_jump", {"contact.method": "dvi"}),
-    "slots, circuit, feedback": ("voltage_jump", SLOTS),
+    "DVI, circuit, feedback": ("voltage_jump", {"contact.method": "dvi"}, RIGID),
+    "slots, circuit, feedback": ("voltage_jump", SLOTS, {"current": None}),  # it ends far below V/R
 }
 
 
 @pytest.mark.parametrize("name", PAIRS)
 def test_torques_and_energies_close(name, tmp_path):
-    of, values = PAIRS[name]
+    of, values, own = PAIRS[name]
     scene = SCENES[of]
     run = scene.run(tmp_path / "run", SHORT | values)
-    bounds = dict(scene.bounds)
+    bounds = {name: bound for name, bound in (scene.bounds | own).items() if bound is not None}
+    if own is RIGID:
+        assert run.history["n_contacts"].max() > 0 and run.history["dissipated"].sum() > 0.0
     if "coil.current" in values:
         del bounds["current"]  # what voltage and resistance allow
     if "hysteresis_loss" in run.history:
