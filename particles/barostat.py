@@ -4,7 +4,7 @@
 
 with a damping g [Pa s] that sets how fast: much slower than the grains' collisions, much faster than the shear (da Cruz
 et al., Phys. Rev. E 72 (2005) 021309, with the wall's equation for a box). Centres move with the box; grains keep their
-size and their velocity beside the flow. Its work is that of a wall which gives way, and not in the budget of a run.
+size and their velocity beside the flow. Its work is that of a wall that yields, and not in the budget of a run.
 """
 
 from __future__ import annotations

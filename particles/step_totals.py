@@ -110,8 +110,6 @@ class StepTotals:
         of friction with rolling and twisting torques.
     force : dict of body -> ndarray, shape (3,)
         Mean force on the body [N]; in a sector only the axial one is left, the others cancel round the ring.
-    force_parts : dict of body -> {"normal", "damping", "tangential"} -> ndarray, shape (3,)
-        The same, split as the torque.
     shaft_work : dict of body -> {"drive", "load", "contact"}
         For free shafts: work put in by drive and external torque, taken by the load, and put in by the grains [J].
     energy : EnergyTotals or None
@@ -132,7 +130,6 @@ class StepTotals:
     duration: float
     torque: dict[str, dict[str, float]]
     force: dict[str, np.ndarray]
-    force_parts: dict[str, dict[str, np.ndarray]]
     shaft_work: dict[str, dict[str, float]]
     energy: EnergyTotals | None
     max_overlap: float

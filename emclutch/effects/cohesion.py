@@ -17,7 +17,7 @@ class CohesionSection(EffectSection):
 
     name = "cohesion"
     summary = "grains that touch pull each other"
-    size_note = "the stress of a pull goes with 1/d (dmt, jkr) or 1/d^2 (constant)"
+    size_note = "the stress of a pull scales as 1/d (dmt, jkr) or 1/d^2 (constant)"
 
     model: Annotated[str, Choice(("constant", "dmt", "jkr"))] = Field(
         default="constant",

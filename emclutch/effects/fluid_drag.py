@@ -41,7 +41,7 @@ class FluidDragSection(EffectSection):
     name = "fluid_drag"
     summary = "Stokes drag in a carrier fluid"
     role = "drag"
-    size_note = "the drag on a volume of powder goes with 1/d^2"
+    size_note = "the drag on a volume of powder scales as 1/d^2"
     columns = (TORQUE_FLUID_DRAG,)
     holds_forces = True
     CHECKS: ClassVar = ((_flow_has_its_gap, ("effects", "particles", "geometry.kind")),)

@@ -120,7 +120,7 @@ class KnobError:
 
     @property
     def is_decided(self) -> bool:
-        """Return whether the bias is known to differ from zero, or is small for certain."""
+        """Return whether the bias differs from zero, or is small, at the confidence of its interval."""
         return abs(self.bias) > self.half_width or abs(self.bias) + self.half_width <= SMALL
 
 

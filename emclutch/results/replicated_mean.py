@@ -12,7 +12,7 @@
    variance, and one without curvature with mean 0): 3 R - 1 degrees of freedom for R replicas. Slow fluctuations have
    larger slopes than cubic coefficients, which makes the error up to a tenth too small at a correlation time of a tenth
    of the stretch.
-4. **Verdict** (`steadiness`): steady, creeping or not settled. To exclude a drift takes several times the packings that
+4. **Verdict** (`steadiness`): steady, drifting or not settled. To exclude a drift takes several times the packings that
    the interval needs; it need not be excluded where a ladder has measured the start-up, on more packings than a run.
 
 Coverage and power, measured with synthetic series: tests/results/test_stopping_rule.py.
@@ -50,14 +50,14 @@ DRIFT_CONFIDENCE = 0.975
 """One-sided. With it a drift at the limit passes in less than 10 % of runs under the rule that ends them: up to nine
 looks, of which each has its chance."""
 MARGIN = 0.9  # of the half width that is asked for: aimed at when the rest is estimated
-CREEP = 0.75  # of the half width that is asked for: a drift beyond it for certain (95 %), which no more replicas cure
+MAX_DRIFT = 0.75  # of the half width that is asked for: a significant drift beyond it (95 %) ends a run
 
 
 class Steadiness(Enum):
     """Verdict on a mean over replicas, see `steadiness`."""
 
     STEADY = "steady"
-    CREEPING = "creeping"
+    DRIFTING = "drifting"
     NOT_SETTLED = "not settled"
 
 
@@ -164,8 +164,8 @@ def judged(found: Estimate, wanted: float) -> Estimate:
     share = f"{drift_in_words(found)} over the averaged stretch"
     if verdict is Steadiness.STEADY:
         reason = f"steady: {stretch}; drift {share}"
-    elif verdict is Steadiness.CREEPING:
-        reason = f"creeping: it drifts by {share}, and the interval is of this stretch ({stretch}); run longer"
+    elif verdict is Steadiness.DRIFTING:
+        reason = f"drifting: by {share}; the interval is of this stretch ({stretch}); run longer"
     elif found.starts_up:
         reason = (
             f"not settled: the start-up takes more than {START_UP_LIMIT:g} of the run, and the interval is of the rest "
@@ -184,29 +184,29 @@ def steadiness(found: Estimate, wanted: float) -> Steadiness:
     """Verdict for a half width that is asked for [unit of the signal].
 
     With the drift counted over the run from the end of the start-up on (a later start of the average hides nothing):
-    *steady* where a drift of twice `wanted` is excluded, *creeping* where it is not and zero is (95 %), else *not
+    *steady* where a drift of twice `wanted` is excluded, *drifting* where it is not and zero is (95 %), else *not
     settled*; not settled too where the start-up takes most of the run. Where the start-up is known to be over
-    (`Estimate.exclude_drift` is False) all is steady that does not creep for certain. Of a single replica: whether it
+    (`Estimate.exclude_drift` is False) all is steady that has no significant drift. Of a single replica: whether it
     converged.
     """
     if found.drift is None or found.drift_error is None or found.drift_freedom is None:
         return Steadiness.STEADY if found.converged else Steadiness.NOT_SETTLED
     if not found.exclude_drift:
-        return Steadiness.CREEPING if creeps_for_certain(found, wanted) else Steadiness.STEADY
+        return Steadiness.DRIFTING if drifts_significantly(found, wanted) else Steadiness.STEADY
     drift, error = _nominal_drift(found)
     excluded = drift + _quantile(found.drift_freedom, DRIFT_CONFIDENCE) * error < DRIFT_LIMIT * wanted
     if excluded and not found.starts_up:
         return Steadiness.STEADY
     zero_excluded = drift > _quantile(found.drift_freedom, 0.975) * error
-    return Steadiness.CREEPING if zero_excluded else Steadiness.NOT_SETTLED
+    return Steadiness.DRIFTING if zero_excluded else Steadiness.NOT_SETTLED
 
 
-def creeps_for_certain(found: Estimate, wanted: float) -> bool:
-    """True if a drift beyond `CREEP` times `wanted` is certain (95 %): more replicas do not cure it."""
+def drifts_significantly(found: Estimate, wanted: float) -> bool:
+    """True if a drift beyond `MAX_DRIFT` times `wanted` is certain (95 %): more replicas do not cure it."""
     if found.drift is None or found.drift_error is None or found.drift_freedom is None:
         return False
     drift, error = _nominal_drift(found)
-    return drift - _quantile(found.drift_freedom, 0.95) * error > CREEP * wanted
+    return drift - _quantile(found.drift_freedom, 0.95) * error > MAX_DRIFT * wanted
 
 
 def may_be_zero(found: Estimate) -> bool:

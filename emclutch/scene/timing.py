@@ -45,7 +45,7 @@ class TimeSection(Section):
     exclude_drift: bool = Field(
         default=True,
         description="with `until`, a torque is known only where a drift of twice the half width is excluded; false: "
-        "the start-up is known to be over by `average_from`, and only a torque that drifts for certain is not known",
+        "the start-up is known to be over by `average_from`; only a significant drift (95 %) leaves the torque unknown",
     )
 
     @model_validator(mode="after")

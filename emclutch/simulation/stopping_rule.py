@@ -4,7 +4,7 @@ A run begins with a few packings (`FIRST_COUNT`) of the first length. At each lo
 (`emclutch.results.steady_torque`). Where its interval is not narrow enough, or its drift not excluded:
 
 - all packings continue to the next length, 1.5 times the last one and at most `time.end`, where that is estimated to
-  need less simulated time than more packings, or where the torque creeps for certain;
+  need less simulated time than more packings, or where the torque has a significant drift;
 - else the length stays, and more packings are run: 6, 8, 12, 16, 24, ... (`COUNTS`), at most `accuracy.max_replicas`.
 
 Looks are few, and both ways to continue are decided by numbers that all packings share, so that the end depends neither
@@ -22,7 +22,7 @@ import numpy as np
 
 from emclutch.results.replicated_mean import (
     Steadiness,
-    creeps_for_certain,
+    drifts_significantly,
     may_be_zero,
     more_packings_suffice,
     more_time_suffices,
@@ -115,9 +115,9 @@ class StoppingRule:
         longer = [one for one in self.lengths if one > now.length * (1.0 + 1e-9)]
         more = [one for one in COUNTS if now.count < one <= self.max_count] if now.count > 1 else []
         wanted = 0.0 if torque.mean is None else self.target.half_width(torque.mean)
-        creeps = creeps_for_certain(torque, wanted)
-        if torque.standard_error is None or (creeps and (longer or torque.exclude_drift)):
-            more = []  # after a start-up that is known, and in a run that can be no longer, a creep may be chance
+        drifts = drifts_significantly(torque, wanted)
+        if torque.standard_error is None or (drifts and (longer or torque.exclude_drift)):
+            more = []  # after a start-up that is known, and in a run that can be no longer, a drift may be chance
         if torque.starts_up and now.count >= CONFIRMED:
             more = []
         if longer and (not more or self._time_is_cheaper(torque, now, longer, more, wanted)):
@@ -155,7 +155,7 @@ def enough(torque: Estimate, wanted: float, end: float) -> tuple[int | None, flo
     if torque.replicas < 2:
         half = torque.half_width()
         return None, None if half is None or not torque.converged else end * max(1.0, (half / wanted) ** 2)
-    counts = [] if creeps_for_certain(torque, wanted) else [one for one in COUNTS if one > torque.replicas]
+    counts = [] if drifts_significantly(torque, wanted) else [one for one in COUNTS if one > torque.replicas]
     count = next((one for one in counts if more_packings_suffice(torque, one, wanted)), None)
     times = end * np.array([1.5, 2.0, 3.0, 5.0, 10.0])
     time = next((one for one in times if more_time_suffices(torque, float(one), wanted)), None)
@@ -178,7 +178,7 @@ def remedy(torque: Estimate, target: TorqueTarget, end: float) -> str:
             return torque.reason
         short = f"half the interval is {half:.2g} {target.unit}, {wanted:.2g} asked for"
         return f"{short}; raise time.end to about {enough(torque, wanted, end)[1]:.2g} s"
-    if creeps_for_certain(torque, wanted):
+    if drifts_significantly(torque, wanted):
         return f"{torque.reason}; raise time.end above {end:.3g} s: more packings do not help"
     if torque.missing or (not torque.converged and torque.drift_error is None):
         return torque.reason

@@ -19,7 +19,7 @@ WORKS = {
     "motion": box_kernel.MOTION_WORK,
 }
 SYMMETRIC = (box_kernel.PULL, box_kernel.MOTION)
-FORCES = {"normal": total_columns.FORCE_N, "damping": total_columns.FORCE_D, "tangential": total_columns.FORCE_T}
+FORCES = total_columns.FORCE_N, total_columns.FORCE_D, total_columns.FORCE_T
 
 
 def summary(
@@ -36,16 +36,14 @@ def summary(
     """Totals of ``steps`` of ``dt`` [s]; ``ring`` is the number of sectors, of one of which the sums are."""
     share = ring / max(steps, 1)
     rows = dict(zip([body.name for body in bodies], body_totals, strict=True))
-    parts = {
-        name: {kind: force_on_ring(row[first : first + 3] * share, ring) for kind, first in FORCES.items()}
-        for name, row in rows.items()
-    }
     return StepTotals(
         steps=steps,
         duration=steps * dt,
         torque={name: {kind: float(row[c]) * share for kind, c in TORQUES.items()} for name, row in rows.items()},
-        force={name: sum(own.values(), np.zeros(3)) for name, own in parts.items()},
-        force_parts=parts,
+        force={
+            name: force_on_ring(share * sum((row[first : first + 3] for first in FORCES), np.zeros(3)), ring)
+            for name, row in rows.items()
+        },
         shaft_work={
             body.name: {
                 "drive": float(row[total_columns.DRIVE_WORK]),

@@ -16,7 +16,7 @@ this history, the history is dropped and the iteration continues from the best G
 missing: the changes of F are m/M of F, and the coefficient that removes this mode is M/m. Where contacts contradict
 each other impulses grow by the same every sweep; what is left of the changes of F then, round-off, fits F badly, and as
 large a coefficient would throw the impulses away. So one beyond FAR must come from a fit that explains F. Such an
-extrapolation multiplies the round-off of the velocities as well; so these are then made anew from the impulses,
+extrapolation multiplies the round-off of the velocities as well; so these are then recomputed from the impulses,
 v = v_free + M^-1 H r, before the residual is looked at.
 
 **Stalls.** In a bed that shears, a warm start often makes more contacts stick than its motion allows. Each sweep then
@@ -253,7 +253,7 @@ def _free_velocities(records, contact_torques):
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def _renew_velocities(free, free_body, records, contact_torques):
-    """Make the velocities anew from the impulses."""
+    """Recompute the velocities from the impulses."""
     for i in range(free.shape[0]):
         for q in range(free.shape[1]):
             records.grain[i, q] = free[i, q]

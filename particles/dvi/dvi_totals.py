@@ -68,10 +68,6 @@ def dvi_totals(
     """
     share = ring / max(steps, 1)
     names = [body.name for body in bodies]
-    normal, force = (
-        [force_on_ring(row[first : first + 3] * share, ring) for row in body_totals]
-        for first in (end_of_step.NORMAL_X, end_of_step.FORCE_X)
-    )
     return DviTotals(
         steps=steps,
         duration=steps * dt,
@@ -83,10 +79,9 @@ def dvi_totals(
             }
             for name, t in zip(names, body_totals, strict=True)
         },
-        force=dict(zip(names, force, strict=True)),
-        force_parts={
-            name: {"normal": n, "damping": np.zeros(3), "tangential": f - n}
-            for name, n, f in zip(names, normal, force, strict=True)
+        force={
+            name: force_on_ring(row[end_of_step.FORCE_X : end_of_step.FORCE_X + 3] * share, ring)
+            for name, row in zip(names, body_totals, strict=True)
         },
         shaft_work={
             body.name: {

@@ -34,11 +34,9 @@ from particles.periodic_images import vector_as_seen, velocity_as_seen
     SWEEPS, RESIDUAL, MISSED, KEPT, LOADED, VISITS, TAKEN_OVER, PROJECTIONS, MAX_SWEEPS, ROLLING, TWISTING,
 ) = range(21)  # fmt: skip
 N_SUMS = 21
-# columns of a body's sums: torques and forces of the normal and of the tangential impulses, and work
-TORQUE_N, TORQUE_T, NORMAL_X, NORMAL_Y, NORMAL_Z, FORCE_X, FORCE_Y, FORCE_Z, BODY_WORK, DRIVE_WORK, LOAD_WORK = range(
-    11
-)
-N_BODY_SUMS = 11
+# columns of a body's sums: torques of the normal and of the tangential impulses, force, and work
+TORQUE_N, TORQUE_T, FORCE_X, FORCE_Y, FORCE_Z, BODY_WORK, DRIVE_WORK, LOAD_WORK = range(8)
+N_BODY_SUMS = 8
 # columns of what `book` adds up in a step
 LOADED_NOW, KEPT_NOW, IMPACT_NOW, SLIDING_NOW, WORK_NOW, SPRING_N, SPRING_T = range(7)
 N_BOOKED = 7
@@ -142,9 +140,6 @@ def book(part, h, pull, compliance, body_speed, mean_speed, grains, pair_slots, 
         work += on_grain
         body_sums[b, TORQUE_N] -= r_n * lever_n / h
         body_sums[b, TORQUE_T] -= (lever - r_n * lever_n) / h
-        body_sums[b, NORMAL_X] -= r_n * ex / h
-        body_sums[b, NORMAL_Y] -= r_n * ey / h
-        body_sums[b, NORMAL_Z] -= r_n * ez / h
         body_sums[b, FORCE_X] -= x / h
         body_sums[b, FORCE_Y] -= y / h
         body_sums[b, FORCE_Z] -= z / h

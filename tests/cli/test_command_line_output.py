@@ -130,8 +130,8 @@ def test_the_verdict_names_the_error_budget_and_what_to_do_next(tmp_path):
     both = lines(torque=torque, discretisation_error=mostly_packings, accuracy_target=asked)
     assert budget[0] == both[0] and "5 % takes about 11 packings" in str(both)  # of which 4 % are left, 5^2 - 3^2
     assert "Next" not in str(lines(torque=torque, accuracy_target={"asked": 0.1, "reached": True}))
-    creeping = lines(torque={**torque, "converged": False, "reason": "not settled"})
-    assert "✗ The torque on the disc is not known" in creeping[0]
+    drifting = lines(torque={**torque, "converged": False, "reason": "not settled"})
+    assert "✗ The torque on the disc is not known" in drifting[0]
     lacks = lines(torque={**torque, "replicas": 1, "converged": False, "missing": 0.12})  # of 0.2 s, which took 5 s
     how = f"emclutch run {folder.path} --resume --set time.end='320 ms'"
     assert f"({how}), about 3 s of processor time more." in str(lacks)
@@ -152,9 +152,9 @@ def test_what_to_do_next_does_not_contradict_why_the_torque_is_not_known(tmp_pat
     stretch |= {"drift_freedom": 11.0, "exclude_drift": True}
     longer = "--set time.end='400 ms'"
     assert longer in following({"packings": 8, "end": None}, **stretch, drift=1.0, drift_error=0.01)  # by 10 %
-    creeps = {**stretch, "drift": 0.7, "drift_error": 0.25}  # by 7 % +- 5.5 %: not 0, and 10 % is not excluded
-    assert longer in following(**creeps)
-    assert "time.end='360 ms'" in following({"packings": 6, "end": 0.36}, **creeps)
+    drifts = {**stretch, "drift": 0.7, "drift_error": 0.25}  # by 7 % +- 5.5 %: not 0, and 10 % is not excluded
+    assert longer in following(**drifts)
+    assert "time.end='360 ms'" in following({"packings": 6, "end": 0.36}, **drifts)
     for until in (None, {"packings": 6, "end": 0.3}):  # not balanced yet
         assert "time.end='400 ms'" in following(until, **stretch, drift=0.0, drift_error=0.01, missing=0.2)
     assert "takes about 5 packings (accuracy.replicas = 5)" in following(replicas=2, batches=2)  # 144 by Gauss's law

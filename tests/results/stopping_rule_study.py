@@ -37,19 +37,19 @@ START_UP = 4.22e-3  # s, a shear strain of 9 in the quickstart
 
 @dataclass(frozen=True)
 class Signal:
-    """AR(1) round 1 with a level of its own for each packing, a creep, and a start-up; times over the longest run.
+    """AR(1) round 1 with a level of its own for each packing, a drift, and a start-up; times over the longest run.
 
     Attributes
     ----------
     correlation : (1 + a)/(1 - a) of the AR(1) coefficient a: windows that hold one independent sample.
     packings : standard deviation of the packings' levels.
-    creep : rise over the longest run.
+    drift : rise over the longest run.
     start_up, decay : amplitude and time constant of an exponential.
     """
 
     correlation: float = 6.0
     packings: float = 0.0
-    creep: float = 0.0
+    drift: float = 0.0
     start_up: float = 0.0
     decay: float = 0.05
 
@@ -60,11 +60,11 @@ class Signal:
         noise = rng.standard_normal(WINDOWS + before) * FLUCTUATION * np.sqrt(1.0 - a * a)
         t = (np.arange(WINDOWS) + 0.5) / WINDOWS
         own = lfilter([1.0], [1.0, -a], noise)[before:] + self.packings * rng.standard_normal()
-        return 1.0 + own + self.creep * t + self.start_up * np.exp(-t / self.decay)
+        return 1.0 + own + self.drift * t + self.start_up * np.exp(-t / self.decay)
 
     def __str__(self) -> str:
         return (
-            f"correlation {self.correlation:g}, packings {self.packings:g}, creep {self.creep:g}, "
+            f"correlation {self.correlation:g}, packings {self.packings:g}, drift {self.drift:g}, "
             f"start-up {self.start_up:g} exp(-t/{self.decay:g})"
         )
 
@@ -76,7 +76,7 @@ class Run:
     known: bool
     right: bool
     right_at_end: bool
-    creeping: bool
+    drifting: bool
     half_width: float
     replicas: int
     length: float
@@ -113,9 +113,9 @@ def run_of(signal: Signal, target: float, seed: int, known_start_up: float = 0.0
     found, known, count, length = ended(torque_of, rule, known_start_up, exclude_drift)
     half = found.half_width() or 0.0
     mean, middle = found.mean or 0.0, 0.5 * ((found.start or 0.0) + (found.end or 0.0))
-    right = abs(mean - 1.0 - signal.creep * middle) <= half
-    at_end = abs(mean - 1.0 - signal.creep * (found.end or 0.0)) <= half
-    return Run(known, right, at_end, found.reason.startswith("creeping"), half / mean, count, length)
+    right = abs(mean - 1.0 - signal.drift * middle) <= half
+    at_end = abs(mean - 1.0 - signal.drift * (found.end or 0.0)) <= half
+    return Run(known, right, at_end, found.reason.startswith("drifting"), half / mean, count, length)
 
 
 def summary_of(runs: Sequence[Run]) -> SimpleNamespace:
@@ -126,7 +126,7 @@ def summary_of(runs: Sequence[Run]) -> SimpleNamespace:
         coverage=float(np.mean([run.right for run in known])) if known else np.nan,
         coverage_at_end=float(np.mean([run.right_at_end for run in known])) if known else np.nan,
         known_and_wrong=sum(not run.right for run in known) / len(runs),
-        creeping=float(np.mean([run.creeping for run in runs])),
+        drifting=float(np.mean([run.drifting for run in runs])),
         half_width=float(np.median([run.half_width for run in runs])),
         replicas=float(np.mean([run.replicas for run in runs])),
         length=float(np.mean([run.length for run in runs])),
@@ -163,7 +163,7 @@ def recorded(packings: Packings, seed: int, target: float, reference: float) -> 
     found, known, count, length = ended(torque_of, rule, START_UP)
     half, mean = found.half_width() or 0.0, found.mean or 0.0
     right = abs(mean - reference) <= half
-    return Run(known, right, right, found.reason.startswith("creeping"), half / mean, count, length)
+    return Run(known, right, right, found.reason.startswith("drifting"), half / mean, count, length)
 
 
 FRESH = read_packings("run")
@@ -173,17 +173,17 @@ REFERENCE = float(np.mean(_LONG))
 
 if __name__ == "__main__":
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 300
-    print("known  holds mean  holds end  known and wrong  creeping  packings  length  half width")
+    print("known  holds mean  holds end  known and wrong  drifting  packings  length  half width")
     for target in (0.02, 0.10):
         for correlation in (2.0, 6.0, 20.0):
             kinds = [Signal(correlation, packings) for packings in (0.0, 0.01, 0.03, 0.06)]
-            kinds += [Signal(correlation, 0.01, creep) for creep in (0.02, 0.04, 0.06, 0.08, 0.1)]
+            kinds += [Signal(correlation, 0.01, drift) for drift in (0.02, 0.04, 0.06, 0.08, 0.1)]
             kinds += [Signal(correlation, 0.01, 0.0, a, tau) for a in (0.1, 0.2) for tau in (0.05, 0.1, 0.2, 0.3)]
             for kind in kinds:
                 s = summary_of([run_of(kind, target, seed) for seed in range(1000, 1000 + count)])
                 print(
                     f"{s.known:5.2f}  {s.coverage:10.3f}  {s.coverage_at_end:9.3f}  {s.known_and_wrong:15.3f}  "
-                    f"{s.creeping:8.2f}  {s.replicas:8.1f}  {s.length:6.2f}  {100 * s.half_width:9.2f} %  "
+                    f"{s.drifting:8.2f}  {s.replicas:8.1f}  {s.length:6.2f}  {100 * s.half_width:9.2f} %  "
                     f"target {100 * target:g} %, {kind}",
                     flush=True,
                 )

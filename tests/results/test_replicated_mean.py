@@ -7,8 +7,8 @@ from scipy.special import stdtrit
 
 from emclutch.results.replicated_mean import (
     Steadiness,
-    creeps_for_certain,
     drift_in_words,
+    drifts_significantly,
     replicated_mean,
     steadiness,
 )
@@ -101,16 +101,16 @@ def verdict(total, rng, target=0.2, count=6):
 
 
 def test_verdicts():
-    """Steady: a drift of twice the target is excluded; creeping: zero is; and what is reported says so."""
+    """Steady: a drift of twice the target is excluded; drifting: zero is; and what is reported says so."""
     rng = np.random.default_rng(5)
     found, steady = verdict(0.0, rng, target=2.0)
     assert steady is Steadiness.STEADY and found.converged and found.reason.startswith("steady:")
-    found, creeping = verdict(4.0, rng, target=0.5)
-    assert creeping is Steadiness.CREEPING and not found.converged and found.reason.startswith("creeping:")
-    assert creeps_for_certain(found, 0.5) and "interval is of this stretch" in found.reason
+    found, drifting = verdict(4.0, rng, target=0.5)
+    assert drifting is Steadiness.DRIFTING and not found.converged and found.reason.startswith("drifting:")
+    assert drifts_significantly(found, 0.5) and "interval is of this stretch" in found.reason
     found, unknown = verdict(0.0, rng, target=0.02)
     assert unknown is Steadiness.NOT_SETTLED and found.reason.startswith("not settled:")
-    assert not creeps_for_certain(found, 0.5)
+    assert not drifts_significantly(found, 0.5)
 
 
 def test_where_the_start_up_is_known_only_a_drift_that_is_certain_is_refused():
@@ -123,9 +123,9 @@ def test_where_the_start_up_is_known_only_a_drift_that_is_certain_is_refused():
         assert found.half_width() <= plain.half_width()
         return found
 
-    steady, creeping = known(0.0, 0.02), known(4.0, 0.5)
+    steady, drifting = known(0.0, 0.02), known(4.0, 0.5)
     assert steady.converged and steady.reason.startswith("steady:")
-    assert steadiness(creeping, 0.5) is Steadiness.CREEPING and not creeping.converged
+    assert steadiness(drifting, 0.5) is Steadiness.DRIFTING and not drifting.converged
     assert Estimate.from_dict(steady.as_dict()) == steady
 
 

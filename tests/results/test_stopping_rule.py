@@ -46,10 +46,10 @@ def test_known_means_known(signal):
         assert found.known > 0.85
 
 
-def test_a_creep_of_twice_the_target_is_called_steady_in_one_run_of_ten():
+def test_a_drift_of_twice_the_target_is_called_steady_in_one_run_of_ten():
     """The drift over half of the run, which is averaged: 8 % of the run are 4 % of that stretch."""
-    found = summary_of([run_of(Signal(correlation=2.0, creep=0.08), 0.02, seed) for seed in range(60)])
-    assert found.known * 60 <= 11 and found.creeping > 0.6
+    found = summary_of([run_of(Signal(correlation=2.0, drift=0.08), 0.02, seed) for seed in range(60)])
+    assert found.known * 60 <= 11 and found.drifting > 0.6
     assert found.replicas < 12  # more packings are not asked for: they do not cure it
 
 
@@ -122,9 +122,9 @@ def test_time_or_packings_whichever_is_left_or_cheaper():
 
 def test_what_more_packings_cannot_cure_is_not_tried_with_them():
     rule = StoppingRule(TorqueTarget(0.02), (1.0, 1.5), 24)
-    creeping = estimate(10.0, 0.04, converged=False, drift=2.0, drift_error=0.1)
-    assert rule.after(creeping, GoOn(4, 1.0)) == GoOn(4, 1.5) and rule.after(creeping, GoOn(4, 1.5)) == Stop(False)
-    by_chance = replace(creeping, exclude_drift=False)  # of a start-up that is known: no stop before all packings
+    drifting = estimate(10.0, 0.04, converged=False, drift=2.0, drift_error=0.1)
+    assert rule.after(drifting, GoOn(4, 1.0)) == GoOn(4, 1.5) and rule.after(drifting, GoOn(4, 1.5)) == Stop(False)
+    by_chance = replace(drifting, exclude_drift=False)  # of a start-up that is known: no stop before all packings
     assert rule.after(by_chance, GoOn(4, 1.5)) == GoOn(6, 1.5)
     fixed = StoppingRule(TorqueTarget(0.02), (1.0,), 4)
     assert fixed.after(estimate(10.0, 0.1), GoOn(4, 1.0)) == Stop(False)
@@ -151,8 +151,8 @@ def test_an_end_without_a_known_torque_says_why(torque, words):
 def test_an_end_that_lacks_time_or_a_torque_proposes_no_packings():
     history, target = pandas.DataFrame({"time": [0.5, 1.0]}), TorqueTarget(0.02)
     assert how_it_ended(estimate(1.0, 0.02, fluctuation=0.0), history, target)["packings"] == 32
-    creeps = estimate(1.0, 0.001, drift=0.5, drift_error=0.01)
-    assert how_it_ended(creeps, history, target)["packings"] is None
+    drifts = estimate(1.0, 0.001, drift=0.5, drift_error=0.01)
+    assert how_it_ended(drifts, history, target)["packings"] is None
     assert "packings" not in how_it_ended(estimate(1e-6, 1e-5), history, target)
     assert "packings" in how_it_ended(estimate(1e-6, 1e-5), history, TorqueTarget(0.02, 1e-6))
     lacks = estimate(1.0, 0.001, converged=False, reason="sheared by 2; run longer", missing=0.3)

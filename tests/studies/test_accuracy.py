@@ -188,6 +188,14 @@ def test_faults_are_told_before_anything_runs(packings, tmp_path):
     assert "rigid_sweeps = 2.5 is none that the scene can have: contact.dvi.max_sweeps is a whole" in text
 
 
+@pytest.mark.parametrize(("start", "drifts"), [("strain 9", True), ("strain 9", False), ("2 ms", False)])
+def test_the_run_that_compiles_ends_before_a_given_average_begins(start, drifts):
+    given = CELL["time"] | {"end": "strain 18", "average_from": start, "exclude_drift": drifts}
+    base = accuracy_rungs.base_of(case_from(CELL | {"time": given}))
+    short = base.case.with_values(accuracy_rungs.compiling_run(base.plan)).scene.time
+    assert 0.0 < short.end <= 4 * base.plan.end / base.plan.windows
+
+
 def test_a_scene_without_a_disc_is_refused(tmp_path):
     box = CELL | {"geometry": {"kind": "sheared_box", "size": 3 * [2e-3], "shear_rate": 500.0}}
     box |= {"field": CELL["field"] | {"direction": "z", "means": "macroscopic"}, "motion": {}, "time": {"end": "1 ms"}}

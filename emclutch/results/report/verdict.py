@@ -19,7 +19,7 @@ from emclutch.results.current_ramp import in_words as in_words_of_ramp
 from emclutch.results.recommended import STATISTICS
 from emclutch.results.replicated_mean import (
     Steadiness,
-    creeps_for_certain,
+    drifts_significantly,
     may_be_zero,
     more_packings_suffice,
     steadiness,
@@ -232,7 +232,7 @@ def _next(result: Result) -> Iterator[Statement]:
 
 def _runs_longer(found: Estimate, wanted: float, until: dict[str, Any], end: float) -> bool:
     """True where more packings do not help, as after a start-up that is not over or in a drift, or cost more."""
-    if found.missing or steadiness(found, wanted) is Steadiness.CREEPING or creeps_for_certain(found, wanted):
+    if found.missing or steadiness(found, wanted) is Steadiness.DRIFTING or drifts_significantly(found, wanted):
         return True
     packings, later = until.get("packings"), until.get("end")
     if packings is not None:

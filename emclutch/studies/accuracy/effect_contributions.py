@@ -29,8 +29,7 @@ from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.replica_count import replica_seed
 from emclutch.simulation.plan import make_plan
-from emclutch.studies.accuracy.rungs import base_of, refuse_what_has_no_ladder, source_of, starts_of
-from emclutch.studies.accuracy.study import WARM_UP_WINDOWS
+from emclutch.studies.accuracy.rungs import base_of, compiling_run, refuse_what_has_no_ladder, source_of, starts_of
 from emclutch.studies.accuracy.tasks import AccuracyTask
 from emclutch.studies.resumable import BUDGET, ResumableStudy, begun_study, checked_jobs
 from emclutch.studies.task_queue import TaskQueue
@@ -223,8 +222,7 @@ class _Study(ResumableStudy):
     def _warm_up(self, one: Removal) -> AccuracyTask:
         case = self.base.with_values(one.values)
         plan = make_plan(case, threads=1)[1]
-        end = WARM_UP_WINDOWS * plan.end / plan.windows
-        return self._task(one, f"{WARM_UP}/{one.folder}", {"time.end": end}, starts=(0.0,))
+        return self._task(one, f"{WARM_UP}/{one.folder}", compiling_run(plan), starts=(0.0,))
 
     def _task(self, one: Removal, folder: str, values: dict[str, Any], **more: Any) -> AccuracyTask:
         case = self.base.with_values(one.values | values)

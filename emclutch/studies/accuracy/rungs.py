@@ -26,6 +26,7 @@ QUIET: dict[str, Any] = {
     "accuracy.target": None,
     "time.until": None,
     "time.average_from": None,
+    "time.exclude_drift": None,
     "output.folder": None,
     "output.snapshots": 0,
     "output.pictures": False,
@@ -36,6 +37,9 @@ QUIET: dict[str, Any] = {
 }
 START_UPS = 2.0
 """Length of a packing's run, in strains of the start-up."""
+
+
+COMPILING_WINDOWS = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,7 +125,7 @@ def base_of(case: Case) -> Base:
     """
     values, own = dict(QUIET), case.scene.time and case.scene.time.average_from
     if isinstance(own, Multiple):
-        del values["time.average_from"]  # a strain is a setting of the start-up
+        del values["time.average_from"], values["time.exclude_drift"]  # a strain is a setting of the start-up
     if case.scene.accuracy.time_end is not None:
         end = case.scene.accuracy.time_end
         values["time.end"] = str(end) if isinstance(end, Multiple) else end
@@ -135,6 +139,12 @@ def base_of(case: Case) -> Base:
     rate = strain_rate(plan.scene, device) if is_sheared(case) else 0.0
     strain = end.value if isinstance(end, Multiple) else rate * plan.end
     return Base(base, plan, strain if rate else None)
+
+
+def compiling_run(plan: Plan) -> dict[str, Any]:
+    """Return entries of the scene that shorten its run to a few windows: what compiles all kernels that it needs."""
+    end = COMPILING_WINDOWS * plan.end / plan.windows
+    return {"time.end": end, "time.average_from": None, "time.exclude_drift": None}
 
 
 def is_sheared(case: Case) -> bool:

@@ -45,6 +45,7 @@ from emclutch.studies.accuracy.rungs import (
     PlannedRung,
     PlannedSetting,
     base_of,
+    compiling_run,
     planned_rungs,
     planned_setting,
     refuse_what_has_no_ladder,
@@ -69,7 +70,7 @@ OVERRUN = 1.2
 BUSIEST = 2.0
 FIRST_SEED = 1_000_000
 """Number of the first packing's seed (`replica_seed`): a run of the scene, which counts from 0, has other packings."""
-WARM_UP, WARM_UP_WINDOWS, STANDING = "warm-up", 3, "standing"
+WARM_UP, STANDING = "warm-up", "standing"
 TELL_SHARE = 0.01
 PLAN = "plan.json"
 
@@ -116,7 +117,7 @@ def accuracy(
         it.
     resume : continue the study in `out`, with its own budget.
     targets : relative half widths of the torque's 95 % interval to find settings for.
-    progress : as of `emclutch.run`; if it has note(text), that is told what the study is going to cost.
+    progress : as of `emclutch.run`; if it has note(text), it is called with what the study is going to cost.
 
     Raises
     ------
@@ -247,7 +248,7 @@ class _Study(ResumableStudy):
     def measure(self) -> Ladder:
         """Do all tasks, and return the ladder."""
         self._tell_cost()
-        warm = self.base.case.with_values({"time.end": WARM_UP_WINDOWS * self.base.plan.end / self.base.plan.windows})
+        warm = self.base.case.with_values(compiling_run(self.base.plan))
         self.do([self._task(warm, WARM_UP, starts=(0.0,))], "a short run compiles the kernels")
         self.refuse_failed(WARM_UP)
         packings = [self._packing(BASE, 0.0, packing_name(BASE, 0.0, n)) for n in range(BASE_PACKINGS)]
@@ -440,7 +441,7 @@ class _Study(ResumableStudy):
     def _busy(self) -> float:
         """Return how much longer the packings took than their processor time, by what else the machine does.
 
-        At most `BUSIEST`: on a machine that is busier still the study takes longer than its budget, and tells as much.
+        At most `BUSIEST`: on a machine that is busier still the study takes longer than its budget, and says so.
         """
         run = [one for name, one in self.results.items() if name != WARM_UP and not name.startswith(STANDING)]
         found = sum(one.wall for one in run) / max(sum(one.seconds for one in run), 1e-9)
