@@ -7,6 +7,9 @@ BIN    := $(VENV)/bin
 GMSH_LIBRARIES := libGLU.so.1 libGL.so.1 libXrender.so.1 libXcursor.so.1 libXft.so.2 libXinerama.so.1 libXfixes.so.3 libgomp.so.1
 GMSH_PACKAGES  := libglu1-mesa libgl1 libxrender1 libxcursor1 libxft2 libxinerama1 libxfixes3 libgomp1
 
+# installed without bytecode: what is imported is compiled once, then loaded by every process of the tests
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: help run test laws bench stability setup lint sweep docs pictures dist clean
 help:
 	@echo "make run      set up, and simulate a first scene (CASE=other.toml)"
