@@ -143,7 +143,7 @@ class ListedGrains(GrainMotion):
             reach = reach.take(order)
         made = self._fresh_list(reach, cutoff)
         if memory is not None:
-            made.take(memory, order, None if self.sector is None else wraps, self.sector, self._columns.vectors)
+            made.take(memory, order, wraps, self.sector, self._columns.vectors)
         self._contacts = made
         self._list_step = self.step_count
         self._take_list()

@@ -388,10 +388,8 @@ class DVI(GrainMotion):
         g = self.grains
         self._refuse_escaped(float(g.radius.max()), f"the walls may have a slot; or shorten dt = {self.dt:.3g} s")
         wraps = None if self.periodicity is None else self._wrap(self.periodicity)
-        old_id = g.particle_id
         order = cell_order(g.position_radius, 2.0 * float(g.radius.max()) + self.skin)
         if np.any(order[1:] < order[:-1]):
-            old_id = old_id.copy()
             self._sort(order)
         # whatever the step may move must be in the list: fast grains need a thicker skin
         fastest = float(np.sqrt(np.max(np.sum(self._beside_flow**2, axis=1))))
@@ -411,7 +409,7 @@ class DVI(GrainMotion):
             max(0.5 * self.skin, FAST_WALLS * self.dt * vane), self.periodicity, self._columns,
         )  # fmt: skip
         if self._impulses is not None:
-            made.take_impulses(self._impulses, old_id, g.particle_id, self.sector, wraps)
+            made.take(self._impulses.memory(), order, wraps, self.sector)
         self._impulses = made
         self._make_room()
         self._take_list()

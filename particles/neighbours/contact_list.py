@@ -191,11 +191,7 @@ class ContactList(SlotList):
 
     def memory(self) -> ContactMemory:
         """History of the touching contacts; the list itself can be dropped then."""
-        pairs = self.pairs
-        return _touching_rows(
-            pairs.start, pairs.other, pairs.shift, *self.pair_memory,
-            self.wall_start, self.wall_other, *self.wall_memory,
-        )  # fmt: skip
+        return memory_of(self, self.pair_memory, self.wall_memory)
 
     def take(
         self,
@@ -205,21 +201,8 @@ class ContactList(SlotList):
         sector: CyclicSector | None,
         vectors: np.ndarray,
     ) -> None:
-        """Carry ``memory`` over: grain ``order[k]`` of the old list is grain k here.
-
-        In a sector it was turned by ``wraps`` (old order); ``vectors`` are the first columns of what turns with it. A
-        contact of the last step that has no slot here has parted since, further than the skin: it is forgotten.
-        """
-        n, rank = len(order), np.empty(len(order), dtype=np.int64)
-        rank[order] = np.arange(n)
-        turned = _Turned(
-            rank, np.zeros(0, dtype=np.int64) if wraps is None else wraps,
-            1 if sector is None else sector.n_sectors, 0.0 if sector is None else sector.angle,
-        )  # fmt: skip
-        pairs = _Slots(self.pairs.start, self.pairs.other, self.pairs.shift, *self.pair_memory)
-        walls = _Slots(self.wall_start, self.wall_other, self.pairs.shift[:0], *self.wall_memory)
-        with at_most(numba.get_num_threads() if n >= WORTH_SHARING else 1):
-            _carry(vectors, turned, memory, pairs, walls, BLOCK)
+        """Carry ``memory`` over, as `carry_over`."""
+        carry_over(memory, order, wraps, sector, vectors, self, self.pair_memory, self.wall_memory)
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Everything that a restart needs."""
@@ -243,6 +226,41 @@ def reaches(radius: np.ndarray, skin: float, gap: float) -> tuple[np.ndarray, fl
     if gap > 0.0:
         reach = reach + 0.5 * gap * radius
     return reach, 2.0 * largest + skin + gap * largest
+
+
+def memory_of(slots: SlotList, pairs: SlotMemory, walls: SlotMemory) -> ContactMemory:
+    """History of what touches among the ``slots`` of a list, whose ``pairs`` and ``walls`` remember."""
+    own = slots.pairs
+    return _touching_rows(own.start, own.other, own.shift, *pairs, slots.wall_start, slots.wall_other, *walls)
+
+
+def carry_over(
+    memory: ContactMemory,
+    order: np.ndarray,
+    wraps: np.ndarray | None,
+    sector: CyclicSector | None,
+    vectors: np.ndarray,
+    slots: SlotList,
+    pairs: SlotMemory,
+    walls: SlotMemory,
+) -> None:
+    """Carry ``memory`` over into the ``pairs`` and ``walls`` of new ``slots``: grain k was grain ``order[k]`` before.
+
+    In a sector it was turned by ``wraps`` (old order); ``vectors`` are the first columns of what turns with it. A
+    contact of the last step that has no slot here has parted since, further than the skin: it is forgotten.
+    """
+    n, rank = len(order), np.empty(len(order), dtype=np.int64)
+    rank[order] = np.arange(n)
+    turned = _Turned(
+        rank, np.zeros(0, dtype=np.int64) if sector is None or wraps is None else wraps,
+        1 if sector is None else sector.n_sectors, 0.0 if sector is None else sector.angle,
+    )  # fmt: skip
+    own = slots.pairs
+    with at_most(numba.get_num_threads() if n >= WORTH_SHARING else 1):
+        _carry(
+            vectors, turned, memory, _Slots(own.start, own.other, own.shift, *pairs),
+            _Slots(slots.wall_start, slots.wall_other, own.shift[:0], *walls), BLOCK,
+        )  # fmt: skip
 
 
 @njit(cache=True, error_model="numpy")

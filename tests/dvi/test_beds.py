@@ -108,6 +108,32 @@ def test_balances_of_a_driven_drum():
     assert min(totals.energy_budget.dissipation.values()) >= 0.0
 
 
+def test_a_drum_that_turns_the_other_way_has_the_opposite_torque():
+    """The mirror image in y of a bed on springs: places mirrored, torques of the other sign.
+
+    Grains stand in another order, and so are swept in another: what is left is the tolerance. With a friction of 0.5 a
+    grain that three others wedge in at step 23 has two solutions, and the order decides which one is found.
+    """
+    where = _cloud(80, 0.35)[1]
+    radius = 1.1 * np.hypot(where[:, 0], where[:, 1]).max() + R
+    walls = [cylinder("shell", "drum", radius, 0.0, 1.0), annulus("low", "drum", 0.0, 0.0, radius)]
+    found = []
+    for sign in (1.0, -1.0):
+        mirror = np.array([1.0, sign, 1.0])
+        grains = Grains.create(where * mirror, R, STEEL, velocity=np.tile([0.5, 1.0, -1.0] * mirror, (80, 1)))
+        dvi = DVI(
+            grains, walls, [Body("drum", TimeProfile.constant(20.0 * sign))], DviContact(0.2), dt=1e-3, gravity=DOWN,
+            stiffness=[[1e6, 3e5], [1e6, 3e5]], tolerance=1e-11,
+        )  # fmt: skip
+        totals = dvi.run(40)
+        assert totals.missed_steps == 0 and totals.n_contacts > 80
+        found.append((totals.torque_on("drum"), grains.position[np.argsort(grains.particle_id)] * mirror))
+    (torque, position), (opposite, mirrored) = found
+    assert torque < 0.0
+    assert opposite == pytest.approx(-torque, rel=1e-6)
+    assert mirrored == pytest.approx(position, abs=1e-6 * R)
+
+
 @pytest.mark.hard
 def test_a_pile_does_not_creep_in_a_hundred_thousand_steps():
     """Cannon balls, 16 + 9 + 4 + 1 in a box that just holds the lowest layer: rigid, hyperstatic, at rest.
