@@ -3,8 +3,8 @@
 The periodic box of docs/how_to/sheared_box.md, 117 grains of 0.2 mm at a fill of 0.35, is sheared at an inertial number
 of about 0.05 across 80 and 300 kA/m. By DEM at the default stiffness, at twice and four times it, each with its step;
 by DVI on the springs of the default stiffness with steps from a quarter of the default to 100 us, and without springs
-at the default step. A line is the mean shear stress of one packing over strains of 2 to 5; all settings have the same
-packings, numbered by their seed.
+from the default step on. A line is the mean shear stress of one packing over strains of 2 to 5; all settings have the
+same packings, numbered by their seed.
 
     python tests/benchmarks/dvi_step_in_field.py tests/benchmarks/dvi_step_in_field.csv [--fields 80 300] [--packings 4]
     python tests/benchmarks/dvi_step_in_field.py tests/benchmarks/dvi_step_in_field.csv --table --picture docs/NAME.png
@@ -70,18 +70,23 @@ def settings(field: float) -> list[dict[str, Any]]:
         _setting(field, {} if factor == 1.0 else {"contact.stiffness": factor * k}, method="dem", stiffness=factor)
         for factor in STIFFER
     ]
-    rigid = _setting(field, by_dvi | {"contact.dvi.springs": False}, method="dvi", stiffness=np.inf)
-    dvi = [
-        _setting(
-            field,
-            by_dvi | {"contact.dvi.step": factor * default, "contact.dvi.allow_long_step": True},
-            method="dvi",
-            stiffness=1.0,
-            of_default=factor,
+    dvi, rigid = (
+        [
+            _setting(
+                field,
+                by_dvi | springs | {"contact.dvi.step": factor * default, "contact.dvi.allow_long_step": True},
+                method="dvi",
+                stiffness=stiffness,
+                of_default=factor,
+            )
+            for factor in factors
+        ]
+        for stiffness, springs, factors in (
+            (1.0, {}, (*(step / default for step in reversed(LONG)), *reversed(FRACTIONS))),
+            (np.inf, {"contact.dvi.springs": False}, (*(step / default for step in reversed(LONG)), 4.0, 1.0)),
         )
-        for factor in (*(step / default for step in reversed(LONG)), *reversed(FRACTIONS))
-    ]
-    return [dem[0], *dvi[:-2], rigid, dvi[-2], *dem[1:], dvi[-1]]
+    )
+    return [dem[0], *dvi[:3], *rigid[:3], *dvi[3:-2], *rigid[3:], dvi[-2], *dem[1:], dvi[-1]]
 
 
 def _setting(field: float, values: dict[str, Any], **names: Any) -> dict[str, Any]:
@@ -199,7 +204,7 @@ def draw(path: Path, table: pd.DataFrame) -> None:
         axes.set_ylabel("shear stress [kPa]")
         axes.set_title(f"{field:g} kA/m", fontsize=10)
         axes.grid(alpha=0.3)
-    axes.legend(fontsize=8)
+    np.atleast_1d(every)[0].legend(fontsize=8)
     figure.savefig(path, dpi=150)
 
 
