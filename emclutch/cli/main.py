@@ -13,7 +13,7 @@ try:
     from typing import Annotated, Any
 
     import typer
-    from typer.core import TyperCommand
+    from typer.core import TyperCommand, TyperGroup
 
     from emclutch import __version__
     from emclutch.cli.field_commands import field, heat, materials, mesh, powder, shear_cell
@@ -25,7 +25,29 @@ except KeyboardInterrupt:  # while the program is loaded no command is there to 
     sys.stderr.write("interrupted\n")
     raise SystemExit(130) from None
 
+
+
+class _HelpWithoutType:
+    """Help that names no type for `--help`, as for no option without a value."""
+
+    def get_help_option(self, ctx: Any) -> Any:
+        """Return the option `--help`."""
+        option = super().get_help_option(ctx)  # type: ignore[misc]
+        if option is not None:
+            option.metavar = ""
+        return option
+
+
+class Command(_HelpWithoutType, TyperCommand):
+    """A command of the program."""
+
+
+class Program(_HelpWithoutType, TyperGroup):
+    """The program with all its commands."""
+
+
 app = typer.Typer(
+    cls=Program,
     no_args_is_help=True,
     rich_markup_mode="markdown",  # rich's own would take a unit in brackets for a style
     add_completion=False,
@@ -52,17 +74,6 @@ def _common(
     ] = False,
 ) -> None:
     """Options of the program itself."""
-
-
-class Command(TyperCommand):
-    """A command whose help names no type for `--help`, as for no option without a value."""
-
-    def get_help_option(self, ctx: Any) -> Any:
-        """Return the option `--help`."""
-        option = super().get_help_option(ctx)
-        if option is not None:
-            option.metavar = ""
-        return option
 
 
 # as `emclutch --help` lists them

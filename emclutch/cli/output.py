@@ -31,7 +31,7 @@ FIRST = "expected torque", "cost", "field", "accuracy"
 
 
 def print_plan(case: Case, as_json: bool, threads: int | None = None, details: bool = False) -> None:
-    """Print what follows from a scene, and what it leaves out: what counts first, or with `details` all."""
+    """Print the plan of a scene and the effects it leaves out: the most important rows, or with `details` all."""
     from emclutch.simulation.check import check  # local: it needs the packages of the physics
 
     checked = check(case, threads)
@@ -43,7 +43,7 @@ def print_plan(case: Case, as_json: bool, threads: int | None = None, details: b
     first = {name: words for name, words in checked.decisions.items() if name in FIRST or "WARNING" in words}
     if first and not details:
         Console().print(f"effects: {', '.join(checked.effects) or 'none'}", highlight=False, markup=False)
-        print_table(("what follows", ""), sorted(first.items(), key=lambda row: (*FIRST, row[0]).index(row[0])))
+        print_table(("estimate", ""), sorted(first.items(), key=lambda row: (*FIRST, row[0]).index(row[0])))
         missing = [(line.effect.replace("_", " "), line.in_words()) for line in checked.left_out if line.is_reservation]
         if missing:
             print_table(("left out, although it may matter", "by this number (limit)"), missing)
@@ -51,7 +51,7 @@ def print_plan(case: Case, as_json: bool, threads: int | None = None, details: b
         return
     effects = case.scene.effects.names()
     print_table(("effect", ""), ((name, "on" if name in checked.effects else "off") for name in effects))
-    print_table(("what follows", ""), checked.decisions.items())
+    print_table(("plan", ""), checked.decisions.items())
     for head, rows in checked.left_out_tables():
         print_table(head, rows)
 

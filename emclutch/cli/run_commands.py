@@ -83,7 +83,7 @@ def check(
     as_json: opt.AsJson = False,
     trust_scripts: opt.TrustScripts = False,
 ) -> None:
-    """Validate a scene, and say what follows from it; of a study each point's plan, and the time of all."""
+    """Validate a scene and estimate its torque, cost and errors; of a study each point's plan, and the time of all."""
     with explained():
         if (study := study_to_check(case, sets, jobs, trust_scripts)) is not None:
             print_study(study, jobs, as_json)

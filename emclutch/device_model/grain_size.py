@@ -95,9 +95,9 @@ class GrainSize:
             "times that of the real powder at the same speed"
         )
         excess = self.torque_excess()
-        if excess is None:
+        if excess is None or excess[0] > MAX_EXCESS:  # a warning has it
             return text
-        return f"{text}; by the law for all powders their torque is {excess_in_words(excess)} above that of real size"
+        return f"{text}; by the general law of grain size they add {excess_in_words(excess)} to the torque"
 
     def warnings(self) -> list[str]:
         """Return what makes the torque doubtful: few grains without a word on the real ones, effects with a size."""
@@ -110,8 +110,8 @@ class GrainSize:
         excess = self.torque_excess()
         if excess is not None and excess[0] > MAX_EXCESS:
             found.append(
-                f"grains this coarse add {excess_in_words(excess)} to the torque; take a smaller particles.diameter, "
-                "or a study over several for the torque at real size"
+                f"grains this coarse add {excess_in_words(excess)} to the torque by the general law of grain size; "
+                "take a smaller particles.diameter, or a study over several, which extrapolates to the real size"
             )
         if self.is_coarser:
             found += [f"{note}: give values for the coarse grains, not those of the real powder" for note in self.notes]

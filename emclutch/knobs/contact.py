@@ -115,7 +115,7 @@ class RigidStep(Knob):
 
     Longer steps than the rule allows are tried too: they cost less, and give an estimate of the error of the scene's
     own step.
-    What is compared is the mean torque, the impulse on the shaft over the averaged stretch: grains that start alike are
+    What is compared is the mean torque, the impulse on the shaft over the averaged part: grains that start alike are
     elsewhere after a strain of a few per cent, whatever the step is, so that their places say nothing of it.
     """
 

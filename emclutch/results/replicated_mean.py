@@ -1,6 +1,6 @@
 """Mean of a noisy signal over independent replicas (packings of the same scene): one replica is one number.
 
-1. **Start-up.** The averaged stretch is the same for all replicas. It begins at the latest of: the time that the caller
+1. **Start-up.** The averaged part is the same for all replicas. It begins at the latest of: the time that the caller
    knows the start-up to last (`settled`), half of the series, and, where MSER-5 cuts the mean over the replicas later
    than `settled`, twice that cut, at most 0.6 of the series (P. D. Welch in S. S. Lavenberg (ed.), Computer
    Performance Modeling Handbook, 1983, 268-328, for the mean over replicas; for MSER-5 see `statistics`).
@@ -75,8 +75,8 @@ def replicated_mean(
     ----------
     signals : of each replica the ends of its windows (n,) [s], the signal's means over them (n,), and their lengths
         (n,) [s]; windows of the first replica are taken for all, up to the earliest end.
-    average_from : beginning of the averaged stretch [s]; None chooses it as the module says.
-    settled : time [s] before which the averaged stretch does not begin, unless `average_from` says so.
+    average_from : beginning of the averaged part [s]; None chooses it as the module says.
+    settled : time [s] before which the averaged part does not begin, unless `average_from` says so.
     exclude_drift : False: the start-up is known to be over by `average_from`.
     wanted : half width of the interval that is asked for, as a function of the mean; the verdict depends on it.
 
@@ -161,7 +161,7 @@ def judged(found: Estimate, wanted: float) -> Estimate:
     """The estimate of several replicas with the verdict for a half width that is asked for [unit of the signal]."""
     verdict = steadiness(found, wanted)
     stretch = f"{found.replicas} packings, averaged from {found.start:.3g} to {found.end:.3g} s"
-    share = f"{drift_in_words(found)} over the averaged stretch"
+    share = f"{drift_in_words(found)} over the averaged part"
     if verdict is Steadiness.STEADY:
         reason = f"steady: {stretch}; drift {share}"
     elif verdict is Steadiness.DRIFTING:
@@ -174,7 +174,7 @@ def judged(found: Estimate, wanted: float) -> Estimate:
     else:
         limit = DRIFT_LIMIT * wanted
         reason = (
-            f"not settled: a drift of {_relative(limit, found.mean)} over the averaged stretch is not excluded "
+            f"not settled: a drift of {_relative(limit, found.mean)} over the averaged part is not excluded "
             f"({share}), and the interval is of this stretch ({stretch}); more packings, or run longer"
         )
     return replace(found, converged=verdict is Steadiness.STEADY, reason=reason)
@@ -249,7 +249,7 @@ def _expected_drift(found: Estimate, count: int, factor: float, wanted: float) -
 
 
 def drift_in_words(found: Estimate) -> str:
-    """The drift over the averaged stretch with its 95 % half width, relative to the mean: ``1.2 +- 0.8 %``."""
+    """The drift over the averaged part with its 95 % half width, relative to the mean: ``1.2 +- 0.8 %``."""
     if found.drift is None or found.drift_error is None or found.start is None or found.end is None or not found.mean:
         return "unknown"
     stretch, scale = found.end - found.start, 100.0 / abs(found.mean)

@@ -63,9 +63,9 @@ class Estimate:
     reason : the verdict in words, with the remedy.
     replicas : independent runs behind it; of one alone, the error lacks what its packing does to the mean.
     degrees_of_freedom : of the error; None: one less than the batches.
-    end : end of the averaged stretch [s]; None of a single series.
+    end : end of the averaged part [s]; None of a single series.
     settled : time [s] up to which the signal starts up at the least; the drift counts from there.
-    drift : slope over the averaged stretch [unit of the signal per s], mean of the replicas; None of a single series.
+    drift : slope over the averaged part [unit of the signal per s], mean of the replicas; None of a single series.
     drift_error : its standard error [unit of the signal per s].
     drift_freedom : degrees of freedom of that error.
     starts_up : whether the start-up takes most of the run, by MSER-5 on the mean over several replicas.
@@ -97,7 +97,7 @@ class Estimate:
         """Half the width of the mean's two-sided confidence interval by Student's t; None: unknown.
 
         Of several replicas, two fifths of the probability of error are kept for the looks of the rule that ends a
-        run, and half the drift over the averaged stretch is added in quadrature where it is to be excluded, so that the
+        run, and half the drift over the averaged part is added in quadrature where it is to be excluded, so that the
         interval tends to hold its two ends too. Of a run of fixed length the interval is wider than it need be.
         """
         freedom = self.batches - 1 if self.degrees_of_freedom is None else self.degrees_of_freedom

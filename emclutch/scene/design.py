@@ -125,14 +125,14 @@ def _search(
     elif (quantity := quantity_at(vary, Scene, {} if case is None else case.data)) is None:
         message = "is not a continuous quantity; search a length, a current, a fraction"
         faults.append(Fault(f"{prefix}vary", shown(vary), message))
-    ends, torque = [], 0.0
+    ends, torque, ends_key = [], 0.0, "--vary" if prefix == "--" else f"{prefix}between"
     for entry in between:
         try:
             ends += [] if quantity is None else [quantity.read(entry)]
         except ValueError as error:
-            faults.append(Fault(f"{prefix}between", shown(entry), str(error)))
+            faults.append(Fault(ends_key, shown(entry), str(error)))
     if len(ends) == 2 and not ends[0] < ends[1]:
-        faults.append(Fault(f"{prefix}between", shown(list(between)), "does not ascend; give the smaller value first"))
+        faults.append(Fault(ends_key, shown(list(between)), "does not ascend; give the smaller value first"))
     try:
         torque = WANTED.read(_aim(target))
     except ValueError as error:

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 MAGNETISED_POWDER = 9.0
 """Quickstart. 48 packings: 0.97 N m at a strain of 1 to 2, 0.93 at 3 to 4, 0.90 at 4 to 6, 0.89 at 7 to 8, then 0.87 to
-0.88. 32 other packings: docs/how_to/accuracy.md."""
+0.88."""
 
 OTHER = 5.0
 """Grains that do not attract each other: not measured; packings of hard grains forget their making in a few units."""

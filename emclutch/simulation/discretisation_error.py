@@ -159,14 +159,15 @@ def accuracy_in_words(case: Case, plan: Plan) -> str:
     if target is not None:
         answer = cheapest_case(case, ladder, target)
         words = answer.in_words() if isinstance(answer, Obstacle) else answer[0].in_words()
-        return f"{target}: {words} (by {path})"
+        return f"{target}: {words}; by the measured ladder {path.name}"
     total = total_at(ladder, settings_of(case, plan), plan)
-    text = f"settings move the torque by {100.0 * total.bias:+.2g} % +- {per_cent(total.half_width)}"
+    size = "large" if total.bias >= 0.0 else "small"
+    text = f"the settings make the torque {per_cent(abs(total.bias))} too {size}, +- {per_cent(total.half_width)}"
     if total.largest is not None:
         size = per_cent(total.widths[total.largest])
         text += f"; largest part: {total.largest.replace('_', ' ')}, {size}"
     text += "".join(f"; not included: {name.replace('_', ' ')} ({why})" for name, why in total.unknown.items())
-    return f"{text} (by {path})"
+    return f"{text}; measured by {how_to_find(case)}, in {path.name}"
 
 
 def how_to_find(case: Case) -> str:

@@ -274,7 +274,7 @@ def zone_summary(zone: PoleZone, histories, torque: Estimate) -> dict[str, float
 
 
 def replicas_summary(case, histories, found: Estimate, column: str) -> dict[str, Any]:
-    """Return the replicas' seeds, and the mean of a column of each over the averaged stretch."""
+    """Return the replicas' seeds, and the mean of a column of each over the averaged part."""
     start, end = found.start or 0.0, found.end or np.inf
     late = [each[(each[TIME] > start * (1.0 + 1e-9)) & (each[TIME] <= end * (1.0 + 1e-9))] for each in histories]
     widths = [np.diff(each[TIME].to_numpy(), prepend=start) for each in late]

@@ -1,4 +1,4 @@
 """Infrastructure of compiled kernels: SIMD vectors, atomics, device functions, the kernel cache, threads.
 
-docs/explanation/compiled_kernels.md says why each exists and what it gains.
+geometry/kernels/README.md says why each exists and what it gains.
 """

@@ -2,7 +2,7 @@
 
 Numba compiles every function to machine code with wrappers for calls from Python and C, although a caller links its
 LLVM IR. `device_function` omits the wrappers, and `_install` the machine code and the optimisation of the IR by itself:
-the kernel that links it optimises it once. The results do not change; docs/explanation/compiled_kernels.md has the
+the kernel that links it optimises it once. The results do not change; geometry/kernels/README.md has the
 compile times.
 
 The body of a parallel loop and the two wrappers that numba builds around it are such functions too: only the kernel

@@ -1,6 +1,6 @@
 """The version of numba that the compiled kernels were tested with; another one is refused when they are imported.
 
-The kernels use parts of numba that it does not promise to keep (docs/explanation/compiled_kernels.md lists them), some
+The kernels use parts of numba that it does not promise to keep (geometry/kernels/README.md lists them), some
 of which are replaced for the whole process. With another minor version they may fail in any way, wrong numbers
 included.
 """
@@ -27,5 +27,5 @@ def require_tested_version(installed: str) -> None:
         raise NumbaVersionError(
             f"numba {installed} is installed, and emclutch's compiled kernels are tested with numba {TESTED} alone, of "
             f"which they use internal parts; run: pip install 'numba=={TESTED}.*' (how to move to another version: "
-            "docs/explanation/compiled_kernels.md)"
+            "geometry/kernels/README.md)"
         )

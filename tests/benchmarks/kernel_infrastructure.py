@@ -1,4 +1,4 @@
-"""What SIMD vectors, device functions and the kernel cache each gain (docs/explanation/compiled_kernels.md).
+"""What SIMD vectors, device functions and the kernel cache each gain (geometry/kernels/README.md).
 
     python tests/benchmarks/kernel_infrastructure.py
 

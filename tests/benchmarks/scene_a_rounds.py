@@ -1,7 +1,7 @@
 """Rounds of scene A, ours and LAMMPS', each a process of its own that loads the same start state and says what it took.
 
 LAMMPS may live in another environment than ours, whose interpreter is then named by EMCLUTCH_LAMMPS_PYTHON;
-docs/explanation/compiled_kernels.md says how to build it for the processor at hand.
+geometry/kernels/README.md says how to build it for the processor at hand.
 """
 
 from __future__ import annotations

@@ -45,7 +45,7 @@ def test_coarse_grains_add_what_the_law_of_their_size_says():
         for one, a in zip((value, low, high), COEFFICIENT, strict=True):
             assert (1.0 + one) * (1.0 + a / n**EXPONENT) == pytest.approx(1.0 + a / 5.0**EXPONENT)
         assert 0.0 < low < value < high and size.as_dict()["torque_excess"] == value
-        assert f"{100.0 * value:.2g} % (95 %" in size.in_words()
+        assert f"{100.0 * value:.2g} % (95 %" in " ".join([size.in_words(), *size.warnings()])
         assert [f"add {100.0 * value:.2g} %" in text for text in size.warnings()] == [True] * (value > 0.1)
         excess.append(value)
     assert excess[0] < 0.1 < excess[1] < excess[2] < COEFFICIENT[0] / 5.0**EXPONENT

@@ -11,7 +11,7 @@ import pytest
 from geometry.kernels.numba_version import TESTED, NumbaVersionError, require_tested_version
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGE = (ROOT / "docs" / "explanation" / "compiled_kernels.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "geometry" / "kernels" / "README.md").read_text(encoding="utf-8")
 PUBLIC = {"numba", "numba.extending", "numba.typed"}
 INFRASTRUCTURE = ("simd", "simd_math", "simd_tables", "atomics", "device_functions", "cache", "stamp", "machine_code")
 PYTHON = {"_fields", "_replace"}  # of named tuples

@@ -30,7 +30,8 @@ from emclutch.scene.study import read_study
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
-PAGES = [ROOT / "README.md", *(page for page in sorted(DOCS.rglob("*.md")) if "_build" not in page.parts)]
+READMES = [ROOT / "README.md", ROOT / "geometry" / "kernels" / "README.md", ROOT / "tests" / "hard" / "README.md"]
+PAGES = [*READMES, *(page for page in sorted(DOCS.rglob("*.md")) if "_build" not in page.parts)]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 PROJECT_FOLDERS = ("geometry", "field", "particles", "coupling", "emclutch", "tests", "cases", "docs")
 COMMANDS = get_command(app).commands

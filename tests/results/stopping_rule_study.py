@@ -3,7 +3,7 @@
     python tests/results/stopping_rule_study.py [runs a cell]
 
 prints, for each kind of signal and target: fraction of runs called known; how many of these hold the mean of the
-averaged stretch, and the level at its end, in their interval; share of all runs that are called known and wrong;
+averaged part, and the level at its end, in their interval; share of all runs that are called known and wrong;
 packings, length over the longest run, and half width over the mean.
 
 `quickstart_packings.csv.gz` has the torque on the disc of packings of cases/quickstart.toml in windows of 0.1 ms, of

@@ -69,9 +69,10 @@ def section_picture(
     windows = [(bottom, r1 + margin, z0 - margin, z1 + margin)] + ([zoom] if zoom else [])
     # Panels of one height, each as wide as what it shows: else an equal aspect leaves a narrow device in a blank slot.
     widths = [(high - low) / (outer - inner) for inner, outer, low, high in windows]
-    height = float(np.clip(10.0 / sum(widths), 2.6, 5.0))
+    # Small, so that its texts can be read where it is shown 600 pixels wide.
+    height = float(np.clip(6.5 / sum(widths), 2.4, 4.0))
     figure, axes = new_figure(
-        height * sum(widths) + 2.5, height + 1.6, title, columns=len(windows), layout="compressed", width_ratios=widths
+        height * sum(widths) + 2.2, height + 1.6, title, columns=len(windows), layout="compressed", width_ratios=widths
     )
     r, z = points[triangles].mean(axis=1).T
     inside = (r >= r0) & (r <= r1) & (z >= z0) & (z <= z1)

@@ -30,7 +30,7 @@ from emclutch.results.columns import (
 )
 from emclutch.results.grain_profiles import profile_column, read_profiles
 from emclutch.results.replicated_mean import drift_in_words
-from emclutch.results.report.verdict import RPM, Mark, Statement, in_words, sentence, verdict
+from emclutch.results.report.verdict import RPM, Mark, Statement, corrected_in_words, in_words, sentence, verdict
 from emclutch.results.study_folder import StudyFolder, is_study, read_study, refresh_in_words
 from emclutch.results.study_result import grain_size_lines
 from emclutch.results.text import format_stress, format_time, format_torque, per_cent
@@ -314,7 +314,7 @@ def effects_of(result: Result) -> list[str]:
 
 
 def conclusion(result: Result) -> list[Statement]:
-    """Return two sentences: the torque that is transmitted, and the first reservation of the verdict."""
+    """Return the torque that is transmitted, without the error of its settings if known, and the first reservation."""
     summary, found = result.summary, result.steady
     against = [one.text for one in verdict(result) if one.mark is Mark.POOR]
     second = Statement(Mark.GOOD, "The verdict has no reservation.")
@@ -330,7 +330,10 @@ def conclusion(result: Result) -> list[Statement]:
     shown = _measured(result)
     first = f"The {_measured_name({'': result})}{at} is {shown}"
     first += "." if found.converged else "; it has not converged."
-    return [Statement(Mark.GOOD if found.converged else Mark.POOR, first), second]
+    sentences = [Statement(Mark.GOOD if found.converged else Mark.POOR, first)]
+    if error := summary.get("discretisation_error"):
+        sentences.append(Statement(Mark.NOTE, sentence(corrected_in_words(error))))
+    return [*sentences, second]
 
 
 def _current_is_steady(result: Result) -> bool:
@@ -476,7 +479,7 @@ def _torques(result: Result) -> list[tuple[str, str]]:
     torque, summary = result.torque, result.summary
     rows = [("torque on the disc", format_torque(torque)), ("packings", str(torque.replicas))]
     if torque.drift is not None:
-        rows.append(("drift over the averaged stretch", drift_in_words(torque)))
+        rows.append(("drift over the averaged part", drift_in_words(torque)))
     if torque.start is not None:
         rows.append(("steady part begins at", format_time(torque.start)))
     if torque.correlation_time is not None:

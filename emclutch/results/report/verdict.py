@@ -29,8 +29,8 @@ from particles.dem.overlap_limits import SOFT
 
 RPM = 30.0 / math.pi
 CLOSES = 0.01
-"""A balance that is off by less, of the torque or of the energy that goes through, says nothing of the results: the
-statistical errors are larger."""
+"""A balance that is off by less, of the torque or of the energy supplied and dissipated, says nothing of the results:
+the statistical errors are larger."""
 
 PACKINGS = 6
 """Of a first run that is to know how packings differ."""
@@ -174,10 +174,7 @@ def _total_error(summary: dict[str, Any]) -> Iterator[Statement]:
         note = summary.get("discretisation_error_note", "not measured")
         yield Statement(Mark.NOTE, f"the interval is statistical only, the error of the settings unknown: {note}")
         return
-    torque, total, largest = found["corrected_torque"], found["total_error"], found["largest_part"]
-    mean, half = torque["mean"], torque["half_width"]
-    shown = format_mean(mean, None if half is None else (mean - half, mean + half))
-    text = f"without the error of its settings ({100.0 * found['bias']:+.2g} %) the torque is {shown}"
+    total, largest, text = found["total_error"], found["largest_part"], corrected_in_words(found)
     if total is not None:
         statistical = math.sqrt(max(total**2 - found["half_width"] ** 2, 0.0))
         text += (
@@ -199,6 +196,13 @@ def _total_error(summary: dict[str, Any]) -> Iterator[Statement]:
         reached = "reached" if asked["reached"] else "not reached"
         mark = Mark.POOR if missed else Mark.GOOD
         yield Statement(mark, f"the total error of accuracy.target = {per_cent(asked['asked'])} is {reached}")
+
+
+def corrected_in_words(error: dict[str, Any]) -> str:
+    """Return the torque without the error of its settings in words, of `discretisation_error` of a summary."""
+    mean, half = error["corrected_torque"]["mean"], error["corrected_torque"]["half_width"]
+    shown = format_mean(mean, None if half is None else (mean - half, mean + half))
+    return f"without the error of its settings ({100.0 * error['bias']:+.2g} %) the torque is {shown}"
 
 
 def _next(result: Result) -> Iterator[Statement]:
@@ -292,7 +296,7 @@ def _balances(result: Result) -> Iterator[Statement]:
     if TORQUE_DISC in history:
         scale = float(np.sqrt((history[TORQUE_DISC] ** 2).mean()))
         yield _balance("torques", summary["torque_residual_rms"] / scale if scale else None, "of the torque")
-    yield _balance("energies", summary["energy_residual_relative"], "of the energy that goes through")
+    yield _balance("energies", summary["energy_residual_relative"], "of the energy supplied and dissipated")
     solver = summary.get("solver")
     if solver and not solver.get("warnings"):
         stiffness = (summary.get("contact") or {}).get("stiffness")
@@ -348,7 +352,7 @@ def _gaps(result: Result) -> Iterator[Statement]:
     if errors := summary.get("field_error_estimate"):
         worst = max(errors, key=lambda name: abs(errors[name]))
         yield Statement(
-            Mark.NOTE, f"The field's discretisation is off by some {100.0 * errors[worst]:.2g} % ({worst}; estimated)."
+            Mark.NOTE, f"The estimated error of the field's mesh is {100.0 * abs(errors[worst]):.2g} % ({worst})."
         )
     if result.folder.lacks_pictures():
         yield Statement(Mark.POOR, f"Its pictures are missing; draw them with: emclutch plot {result.folder.path}")
