@@ -70,6 +70,15 @@ class Interval:
         """Return whether it is known to differ from zero."""
         return abs(self.mean) > self.half_width
 
+    def text(self, sign: str = "") -> str:
+        """Return both with as many decimals as two digits of the half width have; `sign` "+" shows that of the mean."""
+        digits = max(0, 1 - math.floor(math.log10(self.half_width))) if self.half_width > 0.0 else 3
+        return f"{self.mean:{sign}.{digits}f} ± {self.half_width:.{digits}f}"
+
+    def scaled(self, factor: float) -> Interval:
+        """Return the interval of a multiple."""
+        return Interval(factor * self.mean, abs(factor) * self.half_width)
+
 
 @dataclass(frozen=True, slots=True)
 class Contributions:
@@ -100,7 +109,7 @@ class Contributions:
         added, all_of_it = self.torque(one), self.whole.torque
         if added is None or all_of_it is None or all_of_it.mean == 0.0:
             return None
-        return Interval(added.mean / all_of_it.mean, added.half_width / abs(all_of_it.mean))
+        return added.scaled(1.0 / all_of_it.mean)
 
     def seconds(self, one: Without) -> float | None:
         """Return what an effect, with those that need it, adds to the processor time of a packing [s]."""
@@ -115,13 +124,13 @@ class Contributions:
         """Say in one sentence what carries the torque, what costs the time, and what is open."""
         torque, measured = self.whole.torque, self.measured
         assert torque is not None
-        head = f"{self.case}: {_torque(torque)} for {self.whole.seconds:.3g} s of processor time a packing"
+        head = f"{self.case}: {torque.text()} N m for {self.whole.seconds:.3g} s of processor time a packing"
         added = {one: found for one in measured if (found := self.torque(one)) is not None}
         decided = [one for one in measured if added[one].is_decided]
         parts = []
         if decided:
             most = max(decided, key=lambda one: abs(added[one].mean))
-            parts.append(f"most of the torque changes with {_with(most)}: {_torque(added[most], '+')}")
+            parts.append(f"most of the torque changes with {_with(most)}: {added[most].text('+')} N m")
         if measured:
             dearest = max(measured, key=lambda one: self.whole.seconds - one.seconds)
             saved = self.whole.seconds - dearest.seconds
@@ -150,8 +159,3 @@ def _standard_error(sample: Sequence[float]) -> float:
 
 def _with(one: Without) -> str:
     return one.effect + (f" (with {' and '.join(one.others)})" if one.others else "")
-
-
-def _torque(one: Interval, sign: str = "") -> str:
-    digits = max(0, 1 - math.floor(math.log10(one.half_width))) if one.half_width > 0.0 else 3
-    return f"{one.mean:{sign}.{digits}f} ± {one.half_width:.{digits}f} N m"

@@ -24,7 +24,7 @@ from emclutch.results.pictures.effect_contributions import effects_picture
 from emclutch.results.report.content import Page, Picture, Statements, Table
 from emclutch.results.report.render import markdown
 from emclutch.results.report.verdict import Mark, Statement
-from emclutch.results.text import format_duration, per_cent
+from emclutch.results.text import format_duration
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.replica_count import replica_seed
@@ -327,7 +327,7 @@ def _table(found: Contributions) -> Table:
             why = "failed" if one.was_run else "cannot be left out"
             rows.append((name, str(len(one.torques)), why, "", "", "", ""))
             continue
-        row = (name, str(len(one.torques)), f"{torque.mean:.3g} ± {torque.half_width:.2g}")
+        row = (name, str(len(one.torques)), torque.text())
         seconds = f"{one.seconds:.3g}"
         if not one.effect:
             rows.append((*row, "", "", seconds, ""))
@@ -337,8 +337,8 @@ def _table(found: Contributions) -> Table:
         rows.append(
             (
                 *row,
-                f"{undecided}{added.mean:+.3g} ± {added.half_width:.2g}",
-                f"{100.0 * share.mean:+.2g} ± {per_cent(share.half_width)}",
+                undecided + added.text("+"),
+                share.scaled(100.0).text("+") + " %",
                 seconds,
                 f"{100.0 * cost:+.2g} %",
             )
