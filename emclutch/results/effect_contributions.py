@@ -105,11 +105,13 @@ class Contributions:
         return None if one.torque is None else difference(self.whole.torques, one.torques)
 
     def share(self, one: Without) -> Interval | None:
-        """Return `torque` over that of the whole scene, whose own error is left to `torque`."""
-        added, all_of_it = self.torque(one), self.whole.torque
-        if added is None or all_of_it is None or all_of_it.mean == 0.0:
+        """Return `torque` over that of the whole scene, 1 - b/a, with the errors of both to first order."""
+        whole = self.whole.torque
+        if one.torque is None or whole is None or whole.mean == 0.0:
             return None
-        return added.scaled(1.0 / all_of_it.mean)
+        ratio = one.torque.mean / whole.mean
+        spread = difference([ratio * a for a in self.whole.torques], one.torques)
+        return Interval(1.0 - ratio, spread.half_width / abs(whole.mean))
 
     def seconds(self, one: Without) -> float | None:
         """Return what an effect, with those that need it, adds to the processor time of a packing [s]."""
@@ -130,12 +132,13 @@ class Contributions:
         parts = []
         if decided:
             most = max(decided, key=lambda one: abs(added[one].mean))
-            parts.append(f"most of the torque changes with {_with(most)}: {added[most].text('+')} N m")
+            parts.append(f"the largest part of the torque is by {_with(most)}: {added[most].text('+')} N m")
         if measured:
             dearest = max(measured, key=lambda one: self.whole.seconds - one.seconds)
             saved = self.whole.seconds - dearest.seconds
             if saved > 0.0:
-                parts.append(f"the dearest is {_with(dearest)}, {per_cent(saved / self.whole.seconds)} of the time")
+                share = per_cent(saved / self.whole.seconds)
+                parts.append(f"the most expensive is {_with(dearest)}, {share} of the time")
         undecided = [one.effect for one in measured if not added[one].is_decided]
         if undecided:
             parts.append(f"undecided with so many packings: {', '.join(undecided)}")

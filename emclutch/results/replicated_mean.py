@@ -4,14 +4,14 @@
    knows the start-up to last (`settled`), half of the series, and, where MSER-5 cuts the mean over the replicas later
    than `settled`, twice that cut, at most 0.6 of the series (P. D. Welch in S. S. Lavenberg (ed.), Computer
    Performance Modeling Handbook, 1983, 268-328, for the mean over replicas; for MSER-5 see `statistics`).
-2. **Interval.** Student's t of the replicas' means over that stretch, with one degree of freedom less than replicas.
+2. **Interval.** Student's t of the replicas' means over that part, with one degree of freedom less than replicas.
    Nothing within a replica is pooled: a replica never changes how its grains were packed. Its level is 97 % where
    95 % is asked for, since the rule that ends a run looks several times (`Estimate.half_width`).
 3. **Drift.** One slope a replica. The error of their mean comes from the scatter of the slopes and from the quadratic
    and cubic coefficients of each replica (Legendre polynomials, which a series of short memory has with the same
    variance, and one without curvature with mean 0): 3 R - 1 degrees of freedom for R replicas. Slow fluctuations have
    larger slopes than cubic coefficients, which makes the error up to a tenth too small at a correlation time of a tenth
-   of the stretch.
+   of the part.
 4. **Verdict** (`steadiness`): steady, drifting or not settled. To exclude a drift takes several times the packings that
    the interval needs; it need not be excluded where a ladder has measured the start-up, on more packings than a run.
 
@@ -44,13 +44,13 @@ USUAL = 0.05
 MAX_MSER_CUT = 0.6  # of the series
 START_UP_LIMIT = 0.5  # of the series: a longer start-up is not over
 MSER_FACTOR = 2.0  # MSER minimises the mean square error, which leaves a bias of the size of the standard error
-MIN_STRETCH = 8  # windows that are averaged at least: a cubic has four coefficients
+MIN_AVERAGED = 8  # windows that are averaged at least: a cubic has four coefficients
 DRIFT_LIMIT = 2.0  # of the half width that is asked for: a drift that a steady signal excludes
 DRIFT_CONFIDENCE = 0.975
 """One-sided. With it a drift at the limit passes in less than 10 % of runs under the rule that ends them: up to nine
 looks, of which each has its chance."""
 MARGIN = 0.9  # of the half width that is asked for: aimed at when the rest is estimated
-MAX_DRIFT = 0.75  # of the half width that is asked for: a significant drift beyond it (95 %) ends a run
+MAX_DRIFT = 0.75  # of the half width that is asked for: beyond it (95 %) a drift is not cured by more packings
 
 
 class Steadiness(Enum):
@@ -104,7 +104,7 @@ def replicated_mean(
     begin = t - dt * (1.0 + 1e-9)
     nominal = max(settled, end / 2.0) if average_from is None else average_from
     first = int(np.searchsorted(begin, nominal - 1e-6 * dt.mean())) if size else 0
-    if size < MIN_SAMPLES or size - first < MIN_STRETCH:
+    if size < MIN_SAMPLES or size - first < MIN_AVERAGED:
         late = min(first, size // 2)
         mean = float(np.average(y[:, late:].mean(axis=0), weights=dt[late:])) if size else None
         start = float(t[late] - dt[late]) if size else None
@@ -114,7 +114,7 @@ def replicated_mean(
     fit = _StretchFit.of(y[:, first:], dt[first:])
     starting = False
     if average_from is None:
-        latest = max(first, size - MIN_STRETCH)
+        latest = max(first, size - MIN_AVERAGED)
         found_cut, is_over = mser_cut(y.mean(axis=0), dt)
         cut = int(MSER_FACTOR * found_cut) if begin[found_cut] > settled else 0  # else part of what is known
         # after a start-up that is known MSER alone decides; else a start-up is over after twice its cut
@@ -123,7 +123,7 @@ def replicated_mean(
         if cut > first:
             first = min(cut, latest)
             fit = _StretchFit.of(y[:, first:], dt[first:])
-    start, stretch = float(t[first] - dt[first]), float(dt[first:].sum())
+    start, length = float(t[first] - dt[first]), float(dt[first:].sum())
     if np.ptp(y[:, first:]) <= 1e-13 * np.max(np.abs(y[:, first:])):  # round-off of a value that does not change
         reason = "not converged: the signal does not change, so nothing in it says how far off its mean is"
         return Estimate(fit.mean, None, 0, None, start, False, reason, count, end=end, settled=nominal)
@@ -133,7 +133,7 @@ def replicated_mean(
         fit.mean,
         fit.error,
         count,
-        stretch / even.shape[1] * samples,
+        length / even.shape[1] * samples,
         start,
         False,
         "",
@@ -141,8 +141,8 @@ def replicated_mean(
         degrees_of_freedom=count - 1.0,
         end=end,
         settled=min(nominal, start),
-        drift=fit.drift / stretch,
-        drift_error=fit.drift_error / stretch,
+        drift=fit.drift / length,
+        drift_error=fit.drift_error / length,
         drift_freedom=3.0 * count - 1.0,
         starts_up=starting,
         fluctuation=math.sqrt(float(even.var(axis=1).mean()) * min(1.0, samples / even.shape[1])),
@@ -160,22 +160,22 @@ def _too_short(found: Estimate, nominal: float) -> Estimate:
 def judged(found: Estimate, wanted: float) -> Estimate:
     """The estimate of several replicas with the verdict for a half width that is asked for [unit of the signal]."""
     verdict = steadiness(found, wanted)
-    stretch = f"{found.replicas} packings, averaged from {found.start:.3g} to {found.end:.3g} s"
+    part = f"{found.replicas} packings, averaged from {found.start:.3g} to {found.end:.3g} s"
     share = f"{drift_in_words(found)} over the averaged part"
     if verdict is Steadiness.STEADY:
-        reason = f"steady: {stretch}; drift {share}"
+        reason = f"steady: {part}; drift {share}"
     elif verdict is Steadiness.DRIFTING:
-        reason = f"drifting: by {share}; the interval is of this stretch ({stretch}); run longer"
+        reason = f"drifting: by {share}; the interval is of this part ({part}); run longer"
     elif found.starts_up:
         reason = (
             f"not settled: the start-up takes more than {START_UP_LIMIT:g} of the run, and the interval is of the rest "
-            f"({stretch}); run longer"
+            f"({part}); run longer"
         )
     else:
         limit = DRIFT_LIMIT * wanted
         reason = (
             f"not settled: a drift of {_relative(limit, found.mean)} over the averaged part is not excluded "
-            f"({share}), and the interval is of this stretch ({stretch}); more packings, or run longer"
+            f"({share}), and the interval is of this part ({part}); more packings, or run longer"
         )
     return replace(found, converged=verdict is Steadiness.STEADY, reason=reason)
 
@@ -186,7 +186,7 @@ def steadiness(found: Estimate, wanted: float) -> Steadiness:
     With the drift counted over the run from the end of the start-up on (a later start of the average hides nothing):
     *steady* where a drift of twice `wanted` is excluded, *drifting* where it is not and zero is (95 %), else *not
     settled*; not settled too where the start-up takes most of the run. Where the start-up is known to be over
-    (`Estimate.exclude_drift` is False) all is steady that has no significant drift. Of a single replica: whether it
+    (`Estimate.exclude_drift` is False) all is steady but what `drifts_significantly`. Of a single replica: whether it
     converged.
     """
     if found.drift is None or found.drift_error is None or found.drift_freedom is None:
@@ -252,10 +252,10 @@ def drift_in_words(found: Estimate) -> str:
     """The drift over the averaged part with its 95 % half width, relative to the mean: ``1.2 +- 0.8 %``."""
     if found.drift is None or found.drift_error is None or found.start is None or found.end is None or not found.mean:
         return "unknown"
-    stretch, scale = found.end - found.start, 100.0 / abs(found.mean)
-    half = _quantile(found.drift_freedom or 1.0, 0.975) * found.drift_error * stretch
+    length, scale = found.end - found.start, 100.0 / abs(found.mean)
+    half = _quantile(found.drift_freedom or 1.0, 0.975) * found.drift_error * length
     sign = 1.0 if found.mean > 0.0 else -1.0
-    return f"{sign * found.drift * stretch * scale:.2g} +- {half * scale:.2g} %"
+    return f"{sign * found.drift * length * scale:.2g} +- {half * scale:.2g} %"
 
 
 def _nominal_drift(found: Estimate) -> tuple[float, float]:
@@ -276,7 +276,7 @@ def _quantile(freedom: float, probability: float) -> float:
 
 
 class _StretchFit:
-    """Legendre coefficients up to the cubic of each replica over a stretch; mean and drift with their errors."""
+    """Legendre coefficients up to the cubic of each replica over a part; mean and drift with their errors."""
 
     def __init__(self, coefficients: np.ndarray, mean: float, error: float) -> None:
         count = len(coefficients)
@@ -284,7 +284,7 @@ class _StretchFit:
         self.mean, self.error = mean, error
         self.freedom = 3.0 * count - 1.0
         squares = float(((slopes - slopes.mean()) ** 2).sum() + (coefficients[:, 2:] ** 2).sum())
-        self.drift = float(slopes.mean())  # from one end of the stretch to the other
+        self.drift = float(slopes.mean())  # from one end of the part to the other
         self.drift_error = math.sqrt(squares / self.freedom / count)
 
     @classmethod

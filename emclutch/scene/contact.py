@@ -35,7 +35,7 @@ class DviSection(Section):
     springs: StrictBool = Field(
         default=True,
         description="contacts are compliant, with the scene's stiffness taken implicitly: jams have finite forces, and "
-        "those of packings are unique; false: perfectly rigid",
+        "those of packings are unique at moderate friction and steps; false: perfectly rigid",
     )
     tolerance: Annotated[LinearSpeed | None, Automatic()] = Field(
         default=None, description="on the natural map of every contact; default: 1e-4 of the slip speed"

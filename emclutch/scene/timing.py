@@ -45,7 +45,8 @@ class TimeSection(Section):
     exclude_drift: bool = Field(
         default=True,
         description="with `until`, a torque is known only where a drift of twice the half width is excluded; false: "
-        "the start-up is known to be over by `average_from`; only a significant drift (95 %) leaves the torque unknown",
+        "the start-up is known to be over by `average_from`; only a drift above 0.75 of the target (95 %) leaves the "
+        "torque unknown",
     )
 
     @model_validator(mode="after")

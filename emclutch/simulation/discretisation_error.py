@@ -17,7 +17,7 @@ from emclutch.knobs import knobs_of
 from emclutch.knobs.powder import COUNT
 from emclutch.results import OutputError
 from emclutch.results.ladder import Ladder, Total
-from emclutch.results.ladders import DRIVE, device_hash, find_ladder
+from emclutch.results.ladders import DRIVE, SHIPPED, device_hash, find_ladder
 from emclutch.results.recommended import STATISTICS, Obstacle, recommended
 from emclutch.results.statistics import Estimate
 from emclutch.results.text import format_duration, per_cent
@@ -159,7 +159,7 @@ def accuracy_in_words(case: Case, plan: Plan) -> str:
     if target is not None:
         answer = cheapest_case(case, ladder, target)
         words = answer.in_words() if isinstance(answer, Obstacle) else answer[0].in_words()
-        return f"{target}: {words}; by the measured ladder {path.name}"
+        return f"{target}: {words}; by {_shown(path)}"
     total = total_at(ladder, settings_of(case, plan), plan)
     size = "large" if total.bias >= 0.0 else "small"
     text = f"the settings make the torque {per_cent(abs(total.bias))} too {size}, +- {per_cent(total.half_width)}"
@@ -167,7 +167,14 @@ def accuracy_in_words(case: Case, plan: Plan) -> str:
         size = per_cent(total.widths[total.largest])
         text += f"; largest part: {total.largest.replace('_', ' ')}, {size}"
     text += "".join(f"; not included: {name.replace('_', ' ')} ({why})" for name, why in total.unknown.items())
-    return f"{text}; measured by {how_to_find(case)}, in {path.name}"
+    return f"{text}; measured by {how_to_find(case)}, in {_shown(path)}"
+
+
+def _shown(path: Path) -> str:
+    """Return where a ladder lies: short, as lines of `check` are."""
+    if path.parent == SHIPPED:
+        return "the ladder that comes with emclutch"
+    return str(path.relative_to(Path.cwd())) if path.is_relative_to(Path.cwd()) else str(path)
 
 
 def how_to_find(case: Case) -> str:

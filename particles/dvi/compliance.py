@@ -1,8 +1,8 @@
 r"""Compliant contacts: springs and dashpots taken implicitly, so that a jam has finite forces.
 
 Between perfectly rigid bodies that are driven against each other a grain has no finite force, and in a packing with
-more contacts than it needs the forces are not unique. With the stiffness k of the scene both are, and the step may
-still be longer than the contact time pi sqrt(m/k).
+more contacts than it needs the forces are not unique. With the stiffness k of the scene both are (unique: in tests
+at a friction of 0.3), and the step may still be longer than the contact time pi sqrt(m/k).
 
 **Normal.** Over a step h an overlap delta becomes delta - h u_n', and the impulse is
 

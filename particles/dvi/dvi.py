@@ -404,13 +404,14 @@ class DVI(GrainMotion):
                 limit = float(f"{widest / (MIN_SKIN * g.radius.min()):.3g}")
                 raise run_errors.too_fast(g, self.dt, limit, self.time)
             self._reach = min(self._reach, widest) if widest > 0.0 else self._reach  # else it is refused as too narrow
-        made = ImpulseList.make(
+        memory = None if self._impulses is None else self._impulses.memory()
+        self._impulses = None  # its memory is free before the new list is made
+        self._impulses = ImpulseList.make(
             np.ascontiguousarray(g.position), *self._reaches(self._reach), self._device, [b.angle for b in self.bodies],
             max(0.5 * self.skin, FAST_WALLS * self.dt * vane), self.periodicity, self._columns,
         )  # fmt: skip
-        if self._impulses is not None:
-            made.take(self._impulses.memory(), order, wraps, self.sector)
-        self._impulses = made
+        if memory is not None:
+            self._impulses.take(memory, order, wraps, self.sector)
         self._make_room()
         self._take_list()
 

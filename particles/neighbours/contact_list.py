@@ -104,7 +104,7 @@ class ContactMemory(NamedTuple):
 
 
 class _Slots(NamedTuple):
-    """Slots of a `ContactList` that take over what those of another one remember; those of walls have no shift."""
+    """Slots of a `SlotList` that take over what those of another one remember; those of walls have no shift."""
 
     start: np.ndarray
     other: np.ndarray
@@ -229,7 +229,7 @@ def reaches(radius: np.ndarray, skin: float, gap: float) -> tuple[np.ndarray, fl
 
 
 def memory_of(slots: SlotList, pairs: SlotMemory, walls: SlotMemory) -> ContactMemory:
-    """History of what touches among the ``slots`` of a list, whose ``pairs`` and ``walls`` remember."""
+    """Return the histories of the touching contacts of a list."""
     own = slots.pairs
     return _touching_rows(own.start, own.other, own.shift, *pairs, slots.wall_start, slots.wall_other, *walls)
 
@@ -246,15 +246,17 @@ def carry_over(
 ) -> None:
     """Carry ``memory`` over into the ``pairs`` and ``walls`` of new ``slots``: grain k was grain ``order[k]`` before.
 
-    In a sector it was turned by ``wraps`` (old order); ``vectors`` are the first columns of what turns with it. A
-    contact of the last step that has no slot here has parted since, further than the skin: it is forgotten.
+    In a sector it was turned by ``wraps`` (old order; None: by nothing); ``vectors`` are the first columns of what
+    turns with it. A contact of the last step that has no slot here has parted since, further than the skin: it is
+    forgotten.
     """
     n, rank = len(order), np.empty(len(order), dtype=np.int64)
     rank[order] = np.arange(n)
-    turned = _Turned(
-        rank, np.zeros(0, dtype=np.int64) if sector is None or wraps is None else wraps,
-        1 if sector is None else sector.n_sectors, 0.0 if sector is None else sector.angle,
-    )  # fmt: skip
+    if sector is None:
+        turned = _Turned(rank, np.zeros(0, dtype=np.int64), 1, 0.0)
+    else:
+        still = np.zeros(n, dtype=np.int64)
+        turned = _Turned(rank, still if wraps is None else wraps, sector.n_sectors, sector.angle)
     own = slots.pairs
     with at_most(numba.get_num_threads() if n >= WORTH_SHARING else 1):
         _carry(

@@ -66,7 +66,7 @@ def recorded_curves() -> list[TorqueCurve]:
         for name, row in table().items() if (found := ROW.fullmatch(name))
     )  # fmt: skip
     current, torque, error = np.array(rows).T
-    converged = np.full(len(rows), False)  # one packing, and still creeping
+    converged = np.full(len(rows), False)  # one packing, and still drifting
     return [TorqueCurve({"emclutch:": "one packing, eight grains across"}, current, torque, error, converged)]
 
 

@@ -75,7 +75,10 @@ def test_angular_momentum_of_a_sector_is_conserved_to_round_off():
 
 
 def test_history_is_carried_through_a_face_in_either_orientation():
-    """Right after a rebuild that wraps grains every touching pair still has its spring, turned with it."""
+    """Right after a rebuild that wraps grains every touching pair still has its spring, turned with it.
+
+    A table of the contacts that is asked for before the rebuild has the same forces.
+    """
     dem = _dem(_wedge(), SECTOR, _law())
     dem.run(50)
     seen = 0
@@ -85,8 +88,10 @@ def test_history_is_carried_through_a_face_in_either_orientation():
             continue
         before, wraps = _springs(dem), SECTOR.wraps(dem.grains.position)
         crossed = set(dem.grains.particle_id[wraps != 0].tolist())
+        forces = np.sort(np.linalg.norm(dem.contacts().force, axis=1))
         dem._rebuild()
         after = _springs(dem)
+        assert np.sort(np.linalg.norm(dem.contacts().force, axis=1)) == pytest.approx(forces, rel=1e-9)
         assert before.keys() == after.keys()
         for pair, (size, axial) in before.items():
             assert after[pair][0] == pytest.approx(size, rel=1e-12)

@@ -112,7 +112,8 @@ def test_a_drum_that_turns_the_other_way_has_the_opposite_torque():
     """The mirror image in y of a bed on springs: places mirrored, torques of the other sign.
 
     Grains stand in another order, and so are swept in another: what is left is the tolerance. With a friction of 0.5 a
-    grain that three others wedge in at step 23 has two solutions, and the order decides which one is found.
+    grain between three others gets other velocities at step 23, though both solves converge: Coulomb friction may have
+    more than one solution, and the order of the sweeps then decides.
     """
     where = _cloud(80, 0.35)[1]
     radius = 1.1 * np.hypot(where[:, 0], where[:, 1]).max() + R

@@ -107,7 +107,7 @@ def test_verdicts():
     assert steady is Steadiness.STEADY and found.converged and found.reason.startswith("steady:")
     found, drifting = verdict(4.0, rng, target=0.5)
     assert drifting is Steadiness.DRIFTING and not found.converged and found.reason.startswith("drifting:")
-    assert drifts_significantly(found, 0.5) and "interval is of this stretch" in found.reason
+    assert drifts_significantly(found, 0.5) and "interval is of this part" in found.reason
     found, unknown = verdict(0.0, rng, target=0.02)
     assert unknown is Steadiness.NOT_SETTLED and found.reason.startswith("not settled:")
     assert not drifts_significantly(found, 0.5)

@@ -285,7 +285,8 @@ def present(found: Contributions, folder: Path) -> list[str]:
         *(Statement(Mark.NOTE, f"{one.effect}: {one.reason}") for one in found.without if one.reason),
     ]
     if found.absent:
-        remarks.append(Statement(Mark.NOTE, f"Not in this scene, and at no cost: {', '.join(found.absent)}."))
+        absent = f"Effects that the scene does not have, and that cost it no time: {', '.join(found.absent)}."
+        remarks.append(Statement(Mark.NOTE, absent))
     picture = Picture("torque and processor time without each effect", folder / "effects.png")
     page = Page(folder, title, "", {"Torque and cost": [table, Statements(remarks)], "Picture": [picture]})
     replace_text(folder / "effects.md", markdown(page, folder))

@@ -26,8 +26,8 @@ SMALLEST_PART = 0.1
 """Of the half width: smaller parts are not named."""
 BOLD_MARKDOWN, BOLD_HTML = "**{}**", "<b>{}</b>"
 NOT_IN_IT = (
-    "Not in these errors: what the model is made of. Friction, rolling friction, fill and contact law move the torque "
-    "by more (docs/explanation/sensitivities.md)."
+    "Not in these errors: what the model is made of. Friction, rolling friction, fill and contact law change the "
+    "torque by more (docs/explanation/sensitivities.md)."
 )
 
 
