@@ -110,7 +110,8 @@ def comparison_lines(rows: Sequence[Mapping[str, Any]], keys: Sequence[str]) -> 
             dvi, dem = ("not at all" if t is None else f"at {t:.4g} s" for t in times)
             parts.append("neither locks" if times == [None, None] else f"locks {dvi} by DVI, {dem} by DEM")
         if row.get("speed_difference"):
-            parts.append(f"output speeds at most {100.0 * row['speed_difference']:.2g} % of the motor's apart")
+            apart = max(100.0 * row["speed_difference"], 0.01)
+            parts.append(f"output speeds at most {apart:.2g} % of the motor's apart")
         parts.append(f"{row['seconds_dvi']:.3g} s of wall-clock time against {row['seconds_dem']:.3g} s")
         spent = [row[f"processor_to_5_percent_{name}"] for name in ("dvi", "dem")]
         if None not in spent:

@@ -19,9 +19,8 @@ from pictures import (
 
 TO_BE_MADE = {
     "thesis_methods.png",
-    "thesis_electromagnetic.png",
 }
-"""Older than their scenes: two studies of nine minutes each."""
+"""Older than their scenes: a study of nine minutes."""
 
 
 def test_every_picture_has_a_row_and_that_of_a_scene_of_the_gallery_names_it():
