@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from emclutch.results.atomic_file import replace_json, replace_text
 from emclutch.results.errors import OutputError
 from emclutch.results.result import Result, load_result
+from emclutch.results.run_end import seconds_of
 from emclutch.results.run_folder import Failure, RunFolder
 from emclutch.results.torque_curves import ACROSS, REAL_ACROSS
 
@@ -135,9 +136,10 @@ def _is_same(number: float, written: float) -> bool:
 
 
 def _end_of(folder: Path) -> float | None:
-    """Return the end [s] of a run's scene; None where it has none."""
-    end = RunFolder(folder).read_scene().get("time", {}).get("end")
-    return None if end is None else float(end)
+    """Return the end [s] of a run's scene; None where it has none, or a shear strain without a plan."""
+    run = RunFolder(folder)
+    end = run.read_scene().get("time", {}).get("end")
+    return None if end is None else seconds_of(end, run)
 
 
 def is_study(path: Path) -> bool:

@@ -49,3 +49,8 @@ def hashed_input_files(scene: Scene) -> dict[str, dict[str, str]]:
         with open(path, "rb") as stream:
             found[key] = {"path": str(path), "sha256": hashlib.file_digest(stream, "sha256").hexdigest()}
     return found
+
+
+def file_contents(scene: Scene) -> dict[str, str]:
+    """SHA-256 of each file by the key that names it."""
+    return {key: file["sha256"] for key, file in hashed_input_files(scene).items()}

@@ -22,7 +22,7 @@ from emclutch.results.recommended import STATISTICS, Obstacle, recommended
 from emclutch.results.statistics import Estimate
 from emclutch.results.text import format_duration, per_cent
 from emclutch.scene.case import Case
-from emclutch.scene.input_files import hashed_input_files
+from emclutch.scene.input_files import file_contents
 from emclutch.simulation.forecast.machine_speed import slowness
 from emclutch.simulation.knob_settings import applying, settings_of, total_at
 from emclutch.simulation.plan import Plan
@@ -41,6 +41,9 @@ TARGETS = (0.10, 0.05, 0.03)
 FAR = 2.0
 """Factor of step size beyond the rungs from which on the law is said to be extrapolated."""
 
+ROUNDING = 1.01
+"""Of a target: settings and windows are rounded."""
+
 
 def device_of(case: Case) -> str:
     """Return the hash by which the ladder of a device is found: of all but numerical settings, seed, drive and output.
@@ -49,7 +52,7 @@ def device_of(case: Case) -> str:
     of another one begins. A file counts with its content.
     """
     scene, flat = case.scene, flat_scene(case.toml())
-    flat |= {key: file["sha256"] for key, file in hashed_input_files(scene).items()}
+    flat |= file_contents(scene)
     numerical = {key for one in knobs_of(scene) for key in one.keys(scene)}
     if scene.grains.count is not None and COUNT in numerical:
         volume = scene.grains.count * scene.grains.grain_volume / (scene.grains.sector or 2.0 * math.pi)
@@ -98,6 +101,16 @@ def discretisation_error(
     except Exception as error:  # a run that has come to its end does not fail of what is said about it
         log.exception("the discretisation error cannot be told")
         return _unknown(f"defect of the program, please report it: {type(error).__name__}: {error}")
+
+
+def is_reached(asked: float, torque: Estimate | None, error: dict[str, Any] | None) -> bool:
+    """Return whether a total error is reached: by a steady torque, with the errors of all settings known.
+
+    `asked` is relative; `error` is the `discretisation_error` of a summary.
+    """
+    if torque is None or not torque.converged or error is None or error["unknown"] or error["total_error"] is None:
+        return False
+    return error["total_error"] <= asked * ROUNDING
 
 
 def _by_ladder(case: Case, plan: Plan, torque: Estimate, device: Device | None) -> dict[str, Any]:

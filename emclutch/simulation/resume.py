@@ -11,11 +11,12 @@ from emclutch.results import OutputError, RunFolder
 from emclutch.results.checkpoint import read_checkpoint
 from emclutch.results.columns import TIME
 from emclutch.results.history import rows_until
+from emclutch.results.run_end import seconds_of
 from emclutch.scene.case import Case, case_from
 from emclutch.scene.errors import SceneError
 from emclutch.scene.input_files import hashed_input_files
 from emclutch.scene.multiple import Multiple
-from emclutch.scene.timing import TimeSection, instant_in_words
+from emclutch.scene.timing import instant_in_words
 
 log = logging.getLogger(__name__)
 MAY_CHANGE = ("time.end", "time.until", "time.average_from", "output.", "accuracy.", "scene.title", "scene.description")
@@ -95,19 +96,6 @@ def refuse_earlier_end(folder: RunFolder, state: dict, end: float | Multiple) ->
             f"nothing is left to do, and nothing was changed; give a later time.end, or read the torque until then in "
             f"{folder.history.name}"
         )
-
-
-def seconds_of(end: float | str | Multiple, folder: RunFolder) -> float | None:
-    """Return an end of the run in a folder [s], of a shear strain by the run's shear rate; None where it has none yet.
-
-    A run that continues has the shear rate that it began with.
-    """
-    if isinstance(end, (int, float)):
-        return float(end)
-    rate = folder.read_plan().get("shear_rate")
-    strain = TimeSection.model_validate({"end": end}).end
-    assert isinstance(strain, Multiple)  # a text of a resolved scene
-    return strain.value / rate if rate else None
 
 
 def checkpoint_time(path: Path, dem: dict[str, Any], method: str) -> float:

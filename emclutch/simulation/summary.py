@@ -47,7 +47,7 @@ from emclutch.results.current_ramp import TABLE, current_ramp
 from emclutch.results.rise_time import rise_times
 from emclutch.results.steady_torque import steady_mean_of, steady_torque
 from emclutch.scene.replica_count import replica_seed
-from emclutch.simulation.discretisation_error import discretisation_error
+from emclutch.simulation.discretisation_error import discretisation_error, is_reached
 from emclutch.simulation.forecast.expected_torque import expected_torque
 from emclutch.simulation.observables import Observables
 from emclutch.simulation.planned_run import PlannedRun
@@ -58,7 +58,6 @@ from particles.diagnostics.force_chains import force_chains
 from particles.diagnostics.inertial_number import FRICTION, MAGNETIC, MEASURED
 
 MANY_MISSES = 0.01  # of the steps: reported as a warning
-ROUNDING = 1.01  # of a target: settings and windows are rounded
 JAM = 1e3  # tolerances of the solver of contacts by DVI, beyond which a step counts as jammed
 
 
@@ -137,16 +136,15 @@ def summarise(
             summary["grain_size"]["real_inertial_number"] = (
                 summary["inertial_number"] / size.coarse_graining / (1.0 if plan.scaled is None else plan.scaled.factor)
             )
-    summary["structure"] = structure_summary(simulation.motion)
+    summary["structure"] = structure_summary(simulation.motion, case.scene.geometry.has_axis)
     if WORK_MAGNETIC in history:
         start = torque.start if torque is not None else measured.get("stress", {}).get("start")
         summary["work_magnetic_over_slip"] = work_over_slip(history, start)
     summary |= {"grains": plan.count, "sectors": simulation.n_sectors, "dt": plan.dt} | numerics_summary(history)
     summary |= discretisation_error(case, plan, torque, device)
     if (asked := folder.read_provenance().get("accuracy_target")) is not None:
-        found = summary["discretisation_error"] or {}
-        is_known = found.get("total_error") is not None and not found["unknown"]
-        summary["accuracy_target"] = {"asked": asked, "reached": is_known and found["total_error"] <= asked * ROUNDING}
+        reached = is_reached(asked, torque, summary["discretisation_error"])
+        summary["accuracy_target"] = {"asked": asked, "reached": reached}
     measured = {"field": WALL_FIELD, "magnetic": WALL_MAGNETIC, "contact": WALL_CONTACT, "total": WALL_TOTAL}
     summary["seconds"] = {part: float(history[name].sum()) for part, name in measured.items() if name in history}
     processor = processor_seconds((history, *others))
@@ -328,22 +326,22 @@ def lock_up_time(history) -> float | None:
     return float(history[TIME].iloc[slipping[-1] + 1])
 
 
-def structure_summary(motion: Any) -> dict[str, float | None]:
+def structure_summary(motion: Any, has_axis: bool = True) -> dict[str, float | None]:
     """Measures of the packing as the grains stand, see `particles.diagnostics`; None where there is no contact.
 
     ``coordination`` contacts a grain, walls included; ``rattlers`` share of grains with fewer than two;
-    ``fabric_anisotropy`` and ``force_anisotropy`` of the directions of contacts between grains along (r, phi, z), each
-    alike and weighed by normal force: 0 isotropic, 1 all parallel; ``in_chains`` share of grains in force chains;
-    ``longest_chain`` grains in the longest.
+    ``fabric_anisotropy`` and ``force_anisotropy`` of the directions of contacts between grains, each alike and weighed
+    by normal force: 0 isotropic, 1 all parallel, along (r, phi, z), without an axis along (x, y, z); ``in_chains``
+    share of grains in force chains; ``longest_chain`` grains in the longest.
     """
-    grains, sector, contacts = motion.grains, motion.sector, motion.contacts()
-    standing, chains = coordination(contacts, grains.count), force_chains(grains, contacts, sector)
-    weighed = fabric(grains, contacts, sector, force_weighted=True)
+    grains, periodicity, contacts = motion.grains, motion.periodicity, motion.contacts()
+    standing, chains = coordination(contacts, grains.count), force_chains(grains, contacts, periodicity)
+    alike, weighed = (fabric(grains, contacts, periodicity, force_weighted=weighs) for weighs in (False, True))
     found = {
         "coordination": standing.mean,
         "rattlers": standing.rattlers,
-        "fabric_anisotropy": fabric(grains, contacts, sector).ring_anisotropy,
-        "force_anisotropy": weighed.ring_anisotropy,
+        "fabric_anisotropy": alike.ring_anisotropy if has_axis else alike.anisotropy,
+        "force_anisotropy": weighed.ring_anisotropy if has_axis else weighed.anisotropy,
         "in_chains": chains.share,
         "longest_chain": float(chains.lengths.max(initial=0)),
     }

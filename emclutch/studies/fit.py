@@ -7,6 +7,7 @@ between them are interpolated and fitted by `emclutch.studies.torque_fit`.
 from __future__ import annotations
 
 import math
+import tomllib
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from itertools import product
@@ -25,6 +26,7 @@ from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.fault_report import key_fault, quantity_at
 from emclutch.scene.model import Scene
 from emclutch.scene.study import read_study
+from emclutch.simulation.resume import differing_keys, flat_scene
 from emclutch.studies.sweep import sweep
 from emclutch.studies.torque_fit import MeasuredTorques, SimulatedTorques, TorqueFit, fit_torque, read_torques
 
@@ -131,7 +133,7 @@ def fit(
     SceneError
         Faults of the scene, or of what is varied.
     OutputError, RunError
-        The curve cannot be read; the folder is there already; of the study.
+        The curve cannot be read; the folder is there already, or was begun for another scene or values; of the study.
     """
     case = as_case(case)
     if case.scene.geometry.measured != "torque":
@@ -162,11 +164,14 @@ def fit(
             "name another folder with --out, or continue it with --resume" if folder.exists() else "name it with --out"
         )
         raise OutputError(f"{folder} {'exists' if folder.exists() else 'is not there'}; {how}")
-    if not resume:
-        points = {**values, key: tuple(simulated_at)}
+    points = {**values, key: tuple(simulated_at)}
+    base = study_case(case, {name: levels for name, levels in values.items() if name in (FRICTION, FILL)})
+    if resume:
+        _refuse_other(folder, base, points)
+    else:
         for levels in product(*points.values()):  # a scene that is refused leaves no folder behind
             study_case(case, values).with_values(dict(zip(points, levels, strict=True)))
-        _write_study(folder, case, points)
+        _write_study(folder, base, points)
     study = read_study(folder / "study.toml", trust_scripts=case.trust_scripts)
     done, begun = folder / "points", (folder / "points").is_dir()
     sweep(study, out=done, threads=threads, resume=begun, jobs=jobs, progress=progress, force=force)
@@ -206,12 +211,27 @@ def _some(drives: np.ndarray) -> tuple[float, ...]:
     return tuple(sorted({float(drives[np.argmin(np.abs(np.log(drives / one)))]) for one in wanted}))
 
 
-def _write_study(folder: Path, case: Case, values: dict[str, tuple[float, ...]]) -> None:
-    base = study_case(case, {name: levels for name, levels in values.items() if name in (FRICTION, FILL)})
+def _write_study(folder: Path, base: Case, values: dict[str, tuple[float, ...]]) -> None:
     folder.mkdir(parents=True)
     base.write_toml(folder / "scene.toml")
-    study = {"case": "scene.toml", "title": f"fit of {case.name}", "values": {k: list(v) for k, v in values.items()}}
+    study = {"case": "scene.toml", "title": f"fit of {base.name}", "values": {k: list(v) for k, v in values.items()}}
     replace_text(folder / "study.toml", tomli_w.dumps({"study": study}))
+
+
+def _refuse_other(folder: Path, base: Case, values: dict[str, tuple[float, ...]]) -> None:
+    """Raise OutputError where the fit in a folder was begun for another scene, or with other values."""
+    try:
+        scene = (folder / "scene.toml").read_text(encoding="utf-8")
+        study = tomllib.loads((folder / "study.toml").read_text(encoding="utf-8"))["study"]["values"]
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise OutputError(f"{folder} holds no fit that could be continued: {error}; begin a new one with --out") from None
+    differing = differing_keys(flat_scene(scene), flat_scene(base.toml()))
+    differing += differing_keys(study, {key: list(levels) for key, levels in values.items()})
+    if differing:
+        raise OutputError(
+            f"the fit in {folder} was begun with another {' and another '.join(dict.fromkeys(differing))}; give what it "
+            "was begun with, or begin a new one with --out"
+        )
 
 
 def _torques(points: Path, names: tuple[str, ...], key: str) -> tuple[SimulatedTorques, int]:

@@ -21,10 +21,11 @@ from emclutch.results import OutputError, RunFolder
 from emclutch.results.columns import TIME
 from emclutch.results.folder_lock import has_files
 from emclutch.results.history import last_time
+from emclutch.results.run_end import seconds_of
 from emclutch.scene.case import Case
 from emclutch.scene.study import StudySection
 from emclutch.scene.timing import instant_in_words
-from emclutch.simulation.resume import differing_keys, flat_scene, may_change, refuse_changed_files, seconds_of
+from emclutch.simulation.resume import differing_keys, flat_scene, may_change, refuse_changed_files
 from emclutch.studies.accuracy.target import cases_of
 from emclutch.studies.point_index import PointIndex, sha256_of
 

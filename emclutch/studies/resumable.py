@@ -23,6 +23,7 @@ from emclutch.results.folder_lock import has_files, locked_folder
 from emclutch.results.run_folder import logging_to
 from emclutch.results.text import format_duration
 from emclutch.scene.case import Case
+from emclutch.scene.input_files import file_contents
 from emclutch.scene.replica_count import cores_at_hand
 from emclutch.simulation.resume import differing_keys, flat_scene
 from emclutch.studies.accuracy.tasks import AccuracyTask, TaskResult, perform, result_in
@@ -75,7 +76,7 @@ def begun_study(
                 if known is None:
                     known = read_plan(folder / plan, case, budget)
                 else:
-                    known["version"] = VERSION
+                    known |= {"version": VERSION, "input_files": file_contents(case.scene)}
                     replace_json(folder / plan, known)
                     case.write_toml(folder / "case.toml")
                 try:
@@ -188,18 +189,22 @@ def refuse_folder(folder: Path, resume: bool, plan: str) -> None:
 
 
 def read_plan(path: Path, case: Case, budget: float | None) -> dict[str, Any]:
-    """Return the decisions of a study; OutputError where it is of another scene or budget."""
+    """Return the decisions of a study; OutputError where it is of another scene, of changed files or another budget."""
     try:
         known = json.loads(path.read_text(encoding="utf-8"))
         if known["version"] != VERSION:
             raise ValueError("it is of another version of the program")
         keys = differing_keys(flat_scene(known["case"]), flat_scene(case.toml()))
+        contents = file_contents(case.scene)
+        files = differing_keys(known.get("input_files", contents), contents)
         begun = float(known["budget"])
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise OutputError(f"cannot read {path}: {error}; begin a new study with --out") from None
     place = f"the study in {path.parent}"
     if keys:
         raise OutputError(f"{place} is of another scene ({', '.join(keys)}); begin a new one with --out")
+    if files:
+        raise OutputError(f"{place} is of other files (changed since: {', '.join(files)}); begin a new one with --out")
     if budget is not None and budget != begun:
         raise OutputError(
             f"{place} has a budget of {format_duration(begun)}, by which it was planned; continue it "

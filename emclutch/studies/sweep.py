@@ -22,6 +22,7 @@ from emclutch.results.folder_lock import LOCK, FolderInUse, has_files, locked_fo
 from emclutch.results.history import last_time
 from emclutch.results.lease import leased
 from emclutch.results.measured_table import keep_measured
+from emclutch.results.run_end import seconds_of
 from emclutch.results.run_folder import logging_to
 from emclutch.results.study_folder import is_study
 from emclutch.results.study_table import DONE, FAILED, STOPPED, WAITING, StudyTable
@@ -29,7 +30,6 @@ from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.replica_count import replica_count
 from emclutch.scene.study import StudySection, read_study
 from emclutch.simulation.pictures import draw_missing
-from emclutch.simulation.resume import seconds_of
 from emclutch.studies.accuracy.target import cases_of
 from emclutch.studies.adaptive import AdaptiveStudy
 from emclutch.studies.dask_executor import SchedulerLost

@@ -21,12 +21,12 @@ from emclutch.results.pictures.torque_curves import (
     torque_against_grain_size_picture,
     torque_against_speed_picture,
 )
+from emclutch.results.run_end import seconds_of
 from emclutch.results.seed_average import averaged_over_seeds
 from emclutch.results.statistics import Estimate
 from emclutch.results.study_folder import write_about, write_empty_table
 from emclutch.results.torque_curves import ACROSS, REAL_ACROSS, TorqueCurve, torque_curves
 from emclutch.scene.study import StudySection
-from emclutch.simulation.resume import seconds_of
 from emclutch.studies.method_comparison import METHOD, compare_methods, comparison_lines
 
 DIGITS = 8

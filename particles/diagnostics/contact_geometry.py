@@ -1,8 +1,8 @@
 """Each contact as a vector: from where to where, along which normal, with how much force.
 
 Grain i pushes its partner along n, the unit vector from i towards it. ``ContactTable.force`` is the force on i, so that
--force . n is the normal force, positive where the contact presses. A partner across the faces of a cyclic sector stands
-at its image R(shift*angle) x_j, in the frame of i.
+-force . n is the normal force, positive where the contact presses. A partner across the faces of a cyclic sector or
+a periodic box stands at its image by ``shift``, in the frame of i.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 
 from particles.grains import Grains
 from particles.neighbours.contact_table import ContactTable
-from particles.sector import CyclicSector
+from particles.periodicity import Periodicity
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,12 +42,12 @@ class ContactGeometry:
     is_pair: np.ndarray
 
 
-def contact_geometry(grains: Grains, contacts: ContactTable, sector: CyclicSector | None = None) -> ContactGeometry:
+def contact_geometry(grains: Grains, contacts: ContactTable, periodicity: Periodicity | None = None) -> ContactGeometry:
     """Geometry of the contacts."""
     x, is_pair = grains.position, contacts.j >= 0
     end = np.array(contacts.point, dtype=float)
     partner = x[contacts.j[is_pair]]
-    end[is_pair] = partner if sector is None else sector.turn(partner, contacts.shift[is_pair])
+    end[is_pair] = partner if periodicity is None else periodicity.place(partner, contacts.shift[is_pair])
     start = x[contacts.i]
     branch = end - start
     length = np.linalg.norm(branch, axis=1)

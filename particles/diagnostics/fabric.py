@@ -20,6 +20,7 @@ from particles.diagnostics.contact_geometry import contact_geometry
 from particles.diagnostics.tensors import cylindrical_frame, deviator, in_frame, ring_average
 from particles.grains import Grains
 from particles.neighbours.contact_table import ContactTable
+from particles.periodicity import Periodicity
 from particles.sector import CyclicSector
 
 
@@ -53,12 +54,12 @@ class Fabric:
 def fabric(
     grains: Grains,
     contacts: ContactTable,
-    sector: CyclicSector | None = None,
+    periodicity: Periodicity | None = None,
     *,
     force_weighted: bool = False,
 ) -> Fabric:
     """Fabric of the contacts (module docstring); pulling contacts weigh nothing in the force-weighted one."""
-    geometry = contact_geometry(grains, contacts, sector)
+    geometry = contact_geometry(grains, contacts, periodicity)
     used = geometry.is_pair
     n, point = geometry.normal[used], contacts.point[used]
     weight = np.maximum(geometry.normal_force[used], 0.0) if force_weighted else np.ones(len(n))
@@ -68,4 +69,5 @@ def fabric(
         return Fabric(nothing, nothing, len(n))
     local = in_frame(cylindrical_frame(point), n)
     cartesian, cylindrical = ((weight * v.T) @ v / total for v in (n, local))
+    sector = periodicity if isinstance(periodicity, CyclicSector) else None
     return Fabric(ring_average(cartesian, sector), cylindrical, len(n))

@@ -22,7 +22,7 @@ from particles.diagnostics.stress import grain_stress
 from particles.diagnostics.tensors import principal
 from particles.grains import Grains
 from particles.neighbours.contact_table import ContactTable
-from particles.sector import CyclicSector
+from particles.periodicity import Periodicity
 
 SHORTEST = 3  # grains
 
@@ -58,7 +58,7 @@ class ForceChains:
 
 
 def force_chains(
-    grains: Grains, contacts: ContactTable, sector: CyclicSector | None = None, *, angle: float = 0.25 * np.pi
+    grains: Grains, contacts: ContactTable, periodicity: Periodicity | None = None, *, angle: float = 0.25 * np.pi
 ) -> ForceChains:
     """Find the chains; ``angle`` [rad] is the largest between a link and the stress of its two grains.
 
@@ -69,14 +69,14 @@ def force_chains(
     """
     if not 0.0 < angle < 0.5 * np.pi:
         raise ValueError(f"angle = {np.degrees(angle):g} degrees; allowed: between 0 and 90 (45 is usual)")
-    value, direction = principal(grain_stress(grains, contacts, sector))
+    value, direction = principal(grain_stress(grains, contacts, periodicity))
     major, axis = value[:, 0], direction[:, 0]
     high = major > major.mean()
 
     rows = np.flatnonzero((contacts.j >= 0) & high[contacts.i] & high[np.maximum(contacts.j, 0)])
     i, j = contacts.i[rows], contacts.j[rows]
-    normal = contact_geometry(grains, contacts, sector).normal[rows]
-    axis_j = axis[j] if sector is None else sector.turn(axis[j], contacts.shift[rows])
+    normal = contact_geometry(grains, contacts, periodicity).normal[rows]
+    axis_j = axis[j] if periodicity is None else periodicity.turn(axis[j], contacts.shift[rows])
     along_i, along_j = (np.einsum("ka,ka->k", normal, a) for a in (axis[i], axis_j))
     worse = np.minimum(np.abs(along_i), np.abs(along_j))
     kept = worse >= np.cos(angle)

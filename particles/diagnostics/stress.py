@@ -16,19 +16,18 @@ import numpy as np
 from particles.diagnostics.tensors import principal
 from particles.grains import Grains
 from particles.neighbours.contact_table import ContactTable
-from particles.sector import CyclicSector
+from particles.periodicity import Periodicity
 
 
-def grain_stress(grains: Grains, contacts: ContactTable, sector: CyclicSector | None = None) -> np.ndarray:
+def grain_stress(grains: Grains, contacts: ContactTable, periodicity: Periodicity | None = None) -> np.ndarray:
     """Stress in each grain [Pa], shape (n, 3, 3) (module docstring)."""
     x = grains.position
     total = np.zeros((grains.count, 3, 3))
     np.add.at(total, contacts.i, -contacts.force[:, :, None] * (contacts.point - x[contacts.i])[:, None, :])
     pairs = contacts.j >= 0
-    j, force, point = contacts.j[pairs], -contacts.force[pairs], contacts.point[pairs]
-    if sector is not None:  # back into the frame of j itself
-        back = -contacts.shift[pairs]
-        force, point = sector.turn(force, back), sector.turn(point, back)
+    j, force, point, shift = contacts.j[pairs], -contacts.force[pairs], contacts.point[pairs], contacts.shift[pairs]
+    if periodicity is not None:  # back into the frame of j itself
+        force, point = periodicity.turn(force, -shift), periodicity.place(point, -shift)
     np.add.at(total, j, -force[:, :, None] * (point - x[j])[:, None, :])
     return total / grains.volume[:, None, None]
 

@@ -272,7 +272,7 @@ class Standing:
 
     grains: Grains
     table: ContactTable
-    sector: None = None
+    periodicity: None = None
 
     def contacts(self):
         return self.table

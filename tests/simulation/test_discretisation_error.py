@@ -1,6 +1,7 @@
 """Discretisation error of a run: that of its device's ladder at the run's own settings, else the reason why not."""
 
 import math
+from dataclasses import replace
 
 import pytest
 from made_up_ladder import cell, contact_step, ladder
@@ -16,11 +17,20 @@ from emclutch.simulation.discretisation_error import (
     device_of,
     discretisation_error,
     extrapolated,
+    is_reached,
     settings_of,
 )
 from emclutch.simulation.plan import make_plan
 
 TORQUE = Estimate(2.0, 0.05, 20, 1e-3, 1e-3, True, "steady", replicas=4, degrees_of_freedom=1e6)
+
+
+@pytest.mark.parametrize(("change", "error", "reached"), [
+    ({}, {}, True), ({"converged": False}, {}, False), ({}, {"total_error": 0.06}, False),
+    ({}, {"unknown": {"sector": "not measured"}}, False), ({}, {"total_error": None}, False),
+])  # fmt: skip
+def test_a_target_is_reached_by_a_steady_torque_with_all_errors_known(change, error, reached):
+    assert is_reached(0.05, replace(TORQUE, **change), {"total_error": 0.04, "unknown": {}} | error) == reached
 
 
 @pytest.fixture

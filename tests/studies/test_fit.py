@@ -64,6 +64,9 @@ def test_the_friction_of_a_run_is_found_again(tmp_path):
     assert json.loads(again.stdout)["parameters"] == [friction]
     assert times == [path.stat().st_mtime_ns for path in sorted((tmp_path / "fit").glob("points/point-*/history.csv"))]
     assert CliRunner().invoke(app, [str(one) for one in arguments]).exit_code == 2  # the folder is there
+    for other, key in (("--friction=0.1, 0.5", "contact.friction"), ("--set=time.end=0.3 ms", "time.end")):
+        mixed = CliRunner().invoke(app, [*(str(one) for one in arguments), "--resume", other])
+        assert mixed.exit_code == 2 and f"was begun with another {key}; give what" in " ".join(mixed.output.split())
 
 
 def test_a_measured_curve_is_read_in_its_units(tmp_path):

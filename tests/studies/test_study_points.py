@@ -1,5 +1,6 @@
 """Points of a study are known by their values: nothing finished is computed twice, mixed with another, or lost."""
 
+import json
 import logging
 
 import pandas
@@ -93,6 +94,15 @@ def test_a_torque_that_was_known_before_its_end_stays_as_it_is(tmp_path, runs):
     runs.asked.clear()
     sweep(study_of(tmp_path, values, **{"time.end": "5 ms"}), out=out, resume=True)
     assert [asked[:3] for asked in runs.asked] == [("point-001", True, 5e-3)]
+
+
+@pytest.mark.parametrize(("rate", "old"), [(500.0, []), (1000.0, ["point-000"])])
+def test_a_point_that_ends_at_a_strain_is_compared_by_its_own_shear_rate(tmp_path, runs, rate, old):
+    out = sweep(study_of(tmp_path, {FRICTION: [0.1, 0.3]}, **{"time.end": "4 ms"}), out=tmp_path / "out")
+    point = RunFolder(out / "point-000")
+    point.case.write_text(point.case.read_text().replace("end = 0.004", 'end = "strain 2"'))
+    point.plan.write_text(json.dumps({"shear_rate": rate}))
+    assert read_folder(out).outdated() == old
 
 
 def test_a_point_resumed_alone_makes_the_table_old_and_sweep_renews_it(tmp_path, runs):

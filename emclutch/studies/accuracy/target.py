@@ -24,6 +24,7 @@ from emclutch.results.recommended import STATISTICS, Choice, Obstacle
 from emclutch.results.text import per_cent
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import Fault, SceneError
+from emclutch.scene.input_files import file_contents
 from emclutch.scene.multiple import STRAIN
 from emclutch.scene.replica_count import cores_at_hand
 from emclutch.scene.start_up import start_up_strain
@@ -187,7 +188,8 @@ def _measure(case: Case, progress: Any) -> None:
     """Measure the ladder of a case within its budget, in a folder by which the same case finds it again."""
     from emclutch.studies.accuracy.study import BUDGET_OPTION, accuracy  # local, as above
 
-    name = hashlib.sha256(case.toml().encode()).hexdigest()[:16]
+    contents = "".join(file_contents(case.scene).values())  # of the files that the scene names
+    name = hashlib.sha256((case.toml() + contents).encode()).hexdigest()[:16]
     folder = ladder_folder() / f"study-{name}"
     begun = (folder / "plan.json").is_file()
     if folder.is_dir() and not begun and any(folder.iterdir()):

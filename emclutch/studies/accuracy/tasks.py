@@ -19,11 +19,11 @@ from emclutch.results import OutputError, RunFolder
 from emclutch.results.atomic_file import replace_json, replaced
 from emclutch.results.columns import TIME, TORQUE_DISC
 from emclutch.results.errors import Interrupted, RunError
+from emclutch.results.run_end import seconds_of
 from emclutch.results.steady_torque import durations
 from emclutch.scene.case import Case, case_from
 from emclutch.scene.errors import SceneError
 from emclutch.scene.multiple import STRAIN
-from emclutch.simulation.resume import seconds_of
 from emclutch.simulation.run import run
 from emclutch.simulation.window_state import WindowState
 from emclutch.studies.accuracy.frozen_state import frozen_state
