@@ -100,6 +100,10 @@ class EddyCoilField(SolvedCoilField):
         self.seconds += perf_counter() - begin
         return True
 
+    def has_field(self, current: float) -> bool:
+        """See `SolvedCoilField.has_field`: after the current some remains in the solid parts."""
+        return current != 0.0 or (self.transient is not None and bool(np.any(self.transient.psi)))
+
     def _first_current(self, time: float) -> float:
         """Current [A] of the field that the coil begins with."""
         drive = self.drive

@@ -42,6 +42,7 @@ from particles import Body
 MIN_FACTOR, MAX_FACTOR = 0.03, 0.4
 MIN_FILL = 0.01
 WEAK, SATURATED = 1e-4, 0.98  # of the saturation: H and M beyond which N says nothing
+WEAKEST = 1.0  # [A/m] of grains that do not saturate
 STUCK, HALF_WAY = 0.9, 0.5
 
 
@@ -211,7 +212,8 @@ class PowderFeedback:
         along = np.divide(mean_H, strength[:, None], out=np.zeros_like(mean_H), where=strength[:, None] > 0.0)
         mean_M = (self._M * self._weight[:, None, :]).sum(axis=2)
         M = np.divide((mean_M * along).sum(axis=1), self._fill, out=np.zeros_like(strength), where=self._fill > 0.0)
-        says = (strength > WEAK * min(self._scale, 1e9)) & (self._fill > MIN_FILL) & (M > 0.0)
+        weak = WEAK * self._scale if np.isfinite(self._scale) else WEAKEST
+        says = (strength > weak) & (self._fill > MIN_FILL) & (M > 0.0)
         says &= M < SATURATED * self._scale
         before = self.law.demagnetising_factors(self._fill)[0] if self._factor is None else self._factor
         M = np.where(says, M, 1.0)

@@ -51,6 +51,7 @@ def _in_reach(
     vector = np.einsum("nij,nj->ni", matrix, amounts[:, 1:])
     radius = np.hypot(inside[:, 0], inside[:, 1])
     angle = np.remainder(np.arctan2(inside[:, 1], inside[:, 0]) - fold.first, 2.0 * np.pi)
+    angle = np.where(angle > 0.5 * fold.angle + np.pi, angle - 2.0 * np.pi, angle)  # before the first side by round-off
     reach = np.where(radius > width, np.arcsin(np.minimum(width / np.maximum(radius, width), 1.0)), np.pi)
     farthest = int(np.ceil(reach.max() / fold.angle)) + 1
     places, parts = [], []

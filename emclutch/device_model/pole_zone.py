@@ -6,6 +6,7 @@ device, of a sheared cell (`emclutch shear-cell`) or of a rheometer.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import pi
 from typing import Self
@@ -15,8 +16,8 @@ import numpy as np
 from field import FieldSampler
 from geometry import AnnularBox
 
-ACROSS, ALONG = 5, 41
-"""Points at which H is averaged, across the gap and along each face."""
+ACROSS, ALONG, AROUND = 5, 41, 16
+"""Points at which H is averaged, across the gap, along each face, and in 3D over a period around the axis."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,8 +93,9 @@ class PoleZone(Zone):
         """
         return torque / (self.area * self.radius)
 
-    def field_strength(self, sampler: FieldSampler) -> float:
-        """Mean |H| [A/m] of the macroscopic field in the zone, by volume."""
+    def field_strength(self, sampler: FieldSampler, angles: Sequence[float] = (0.0,)) -> float:
+        """Mean |H| [A/m] of the macroscopic field in the zone, by volume and over the angles [rad] about the axis."""
+        cos, sin = np.cos(angles), np.sin(angles)
         points, weights = [], []
         for box in self.boxes:
             # half an element off the walls: the field is sampled inside the powder's region
@@ -101,8 +103,8 @@ class PoleZone(Zone):
             n_r, n_z = (ALONG, ACROSS) if along_r else (ACROSS, ALONG)
             r = box.r0 + (np.arange(n_r) + 0.5) / n_r * (box.r1 - box.r0)
             z = box.z0 + (np.arange(n_z) + 0.5) / n_z * (box.z1 - box.z0)
-            r, z = (v.ravel() for v in np.meshgrid(r, z))
-            points.append(np.column_stack((r, np.zeros_like(r), z)))
+            r, z = (np.repeat(v.ravel(), len(cos)) for v in np.meshgrid(r, z))
+            points.append(np.column_stack((r * np.resize(cos, len(r)), r * np.resize(sin, len(r)), z)))
             weights.append(r)
         H, _ = sampler.sample(np.concatenate(points))
         return float(np.average(np.sqrt((H**2).sum(axis=1)), weights=np.concatenate(weights)))

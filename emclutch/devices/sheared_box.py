@@ -250,14 +250,13 @@ class ShearedBoxGeometry(GeometrySection):
     def expected_stress(self, scene: Scene) -> float | None:
         """Shear stress [Pa] that is expected in the field, within a factor of two; None where grains do not attract."""
         from coupling.sheared_powder import chain_load, expected_stress
-        from emclutch.device_model.materials import grain_law
-        from field.spheres.lone_sphere import saturation
 
         attraction, field = scene.effects.attraction, scene.prescribed_field
         if attraction is None or field is None or field.field_strength == 0.0:
             return None
         d, fill = scene.grains.mean_diameter, fill_of(scene.shape(), scene.grains).solid_fraction
-        load = chain_load(saturation(grain_law(scene)), abs(field.field_strength), d, necks=attraction.has_necks)
+        # of grains that do not saturate the load is in proportion to Ms^-0.2
+        load = chain_load(scene.grains.saturation, abs(field.field_strength), d, necks=attraction.has_necks)
         return expected_stress(load, fill, d)
 
     def rate(self, scene: Scene) -> float:

@@ -27,8 +27,15 @@ def _has_a_voltage(draft: Draft) -> Iterator[Fault]:
     """A circuit needs a coil with a voltage, and computes the current."""
     coil = draft.scene.coil
     yield from need_of_a_coil(draft, CoilCircuitSection)
-    if draft.scene.effects.circuit is None or coil is None:
+    circuit, eddy = draft.scene.effects.circuit, draft.scene.effects.eddy
+    if circuit is None or coil is None:
         return
+    if eddy is not None and circuit.begin != eddy.begin:
+        yield draft.fault(
+            "effects.coil_circuit.begin",
+            f"differs from effects.eddy_currents.begin = '{eddy.begin}': current and field begin together; give both "
+            "the same",
+        )
     if coil.current is not None and coil.voltage is not None:
         yield draft.fault(
             "coil.current",
@@ -63,7 +70,7 @@ class CoilCircuitSection(EffectSection):
     tolerance: Annotated[float, number("0.02", 1e-6, 1.0)] = Field(
         default=0.02,
         description="change of the current, relative to the largest V/R, that triggers a new solve; between solves the "
-        "flux linkage follows a line, whose error is of its square",
+        "flux linkage follows a line, whose error is of its square; with eddy currents their tolerance counts instead",
     )
 
     def source(

@@ -13,7 +13,9 @@ import numpy as np
 from coupling import Simulation, WindowRow
 from coupling.powder_pressure import magnetic_pressure
 from emclutch.device_model.device import Device, field_is_needed
+from emclutch.device_model.pole_zone import AROUND
 from field.solved_field import SolvedField
+from field.three_d import Field3D
 from particles.diagnostics.inertial_number import inertial_number
 
 
@@ -81,7 +83,9 @@ class Observables:
                 self._seen_solution = source.solution
                 self._of_the_field = [self._field_quantities(source.solution)]
                 if self._zone is not None and source.sampler is not None:
-                    self._of_the_field.append(PoleField(self._zone.field_strength(source.sampler)))
+                    turning = isinstance(source.solution, Field3D)
+                    angles = source.solution.problem.fold.angles(AROUND) if turning else (0.0,)
+                    self._of_the_field.append(PoleField(self._zone.field_strength(source.sampler, angles)))
             row.parts += self._of_the_field
         if self._zone is not None:
             grains = simulation.motion.grains

@@ -120,11 +120,10 @@ class Snapshots:
             self.record.append_grains(motion.step_count, motion.time, {"position": position, **arrays})
         if not self._series:
             return
-        if motion.box is None:
-            arrays["largest_shear_stress"] = np.zeros(grains.count)
-            if len(lines[0]):
-                stress = grain_stress(grains, motion.contacts(), motion.sector)
-                arrays["largest_shear_stress"] = largest_shear_stress(stress)
+        arrays["largest_shear_stress"] = np.zeros(grains.count)
+        if len(lines[0]):
+            stress = grain_stress(grains, motion.contacts(), motion.periodicity)
+            arrays["largest_shear_stress"] = largest_shear_stress(stress)
         self._series["particles"].write_particles(motion.time, position, arrays)
         self._series["walls"].write_walls(
             motion.time,

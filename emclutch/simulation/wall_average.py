@@ -100,7 +100,7 @@ class WallAverage:
         found: dict[str, Any] = {"moments": load.moments, "walls": walls}
         poles: dict[str, tuple[np.ndarray, float]] = {}
         for k, box in enumerate(self._poles):
-            for side, (body, own) in enumerate(faces_of(box, load.bins, self._walls)):
+            for side, body, own in faces_of(box, load.bins, self._walls):
                 chosen, pull = poles.get(body, (np.zeros(len(own), dtype=bool), 0.0))
                 poles[body] = chosen | own, pull + self._n_sectors * self._pull[k, side] / load.moments
         if poles:
@@ -117,13 +117,13 @@ def across(box: AnnularBox) -> tuple[int, float, float]:
     return (0, box.r0, box.r1) if radial else (1, box.z0, box.z1)
 
 
-def faces_of(box: AnnularBox, bins: WallBins, walls: Sequence[Any]) -> list[tuple[str, np.ndarray]]:
-    """Return the body and the bins (b,) bool of the walls on the lower and on the upper side of a space."""
+def faces_of(box: AnnularBox, bins: WallBins, walls: Sequence[Any]) -> list[tuple[int, str, np.ndarray]]:
+    """Return side, body and bins (b,) bool of the walls on the lower side (0) and on the upper one (1) of a space."""
     axis, *sides = across(box)
     low, high = (box.z0, box.z1) if axis == 0 else (box.r0, box.r1)
     middle = 0.5 * (bins.low + bins.high)
     found = []
-    for side in sides:
+    for number_of_side, side in enumerate(sides):
         own, body = np.zeros(len(middle), dtype=bool), ""
         for number, wall in enumerate(walls):
             on_it = isinstance(wall, RevolvedWall) and all(
@@ -133,5 +133,5 @@ def faces_of(box: AnnularBox, bins: WallBins, walls: Sequence[Any]) -> list[tupl
             if on_it and mine.any():
                 own, body = own | mine, wall.body
         if body:
-            found.append((body, own))
+            found.append((number_of_side, body, own))
     return found

@@ -169,7 +169,8 @@ class EddyCurrentProblem:
 
     def field(self, state: TransientState, fill: Powder = None) -> MagneticField:
         """The state as a field, to sample and to integrate."""
-        return MagneticField(self.problem, state.psi, self.turns * state.current, fill, state.newton)
+        ampere_turns = self.turns * state.current
+        return MagneticField(self.problem, state.psi, ampere_turns, fill, state.newton, is_static=False)
 
     def step(
         self,

@@ -37,6 +37,8 @@ class MagneticField:
         Uniform axial flux density of sources far away that it was solved with [T].
     history : SteelHistory or None
         What the steel remembered when the step began that led here; None: no hysteresis.
+    is_static : bool
+        Whether it follows from the current alone; else eddy currents delay it.
     """
 
     def __init__(
@@ -48,6 +50,7 @@ class MagneticField:
         newton: list[tuple[float, float]],
         boundary_field: float = 0.0,
         history: SteelHistory | None = None,
+        is_static: bool = True,
     ) -> None:
         self.problem = problem
         self.psi = psi
@@ -56,6 +59,7 @@ class MagneticField:
         self.newton = newton
         self.boundary_field = boundary_field
         self.history = history
+        self.is_static = is_static
 
     @cached_property
     def later_history(self) -> SteelHistory | None:
@@ -178,10 +182,13 @@ class MagneticField:
         return float(np.linalg.norm(self.B_along(line), axis=1).mean())
 
     def estimated_errors(self) -> dict[str, float] | None:
-        """Relative errors by `field.estimate_error` of linkage and powder; None without current, or with hysteresis."""
+        """Relative errors by `field.estimate_error` of linkage and powder.
+
+        None without current, with hysteresis or with eddy currents: the finer static field is then another one.
+        """
         from field.section.error_estimate import FluxLinkage, MeanFluxDensity, estimate_error
 
-        if self.ampere_turns == 0.0 or self.history is not None:
+        if self.ampere_turns == 0.0 or self.history is not None or not self.is_static:
             return None
         estimate = estimate_error(self, (FluxLinkage(), MeanFluxDensity("powder")))
         return {goal.goal: goal.relative for goal in estimate.goals}

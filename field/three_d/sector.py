@@ -40,6 +40,11 @@ class SectorFold:
         assert matrix is not None
         return Copies(self.first, self.angle, lowest, np.ascontiguousarray(matrix[:, :2, :2].reshape(-1, 4)))
 
+    def angles(self, number: int) -> np.ndarray:
+        """Angles (number,) [rad] evenly over a period of the field: the mesh's sector, and its mirror image if any."""
+        period = (2.0 if self.mirrored else 1.0) * self.angle
+        return self.first + (np.arange(number) + 0.5) / number * period
+
     def into_mesh(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
         """Points (n, 3) [m] moved into the sector, and the orthogonal matrices (n, 3, 3) that brought them there.
 

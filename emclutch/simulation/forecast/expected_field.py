@@ -13,10 +13,13 @@ finds lies between both, or beyond chains where necks are strong (weak fields, h
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from emclutch.device_model.device import CoilDevice, Device
 from emclutch.device_model.materials import grain_law
+from emclutch.device_model.pole_zone import AROUND
 from emclutch.scene.case import Case
 from emclutch.scene.grain_smear import moments_are_fed_back
 from field import MagneticField, PowderState
@@ -41,7 +44,8 @@ def expected_magnetisation(case: Case, device: Device) -> tuple[MagneticField | 
     coupled = scene.effects.feedback is not None
     fill = device.coil.uniform_fill(phi) if coupled else None
     field = device.coil.solve_at_peak(fill)
-    points = _sample_points(device.coil.powder_boxes, scene.grains.largest_diameter)
+    angles = field.problem.fold.angles(AROUND) if isinstance(field, Field3D) else (0.0,)
+    points = _sample_points(device.coil.powder_boxes, scene.grains.largest_diameter, angles)
     strength = np.linalg.norm(field.sampler("powder").sample(points)[0], axis=1)
     return field, float(law.magnetisation(strength, np.full(len(strength), phi if coupled else 0.0)).max())
 
@@ -83,11 +87,12 @@ def _corners(device: Device) -> np.ndarray:
     return np.array([[radius, 0.0, 0.0]])
 
 
-def _sample_points(boxes: list[AnnularBox], diameter: float) -> np.ndarray:
+def _sample_points(boxes: list[AnnularBox], diameter: float, angles: Sequence[float]) -> np.ndarray:
     points = []
     for box in boxes:
         r = np.linspace(box.r0 + 0.5 * diameter, box.r1 - 0.5 * diameter, 9)
         z = np.linspace(box.z0 + 0.5 * diameter, box.z1 - 0.5 * diameter, 121)
         r, z = np.meshgrid(r, z)
-        points.append(np.column_stack([r.ravel(), np.zeros(r.size), z.ravel()]))
+        r, z = r.ravel(), z.ravel()
+        points += [np.column_stack([np.cos(angle) * r, np.sin(angle) * r, z]) for angle in angles]
     return np.concatenate(points)
