@@ -29,10 +29,13 @@ def too_deep(grains: Grains, row: int, overlap: float, limit: float, time: float
     return _error(DemErrorKind.OVERLAP, grains, row, time, fault, remedy)
 
 
-def too_fast(grains: Grains, dt: float, limit: float, time: float) -> DemError:
-    """Return the error for the fastest grain: in ``dt`` [s] it moves more than ``limit`` radii of the smallest one."""
-    row = int(np.argmax(np.einsum("ij,ij->i", grains.velocity, grains.velocity)))
-    speed = float(np.linalg.norm(grains.velocity[row]))
+def too_fast(grains: Grains, velocity: np.ndarray, dt: float, limit: float, time: float) -> DemError:
+    """Return the error for the fastest grain: in ``dt`` [s] it moves more than ``limit`` radii of the smallest one.
+
+    ``velocity`` (n, 3) [m/s] is that beside the flow of a sheared box.
+    """
+    row = int(np.argmax(np.einsum("ij,ij->i", velocity, velocity)))
+    speed = float(np.linalg.norm(velocity[row]))
     fault = (
         f"at {speed:.3g} m/s it moves {speed * dt / grains.radius.min():.2g} radii of the smallest grain in a "
         f"step (the limit is {limit:g})"
@@ -41,14 +44,17 @@ def too_fast(grains: Grains, dt: float, limit: float, time: float) -> DemError:
     return _error(DemErrorKind.TOO_FAST, grains, row, time, fault, remedy)
 
 
-def refuse_shot_off(fastest: float, grains: Grains, dt: float, tolerance: float, time: float) -> None:
+def refuse_shot_off(
+    fastest: float, grains: Grains, velocity: np.ndarray, dt: float, tolerance: float, time: float
+) -> None:
     """Raise DemError where impulses that missed their tolerance by far have shot a grain off.
 
-    ``fastest`` [m/s] is the largest speed of a grain, ``tolerance`` [m/s] that of the natural map.
+    ``fastest`` [m/s] is the largest speed of a grain, ``velocity`` (n, 3) [m/s] that of all beside the flow of a
+    sheared box, ``tolerance`` [m/s] that of the natural map.
     """
     if fastest * dt <= SHOT_OFF * float(grains.radius.min()):
         return
-    row = int(np.argmax(np.sum(grains.velocity**2, axis=1)))
+    row = int(np.argmax(np.sum(velocity**2, axis=1)))
     fault = (
         f"it was shot off at {fastest:.3g} m/s, {0.5 * fastest * dt / grains.radius[row]:.3g} diameters in a step, "
         f"by contacts whose impulses did not converge to {tolerance:.3g} m/s"

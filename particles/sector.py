@@ -99,7 +99,7 @@ class CyclicSector(Periodicity):
         """
         inner = float(np.min(np.hypot(position[:, 0], position[:, 1])))
         chord = 2.0 * inner * math.sin(0.5 * self.angle)
-        if chord < 2.0 * cutoff:
+        if chord < 2.0 * cutoff * (1.0 - 1e-12):
             raise ValueError(
                 f"the sector of {math.degrees(self.angle):g} degrees is {chord * 1e3:.4g} mm wide at the "
                 f"innermost grain (r = {inner * 1e3:.4g} mm); allowed: at least two cut-offs = "

@@ -13,7 +13,7 @@ from emclutch.scene.model import Scene
 from geometry.device_shape import FilledSpace
 from geometry.sheared_gap import ShearedGap
 from geometry.walls import Wall
-from particles import BoxTooDense, CyclicSector, GrainMotion, Grains, PackingError, ShearedBox
+from particles import BoxTooDense, CyclicSector, GrainMotion, Grains, PackingError, ParticleError, ShearedBox
 from particles.packing.file_packing import OVERLAP_LIMIT
 from particles.packing.grown_packing import grown_packing
 from particles.packing.lattice_packing import lattice_packing
@@ -98,9 +98,18 @@ def settled(scene: Scene, motion: GrainMotion) -> Settling | None:
     ------
     particles.packing.settling.NotAtRestError
         If they still move after the longest time.
+    ParticleError
+        By DVI, if more of the steps than contact.dvi.allowed_misses have missed the tolerance on the contacts.
     """
     particles = scene.grains
     if not particles.settles:
         return None
     with before_the_start(motion):
-        return settle(motion, kinetic=particles.settle_kinetic, longest=particles.settle_longest, required=True)
+        found = settle(motion, kinetic=particles.settle_kinetic, longest=particles.settle_longest, required=True)
+    if found.missed > scene.contact.dvi.allowed_misses:
+        raise ParticleError(
+            f"while the grains settled, {100.0 * found.missed:.3g} % of the steps missed the tolerance on the contacts; "
+            "raise contact.dvi.max_sweeps or contact.dvi.tolerance, shorten contact.dvi.step, or allow more by "
+            "contact.dvi.allowed_misses"
+        )
+    return found

@@ -143,7 +143,6 @@ class DEM(ListedGrains):
             overlap_limit=overlap_limit, species=grain_species,
         )  # fmt: skip
         self.laws, self.energy_budget = laws, energy_budget
-        self._fastest = FASTEST * float(np.min(grains.radius)) / self.dt
         self._wall_row = wall_rows(laws, len(self.walls), wall_material, self._device.wall)
         angle = None if self.sector is None else self.sector.angle
         self._turn = None if angle is None else np.array([np.cos(angle), np.sin(angle)])
@@ -157,6 +156,11 @@ class DEM(ListedGrains):
     def contact(self) -> ContactLaw:
         """The law between grains (of the first species)."""
         return self.laws.laws[int(self.laws.pair[0, 0])]
+
+    @property
+    def _fastest(self) -> float:
+        """Speed [m/s] beside the flow from which on the run stops."""
+        return FASTEST * float(np.min(self.grains.radius)) / self.dt
 
     def run(self, n_steps: int) -> StepTotals:
         """Advance by ``n_steps`` steps.
@@ -216,7 +220,7 @@ class DEM(ListedGrains):
             row, overlap = int(totals[total_columns.GRAIN]), totals[total_columns.MAX_OVERLAP]
             raise run_errors.too_deep(g, row, overlap, self.overlap_limit, self.time, remedy)
         if answer == TOO_FAST:
-            raise run_errors.too_fast(g, dt, FASTEST, self.time)
+            raise run_errors.too_fast(g, self._beside_flow, dt, FASTEST, self.time)
         if answer == NOT_FINITE:
             remedy = f"check the external forces, and whether dt = {dt:.3g} s is too long for the stiffness"
             raise run_errors.not_finite(g, self.time, remedy)
@@ -295,6 +299,8 @@ class DEM(ListedGrains):
             self.box.rate, self.box.strain = rate, 0.0
             velocity += self.box.flow(z)
         self._rebuild()
+        for halves in (self._last_torque, self._later, self._box_later):  # of the last step, which another run took
+            halves[:] = 0.0
         if self.energy_budget:
             self._kinetic = self._kinetic_now()
             self._elastic = self._stored_now()

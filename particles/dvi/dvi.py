@@ -241,7 +241,9 @@ class DVI(GrainMotion):
             raise run_errors.too_deep(g, row, overlap, self.overlap_limit, self.time, remedy)
         if answer == NOT_FINITE:
             raise run_errors.not_finite(g, self.time, "check the external forces")
-        run_errors.refuse_shot_off(totals[end_of_step.MAX_SPEED], g, dt, self.tolerance, self.time)
+        run_errors.refuse_shot_off(
+            totals[end_of_step.MAX_SPEED], g, self._beside_flow, dt, self.tolerance, self.time
+        )
 
     def contacts(self) -> ContactTable:
         """The loaded contacts of the last step."""
@@ -387,11 +389,7 @@ class DVI(GrainMotion):
         """Wrap, sort by cells, list the neighbours again, and carry the impulses into it."""
         g = self.grains
         self._refuse_escaped(float(g.radius.max()), f"the walls may have a slot; or shorten dt = {self.dt:.3g} s")
-        wraps = None if self.periodicity is None else self._wrap(self.periodicity)
-        order = cell_order(g.position_radius, 2.0 * float(g.radius.max()) + self.skin)
-        if np.any(order[1:] < order[:-1]):
-            self._sort(order)
-        # whatever the step may move must be in the list: fast grains need a thicker skin
+        # whatever the step may move must be in the list: fast grains need a thicker skin. An error leaves all as it was
         fastest = float(np.sqrt(np.max(np.sum(self._beside_flow**2, axis=1))))
         if self.box is not None:
             fastest += abs(self.box.rate) * float(g.radius.max())
@@ -402,8 +400,12 @@ class DVI(GrainMotion):
             widest = self.periodicity.widest_cutoff(g.position) - self._interaction
             if MIN_SKIN * self.dt * fastest > widest > 0.0:
                 limit = float(f"{widest / (MIN_SKIN * g.radius.min()):.3g}")
-                raise run_errors.too_fast(g, self.dt, limit, self.time)
+                raise run_errors.too_fast(g, self._beside_flow, self.dt, limit, self.time)
             self._reach = min(self._reach, widest) if widest > 0.0 else self._reach  # else it is refused as too narrow
+        wraps = None if self.periodicity is None else self._wrap(self.periodicity)
+        order = cell_order(g.position_radius, 2.0 * float(g.radius.max()) + self.skin)
+        if np.any(order[1:] < order[:-1]):
+            self._sort(order)
         memory = None if self._impulses is None else self._impulses.memory()
         self._impulses = None  # its memory is free before the new list is made
         self._impulses = ImpulseList.make(

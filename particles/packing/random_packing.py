@@ -86,6 +86,15 @@ def finished(crowd: Crowd) -> Packing:
             "walls are only a few diameters apart",
             crowd.worst,
         )
+    # not the displacement: between two walls one pushes back what the other has pushed away
+    in_walls = crowd.space.push_off(crowd.position.copy(), crowd.radius) / (2.0 * float(crowd.radius.min()))
+    if not in_walls < TOLERANCE:
+        raise PackingError(
+            f"the grains cannot be pushed off the walls: an overlap of {100.0 * in_walls:.2g} % of the diameter is left "
+            f"(allowed: {100.0 * TOLERANCE:g} %), where two walls are less than a grain apart; take smaller grains, or "
+            "fill another place",
+            in_walls,
+        )
     lost = int(np.count_nonzero(crowd.space.in_solids(crowd.position)))
     if lost:
         raise PackingError(

@@ -74,3 +74,10 @@ def test_stall_is_reported_with_what_was_reached():
     with pytest.raises(PackingError, match="cannot be pushed apart: an overlap of") as caught:
         pack(box, box.walls(), count, 0.5e-3, seed=1)
     assert caught.value.overlap > 0.01
+
+
+def test_grains_between_walls_closer_than_their_diameter_are_refused():
+    place = AnnularBox(0.02, 0.0225, 0.0, 0.004)
+    walls = [cylinder("inner", "disc", 0.0211, 0.0, 0.004), cylinder("outer", "rotor", 0.0214, 0.0, 0.004)]
+    with pytest.raises(PackingError, match="cannot be pushed off the walls: an overlap of"):
+        pack(place, walls, 300, 0.25e-3, seed=1)
