@@ -7,7 +7,7 @@ import math
 from emclutch.knobs.knob import Knob
 from emclutch.scene.units import LinearSpeed, Time, number, quantity_of
 
-ALLOWED = "contact.dvi.allow_long_step"
+ALLOWED, UPDATE_EVERY = "contact.dvi.allow_long_step", "effects.dipoles.update_every"
 
 
 class Overlap(Knob):
@@ -100,6 +100,7 @@ class ContactStep(Knob):
     order = 2.0
     finer_is_larger = True
     settings = (10.0, 14.0, 20.0, 40.0)
+    in_contacts = True
 
     @classmethod
     def applies(cls, scene):
@@ -108,6 +109,22 @@ class ContactStep(Knob):
     @classmethod
     def own(cls, scene, plan):
         return scene.span.steps_per_contact
+
+    @classmethod
+    def keys(cls, scene):
+        return (cls.key, UPDATE_EVERY)
+
+    @classmethod
+    def values(cls, scene, plan, setting):
+        return {cls.key: setting} | _same_interval(scene, setting / scene.span.steps_per_contact)
+
+
+def _same_interval(scene, factor: float) -> dict[str, int]:
+    """Return the entry that keeps the time between evaluations of the moments, given in steps, with more of them."""
+    attraction = scene.effects.attraction
+    if attraction is None or attraction.update_every is None:
+        return {}
+    return {UPDATE_EVERY: max(1, round(factor * attraction.update_every))}
 
 
 class RigidStep(Knob):
@@ -140,12 +157,12 @@ class RigidStep(Knob):
 
     @classmethod
     def keys(cls, scene):
-        return (cls.key, ALLOWED)
+        return (cls.key, ALLOWED, UPDATE_EVERY)
 
     @classmethod
     def values(cls, scene, plan, setting):
         longer = {ALLOWED: True} if setting > plan.dt else {}
-        return {cls.key: setting} | longer
+        return {cls.key: setting} | longer | _same_interval(scene, plan.dt / setting)
 
 
 class RigidTolerance(Knob):

@@ -35,6 +35,8 @@ class Knob(ABC):
     finer_is_larger: ClassVar[bool] = False
     unit: ClassVar[str] = ""
     is_whole: ClassVar[bool] = False
+    in_contacts: ClassVar[bool] = False
+    """Setting that counts in durations of a contact: there is none, and so no known error, with a given time.step."""
     is_large: ClassVar[bool] = False
     """Error that is large in most scenes that have the knob: measured before knobs that cost less."""
     settings: ClassVar[Sequence[float]] = ()

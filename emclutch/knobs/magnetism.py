@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from emclutch.knobs.contact import UPDATE_EVERY
 from emclutch.knobs.knob import FROZEN, Knob
 from emclutch.scene.grain_smear import MIN_WIDTH, TRUE_WIDTH, moments_are_fed_back, narrowest_gap
 from emclutch.scene.units import Time, number, quantity_of
@@ -80,7 +81,7 @@ class UpdateInterval(Knob):
     """Time between evaluations of moments and of the forces that are held in between, in durations of a contact."""
 
     name = "update_interval"
-    key = "effects.dipoles.update_every"
+    key = UPDATE_EVERY
     entry = number("2.5", 0.005, 1000.0)
     theory = (
         "held forces lag by half the interval: first order in it; not resolved in sheared powder with necks, below 5 % "
@@ -88,6 +89,7 @@ class UpdateInterval(Knob):
     )
     order = 1.0
     unit = "contacts"
+    in_contacts = True
 
     @classmethod
     def applies(cls, scene):

@@ -302,13 +302,18 @@ class Ladder:
         )
         return replace(self, seconds=slower * self.seconds, knobs=knobs)
 
+    @property
+    def statistical(self) -> float:
+        """Half the 95 % interval of the mean of its packings at the scene's own settings, relative."""
+        return student(self.freedom) * self.scatter / math.sqrt(self.packings)
+
     def corrected_torque(self, total: Total) -> tuple[float, float]:
         """Return the torque without the error of the scene's own settings [N m], and half its 95 % interval, relative.
 
         Its packings are also those that the errors are measured by: their noise raises the torque and the biases
         alike, and counts by what is left of it.
         """
-        statistical = student(self.freedom) * self.scatter / math.sqrt(self.packings)
+        statistical = self.statistical
         shared = sum(one.shared for one in total.parts.values())
         half = math.sqrt(max(0.0, total.half_width**2 - shared**2) + (statistical - shared) ** 2)
         return self.torque / (1.0 + total.bias), half

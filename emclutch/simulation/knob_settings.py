@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -31,7 +32,11 @@ def total_at(ladder: Ladder, settings: Mapping[str, float], plan: Plan) -> Total
     """
     knobs = applying(settings)
     step_sizes = {one.name: one.step_size(settings[one.name]) for one in knobs}
-    return ladder.total(step_sizes, {one.name: one.limit(plan.scene, plan) for one in knobs})
+    total = ladder.total(step_sizes, {one.name: one.limit(plan.scene, plan) for one in knobs})
+    if plan.scene.span.step is None:
+        return total
+    lost = [one.name for one in KNOBS if one.in_contacts and ladder.knob(one.name) is not None]
+    return replace(total, unknown=total.unknown | dict.fromkeys(lost, "time.step is given: its error is not known"))
 
 
 def applying(settings: Mapping[str, float]) -> list[type[Knob]]:

@@ -26,7 +26,7 @@ from emclutch.scene.case import Case
 from emclutch.scene.input_files import file_contents
 from emclutch.scene.replica_count import cores_at_hand
 from emclutch.simulation.resume import differing_keys, flat_scene
-from emclutch.studies.accuracy.tasks import AccuracyTask, TaskResult, perform, result_in
+from emclutch.studies.accuracy.tasks import STOPPED, AccuracyTask, TaskResult, perform, result_in
 from emclutch.studies.task_queue import InThisProcess, TaskQueue, makespan, note, tell
 from emclutch.studies.tasks import STOP
 from emclutch.studies.workers import ctrl_c_sets, worker_pool
@@ -99,6 +99,8 @@ class ResumableStudy(ABC):
         By the task's folder.
     elapsed : float
         Wall-clock time of the tasks done, as if it had never been stopped [s].
+    performed : int
+        Tasks done by this process, not by one that was stopped.
     budget : float
         Processor time [s].
     """
@@ -106,7 +108,7 @@ class ResumableStudy(ABC):
     def __init__(self, folder: Path, plan: str, known: dict[str, Any], queue: TaskQueue, progress: Any) -> None:
         self.folder, self.plan, self.known, self.queue, self.progress = folder, plan, known, queue, progress
         self.results: dict[str, TaskResult] = {}
-        self.elapsed = 0.0
+        self.elapsed, self.performed = 0.0, 0
         self.budget = known["budget"] * known["jobs"]
 
     @abstractmethod
@@ -129,12 +131,17 @@ class ResumableStudy(ABC):
                 self.results[task.folder] = done
         left = [(number, task) for number, task in enumerate(tasks) if task.folder not in self.results]
 
+        reasons = []
+
         def take(number: int, outcome: TaskResult | str) -> None:
             if isinstance(outcome, str):
                 self.queue.stopped = True
+                if outcome != STOPPED:
+                    reasons.append(f"{tasks[number].folder}: {outcome}\n")
                 return
             folder = tasks[number].folder
             self.results[folder] = outcome
+            self.performed += 1
             log.info("%s: %s", folder, outcome.failure or f"{outcome.value} in {outcome.seconds:.3g} s")
             done = sum(task.folder in self.results for task in tasks)
             tell(self.progress, self.fraction(), f"{text}: {done} of {len(tasks)}")
@@ -148,7 +155,7 @@ class ResumableStudy(ABC):
         )
         if self.queue.stopped:
             raise Interrupted(
-                f"stopped with {len(self.results)} tasks done; continue with the same command and --out {self.folder} "
+                f"{''.join(reasons)}stopped with {len(self.results)} tasks done; continue with the same command and --out {self.folder} "
                 "--resume"
             )
         self.elapsed += self.wall(tasks)

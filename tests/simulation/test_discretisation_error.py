@@ -112,6 +112,23 @@ def test_settings_of_the_run_count_and_far_ones_are_told(folder):
     assert error["extrapolated"] == {"contact_step": "2.2 times as fine as the finest that was measured"}
 
 
+def test_a_given_time_step_has_no_known_error(folder):
+    case, plan = planned(time__step=1e-7)
+    save_ladder(ladder(device_of(case), contact_step(0.04)))
+    error = discretisation_error(case, plan, TORQUE)["discretisation_error"]
+    assert "time.step is given" in error["unknown"]["contact_step"] and error["parts"] == {}
+    assert not is_reached(0.5, TORQUE, error)
+
+
+def test_more_steps_a_contact_keep_the_time_between_evaluations_of_the_moments():
+    (knob,) = (one for one in knobs_of(cell().scene) if one.name == "contact_step")
+    case, plan = planned(effects__dipoles__update_every=30)
+    values = knob.values(case.scene, plan, 40.0)
+    assert values == {"time.steps_per_contact": 40.0, "effects.dipoles.update_every": 60}
+    case, plan = planned(effects__dipoles__update_every=None)
+    assert knob.values(case.scene, plan, 40.0) == {"time.steps_per_contact": 40.0}
+
+
 def test_statistics_and_discretisation_add_in_quadrature():
     total = Total({"sector": KnobError(0.25, 0.03), "overlap": KnobError(0.0, 0.0)}, {})
     found = corrected(TORQUE, total)

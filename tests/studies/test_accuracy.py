@@ -16,7 +16,10 @@ from emclutch.results.errors import Interrupted, OutputError, RunError
 from emclutch.results.ladders import find_ladder
 from emclutch.scene.case import case_from
 from emclutch.scene.errors import SceneError
+from emclutch.simulation.discretisation_error import device_of
+from emclutch.simulation.forecast.space import NotEnoughSpace
 from emclutch.simulation.plan import make_plan
+from emclutch.studies import resumable
 from emclutch.studies.accuracy import rungs as accuracy_rungs
 from emclutch.studies.accuracy import study
 from emclutch.studies.accuracy import tasks as accuracy_tasks
@@ -211,7 +214,31 @@ def test_a_scene_that_packs_alike_is_refused(tmp_path):
         emclutch.accuracy(case_from(lattice), out=tmp_path / "out")
 
 
-def test_folders_of_other_studies_are_refused(packings, tmp_path):
+def test_a_finished_study_that_is_shown_again_leaves_a_later_ladder_in_place(packings, tmp_path):
+    case = case_from(CELL)
+    early = emclutch.accuracy(case, out=tmp_path / "early", budget=BUDGET, jobs=1)
+    later = emclutch.accuracy(case, out=tmp_path / "later", budget=BUDGET / 2.0, jobs=1)
+    assert any("now have their errors from this ladder, in place of one of" in line for line in later.lines)
+    again = emclutch.accuracy(case, out=tmp_path / "early", jobs=1, resume=True)
+    assert again.lines == early.lines and find_ladder(device_of(case))[0].to_json() == later.ladder.to_json()
+
+
+def test_a_packing_without_memory_stops_the_study_and_is_run_when_it_continues(packings, tmp_path, monkeypatch):
+    def short(task, asked):
+        if task.folder == "own/02":
+            raise RunError("needs 9 GiB") from NotEnoughSpace("needs 9 GiB of memory; 1 GiB are free")
+        return packings(task, asked)
+
+    case, out = case_from(CELL), tmp_path / "out"
+    monkeypatch.setattr(accuracy_tasks, "_packing", short)
+    with pytest.raises(Interrupted, match=r"own/02: needs 9 GiB of memory; 1 GiB are free\nstopped with"):
+        emclutch.accuracy(case, out=out, budget=BUDGET, jobs=1)
+    monkeypatch.setattr(accuracy_tasks, "_packing", packings)
+    cut, whole = emclutch.accuracy(case, out=out, jobs=1, resume=True), tmp_path / "whole"
+    assert ladder_without_dates(cut) == ladder_without_dates(emclutch.accuracy(case, out=whole, budget=BUDGET, jobs=1))
+
+
+def test_folders_of_other_studies_are_refused(packings, tmp_path, monkeypatch):
     case, out = case_from(CELL), tmp_path / "out"
     with pytest.raises(OutputError, match=r"nothing to resume"):
         emclutch.accuracy(case, out=out, jobs=1, resume=True)
@@ -220,6 +247,10 @@ def test_folders_of_other_studies_are_refused(packings, tmp_path):
         emclutch.accuracy(case, out=out, jobs=1)
     with pytest.raises(OutputError, match=r"is of another scene \(field.field_strength\)"):
         emclutch.accuracy(case.with_values({"field.field_strength": "1 kA/m"}), out=out, jobs=1, resume=True)
+    with monkeypatch.context() as changed:
+        changed.setattr(resumable, "file_contents", lambda scene: {"particles.sizes.file": "changed"})
+        with pytest.raises(OutputError, match=r"is of other files \(changed since: particles.sizes.file\)"):
+            emclutch.accuracy(case, out=out, jobs=1, resume=True)
     with pytest.raises(OutputError, match="has a budget of 6 min"):
         emclutch.accuracy(case, out=out, jobs=1, budget=60.0, resume=True)
 

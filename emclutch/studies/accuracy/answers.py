@@ -12,7 +12,7 @@ import tomli_w
 from emclutch.results.atomic_file import replace_text
 from emclutch.results.ladder import Ladder
 from emclutch.results.pictures.accuracy import accuracy_picture
-from emclutch.results.recommended import Choice, Obstacle, own_choice
+from emclutch.results.recommended import STATISTICS, Choice, Obstacle, own_choice
 from emclutch.results.report.render import html, markdown
 from emclutch.results.text import format_duration, per_cent
 from emclutch.scene.case import Case
@@ -58,12 +58,14 @@ def closing_sentence(ladder: Ladder, answers: Sequence[Answer]) -> str:
     reached = [f"{per_cent(target)} for {format_duration(choice.seconds)}" for target, choice in found]
     costs = f"; {', '.join(reached)} of processor time" if reached else "; no target is reached by what was measured"
     torque, half = ladder.corrected_torque(own.total)
+    parts = own.total.widths | {STATISTICS: ladder.statistical}
+    largest = max(parts, key=lambda name: parts[name])
     unknown = ", ".join(name.replace("_", " ") for name in own.total.unknown)
     return (
         f"{ladder.case}: {ladder.torque:.3g} N m, mean of {ladder.packings} packings, {100.0 * own.total.bias:+.2g} % "
         f"by {'those of its settings that were measured' if unknown else 'its settings'}, so {torque:.3g} N m ± "
         f"{per_cent(half)}{f', and the unknown error of {unknown}' if unknown else ''}; largest part of the "
-        f"error: {own.largest.replace('_', ' ')}{costs}."
+        f"error: {largest.replace('_', ' ')}{costs}."
     )
 
 

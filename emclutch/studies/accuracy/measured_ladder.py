@@ -48,6 +48,8 @@ class Measured:
     jobs : int
     spent : float
         Processor time of all tasks [s].
+    machine : mapping of str to Any
+        On which the study began, see `this_machine`.
     """
 
     case: Case
@@ -60,6 +62,7 @@ class Measured:
     budget: float
     jobs: int
     spent: float
+    machine: Mapping[str, Any]
 
     @property
     def own(self) -> list[TaskResult]:
@@ -126,7 +129,12 @@ def ladder_of(found: Measured) -> Ladder:
         seconds=found.seconds,
         knobs=tuple(knobs),
         unknown=unknown,
-        machine=_machine(found),
+        machine={
+            **found.machine,
+            "jobs": found.jobs,
+            "budget": found.budget,
+            "processor_seconds": round(found.spent),
+        },
     )
 
 
@@ -258,20 +266,18 @@ def _why_unknown(name: str, ladder: KnobLadder, found: Measured) -> str:
     if not ladder.rungs:
         return "the packings end before the start-up does, or nothing is sheared; raise accuracy.time_end"
     if any(not one.packings for one in ladder.rungs):
-        wall = sum(one.seconds for one in ladder.rungs if not one.packings) / found.jobs
+        wall = min(one.seconds for one in ladder.rungs if not one.packings) / found.jobs
         return f"not measured in this budget: about {format_duration(wall)} more"
     return "no other setting of it fits the scene"
 
 
-def _machine(found: Measured) -> dict[str, Any]:
+def this_machine() -> dict[str, Any]:
+    """Return date, processor, cores, slowness and the commit of the program, as plain values."""
     known = provenance(threads=1)
     return {
         "date": known["written"],
         "processor": known["machine"]["cpu"],
         "cores": known["machine"]["cores"],
         "slowness": round(slowness(), 3),
-        "jobs": found.jobs,
-        "budget": found.budget,
-        "processor_seconds": round(found.spent),
         "commit": known["commit"],
     }

@@ -18,15 +18,15 @@ from typing import Any
 from emclutch.knobs import FROZEN, TORQUE, Knob, knobs_of
 from emclutch.results import RunFolder
 from emclutch.results.atomic_file import replace_text
-from emclutch.results.errors import Interrupted
+from emclutch.results.errors import Interrupted, OutputError
 from emclutch.results.history import last_time
 from emclutch.results.ladder import Ladder
-from emclutch.results.ladders import save_ladder
+from emclutch.results.ladders import SHIPPED, find_ladder, ladder_folder, save_ladder
 from emclutch.results.text import format_duration
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.replica_count import replica_seed
-from emclutch.studies.accuracy.measured_ladder import Measured, ladder_of, refuse_no_torque, scatter_of
+from emclutch.studies.accuracy.measured_ladder import Measured, ladder_of, refuse_no_torque, scatter_of, this_machine
 from emclutch.studies.accuracy.plan import (
     BASE,
     OWN,
@@ -140,10 +140,14 @@ def accuracy(
         return _begun(case, base, BUDGET if budget is None else budget, jobs, queue, progress)
 
     with begun_study(case, folder, PLAN, resume=resume, budget=budget, jobs=jobs, begin=begin) as (known, queue):
-        ladder = _Study(case, base, folder, known, queue, progress).measure()
+        study = _Study(case, base, folder, known, queue, progress)
+        ladder = study.measure()
         replace_text(folder / "ladder.json", ladder.to_json())
-        save_ladder(ladder)
+        earlier = _ladder_so_far(ladder.device)
         lines = _presented(case, ladder, folder, targets)
+        if study.performed or earlier is None:  # else a study that was finished: a later ladder may have taken its place
+            save_ladder(ladder)
+            lines += _replaced(ladder, earlier)
     return AccuracyResult(folder, ladder, tuple(lines))
 
 
@@ -176,6 +180,28 @@ def preview(case: Case, budget: float | None = None, jobs: int | None = None) ->
     number = jobs * budget / own
     room = f"in {format_duration(budget)} with {jobs} at a time there is time for some {number:.0f} packings"
     return [*lines, f"{room} at the scene's own settings; the four above run in any case"]
+
+
+def _ladder_so_far(device: str) -> tuple[Ladder, Path] | None:
+    try:
+        return find_ladder(device)
+    except OutputError:  # damaged: the new one takes its place
+        return None
+
+
+def _replaced(ladder: Ladder, earlier: tuple[Ladder, Path] | None) -> list[str]:
+    """Say that a ladder has taken the place of one that took longer to measure."""
+    if earlier is None:
+        return []
+    spent, before = (float(one.machine.get("processor_seconds") or 0.0) for one in (ladder, earlier[0]))
+    if before <= spent:
+        return []
+    where = ladder_folder() / f"{ladder.device}.json"
+    return [
+        f"runs of this device now have their errors from this ladder, in place of one of {format_duration(before)} of "
+        f"processor time ({earlier[0].machine.get('date')}); "
+        + (f"remove {where} to have that one back" if earlier[1].parent == SHIPPED else "repeat that study to go back")
+    ]
 
 
 def _presented(case: Case, ladder: Ladder, folder: Path, targets: Sequence[float]) -> list[str]:
@@ -214,6 +240,7 @@ def _begun(case: Case, base: Base, budget: float, jobs: int, queue: TaskQueue, p
         "case": case.toml(),
         "budget": budget,
         "jobs": jobs,
+        "machine": this_machine(),
         "rungs": [asdict(one) for one in _distinct(base, rungs)],
         "frozen": None,
         "stages": [],
@@ -383,6 +410,7 @@ class _Study(ResumableStudy):
             budget=self.known["budget"],
             jobs=self.known["jobs"],
             spent=self._spent(),
+            machine=self.known.get("machine") or this_machine(),
         )
 
     # tasks ------------------------------------------------------------------------------------------------------

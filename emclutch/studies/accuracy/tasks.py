@@ -24,6 +24,7 @@ from emclutch.results.steady_torque import durations
 from emclutch.scene.case import Case, case_from
 from emclutch.scene.errors import SceneError
 from emclutch.scene.multiple import STRAIN
+from emclutch.simulation.forecast.space import NotEnoughSpace
 from emclutch.simulation.run import run
 from emclutch.simulation.window_state import WindowState
 from emclutch.studies.accuracy.frozen_state import frozen_state
@@ -120,7 +121,10 @@ def result_in(folder: Path) -> TaskResult | None:
 
 
 def perform(task: AccuracyTask) -> TaskResult | str:
-    """Do a task and write its result; what the scene fails of is part of it. OutputError for what the disk does."""
+    """Do a task and write its result; what the scene fails of is part of it. OutputError for what the disk does.
+
+    Returns why it is not done, where it is asked to stop or memory or disk are short now.
+    """
     asked = StopAsked(Path(task.study))
     if asked.stop_asked:
         return STOPPED
@@ -132,6 +136,8 @@ def perform(task: AccuracyTask) -> TaskResult | str:
     except (Interrupted, KeyboardInterrupt):
         return STOPPED
     except (RunError, SceneError, RuntimeError, ValueError) as error:
+        if isinstance(error.__cause__, NotEnoughSpace):  # what the machine lacks today is no property of the setting
+            return str(error.__cause__)
         value, means, grains, steps, failure = None, [], 0, 0, _in_short(error)
     seconds, wall = process_time() - begin[0], perf_counter() - begin[1]
     found = TaskResult(value, seconds, wall, means, grains, steps, failure)
