@@ -168,6 +168,31 @@ def test_prescribed_current_is_followed_by_a_late_field(problem):
     assert 0.02 < shares[32] < shares[31] < shares[30] and shares[59] < 0.1
 
 
+def test_a_field_that_outlasts_its_current_keeps_the_feedback_of_the_powder(problem):
+    """After the current is off the powder follows from the present field, and a change of it asks for another one."""
+    asked = []
+
+    class EvenPowder:
+        residual = SimpleNamespace(total=0.0)
+
+        def state(self, solution):
+            asked.append(solution)
+            return np.full(problem.powder_elements.size, 0.3)
+
+        def sampler_after_solve(self, solution):
+            self.residual.total = 0.0
+
+    switched_off = TimeProfile((0.0, 9.5 * WINDOW, 9.5001 * WINDOW), (1.0, 1.0, 0.0))
+    source = eddy_source(problem, supply=switched_off, begin_steady=True, feedback=EvenPowder(), powder_tolerance=0.05)
+    assert not source.has_field(0.0)
+    march(source, 10)
+    source.refresh(11 * WINDOW)
+    assert source.current(11 * WINDOW) == 0.0 and source.has_field(0.0) and asked[-1] is not None
+    assert source.solution.estimated_errors() is None  # a static field has none without a current
+    source.feedback.residual.total = 1.0
+    assert source.is_stale(0.0)
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"), [({"resistance": 0.0}, "resistance"), ({"resistance": np.nan}, "resistance")]
 )

@@ -103,6 +103,8 @@ def test_energy_is_balanced_from_the_first_step_on_under_a_stiffer_law():
     lost = sum(budget.dissipation.values())
     left = budget.gravity_work - lost - budget.kinetic_change - budget.elastic_change
     assert abs(left) < 0.02 * (lost + abs(budget.elastic_change))
+    work = budget.contact_work + budget.gravity_work + budget.external_work
+    assert budget.kinetic_change == pytest.approx(work, rel=1e-9)
 
 
 def test_grains_whose_contacts_remember_something_else_are_refused():

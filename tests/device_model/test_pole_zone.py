@@ -36,6 +36,21 @@ def test_field_strength_is_the_mean_by_volume(zone):
     assert zone.field_strength(RadialField(80e3, 45e-3)) == pytest.approx(80e3, rel=1e-6)
 
 
+class Slotted:
+    """H [A/m] of a slotted body, 80 kA/m (1 + cos(6 angle)/2) along r."""
+
+    def sample(self, position):
+        angle = np.arctan2(position[:, 1], position[:, 0])
+        H = 80e3 * (1.0 + 0.5 * np.cos(6.0 * angle))
+        return np.column_stack([H * np.cos(angle), H * np.sin(angle), 0.0 * H]), np.zeros((len(H), 3, 3))
+
+
+@pytest.mark.parametrize("first", [0.0, 0.1])
+def test_field_strength_of_slots_is_the_mean_about_the_axis(zone, first):
+    angles = first + np.pi / 3.0 * (np.arange(16) + 0.5) / 16.0
+    assert zone.field_strength(Slotted(), angles) == pytest.approx(80e3, rel=1e-9)
+
+
 def test_fill_counts_the_grains_between_the_faces_alone(zone):
     place = np.array([[45e-3, 0.0, 10e-3], [0.0, 45e-3, -10e-3], [45e-3, 0.0, 0.0], [45e-3, 0.0, 15.5e-3]])
     box = np.pi * ((45.5e-3) ** 2 - (44.5e-3) ** 2) * 12e-3

@@ -1,16 +1,18 @@
 """Grains come to rest: the bed carries its weight, shafts and clock stay, what never rests is reported."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from emclutch.simulation import initial_packing
 from geometry.box import Box
 from geometry.time_profile import TimeProfile
 from geometry.walls import Plane
-from particles import DEM, Body, Grains, LinearContact
+from particles import DEM, Body, Grains, LinearContact, ParticleError
 from particles.packing.poured_packing import poured_packing
-from particles.packing.settling import NotAtRestError, before_the_start, settle
+from particles.packing.settling import NotAtRestError, Settling, before_the_start, settle
 from particles.packing.sizes import UniformSizes
 from particles.packing.space import Space
 
@@ -114,3 +116,18 @@ def test_shafts_and_clock_start_afresh():
 def test_numbers_out_of_range_are_refused(name, value):
     with pytest.raises(ValueError, match=name):
         settle(_bed(), **{name: value})
+
+
+@pytest.mark.parametrize("missed", [0.05, 0.5])
+def test_rigid_grains_whose_contacts_do_not_converge_are_not_settled(monkeypatch, missed):
+    motion = SimpleNamespace(bodies=[], step_count=0)
+    monkeypatch.setattr(initial_packing, "settle", lambda *_, **__: Settling(True, 1e-3, 0.0, 4, missed))
+    scene = SimpleNamespace(
+        grains=SimpleNamespace(settles=True, settle_kinetic=1e-6, settle_longest=None),
+        contact=SimpleNamespace(dvi=SimpleNamespace(allowed_misses=0.1)),
+    )
+    if missed < 0.1:
+        assert initial_packing.settled(scene, motion).missed == missed
+    else:
+        with pytest.raises(ParticleError, match=r"while the grains settled, 50 % of the steps missed the tolerance"):
+            initial_packing.settled(scene, motion)

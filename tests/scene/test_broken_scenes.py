@@ -106,6 +106,10 @@ EDITS = {
     "tolerance of nothing": ({"field.tolerance": 0.0}, "field.tolerance", "allowed: >= 1e-06"),
     "circuit without a voltage": ({"coil.voltage": None, "effects.coil_circuit": {}}, "coil.voltage",
         "give coil.voltage, e.g. '24 V'"),
+    "current and field begin apart": ({
+        "coil.current": None, "coil.voltage": "24 V", "coil.resistance": "20 ohm",
+        "effects.coil_circuit": {"begin": "steady"}, "effects.eddy_currents": {}}, "effects.coil_circuit.begin",
+        "differs from effects.eddy_currents.begin = 'off'"),
     "circuit beside a current": ({"effects.coil_circuit": {}}, "coil.current", "remove it, or the effect's table"),
     "eddy currents in an unknown material": ({"effects.eddy_currents": {"conductivity": {"unobtainium": 1e6}}},
         "effects.eddy_currents.conductivity.unobtainium", "it has"),

@@ -362,6 +362,14 @@ def test_check_warns_of_a_box_that_is_pressed_too_low():
                                                "particles.count": 880})).decisions["box"]  # fmt: skip
 
 
+def test_dipoles_that_do_not_saturate_shear_at_nearly_the_expected_stress_of_those_that_do():
+    """Weak: H is a fiftieth of Ms."""
+    mutual = {"effects.dipoles.model": "mutual", "field.field_strength": "30 kA/m"}
+    both, linear = scene(MAGNETIC, mutual), scene(MAGNETIC, mutual | {"effects.saturation": None})
+    stress = [one.scene.geometry.expected_stress(one.scene) for one in (both, linear)]
+    assert stress[1] == pytest.approx(stress[0], rel=1e-12) and check(linear).decisions["shear"]
+
+
 def test_check_names_grains_rate_and_inertial_number():
     for asked, of in ((scene(MAGNETIC), "expected shear stress"), (scene(DRY, PRESSED), "imposed pressure")):
         (line,) = (one for one in check(asked).left_out if one.effect == "inertia of grains")
