@@ -6,7 +6,6 @@ device, of a sheared cell (`emclutch shear-cell`) or of a rheometer.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from math import pi
 from typing import Self
@@ -93,8 +92,8 @@ class PoleZone(Zone):
         """
         return torque / (self.area * self.radius)
 
-    def field_strength(self, sampler: FieldSampler, angles: Sequence[float] = (0.0,)) -> float:
-        """Mean |H| [A/m] of the macroscopic field in the zone, by volume and over the angles [rad] about the axis."""
+    def field_strength(self, sampler: FieldSampler, angles: np.ndarray = np.zeros(1)) -> float:
+        """Mean |H| [A/m] of the macroscopic field in the zone, by volume and over angles (k,) [rad] about the axis."""
         cos, sin = np.cos(angles), np.sin(angles)
         points, weights = [], []
         for box in self.boxes:

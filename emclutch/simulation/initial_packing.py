@@ -108,8 +108,8 @@ def settled(scene: Scene, motion: GrainMotion) -> Settling | None:
         found = settle(motion, kinetic=particles.settle_kinetic, longest=particles.settle_longest, required=True)
     if found.missed > scene.contact.dvi.allowed_misses:
         raise ParticleError(
-            f"while the grains settled, {100.0 * found.missed:.3g} % of the steps missed the tolerance on the contacts; "
-            "raise contact.dvi.max_sweeps or contact.dvi.tolerance, shorten contact.dvi.step, or allow more by "
-            "contact.dvi.allowed_misses"
+            f"while the grains settled, {100.0 * found.missed:.3g} % of the steps missed the tolerance on the "
+            "contacts; raise contact.dvi.max_sweeps or contact.dvi.tolerance, shorten contact.dvi.step, or allow more "
+            "by contact.dvi.allowed_misses"
         )
     return found

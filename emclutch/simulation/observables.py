@@ -83,8 +83,9 @@ class Observables:
                 self._seen_solution = source.solution
                 self._of_the_field = [self._field_quantities(source.solution)]
                 if self._zone is not None and source.sampler is not None:
-                    turning = isinstance(source.solution, Field3D)
-                    angles = source.solution.problem.fold.angles(AROUND) if turning else (0.0,)
+                    field, angles = source.solution, np.zeros(1)
+                    if isinstance(field, Field3D):
+                        angles = field.problem.fold.angles(AROUND)
                     self._of_the_field.append(PoleField(self._zone.field_strength(source.sampler, angles)))
             row.parts += self._of_the_field
         if self._zone is not None:

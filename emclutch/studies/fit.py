@@ -224,13 +224,13 @@ def _refuse_other(folder: Path, base: Case, values: dict[str, tuple[float, ...]]
         scene = (folder / "scene.toml").read_text(encoding="utf-8")
         study = tomllib.loads((folder / "study.toml").read_text(encoding="utf-8"))["study"]["values"]
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise OutputError(f"{folder} holds no fit that could be continued: {error}; begin a new one with --out") from None
+        raise OutputError(f"{folder} holds no fit to continue: {error}; begin a new one with --out") from None
     differing = differing_keys(flat_scene(scene), flat_scene(base.toml()))
     differing += differing_keys(study, {key: list(levels) for key, levels in values.items()})
     if differing:
         raise OutputError(
-            f"the fit in {folder} was begun with another {' and another '.join(dict.fromkeys(differing))}; give what it "
-            "was begun with, or begin a new one with --out"
+            f"the fit in {folder} was begun with another {' and another '.join(dict.fromkeys(differing))}; give what "
+            "it was begun with, or begin a new one with --out"
         )
 
 

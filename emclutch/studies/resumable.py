@@ -155,8 +155,8 @@ class ResumableStudy(ABC):
         )
         if self.queue.stopped:
             raise Interrupted(
-                f"{''.join(reasons)}stopped with {len(self.results)} tasks done; continue with the same command and --out {self.folder} "
-                "--resume"
+                f"{''.join(reasons)}stopped with {len(self.results)} tasks done; continue with the same command and "
+                f"--out {self.folder} --resume"
             )
         self.elapsed += self.wall(tasks)
 

@@ -90,7 +90,7 @@ def finished(crowd: Crowd) -> Packing:
     in_walls = crowd.space.push_off(crowd.position.copy(), crowd.radius) / (2.0 * float(crowd.radius.min()))
     if not in_walls < TOLERANCE:
         raise PackingError(
-            f"the grains cannot be pushed off the walls: an overlap of {100.0 * in_walls:.2g} % of the diameter is left "
+            f"the grains cannot be pushed off the walls: {100.0 * in_walls:.2g} % of a diameter overlap "
             f"(allowed: {100.0 * TOLERANCE:g} %), where two walls are less than a grain apart; take smaller grains, or "
             "fill another place",
             in_walls,

@@ -79,5 +79,5 @@ def test_stall_is_reported_with_what_was_reached():
 def test_grains_between_walls_closer_than_their_diameter_are_refused():
     place = AnnularBox(0.02, 0.0225, 0.0, 0.004)
     walls = [cylinder("inner", "disc", 0.0211, 0.0, 0.004), cylinder("outer", "rotor", 0.0214, 0.0, 0.004)]
-    with pytest.raises(PackingError, match="cannot be pushed off the walls: an overlap of"):
+    with pytest.raises(PackingError, match="cannot be pushed off the walls: "):
         pack(place, walls, 300, 0.25e-3, seed=1)

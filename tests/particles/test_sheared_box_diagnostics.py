@@ -12,7 +12,7 @@ from particles.neighbours.contact_table import ContactTable
 from particles.sheared_box import MOST, ShearedBox, whole_numbers
 
 EDGE = 10.0 * R
-CODES = {tuple(numbers): code for code, numbers in zip(range(-MOST, MOST + 1), whole_numbers(np.arange(-MOST, MOST + 1)))}
+CODES = {tuple(whole_numbers(code)): code for code in range(-MOST, MOST + 1)}
 
 
 @pytest.mark.parametrize("seed", range(3))

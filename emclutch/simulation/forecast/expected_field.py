@@ -13,8 +13,6 @@ finds lies between both, or beyond chains where necks are strong (weak fields, h
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from emclutch.device_model.device import CoilDevice, Device
@@ -44,7 +42,7 @@ def expected_magnetisation(case: Case, device: Device) -> tuple[MagneticField | 
     coupled = scene.effects.feedback is not None
     fill = device.coil.uniform_fill(phi) if coupled else None
     field = device.coil.solve_at_peak(fill)
-    angles = field.problem.fold.angles(AROUND) if isinstance(field, Field3D) else (0.0,)
+    angles = field.problem.fold.angles(AROUND) if isinstance(field, Field3D) else np.zeros(1)
     points = _sample_points(device.coil.powder_boxes, scene.grains.largest_diameter, angles)
     strength = np.linalg.norm(field.sampler("powder").sample(points)[0], axis=1)
     return field, float(law.magnetisation(strength, np.full(len(strength), phi if coupled else 0.0)).max())
@@ -87,7 +85,7 @@ def _corners(device: Device) -> np.ndarray:
     return np.array([[radius, 0.0, 0.0]])
 
 
-def _sample_points(boxes: list[AnnularBox], diameter: float, angles: Sequence[float]) -> np.ndarray:
+def _sample_points(boxes: list[AnnularBox], diameter: float, angles: np.ndarray) -> np.ndarray:
     points = []
     for box in boxes:
         r = np.linspace(box.r0 + 0.5 * diameter, box.r1 - 0.5 * diameter, 9)

@@ -145,7 +145,7 @@ def accuracy(
         replace_text(folder / "ladder.json", ladder.to_json())
         earlier = _ladder_so_far(ladder.device)
         lines = _presented(case, ladder, folder, targets)
-        if study.performed or earlier is None:  # else a study that was finished: a later ladder may have taken its place
+        if study.performed or earlier is None:  # one that was finished may have a later ladder in its place
             save_ladder(ladder)
             lines += _replaced(ladder, earlier)
     return AccuracyResult(folder, ladder, tuple(lines))
