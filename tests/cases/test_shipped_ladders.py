@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from emclutch.results.ladder import Ladder
-from emclutch.results.ladders import SHIPPED, VARIABLE, find_ladder
+from emclutch.results.ladders import SHIPPED, VARIABLE
 from emclutch.results.recommended import Obstacle
 from emclutch.results.text import per_cent
 from emclutch.scene.case import load_case
@@ -26,10 +26,11 @@ def test_the_quickstart_has_one(monkeypatch, tmp_path):
     assert "largest part: " in accuracy_in_words(case, make_plan(case)[1])
 
 
-def test_the_page_has_the_answers_of_this_version(monkeypatch, tmp_path):
+@pytest.mark.parametrize("path", LADDERS, ids=lambda path: path.stem)
+def test_the_page_has_the_answers_of_this_version(path, monkeypatch, tmp_path):
     monkeypatch.setenv(VARIABLE, str(tmp_path))
-    case = load_case(CASES / "quickstart.toml")
-    ladder = Ladder.from_json(find_ladder(device_of(case))[1].read_text())
+    ladder = Ladder.from_json(path.read_text())
+    case = load_case(CASES / f"{ladder.case}.toml")
     page = (CASES.parent / "docs" / "accuracy.md").read_text()
     for target in (0.10, 0.05, 0.03):
         answer = cheapest_case(case, ladder, target)
