@@ -77,7 +77,9 @@ def three_ways(path, rows, conditions):
             writer.append(row)
     cut_off = load_result(path).torque
     simulation = SimpleNamespace(
-        motion=SimpleNamespace(bodies=[], tolerance=1e-6, grains=ONE, sector=None, contacts=lambda: NOTHING_TOUCHES),
+        motion=SimpleNamespace(
+            bodies=[], tolerance=1e-6, grains=ONE, periodicity=None, contacts=lambda: NOTHING_TOUCHES
+        ),
         magnetised=None,
         source=None,
         n_sectors=1,
