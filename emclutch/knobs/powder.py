@@ -28,7 +28,7 @@ class GrainsAcross(Knob):
     entry = number("8", 1.0, 1000.0)
     theory = (
         "torque of a sheared layer of n grains: 1 + a/n^2 (Kamrin and Henann 2015), too large; cost n^3 with a sector "
-        "of as many diameters"
+        "of as many diameters, n^4 where that would be narrower than the gap: then it is as wide as the gap"
     )
     order = 2.0
     finer_is_larger = True
@@ -59,7 +59,7 @@ class GrainsAcross(Knob):
         diameter, angle = float(f"{grains.diameter / finer:.6g}"), grains.sector
         found: dict[str, Any] = {cls.key: diameter}
         if angle is not None:
-            width = sector_width(scene)
+            width = max(sector_width(scene), setting * grains.mean_diameter / grains.largest_diameter)  # the gap's
             found |= _sector_entry(scene, width, diameter)
             angle = _angle(scene, width, diameter)
         return found | _count_entry(scene, finer**3 * (1.0 if angle is None else angle / grains.sector))

@@ -12,7 +12,8 @@ from emclutch.results.ladder import Ladder, Total
 from emclutch.scene.case import Case
 from emclutch.simulation.plan import Plan, make_plan
 
-DIMENSIONAL = ("s", "m/s")
+BY_FACTOR = ("s", "m/s", "diameters")
+"""Units of settings that may follow from those before: a sector grows with the grains across the gap."""
 SAME = 1e-3
 """Of a setting: what is nearer to the scene's own is left as the scene has it."""
 
@@ -47,8 +48,8 @@ def applying(settings: Mapping[str, float]) -> list[type[Knob]]:
 def with_settings(case: Case, settings: Mapping[str, float]) -> Case:
     """Return a case with settings of its knobs, set one after another in their order.
 
-    What the program chooses itself follows from the settings before it, as the step from the grains' diameter; times
-    and speeds are set, if others are wanted, by the same factor.
+    What the program chooses itself follows from the settings before it, as the step from the grains' diameter; times,
+    speeds and widths are set, if others are wanted, by the same factor.
 
     Parameters
     ----------
@@ -67,7 +68,7 @@ def with_settings(case: Case, settings: Mapping[str, float]) -> Case:
             continue
         factor = settings[knob.name] / own[knob.name]
         if abs(factor - 1.0) > SAME:
-            wanted = factor * knob.own(case.scene, plan) if knob.unit in DIMENSIONAL else settings[knob.name]
+            wanted = factor * knob.own(case.scene, plan) if knob.unit in BY_FACTOR else settings[knob.name]
             setting = float(f"{wanted:.6g}")
             case = case.with_values(knob.values(case.scene, plan, setting))
             plan = _PlanOnDemand(case)

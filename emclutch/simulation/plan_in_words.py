@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import degrees, inf, sin
+from math import ceil, degrees, inf, sin
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -95,12 +95,21 @@ def device_in_words(scene, device: Device) -> Iterator[tuple[str, str]]:
 
 
 def sector_in_words(scene) -> str:
-    """Return the angle of the cyclic sector, and its width where it is narrowest."""
+    """Return the angle of the cyclic sector, and its width where it is narrowest; with a warning of a narrow one."""
     particles, radius = scene.grains, innermost_radius(scene)
     chord = 2.0 * radius * sin(0.5 * particles.sector)
-    return (
+    text = (
         f"{degrees(particles.sector):.5g} deg, {particles.n_sectors} in the ring; {1e3 * chord:.3g} mm, "
         f"{chord / particles.largest_diameter:.3g} diameters, wide at r = {1e3 * radius:.3g} mm"
+    )
+    gap = scene.shape().sheared_gap(particles.region)
+    if scene.effects.attraction is None or gap is None or chord >= gap.width:
+        return text
+    return with_warnings(
+        text,
+        f"narrower than the sheared gap of {1e3 * gap.width:.3g} mm: the torque of magnetised powder can come out too "
+        "large, and rise with the strain (docs/accuracy.md); widen particles.sector to "
+        f"'{ceil(gap.width / particles.largest_diameter - 1e-6)} diameters'",
     )
 
 

@@ -11,6 +11,7 @@ from emclutch.scene.case import Case, load_case, read_toml
 from emclutch.scene.errors import SceneError
 from emclutch.scene.slip_checks import why_no_slip
 from emclutch.scene.start_up import start_up_strain
+from emclutch.simulation.knob_settings import with_settings
 from emclutch.simulation.plan import Plan, plan
 
 CASES = Path(__file__).parents[2] / "cases"
@@ -76,6 +77,16 @@ def test_a_sector_between_slots_keeps_a_whole_number_of_pitches():
         for setting in settings:
             turned = case.with_values(knob.values(scene, None, setting))
             assert knob.own(turned.scene, None) == pytest.approx(setting, rel=1e-3)
+
+
+def test_sectors_of_finer_grains_are_as_wide_as_the_gap():
+    scene = (case := load_case(CASES / "quickstart.toml")).scene  # 4 across, and 6 diameters: 1.5 mm
+    gap = scene.shape().sheared_gap(scene.grains.region).width
+    for across, width in ((5.0, 6.0), (12.0, 12.0)):
+        turned = case.with_values(GrainsAcross.values(scene, None, across)).scene
+        assert SectorWidth.own(turned, None) == pytest.approx(width, rel=0.02)
+    twice = with_settings(case, {"grains_across": 12.0, "sector": 2.0 * SectorWidth.own(scene, None)}).scene
+    assert SectorWidth.own(twice, None) * twice.grains.diameter == pytest.approx(2.0 * gap, rel=0.02)
 
 
 def test_ladders_of_a_scene_are_taken_as_they_stand():

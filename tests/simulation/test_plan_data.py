@@ -92,3 +92,12 @@ def test_windows_reach_the_end_and_no_more(changes, rule):
         assert 1 < made.steps_per_update and held <= 0.5 * made.contact.parting_time * (1.0 + 1e-9)
     rigid = rule in (UpdateRule.EVERY_STEP, UpdateRule.PARTING)
     assert made.contact_data["method"] == ("dvi" if rigid else "dem")
+
+
+@pytest.mark.parametrize(("width", "narrow"), [("3.9 diameters", True), ("4 diameters", False)])
+def test_a_sector_of_magnetised_grains_is_at_least_as_wide_as_the_gap(width, narrow):
+    changes = FIELD | {"particles.sector": width, "effects.dipoles.cutoff": 1.5}
+    _, words = planned(changes)
+    assert ("widen particles.sector to '4 diameters'" in words["sector"]) == narrow
+    _, unmagnetised = planned({"particles.sector": width})
+    assert "WARNING" not in unmagnetised["sector"]

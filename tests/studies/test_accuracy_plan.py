@@ -69,7 +69,7 @@ def test_dearer_rungs_get_fewer_packings_and_more_of_them_lower_the_half_width()
     names = [name for name, _ in more]
     assert names.count("dear") < names.count("cheap")
     halves = [
-        Total({one.name: one.error(counts, found, found.freedom) for one in knobs}, {}).half_width
+        Total({one.name: one.ladder(counts, found, found.freedom).own_error for one in knobs}, {}).half_width
         for counts in (count, count | {one: more.count(one) + count.get(one, 0) for one in more})
     ]
     assert halves[1] < 0.7 * halves[0]
@@ -86,13 +86,28 @@ def test_a_large_error_gets_a_third_setting_and_small_ones_more_packings():
     assert third not in first and all(name != "small" for name, _ in more)
 
 
+def test_packings_go_to_the_errors_of_the_settings_that_are_asked_for():
+    """At the own settings b has the wider error; those that are asked for have none of it, and 16 times that of a."""
+    knobs = [knob("a", 10.0, variance=0.25), knob("b", 10.0, order=0.5)]
+    count, found = measured(knobs, first_packings(knobs, 4, 100.0, 1))
+    aim = {"a": 4 / 20, "b": 1e-9}
+
+    def half_width(packings):
+        counts = count | {one: packings.count(one) + count.get(one, 0) for one in packings}
+        ladders = {one.name: one.ladder(counts, found, found.freedom + len(packings)) for one in knobs}
+        return Total({name: one.error(aim[name]) for name, one in ladders.items()}, {}).half_width
+
+    without, asked = (more_packings(knobs, count, found, 10.0, 60.0, 1, others) for others in ((), [aim]))
+    assert len(without) == len(asked) and half_width(asked) < half_width(without)
+
+
 def test_half_widths_are_those_of_two_means_where_a_knob_has_two_settings():
     """b = c h^p with c from the difference of two means, of errors 1/sqrt(4) and sqrt(0.5/3)."""
     one = knob("a", 10.0, variance=0.5)
     x, x_own = (2 / 20) ** 2, (1 / 20) ** 2
     expected = 1.96 * math.sqrt(1 / 4 + 0.5 / 3) * x_own / (x - x_own)
-    assert one.error({OWN: 4, ("a", 10.0): 3}).half_width == pytest.approx(expected, rel=1e-9)
-    assert one.error({OWN: 4}) is None
+    assert one.ladder({OWN: 4, ("a", 10.0): 3}).own_error.half_width == pytest.approx(expected, rel=1e-9)
+    assert one.ladder({OWN: 4}).own_error is None
 
 
 def test_an_ample_budget_ends_at_the_largest_number_of_packings():

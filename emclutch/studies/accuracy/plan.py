@@ -3,10 +3,11 @@
 1. Each knob gets a packing at the setting that tells most of its error for its cost, the cheapest knobs first; where
    that does not fit, at the next one. The half width of its error is g times the scatter between packings, and g
    follows from the law of the knob, the packings of its rungs, and how many grains each has.
-2. When these are run, half of the time that is left goes, one packing after the other, where it lowers the half width
-   of the total error most for its seconds, by the torques and the scatter that were found: to another packing of a
-   setting, or of the scene's own, which count in all knobs, where noise dominates; to a third setting where a large
-   error may not follow its law. The other half then goes likewise, by all that was found.
+2. When these are run, half of the time that is left goes, one packing after the other, where it lowers the half widths
+   of the total error most for its seconds, by the torques and the scatter that were found: those at the scene's own
+   settings and at the settings that come nearest to each target, by the sum of their logarithms. That is another
+   packing of a setting, or of the scene's own, which count in all knobs, where noise dominates; a third setting where
+   a large error may not follow its law. The other half then goes likewise, by all that was found.
 """
 
 from __future__ import annotations
@@ -25,6 +26,8 @@ BASE = ""
 OWN = (BASE, 0.0)
 UNKNOWN = KnobError(0.0, 1.0)
 """Of a knob without a packing: any error is possible."""
+LEAST = 1e-6
+"""Half width, relative, below which nothing is to be gained."""
 Key = tuple[str, float]
 """Knob and setting."""
 
@@ -72,19 +75,19 @@ class OfferedKnob:
     rungs: tuple[OfferedRung, ...]
     is_large: bool = False
 
-    def error(
+    def ladder(
         self, packings: Mapping[Key, int], found: Torques | None = None, freedom: float = math.inf
-    ) -> KnobError | None:
-        """Return the error at the scene's own setting, of some numbers of packings; None where nothing is known.
+    ) -> KnobLadder:
+        """Return what its rungs would be, of some numbers of packings.
 
-        Without torques the half width is g above. Those of settings that were not run are what the law of the knob
-        says by the others.
+        Without torques the half width of its error is g above. Torques of settings that were not run are what the law
+        of the knob says by the others.
         """
         counts = {self.own: packings.get(OWN, 0)} | {
             one: packings.get((self.name, one.setting), 0) for one in self.rungs
         }
         if found is None:
-            return self._ladder({one: (1.0, n) for one, n in counts.items() if n}, 1.0, freedom).own_error
+            return self._ladder({one: (1.0, n) for one, n in counts.items() if n}, 1.0, freedom)
         known = {one: found.means[key] for one in counts if (key := self._key(one)) in found.means}
         law = self._ladder({one: (torque, counts[one]) for one, torque in known.items()}, found.scatter, freedom)
         here = law.own_error
@@ -94,13 +97,13 @@ class OfferedKnob:
                 ratio = 1.0 if here is None or there is None else (1.0 + there.bias) / (1.0 + here.bias)
                 known[one] = ratio * found.means[OWN]
         run = {one: (torque, counts[one]) for one, torque in known.items() if counts[one]}
-        return self._ladder(run, found.scatter, freedom).own_error
+        return self._ladder(run, found.scatter, freedom)
 
     def ranked(self, base_packings: int) -> list[Key]:
         """Return its rungs, that which tells most of the error for its seconds first."""
 
         def merit(rung: OfferedRung) -> float:
-            error = self.error({OWN: base_packings, (self.name, rung.setting): 1})
+            error = self.ladder({OWN: base_packings, (self.name, rung.setting): 1}).own_error
             return math.inf if error is None else error.half_width * math.sqrt(rung.seconds)
 
         return [(self.name, one.setting) for one in sorted(self.rungs, key=lambda one: (merit(one), one.setting))]
@@ -162,34 +165,43 @@ def more_packings(
     base_seconds: float,
     room: float,
     jobs: int,
+    others: Sequence[Mapping[str, float]] = (),
 ) -> tuple[Key, ...]:
     """Return what else fits into a wall-clock time `room` [s], longest first; a pure function of what is given.
 
     `count` packings are there already, with the torques `found`; one more of the scene's own takes `base_seconds`.
+    `others`: step sizes, by knob, of settings beside the scene's own whose error is to be lowered too.
     """
     seconds, count = _seconds_of(knobs, base_seconds), dict(count)
     knobs = [one for one in knobs if one.rungs]
     chosen: list[Key] = []
     open_to = set(seconds) if knobs else set()
 
-    known: dict[tuple[object, ...], KnobError] = {}
+    own = {one.name: one.own.step_size for one in knobs}
+    aims = [own, *(own | dict(other) for other in others)]
+    known: dict[tuple[object, ...], list[KnobError]] = {}
 
-    def error(knob: OfferedKnob, count: Mapping[Key, int], freedom: float) -> KnobError:
+    def errors(knob: OfferedKnob, count: Mapping[Key, int], freedom: float) -> list[KnobError]:
+        """Return its error at each of the settings."""
         packings = (count.get(OWN), *(count.get((knob.name, one.setting)) for one in knob.rungs))
         at = (knob.name, freedom, packings)
         if at not in known:
-            known[at] = knob.error(count, found, freedom) or UNKNOWN
+            ladder = knob.ladder(count, found, freedom)
+            known[at] = [ladder.error(one[knob.name]) or UNKNOWN for one in aims]
         return known[at]
 
-    def half_width(count: Mapping[Key, int]) -> float:
+    def log_half_widths(count: Mapping[Key, int]) -> float:
         freedom = found.freedom + sum(max(n, 1) - 1 for n in count.values()) - begun
-        return Total({one.name: error(one, count, freedom) for one in knobs}, {}).half_width
+        of_all = {one.name: errors(one, count, freedom) for one in knobs}
+        halves = [Total({name: of[n] for name, of in of_all.items()}, {}).half_width for n in range(len(aims))]
+        return sum(math.log(max(one, LEAST)) for one in halves)
 
     begun = sum(max(n, 1) - 1 for n in count.values())
     while open_to:
-        now = half_width(count) ** 2
+        now = log_half_widths(count)
         gains = {
-            one: (now - half_width(count | {one: count.get(one, 0) + 1}) ** 2) / seconds[one] for one in sorted(open_to)
+            one: (now - log_half_widths(count | {one: count.get(one, 0) + 1})) / seconds[one]
+            for one in sorted(open_to)
         }
         best = max(gains, key=lambda one: gains[one])
         longer = _longest_first([*chosen, best], seconds)  # the short ones last fill the gaps

@@ -22,6 +22,7 @@ from emclutch.results.errors import Interrupted, OutputError
 from emclutch.results.history import last_time
 from emclutch.results.ladder import Ladder
 from emclutch.results.ladders import SHIPPED, find_ladder, ladder_folder, save_ladder
+from emclutch.results.recommended import Obstacle, recommended
 from emclutch.results.text import format_duration
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import Fault, SceneError
@@ -332,7 +333,18 @@ class _Study(ResumableStudy):
             return first_packings(offers, BASE_PACKINGS, room, jobs)
         measured = self._measured()
         count = {key: len(some) for key, some in measured.packings.items()}
-        return more_packings(offers, count, Torques(measured.means, *measured.scatter), self._seconds(), room, jobs)
+        found = Torques(measured.means, *measured.scatter)
+        return more_packings(offers, count, found, self._seconds(), room, jobs, self._nearest(ladder_of(measured)))
+
+    def _nearest(self, ladder: Ladder) -> list[dict[str, float]]:
+        """Return the step sizes, by knob, of the settings that come nearest to each target."""
+        nearest = []
+        for target in TARGETS:
+            found = recommended(ladder, target)
+            choice = found.best if isinstance(found, Obstacle) else found
+            if choice is not None and choice.settings not in nearest:
+                nearest.append(choice.settings)
+        return [{name: self.knobs[name].step_size(one) for name, one in settings.items()} for settings in nearest]
 
     def _do_packings(self, begin: int, end: int) -> None:
         """Run those of the planned packings, but for what overruns the budget."""
