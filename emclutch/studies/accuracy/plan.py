@@ -200,8 +200,7 @@ def more_packings(
     while open_to:
         now = log_half_widths(count)
         gains = {
-            one: (now - log_half_widths(count | {one: count.get(one, 0) + 1})) / seconds[one]
-            for one in sorted(open_to)
+            one: (now - log_half_widths(count | {one: count.get(one, 0) + 1})) / seconds[one] for one in sorted(open_to)
         }
         best = max(gains, key=lambda one: gains[one])
         longer = _longest_first([*chosen, best], seconds)  # the short ones last fill the gaps
