@@ -9,7 +9,7 @@ from rich.console import Console
 
 from emclutch.cli import options as opt
 from emclutch.cli.errors import explained
-from emclutch.cli.input import load, read_line, read_list
+from emclutch.cli.input import load, read_line, read_list, refuse_beside
 from emclutch.cli.output import print_json
 from emclutch.scene.contact import FRICTION
 from emclutch.scene.errors import Fault, SceneError, bad_input_for
@@ -100,6 +100,7 @@ def materials(
         from emclutch.cli import materials as materials_command
 
         if picture is not None:
+            refuse_beside("--plot", {"--json": as_json})
             with bad_input_for(picture):
                 laws = materials_command.laws_of(names or materials_command.material_names())
                 typer.echo(str(materials_command.draw_materials(laws, picture)))
@@ -146,7 +147,7 @@ def powder(
     internal_friction: opt.InternalFriction = None,
     friction: opt.PairFriction = None,
     rolling_friction: opt.PairRolling = None,
-    uncertainty: opt.AngleUncertainty = "1 deg",
+    uncertainty: opt.AngleUncertainty = None,
     out: opt.NewPicture = None,
     as_json: opt.AsJson = False,
 ) -> None:
@@ -160,16 +161,16 @@ def powder(
             raise SceneError([Fault(given, f"{rolling_friction if friction is None else friction:g}", message)],
                              "command line")  # fmt: skip
         if friction is not None and rolling_friction is not None:
-            if repose is not None or internal_friction is not None or out is not None:
-                message = "gives an angle; remove --repose, --internal-friction and --out"
-                raise SceneError([Fault("--friction", f"{friction:g}", message)], "command line")
+            others = {"--repose": repose, "--internal-friction": internal_friction, "--uncertainty": uncertainty,
+                      "--out": out}  # fmt: skip
+            refuse_beside("--friction", {name: one is not None for name, one in others.items()})
             found = command.bulk_of(friction, rolling_friction)
             if as_json:
                 print_json(found)
             else:
                 typer.echo(command.bulk_in_words(found))
             return
-        line = command.line_of(repose, internal_friction, uncertainty)
+        line = command.line_of(repose, internal_friction, uncertainty or opt.USUAL_UNCERTAINTY)
         if out is not None:
             command.draw(line, out)
         if as_json:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 
-from emclutch.cli.input import number_or_text, read_list
+from emclutch.cli.input import number_or_text, read_list, refuse_without
+from emclutch.cli.options import USUAL_UNCERTAINTY
 from emclutch.scene.case import Case
 from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.units import Quantity
@@ -32,12 +33,13 @@ def drives_of(case: Case, key: str, at: str | None) -> tuple[float, ...]:
     return () if at is None else tuple(sorted(set(read_list(at, drive_quantity(case, key), "--at"))))
 
 
-def angle_of(repose: str | None, uncertainty: str) -> tuple[float, float] | None:
+def angle_of(repose: str | None, uncertainty: str | None) -> tuple[float, float] | None:
     """Return the angle of repose and its standard error [rad]; None without one."""
     if repose is None:
+        refuse_without("--repose", {"--uncertainty": uncertainty is not None})
         return None
     found = []
-    for option, text in (("--repose", repose), ("--uncertainty", uncertainty)):
+    for option, text in (("--repose", repose), ("--uncertainty", uncertainty or USUAL_UNCERTAINTY)):
         try:
             found.append(_REPOSE.read(number_or_text(text)))
         except ValueError as error:

@@ -36,7 +36,9 @@ def load(path: Path, sets: list[str] | None = None, trust_scripts: bool = False)
     return case
 
 
-def study_to_check(path: Path, sets: list[str] | None, jobs: int, trust_scripts: bool) -> StudySection | None:
+def study_to_check(
+    path: Path, sets: list[str] | None, jobs: int, details: bool, trust_scripts: bool
+) -> StudySection | None:
     """The study in a file; None where it holds a scene."""
     from emclutch.scene.study import read_study
 
@@ -46,6 +48,9 @@ def study_to_check(path: Path, sets: list[str] | None, jobs: int, trust_scripts:
         return None
     if sets:
         raise SceneError([Fault("--set", sets[0], "is for scenes; a study has study.set for it")], "command line")
+    if details:
+        message = "is for scenes; all that follows from a point is printed by emclutch check CASE --details --set ..."
+        raise SceneError([Fault("--details", "", message)], "command line")
     return read_study(path, trust_scripts=trust_scripts)
 
 
@@ -214,12 +219,16 @@ def part_asked(text: str | None, out: Path | None, jobs: int) -> tuple[int, int]
 
 def refuse_beside(option: str, others: dict[str, bool]) -> None:
     """SceneError with every option that was given and has no meaning beside another one."""
-    faults = [
-        Fault(name, "", f"has no meaning beside {option}; remove one of them")
-        for name, given in others.items()
-        if given
-    ]
-    if faults:
+    _refuse(others, f"has no meaning beside {option}; remove one of them")
+
+
+def refuse_without(option: str, others: dict[str, bool]) -> None:
+    """SceneError with every option that was given and has a meaning only beside another one."""
+    _refuse(others, f"has no meaning without {option}; add that, or remove this")
+
+
+def _refuse(options: dict[str, bool], why: str) -> None:
+    if faults := [Fault(name, "", why) for name, given in options.items() if given]:
         raise SceneError(faults, "command line")
 
 

@@ -227,8 +227,14 @@ PairFriction = Annotated[
     float | None, typer.Option("--friction", help="with --rolling-friction: the angle that this pair gives")
 ]
 PairRolling = Annotated[float | None, typer.Option("--rolling-friction", help="see --friction")]
+USUAL_UNCERTAINTY = "1 deg"
 AngleUncertainty = Annotated[
-    str, typer.Option("--uncertainty", metavar="ANGLE", help="of the angle; heaps repeat to a degree or two")
+    str | None,
+    typer.Option(
+        "--uncertainty",
+        metavar="ANGLE",
+        help=f"of the angle; heaps repeat to a degree or two; default: {USUAL_UNCERTAINTY}",
+    ),
 ]
 DipoleModel = Annotated[str, typer.Option("--model", help="moments of the grains: near_field or mutual")]
 DesignSource = Annotated[
@@ -253,13 +259,13 @@ Runs = Annotated[
         show_default=False,
     ),
 ]
+USUAL_WITHIN = "5 %"
 Within = Annotated[
-    str,
+    str | None,
     typer.Option(
         "--within",
         metavar="SHARE",
-        help="accepted difference of a run's torque from it; default: 5 %",
-        show_default=False,
+        help=f"with --runs: accepted difference of a run's torque from it; default: {USUAL_WITHIN}",
     ),
 ]
 MeasuredCurve = Annotated[

@@ -19,6 +19,7 @@ from emclutch.cli.input import (
     read_shares,
     refuse_beside,
     refuse_to_resume_nothing,
+    refuse_without,
     run_to_resume,
     search,
     study_to_check,
@@ -48,7 +49,9 @@ def run(
     """Simulate one scene."""
     with explained():
         check_threads(threads)
-        refuse_beside("--with", {"--dry-run": dry_run and measured is not None})
+        if dry_run:
+            given = {"--with": measured is not None, "--resume": resume, "--out": out is not None, "--force": force}
+            refuse_beside("--dry-run", given)
         if resume and (case.is_dir() or case.suffix == ".h5"):
             case, out = run_to_resume(case, out)
         read = load(case, sets, trust_scripts)
@@ -85,7 +88,7 @@ def check(
 ) -> None:
     """Validate a scene and estimate its torque, cost and errors; of a study each point's plan, and the time of all."""
     with explained():
-        if (study := study_to_check(case, sets, jobs, trust_scripts)) is not None:
+        if (study := study_to_check(case, sets, jobs, details, trust_scripts)) is not None:
             print_study(study, jobs, as_json)
             return
         print_plan(load(case, sets, trust_scripts), as_json, details=details)
@@ -118,9 +121,14 @@ def sweep(
             refuse_beside("--gather", given)
             _gather(study, out, trust_scripts)
             return
+        if dry_run:
+            given = {"--with": measured is not None, "--resume": resume, "--force": force, "--dask": dask is not None,
+                     "--jobs": jobs != 1, "--threads": threads is not None,
+                     "--out": out is not None and part is None}  # fmt: skip
+            refuse_beside("--dry-run", given)
         refuse_to_resume_nothing("study", resume, out)
         if measured is not None:
-            refuse_beside("--with", {"--part": part is not None, "--dry-run": dry_run})
+            refuse_beside("--with", {"--part": part is not None})
             read_measured(measured, *TORQUE_CURVE)  # before anything runs
         if dask is not None:
             refuse_beside("--dask", {"--part": part is not None, "--jobs": jobs != 1})
@@ -237,7 +245,7 @@ def design(
     target: opt.Target = None,
     like: opt.Like = None,
     runs: opt.Runs = 0,
-    within: opt.Within = "5 %",
+    within: opt.Within = None,
     out: opt.Out = None,
     sets: opt.Sets = None,
     threads: opt.Threads = None,
@@ -247,8 +255,10 @@ def design(
     """Search the value of one key that gives a wanted torque, over the expected torque, then by runs."""
     with explained():
         check_threads(threads)
+        if not runs:
+            refuse_without("--runs", {"--within": within is not None, "--threads": threads is not None})
         asked = search(file, vary, target, sets, trust_scripts)
-        (tolerance,) = read_shares(within, "--within")
+        (tolerance,) = read_shares(within or opt.USUAL_WITHIN, "--within")
         from emclutch.results import Progress
         from emclutch.studies import design_search
 
@@ -268,7 +278,7 @@ def fit(
     over: opt.Over = "coil.current",
     at: opt.DrivesAt = None,
     repose: opt.Repose = None,
-    uncertainty: opt.AngleUncertainty = "1 deg",
+    uncertainty: opt.AngleUncertainty = None,
     out: opt.Out = None,
     resume: opt.ResumeFit = False,
     sets: opt.Sets = None,

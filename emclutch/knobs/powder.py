@@ -27,8 +27,8 @@ class GrainsAcross(Knob):
     key = "particles.diameter"
     entry = number("8", 1.0, 1000.0)
     theory = (
-        "torque of a sheared layer of n grains: 1 + a/n^2 (Kamrin and Henann 2015), too large; cost n^3 with a sector "
-        "of as many diameters, n^4 where that would be narrower than the gap: then it is as wide as the gap"
+        "torque of a sheared layer of n grains: 1 + a/n^2 (Kamrin and Henann 2015), too large; cost n^3 of coarser "
+        "grains on a sector of as many diameters, n^4 of finer ones on one as wide as it was"
     )
     order = 2.0
     finer_is_larger = True
@@ -59,7 +59,7 @@ class GrainsAcross(Knob):
         diameter, angle = float(f"{grains.diameter / finer:.6g}"), grains.sector
         found: dict[str, Any] = {cls.key: diameter}
         if angle is not None:
-            width = max(sector_width(scene), setting * grains.mean_diameter / grains.largest_diameter)  # the gap's
+            width = SectorWidth.beside(sector_width(scene), finer)
             found |= _sector_entry(scene, width, diameter)
             angle = _angle(scene, width, diameter)
         return found | _count_entry(scene, finer**3 * (1.0 if angle is None else angle / grains.sector))
@@ -94,13 +94,27 @@ class SectorWidth(Knob):
 
     @classmethod
     def usual(cls, scene, plan):
-        wider = [n for factor in (2.0, 4.0) if (n := _sectors(scene, factor * scene.grains.sector)) > 1]
-        sectors = wider or [_sectors(scene, 0.5 * scene.grains.sector)]
+        wider = [n for factor in (2.0, 4.0) if (n := sectors_of(scene, factor * scene.grains.sector)) > 1]
+        sectors = wider or [sectors_of(scene, 0.5 * scene.grains.sector)]
         return tuple(_width(scene, 2.0 * pi / n, scene.grains.largest_diameter) for n in sectors)
 
     @classmethod
     def keys(cls, scene):
         return (cls.key, COUNT)
+
+    @staticmethod
+    def beside(width, finer):
+        """Return the width [diameters] of a sector for grains that are finer by a factor: it is as wide as it was.
+
+        Of coarser grains it has as many diameters. One of finer grains that has as many diameters as before is narrower
+        than the gap sooner or later, and its torque is too large (docs/accuracy.md).
+        """
+        return width * max(1.0, finer)
+
+    @staticmethod
+    def as_measured(width, finer):
+        """Return the width [diameters] with the same error at the size of grains that others are finer than."""
+        return width / max(1.0, finer)
 
     @classmethod
     def values(cls, scene, plan, setting):
@@ -179,9 +193,9 @@ def _pitches(scene) -> int | None:
     return next((slots.count for slots in slotted.values()), None)
 
 
-def _sectors(scene, angle: float) -> int:
+def sectors_of(scene, angle: float) -> int:
     """Return how many sectors the ring has that are as wide as an angle [rad] or wider."""
-    most, pitches = floor(2.0 * pi / angle + 1e-6), _pitches(scene)
+    most, pitches = floor(2.0 * pi / angle * (1.0 + 1e-5)), _pitches(scene)  # settings are rounded to six digits
     return most if pitches is None else max((n for n in range(1, most + 1) if pitches % n == 0), default=1)
 
 
@@ -198,7 +212,7 @@ def _width(scene, angle: float, diameter: float) -> float:
 def _angle(scene, width: float, diameter: float) -> float:
     """Return the angle [rad] of the sector that is as wide or wider, in grains of a diameter [m]."""
     half = width / _width(scene, pi, diameter)
-    return 2.0 * pi / _sectors(scene, 2.0 * asin(min(half, 1.0)))
+    return 2.0 * pi / sectors_of(scene, 2.0 * asin(min(half, 1.0)))
 
 
 def _sector_entry(scene, width: float, diameter: float) -> dict[str, Any]:

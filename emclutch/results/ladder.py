@@ -49,8 +49,9 @@ MISFIT = 0.1  # of the range of the rungs: largest residual of rungs without noi
 NARROW = 2.0  # coarsest over finest step size: over less no order is seen
 SIGNIFICANCE = 0.05
 CONFIDENCE = 0.95
-VERSION = 1
-"""Of the file: settings, units and step sizes of the knobs are those of this version."""
+VERSION = 2
+"""Of the file: settings, units and step sizes of the knobs are those of this version; since 2 sectors of finer grains
+are as wide as those of the scene."""
 INTERACTION = "interaction"
 """Name of the part that is no knob's: what errors may do to each other."""
 

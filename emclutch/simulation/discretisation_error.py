@@ -24,7 +24,7 @@ from emclutch.results.text import format_duration, per_cent
 from emclutch.scene.case import Case
 from emclutch.scene.input_files import file_contents
 from emclutch.simulation.forecast.machine_speed import slowness
-from emclutch.simulation.knob_settings import applying, settings_of, total_at
+from emclutch.simulation.knob_settings import applying, as_measured, settings_of, total_at
 from emclutch.simulation.plan import Plan
 from emclutch.simulation.recommended_case import cheapest_case
 from emclutch.simulation.resume import flat_scene
@@ -212,12 +212,13 @@ def corrected(torque: Estimate, total: Total) -> dict[str, Any]:
 def extrapolated(ladder: Ladder, settings: Mapping[str, float]) -> dict[str, str]:
     """Return the knobs whose settings lie far beyond the rungs, with how far."""
     found = {}
+    measured = as_measured(settings, ladder)
     for knob in applying(settings):
         rungs = ladder.knob(knob.name)
         sizes = [] if rungs is None else [one.step_size for one in rungs.rungs if one.value]
         if not sizes:
             continue
-        h = knob.step_size(settings[knob.name])
+        h = knob.step_size(measured[knob.name])
         if h > FAR * max(sizes):
             found[knob.name] = f"{h / max(sizes):.2g} times as coarse as the coarsest that was measured"
         elif 0.0 < h < min(sizes) / FAR:

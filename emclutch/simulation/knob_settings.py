@@ -8,12 +8,12 @@ from functools import cached_property
 from typing import Any
 
 from emclutch.knobs import KNOBS, Knob, knobs_of
+from emclutch.knobs.powder import GrainsAcross, SectorWidth
 from emclutch.results.ladder import Ladder, Total
 from emclutch.scene.case import Case
 from emclutch.simulation.plan import Plan, make_plan
 
-BY_FACTOR = ("s", "m/s", "diameters")
-"""Units of settings that may follow from those before: a sector grows with the grains across the gap."""
+DIMENSIONAL = ("s", "m/s")
 SAME = 1e-3
 """Of a setting: what is nearer to the scene's own is left as the scene has it."""
 
@@ -31,8 +31,8 @@ def total_at(ladder: Ladder, settings: Mapping[str, float], plan: Plan) -> Total
 
     What has no error is as the plan says: at another current the real powder has another inertial number.
     """
-    knobs = applying(settings)
-    step_sizes = {one.name: one.step_size(settings[one.name]) for one in knobs}
+    knobs, measured = applying(settings), as_measured(settings, ladder)
+    step_sizes = {one.name: one.step_size(measured[one.name]) for one in knobs}
     total = ladder.total(step_sizes, {one.name: one.limit(plan.scene, plan) for one in knobs})
     if plan.scene.span.step is None:
         return total
@@ -40,21 +40,37 @@ def total_at(ladder: Ladder, settings: Mapping[str, float], plan: Plan) -> Total
     return replace(total, unknown=total.unknown | dict.fromkeys(lost, "time.step is given: its error is not known"))
 
 
+def as_measured(settings: Mapping[str, float], ladder: Ladder) -> dict[str, float]:
+    """Return some settings as those of a ladder: the sector's width with the same error at its size of grains."""
+    known, across = dict(settings), across_of(ladder)
+    if across is not None and "sector" in known and "grains_across" in known:
+        known["sector"] = SectorWidth.as_measured(known["sector"], known["grains_across"] / across)
+    return known
+
+
+def across_of(ladder: Ladder) -> float | None:
+    """Return the grains across the gap of the scene that a ladder was measured on; None where it does not vary them."""
+    grains = ladder.knob("grains_across")
+    return None if grains is None else grains.own
+
+
 def applying(settings: Mapping[str, float]) -> list[type[Knob]]:
     """Return the knobs of some settings."""
     return [one for one in KNOBS if one.name in settings]
 
 
-def with_settings(case: Case, settings: Mapping[str, float]) -> Case:
+def with_settings(case: Case, settings: Mapping[str, float], across: float | None = None) -> Case:
     """Return a case with settings of its knobs, set one after another in their order.
 
-    What the program chooses itself follows from the settings before it, as the step from the grains' diameter; times,
-    speeds and widths are set, if others are wanted, by the same factor.
+    What the program chooses itself follows from the settings before it, as the step from the grains' diameter; times
+    and speeds are set, if others are wanted, by the same factor.
 
     Parameters
     ----------
     settings : by the knob's name; those of the case as it is are left alone, so that what is automatic remains so, and
         those of knobs that it does not have too
+    across : grains across the gap for which the width of the sector is given: with finer ones it is as wide as with
+        these. Default: those of the settings
 
     Raises
     ------
@@ -66,9 +82,13 @@ def with_settings(case: Case, settings: Mapping[str, float]) -> Case:
     for knob in KNOBS:
         if knob.name not in own:
             continue
-        factor = settings[knob.name] / own[knob.name]
-        if abs(factor - 1.0) > SAME:
-            wanted = factor * knob.own(case.scene, plan) if knob.unit in BY_FACTOR else settings[knob.name]
+        wanted, before = settings[knob.name], own[knob.name]
+        if knob is SectorWidth and across is not None and GrainsAcross.applies(case.scene):
+            wanted = knob.beside(wanted, GrainsAcross.own(case.scene, plan) / across)
+            before = knob.own(case.scene, plan)
+        if abs(wanted / before - 1.0) > SAME:
+            if knob.unit in DIMENSIONAL:
+                wanted *= knob.own(case.scene, plan) / before
             setting = float(f"{wanted:.6g}")
             case = case.with_values(knob.values(case.scene, plan, setting))
             plan = _PlanOnDemand(case)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import ceil, degrees, inf, sin
+from math import asin, degrees, inf, sin
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,6 +12,7 @@ import numpy as np
 from emclutch.device_model.device import CoilDevice, Device
 from emclutch.device_model.excitation import Excitation
 from emclutch.device_model.warning_text import with_warnings
+from emclutch.knobs.powder import sectors_of
 from emclutch.results.steady_torque import MIN_AVERAGED_STRAIN
 from emclutch.scene.case import Case
 from emclutch.scene.grain_smear import moments_are_fed_back, smear_width
@@ -102,14 +103,22 @@ def sector_in_words(scene) -> str:
         f"{degrees(particles.sector):.5g} deg, {particles.n_sectors} in the ring; {1e3 * chord:.3g} mm, "
         f"{chord / particles.largest_diameter:.3g} diameters, wide at r = {1e3 * radius:.3g} mm"
     )
-    gap = scene.shape().sheared_gap(particles.region)
-    if scene.effects.attraction is None or gap is None or chord >= gap.width:
-        return text
-    return with_warnings(
-        text,
-        f"narrower than the sheared gap of {1e3 * gap.width:.3g} mm: the torque of magnetised powder can come out too "
-        "large, and rise with the strain (docs/accuracy.md); widen particles.sector to "
-        f"'{ceil(gap.width / particles.largest_diameter - 1e-6)} diameters'",
+    return with_warnings(text, narrow_sector(scene))
+
+
+def narrow_sector(scene) -> str:
+    """Return a warning of a sector that is narrower than the gap in which magnetised powder is sheared; else empty."""
+    particles, gap = scene.grains, scene.shape().sheared_gap(scene.grains.region)
+    if particles.sector is None or scene.effects.attraction is None or gap is None:
+        return ""
+    width = 2.0 * gap.radius * sin(0.5 * particles.sector)
+    if width >= gap.width:
+        return ""
+    wanted = 2.0 * asin(min(1.0, 0.5 * gap.width / gap.radius))
+    return (
+        f"the sector is {1e3 * width:.3g} mm wide in the sheared gap of {1e3 * gap.width:.3g} mm: the torque of "
+        "magnetised powder can come out too large, and rise with the strain (docs/accuracy.md); widen particles.sector "
+        f"to '{360.0 / sectors_of(scene, wanted):.10g} deg' or more"
     )
 
 

@@ -12,7 +12,7 @@ from emclutch.results.ladder import Ladder
 from emclutch.results.recommended import Choice, Obstacle, obstacle, reaching
 from emclutch.scene.case import Case
 from emclutch.scene.errors import SceneError
-from emclutch.simulation.knob_settings import settings_of, total_at, with_settings
+from emclutch.simulation.knob_settings import across_of, settings_of, total_at, with_settings
 from emclutch.simulation.plan import make_plan
 
 MAX_PACKINGS = 64  # that a scene may ask for
@@ -27,6 +27,9 @@ def cheapest_case(case: Case, ladder: Ladder, target: float) -> tuple[Choice, Ca
     missing = [one.name for one in knobs_of(case.scene) if one.name not in measured]
     if missing and not ladder.unknown:
         return Obstacle(missing[0], None, None, "the ladder is of a scene without it")
+    if case.scene.grains.sector is None and "sector" in measured:
+        reason = "packings of the ladder have a sector of the ring, the scene has all of it, which costs more"
+        return Obstacle("sector", None, None, f"{reason}; set particles.sector")
     refused: list[dict[str, float]] = []
     reason, first, coarser, wanted, tries = "", None, None, target, 0
     for choice in reaching(ladder, target):
@@ -35,6 +38,9 @@ def cheapest_case(case: Case, ladder: Ladder, target: float) -> tuple[Choice, Ca
             continue
         try:
             found, turned = case_for(case, ladder, choice, target)
+            if found.total.unknown:
+                name, reason = next(iter(found.total.unknown.items()))
+                return Obstacle(name, None, None, reason, found)
             if found.half_width <= target:
                 return found, turned
             coarser, wanted, tries = found, SAFER * wanted, tries + 1
@@ -58,19 +64,19 @@ def _to_blame(case: Case, ladder: Ladder, settings: Mapping[str, float]) -> dict
     changed = {name: one for name, one in settings.items() if not math.isclose(one, own[name], rel_tol=1e-6)}
     taken: dict[str, float] = {}
     for name, setting in changed.items():
-        if _takes(case, own | taken | {name: setting}):
+        if _takes(case, ladder, own | taken | {name: setting}):
             taken[name] = setting
             continue
         for other in [{}, *({one: taken[one]} for one in taken)]:
-            if not _takes(case, own | other | {name: setting}):
+            if not _takes(case, ladder, own | other | {name: setting}):
                 return {name: setting} | other
         return taken | {name: setting}
     return changed
 
 
-def _takes(case: Case, settings: Mapping[str, float]) -> bool:
+def _takes(case: Case, ladder: Ladder, settings: Mapping[str, float]) -> bool:
     try:
-        with_settings(case, settings)
+        with_settings(case, settings, across_of(ladder))
     except (SceneError, ValueError):
         return False
     return True
@@ -80,7 +86,8 @@ def case_for(case: Case, ladder: Ladder, choice: Choice, target: float) -> tuple
     """Return a case with a choice's settings, that runs until statistics and discretisation together reach a target.
 
     The choice is returned as the scene takes it: a window, or a sector, may come out somewhat larger, and its
-    error be larger than the target. SceneError or ValueError where the scene, or its plan, refuses the settings.
+    error be larger than the target, or unknown. SceneError or ValueError where the scene, or its plan, refuses the
+    settings.
     """
     values: dict[str, Any] = {
         "accuracy.target": None,
@@ -92,8 +99,10 @@ def case_for(case: Case, ladder: Ladder, choice: Choice, target: float) -> tuple
         values["time.end"] = f"strain {start + ladder.strain:.6g}"
         values["time.average_from"] = f"strain {start:.6g}"
         values["time.exclude_drift"] = False  # the start-up is part of the ladder, from more packings than a run has
-    case = with_settings(case.with_values(values), choice.settings)
+    case = with_settings(case.with_values(values), choice.settings, across_of(ladder))
     plan = make_plan(case)[1]
-    choice = replace(choice, total=total_at(ladder, settings_of(case, plan, start), plan))
+    settings = settings_of(case, plan, start)
+    taken = {name: settings.get(name, one) for name, one in choice.settings.items()}
+    choice = replace(choice, settings=taken, total=total_at(ladder, settings, plan))
     allowed = math.sqrt(max(target**2 - choice.total.half_width**2, SMALLEST**2))
     return choice, case.with_values({"time.until": f"torque {math.floor(1e4 * allowed) / 100.0:g} %"})

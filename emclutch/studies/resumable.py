@@ -32,7 +32,7 @@ from emclutch.studies.tasks import STOP
 from emclutch.studies.workers import ctrl_c_sets, worker_pool
 
 log = logging.getLogger(__name__)
-VERSION = 1
+VERSION = 2
 BUDGET = 1200.0
 """Default wall-clock time of a study [s]."""
 

@@ -77,16 +77,29 @@ def test_a_sector_between_slots_keeps_a_whole_number_of_pitches():
         for setting in settings:
             turned = case.with_values(knob.values(scene, None, setting))
             assert knob.own(turned.scene, None) == pytest.approx(setting, rel=1e-3)
+            rounded = case.with_values(knob.values(scene, None, float(f"{setting:.6g}"))).scene
+            assert rounded.grains.n_sectors == turned.scene.grains.n_sectors
 
 
-def test_sectors_of_finer_grains_are_as_wide_as_the_gap():
-    scene = (case := load_case(CASES / "quickstart.toml")).scene  # 4 across, and 6 diameters: 1.5 mm
-    gap = scene.shape().sheared_gap(scene.grains.region).width
-    for across, width in ((5.0, 6.0), (12.0, 12.0)):
+def test_finer_grains_leave_the_sector_as_wide_as_it_is_and_coarser_ones_keep_its_diameters():
+    scene = (case := load_case(CASES / "quickstart.toml")).scene  # 4 across
+    own = SectorWidth.own(scene, None)
+    for across, width in ((2.0, own), (5.0, 1.25 * own), (12.0, 3.0 * own)):
         turned = case.with_values(GrainsAcross.values(scene, None, across)).scene
-        assert SectorWidth.own(turned, None) == pytest.approx(width, rel=0.02)
-    twice = with_settings(case, {"grains_across": 12.0, "sector": 2.0 * SectorWidth.own(scene, None)}).scene
-    assert SectorWidth.own(twice, None) * twice.grains.diameter == pytest.approx(2.0 * gap, rel=0.02)
+        assert 0.999 * width < SectorWidth.own(turned, None) < 1.03 * width  # a whole number of them is the ring
+
+
+def test_settings_of_grains_and_sector_mean_the_same_whatever_the_scene_has_of_them():
+    """A width is that beside the ladder's grains, here 4 across: three times finer ones have three times as many."""
+    case = load_case(CASES / "quickstart.toml")
+    own = SectorWidth.own(case.scene, None)
+    finer = with_settings(case, {"grains_across": 12.0}, 4.0)
+    wider = case.with_values(SectorWidth.values(case.scene, None, 2.0 * own))
+    for begin in (case, finer, wider, with_settings(finer, {"sector": 2.0 * own}, 4.0)):
+        for width in (own, 2.0 * own):
+            found = with_settings(begin, {"grains_across": 12.0, "sector": width}, 4.0).scene
+            assert GrainsAcross.own(found, None) == pytest.approx(12.0, rel=1e-3)
+            assert 0.999 * 3.0 * width < SectorWidth.own(found, None) < 1.03 * 3.0 * width
 
 
 def test_ladders_of_a_scene_are_taken_as_they_stand():

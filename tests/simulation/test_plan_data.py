@@ -94,10 +94,11 @@ def test_windows_reach_the_end_and_no_more(changes, rule):
     assert made.contact_data["method"] == ("dvi" if rigid else "dem")
 
 
-@pytest.mark.parametrize(("width", "narrow"), [("3.9 diameters", True), ("4 diameters", False)])
+@pytest.mark.parametrize(("width", "narrow"), [("6.428571429 deg", True), ("6.545454545 deg", False)])
 def test_a_sector_of_magnetised_grains_is_at_least_as_wide_as_the_gap(width, narrow):
     changes = FIELD | {"particles.sector": width, "effects.dipoles.cutoff": 1.5}
     _, words = planned(changes)
-    assert ("widen particles.sector to '4 diameters'" in words["sector"]) == narrow
+    # a gap of 1.2 mm at r = 10.6 mm: 6.49 deg, and 360/6.49 = 55.5
+    assert ("widen particles.sector to '6.545454545 deg' or more" in words["sector"]) == narrow
     _, unmagnetised = planned({"particles.sector": width})
     assert "WARNING" not in unmagnetised["sector"]

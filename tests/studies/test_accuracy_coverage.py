@@ -14,6 +14,7 @@ from emclutch.results.ladder import Basis, KnobLadder, Ladder, Rung, pooled_scat
 from emclutch.results.recommended import Choice, recommended
 from emclutch.studies.accuracy.plan import (
     OWN,
+    Aim,
     OfferedKnob,
     OfferedRung,
     Torques,
@@ -73,7 +74,7 @@ class Device:
         room -= makespan([self.rungs[one].seconds for one in first], 2)
         found = Torques({key: float(np.mean(some)) for key, some in run.items()}, *scatter())
         count = {key: len(some) for key, some in run.items()}
-        do(more_packings(self.offers, count, found, SECONDS, room, 2))
+        do(more_packings(self.offers, count, found, SECONDS, room, 2, [Aim()]))
         return self.ladder(run, *scatter())
 
     def ladder(self, run, scatter, freedom):

@@ -8,6 +8,7 @@ from emclutch.results.ladder import Total
 from emclutch.studies.accuracy.plan import (
     MAX_PACKINGS,
     OWN,
+    Aim,
     OfferedKnob,
     OfferedRung,
     Torques,
@@ -54,9 +55,9 @@ def test_the_budget_is_kept(room, jobs):
     first = first_packings(knobs, 4, room, jobs)
     assert makespan(seconds_of(knobs, first), jobs) <= room
     given = measured(knobs, first)
-    more = more_packings(knobs, *given, 10.0, room, jobs)
+    more = more_packings(knobs, *given, 10.0, room, jobs, [Aim()])
     assert makespan(seconds_of(knobs, more), jobs) <= room
-    assert more_packings(knobs, *given, 10.0, room, jobs) == more
+    assert more_packings(knobs, *given, 10.0, room, jobs, [Aim()]) == more
     if room == 200.0:
         assert not left_out(knobs, [*first, *more])
 
@@ -65,7 +66,7 @@ def test_dearer_rungs_get_fewer_packings_and_more_of_them_lower_the_half_width()
     knobs = [knob("dear", 40.0), knob("cheap", 10.0)]
     first = first_packings(knobs, 4, 500.0, 2)
     count, found = measured(knobs, first)
-    more = more_packings(knobs, count, found, 10.0, 500.0, 2)
+    more = more_packings(knobs, count, found, 10.0, 500.0, 2, [Aim()])
     names = [name for name, _ in more]
     assert names.count("dear") < names.count("cheap")
     halves = [
@@ -81,7 +82,7 @@ def test_a_large_error_gets_a_third_setting_and_small_ones_more_packings():
     first = first_packings(knobs, 4, 100.0, 2)
     assert len(first) == 2
     given = measured(knobs, first, lambda name, h: math.exp(25.0 * h**2) if name != "small" else math.exp(25.0 / 400.0))
-    more = more_packings(knobs, *given, 10.0, 45.0, 1)
+    more = more_packings(knobs, *given, 10.0, 45.0, 1, [Aim()])
     third = next(one for one in more if one[0] == "large")
     assert third not in first and all(name != "small" for name, _ in more)
 
@@ -97,7 +98,7 @@ def test_packings_go_to_the_errors_of_the_settings_that_are_asked_for():
         ladders = {one.name: one.ladder(counts, found, found.freedom + len(packings)) for one in knobs}
         return Total({name: one.error(aim[name]) for name, one in ladders.items()}, {}).half_width
 
-    without, asked = (more_packings(knobs, count, found, 10.0, 60.0, 1, others) for others in ((), [aim]))
+    without, asked = (more_packings(knobs, count, found, 10.0, 60.0, 1, [Aim(), *one]) for one in ((), [Aim(aim)]))
     assert len(without) == len(asked) and half_width(asked) < half_width(without)
 
 
@@ -113,7 +114,7 @@ def test_half_widths_are_those_of_two_means_where_a_knob_has_two_settings():
 def test_an_ample_budget_ends_at_the_largest_number_of_packings():
     knobs = [knob("a", 1.0)]
     count, found = measured(knobs, first_packings(knobs, 4, 1e6, 1))
-    more = more_packings(knobs, count, found, 1.0, 1e6, 1)
+    more = more_packings(knobs, count, found, 1.0, 1e6, 1, [Aim()])
     assert more.count(OWN) == MAX_PACKINGS - 4 and more.count(("a", 10.0)) == MAX_PACKINGS - 1
 
 
@@ -122,7 +123,7 @@ def test_without_a_knob_nothing_is_run():
     assert (
         first_packings(knobs, 4, 100.0, 1)
         == ()
-        == more_packings(knobs, {OWN: 4}, Torques({OWN: 1.0}, 0.1, 3.0), 10.0, 100.0, 1)
+        == more_packings(knobs, {OWN: 4}, Torques({OWN: 1.0}, 0.1, 3.0), 10.0, 100.0, 1, [Aim()])
     )
 
 

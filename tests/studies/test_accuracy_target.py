@@ -124,6 +124,24 @@ def test_a_ladder_without_a_setting_of_the_scene_is_not_enough(folder):
         with_target(case)
 
 
+def test_a_ladder_with_sectors_has_no_settings_for_the_whole_ring(folder):
+    """Its packings cost a part of one that fills the ring."""
+    case = cell(accuracy__target="5 %", **ENDS)
+    with_ladder(case, contact_step(0.04, 0.004), scatter=0.02)
+    assert with_target(case)
+    ring = cell(accuracy__target="5 %", particles__sector=None, **ENDS)
+    assert device_of(ring) == device_of(case)
+    with pytest.raises(SceneError, match="limited by sector: packings of the ladder have a sector of the ring"):
+        with_target(ring)
+
+
+def test_a_target_is_not_reached_with_an_unknown_error(folder):
+    case = cell(accuracy__target="5 %", time__step="1e-7 s", **ENDS)
+    with_ladder(case, contact_step(0.04, 0.004), scatter=0.02)
+    with pytest.raises(SceneError, match=r"limited by contact_step: time\.step is given"):
+        with_target(case)
+
+
 def test_an_average_from_a_time_leaves_the_start_up_out(folder):
     case = cell(accuracy__target="5 %", time__average_from="0.2 ms", accuracy__replicas=None)
     with_ladder(case, contact_step(0.04, 0.004), scatter=0.02)

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from emclutch.results.ladder import Basis, KnobError, KnobLadder, Rung, Total
 from emclutch.studies.task_queue import makespan
@@ -121,6 +121,22 @@ class OfferedKnob:
 
 
 @dataclass(frozen=True, slots=True)
+class Aim:
+    """Settings whose error is to be lowered.
+
+    Attributes
+    ----------
+    step_sizes : mapping of str to float
+        By knob; of others the scene's own counts.
+    rest : float
+        Half width of the parts of their error that packings of the study do not lower.
+    """
+
+    step_sizes: Mapping[str, float] = field(default_factory=dict)
+    rest: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
 class Torques:
     """What the packings so far have given.
 
@@ -165,20 +181,18 @@ def more_packings(
     base_seconds: float,
     room: float,
     jobs: int,
-    others: Sequence[Mapping[str, float]] = (),
+    aims: Sequence[Aim],
 ) -> tuple[Key, ...]:
     """Return what else fits into a wall-clock time `room` [s], longest first; a pure function of what is given.
 
     `count` packings are there already, with the torques `found`; one more of the scene's own takes `base_seconds`.
-    `others`: step sizes, by knob, of settings beside the scene's own whose error is to be lowered too.
+    `aims`: settings whose error is to be lowered.
     """
     seconds, count = _seconds_of(knobs, base_seconds), dict(count)
     knobs = [one for one in knobs if one.rungs]
     chosen: list[Key] = []
     open_to = set(seconds) if knobs else set()
 
-    own = {one.name: one.own.step_size for one in knobs}
-    aims = [own, *(own | dict(other) for other in others)]
     known: dict[tuple[object, ...], list[KnobError]] = {}
 
     def errors(knob: OfferedKnob, count: Mapping[Key, int], freedom: float) -> list[KnobError]:
@@ -187,14 +201,14 @@ def more_packings(
         at = (knob.name, freedom, packings)
         if at not in known:
             ladder = knob.ladder(count, found, freedom)
-            known[at] = [ladder.error(one[knob.name]) or UNKNOWN for one in aims]
+            known[at] = [ladder.error(aim.step_sizes.get(knob.name, knob.own.step_size)) or UNKNOWN for aim in aims]
         return known[at]
 
     def log_half_widths(count: Mapping[Key, int]) -> float:
         freedom = found.freedom + sum(max(n, 1) - 1 for n in count.values()) - begun
         of_all = {one.name: errors(one, count, freedom) for one in knobs}
         halves = [Total({name: of[n] for name, of in of_all.items()}, {}).half_width for n in range(len(aims))]
-        return sum(math.log(max(one, LEAST)) for one in halves)
+        return sum(math.log(max(math.hypot(half, aim.rest), LEAST)) for half, aim in zip(halves, aims, strict=True))
 
     begun = sum(max(n, 1) - 1 for n in count.values())
     while open_to:

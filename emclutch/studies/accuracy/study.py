@@ -9,6 +9,7 @@ decision. So a study that is stopped, or killed, continues to the same ladder.
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from itertools import chain
@@ -22,15 +23,17 @@ from emclutch.results.errors import Interrupted, OutputError
 from emclutch.results.history import last_time
 from emclutch.results.ladder import Ladder
 from emclutch.results.ladders import SHIPPED, find_ladder, ladder_folder, save_ladder
-from emclutch.results.recommended import Obstacle, recommended
+from emclutch.results.recommended import Choice, Obstacle, own_choice, recommended
 from emclutch.results.text import format_duration
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.replica_count import replica_seed
+from emclutch.simulation.plan_in_words import narrow_sector
 from emclutch.studies.accuracy.measured_ladder import Measured, ladder_of, refuse_no_torque, scatter_of, this_machine
 from emclutch.studies.accuracy.plan import (
     BASE,
     OWN,
+    Aim,
     Key,
     OfferedKnob,
     OfferedRung,
@@ -138,7 +141,7 @@ def accuracy(
     base = base_of(case)
 
     def begin(queue: TaskQueue) -> dict[str, Any]:
-        return _begun(case, base, BUDGET if budget is None else budget, jobs, queue, progress)
+        return _begun(case, base, BUDGET if budget is None else budget, jobs, targets, queue, progress)
 
     with begun_study(case, folder, PLAN, resume=resume, budget=budget, jobs=jobs, begin=begin) as (known, queue):
         study = _Study(case, base, folder, known, queue, progress)
@@ -223,7 +226,9 @@ def _refuse_small_budget(case: Case, base: Base, budget: float, jobs: int) -> No
         raise SceneError([Fault(BUDGET_OPTION, f"{budget:g} s", message)], source_of(case))
 
 
-def _begun(case: Case, base: Base, budget: float, jobs: int, queue: TaskQueue, progress: Any) -> dict[str, Any]:
+def _begun(
+    case: Case, base: Base, budget: float, jobs: int, targets: Sequence[float], queue: TaskQueue, progress: Any
+) -> dict[str, Any]:
     """Plan every setting, and return what stands in plan.json before anything runs."""
     _refuse_small_budget(case, base, budget, jobs)
     tasks = setting_tasks(base)
@@ -241,6 +246,7 @@ def _begun(case: Case, base: Base, budget: float, jobs: int, queue: TaskQueue, p
         "case": case.toml(),
         "budget": budget,
         "jobs": jobs,
+        "targets": list(targets),
         "machine": this_machine(),
         "rungs": [asdict(one) for one in _distinct(base, rungs)],
         "frozen": None,
@@ -334,17 +340,23 @@ class _Study(ResumableStudy):
         measured = self._measured()
         count = {key: len(some) for key, some in measured.packings.items()}
         found = Torques(measured.means, *measured.scatter)
-        return more_packings(offers, count, found, self._seconds(), room, jobs, self._nearest(ladder_of(measured)))
+        return more_packings(offers, count, found, self._seconds(), room, jobs, self._aims(ladder_of(measured)))
 
-    def _nearest(self, ladder: Ladder) -> list[dict[str, float]]:
-        """Return the step sizes, by knob, of the settings that come nearest to each target."""
-        nearest = []
-        for target in TARGETS:
+    def _aims(self, ladder: Ladder) -> list[Aim]:
+        """Return the scene's own settings, and those that come nearest to each target."""
+        choices = [own_choice(ladder)]
+        for target in self.known["targets"]:
             found = recommended(ladder, target)
             choice = found.best if isinstance(found, Obstacle) else found
-            if choice is not None and choice.settings not in nearest:
-                nearest.append(choice.settings)
-        return [{name: self.knobs[name].step_size(one) for name, one in settings.items()} for settings in nearest]
+            if choice is not None and all(choice.settings != one.settings for one in choices):
+                choices.append(choice)
+        return [self._aim(one) for one in choices]
+
+    def _aim(self, choice: Choice) -> Aim:
+        step_sizes = {name: self.knobs[name].step_size(one) for name, one in choice.settings.items()}
+        rest = [half for name, half in choice.parts.items()
+                if name not in self.knobs or self.knobs[name].measured_on != TORQUE]  # fmt: skip
+        return Aim(step_sizes, math.hypot(*rest))
 
     def _do_packings(self, begin: int, end: int) -> None:
         """Run those of the planned packings, but for what overruns the budget."""
@@ -510,6 +522,8 @@ class _Study(ResumableStudy):
             f"processor time, are enough for some {self.budget / each:.0f} packings"
         )
         self.say(words)
+        if narrow := narrow_sector(self.base.scene):
+            log.warning("%s", narrow)
 
     def _tell_scatter(self) -> None:
         values = [self.results[packing_name(BASE, 0.0, n)].value for n in range(BASE_PACKINGS)]
