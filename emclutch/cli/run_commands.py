@@ -123,8 +123,7 @@ def sweep(
             return
         if dry_run:
             given = {"--with": measured is not None, "--resume": resume, "--force": force, "--dask": dask is not None,
-                     "--jobs": jobs != 1, "--threads": threads is not None,
-                     "--out": out is not None and part is None}  # fmt: skip
+                     "--jobs": jobs != 1, "--threads": threads is not None}  # fmt: skip
             refuse_beside("--dry-run", given)
         refuse_to_resume_nothing("study", resume, out)
         if measured is not None:

@@ -6,11 +6,14 @@ import sys
 from pathlib import Path
 
 import pandas
+import pytest
 from typer.testing import CliRunner
 
+from emclutch.cli.fit import angle_of
 from emclutch.cli.main import app
 from emclutch.results import RunFolder
 from emclutch.results.report.render import write_failed_index
+from emclutch.scene.errors import SceneError
 from emclutch.studies.accuracy import study
 from emclutch.studies.field_result import FieldResult
 from emclutch.studies.heat import HeatResult
@@ -42,6 +45,28 @@ def test_accuracy_says_what_it_would_measure_and_writes_nothing(tmp_path, monkey
         refused = CliRunner().invoke(app, ["accuracy", *given])
         assert refused.exit_code == 2 and option in refused.output, refused.output
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("check", CASES / "current_to_torque.toml", "--details"), "--details is for scenes"),
+        (("run", CASES / "quickstart.toml", "--dry-run", "--out", "x"), "--out has no meaning beside --dry-run"),
+        (("sweep", CASES / "current_to_torque.toml", "--dry-run", "--jobs", 2), "--jobs has no meaning beside"),
+        (("design", CASES / "which_current.toml", "--within", "3 %"), "--within has no meaning without --runs"),
+        (("design", CASES / "which_current.toml", "--threads", 1), "--threads has no meaning without --runs"),
+        (("materials", "--plot", "x.png", "--json"), "--json has no meaning beside --plot"),
+    ],
+)
+def test_an_option_without_a_meaning_is_refused(arguments, says):
+    found = CliRunner().invoke(app, [str(one) for one in arguments])
+    assert found.exit_code == 2 and says in " ".join(found.output.split()), found.output
+
+
+def test_the_error_of_an_angle_needs_the_angle():
+    assert angle_of(None, None) is None
+    with pytest.raises(SceneError, match="--uncertainty has no meaning without --repose"):
+        angle_of(None, "2 deg")
 
 
 def test_a_run_that_fails_leaves_a_page_that_says_why(tmp_path):
