@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from math import asin, degrees, floor, log10, pi, sin
 from typing import Any
 
@@ -59,7 +60,7 @@ class GrainsAcross(Knob):
         diameter, angle = float(f"{grains.diameter / finer:.6g}"), grains.sector
         found: dict[str, Any] = {cls.key: diameter}
         if angle is not None:
-            width = SectorWidth.beside(sector_width(scene), finer)
+            width = _width(scene, angle, diameter) if finer > 1.0 else sector_width(scene)
             found |= _sector_entry(scene, width, diameter)
             angle = _angle(scene, width, diameter)
         return found | _count_entry(scene, finer**3 * (1.0 if angle is None else angle / grains.sector))
@@ -83,6 +84,8 @@ class SectorWidth(Knob):
     order = 2.0
     finer_is_larger = True
     unit = "diameters"
+    WHOLE = 0.02
+    """Difference of two widths, relative, by which a whole number of sectors in the ring comes out otherwise."""
 
     @classmethod
     def applies(cls, scene):
@@ -111,10 +114,14 @@ class SectorWidth(Knob):
         """
         return width * max(1.0, finer)
 
-    @staticmethod
-    def as_measured(width, finer):
-        """Return the width [diameters] with the same error at the size of grains that others are finer than."""
-        return width / max(1.0, finer)
+    @classmethod
+    def as_measured(cls, width, finer, own):
+        """Return the width [diameters] with the same error at the size of grains that others are finer than.
+
+        `own`: of the scene with these; the angle of finer grains is the same, their smallest radius almost.
+        """
+        measured = width / max(1.0, finer)
+        return own if math.isclose(measured, own, rel_tol=cls.WHOLE) else measured
 
     @classmethod
     def values(cls, scene, plan, setting):
@@ -201,12 +208,10 @@ def sectors_of(scene, angle: float) -> int:
 
 def _width(scene, angle: float, diameter: float) -> float:
     """Return the width of a sector [diameters], see `sector_width`; of grains of any diameter [m]."""
-    return (
-        sector_width(scene)
-        * sin(0.5 * angle)
-        / sin(0.5 * scene.grains.sector)
-        * (scene.grains.largest_diameter / diameter)
-    )
+    from emclutch.scene.sector_checks import innermost_radius  # local: the schema imports the knobs
+
+    radius = innermost_radius(scene) + 0.5 * (diameter - scene.grains.largest_diameter)
+    return 2.0 * radius * sin(0.5 * angle) / diameter
 
 
 def _angle(scene, width: float, diameter: float) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import logging
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -13,6 +14,7 @@ from emclutch.results.atomic_file import replace_text
 from emclutch.results.errors import OutputError
 from emclutch.results.ladder import Ladder
 
+log = logging.getLogger(__name__)
 FOLDER = Path("runs") / "ladders"
 VARIABLE = "EMCLUTCH_LADDERS"
 """Environment variable of another folder."""
@@ -59,12 +61,15 @@ def save_ladder(ladder: Ladder) -> Path:
 def find_ladder(device: str) -> tuple[Ladder, Path] | None:
     """Return the ladder of a device and its file, one's own before one that is shipped; None where there is none.
 
-    OutputError for a damaged file.
+    OutputError for a damaged file, or one of another version, where none is shipped.
     """
-    path = next((one for folder in (ladder_folder(), SHIPPED) if (one := folder / f"{device}.json").is_file()), None)
-    if path is None:
-        return None
-    try:
-        return Ladder.from_json(path.read_text(encoding="utf-8")), path
-    except (OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError) as error:
-        raise OutputError(f"{path} is no ladder of this version ({error}); remove it, and measure again") from None
+    paths = [one for folder in (ladder_folder(), SHIPPED) if (one := folder / f"{device}.json").is_file()]
+    for path in paths:
+        try:
+            return Ladder.from_json(path.read_text(encoding="utf-8")), path
+        except (OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError) as error:
+            why = f"{path} is no ladder of this version ({error}); measure again with emclutch accuracy, or remove it"
+            if path == paths[-1]:
+                raise OutputError(why) from None
+            log.warning("%s: the one that comes with emclutch is used", why)
+    return None

@@ -26,7 +26,7 @@ from emclutch.scene.input_files import file_contents
 from emclutch.simulation.forecast.machine_speed import slowness
 from emclutch.simulation.knob_settings import applying, as_measured, settings_of, total_at
 from emclutch.simulation.plan import Plan
-from emclutch.simulation.recommended_case import cheapest_case
+from emclutch.simulation.recommended_case import cheapest_case, whole_ring
 from emclutch.simulation.resume import flat_scene
 from emclutch.simulation.scaled_slip import strain_rate
 
@@ -146,7 +146,7 @@ def _next(case: Case, ladder: Ladder, total: float | None) -> str | None:
     target = next((one for one in TARGETS if total is not None and one < total), None)
     if target is None:
         return None
-    found, share = recommended(ladder, target), per_cent(target)
+    found, share = whole_ring(case, ladder) or recommended(ladder, target), per_cent(target)
     if isinstance(found, Obstacle):
         budget = "" if found.seconds is None else f": {how_to_find(case)} --budget {math.ceil(found.seconds / 60.0)}min"
         return f"{share} is {found.in_words()}{budget}"

@@ -42,9 +42,9 @@ def total_at(ladder: Ladder, settings: Mapping[str, float], plan: Plan) -> Total
 
 def as_measured(settings: Mapping[str, float], ladder: Ladder) -> dict[str, float]:
     """Return some settings as those of a ladder: the sector's width with the same error at its size of grains."""
-    known, across = dict(settings), across_of(ladder)
-    if across is not None and "sector" in known and "grains_across" in known:
-        known["sector"] = SectorWidth.as_measured(known["sector"], known["grains_across"] / across)
+    known, across, sector = dict(settings), across_of(ladder), ladder.knob("sector")
+    if across is not None and sector is not None and "sector" in known and "grains_across" in known:
+        known["sector"] = SectorWidth.as_measured(known["sector"], known["grains_across"] / across, sector.own)
     return known
 
 
@@ -70,7 +70,7 @@ def with_settings(case: Case, settings: Mapping[str, float], across: float | Non
     settings : by the knob's name; those of the case as it is are left alone, so that what is automatic remains so, and
         those of knobs that it does not have too
     across : grains across the gap for which the width of the sector is given: with finer ones it is as wide as with
-        these. Default: those of the settings
+        these. Default: those that the scene is given
 
     Raises
     ------
@@ -83,10 +83,11 @@ def with_settings(case: Case, settings: Mapping[str, float], across: float | Non
         if knob.name not in own:
             continue
         wanted, before = settings[knob.name], own[knob.name]
-        if knob is SectorWidth and across is not None and GrainsAcross.applies(case.scene):
-            wanted = knob.beside(wanted, GrainsAcross.own(case.scene, plan) / across)
-            before = knob.own(case.scene, plan)
-        if abs(wanted / before - 1.0) > SAME:
+        if knob is SectorWidth:
+            if across is not None and GrainsAcross.applies(case.scene):
+                wanted = SectorWidth.beside(wanted, GrainsAcross.own(case.scene, plan) / across)
+            before = SectorWidth.own(case.scene, plan)
+        if abs(wanted / before - 1.0) > (SectorWidth.WHOLE if knob is SectorWidth else SAME):
             if knob.unit in DIMENSIONAL:
                 wanted *= knob.own(case.scene, plan) / before
             setting = float(f"{wanted:.6g}")

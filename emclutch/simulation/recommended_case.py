@@ -27,9 +27,8 @@ def cheapest_case(case: Case, ladder: Ladder, target: float) -> tuple[Choice, Ca
     missing = [one.name for one in knobs_of(case.scene) if one.name not in measured]
     if missing and not ladder.unknown:
         return Obstacle(missing[0], None, None, "the ladder is of a scene without it")
-    if case.scene.grains.sector is None and "sector" in measured:
-        reason = "packings of the ladder have a sector of the ring, the scene has all of it, which costs more"
-        return Obstacle("sector", None, None, f"{reason}; set particles.sector")
+    if (obstacle_of_ring := whole_ring(case, ladder)) is not None:
+        return obstacle_of_ring
     refused: list[dict[str, float]] = []
     reason, first, coarser, wanted, tries = "", None, None, target, 0
     for choice in reaching(ladder, target):
@@ -40,7 +39,7 @@ def cheapest_case(case: Case, ladder: Ladder, target: float) -> tuple[Choice, Ca
             found, turned = case_for(case, ladder, choice, target)
             if found.total.unknown:
                 name, reason = next(iter(found.total.unknown.items()))
-                return Obstacle(name, None, None, reason, found)
+                return Obstacle(name, None, None, reason)
             if found.half_width <= target:
                 return found, turned
             coarser, wanted, tries = found, SAFER * wanted, tries + 1
@@ -56,6 +55,14 @@ def cheapest_case(case: Case, ladder: Ladder, target: float) -> tuple[Choice, Ca
     if not refused:
         return obstacle(ladder, target)
     return Obstacle(next(iter(refused[-1])), None, None, reason, first)
+
+
+def whole_ring(case: Case, ladder: Ladder) -> Obstacle | None:
+    """Return why a ladder's costs are not those of a case: its packings have a sector, and the case the whole ring."""
+    if case.scene.grains.sector is not None or "sector" not in {one.knob for one in ladder.knobs} | set(ladder.unknown):
+        return None
+    reason = "packings of the ladder have a sector of the ring, the scene has all of it, which costs more"
+    return Obstacle("sector", None, None, f"{reason}; set particles.sector")
 
 
 def _to_blame(case: Case, ladder: Ladder, settings: Mapping[str, float]) -> dict[str, float]:
@@ -101,8 +108,6 @@ def case_for(case: Case, ladder: Ladder, choice: Choice, target: float) -> tuple
         values["time.exclude_drift"] = False  # the start-up is part of the ladder, from more packings than a run has
     case = with_settings(case.with_values(values), choice.settings, across_of(ladder))
     plan = make_plan(case)[1]
-    settings = settings_of(case, plan, start)
-    taken = {name: settings.get(name, one) for name, one in choice.settings.items()}
-    choice = replace(choice, settings=taken, total=total_at(ladder, settings, plan))
+    choice = replace(choice, total=total_at(ladder, settings_of(case, plan, start), plan))
     allowed = math.sqrt(max(target**2 - choice.total.half_width**2, SMALLEST**2))
     return choice, case.with_values({"time.until": f"torque {math.floor(1e4 * allowed) / 100.0:g} %"})

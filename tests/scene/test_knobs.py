@@ -86,7 +86,17 @@ def test_finer_grains_leave_the_sector_as_wide_as_it_is_and_coarser_ones_keep_it
     own = SectorWidth.own(scene, None)
     for across, width in ((2.0, own), (5.0, 1.25 * own), (12.0, 3.0 * own)):
         turned = case.with_values(GrainsAcross.values(scene, None, across)).scene
-        assert 0.999 * width < SectorWidth.own(turned, None) < 1.03 * width  # a whole number of them is the ring
+        assert SectorWidth.own(turned, None) == pytest.approx(width, rel=SectorWidth.WHOLE)
+        assert turned.grains.n_sectors == scene.grains.n_sectors or across < 4.0
+
+
+@pytest.mark.parametrize("sector", ["4.5 deg", "30 deg", "60 deg", "180 deg"])
+def test_finer_grains_that_are_counted_are_as_much_powder(sector):
+    case = load_case(CASES / "quickstart.toml")
+    case = case.with_values({"particles.sector": sector, "particles.solid_fraction": None, "particles.count": 400})
+    finer = case.with_values(GrainsAcross.values(case.scene, None, 12.0)).scene.grains
+    assert finer.n_sectors == case.scene.grains.n_sectors
+    assert finer.count * finer.grain_volume == pytest.approx(400 * case.scene.grains.grain_volume, rel=1e-3)
 
 
 def test_settings_of_grains_and_sector_mean_the_same_whatever_the_scene_has_of_them():
@@ -99,7 +109,7 @@ def test_settings_of_grains_and_sector_mean_the_same_whatever_the_scene_has_of_t
         for width in (own, 2.0 * own):
             found = with_settings(begin, {"grains_across": 12.0, "sector": width}, 4.0).scene
             assert GrainsAcross.own(found, None) == pytest.approx(12.0, rel=1e-3)
-            assert 0.999 * 3.0 * width < SectorWidth.own(found, None) < 1.03 * 3.0 * width
+            assert SectorWidth.own(found, None) == pytest.approx(3.0 * width, rel=0.03)  # a sector less in the ring
 
 
 def test_ladders_of_a_scene_are_taken_as_they_stand():

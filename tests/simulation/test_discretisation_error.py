@@ -8,7 +8,8 @@ from made_up_ladder import cell, contact_step, ladder
 
 import emclutch
 from emclutch.knobs import knobs_of
-from emclutch.results.ladder import KnobError, Total
+from emclutch.knobs.powder import SectorWidth
+from emclutch.results.ladder import Basis, KnobError, KnobLadder, Rung, Total
 from emclutch.results.ladders import VARIABLE, save_ladder
 from emclutch.results.statistics import Estimate
 from emclutch.scene.case import load_case
@@ -19,6 +20,7 @@ from emclutch.simulation.discretisation_error import (
     extrapolated,
     is_reached,
     settings_of,
+    total_at,
 )
 from emclutch.simulation.plan import make_plan
 
@@ -110,6 +112,27 @@ def test_settings_of_the_run_count_and_far_ones_are_told(folder):
     error = discretisation_error(case, plan, TORQUE)["discretisation_error"]
     assert error["bias"] == pytest.approx(math.exp(math.log(1.04) * (20.0 / 90.0) ** 2) - 1.0)
     assert error["extrapolated"] == {"contact_step": "2.2 times as fine as the finest that was measured"}
+
+
+def test_a_sector_of_finer_grains_has_the_error_of_one_as_wide(folder):
+    """In diameters it has twice as many; one of as many diameters is half as wide, and coarser."""
+    own = {"particles__stands_for": "60 um", "particles__sector": "40 deg"}
+    case, plan = planned(**own)
+    settings = settings_of(case, plan)
+    widths = {name: settings[name] for name in ("grains_across", "sector")}
+    knobs = [
+        KnobLadder(name, "", Basis.TORQUE, one, 2.0, 0.0,
+                   tuple(Rung(f * one, 1.0 / (f * one), 1.0 + 0.04 / f**2, 0.001, 4, 1.0) for f in (1.0, 2.0)))
+        for name, one in widths.items()
+    ]  # fmt: skip
+    known = ladder(device_of(case), *knobs)
+    here = total_at(known, widths, plan).parts["sector"]
+    finer, fine_plan = planned(**own, particles__diameter=0.5 * case.scene.grains.diameter)
+    there = {name: settings_of(finer, fine_plan)[name] for name in widths}
+    assert there["sector"] == pytest.approx(2.0 * widths["sector"], rel=SectorWidth.WHOLE)
+    assert total_at(known, there, fine_plan).parts["sector"] == here
+    narrow = total_at(known, there | {"sector": widths["sector"]}, fine_plan).parts["sector"]
+    assert narrow.bias == pytest.approx(math.exp(4.0 * math.log1p(here.bias)) - 1.0) and narrow.bias > 3.0 * here.bias
 
 
 def test_a_given_time_step_has_no_known_error(folder):

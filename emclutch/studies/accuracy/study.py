@@ -21,9 +21,9 @@ from emclutch.results import RunFolder
 from emclutch.results.atomic_file import replace_text
 from emclutch.results.errors import Interrupted, OutputError
 from emclutch.results.history import last_time
-from emclutch.results.ladder import Ladder
+from emclutch.results.ladder import INTERACTION, Ladder
 from emclutch.results.ladders import SHIPPED, find_ladder, ladder_folder, save_ladder
-from emclutch.results.recommended import Choice, Obstacle, own_choice, recommended
+from emclutch.results.recommended import STATISTICS, Choice, Obstacle, own_choice, recommended
 from emclutch.results.text import format_duration
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import Fault, SceneError
@@ -183,6 +183,7 @@ def preview(case: Case, budget: float | None = None, jobs: int | None = None) ->
         lines.append(f"{setting}: {', '.join(found)}, {how}" if found else f"{setting}: no other setting")
     number = jobs * budget / own
     room = f"in {format_duration(budget)} with {jobs} at a time there is time for some {number:.0f} packings"
+    lines += [f"WARNING: {narrow}"] if (narrow := narrow_sector(base.scene)) else []
     return [*lines, f"{room} at the scene's own settings; the four above run in any case"]
 
 
@@ -355,7 +356,7 @@ class _Study(ResumableStudy):
     def _aim(self, choice: Choice) -> Aim:
         step_sizes = {name: self.knobs[name].step_size(one) for name, one in choice.settings.items()}
         rest = [half for name, half in choice.parts.items()
-                if name not in self.knobs or self.knobs[name].measured_on != TORQUE]  # fmt: skip
+                if name != INTERACTION and (name == STATISTICS or self.knobs[name].measured_on != TORQUE)]  # fmt: skip
         return Aim(step_sizes, math.hypot(*rest))
 
     def _do_packings(self, begin: int, end: int) -> None:
@@ -523,7 +524,7 @@ class _Study(ResumableStudy):
         )
         self.say(words)
         if narrow := narrow_sector(self.base.scene):
-            log.warning("%s", narrow)
+            self.say(f"WARNING: {narrow}")
 
     def _tell_scatter(self) -> None:
         values = [self.results[packing_name(BASE, 0.0, n)].value for n in range(BASE_PACKINGS)]

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from emclutch.knobs import KNOBS
+from emclutch.knobs import knobs_of
 from emclutch.results import Result, RunFolder
 from emclutch.results.errors import OutputError
 from emclutch.results.ladders import ladder_folder
@@ -187,9 +187,10 @@ def cases_of(
 def _measure(case: Case, progress: Any) -> None:
     """Measure the ladder of a case within its budget, in a folder by which the same case finds it again."""
     from emclutch.studies.accuracy.study import BUDGET_OPTION, accuracy  # local, as above
+    from emclutch.studies.resumable import VERSION
 
     contents = "".join(file_contents(case.scene).values())  # of the files that the scene names
-    name = hashlib.sha256((case.toml() + contents).encode()).hexdigest()[:16]
+    name = hashlib.sha256((f"{VERSION} " + case.toml() + contents).encode()).hexdigest()[:16]
     folder = ladder_folder() / f"study-{name}"
     begun = (folder / "plan.json").is_file()
     if folder.is_dir() and not begun and any(folder.iterdir()):
@@ -211,7 +212,7 @@ def _unreachable(case: Case, found: Obstacle) -> SceneError:
         ways.append(f"measure longer packings: {command} --set accuracy.time_end={_longer_end(case)}")
     elif found.seconds is not None or "budget" in found.reason:
         ways.append(f"measure the ladder for longer: {command} --budget {_longer(case, found)}")
-    elif found.knob in (one.name for one in KNOBS):
+    elif found.knob in (one.name for one in knobs_of(case.scene)):
         ways.append(f"list other settings in accuracy.ladders.{found.knob}, and measure again: {command}")
     if found.best is not None:
         ways.append(f"ask for {per_cent(1.05 * found.best.half_width)}")
