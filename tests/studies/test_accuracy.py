@@ -14,6 +14,7 @@ import emclutch
 from emclutch.results import load_result
 from emclutch.results.errors import Interrupted, OutputError, RunError
 from emclutch.results.ladders import find_ladder
+from emclutch.results.recommended import own_choice
 from emclutch.scene.case import case_from
 from emclutch.scene.errors import SceneError
 from emclutch.simulation.discretisation_error import device_of
@@ -129,6 +130,19 @@ def test_the_ladder_has_every_knob_and_runs_of_the_device_find_it(packings, tmp_
     assert [one.setting for one in later] == [4.5, 9.0, 13.5] and later[-1].error == 0.0
 
 
+def test_packings_are_planned_for_the_targets_that_are_asked_for(packings, tmp_path, monkeypatch):
+    """At the scene's own settings, and at those that come nearest to each target; what a packing leaves is kept."""
+    plan, aims = study.more_packings, []
+    monkeypatch.setattr(study, "more_packings", lambda *given: aims.append(given[-1]) or plan(*given))
+    found = emclutch.accuracy(case_from(CELL), out=tmp_path / "out", budget=BUDGET, jobs=1, targets=(0.3, 0.02))
+    assert json.loads((tmp_path / "out" / "plan.json").read_text())["targets"] == [0.3, 0.02]
+    assert len(aims) == 2 and all(len(some) > 1 for some in aims)
+    own, *others = aims[-1]
+    assert own.step_sizes["contact_step"] == 1 / 20
+    assert any(one.step_sizes["contact_step"] != 1 / 20 for one in others)
+    assert own.rest >= own_choice(found.ladder).statistical * 0.5
+
+
 def test_what_the_budget_has_no_room_for_is_unknown_and_stays_so(packings, tmp_path):
     """Packings that take far longer than the first ones end the study early; it does not begin others later."""
     case, beginning = case_from(CELL), 10
@@ -217,7 +231,7 @@ def test_a_scene_that_packs_alike_is_refused(tmp_path):
 def test_a_finished_study_that_is_shown_again_leaves_a_later_ladder_in_place(packings, tmp_path):
     case = case_from(CELL)
     early = emclutch.accuracy(case, out=tmp_path / "early", budget=BUDGET, jobs=1)
-    later = emclutch.accuracy(case, out=tmp_path / "later", budget=BUDGET / 2.0, jobs=1)
+    later = emclutch.accuracy(case, out=tmp_path / "later", budget=0.75 * BUDGET, jobs=1)
     assert any("now have their errors from this ladder, in place of one of" in line for line in later.lines)
     again = emclutch.accuracy(case, out=tmp_path / "early", jobs=1, resume=True)
     assert again.lines == early.lines and find_ladder(device_of(case))[0].to_json() == later.ladder.to_json()
