@@ -21,8 +21,9 @@ multiplied. That two settings may change each other's errors adds b_i b_j to the
 20-2009, section 2), the extrapolation is not trusted fully: the half width of the error is that of its statistics, plus
 in quadrature (F - 1) |b|, with F = 1.25 where three rungs or more follow the law, 1.5 where two rungs leave it
 unchecked, and 3 where the rungs do not follow it, or at settings coarser than all of them. Where they do not follow it
-the largest misfit, or without noise the largest difference from finer rungs, takes the place of |b| if that is larger
-(L. Eca, M. Hoekstra, J. Comput. Phys. 262 (2014) 104-130). Noisy rungs of a knob without a known order have their
+|b| is that of the finest rung, as coarser ones are measured against it, and the largest misfit, or without noise the
+largest difference from finer rungs, takes its place if that is larger (L. Eca, M. Hoekstra, J. Comput. Phys. 262
+(2014) 104-130). Noisy rungs of a knob without a known order have their
 difference from the finest one as b, or that of the last two if it is larger, with F = 1.5. Without a law nothing is
 said of settings coarser than all.
 
@@ -393,6 +394,7 @@ class _Fit:
 
     verdict: str
     coarsest: float  # step size
+    finest: float
     p: float | None = None
     slope: float = 0.0
     slope_half: float = 0.0
@@ -412,7 +414,10 @@ class _Fit:
         changes = [min(c * (h**p - limit**p), 5.0) for p, c in ((self.p, self.slope), *self.others)]
         change, apart = 0.5 * (max(changes) + min(changes)), 0.5 * (max(changes) - min(changes))
         model = SAFETY["no law" if outside else self.verdict] - 1.0
-        model *= abs(change) if self.verdict != "no law" else max(abs(change), self.misfit)
+        if self.verdict == "no law" and not outside:  # the rungs have measured what the finest one does not lack
+            model *= max(abs(self.slope * (min(h, self.finest) ** self.p - limit**self.p)), self.misfit)
+        else:
+            model *= abs(change)
         left = 0.0 if self.slope_half else self.misfit  # of rungs without noise, which noise does not explain
         half = apart + math.hypot(self.slope_half * x, model, left)
         return KnobError(math.expm1(change), half, self.slope_shared * x, abs(self.slope_half * x))
@@ -449,13 +454,13 @@ def _without_noise(ladder: KnobLadder, h: np.ndarray, y: np.ndarray) -> _Fit:
         assert best is not None
         misfit, p, slope = best
         if misfit <= MISFIT * spread and p not in (orders[0], orders[-1]):
-            return _Fit("follows", float(h.max()), p, slope, misfit=misfit, observed=p)
+            return _Fit("follows", float(h.max()), float(h.min()), p, slope, misfit=misfit, observed=p)
     found = {}
     last_step = abs(float(y[-2] - y[-1]))
     for i, one in enumerate(h):
         largest = max(last_step, float(np.abs(y[i:] - y[i]).max()))
         found[float(one)] = KnobError(math.expm1(float(y[i] - y[-1])), (SAFETY["no law"] - 1.0) * largest)
-    return _Fit("no law", float(h.max()), differences=found)
+    return _Fit("no law", float(h.max()), float(h.min()), differences=found)
 
 
 def _differences(h: np.ndarray, y: np.ndarray, half: np.ndarray, own: np.ndarray) -> _Fit:
@@ -469,7 +474,7 @@ def _differences(h: np.ndarray, y: np.ndarray, half: np.ndarray, own: np.ndarray
         noise = math.hypot(float(half[min(i, len(h) - 2)]), float(half[-1]))
         half_width = math.hypot(noise, model * max(abs(difference), last_step))
         found[float(one)] = KnobError(math.expm1(difference), half_width, shared, noise)
-    return _Fit("no law", float(h.max()), differences=found)
+    return _Fit("no law", float(h.max()), float(h.min()), differences=found)
 
 
 def _line(ladder: KnobLadder, h: np.ndarray, y: np.ndarray, error: np.ndarray, own: np.ndarray) -> _Fit:
@@ -487,6 +492,7 @@ def _line(ladder: KnobLadder, h: np.ndarray, y: np.ndarray, error: np.ndarray, o
     return _Fit(
         verdict,
         float(h.max()),
+        float(h.min()),
         law.p,
         law.slope,
         quantile * law.spread**-0.5,
