@@ -122,6 +122,20 @@ def test_noisy_rungs_that_follow_no_law_keep_at_least_their_misfit():
     assert ladder.own_error.half_width >= 0.1
 
 
+def test_coarse_rungs_without_a_law_are_known_by_their_difference_from_the_finest():
+    """What the finest rung lacks is known to three times itself, whatever coarser ones add, that of the quickstart's
+    grains: the half width at four across is no wider than that and noise say."""
+    h = 1.0 / np.array([4.0, 5.0, 6.0, 8.0])
+    ladder = ladder_of(h, (0.757, 0.717, 0.647, 0.628), [0.008, 0.008, 0.01, 0.005], limit=0.06, freedom=13.0)
+    assert ladder.verdict == "no law"
+    coarse, fine = ladder.error(h[0]), ladder.error(h[-1])
+    assert coarse.bias > 4.0 * fine.bias
+    assert fine.half_width == pytest.approx(math.hypot(2.0 * math.log1p(fine.bias), fine.noise))
+    assert coarse.half_width == pytest.approx(math.hypot(2.0 * math.log1p(fine.bias), coarse.noise))
+    truth = 0.757 / 0.606 - 1.0  # 16 across (docs/explanation/brake.md)
+    assert abs(truth - coarse.bias) < coarse.half_width
+
+
 def test_noisy_rungs_of_another_order_are_taken_by_it():
     """Where the rungs refuse the law's order, orders they allow are taken; the half width holds the true error."""
     h = np.array([0.25, 0.2, 1.0 / 6.0, 0.125, 0.0625])
