@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     from emclutch.device_model.device import Device
     from emclutch.scene.model import Scene
 
-COEFFICIENT, EXPONENT = (4.1, 3.4, 5.2), 2.0
-"""a, with the ends of its 95 % interval, and p, of both shipped clutches (docs/explanation/brake.md;
-`grain_size.coefficient` in docs/measured.csv)."""
+COEFFICIENT, EXPONENT = (4.8, 4.2, 5.4), 2.0
+"""a, with the ends of its 95 % interval, and p, of both shipped clutches on sectors as wide as the gap or wider
+(docs/explanation/brake.md; `grain_size.coefficient` in docs/measured.csv)."""
 
 MAX_EXCESS = 0.10
 """Torque of coarse grains over that of the real ones, less 1, from which on results warn."""

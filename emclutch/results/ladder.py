@@ -14,6 +14,12 @@ over a factor of 2 in h.
 **One noise in all knobs.** All knobs share the packings at the scene's own settings, so that their errors are
 correlated: the part that this noise has in each (`KnobError.shared`) is added with its sign, all else in quadrature.
 
+**Deviations.** Rungs may differ from the law at random: grains order in layers, and a gap holds whole ones. The
+variance of that, as far as noise does not explain the misfit, is tau^2 = (chi^2 - nu) / (tr W - tr((X' W X)^-1 X' W^2
+X)) with the weights W, the terms X of the law and nu degrees of freedom (R. DerSimonian, N. Laird, Controlled Clinical
+Trials 7 (1986) 177, for regression S. G. Thompson, S. J. Sharp, Stat. Med. 18 (1999) 2693). Student's t times tau is
+added to the half width, in quadrature; without noise the largest misfit.
+
 **Interaction.** Each knob is measured with all others at the scene's own settings, and the factors 1 + b are
 multiplied. That two settings may change each other's errors adds b_i b_j to the half width, in quadrature over pairs.
 
@@ -400,6 +406,7 @@ class _Fit:
     slope_half: float = 0.0
     slope_shared: float = 0.0
     misfit: float = 0.0  # largest distance of a rung from the line
+    deviation: float = 0.0  # half width of what rungs differ from the law by beyond their noise
     others: tuple[tuple[float, float], ...] = ()  # order and slope of other laws that the rungs allow
     observed: float | None = None
     differences: dict[float, KnobError] = field(default_factory=dict)  # without a law, by step size
@@ -418,8 +425,7 @@ class _Fit:
             model *= max(abs(self.slope * (min(h, self.finest) ** self.p - limit**self.p)), self.misfit)
         else:
             model *= abs(change)
-        left = 0.0 if self.slope_half else self.misfit  # of rungs without noise, which noise does not explain
-        half = apart + math.hypot(self.slope_half * x, model, left)
+        half = apart + math.hypot(self.slope_half * x, model, self.deviation)
         return KnobError(math.expm1(change), half, self.slope_shared * x, abs(self.slope_half * x))
 
 
@@ -454,7 +460,7 @@ def _without_noise(ladder: KnobLadder, h: np.ndarray, y: np.ndarray) -> _Fit:
         assert best is not None
         misfit, p, slope = best
         if misfit <= MISFIT * spread and p not in (orders[0], orders[-1]):
-            return _Fit("follows", float(h.max()), float(h.min()), p, slope, misfit=misfit, observed=p)
+            return _Fit("follows", float(h.max()), float(h.min()), p, slope, deviation=misfit, observed=p)
     found = {}
     last_step = abs(float(y[-2] - y[-1]))
     for i, one in enumerate(h):
@@ -498,6 +504,7 @@ def _line(ladder: KnobLadder, h: np.ndarray, y: np.ndarray, error: np.ndarray, o
         quantile * law.spread**-0.5,
         quantile * shared,
         law.misfit,
+        quantile * law.deviation,
         others=tuple((one.p, one.slope) for one in others),
         observed=law.p if others else None,
     )
@@ -513,6 +520,7 @@ class _Line:
     spread: float
     slope: float
     misfit: float
+    deviation: float  # standard one, of the rungs from the law beyond their noise
     by_chance: float
 
     @property
@@ -532,4 +540,8 @@ class _Line:
         by_chance = (
             chdtrc(freedom, chi2) if math.isinf(ladder.freedom) else fdtrc(freedom, ladder.freedom, chi2 / freedom)
         )
-        return cls(p, x, mean_x, spread, slope, float(np.abs(left).max()), float(by_chance))
+        deviation = 0.0
+        if h.size > 2:
+            expected = weight.sum() - weight @ weight / weight.sum() - weight**2 @ (x - mean_x) ** 2 / spread
+            deviation = math.sqrt(max(0.0, chi2 - freedom) / float(expected))
+        return cls(p, x, mean_x, spread, slope, float(np.abs(left).max()), deviation, float(by_chance))

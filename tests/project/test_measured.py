@@ -2,7 +2,11 @@
 
 import re
 
+import numpy as np
+import pytest
 from measured import COLUMNS, TABLE, disagreement, pages, row_of_run, statements, table, write_row
+from scipy.optimize import least_squares
+from scipy.stats import t as t_distribution
 from written_run import written_run
 
 from emclutch.device_model.grain_size import COEFFICIENT, EXPONENT
@@ -44,9 +48,30 @@ def test_every_row_says_where_it_is_from():
             assert float(row["low"]) <= float(row["value"]) <= float(row["high"]), name
 
 
-def test_what_results_say_of_the_grain_size_is_the_tables():
+def test_coefficient_of_the_grain_size_follows_from_the_torques_that_the_page_prints():
+    """One a for both devices by least squares, each torque by its error and 1 % of scatter between packings."""
     row = table()["grain_size.coefficient"]
     assert tuple(float(row[column]) for column in ("value", "low", "high")) == COEFFICIENT and EXPONENT == 2.0
+
+    page = (TABLE.parent / "explanation" / "brake.md").read_text(encoding="utf-8").partition("## Grains across")[2]
+    lines = [[cell.strip() for cell in line.strip("|").split("|")] for line in page.splitlines() if line[:3] != "|--"]
+    torque = re.compile(r"(\d+\.\d+)(?:<!-- .*? -->)? ± (\d+\.\d+)")
+    points = [(float(cells[0]), device, *map(float, found.groups()))
+              for cells in lines if len(cells) == 6 for device in (0, 1)
+              if (found := torque.fullmatch(cells[3 + 2 * device]))]  # fmt: skip
+    across, device, value, half = np.array(points).T
+    assert len(points) == 9
+    relative = np.hypot(half / 1.96 / value, 0.01)
+
+    def misfit(unknowns):
+        a, *limits = unknowns
+        return (np.log(value / np.take(limits, device.astype(int))) - np.log1p(a / across**2)) / relative
+
+    found = least_squares(misfit, [1.0, 12.0, 0.6])
+    freedom = len(points) - 3
+    error = np.sqrt(np.linalg.inv(found.jac.T @ found.jac)[0, 0] * max(1.0, 2.0 * found.cost / freedom))
+    half_width = t_distribution.ppf(0.975, freedom) * error
+    assert COEFFICIENT == pytest.approx((found.x[0], found.x[0] - half_width, found.x[0] + half_width), abs=0.05)
 
 
 def test_a_row_is_written_from_a_run(tmp_path):
