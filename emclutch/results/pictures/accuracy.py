@@ -24,6 +24,8 @@ from emclutch.results.text import format_duration
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.text import Annotation
+    from matplotlib.transforms import Bbox
 
 PACKINGS = NUMBERS[0]
 """Of the points of a line, as in the table's row of the scene itself."""
@@ -63,9 +65,10 @@ def accuracy_picture(
                   textcoords="offset points", fontsize=9, color="0.35")  # fmt: skip
     lines = {knob.knob: _line(ladder, knob) for knob in ladder.knobs}
     named = sorted(lines, key=lambda name: _moves(lines[name]), reverse=True)[:NAMED]
+    labels: list[Annotation] = []
     for knob in ladder.knobs:
         is_named = knob.knob in named and _moves(lines[knob.knob]) >= MOVES
-        _draw_knob(cost, ladder, knob, lines[knob.knob], looks[knob.knob], is_named)
+        labels += _draw_knob(cost, ladder, knob, lines[knob.knob], looks[knob.knob], is_named)
     cost.plot(own.seconds, 100.0 * own.half_width, "*", ms=17, mfc="gold", mec="black", zorder=6, gid="this scene")
     cost.annotate("this scene", (own.seconds, 100.0 * own.half_width), xytext=(12, 5), textcoords="offset points",
                   fontsize=9, fontweight="bold")  # fmt: skip
@@ -74,6 +77,8 @@ def accuracy_picture(
     label_panel(cost, f"Error against cost (lines: one setting changed, {PACKINGS} packings)")
     _name_axes(cost)
     _draw_parts(parts, ladder, own, looks)
+    figure.draw_without_rendering()  # the places of labels depend on the layout
+    _move_apart(labels)
     return save_picture(figure, path)
 
 
@@ -100,8 +105,9 @@ def _moves(line: list[tuple[float, float, float]]) -> float:
 
 def _draw_knob(
     axis: Axes, ladder: Ladder, knob: KnobLadder, line: list[tuple[float, float, float]], look: _Look, is_named: bool
-) -> None:
+) -> list[Annotation]:
     """Draw the settings of a knob, with their numbers and its name where it is one of those that count most."""
+    labels = []
     if line:
         settings, x, y = (np.array(one) for one in zip(*line, strict=True))
         axis.plot(x, y, color=look.colour, lw=1.3, marker=look.marker, ms=6)
@@ -115,14 +121,25 @@ def _draw_knob(
                     continue  # the numbers would overlap
                 written.append(place)
                 name = f"{_name(knob.knob)} " if place == end else ""
-                axis.annotate(f"{name}{settings[place]:.3g}", (x[place], y[place]), xytext=(6, 5), fontsize=9,
-                              textcoords="offset points", color=look.colour)  # fmt: skip
+                labels.append(axis.annotate(f"{name}{settings[place]:.3g}", (x[place], y[place]), xytext=(6, 5),
+                                            textcoords="offset points", fontsize=9, color=look.colour))  # fmt: skip
     failed = [rung.cost * ladder.seconds * PACKINGS for rung in knob.rungs if rung.failure]
     above = axis.get_xaxis_transform()
     for seconds in failed:
         axis.plot(seconds, 0.96, color=look.colour, ls="", marker="x", ms=8, mew=2, transform=above)
         axis.annotate(f"{_name(knob.knob)} failed", (seconds, 0.96), xycoords=above, xytext=(8, 0), va="center",
                       textcoords="offset points", fontsize=9, color=look.colour)  # fmt: skip
+    return labels
+
+
+def _move_apart(labels: list[Annotation]) -> None:
+    """Move labels that overlap others up, the lowest first."""
+    free: list[Bbox] = []
+    for label in sorted(labels, key=lambda one: one.xy[1]):
+        while any(label.get_window_extent().overlaps(other) for other in free):
+            x, y = label.xyann
+            label.xyann = x, y + 2.0
+        free.append(label.get_window_extent())
 
 
 def _draw_target(axis: Axes, target: float, found: Choice | Obstacle) -> None:
