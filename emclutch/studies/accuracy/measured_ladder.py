@@ -201,8 +201,13 @@ def _torque_rung(
     return Rung(setting, step_size, value, error, len(some), seconds, seconds / own_seconds, failure)
 
 
+def _predicted_cost(planned: PlannedRung, found: Measured) -> float:
+    """Return the cost of a setting over that of the scene's own, rounded: equal ones do not differ by round-off."""
+    return float(f"{planned.seconds / found.base.seconds:.4g}")
+
+
 def _unmeasured(planned: PlannedRung, found: Measured) -> Rung:
-    cost = planned.seconds / found.base.seconds
+    cost = _predicted_cost(planned, found)
     return Rung(planned.setting, planned.step_size, None, 0.0, 0, cost * found.seconds, cost)
 
 
@@ -212,7 +217,7 @@ def _standing_rungs(knob: type[Knob], own: float, found: Measured) -> list[Rung]
     for setting in (own, *planned):
         step_size = knob.step_size(setting)
         result = found.standing.get((knob.name, setting))
-        cost = planned[setting].seconds / found.base.seconds if setting in planned else 1.0
+        cost = _predicted_cost(planned[setting], found) if setting in planned else 1.0
         if result is None:
             rungs.append(_unmeasured(planned[setting], found))
         else:
