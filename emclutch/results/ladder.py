@@ -417,6 +417,8 @@ class _Fit:
         if self.p is None:
             coarser = [one for one in self.differences if one >= h * (1.0 - 1e-6)]
             return self.differences[min(coarser)] if coarser else None
+        if math.isclose(h, limit, rel_tol=1e-6):
+            return KnobError(0.0, 0.0)
         x = h**self.p - limit**self.p
         changes = [min(c * (h**p - limit**p), 5.0) for p, c in ((self.p, self.slope), *self.others)]
         change, apart = 0.5 * (max(changes) + min(changes)), 0.5 * (max(changes) - min(changes))

@@ -190,6 +190,9 @@ def test_there_is_no_error_at_the_limit():
     h, limit = np.array([0.25, 0.2, 0.125]), 0.06
     ladder = ladder_of(h, np.exp(2.0 * h**2), [0.001] * 3, limit=limit)
     assert ladder.error(limit) == KnobError(0.0, 0.0, 0.0)
+    scattered = ladder_of(h, (1.2, 1.0, 1.1), [0.001] * 3, limit=limit, freedom=9.0)
+    assert scattered.verdict == "no law" and scattered.error(limit) == KnobError(0.0, 0.0, 0.0)
+    assert scattered.error(0.5 * limit).half_width > 0.1
     assert ladder.own_error.bias == pytest.approx(math.expm1(2.0 * (0.25**2 - limit**2)), rel=1e-9)
 
 

@@ -33,6 +33,8 @@ NAMED = 3
 """Lines with a name at most; the colours of all stand in the panel beside."""
 MOVES = 1.05
 """Factor of the total error over the settings of a knob from which on it has a name."""
+MOVES_UP = 50
+"""Of a label over others, by 2 points each."""
 TIMES = (1, 3, 10, 30, 60, 180, 600, 1800, 3600, 3 * 3600, 10 * 3600, 30 * 3600, 100 * 3600, 300 * 3600, 1000 * 3600)
 REACHED, NOT_REACHED = "#1d7a3a", "0.4"
 
@@ -136,7 +138,9 @@ def _move_apart(labels: list[Annotation]) -> None:
     """Move labels that overlap others up, the lowest first."""
     free: list[Bbox] = []
     for label in sorted(labels, key=lambda one: one.xy[1]):
-        while any(label.get_window_extent().overlaps(other) for other in free):
+        for _ in range(MOVES_UP):
+            if not any(label.get_window_extent().overlaps(other) for other in free):
+                break
             x, y = label.xyann
             label.xyann = x, y + 2.0
         free.append(label.get_window_extent())

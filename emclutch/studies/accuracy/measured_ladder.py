@@ -203,7 +203,7 @@ def _torque_rung(
 
 def _predicted_cost(planned: PlannedRung, found: Measured) -> float:
     """Return the cost of a setting over that of the scene's own, rounded: equal ones do not differ by round-off."""
-    return float(f"{planned.seconds / found.base.seconds:.4g}")
+    return float(f"{planned.seconds / found.base.seconds:.9g}")
 
 
 def _unmeasured(planned: PlannedRung, found: Measured) -> Rung:
