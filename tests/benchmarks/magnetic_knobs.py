@@ -16,6 +16,7 @@ import sys
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
+from magnetised_step import quiet, side_by_side
 
 import emclutch
 from coupling.staggered import held_forces, refresh_field
@@ -30,22 +31,6 @@ from particles import DEM, Grains
 WIDTHS = (2.5, 3.0, 3.5)  # diameters
 ROWS = (2.0, 3.0, 4.0, 6.0, 8.0, 12.0)  # of elements, over the width
 REFRESH = (10, 20, 40, 50, 80, 160)  # steps
-
-
-def at_peak(case: Case) -> Case:
-    """The case without the rest of its course: a run's grains stand in the field of its largest current."""
-    return case.with_values({"output.snapshots": 0, "output.pictures": False})
-
-
-def side_by_side(frame: dict[str, np.ndarray], sector: float, count: int) -> dict[str, np.ndarray]:
-    """The grains of so many neighbouring sectors: each the first one's, turned."""
-    turned = {name: [np.asarray(values)] for name, values in frame.items()}
-    for k in range(1, count):
-        c, s = np.cos(k * sector), np.sin(k * sector)
-        turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-        for rows in turned.values():
-            rows.append(rows[0] @ turn.T if rows[0].ndim == 2 else rows[0])
-    return {name: np.concatenate(rows) for name, rows in turned.items()}
 
 
 def change(found: FrozenState, reference: FrozenState) -> tuple[float, float, float]:
@@ -92,7 +77,7 @@ def force_of_next_step(dem: DEM) -> np.ndarray:
 def main() -> None:
     folder, count = sys.argv[1], int(sys.argv[2]) if len(sys.argv) > 2 else 10
     sectors = int(sys.argv[3]) if len(sys.argv) > 3 else 1
-    case = at_peak(emclutch.load_case(f"{folder}/case.toml"))
+    case = quiet(emclutch.load_case(f"{folder}/case.toml"), {})
     alone = case.scene.particles.sector
     if sectors > 1:
         case = case.with_values({"particles.sector": sectors * alone})

@@ -2,10 +2,12 @@
 
     python tests/benchmarks/magnetised_step.py [--copies 8] [--windows 2] [--run FOLDER]
 
-The grains are those of cases/powder_clutch.toml after a millisecond of shear: a sector of 1.5 degrees is run for so
-long once and kept, and so many turned copies of it stand side by side in a wider one, 8 for 21 000 grains; or they are
-those of the last snapshot of a finished run (`--run`). Some updates come first, in which moments, field and lists are
-found, then whole windows are measured: field, moments, lists and contacts, as a run has them in its steady part.
+The clutch is that of cases/powder_clutch.toml with the grains of this comparison (`GRAINS`), whatever those of the
+case are, after a millisecond of shear: a sector of 1.5 degrees is run for so long once and kept, and so many turned
+copies of it stand side by side in a wider one, 8 for 21 000 grains; or the grains are those of the last snapshot of a
+finished run (`--run`). Where so many do not divide the ring, it is the next smaller number that does. Some updates come
+first, in which moments, field and lists are found, then whole windows are measured: field, moments, lists and contacts,
+as a run has them in its steady part.
 
 The bare step is that of the same grains, walls and contacts without magnetism: the pull of the last update, held, keeps
 the contacts that they have; without it the powder would fly apart. Processor time, one thread.
@@ -16,8 +18,11 @@ from __future__ import annotations
 import argparse
 import os
 import time
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
+from unittest.mock import patch
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
@@ -34,7 +39,8 @@ from emclutch.simulation.plan import make_plan
 from particles import DEM, Grains
 
 CLUTCH = Path(__file__).resolve().parents[2] / "cases" / "powder_clutch.toml"
-KEPT = Path(__file__).resolve().parents[2] / "runs" / "bench" / "sheared_powder.npz"
+KEPT = Path(__file__).resolve().parents[2] / "runs" / "bench"  # sheared powder, a file for each case
+GRAINS = {"particles.diameter": "0.2 mm", "particles.sector": "1.5 deg"}
 SHEARED = 1e-3  # s
 COPIES = 8
 STARTING = 3  # updates before what is measured
@@ -82,22 +88,20 @@ class StepCost:
         )
 
 
-def quiet(case: Case, sector: float | None = None) -> Case:
-    """The case without pictures and snapshots, in a sector [rad]."""
-    values = {"output.snapshots": 0, "output.pictures": False}
-    return case.with_values(values | ({} if sector is None else {"particles.sector": sector}))
+def quiet(case: Case, values: dict[str, Any]) -> Case:
+    """The case with other values, without pictures and snapshots."""
+    return case.with_values({"output.snapshots": 0, "output.pictures": False} | values)
 
 
-def sheared_powder() -> dict[str, np.ndarray]:
-    """Arrays of the grains of one sector after `SHEARED`."""
-    if not KEPT.exists():
-        case = quiet(load_case(CLUTCH))
-        device, plan = make_plan(case)
-        simulation = assemble(device, plan)
-        run_staggered(simulation, SHEARED)
-        KEPT.parent.mkdir(parents=True, exist_ok=True)
-        np.savez(KEPT, **{name: getattr(simulation.motion.grains, name) for name in ARRAYS})
-    with np.load(KEPT) as file:
+def sheared_powder(case: Case, time: float) -> dict[str, np.ndarray]:
+    """Arrays of the grains of one sector after a time [s] of shear, kept for the next sitting."""
+    kept = KEPT / f"sheared_powder_{zlib.crc32(f'{case.toml()}{time}'.encode()):08x}.npz"
+    if not kept.exists():
+        simulation = assemble(*make_plan(case))
+        run_staggered(simulation, time)
+        KEPT.mkdir(parents=True, exist_ok=True)
+        np.savez(kept, **{name: getattr(simulation.motion.grains, name) for name in ARRAYS})
+    with np.load(kept) as file:
         return {name: file[name] for name in ARRAYS}
 
 
@@ -119,12 +123,19 @@ def side_by_side(arrays: dict[str, np.ndarray], sector: float, copies: int) -> d
     return {name: np.concatenate(rows) for name, rows in turned.items()}
 
 
-def sheared_simulation(copies: int = COPIES, folder: Path | None = None) -> Simulation:
-    """The clutch with grains that have been sheared."""
-    alone = quiet(load_case(CLUTCH if folder is None else folder / "case.toml"))
-    sector = alone.scene.particles.sector
-    case = quiet(alone, copies * sector)
-    arrays = side_by_side(sheared_powder() if folder is None else of_run(folder), sector, copies)
+def sheared_simulation(
+    copies: int = COPIES,
+    folder: Path | None = None,
+    values: dict[str, Any] | None = None,
+    time: float = SHEARED,
+) -> Simulation:
+    """The clutch with grains that have been sheared, with other values than the case's or for another time [s]."""
+    alone = quiet(load_case(CLUTCH), GRAINS | (values or {})) if folder is None else load_case(folder / "case.toml")
+    particles = alone.scene.particles
+    assert particles.sector is not None
+    copies = whole_copies(particles.n_sectors, copies)
+    case = quiet(alone, {"particles.sector": 2.0 * np.pi / (particles.n_sectors // copies)})
+    arrays = side_by_side(sheared_powder(alone, time) if folder is None else of_run(folder), particles.sector, copies)
     grains = Grains.create(
         arrays["position"], arrays["radius"], case.scene.particles.density,
         velocity=arrays["velocity"], angular_velocity=arrays["angular_velocity"],
@@ -133,20 +144,25 @@ def sheared_simulation(copies: int = COPIES, folder: Path | None = None) -> Simu
     return simulation_of(*make_plan(case), grains)
 
 
+def whole_copies(sectors: int, most: int) -> int:
+    """At most so many neighbouring sectors that the ring is two or more of them as one."""
+    return max((k for k in range(1, most + 1) if sectors % k == 0 and sectors >= 2 * k), default=1)
+
+
 def step_cost(simulation: Simulation, windows: int = 2) -> StepCost:
     """Of so many windows in the middle of a run."""
     dem, updates = simulation.motion, simulation.updates
     assert isinstance(dem, DEM)
-    coupling.window_budget.perf_counter = time.process_time
-    simulation.updates = STARTING
-    run_staggered(simulation, FAR_END, [lambda simulation, row: True])
-    simulation.updates = updates
     rows: list[WindowRow] = []
     bare: list[float] = []
-    for _ in range(windows):
-        run_staggered(simulation, FAR_END, [lambda simulation, row: rows.append(row) or True])
-        seconds, bare_contacts = bare_step(dem)
-        bare.append(seconds)
+    with patch.object(coupling.window_budget, "perf_counter", time.process_time):
+        simulation.updates = STARTING
+        run_staggered(simulation, FAR_END, [lambda simulation, row: True])
+        simulation.updates = updates
+        for _ in range(windows):
+            run_staggered(simulation, FAR_END, [lambda simulation, row: rows.append(row) or True])
+            seconds, bare_contacts = bare_step(dem)
+            bare.append(seconds)
     steps = sum(row.steps for row in rows)
     parts = {name: 1e6 * sum(getattr(row.seconds, name) for row in rows) / steps for name in PARTS}
     n = dem.grains.count
