@@ -22,7 +22,9 @@ help:
 	@echo "make dist     wheel and source distribution"
 	@echo "make clean    remove what was set up, and runs"
 run: setup ; @$(BIN)/emclutch run $(CASE)
-test: setup ; $(BIN)/python -m pytest -n 2 --dist loadfile --max-worker-restart 0 --durations=30
+test: setup
+	$(BIN)/python -m pytest -n 2 --dist loadfile --max-worker-restart 0 --durations=30
+	@$(BIN)/python tests/project/size_table.py
 laws: ; @$(PYTHON) tests/project/laws.py
 bench: setup ; $(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[bench]' && $(BIN)/python tests/benchmarks/bench.py
 stability: setup ; $(BIN)/python tests/hard/all_parts.py runs/stability
