@@ -83,11 +83,16 @@ def _random(table: pandas.DataFrame) -> Count:
     return int(table["scenes"].sum()), int(table["broken"].sum()), f"{ran} of them run to their end"
 
 
+def _taken_away(table: pandas.DataFrame) -> Count:
+    return len(table), int(table["broken"].sum()), f"{table['list'].nunique()} lists of modules"
+
+
 PARTS = (
     Part("hard scenes, long", "stability.py", "stability.csv", 400.0, _margins),
     Part("kills", "kills.py", "kills.csv", 200.0, _kills),
     Part("threads", "threads.py", "threads.csv", 350.0, _threads),
     Part("random scenes", "random_runs.py", "random.csv", 220.0, _random),
+    Part("taken away", "take_away.py", "take_away.csv", 125.0, _taken_away),
 )
 
 
