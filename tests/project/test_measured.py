@@ -11,41 +11,21 @@ from written_run import written_run
 
 from emclutch.device_model.grain_size import COEFFICIENT, EXPONENT
 
-PAGES = [(path.name, path.read_text(encoding="utf-8")) for path in pages()]
-
 
 def test_pages_say_what_was_measured():
-    rows = table()
-    said = [one for name, text in PAGES for one in statements(text, name)]
-    assert len(said) > 20
+    """Every number with a marker is that of its row, rounded; every row is used, and says where it is from."""
+    rows, texts = table(), {path.name: path.read_text(encoding="utf-8") for path in pages()}
+    said = [one for name, text in texts.items() for one in statements(text, name)]
     assert [text for one in said if (text := disagreement(one, rows[one.name]))] == []
-    assert {one.name for one in said} == set(rows)  # no row is idle
-    markers = sum(len(re.findall(r"(?:<!-- |\()measured:", text)) for _, text in PAGES)
-    assert markers == len(said)  # every marker follows a number
-
-
-def test_another_number_is_found():
-    rows = {"a.b": {"value": "17.80", "low": "17.61", "high": "17.99"}}
-    for text, wrong in (
-        ("17.8 +- 0.2<!-- measured: a.b -->", False),
-        ("17.9 +- 0.2<!-- measured: a.b -->", True),
-        ("17.8 +- 0.3 (measured: a.b)", True),
-        ("# has 18\n#         (measured: a.b)", False),
-        ("17.80 N m (measured: a.b)", False),
-        ("17.75<!-- measured: a.b -->", True),
-    ):
-        (said,) = statements(text, "page")
-        assert bool(disagreement(said, rows["a.b"])) == wrong, text
-
-
-def test_every_row_says_where_it_is_from():
-    for name, row in table().items():
-        assert tuple(row) == COLUMNS and all(row[key] for key in ("value", "quantity", "command", "date", "commit")), (
-            name
-        )
-        assert re.fullmatch(r"2\d{3}-\d\d-\d\d", row["date"]) and re.fullmatch(r"[0-9a-f]{7}", row["commit"]), name
-        if row["low"]:
-            assert float(row["low"]) <= float(row["value"]) <= float(row["high"]), name
+    assert {one.name for one in said} == set(rows)
+    assert sum(len(re.findall(r"(?:<!-- |\()measured:", text)) for text in texts.values()) == len(said) > 20
+    for name, row in rows.items():
+        assert all(row[key] for key in ("value", "quantity", "command", "date", "commit")), name
+        assert not row["low"] or float(row["low"]) <= float(row["value"]) <= float(row["high"]), name
+    row = {"value": "17.80", "low": "17.61", "high": "17.99"}
+    for text, right in (("17.8 +- 0.2", True), ("17.9 +- 0.2", False), ("17.8 +- 0.3", False), ("17.75", False)):
+        (one,) = statements(f"{text}<!-- measured: a.b -->", "page")
+        assert (disagreement(one, row) == "") == right, text
 
 
 def test_coefficient_of_the_grain_size_follows_from_the_torques_that_the_page_prints():
@@ -75,12 +55,10 @@ def test_coefficient_of_the_grain_size_follows_from_the_torques_that_the_page_pr
 
 
 def test_a_row_is_written_from_a_run(tmp_path):
-    folder = written_run(tmp_path / "run")
-    row = row_of_run(folder.path, "new.torque", "torque of a toy")
+    row = row_of_run(written_run(tmp_path / "run").path, "new.torque", "torque of a toy")
     assert 1.9 < float(row["low"]) < float(row["value"]) < float(row["high"]) < 2.1 and row["unit"] == "N m"
     copy = tmp_path / "measured.csv"
     copy.write_bytes(TABLE.read_bytes())
     write_row(row, copy)
     write_row({**row, "value": "2.5"}, copy)
-    assert len(table(copy)) == len(table()) + 1 and table(copy)["new.torque"]["value"] == "2.5"
-    assert {name: row for name, row in table(copy).items() if name != "new.torque"} == table()
+    assert table(copy) == table() | {"new.torque": {**row, "value": "2.5"}} and tuple(row) == COLUMNS
