@@ -12,52 +12,40 @@ from geometry import Clutch
 from geometry.time_profile import TimeProfile
 
 GOOD = load_case(Path(__file__).parents[1] / "scene" / "broken" / "good.toml")
+POWDER = GOOD.data["particles"] | {"density": 72.0, "mass": "0.1 g"}
+COIL = {"coil.voltage": None, "coil.resistance": None, "coil.turns": 1000}  # 10 mm by 10 mm, 0.6 of it copper
+CELL = {
+    "scene": {"title": "cell"},
+    "geometry": {"kind": "shear_cell", "inner_radius": 10e-3, "outer_radius": 11e-3, "height": 2e-3},
+    "field": {"source": "uniform", "field_strength": -12.0 / (4e-7 * pi), "direction": "radial"},
+    "particles": {"diameter": "0.1 mm", "solid_fraction": 0.3},
+    "effects": {"dipoles": {}, "saturation": {}},
+    "time": {"end": "1 ms"},
+}
 
 
 @pytest.mark.parametrize(
-    ("key", "value", "reported", "asks"),
+    ("values", "reported", "asks"),
     [
-        ("contact.friction", 4.0, "4 is outside the usual range of 0.05 to 1", "decimal point"),
-        ("contact.wall_friction", 0.01, "0.01 is outside", "decimal point"),
-        ("contact.restitution", 0.999, "0.999 is outside", "never comes to rest"),
-        (
-            "particles",
-            {**GOOD.data["particles"], "density": 72.0, "mass": "0.1 g"},
-            "72 kg/m^3 is outside the usual range of 2000 to 9000 kg/m^3",
-            "g/cm^3",
-        ),
-        ("effects.rolling_friction", {"coefficient": 2.0}, "coefficient = 2 is outside", "effective radii"),
-        ("motion.rotor.speed", 1e5, "4600 m/s is outside", "rad/s"),
+        ({"contact.friction": 4.0}, "4 is outside the usual range of 0.05 to 1", "decimal point"),
+        ({"contact.wall_friction": 0.01}, "0.01 is outside", "decimal point"),
+        ({"contact.restitution": 0.999}, "0.999 is outside", "never comes to rest"),
+        ({"particles": POWDER}, "72 kg/m^3 is outside the usual range of 2000 to 9000 kg/m^3", "g/cm^3"),
+        ({"effects.rolling_friction": {"coefficient": 2.0}}, "coefficient = 2 is outside", "effective radii"),
+        ({"motion.rotor.speed": 1e5}, "4600 m/s is outside", "rad/s"),
+        ({**COIL, "coil.current": "3 A"}, "current density in the copper = 50 A/mm^2", ""),
     ],
 )
-def test_what_is_unusual_is_reported(key, value, reported, asks):
-    (warning,) = GOOD.with_values({key: value}).warnings
+def test_what_is_unusual_is_reported(values, reported, asks):
+    (warning,) = GOOD.with_values(values).warnings
     assert reported in warning and asks in warning
 
 
-def test_no_friction_at_all_is_asked_for():
-    assert GOOD.with_values({"contact.friction": 0.0}).warnings == ()
-
-
-def test_the_current_density_is_that_of_the_copper():
-    """A coil of 10 mm by 10 mm, 0.6 of it copper: 1000 turns of 3 A are 50 A/mm^2."""
-    coil = {"coil.voltage": None, "coil.resistance": None, "coil.turns": 1000}
-    (warning,) = GOOD.with_values({**coil, "coil.current": "3 A"}).warnings
-    assert "current density in the copper = 50 A/mm^2" in warning
-    assert GOOD.with_values({**coil, "coil.current": "1 A"}).warnings == ()
-
-
-def test_twelve_tesla_are_no_field_of_iron():
-    cell = {
-        "scene": {"title": "cell"},
-        "geometry": {"kind": "shear_cell", "inner_radius": 10e-3, "outer_radius": 11e-3, "height": 2e-3},
-        "field": {"source": "uniform", "field_strength": -12.0 / (4e-7 * pi), "direction": "radial"},
-        "particles": {"diameter": "0.1 mm", "solid_fraction": 0.3},
-        "effects": {"dipoles": {}, "saturation": {}},
-        "time": {"end": "1 ms"},
-    }
-    (warning,) = case_from(cell, {}).warnings
+def test_a_uniform_field_of_twelve_tesla_is_reported_and_what_is_usual_is_not():
+    (warning,) = case_from(CELL, {}).warnings
     assert "12 T is outside the usual range of 0 to 2.5 T" in warning
+    for values in ({"contact.friction": 0.0}, {**COIL, "coil.current": "1 A"}):  # without friction is asked for
+        assert GOOD.with_values(values).warnings == ()
 
 
 class Wound(Excitation):
@@ -73,12 +61,10 @@ class Wound(Excitation):
 def test_a_warm_coil_gives_off_what_it_takes():
     """P = R I^2 = alpha S Delta T, on the mantle and the ends of the housing."""
     shape = Clutch()
-    scene = GOOD.scene
-    winding = scene.coil.winding_in(shape.coil_area, shape.coil_mean_radius)
+    winding = GOOD.scene.coil.winding_in(shape.coil_area, shape.coil_mean_radius)
     surface = 2.0 * pi * shape.outer_radius * shape.housing_length + 2.0 * pi * shape.outer_radius**2
-    assert scene.geometry.cooled_surface(shape) == pytest.approx(surface, rel=1e-12)
+    assert GOOD.scene.geometry.cooled_surface(shape) == pytest.approx(surface, rel=1e-12)
     rise = 25.5 * 2.0**2 / (COOLING * surface)
-    words = coil_heat_in_words(scene, Wound(winding, TimeProfile.constant(-2.0)), shape)
-    assert f"102 W: in the end {float(f'{rise:.2g}'):g} K" in words and "short duty" in words
-    assert "short duty" not in coil_heat_in_words(scene, Wound(winding, TimeProfile.constant(0.5)), shape)
-    assert "0 A" in coil_heat_in_words(scene, Wound(winding, TimeProfile.constant(0.0)), shape)
+    words = [coil_heat_in_words(GOOD.scene, Wound(winding, TimeProfile.constant(I)), shape) for I in (-2.0, 0.5)]
+    assert f"102 W: in the end {float(f'{rise:.2g}'):g} K" in words[0]
+    assert ["short duty" in one for one in words] == [True, False]

@@ -1,4 +1,4 @@
-"""What an accuracy study says: scenes that load and have the settings of the ladder, tables, one sentence."""
+"""What an accuracy study leaves: scenes that have the settings of the ladder, and tables with every setting."""
 
 import math
 import tomllib
@@ -14,9 +14,6 @@ from emclutch.scene.case import load_case
 from emclutch.simulation.plan import make_plan
 from emclutch.simulation.recommended_case import case_for
 from emclutch.studies.accuracy.answers import present, scene_text
-from emclutch.studies.accuracy.tables import error_in_words, per_cent, rows_of
-
-OWN_SECTOR = 11.4
 
 
 @pytest.fixture(scope="module")
@@ -30,25 +27,23 @@ def own(case):
     return {one.name: one.own(case.scene, plan) for one in knobs_of(case.scene)}
 
 
-def knobs(own, noise=0.01):
-    sector = KnobLadder(
-        "sector", "particles.sector", Basis.TORQUE, own["sector"], 2.0, 0.0,
-        tuple(
-            Rung(f * own["sector"], 1.0 / (f * own["sector"]), 2.0 * (1.0 + 0.03 / f**2), noise / f**0.5, 2, 3.0 * f, f)
-            for f in (1.0, 2.0)
-        ), 20.0,
-    )  # fmt: skip
-    refresh = KnobLadder(
-        "update_interval", "effects.dipoles.update_every", Basis.TORQUE, own["update_interval"], 1.0, 0.0,
-        tuple(Rung(f * own["update_interval"], f * own["update_interval"], 2.0 * (1.0 + 0.002 * f), noise, 2, 3.0 / f,
-                   (1.0 + 1.0 / f) / 2.0) for f in (4.0, 2.0, 1.0)), 20.0,
-    )  # fmt: skip
-    moments = KnobLadder(
-        "moment_tolerance", "effects.dipoles.tolerance", Basis.MOMENTS, own["moment_tolerance"], 1.0, 0.0,
-        (*(Rung(h, h, 5.0 * (1.0 + 2.0 * h), 0.0, 1, 0.2, 1.0) for h in (1e-2, 3e-3, 1e-3)),
-         Rung(1e-4, 1e-4, None, 0.0, 0, 0.2, 1.2, "the sweeps do not converge")),
-    )  # fmt: skip
-    return sector, contact_step(0.004, 0.01, own["contact_step"]), refresh, moments
+def knob(own, name, key, order, rungs, basis=Basis.TORQUE):
+    freedom = 20.0 if basis is Basis.TORQUE else math.inf
+    return KnobLadder(name, key, basis, own[name], order, 0.0, tuple(Rung(*one) for one in rungs), freedom)
+
+
+def knobs(own):
+    wide, often = own["sector"], own["update_interval"]
+    sectors = [(f * wide, 1.0 / (f * wide), 2.0 + 0.06 / f**2, 0.01 / f**0.5, 2, 3.0 * f, f) for f in (1.0, 2.0)]
+    updates = [(f * often, f * often, 2.0 + 0.004 * f, 0.01, 2, 3.0 / f, 0.5 + 0.5 / f) for f in (4.0, 2.0, 1.0)]
+    moments = [(h, h, 5.0 + 10.0 * h, 0.0, 1, 0.2, 1.0) for h in (1e-2, 3e-3, 1e-3)]
+    moments.append((1e-4, 1e-4, None, 0.0, 0, 0.2, 1.2, "the sweeps do not converge"))
+    return (
+        knob(own, "sector", "particles.sector", 2.0, sectors),
+        contact_step(0.004, 0.01, own["contact_step"]),
+        knob(own, "update_interval", "effects.dipoles.update_every", 1.0, updates),
+        knob(own, "moment_tolerance", "effects.dipoles.tolerance", 1.0, moments, Basis.MOMENTS),
+    )
 
 
 @pytest.fixture
@@ -66,7 +61,7 @@ def whole(own, rest, **values):
 
 
 def test_scenes_have_the_settings_that_the_ladder_says(tmp_path, case, own, rest, without_picture):
-    lines = present(case, whole(own, rest), tmp_path, (0.05, 0.1))
+    present(case, whole(own, rest), tmp_path, (0.05, 0.1))
     for target in (0.05, 0.1):
         found = load_case(tmp_path / f"target_{100 * target:g}_percent.toml")
         choice = recommended(whole(own, rest), target)
@@ -80,27 +75,18 @@ def test_scenes_have_the_settings_that_the_ladder_says(tmp_path, case, own, rest
         assert found.scene.accuracy.replicas is None
         assert found.scene.accuracy.max_replicas >= 24
         assert str(found.scene.time.end) == "strain 18"
-    assert "5 %" in lines[-1]
-    assert "10 %" in lines[-1]
 
 
 def test_a_scene_says_where_it_comes_from_and_by_what_its_torque_is_to_be_divided(case, own, rest):
     of = whole(own, rest)
     choice = recommended(of, 0.05)
     text = scene_text(case_for(case, of, choice, 0.05)[1], of, choice, 0.05, "target_5_percent.toml")
-    head = [line for line in text.splitlines() if line.startswith("#")]
     assert tomllib.loads(text)["time"]["until"].startswith("torque ")
     for words in ("emclutch run target_5_percent.toml", "2026-01-01", "abc", f"{1.0 + choice.total.bias:.4g}"):
-        assert any(words in line for line in head), words
-
-
-def test_settings_that_are_the_scenes_own_remain_automatic(case, own, rest):
-    of = whole(own, rest)
-    choice = recommended(of, 0.05)
+        assert any(words in line for line in text.splitlines() if line.startswith("#")), words
     kept = Choice({one.knob: own[one.knob] for one in of.knobs}, choice.total, 4, 0.01, 1.0)
-    data = case_for(case, of, kept, 0.5)[1].data
-    assert data["effects"] == case.data["effects"]
-    assert data["particles"] == case.data["particles"]
+    data = case_for(case, of, kept, 0.5)[1].data  # settings that are the scene's own remain automatic
+    assert (data["effects"], data["particles"]) == (case.data["effects"], case.data["particles"])
 
 
 def test_a_combination_that_the_scene_refuses_is_passed_over(tmp_path, case, own, rest, without_picture):
@@ -117,38 +103,21 @@ def test_a_combination_that_the_scene_refuses_is_passed_over(tmp_path, case, own
 def test_what_is_not_reached_has_a_reason_and_no_scene(tmp_path, case, own, rest, without_picture):
     (tmp_path / "target_0.1_percent.toml").write_text("of an earlier study")
     lines = present(case, whole(own, rest), tmp_path, (0.001,))
-    assert any("measured: limited by" in line and "to lower first (±" in line for line in lines)
-    assert not list(tmp_path.glob("target*"))
+    assert any("limited by" in line for line in lines) and not list(tmp_path.glob("target*"))
     reason = {"grains_across": "not measured in this budget: about 9 min more"}
     lines = present(case, whole(own, rest, unknown=reason), tmp_path, (0.1,))
     assert any("limited by grains_across" in line and "9 min" in line for line in lines)
-    assert "of its settings that were measured" in lines[-1] and "unknown error of grains across" in lines[-1]
 
 
 def test_tables_have_every_setting(tmp_path, case, own, rest):
     of = whole(own, rest)
     present(case, of, tmp_path, (0.05,))
     table = pandas.read_csv(tmp_path / "accuracy.csv")
-    assert len(table) == sum(len(one.rungs) for one in of.knobs) == len(rows_of(of))
-    assert table["own"].sum() == len(of.knobs)
+    assert len(table) == sum(len(one.rungs) for one in of.knobs) and table["own"].sum() == len(of.knobs)
     row = table[(table.knob == "sector") & table.own].iloc[0]
     assert row.bias == pytest.approx(of.knob("sector").own_error.bias)
     assert table.failure.dropna().tolist() == ["the sweeps do not converge"]
     text, page = ((tmp_path / name).read_text() for name in ("accuracy.md", "accuracy.html"))
-    largest = recommended(of, 0.05).largest
-    assert f"**{largest} " in text
-    assert f"<b>{largest} " in page
-    assert "data:image/png" in page
-    assert "(accuracy.png)" in text
+    assert "(accuracy.png)" in text and "data:image/png" in page and (tmp_path / "accuracy.png").stat().st_size > 1000
     for name in ("sector", "update_interval", "friction"):
-        assert name in text
-        assert name in page
-
-
-def test_an_undecided_error_says_so(own, rest):
-    sector, step, *_ = knobs(own, noise=0.05)
-    assert error_in_words(sector.own_error).startswith("undecided: ")
-    assert error_in_words(None) == "not known"
-    assert not error_in_words(contact_step(0.2, 0.0).own_error).startswith("undecided")
-    assert per_cent(0.09612) == "9.6 %"
-    assert step is not None
+        assert name in text and name in page
