@@ -7,21 +7,19 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from made_up_ladder import contact_step, ladder
-from matplotlib.collections import PolyCollection
 from matplotlib.tri import Triangulation
 from PIL import Image
 
-from emclutch.results import pictures, steady_mean
-from emclutch.results.linear_range import linear_range
-from emclutch.results.pictures import accuracy
+from emclutch.results import OutputError, pictures, steady_mean
+from emclutch.results.pictures.accuracy import accuracy_picture
 from emclutch.results.pictures.axial import axial_picture
-from emclutch.results.pictures.torque_curves import _draw_range, _torque_axes
-from emclutch.results.recommended import own_choice, recommended
+from emclutch.results.pictures.speeds import speed_picture, torque_speed_picture
+from emclutch.results.pictures.torque_curves import _torque_axes
+from emclutch.results.recommended import recommended
 from emclutch.results.torque_curves import torque_curves
 from field.section.section_elements import SectionElements
 from field.section.smooth_field import SmoothField
 from geometry.centrifugal import CentrifugalClutch
-from geometry.triangle_wall import TriangleWall
 
 NO_FORMULA = "$\\nonsense{ for 3 $"
 
@@ -88,14 +86,6 @@ def test_torque_against_current_and_speed(to):
     pictures.torque_against_speed_picture(to / "b.png", two[:1])
 
 
-def test_a_linear_range_is_drawn_up_to_its_knee():
-    x = np.linspace(0.0, 2.0, 11)
-    of = curve(x, np.minimum(x, 1.25), np.full(11, 0.01), np.full(11, True))
-    _, (axis,) = _torque_axes([of], None, joined=True)
-    _draw_range(axis, of, linear_range(of.x, of.torque, of.error))
-    assert axis.get_lines()[-1].get_xydata() == pytest.approx(np.array([[0.0, 0.0], [1.25, 1.25]]), abs=0.02)
-
-
 def test_an_unknown_error_is_no_bar():
     """A bar of length 0 would claim to be exact."""
     of = curve([0.0, 1.0, 2.0], [0.1, 3.0, 5.0], [None, 0.1, 0.2], [False, True, False])
@@ -103,28 +93,20 @@ def test_an_unknown_error_is_no_bar():
     assert [list(bars.lines[0].get_xdata()) for bars in axis.containers] == [[1.0], [2.0]]
 
 
-def test_a_turned_body_is_drawn_where_a_wall_turned_by_hand_is(to, monkeypatch):
-    drawn, original = [], PolyCollection.__init__
-
-    def remember(self, polygons, *arguments, **options):
-        drawn.append(np.array(polygons))
-        original(self, polygons, *arguments, **options)
-
-    monkeypatch.setattr(PolyCollection, "__init__", remember)
-    vane = next(one for one in CentrifugalClutch().walls() if isinstance(one, TriangleWall) and one.body == "rotor")
-    nothing, angle = (np.zeros((0, 3)), np.zeros(0), np.zeros(0)), math.radians(17.0)
-    axial_picture(to / "a.png", *nothing, walls=[vane], angles={"rotor": angle, "disc": 1.0})
-    axial_picture(to / "b.png", *nothing, walls=[vane.turned(angle)])
-    assert drawn[0] == pytest.approx(drawn[1], abs=1e-9)
-
-
-def test_cost_against_error_has_the_scene_where_its_settings_are(to, monkeypatch):
-    drawn, save = [], accuracy.save_picture
-    monkeypatch.setattr(accuracy, "save_picture", lambda figure, path: drawn.append(figure) or save(figure, path))
+def test_cost_against_error(to):
+    """With targets that are reached and not, and a setting that was not measured."""
     step = contact_step(0.05, 0.01)
     rungs = tuple(dataclasses.replace(rung, cost=cost) for rung, cost in zip(step.rungs, (0.5, 1.0, 2.0), strict=True))
     of = ladder("abc", dataclasses.replace(step, rungs=rungs), scatter=0.02, unknown={"sector": "about 3 min more"})
-    accuracy.accuracy_picture(to / "a.png", of, [(0.05, recommended(of, 0.05)), (0.001, recommended(of, 0.001))])
-    own = own_choice(of, accuracy.PACKINGS)
-    star = next(line for line in drawn[0].axes[0].lines if line.get_gid() == "this scene")
-    assert star.get_xydata()[0] == pytest.approx([own.seconds, 100.0 * own.half_width])
+    targets = [(target, recommended(of, target)) for target in (0.05, 0.001)]
+    accuracy_picture(to / "a.png", of, targets)
+
+
+@pytest.mark.parametrize("count", [1, 50])
+def test_speeds(to, count):
+    time = np.linspace(0.0, 5.0, count)
+    run = {"time": time, "rotor_speed": 20.0 * time, "disc_speed": 0.0 * time, "torque_disc": time**2}
+    speed_picture(to / "a.png", {"200": run, "1000": run}, measured={"tacho": np.ones((count - 1, 2))})
+    torque_speed_picture(to / "b.png", {"run": run})
+    with pytest.raises(OutputError, match="no disc_speed"):
+        speed_picture(to / "c.png", {"box": {"time": [0.0], "rotor_speed": [0.0]}})

@@ -8,34 +8,9 @@ import pytest
 from emclutch.results import OutputError
 from emclutch.results.measured_table import read_measured
 from emclutch.results.pictures.figure import draw_measured, new_figure
-from emclutch.results.pictures.speeds import (
-    explained_share,
-    power_law,
-    quadratic_factor,
-    speed_picture,
-    speeds_vary,
-    torque_speed_picture,
-)
+from emclutch.results.pictures.speeds import explained_share, power_law, quadratic_factor, speeds_vary
 
-PNG = b"\x89PNG\r\n\x1a\n"
 AXES = "time [s]", "speed [rpm]"
-
-
-@pytest.mark.parametrize("count", [1, 50])
-def test_speeds_are_drawn_in_rpm_over_measured_ones(tmp_path, monkeypatch, count):
-    from matplotlib.axes import Axes
-
-    drawn, plot = [], Axes.plot
-    monkeypatch.setattr(Axes, "plot", lambda self, *given, **more: drawn.append(given[1]) or plot(self, *given, **more))
-    time = np.linspace(0.0, 5.0, count)
-    motor = 100.0 * np.clip((time - 2.0) / 2.0, 0.0, 1.0)
-    run = {"time": time, "rotor_speed": motor, "disc_speed": np.zeros(count), "torque_disc": 0.05 * motor**2}
-    paths = [speed_picture(tmp_path / "a.png", {"200": run, "1000": run}, measured={"tacho": np.ones((count - 1, 2))}),
-             torque_speed_picture(tmp_path / "b.png", {"run": run})]  # fmt: skip
-    assert [path.read_bytes()[:8] for path in paths] == [PNG, PNG]
-    assert max(np.max(one, initial=0.0) for one in drawn) >= motor.max() * 30.0 / math.pi
-    with pytest.raises(OutputError, match="no disc_speed"):
-        speed_picture(tmp_path / "x.png", {"box": {"time": [0.0], "rotor_speed": [0.0]}})
 
 
 def test_speeds_are_drawn_where_a_shaft_changes_its_speed():

@@ -1,5 +1,6 @@
 """What an accuracy study leaves: scenes that have the settings of the ladder, and tables with every setting."""
 
+import dataclasses
 import math
 import tomllib
 
@@ -27,23 +28,12 @@ def own(case):
     return {one.name: one.own(case.scene, plan) for one in knobs_of(case.scene)}
 
 
-def knob(own, name, key, order, rungs, basis=Basis.TORQUE):
-    freedom = 20.0 if basis is Basis.TORQUE else math.inf
-    return KnobLadder(name, key, basis, own[name], order, 0.0, tuple(Rung(*one) for one in rungs), freedom)
-
-
 def knobs(own):
-    wide, often = own["sector"], own["update_interval"]
-    sectors = [(f * wide, 1.0 / (f * wide), 2.0 + 0.06 / f**2, 0.01 / f**0.5, 2, 3.0 * f, f) for f in (1.0, 2.0)]
-    updates = [(f * often, f * often, 2.0 + 0.004 * f, 0.01, 2, 3.0 / f, 0.5 + 0.5 / f) for f in (4.0, 2.0, 1.0)]
-    moments = [(h, h, 5.0 + 10.0 * h, 0.0, 1, 0.2, 1.0) for h in (1e-2, 3e-3, 1e-3)]
-    moments.append((1e-4, 1e-4, None, 0.0, 0, 0.2, 1.2, "the sweeps do not converge"))
-    return (
-        knob(own, "sector", "particles.sector", 2.0, sectors),
-        contact_step(0.004, 0.01, own["contact_step"]),
-        knob(own, "update_interval", "effects.dipoles.update_every", 1.0, updates),
-        knob(own, "moment_tolerance", "effects.dipoles.tolerance", 1.0, moments, Basis.MOMENTS),
-    )
+    wide, step = own["sector"], contact_step(0.004, 0.01, own["contact_step"])
+    rungs = [Rung(f * wide, 1.0 / (f * wide), 2.0 + 0.06 / f**2, 0.01 / f**0.5, 2, 3.0 * f, f) for f in (1.0, 2.0)]
+    failed = Rung(80.0, 1.0 / 80.0, None, 0.0, 0, 0.1, 1.2, "does not converge")
+    sector = KnobLadder("sector", "particles.sector", Basis.TORQUE, wide, 2.0, 0.0, tuple(rungs), 20.0)
+    return sector, dataclasses.replace(step, rungs=(*step.rungs, failed))
 
 
 @pytest.fixture
@@ -67,8 +57,8 @@ def test_scenes_have_the_settings_that_the_ladder_says(tmp_path, case, own, rest
         choice = recommended(whole(own, rest), target)
         plan = make_plan(found)[1]
         for knob in knobs_of(found.scene):
-            if knob.name in choice.settings:
-                assert knob.own(found.scene, plan) == pytest.approx(choice.settings[knob.name], rel=0.01), knob.name
+            if knob.name in choice.settings:  # some are whole numbers
+                assert knob.own(found.scene, plan) == pytest.approx(choice.settings[knob.name], rel=0.02), knob.name
         statistical = found.scene.time.until.relative
         assert math.hypot(statistical, choice.total.half_width) == pytest.approx(target, rel=0.01)
         assert statistical >= choice.statistical
@@ -116,7 +106,7 @@ def test_tables_have_every_setting(tmp_path, case, own, rest):
     assert len(table) == sum(len(one.rungs) for one in of.knobs) and table["own"].sum() == len(of.knobs)
     row = table[(table.knob == "sector") & table.own].iloc[0]
     assert row.bias == pytest.approx(of.knob("sector").own_error.bias)
-    assert table.failure.dropna().tolist() == ["the sweeps do not converge"]
+    assert table.failure.dropna().tolist() == ["does not converge"]
     text, page = ((tmp_path / name).read_text() for name in ("accuracy.md", "accuracy.html"))
     assert "(accuracy.png)" in text and "data:image/png" in page and (tmp_path / "accuracy.png").stat().st_size > 1000
     for name in ("sector", "update_interval", "friction"):
