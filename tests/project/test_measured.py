@@ -4,10 +4,9 @@ import re
 
 import numpy as np
 import pytest
-from measured import COLUMNS, TABLE, disagreement, pages, row_of_run, statements, table, write_row
+from measured import TABLE, disagreement, pages, statements, table
 from scipy.optimize import least_squares
 from scipy.stats import t as t_distribution
-from written_run import written_run
 
 from emclutch.device_model.grain_size import COEFFICIENT, EXPONENT
 
@@ -52,13 +51,3 @@ def test_coefficient_of_the_grain_size_follows_from_the_torques_that_the_page_pr
     error = np.sqrt(np.linalg.inv(found.jac.T @ found.jac)[0, 0] * max(1.0, 2.0 * found.cost / freedom))
     half_width = t_distribution.ppf(0.975, freedom) * error
     assert COEFFICIENT == pytest.approx((found.x[0], found.x[0] - half_width, found.x[0] + half_width), abs=0.05)
-
-
-def test_a_row_is_written_from_a_run(tmp_path):
-    row = row_of_run(written_run(tmp_path / "run").path, "new.torque", "torque of a toy")
-    assert 1.9 < float(row["low"]) < float(row["value"]) < float(row["high"]) < 2.1 and row["unit"] == "N m"
-    copy = tmp_path / "measured.csv"
-    copy.write_bytes(TABLE.read_bytes())
-    write_row(row, copy)
-    write_row({**row, "value": "2.5"}, copy)
-    assert table(copy) == table() | {"new.torque": {**row, "value": "2.5"}} and tuple(row) == COLUMNS
