@@ -87,12 +87,17 @@ def _taken_away(table: pandas.DataFrame) -> Count:
     return len(table), int(table["broken"].sum()), f"{table['list'].nunique()} lists of modules"
 
 
+def _long(table: pandas.DataFrame) -> Count:
+    return len(table), int(table["failed"].sum()), f"{table['test'].str.partition('::')[0].nunique()} files"
+
+
 PARTS = (
     Part("hard scenes, long", "stability.py", "stability.csv", 400.0, _margins),
     Part("kills", "kills.py", "kills.csv", 200.0, _kills),
     Part("threads", "threads.py", "threads.csv", 350.0, _threads),
     Part("random scenes", "random_runs.py", "random.csv", 220.0, _random),
     Part("taken away", "take_away.py", "take_away.csv", 125.0, _taken_away),
+    Part("tests left out of the gate", "long_tests.py", "long_tests.csv", 200.0, _long),
 )
 
 

@@ -20,9 +20,11 @@ TABLES = {
     "threads.csv": {"compared": ["2 passive, 4 active"], "parts": [100], "differ": [0]},
     "random.csv": {"outcome": ["ran", "refused"], "scenes": [30, 20], "broken": [0, 0]},
     "take_away.csv": {"name": ["gravity", "coil"], "list": ["effects", "sources"], "broken": [0, 0]},
+    "long_tests.csv": {"test": ["a.py::one", "b.py::two"], "failed": [0, 0]},
 }  # fmt: skip
 WRONG = {"stability.csv": ("margin", float("nan")), "kills.csv": ("differ", 1), "threads.csv": ("differ", 2),
-         "random.csv": ("broken", 1), "take_away.csv": ("broken", 1)}  # fmt: skip
+         "random.csv": ("broken", 1), "take_away.csv": ("broken", 1),
+         "long_tests.csv": ("failed", 1)}  # fmt: skip
 
 
 def test_a_machine_twice_as_slow_is_announced_twice_the_time():
@@ -38,7 +40,8 @@ def test_no_failure_of_a_table_is_hidden(part, tmp_path):
     table = pandas.DataFrame(TABLES[part.table])
     table.to_csv(tmp_path / part.table, index=False)
     row = part.row(tmp_path, True)
-    checks = {"stability.csv": 2, "kills.csv": 7, "threads.csv": 2, "random.csv": 50, "take_away.csv": 2}
+    checks = {"stability.csv": 2, "kills.csv": 7, "threads.csv": 2, "random.csv": 50, "take_away.csv": 2,
+              "long_tests.csv": 2}  # fmt: skip
     assert row["failed"] == 0 and row["checks"] == checks[part.table]
     assert part.row(tmp_path, False)["failed"] == 1  # the script failed, and its table does not know
     column, value = WRONG[part.table]
