@@ -1,7 +1,7 @@
 """Magnetised spheres of one energy: its derivatives, balances and closed loops; forces and moments of finite elements.
 
 Lengths in radii, fields in Ms, forces in mu_0 Ms^2 a^2. What is tested is a solver of open clusters and one of periodic
-cells, from `SOLVERS`; the numbers of finite elements are those of `sphere_truth`. Bounds hold to 300 kA/m for clusters
+cells, from `SOLVERS`: the compiled kernels, and in `make stability` the dense functional that other tests compare with; the numbers of finite elements are those of `sphere_truth`. Bounds hold to 300 kA/m for clusters
 and to 200 for packings, from where on the model is too strong.
 """
 
@@ -67,7 +67,7 @@ def by_kernels(centre, chi, H, box=None, radius=1.0) -> Found:
 SOLVERS = {"dense": by_dense_energy, "kernels": by_kernels}
 
 
-@pytest.fixture(params=SOLVERS)
+@pytest.fixture(params=[pytest.param("dense", marks=pytest.mark.stability), "kernels"])
 def solve(request) -> Solver:
     return SOLVERS[request.param]
 
@@ -98,6 +98,7 @@ def difference(function, step):
 CELL, SMALL_BOX = HEAP[:4], np.array([4.2, 4.4, 4.6])
 
 
+@pytest.mark.stability
 @pytest.mark.parametrize("periodic", [False, True])
 @pytest.mark.parametrize("odd", [False, True])
 def test_the_energy_is_stationary(periodic, odd):
@@ -139,6 +140,7 @@ def test_forces_are_differences_of_the_energy(periodic):
         assert -slope == pytest.approx(force[grain, axis], abs=1e-7 * np.abs(force).max())
 
 
+@pytest.mark.stability
 def test_the_stress_is_the_strain_derivative_of_the_energy():
     """At a constant macroscopic field, grains that move apart with the cell."""
 
@@ -247,6 +249,7 @@ def test_pairs_of_different_radii(solve, radius):
         assert found.M[:, 2] == pytest.approx((small, large), rel=0.01)
 
 
+@pytest.mark.stability
 def test_a_pair_across_the_field_repels_itself_too_strongly():
     """The price of the odd share, a fifth; with all orders the multipoles' repulsion is met, near saturation too."""
     _, h, repulsion, _, moment = truth.OBLIQUE[3]

@@ -220,7 +220,11 @@ def test_energy_never_grows_in_a_resting_drum():
 
 @pytest.mark.parametrize("fraction", [1e-2, 1.0, 1e4])
 def test_a_free_shaft_takes_the_angular_momentum(fraction):
-    """J from a hundredth to 1e4 times a grain's m R_drum^2; the floor turns with the drum: nothing else has any."""
+    """J from a hundredth to 1e4 times a grain's m R_drum^2; the floor turns with the drum: nothing else has any.
+
+    Impulses of a contact act on both partners alike, so only round-off is left: each visit of a contact writes the
+    velocity and spin of both, some ten products of the size of the largest parts of L each.
+    """
     inertia = fraction * STEEL * 4.0 / 3.0 * np.pi * R**3 * 0.03**2
     dvi = bed(FreeShaft(inertia=inertia), n=25, speed=10.0)
     drum = dvi.bodies[0]
@@ -231,8 +235,15 @@ def test_a_free_shaft_takes_the_angular_momentum(fraction):
     def energy():
         return dvi.grains.kinetic_energy() + 0.5 * inertia * drum.speed**2
 
+    def parts():
+        grains = dvi.grains
+        radius, speed = (np.linalg.norm(one[:, :2], axis=1) for one in (grains.position, grains.velocity))
+        orbit, spin = grains.mass * radius * speed, grains.inertia * np.abs(grains.angular_velocity[:, 2])
+        return float((orbit + spin).sum()) + inertia * abs(drum.speed)
+
     kept, missed, turned = 0, 0, 0.0
     for _ in range(100):
+        size = parts()
         before, had, speed = momentum(), energy(), drum.speed
         totals = dvi.run(1)
         missed += totals.missed_steps
@@ -243,7 +254,8 @@ def test_a_free_shaft_takes_the_angular_momentum(fraction):
         if totals.projections == 0:  # what removes overlap moves grains, and conserves no angular momentum
             kept += 1
             turned += inertia * abs(drum.speed - speed)
-            assert momentum() == pytest.approx(before, rel=1e-12, abs=1e-16)
+            round_off = 10.0 * np.finfo(float).eps * max(size, parts()) * (totals.visits + 1)
+            assert momentum() == pytest.approx(before, rel=0.0, abs=round_off)
     assert missed <= 2
     assert kept > 20
     assert turned > 0.0
