@@ -103,7 +103,7 @@ def test_quickstart_at_toy_size(tmp_path):
         assert row in page
 
 
-@pytest.mark.slow
+@pytest.mark.stability
 @pytest.mark.physics
 def test_the_torque_of_the_quickstart(tmp_path):
     """As it is shipped, but two packings: after their start-up within 12 % of what was measured.

@@ -1,8 +1,9 @@
 """Magnetised spheres of one energy: its derivatives, balances and closed loops; forces and moments of finite elements.
 
 Lengths in radii, fields in Ms, forces in mu_0 Ms^2 a^2. What is tested is a solver of open clusters and one of periodic
-cells, from `SOLVERS`: the compiled kernels, and in `make stability` the dense functional that other tests compare with; the numbers of finite elements are those of `sphere_truth`. Bounds hold to 300 kA/m for clusters
-and to 200 for packings, from where on the model is too strong.
+cells, from `SOLVERS`: the compiled kernels, and in `make stability` the dense functional that other tests compare with;
+the numbers of finite elements are those of `sphere_truth`. Bounds hold to 300 kA/m for clusters and to 200 for
+packings, from where on the model is too strong.
 """
 
 from pathlib import Path
