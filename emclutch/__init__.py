@@ -11,14 +11,14 @@ from emclutch.siblings import check_siblings
 
 check_siblings()
 
-from emclutch.lazily import lazy_attributes  # noqa: E402
-from emclutch.scene.case import Case, load_case  # noqa: E402 (the guard comes first)
-from emclutch.scene.errors import SceneError  # noqa: E402
+from emclutch.lazily import lazy_attributes  # noqa: E402 (the guard comes first)
 
 if TYPE_CHECKING:  # the same names for type checkers and editors, which do not see the table below
     from emclutch.results import OutputError, Result, load_result
     from emclutch.results.errors import RunError
     from emclutch.results.study_result import StudyResult, load_study
+    from emclutch.scene.case import Case, load_case
+    from emclutch.scene.errors import SceneError
     from emclutch.scene.study import read_study
     from emclutch.simulation.check import Checked, check
     from emclutch.simulation.plan import Plan, plan
@@ -75,7 +75,7 @@ __all__ = [
     "sweep",
 ]
 
-# what imports numba, gmsh or matplotlib is imported when it is first asked for: `import emclutch` stays quick
+# imported when it is first asked for: `import emclutch` and the help of every command stay quick
 __getattr__, __dir__ = lazy_attributes(
     __name__,
     {
@@ -110,6 +110,9 @@ __getattr__, __dir__ = lazy_attributes(
         "load_result": "emclutch.results:load_result",
         "StudyResult": "emclutch.results.study_result:StudyResult",
         "load_study": "emclutch.results.study_result:load_study",
+        "Case": "emclutch.scene.case:Case",
+        "load_case": "emclutch.scene.case:load_case",
+        "SceneError": "emclutch.scene.errors:SceneError",
         "read_study": "emclutch.scene.study:read_study",
     },
 )

@@ -8,7 +8,7 @@ from typing import NoReturn
 
 import typer
 
-from emclutch.results.errors import Interrupted
+from emclutch.results.errors import Interrupted, OutputError
 from emclutch.scene.errors import SceneError
 
 FAILED, BAD_INPUT, INCOMPLETE, STOPPED = 1, 2, 3, 130  # 130: 128 + SIGINT, as shells count it
@@ -18,8 +18,6 @@ _PACKAGES = ("emclutch", "geometry", "field", "particles", "coupling")
 @contextmanager
 def explained() -> Iterator[None]:
     """Turn what a user can mend into a message and an exit code; a defect keeps its traceback."""
-    from emclutch.results.errors import OutputError
-
     try:
         yield
     except SceneError as error:

@@ -11,12 +11,8 @@ from emclutch.cli import options as opt
 from emclutch.cli.errors import explained
 from emclutch.cli.input import load, read_line, read_list, refuse_beside
 from emclutch.cli.output import print_json
-from emclutch.scene.contact import FRICTION
 from emclutch.scene.errors import Fault, SceneError, bad_input_for
-from emclutch.scene.units import Quantity
-
-_CURRENT = Quantity("a current", "A", "0.5 A")
-_SLIP_SPEED = Quantity("an angular speed", "rad/s", "100 rpm", 0.0, 1e5, open_minimum=True, angular=True)
+from emclutch.scene.usual_ranges import USUAL_FRICTION
 
 
 def field(
@@ -31,10 +27,11 @@ def field(
     """Solve the field alone: gap field, inductance, energy, force, error, at one current or along a sweep."""
     with explained():
         read = load(case, sets, trust_scripts)
+        from emclutch.scene.units import Quantity
         from emclutch.studies import field as field_study
         from emclutch.studies.field_result import field as solve_field
 
-        currents = None if current is None else read_list(current, _CURRENT, "--current")
+        currents = None if current is None else read_list(current, Quantity("a current", "A", "0.5 A"), "--current")
         lines = [read_line(text) for text in line or ()]
         found = solve_field(read, currents, lines, out)
         if as_json:
@@ -59,7 +56,7 @@ def heat(
         from emclutch.cli import heat as command
         from emclutch.studies import heat as study
 
-        speeds = study.SPEEDS if speed is None else read_list(speed, _SLIP_SPEED, "--speed")
+        speeds = study.SPEEDS if speed is None else read_list(speed, command.SLIP_SPEED, "--speed")
         found = study.heat(read, run, speeds, out)
         if as_json:
             print_json(command.as_data(found))
@@ -119,7 +116,7 @@ def shear_cell(
     seeds: opt.Seeds = 2,
     grains: opt.GrainCount = 600,
     strain: opt.Strain = 2.5,
-    friction: opt.FrictionAsked = FRICTION,
+    friction: opt.FrictionAsked = USUAL_FRICTION,
     rolling_friction: opt.RollingFrictionAsked = 0.0,
     model: opt.DipoleModel = "near_field",
     out: opt.Out = None,

@@ -8,8 +8,10 @@ from rich.table import Table
 
 from emclutch.results.pictures.figure import RPM
 from emclutch.results.text import format_duration
+from emclutch.scene.units import Quantity
 from emclutch.studies.heat import HOTTEST, HeatResult
 
+SLIP_SPEED = Quantity("an angular speed", "rad/s", "100 rpm", 0.0, 1e5, open_minimum=True, angular=True)
 RIPPLE_NAMES = {"coil_hottest": "coil", "powder_hottest": "powder", "surface": "surface"}
 
 

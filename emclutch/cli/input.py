@@ -6,22 +6,20 @@ import tomllib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import typer
 
-from emclutch.scene.case import Case, load_case, read_toml, removes
 from emclutch.scene.errors import Fault, SceneError, shown
-from emclutch.scene.fault_report import key_fault
-from emclutch.scene.model import Scene
-from emclutch.scene.share import ShareEntry
-from emclutch.scene.units import Quantity, Time, quantity_of
 
 if TYPE_CHECKING:
+    from emclutch.scene.case import Case
     from emclutch.scene.design import Search
     from emclutch.scene.study import StudySection
+    from emclutch.scene.units import Quantity
 
 
 def load(path: Path, sets: list[str] | None = None, trust_scripts: bool = False) -> Case:
+    from emclutch.scene.case import load_case, read_toml
+
     values = assignments(sets)
     if any(value == {} for value in values.values()):
         # an effect that is switched on keeps the entries that it has, in the file or by other settings
@@ -40,6 +38,7 @@ def study_to_check(
     path: Path, sets: list[str] | None, jobs: int, details: bool, trust_scripts: bool
 ) -> StudySection | None:
     """The study in a file; None where it holds a scene."""
+    from emclutch.scene.case import read_toml
     from emclutch.scene.study import read_study
 
     if "study" not in read_toml(path):
@@ -60,6 +59,10 @@ def assignments(sets: list[str] | None) -> dict[str, Any]:
     A bare ``none`` is None, which removes the key. For ``effects.NAME`` a bare ``off`` is None too, ``on`` an empty
     table.
     """
+    from emclutch.scene.case import removes
+    from emclutch.scene.fault_report import key_fault
+    from emclutch.scene.model import Scene
+
     values: dict[str, Any] = {}
     for text in sets or ():
         key, equals, value = (part.strip() for part in text.partition("="))
@@ -85,6 +88,7 @@ def search(
     file: Path, vary: str | None, target: str | None, sets: list[str] | None = None, trust_scripts: bool = False
 ) -> Search:
     """Question of a design search, from a design file or from a scene with options."""
+    from emclutch.scene.case import read_toml
     from emclutch.scene.design import read_design, search_of
 
     if "design" in read_toml(file):
@@ -133,6 +137,8 @@ def read_list(text: str, quantity: Quantity, option: str) -> list[float]:
         message = f"is not a list or a range; write '{quantity.example}, ...' or first : last : how many"
         raise SceneError([Fault(option, shown(text), message)], "command line")
     first, last = _read_all(ends, quantity, option)
+    import numpy as np
+
     return np.linspace(first, last, int(count)).tolist()
 
 
@@ -140,6 +146,8 @@ def read_budget(text: str | None) -> float | None:
     """Return a wall-clock time [s] of ``20min``; SceneError for what is none."""
     if text is None:
         return None
+    from emclutch.scene.units import Time, quantity_of
+
     try:
         return quantity_of(Time).read(number_or_text(text))
     except ValueError as error:
@@ -148,6 +156,8 @@ def read_budget(text: str | None) -> float | None:
 
 def read_shares(text: str, option: str) -> list[float]:
     """Return the shares of ``10 %, 5 %, 3 %``; SceneError with every entry that is none."""
+    from emclutch.scene.share import ShareEntry
+
     found, faults = [], []
     for entry in text.split(","):
         try:
@@ -168,6 +178,8 @@ def read_line(text: str) -> tuple[float, ...]:
             "x1, y1, z1)"
         )
         raise SceneError([Fault("--line", shown(text), message)], "command line")
+    from emclutch.scene.units import Quantity
+
     return tuple(_read_all(parts, Quantity("a length", "m", "44 mm"), "--line"))
 
 

@@ -11,9 +11,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from emclutch.scene.case import Case
-
 if TYPE_CHECKING:
+    from emclutch.scene.case import Case
     from emclutch.scene.study import StudySection
     from emclutch.studies.design_search import DesignResult
 

@@ -15,6 +15,7 @@ from emclutch.contact_laws import KEYS, LAWS, LawKind
 from emclutch.contact_laws.law_kind import Expected, StiffnessEntry
 from emclutch.scene.section import Automatic, Choice, Section, Whole, refuse
 from emclutch.scene.units import LinearSpeed, Time, number
+from emclutch.scene.usual_ranges import USUAL_FRICTION
 
 if TYPE_CHECKING:
     from particles.laws.contact_law import ContactLaw
@@ -65,9 +66,6 @@ class DviSection(Section):
     )
 
 
-FRICTION = 0.3
-"""Coulomb coefficient where none is given, also of `emclutch shear-cell`: rough grains of metal."""
-
 _Friction = Annotated[float, number("0.3", 0.0, 10.0)]
 _Restitution = Annotated[float, number("0.5", 0.0, 1.0, above=True)]
 _COHESION = tuple(
@@ -88,7 +86,7 @@ class BaseContactSection(Section):
         default="linear", description="; ".join(f"{name}: {law.summary}" for name, law in LAWS.items())
     )
     dvi: DviSection = Field(default=DviSection(), description="solver of rigid contacts, read with method = 'dvi' only")
-    friction: _Friction = Field(default=FRICTION, description="between grains")
+    friction: _Friction = Field(default=USUAL_FRICTION, description="between grains")
     wall_friction: _Friction | None = Field(default=None, description="between grain and wall; default: friction")
     restitution: _Restitution = Field(default=0.5, description="speed after / before a head-on collision")
     wall_restitution: _Restitution | None = Field(default=None, description="at walls; default: restitution")
