@@ -22,12 +22,12 @@ from emclutch.results.recommended import STATISTICS, Obstacle, recommended
 from emclutch.results.statistics import Estimate
 from emclutch.results.text import format_duration, per_cent
 from emclutch.scene.case import Case
+from emclutch.scene.flat import flat_scene
 from emclutch.scene.input_files import file_contents
 from emclutch.simulation.forecast.machine_speed import slowness
 from emclutch.simulation.knob_settings import applying, as_measured, settings_of, total_at
 from emclutch.simulation.plan import Plan
 from emclutch.simulation.recommended_case import cheapest_case, whole_ring
-from emclutch.simulation.resume import flat_scene
 from emclutch.simulation.scaled_slip import strain_rate
 
 if TYPE_CHECKING:

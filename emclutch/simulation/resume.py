@@ -12,8 +12,8 @@ from emclutch.results.checkpoint import read_checkpoint
 from emclutch.results.columns import TIME
 from emclutch.results.history import rows_until
 from emclutch.results.run_end import seconds_of
-from emclutch.scene.case import Case, case_from
-from emclutch.scene.errors import SceneError
+from emclutch.scene.case import Case
+from emclutch.scene.flat import differing_keys, flat_scene
 from emclutch.scene.input_files import hashed_input_files
 from emclutch.scene.multiple import Multiple
 from emclutch.scene.timing import instant_in_words
@@ -132,21 +132,6 @@ def refuse_changed_files(case: Case, folder: RunFolder) -> None:
         )
 
 
-def flat_scene(text: str) -> dict[str, Any]:
-    """Return the resolved scene of a TOML text as dotted keys; entries that it lacks have their defaults."""
-    data = tomllib.loads(text)
-    try:
-        data = case_from(data).resolved()
-    except SceneError:  # of another version, or its files are gone: what can be compared is the text
-        pass
-    return _flat(data)
-
-
-def differing_keys(old: dict[str, Any], new: dict[str, Any]) -> list[str]:
-    """Return the keys of two flat scenes whose values differ, sorted."""
-    return [key for key in sorted({*old, *new}) if old.get(key) != new.get(key)]
-
-
 def may_change(key: str) -> bool:
     """True if a continued run may have another value of a dotted key."""
     return key not in MUST_STAY and key.startswith(MAY_CHANGE)
@@ -156,12 +141,3 @@ def _in_short(value: Any) -> str:
     """Return a value as text, shortened: the points of a curve are too many for a message."""
     text = str(value)
     return text if len(text) <= 60 else f"{text[:50]} ..."
-
-
-def _flat(table: dict, prefix: str = "") -> dict:
-    """Return nested tables as dotted keys; an empty table, as of an effect without keys, is an entry itself."""
-    flat: dict = {}
-    for key, value in table.items():
-        nested = isinstance(value, dict) and value
-        flat |= _flat(value, f"{prefix}{key}.") if nested else {prefix + key: value}
-    return flat

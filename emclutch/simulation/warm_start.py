@@ -21,15 +21,9 @@ import numpy as np
 from coupling import Simulation
 from emclutch.results import OutputError, RunFolder
 from emclutch.scene.case import Case
+from emclutch.scene.flat import differing_keys, flat_scene
 from emclutch.simulation.assembly import simulation_of
-from emclutch.simulation.resume import (
-    checkpoint_time,
-    differing_keys,
-    flat_scene,
-    may_change,
-    refuse_changed_files,
-    run_checkpoint,
-)
+from emclutch.simulation.resume import checkpoint_time, may_change, refuse_changed_files, run_checkpoint
 from particles import Grains
 
 log = logging.getLogger(__name__)

@@ -24,9 +24,9 @@ from emclutch.results.study_result import load_study
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.fault_report import key_fault, quantity_at
+from emclutch.scene.flat import differing_keys, flat_scene
 from emclutch.scene.model import Scene
 from emclutch.scene.study import read_study
-from emclutch.simulation.resume import differing_keys, flat_scene
 from emclutch.studies.sweep import sweep
 from emclutch.studies.torque_fit import MeasuredTorques, SimulatedTorques, TorqueFit, fit_torque, read_torques
 

@@ -23,9 +23,10 @@ from emclutch.results.folder_lock import has_files
 from emclutch.results.history import last_time
 from emclutch.results.run_end import seconds_of
 from emclutch.scene.case import Case
+from emclutch.scene.flat import differing_keys, flat_scene
 from emclutch.scene.study import StudySection
 from emclutch.scene.timing import instant_in_words
-from emclutch.simulation.resume import differing_keys, flat_scene, may_change, refuse_changed_files
+from emclutch.simulation.resume import may_change, refuse_changed_files
 from emclutch.studies.accuracy.target import cases_of
 from emclutch.studies.point_index import PointIndex, sha256_of
 

@@ -23,9 +23,9 @@ from emclutch.results.folder_lock import has_files, locked_folder
 from emclutch.results.run_folder import logging_to
 from emclutch.results.text import format_duration
 from emclutch.scene.case import Case
+from emclutch.scene.flat import differing_keys, flat_scene
 from emclutch.scene.input_files import file_contents
 from emclutch.scene.replica_count import cores_at_hand
-from emclutch.simulation.resume import differing_keys, flat_scene
 from emclutch.studies.accuracy.tasks import STOPPED, AccuracyTask, TaskResult, perform, result_in
 from emclutch.studies.task_queue import InThisProcess, TaskQueue, makespan, note, tell
 from emclutch.studies.tasks import STOP

@@ -16,9 +16,9 @@ from emclutch.results.ladders import DRIVE
 from emclutch.results.provenance import provenance
 from emclutch.results.text import format_duration
 from emclutch.scene.case import Case
+from emclutch.scene.flat import flat_scene
 from emclutch.simulation.discretisation_error import device_of
 from emclutch.simulation.forecast.machine_speed import slowness
-from emclutch.simulation.resume import flat_scene
 from emclutch.studies.accuracy.plan import BASE
 from emclutch.studies.accuracy.rungs import Base, PlannedRung
 from emclutch.studies.accuracy.tasks import TaskResult, strain_of

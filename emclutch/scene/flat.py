@@ -1,0 +1,33 @@
+"""A scene as dotted keys, by which two are compared."""
+
+from __future__ import annotations
+
+import tomllib
+from typing import Any
+
+from emclutch.scene.case import case_from
+from emclutch.scene.errors import SceneError
+
+
+def flat_scene(text: str) -> dict[str, Any]:
+    """Return the resolved scene of a TOML text as dotted keys; entries that it lacks have their defaults."""
+    data = tomllib.loads(text)
+    try:
+        data = case_from(data).resolved()
+    except SceneError:  # of another version, or its files are gone: what can be compared is the text
+        pass
+    return _flat(data)
+
+
+def differing_keys(old: dict[str, Any], new: dict[str, Any]) -> list[str]:
+    """Return the keys of two flat scenes whose values differ, sorted."""
+    return [key for key in sorted({*old, *new}) if old.get(key) != new.get(key)]
+
+
+def _flat(table: dict, prefix: str = "") -> dict:
+    """Return nested tables as dotted keys; an empty table, as of an effect without keys, is an entry itself."""
+    flat: dict = {}
+    for key, value in table.items():
+        nested = isinstance(value, dict) and value
+        flat |= _flat(value, f"{prefix}{key}.") if nested else {prefix + key: value}
+    return flat
