@@ -7,6 +7,7 @@ that `--help` and `schema` start at once.
 
 from __future__ import annotations
 
+import gc
 import sys
 
 try:
@@ -58,6 +59,7 @@ app = typer.Typer(
 
 def main() -> None:
     """Entry point of the console script."""
+    gc.set_threshold(50_000, 10, 10)  # what a start loads stays: looking for garbage in it took a tenth of a check
     app(prog_name="emclutch")
 
 
