@@ -1,25 +1,37 @@
-"""One thread a test worker, one cache of kernels for all of them, and a count of what was compiled.
+"""One thread a test worker, one cache of kernels for all of them, and counts of what was compiled.
 
-The machine code of a kernel is rebuilt for every combination of its arguments' types. That is what made the test run
-slow once, so the number of combinations is printed after it, and a run with more of them than `MAX_SPECIALISATIONS`
-fails: whoever needs one more raises the number, and says in the commit what for.
+The machine code of a kernel is built for every combination of its arguments' types, which takes most of the time of a
+first run. After the tests the number of combinations is printed, and what the two steps consist of; a run with more
+than `MAX_SPECIALISATIONS` or `MAX_COUNTS` allow fails. Whoever needs more raises the number and gives the reason in the
+commit.
 """
 
 import gc
 import os
+import sys
+from collections.abc import Iterable, Iterator
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy and numba are loaded; two workers share two cores
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # tests of threads: the other worker has the other core
 os.environ["EMCLUTCH_LADDERS"] = os.path.join(__file__, "none")  # a test that needs a ladder names a folder of its own
 
+import compile_counts
 import numba
 import pytest
 
 from geometry.kernels.cache import specialisations
 
+STEPS = ("particles.dem.step_kernel.run_steps", "particles.dvi.step_kernel.run_steps")
 # Specialisations that the whole run may use, of all kernels and of the two that take longest to compile
-MAX_SPECIALISATIONS = {"": 98, "particles.dem.step_kernel.run_steps": 21, "particles.dvi.step_kernel.run_steps": 5}
-found: set[str] = set()  # in the process that prints: those of all workers
+MAX_SPECIALISATIONS = {"": 98, STEPS[0]: 21, STEPS[1]: 5}
+# What a variant of these may consist of (`compile_counts`): a tenth above the largest of today
+MAX_COUNTS = {
+    STEPS[0]: {"functions": 0, "scalars": 0, "lines": 0},
+    STEPS[1]: {"functions": 0, "scalars": 0, "lines": 0},
+}
+compile_counts.install()
+found: set[str] = set()  # in the process that prints: specialisations of all workers
+largest: dict[str, dict[str, int]] = {}  # and the largest counts of a variant of each step
 
 
 gc.disable()  # while tests are collected: all modules stay, and going through them took a third of the time
@@ -43,37 +55,56 @@ def one_replica(monkeypatch):
     monkeypatch.setattr("emclutch.scene.replica_count.automatic_count", lambda scene: 1)
 
 
+def counts_here() -> dict[str, dict[str, int]]:
+    """The largest counts of the variants of each step that this process has compiled; nothing of those in the cache."""
+    return {
+        name: compile_counts.largest(sys.modules[module].run_steps)
+        for name in STEPS
+        if (module := name.rpartition(".")[0]) in sys.modules
+    }
+
+
+def merge(specialisations: Iterable[str], counts: dict[str, dict[str, int]]) -> None:
+    """Add what a process has compiled or read."""
+    found.update(specialisations)
+    for name, own in counts.items():
+        before = largest.setdefault(name, {})
+        before.update({key: max(number, before.get(key, 0)) for key, number in own.items()})
+
+
 def pytest_sessionfinish(session):
     """A worker sends what it has; the process that collects compares the whole with what is allowed."""
     if hasattr(session.config, "workeroutput"):
-        session.config.workeroutput["specialisations"] = sorted(specialisations())
+        session.config.workeroutput["compiled"] = [sorted(specialisations()), counts_here()]
         return
-    found.update(specialisations())
-    if too_many():
+    merge(specialisations(), counts_here())
+    if faults():
         session.exitstatus = pytest.ExitCode.TESTS_FAILED
 
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_testnodedown(node):
     """pytest-xdist: a worker has ended."""
-    found.update(getattr(node, "workeroutput", {}).get("specialisations", ()))
+    merge(*getattr(node, "workeroutput", {}).get("compiled", ((), {})))
 
 
-def counts() -> dict[str, int]:
-    """How many of each that `MAX_SPECIALISATIONS` bounds."""
-    return {name: sum(one.startswith(f"{name}(" if name else "") for one in found) for name in MAX_SPECIALISATIONS}
+def numbers() -> Iterator[tuple[str, int, int]]:
+    """(what, its number, the number allowed) of all that is bounded and known."""
+    for name, allowed in MAX_SPECIALISATIONS.items():
+        number = sum(one.startswith(f"{name}(" if name else "") for one in found)
+        yield f"variants of {name or 'all kernels'}", number, allowed
+    for name, bounds in MAX_COUNTS.items():
+        for key, number in largest.get(name, {}).items():
+            yield f"{key} of a variant of {name}", number, bounds[key]
 
 
-def too_many() -> list[str]:
-    return [name for name, number in counts().items() if number > MAX_SPECIALISATIONS[name]]
+def faults() -> list[str]:
+    return [what for what, number, allowed in numbers() if number > allowed]
 
 
 def pytest_terminal_summary(terminalreporter):
-    number = counts()
-    terminalreporter.write_sep("-", "compiled specialisations")
-    for name in MAX_SPECIALISATIONS:
-        terminalreporter.write_line(f"{name or 'all kernels'}: {number[name]} (at most {MAX_SPECIALISATIONS[name]})")
-    for name in too_many():
-        terminalreporter.write_line(
-            f"FAILED: more specialisations of {name or 'all kernels'} than tests/conftest.py allows", red=True
-        )
+    terminalreporter.write_sep("-", "what compilation consists of")
+    for what, number, allowed in numbers():
+        terminalreporter.write_line(f"{what}: {number} (at most {allowed})")
+    for what in faults():
+        terminalreporter.write_line(f"FAILED: more {what} than tests/conftest.py allows", red=True)

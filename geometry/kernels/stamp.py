@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import inspect
+import re
 import sys
 from collections.abc import Callable, Iterator
 from types import CodeType, FunctionType, ModuleType
@@ -35,6 +36,11 @@ def kernel_stamp(function: Callable) -> str:
     str
         Hexadecimal digest. It stays when comments, docstrings, line breaks and anything that the kernel does not use
         are changed, and differs when an instruction, a constant, a compiler option or one of these of a callee does.
+
+    Raises
+    ------
+    TypeError
+        If the kernel reads a value whose text holds a memory address: every process would compile the kernel again.
     """
     digest = hashlib.sha256()
     own = function.__globals__.get(function.__name__)  # its compiler options
@@ -46,7 +52,8 @@ def _add_function(function: Any, digest: Any, seen: set[int]) -> None:
     if id(function) in seen:
         return
     seen.add(id(function))
-    digest.update(f"def {function.__module__}.{function.__qualname__}{function.__defaults__!r}".encode())
+    digest.update(f"def {function.__module__}.{function.__qualname__}".encode())
+    digest.update(_constant_text(function.__defaults__).encode())
     _add_code(function.__code__, function.__doc__, digest)
     for name, value in _globals_read(function, _names(function.__code__)):
         _add_value(name, value, digest, seen)
@@ -105,6 +112,8 @@ def _add_value(name: str, value: Any, digest: Any, seen: set[int]) -> None:
     elif isinstance(value, bool | int | float | complex | str | tuple | frozenset | type(None)):
         digest.update(f"{name} = {_constant_text(value)}".encode())
     elif isinstance(value, np.generic | np.ndarray):  # an array that is read as a global is part of the code
+        if value.dtype.hasobject:
+            raise TypeError(f"the kernel reads {name}, an array of objects: its bytes are memory addresses")
         digest.update(f"{name}: {value.dtype} {value.shape}".encode() + value.tobytes())
     elif isinstance(value, type):
         digest.update(f"{name}: {value.__qualname__}{getattr(value, '_fields', ())!r}".encode())
@@ -127,9 +136,18 @@ def _overloads(function: Callable) -> list[Callable]:
 
 
 def _constant_text(value: Any) -> str:
-    """Text of a constant that does not depend on the order of a set."""
+    """Text of a constant that depends neither on the order of a set nor on the process.
+
+    Raises
+    ------
+    TypeError
+        If it holds a memory address.
+    """
     if isinstance(value, set | frozenset):
         return f"set {sorted(map(_constant_text, value))!r}"
     if isinstance(value, tuple):
         return f"({', '.join(map(_constant_text, value))})"
-    return f"{type(value).__name__} {value!r}"
+    text = f"{type(value).__name__} {value!r}"
+    if not isinstance(value, str) and re.search(r" at 0x[0-9a-fA-F]+", text):
+        raise TypeError(f"the stamp of a kernel would hold a memory address: {text}; give the value a name of its own")
+    return text

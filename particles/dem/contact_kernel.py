@@ -3,8 +3,8 @@
 Written without branches, for scalars and for SIMD vectors of eight contacts (`geometry.kernels.simd`): "float" below
 means either.
 
-The normal spring and the dashpots come from the scene's law, by the type of its table (`particles.laws.springs`). What
-all laws share stands here: the clip (an impact never pulls), cohesion, the tangential spring with its slider, rolling
+The normal spring and the dashpots come from the scene's law, a number in its table (`particles.laws.springs`). What all
+laws share stands here: the clip (an impact never pulls), cohesion, the tangential spring with its slider, rolling
 and twisting, and where the energy goes.
 
 **Tangential.** A spring xi and a dashpot in parallel, in series with a slider that yields at mu |F_rep|
@@ -166,11 +166,9 @@ def contact_force(law, kind, energy_column, m_eff, r_eff, dt, touch, history, sl
     ux, uy, uz = touch.velocity
     phi = touch.spin * dt
     closing = ux * nx + uy * ny + uz * nz
-    if remembers(law):
-        f_el, k_t, gamma_n, gamma_t, stored, memory = spring(law, kind, delta, m_eff, r_eff, history[slot, MEMORY])
+    f_el, k_t, gamma_n, gamma_t, stored, memory = spring(law, kind, delta, m_eff, r_eff, history[slot, MEMORY])
+    if remembers(law):  # column MEMORY belongs to the rolling angle under the linear law
         history[slot, MEMORY] = memory
-    else:
-        f_el, k_t, gamma_n, gamma_t, stored, _ = spring(law, kind, delta, m_eff, r_eff, 0.0)
     f_rep = maximum(f_el + gamma_n * closing, 0.0)  # an impact never pulls
     pull = 0.0
     coheres = law.rows[kind, COHESIVE] > 0.0

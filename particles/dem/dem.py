@@ -31,7 +31,7 @@ from particles.dem.listed_grains import ListedGrains
 from particles.dem.overlap_limits import STOPS
 from particles.dem.pair_search import pair_scratch
 from particles.dem.step_tables import StepTables
-from particles.dem.stored_energy import law_table, stored_at_rest
+from particles.dem.stored_energy import scene_law_table, stored_at_rest
 from particles.dem.time_step import choose_time_step
 from particles.dem.wall_contacts import wall_scratch
 from particles.grain_motion import Gravity, held_force
@@ -136,7 +136,7 @@ class DEM(ListedGrains):
             laws = PairLaws.of_one(contact, rolling=rolling, twisting=twisting, cohesion=cohesion)
         choose_time_step(laws, grains.mass, grains.radius, dt=dt)
         grain_species = species_of(laws, grains.count, species)
-        self._table = law_table(laws, grains, one_species=grain_species is None)
+        self._table = scene_law_table(laws, grains, one_species=grain_species is None)
         columns = contact_columns(laws.rows, self._table, energy_budget)
         super().__init__(
             grains, walls, bodies, columns, dt=dt, gravity=gravity, periodicity=periodicity, skin=skin,

@@ -9,13 +9,13 @@ chunk of rows follow one another while its grains are in the cache (`particles.d
 follows from the number of grains alone; sums over grains are kept by chunk and added in the order of the chunks. So
 nothing depends on the number of threads, bit for bit, nor on which of them does what (`particles.dem.chunk_scheduler`).
 
-The law is the one whose table is given: numba compiles for its type (`particles.laws.springs`). What would cost in the
-loop over pairs and is not in the scene (a sector's ``turn``, a sheared box's ``images`` and ``flow``, ``resistance``,
-``energy_column``, ``attraction``) is None where a function takes it as an argument: numba prunes its branches, the
-compiled code does not contain it. What is done once a grain or once a contact (gravity, held forces, triangles,
-species, cohesion, which of rolling and twisting) is a branch at run time, on an empty array or a number: every
-combination compiled would be thousands of variants of ten seconds and more. Rolling and twisting as such a branch too
-made steps slower, and stayed compiled out.
+The contact law is a number in its table, read once for eight contacts (`particles.laws.springs`). What would cost in
+the loop over pairs and is not in the scene (a sector's ``turn``, a sheared box's ``images`` and ``flow``,
+``resistance``, ``energy_column``, ``attraction``) is None where a function takes it as an argument: numba prunes its
+branches, the compiled code does not contain it. What is done once a grain or once a contact (gravity, held forces,
+triangles, species, cohesion, which of rolling and twisting) is a branch at run time, on an empty array or a number:
+every combination compiled would be thousands of variants of ten seconds and more. Rolling and twisting as such a branch
+too made steps slower, and stayed compiled out.
 
 Functions take tuples of arrays (`particles.dem.kernel_state`), and those that are called for every grain count no
 references to them (`geometry.kernels.device_functions`): counted, a step took twice as long.

@@ -9,16 +9,15 @@ import numpy as np
 from particles.dem.contact_kernel import LAST_STORED
 from particles.grains import Grains
 from particles.laws.columns import COHESION_0, COHESION_1, DAMPING_N, DAMPING_T
-from particles.laws.linear import EqualLinearTable
 from particles.laws.pair_table import PairLaws
-from particles.laws.springs import OF_TABLE, SPRINGS, remembers
+from particles.laws.springs import EqualLinearTable, law_table, remembers, spring
 from particles.neighbours.contact_list import ContactList
 
 
-def law_table(laws: PairLaws, grains: Grains, one_species: bool) -> Any:
+def scene_law_table(laws: PairLaws, grains: Grains, one_species: bool) -> Any:
     """The table of the law; with constant dashpots [kg/s] where grains of a linear law are of one size and mass."""
     rows = laws.rows
-    table = SPRINGS[laws.kernel].table(rows)
+    table = law_table(laws.kernel, rows)
     if laws.kernel != "linear" or not one_species:
         return table
     if np.ptp(grains.radius) > 0.0 or np.ptp(grains.mass) > 0.0:
@@ -26,14 +25,8 @@ def law_table(laws: PairLaws, grains: Grains, one_species: bool) -> Any:
     equal = rows.copy()
     for row in range(len(rows)):
         m_eff = float(grains.mass[0]) * (1.0 if row in laws.wall else 0.5)
-        equal[row, [DAMPING_N, DAMPING_T]] = _spring(table, row, 1e-6, m_eff, 1.0)[2:4]
+        equal[row, [DAMPING_N, DAMPING_T]] = spring(table, row, 1e-6, m_eff, 1.0, 0.0)[2:4]
     return EqualLinearTable(equal)
-
-
-def _spring(table: Any, row: int, delta: float, m_eff: float, r_eff: float) -> tuple:
-    """The law's spring without a memory, by Python: every process would compile it, for a fifth of a second."""
-    force = OF_TABLE[type(table)].force
-    return getattr(force, "py_func", force)(table, row, delta, m_eff, r_eff, 0.0)
 
 
 def stored_at_rest(
@@ -59,14 +52,14 @@ def stored_at_rest(
         m_eff = mass[i] * mass[j] / (mass[i] + mass[j])
         r_eff = radius[i] * radius[j] / (radius[i] + radius[j])
         row = int(laws.pair[kind[i], kind[j]])
-        stored = _spring(table, row, pairs[k], m_eff, r_eff)[4]
+        stored = spring(table, row, pairs[k], m_eff, r_eff, 0.0)[4]
         energy += stored - _pull(laws, row, r_eff) * pairs[k]
         if remembers(table):
             c.pair_memory.history[k, LAST_STORED], c.pair_memory.touching[k] = stored, 1
     for k in np.flatnonzero(walls > 0.0):
         i = int(np.searchsorted(c.wall_start, k, side="right") - 1)
         row = int(wall_row[kind[i], c.wall_other[k]])
-        stored = _spring(table, row, walls[k], mass[i], radius[i])[4]
+        stored = spring(table, row, walls[k], mass[i], radius[i], 0.0)[4]
         energy += stored - _pull(laws, row, radius[i]) * walls[k]
         if remembers(table):
             c.wall_memory.history[k, LAST_STORED], c.wall_memory.touching[k] = stored, 1

@@ -30,7 +30,7 @@ from particles.laws.contact_law import ContactLaw
 from particles.laws.elastic import rayleigh_time
 from particles.laws.hertz_mindlin import HertzMindlin
 from particles.laws.pair_table import PairLaws
-from particles.laws.springs import SPRINGS
+from particles.laws.springs import law_table, spring
 
 TRAVEL = 0.1  # largest fraction of a radius that a grain may move in one step
 MIN_STEPS = 5.0  # a contact, for a step that the user asks for
@@ -213,9 +213,7 @@ def _of_contact(law: ContactLaw, m_eff: float, r_eff: float, turning: float, mee
     delta = meeting.depth(law, m_eff, r_eff)
     stiffness = law.stiffness_at(delta, r_eff)
     duration = min(law.contact_time(m_eff, r_eff, meeting.speed), _half_period(m_eff, stiffness))
-    # the plain function behind the compiled one: nothing has to be compiled to choose a step
-    spring = SPRINGS[law.kernel]
-    _, k_t, gamma_n, _, _, _ = spring.force.py_func(spring.table(law.row()[None]), 0, delta, m_eff, r_eff, 0.0)
+    _, k_t, gamma_n, _, _, _ = spring(law_table(law.kernel, law.row()[None]), 0, delta, m_eff, r_eff, 0.0)
     at_depth = "" if law.kernel in ("linear", "walton_braun") else f" at an overlap of {delta * 1e6:.3g} um"
     limits = [
         StepLimit(

@@ -2,9 +2,9 @@
 
 ``kernel`` names the compiled spring (`particles.laws.springs`), which all contacts of a scene share:
 
-    spring(table, kind, delta, m_eff, r_eff, memory) -> (f_elastic, k_t, gamma_n, gamma_t, energy, memory)
+    spring(rows, kind, delta, m_eff, r_eff, memory) -> (f_elastic, k_t, gamma_n, gamma_t, energy, memory)
 
-with the law's table (a NamedTuple of its own type, whose ``rows`` (rows, N_LAW) are parameters) and its row ``kind``,
+with the law's parameters ``rows`` (rows, N_LAW) and the row ``kind`` of this pair of materials,
 the overlap delta [m] > 0, 1/m_eff = 1/m_i + 1/m_j (m_eff = m_i at a wall) [kg], r_eff = R_i R_j/(R_i + R_j) (R_i at a
 wall) [m]. f_elastic [N] >= 0 repels, k_t [N/m] is the tangential stiffness at this overlap, gamma_n and gamma_t [kg/s]
 are the dashpots (force = gamma times closing or sliding speed), energy [J] is what the normal spring gives back, and

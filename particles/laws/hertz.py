@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 import numpy as np
 
@@ -25,19 +25,13 @@ from particles.laws.hertz_impact import HertzianImpact
 from particles.laws.restitution import check_reference, damping_ratio, power_law_damping, power_law_restitution
 
 
-class HertzTable(NamedTuple):
-    """Table of `hertz_spring`: parameters by pair of materials (`particles.laws.columns`)."""
-
-    rows: np.ndarray
-
-
 @njit_without_refcounts(error_model="numpy", fastmath={"contract"})
-def hertz_spring(table, kind, delta, m_eff, r_eff, memory):
+def hertz_spring(rows, kind, delta, m_eff, r_eff, memory):
     """Spring and dashpots of `HertzContact` (signature: `particles.laws.contact_law`)."""
     root = sqrt(delta)
-    f = table.rows[kind, STIFFNESS_N] * root * delta
-    gamma_n, gamma_t = table.rows[kind, DAMPING_N], table.rows[kind, DAMPING_T]
-    return f, table.rows[kind, STIFFNESS_T] * root, gamma_n, gamma_t, 0.4 * f * delta, memory
+    f = rows[kind, STIFFNESS_N] * root * delta
+    gamma_n, gamma_t = rows[kind, DAMPING_N], rows[kind, DAMPING_T]
+    return f, rows[kind, STIFFNESS_T] * root, gamma_n, gamma_t, 0.4 * f * delta, memory
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 import numpy as np
 
@@ -28,20 +28,14 @@ from particles.laws.hertz_impact import HertzianImpact
 from particles.laws.restitution import damping_ratio, restitution_of
 
 
-class HertzMindlinTable(NamedTuple):
-    """Table of `hertz_mindlin_spring`: parameters by pair of materials (`particles.laws.columns`)."""
-
-    rows: np.ndarray
-
-
 @njit_without_refcounts(error_model="numpy", fastmath={"contract"})
-def hertz_mindlin_spring(table, kind, delta, m_eff, r_eff, memory):
+def hertz_mindlin_spring(rows, kind, delta, m_eff, r_eff, memory):
     """Spring and dashpots of `HertzMindlin` (signature: `particles.laws.contact_law`)."""
     a = sqrt(r_eff * delta)
-    f = 4.0 / 3.0 * table.rows[kind, YOUNG] * a * delta
+    f = 4.0 / 3.0 * rows[kind, YOUNG] * a * delta
     unit = sqrt(m_eff * a)
-    k_t = 8.0 * table.rows[kind, SHEAR] * a
-    return f, k_t, table.rows[kind, DAMPING_N] * unit, table.rows[kind, DAMPING_T] * unit, 0.4 * f * delta, memory
+    k_t = 8.0 * rows[kind, SHEAR] * a
+    return f, k_t, rows[kind, DAMPING_N] * unit, rows[kind, DAMPING_T] * unit, 0.4 * f * delta, memory
 
 
 @dataclass(frozen=True, slots=True)

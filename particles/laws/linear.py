@@ -27,7 +27,7 @@ equals the normal one for solid spheres) and gamma_t = gamma_n/2.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 import numpy as np
 
@@ -38,33 +38,20 @@ from particles.laws.contact_law import LinearImpact, check_parameters, law_row
 from particles.laws.restitution import damping_ratio, restitution_of
 
 
-class LinearTable(NamedTuple):
-    """Table of `linear_spring`: parameters by pair of materials (`particles.laws.columns`)."""
-
-    rows: np.ndarray
-
-
 @njit_without_refcounts(error_model="numpy", fastmath={"contract"})
-def linear_spring(table, kind, delta, m_eff, r_eff, memory):
+def linear_spring(rows, kind, delta, m_eff, r_eff, memory):
     """Spring and dashpots of `LinearContact` (signature: `particles.laws.contact_law`)."""
-    f = table.rows[kind, STIFFNESS_N] * delta
-    unit = 2.0 * sqrt(table.rows[kind, STIFFNESS_N] * m_eff)
-    gamma_n, gamma_t = table.rows[kind, DAMPING_N] * unit, table.rows[kind, DAMPING_T] * unit
-    return f, table.rows[kind, STIFFNESS_T], gamma_n, gamma_t, 0.5 * f * delta, memory
-
-
-class EqualLinearTable(NamedTuple):
-    """Table of `equal_linear_spring`: as `LinearTable`, but gamma_n and gamma_t [kg/s] in place of their shares."""
-
-    rows: np.ndarray
+    f = rows[kind, STIFFNESS_N] * delta
+    unit = 2.0 * sqrt(rows[kind, STIFFNESS_N] * m_eff)
+    gamma_n, gamma_t = rows[kind, DAMPING_N] * unit, rows[kind, DAMPING_T] * unit
+    return f, rows[kind, STIFFNESS_T], gamma_n, gamma_t, 0.5 * f * delta, memory
 
 
 @njit_without_refcounts(error_model="numpy", fastmath={"contract"})
-def equal_linear_spring(table, kind, delta, m_eff, r_eff, memory):
+def equal_linear_spring(rows, kind, delta, m_eff, r_eff, memory):
     """`linear_spring` between grains of one size and mass: its dashpots are constants."""
-    row = table.rows
-    f = row[kind, STIFFNESS_N] * delta
-    return f, row[kind, STIFFNESS_T], row[kind, DAMPING_N], row[kind, DAMPING_T], 0.5 * f * delta, memory
+    f = rows[kind, STIFFNESS_N] * delta
+    return f, rows[kind, STIFFNESS_T], rows[kind, DAMPING_N], rows[kind, DAMPING_T], 0.5 * f * delta, memory
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 import numpy as np
 
@@ -41,21 +41,15 @@ from particles.laws.restitution import (
 )
 
 
-class ThesisTable(NamedTuple):
-    """Table of `thesis_spring`: parameters by pair of materials (`particles.laws.columns`)."""
-
-    rows: np.ndarray
-
-
 @njit_without_refcounts(error_model="numpy", fastmath={"contract"})
-def thesis_spring(table, kind, delta, m_eff, r_eff, memory):
+def thesis_spring(rows, kind, delta, m_eff, r_eff, memory):
     """Spring and dashpots of `ThesisContact` (signature: `particles.laws.contact_law`)."""
-    bent = table.rows[kind, EXPONENT] > 0.0
-    f, share = select(bent, sqrt(delta / table.rows[kind, DIAMETER]), 1.0), select(bent, 0.4, 0.5)
-    force = f * table.rows[kind, STIFFNESS_N] * delta
+    bent = rows[kind, EXPONENT] > 0.0
+    f, share = select(bent, sqrt(delta / rows[kind, DIAMETER]), 1.0), select(bent, 0.4, 0.5)
+    force = f * rows[kind, STIFFNESS_N] * delta
     unit = f * m_eff
-    k_t = f * table.rows[kind, STIFFNESS_T]
-    gamma_n, gamma_t = table.rows[kind, DAMPING_N] * unit, table.rows[kind, DAMPING_T] * unit
+    k_t = f * rows[kind, STIFFNESS_T]
+    gamma_n, gamma_t = rows[kind, DAMPING_N] * unit, rows[kind, DAMPING_T] * unit
     return force, k_t, gamma_n, gamma_t, share * force * delta, memory
 
 

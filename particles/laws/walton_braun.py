@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 import numpy as np
 
@@ -29,20 +29,14 @@ from particles.laws.contact_law import LinearImpact, check_parameters, law_row
 from particles.laws.restitution import checked_restitution, damping_ratio
 
 
-class WaltonBraunTable(NamedTuple):
-    """Table of `walton_braun_spring`: parameters by pair of materials (`particles.laws.columns`)."""
-
-    rows: np.ndarray
-
-
 @njit_without_refcounts(error_model="numpy", fastmath={"contract"})
-def walton_braun_spring(table, kind, delta, m_eff, r_eff, memory):
+def walton_braun_spring(rows, kind, delta, m_eff, r_eff, memory):
     """Spring of `WaltonBraun` (signature: `particles.laws.contact_law`); ``memory`` is the peak overlap [m]."""
-    k_1, k_2 = table.rows[kind, STIFFNESS_N], table.rows[kind, UNLOADING]
+    k_1, k_2 = rows[kind, STIFFNESS_N], rows[kind, UNLOADING]
     peak = maximum(memory, delta)
     f = maximum(k_1 * peak - k_2 * (peak - delta), 0.0)
-    gamma_t = 2.0 * table.rows[kind, DAMPING_T] * sqrt(k_1 * m_eff)
-    return f, table.rows[kind, STIFFNESS_T], 0.0, gamma_t, 0.5 * f * f / k_2, peak
+    gamma_t = 2.0 * rows[kind, DAMPING_T] * sqrt(k_1 * m_eff)
+    return f, rows[kind, STIFFNESS_T], 0.0, gamma_t, 0.5 * f * f / k_2, peak
 
 
 @dataclass(frozen=True, slots=True)

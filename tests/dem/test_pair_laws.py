@@ -13,7 +13,7 @@ from particles.laws.hertz_mindlin import HertzMindlin
 from particles.laws.linear import LinearContact
 from particles.laws.pair_table import PairLaws
 from particles.laws.rolling_friction import RollingFriction
-from particles.laws.springs import SPRINGS, spring
+from particles.laws.springs import law_table, spring
 from particles.laws.twisting_friction import TwistingFriction
 from particles.laws.walton_braun import WaltonBraun
 
@@ -79,7 +79,7 @@ def test_cohesive_rest_is_where_the_spring_carries_the_pull(force):
     """A contact that nothing else presses rests where f_elastic = F_c."""
     law = HertzMindlin.from_restitution(Elastic(100e9, 0.35), 0.5, 0.3)
     rest = law.overlap_under(force, 1e-6, 0.0, 1e-4)
-    table = SPRINGS[law.kernel].table(law.row()[None])
+    table = law_table(law.kernel, law.row()[None])
     assert spring(table, 0, rest, 1e-6, 1e-4, 0.0)[0] == pytest.approx(force, rel=1e-12)
 
 

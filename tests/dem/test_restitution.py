@@ -12,7 +12,7 @@ from particles.laws.hertz_impact import impact_depth, stiffness_for_depth
 from particles.laws.hertz_mindlin import HertzMindlin
 from particles.laws.linear import LinearContact
 from particles.laws.restitution import MIN_RESTITUTION, damping_ratio, power_law_damping, restitution_of
-from particles.laws.springs import SPRINGS, spring
+from particles.laws.springs import law_table, spring
 from particles.laws.thesis import ThesisContact
 from particles.laws.walton_braun import WaltonBraun
 
@@ -26,7 +26,7 @@ def impact(law, m_eff=M, r_eff=R, speed=V, pressed_by=0.0, start=0.0):
     In units of the undamped duration and depth; the scaled overlap is s^2 and time runs with s, which takes the roots
     of Hertzian forces at touch out of the equation.
     """
-    table = SPRINGS[law.kernel].table(law.row()[None])
+    table = law_table(law.kernel, law.row()[None])
     X = law.overlap_under(0.0, m_eff, speed, r_eff)
     T = X / speed
     force_unit = m_eff * speed / T
@@ -112,7 +112,7 @@ def test_depth_of_a_loaded_contact(name, load):
     """From rest under a force, hit at V: the deepest point of the equation of motion."""
     law = MADE[name](1.0)
     rest = law.overlap_under(load, M, 0.0, R)
-    assert spring(SPRINGS[law.kernel].table(law.row()[None]), 0, rest, M, R, 0.0)[0] == pytest.approx(load, rel=1e-12)
+    assert spring(law_table(law.kernel, law.row()[None]), 0, rest, M, R, 0.0)[0] == pytest.approx(load, rel=1e-12)
     start = math.sqrt(rest / law.overlap_under(0.0, M, V, R))
     _, depth, _, _ = impact(law, pressed_by=load, start=start)
     assert depth == pytest.approx(law.overlap_under(load, M, V, R), rel=1e-9)

@@ -13,7 +13,7 @@ from particles.laws.elastic import Elastic, effective_modulus, effective_shear_m
 from particles.laws.hertz import HertzContact
 from particles.laws.hertz_mindlin import HertzMindlin
 from particles.laws.linear import LinearContact
-from particles.laws.springs import SPRINGS
+from particles.laws.springs import law_table
 from particles.laws.springs import spring as spring_of
 from particles.laws.thesis import ThesisContact
 from particles.laws.walton_braun import WaltonBraun
@@ -31,7 +31,7 @@ M, R = 2e-6, 0.25e-3  # reduced mass [kg] and effective radius [m]
 
 
 def spring(law, delta, m_eff=M, r_eff=R, memory=0.0):
-    return spring_of(SPRINGS[law.kernel].table(law.row()[None]), 0, delta, m_eff, r_eff, memory)
+    return spring_of(law_table(law.kernel, law.row()[None]), 0, delta, m_eff, r_eff, memory)
 
 
 def textbook(name, d):

@@ -1,21 +1,19 @@
 """Coulomb's law of sliding friction in one DEM contact: tangential spring, cap, history, and where the energy goes."""
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from geometry.kernels.device_functions import njit_without_refcounts
 from particles.dem.contact_kernel import Touch, contact_force, rotate_spring
-from particles.laws.columns import COHESION_0, COHESIVE, DAMPING_N, DAMPING_T, MU, N_LAW
+from particles.laws.columns import COHESION_0, COHESIVE, DAMPING_N, DAMPING_T
 from particles.laws.elastic import Elastic
 from particles.laws.hertz import HertzContact
 from particles.laws.hertz_mindlin import HertzMindlin
-from particles.laws.linear import EqualLinearTable, LinearContact
+from particles.laws.linear import LinearContact
 from particles.laws.restitution import damping_ratio, restitution_of
-from particles.laws.springs import OF_TABLE, SPRINGS, Spring, spring
+from particles.laws.springs import SPRINGS, EqualLinearTable, law_table, spring
 from particles.laws.thesis import ThesisContact
 from particles.laws.walton_braun import WaltonBraun
 
@@ -27,7 +25,7 @@ class Contact:
 
     def __init__(self, law, mass=1e-3, radius=1e-3, dt=1e-4, friction=None, pull=0.0):
         self.row = law.row()[None]
-        self.table = SPRINGS[law.kernel].table(self.row)
+        self.table = law_table(law.kernel, self.row)
         self.row[0, COHESION_0], self.row[0, COHESIVE] = pull, 1.0
         self.mass, self.radius, self.dt = mass, radius, dt
         self.history = np.zeros((1, ENERGY_COLUMN + 8))
@@ -198,32 +196,9 @@ def test_cohesion_pulls_as_long_as_the_overlap_lasts_and_stores_its_work():
     assert after == pytest.approx(before, rel=2e-4)  # the last step may pull up to F_c v dt too long
 
 
-class ConstantTable(NamedTuple):
-    """A law of a stranger: the force F_0, whatever the overlap; one type, one spring, one line."""
-
-    rows: np.ndarray
-
-
-@njit_without_refcounts(error_model="numpy")
-def constant_spring(table, kind, delta, m_eff, r_eff, memory):
-    f = table.rows[kind, 0]
-    return f, 0.0, 0.0, 0.0, f * delta, memory
-
-
-def test_a_new_law_is_a_table_a_spring_and_a_line(monkeypatch):
-    monkeypatch.setitem(OF_TABLE, ConstantTable, Spring(ConstantTable, constant_spring, varies=False))
-    rows = np.zeros((1, N_LAW))
-    rows[0, [0, MU]] = 2e-3, 0.3
-    touch = Touch(1e-6, (0.0, 0.0, 1.0), (0.0, 0.0, 0.5), None, 0.0)
-    found = contact_force(
-        ConstantTable(rows), 0, ENERGY_COLUMN, MASS, RADIUS, 1e-6, touch, np.zeros((1, ENERGY_COLUMN + 8)), 0
-    )
-    assert (found.x, found.y, found.z, found.stored) == pytest.approx((0.0, 0.0, -2e-3, 2e-9))
-
-
 def test_equal_grains_have_the_same_force_with_constant_dashpots():
     law = LinearContact.from_restitution(1e4, 0.6, 0.3)
-    table = SPRINGS["linear"].table(law.row()[None])
+    table = law_table("linear", law.row()[None])
     rows = table.rows.copy()
     rows[0, [DAMPING_N, DAMPING_T]] = spring(table, 0, 1e-6, MASS, RADIUS, 0.0)[2:4]
     touch = Touch(2e-6, (0.0, 0.6, 0.8), (0.2, -0.3, 0.4), None, 5.0)

@@ -77,7 +77,8 @@ def stamp(callee=CALLEE, kernel=KERNEL, shift=1.0):
     constants.SHIFT, constants.OTHER = shift, 5.0
     sys.modules["constants"] = constants
     try:
-        below = {"njit": njit, "overload": overload, "NamedTuple": NamedTuple, "__name__": "particles.callee"}
+        below = {"njit": njit, "overload": overload, "NamedTuple": NamedTuple, "np": np,
+                 "__name__": "particles.callee"}  # fmt: skip
         exec(callee, below)
         above = {"njit": njit, "__name__": "particles.kernel", "scaled": below["scaled"], "by_type": below["by_type"]}
         exec(kernel, above)
@@ -118,6 +119,16 @@ def test_the_stamp_stays(what, change):
 )
 def test_the_stamp_changes(what, change):
     assert stamp(**change) != stamp()
+
+
+@pytest.mark.parametrize(
+    "value", ["((fivefold,), 2.0)", "(len, object())", "np.array([fivefold])", "{'one': (object(),)}"]
+)
+def test_a_stamp_with_a_memory_address_raises(value):
+    """Each process would compile the kernel again: here a table of functions that the Python twin of a kernel reads."""
+    callee = CALLEE.replace("raise NotImplementedError", "return ADDRESSES[0][0](x)")
+    with pytest.raises(TypeError, match="memory address"):
+        stamp(callee=callee.replace("def by_type", f"ADDRESSES = {value}\n\ndef by_type"))
 
 
 def test_the_stamp_is_the_same_in_every_process():
