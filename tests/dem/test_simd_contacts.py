@@ -11,7 +11,7 @@ from geometry.kernels.simd_math import log, sqrt
 from particles import DEM, Body, Grains, LinearContact
 from particles.dem.contact_kernel import Touch, contact_force
 from particles.dem.pair_search import ROOM
-from particles.dem.stored_energy import law_table
+from particles.dem.stored_energy import scene_law_table
 from particles.laws.elastic import Elastic
 from particles.laws.hertz_mindlin import HertzMindlin
 from particles.laws.pair_table import PairLaws
@@ -61,7 +61,7 @@ def one_by_one(dem, law_of):
 @pytest.mark.parametrize("law, spread", [(LINEAR, 0.0), (LINEAR, 0.4), (HERTZIAN, 0.4)])
 def test_forces_of_lanes_are_those_of_single_contacts(law, spread):
     dem = far_away(crowd(400, spread), law)
-    table = law_table(dem.laws, dem.grains, one_species=True)
+    table = scene_law_table(dem.laws, dem.grains, one_species=True)
     lanes, single = one_by_one(dem, lambda i, j: (table, 0))
     assert len(lanes) > 3 * ROOM
     np.testing.assert_allclose(lanes, single, rtol=1e-9, atol=1e-12 * np.abs(single).max())
@@ -75,7 +75,7 @@ def test_each_lane_has_the_law_of_its_pair_of_materials():
     species = np.arange(400) % 2
     dem = far_away(grains, laws, species)
     of_now = dem._species
-    table = law_table(dem.laws, dem.grains, one_species=False)
+    table = scene_law_table(dem.laws, dem.grains, one_species=False)
     lanes, single = one_by_one(dem, lambda i, j: (table, int(laws.pair[of_now[i], of_now[j]])))
     np.testing.assert_allclose(lanes, single, rtol=1e-9, atol=1e-12 * np.abs(single).max())
 
