@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from coupling.mutual_moments import Magnetisation
 
 FIRST_DAMPING, MIN_DAMPING = 0.7, 0.1  # of an undamped step
+LAST_DAMPING = 0.02  # least one after Newton's method has failed too: near saturation the map may repel stronger steps
 WARM_DIPOLES, WARM_DROPS = 0.8, 1.0  # of the first step from an earlier solve: what is asked of drops is near Newton's
 PATIENCE = 20  # sweeps in which the residual has not fallen by a tenth: less damping, at last Newton's method
 NEWTON_ROUNDS, NEWTON_STEPS = 3, 20
@@ -102,8 +103,8 @@ class MomentSweeps:
         f.sweeps += 1
         return f.residual
 
-    def run(self, tolerance: float, max_sweeps: int, cold: bool) -> None:
-        """Sweep until the residual is at most the tolerance, `max_sweeps` times at most.
+    def run(self, tolerance: float, max_sweeps: int, cold: bool, min_damping: float = MIN_DAMPING) -> None:
+        """Sweep until the residual is at most the tolerance, `max_sweeps` times at most, or `min_damping` is no help.
 
         Where it is not reached the state is that of the smallest residual, evaluated once more.
         """
@@ -120,7 +121,7 @@ class MomentSweeps:
             if residual < 0.9 * best:
                 best, best_at = residual, sweep
             elif sweep - best_at > PATIENCE:
-                if damping <= MIN_DAMPING:
+                if damping <= min_damping:
                     break
                 damping, best, best_at = 0.6 * damping, residual, sweep
                 mixing = AndersonMixing(depth=0)  # in saturation the map bends within a step: plain sweeps
@@ -171,10 +172,13 @@ class MomentSweeps:
                 self.evaluate()
             except (NotFiniteGrains, ValueError, np.linalg.LinAlgError):
                 break
+            slow = self.found.residual > 0.1 * best[0]
             if self.found.residual < best[0]:
                 best = self.found.residual, self._state()
             if self.found.residual <= tolerance:
                 return
+            if slow:  # a minimum of the residual that is no solution: another round ends there too
+                break
         self._take(best[1])
         self.evaluate()
 
