@@ -31,7 +31,8 @@ def test_torque_balance_with_every_term_computed_on_its_own(tmp_path):
         left.append(history["torque_residual"].abs().mean())
         if n == 1:
             assert (terms.abs().mean() > 10.0 * left[-1]).all(), terms.abs().mean() / left[-1]
-    assert left[0] < 1e-9 * left[1]
+    # sums over some hundred grains and contacts, each term with its round-off
+    assert left[0] < 1000 * np.finfo(float).eps * terms.abs().mean().sum() < 1e-4 * left[1]
     assert left[2] / left[1] == pytest.approx(15 / 3, rel=0.4), left  # held for n - 1 steps beyond the first
 
 

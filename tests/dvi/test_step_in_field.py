@@ -5,6 +5,7 @@ A small periodic box across a field; `tests/benchmarks/dvi_step_in_field.py` has
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from coupling import run_staggered
 from emclutch.results.columns import columns_of
@@ -46,5 +47,6 @@ def test_a_quarter_of_the_step_has_the_same_stress():
     finer, finer_error, quarter = _stress({"contact.dvi.step": 0.25 * make_plan(case_from(SCENE))[1].dt})
     assert quarter == pytest.approx(0.25 * step, rel=1e-3)
     joint = np.hypot(error, finer_error)
-    assert joint < 0.1 * finer
-    assert stress == pytest.approx(finer, abs=2.5 * joint)
+    assert joint < 0.2 * finer  # 8 % expected; of two times six batches, so known to a quarter of itself
+    # the paths of grains differ with the last bit, hence by processor: Student's t of 10 degrees at 1 in 1000
+    assert stress == pytest.approx(finer, abs=stats.t.ppf(0.9995, 2 * (BATCHES - 1)) * joint)

@@ -138,7 +138,7 @@ def test_a_lumped_body_follows_its_time_constant(growth):
         errors.append(abs(state.temperature.mean() - exact))
         stored = problem.heat_content @ (state.temperature - start.temperature)
         assert state.made.sum() - state.left == pytest.approx(stored, rel=1e-7)
-    assert errors[1] < errors[0] < 0.2
+    assert errors[1] < errors[0] < 0.2  # half of the tolerance; round-off decides which steps are accepted
 
 
 def test_a_current_that_copper_cannot_carry_runs_away_and_says_so():

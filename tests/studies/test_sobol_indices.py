@@ -56,7 +56,7 @@ def test_bars_hold_what_they_say():
         sigma = 0.5 * np.sqrt(V)
         found = indices_of(names, clean + sigma * random.standard_normal(clean.size), np.full(clean.size, sigma))
         held += [abs(one["total"] - exact) < one["total_bar"] for one, exact in zip(found, TOTAL, strict=True)]
-    assert 0.85 < np.mean(held) <= 1.0
+    assert 0.85 < np.mean(held) <= 1.0  # 120 draws of 95 %: a standard deviation of 2 %, of which five
 
 
 def study_in(folder, seeds="[1, 2]"):
