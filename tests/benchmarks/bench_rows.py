@@ -11,8 +11,11 @@ import importlib.util
 import json
 import math
 import os
+import subprocess
+import sys
+import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -33,6 +36,12 @@ SAME_BED = {
 # Project Chrono 10, PSOR, 50 iterations, one core: ms a step of scene B in the box. LAMMPS did 3.5 million grain steps
 # a second of scene A with 1000 grains on that machine, one thread, which says how fast it was.
 CHRONO_MS, CHRONO_LAMMPS_NS = {200: 6.8, 500: 18.0, 1000: 37.0}, 286.0
+TWO_GRAINS = "Grains.create([[0.0, 0.0, 0.0], [0.0, 0.0, 1.9e-3]], 1e-3, 7850.0), [], []"
+COMPILED = {  # programs whose first step is compiled
+    "DEM": f"from particles import *; DEM({TWO_GRAINS}, LinearContact.from_restitution(1e3, 0.5, 0.3), dt=1e-6).run(1)",
+    "DVI": f"from particles import *; DVI({TWO_GRAINS}, DviContact(0.3), dt=1e-4, gravity=(0.0, 0.0, -9.81)).run(1)",
+}
+COMMANDS = (("--help",), ("check", str(QUICKSTART)))  # of emclutch, with compiled kernels
 FIELDS = ((2, 0.5), (3, 0.7))  # order of the elements, field.size_factor of the quickstart's section
 AMPERE_TURNS = 1500.0
 SAME_FIELD = 2e-4  # of the flux linkage: the two quadratures differ in saturated elements
@@ -64,6 +73,28 @@ class Row:
             f"{self.what:26} {self.n:7d} {self.threads:7d} {self.clock:9} {self.unit:22} {self.ours:8.3g}  "
             f"{self.peer:24} {theirs:>8} {faster:>7}  {self.remark}"
         )
+
+
+def start_rows(
+    rounds: int, compiled: Mapping[str, str] = COMPILED, commands: Sequence[tuple[str, ...]] = COMMANDS
+) -> Iterator[Row]:
+    """Processor time of the first step of DEM and DVI with an empty kernel cache, and of short commands."""
+    for name, code in compiled.items():
+        with tempfile.TemporaryDirectory() as cache:
+            seconds = _processor_seconds([sys.executable, "-c", code], NUMBA_CACHE_DIR=cache)
+        yield Row(f"compile {name}", 1, 1, "processor", "s", seconds, "none", remark="first step, imports included")
+    for words in commands:
+        command = [sys.executable, "-m", "emclutch.cli.main", *words]
+        seconds = min(_processor_seconds(command) for _ in range(rounds + 1))  # the first reads the files
+        yield Row(f"emclutch {words[0]}", 1, 1, "processor", "s", seconds, "none")
+
+
+def _processor_seconds(command: list[str], **environment: str) -> float:
+    """User and system time [s] of a process that ends without an error."""
+    begin = os.times()
+    subprocess.run(command, env=os.environ | environment, stdout=subprocess.DEVNULL, check=True)
+    end = os.times()
+    return end.children_user + end.children_system - begin.children_user - begin.children_system
 
 
 def dem_rows(rounds: int, sizes: tuple[int, ...] = (1000, 10_000)) -> Iterator[Row]:

@@ -298,6 +298,16 @@ def test_a_random_dense_cell(solve, h):
 # convergence
 
 
+@pytest.mark.stability
+@pytest.mark.parametrize("seed", range(12))
+def test_round_off_does_not_decide_whether_a_lattice_is_solved(seed):
+    """Near saturation the residual has a minimum that is no solution, where Newton's method may end."""
+    centre, box = truth.lattice("bcc", 0.01)
+    H = 0.3 * np.array([0.6, 0.0, 0.8]) * (1.0 + 1e-13 * np.random.default_rng(seed).normal(size=3))
+    found = by_kernels(centre, 5000.0, H, box)
+    assert found.M == pytest.approx(by_dense_energy(centre, 5000.0, H, box).M, abs=1e-6)
+
+
 @pytest.mark.parametrize("h", [0.01, 0.1, 0.3, 1.0, 3.0])
 @pytest.mark.parametrize("chi", [10.0, 999.0, 5000.0])
 def test_clusters_and_lattices_are_solved(solve, chi, h):

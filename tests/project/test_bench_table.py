@@ -17,6 +17,7 @@ from bench_rows import Row
 from particles import DEM
 
 TOY = {
+    "start_rows": {"compiled": {"a function": "import numba; numba.njit(lambda x: x)(1)"}, "commands": (("--help",),)},
     "dem_rows": {},
     "dvi_rows": {"sizes": (200,), "warm_up": 1, "steps": 1},
     "field_rows": {"fields": ((2, 3.0), (3, 3.0)), "solenoid_size": 4.0},
@@ -66,14 +67,16 @@ def toy(monkeypatch, tmp_path):
     return run
 
 
-@pytest.mark.parametrize(("kind", "rows"), [("dem", 2), ("dvi", 1), ("field", 3), ("moments", 2), ("step", 1)])
+@pytest.mark.parametrize(
+    ("kind", "rows"), [("start", 2), ("dem", 2), ("dvi", 1), ("field", 3), ("moments", 2), ("step", 1)]
+)
 def test_each_kind_of_row_runs_at_toy_size(toy, kind, rows):
     """It has a time of ours; a peer that is not installed is said to be absent, and its time is empty."""
     found = toy(kind)
     assert len(found) >= rows  # more threads and more ways of a peer that is here
     for row in found:
         assert row["ours"] > 0.0 and row["n"] > 0
-        assert (row["theirs"] is None) == row["peer"].endswith("(not here)")
+        assert (row["theirs"] is None) == row["peer"].endswith(("(not here)", "none"))
         assert row["theirs"] is None or row["theirs"] > 0.0
 
 

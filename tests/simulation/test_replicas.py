@@ -92,6 +92,7 @@ def test_all_replicas_end_at_the_same_window_once_the_torque_is_known(known):
     assert "target precision reached" in log
 
 
+@pytest.mark.stability
 def test_more_packings_are_run_where_the_torque_needs_them(tmp_path, monkeypatch):
     """From two to four, at the same length, and no more than the scene allows."""
     monkeypatch.setattr("emclutch.scene.replica_count.automatic_count", lambda *_: 2)
