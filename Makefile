@@ -13,9 +13,10 @@ unexport PYTHONDONTWRITEBYTECODE
 .PHONY: help run test laws bench stability setup lint sweep docs pictures dist clean
 help:
 	@echo "make run      set up, and simulate a first scene (CASE=other.toml)"
-	@echo "make test     set up, and run all tests"
+	@echo "make test     set up, and run the tests"
 	@echo "make sweep    torque against current"
 	@echo "make bench    measured against other programs"
+	@echo "make stability hard scenes, kills, threads, random scenes, tests left out of make test (an hour)"
 	@echo "make docs     documentation as HTML"
 	@echo "make pictures draw the pictures of docs/ that are older than what they show (PICTURES=all: every one)"
 	@echo "make lint     style and types"
