@@ -23,6 +23,7 @@ from particles.dvi.contact_torques import CX, CZ
 from particles.dvi.local_problem import in_disc
 
 pytestmark = pytest.mark.physics
+EPS = np.finfo(float).eps
 
 
 def ball(h, velocity=NONE, spin=NONE, rolling=None, twisting=None, slope=0.0, wall=None, **more):
@@ -200,9 +201,10 @@ def test_the_books_of_energy_close(theta, restitution):
     dvi = bed(speed=8.0, theta=theta, restitution=restitution)
     lost = {"rolling": 0.0, "twisting": 0.0}
     for _ in range(10):
-        energy = dvi.run(20).energy
+        totals = dvi.run(20)
+        energy, size = totals.energy, dvi.grains.kinetic_energy()
         given = energy.gravity_work + sum(energy.wall_work.values()) - sum(energy.dissipation.values())
-        assert energy.kinetic_change == pytest.approx(given, rel=1e-10, abs=1e-15)
+        assert energy.kinetic_change == pytest.approx(given, rel=1e-10, abs=EPS * size * totals.visits)
         lost = {name: lost[name] + energy.dissipation[name] for name in lost}
     assert min(lost.values()) > 0.0
 
@@ -248,13 +250,12 @@ def test_a_free_shaft_takes_the_angular_momentum(fraction):
         totals = dvi.run(1)
         missed += totals.missed_steps
         energy_budget = totals.energy
-        assert energy() - had == pytest.approx(
-            energy_budget.gravity_work - sum(energy_budget.dissipation.values()), rel=1e-9, abs=1e-12 * had
-        )
+        changed = energy_budget.gravity_work - sum(energy_budget.dissipation.values())
+        assert energy() - had == pytest.approx(changed, rel=1e-9, abs=10.0 * EPS * had * (totals.visits + 1))
         if totals.projections == 0:  # what removes overlap moves grains, and conserves no angular momentum
             kept += 1
             turned += inertia * abs(drum.speed - speed)
-            round_off = 10.0 * np.finfo(float).eps * max(size, parts()) * (totals.visits + 1)
+            round_off = 10.0 * EPS * max(size, parts()) * (totals.visits + 1)
             assert momentum() == pytest.approx(before, rel=0.0, abs=round_off)
     assert missed <= 2
     assert kept > 20

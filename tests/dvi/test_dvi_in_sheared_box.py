@@ -141,7 +141,7 @@ def test_a_dense_flow_is_linear_on_average():
         dvi.run(20)
         z = dvi.grains.position[:, 2]
         slopes.append(np.polyfit(z - z.mean(), (dvi.grains.velocity - dvi.box.flow(z))[:, 0], 1)[0])
-    assert np.mean(slopes) == pytest.approx(0.0, abs=0.12 * RATE)
+    assert np.mean(slopes) == pytest.approx(0.0, abs=0.3 * RATE)  # a layer that slips: RATE; 0.02 to 0.05 seen
 
 
 @pytest.mark.parametrize("moved", ["shifted", "whole boxes of strain", "whole boxes away"])
@@ -234,8 +234,9 @@ def test_a_dense_powder_has_the_friction_that_it_has_by_dem():
         dem = DEM(grains, [], [], law, dt=law.contact_time(0.5 * MASS, 0.0, 0.0) / 14.0, periodicity=box)
         found.append((_friction(dvi, 300, 5), _friction(dem, round(3.0 / (rate * dem.dt * 200)), 200)))
     by_dvi, by_dem = np.mean(found, axis=0)
-    assert by_dvi[0] == pytest.approx(by_dem[0], abs=0.05) and 0.33 < by_dem[0] < 0.43
-    assert by_dvi[1] == pytest.approx(1.0, abs=0.04)
+    # five standard deviations of the difference of two means of two packings, and of such a mean
+    assert by_dvi[0] == pytest.approx(by_dem[0], abs=5 * 0.015) and by_dem[0] == pytest.approx(0.385, abs=5 * 0.011)
+    assert by_dvi[1] == pytest.approx(1.0, abs=0.08)
 
 
 @pytest.mark.parametrize("way", [{}, {"stiffness": None}], ids=["springs", "rigid"])
