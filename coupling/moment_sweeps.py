@@ -28,8 +28,7 @@ from geometry.kernels.simd import LANES
 if TYPE_CHECKING:
     from coupling.mutual_moments import Magnetisation
 
-FIRST_DAMPING, MIN_DAMPING = 0.7, 0.1  # of an undamped step
-LAST_DAMPING = 0.02  # least one after Newton's method has failed too: near saturation the map may repel stronger steps
+FIRST_DAMPING, MIN_DAMPING = 0.7, 0.04  # of an undamped step; near saturation the map may repel those of 0.1
 WARM_DIPOLES, WARM_DROPS = 0.8, 1.0  # of the first step from an earlier solve: what is asked of drops is near Newton's
 PATIENCE = 20  # sweeps in which the residual has not fallen by a tenth: less damping, at last Newton's method
 NEWTON_ROUNDS, NEWTON_STEPS = 3, 20
@@ -103,8 +102,8 @@ class MomentSweeps:
         f.sweeps += 1
         return f.residual
 
-    def run(self, tolerance: float, max_sweeps: int, cold: bool, min_damping: float = MIN_DAMPING) -> None:
-        """Sweep until the residual is at most the tolerance, `max_sweeps` times at most, or `min_damping` is no help.
+    def run(self, tolerance: float, max_sweeps: int, cold: bool) -> None:
+        """Sweep until the residual is at most the tolerance, `max_sweeps` times at most.
 
         Where it is not reached the state is that of the smallest residual, evaluated once more.
         """
@@ -121,7 +120,7 @@ class MomentSweeps:
             if residual < 0.9 * best:
                 best, best_at = residual, sweep
             elif sweep - best_at > PATIENCE:
-                if damping <= min_damping:
+                if damping <= MIN_DAMPING:
                     break
                 damping, best, best_at = 0.6 * damping, residual, sweep
                 mixing = AndersonMixing(depth=0)  # in saturation the map bends within a step: plain sweeps

@@ -67,7 +67,7 @@ from coupling.moment_kernels import (
     wall_drives,
     wall_heights,
 )
-from coupling.moment_sweeps import LAST_DAMPING, MomentSweeps
+from coupling.moment_sweeps import MomentSweeps
 from coupling.neighbour_rows import NeighbourRows
 from coupling.pair_lanes import ENERGY, FLUX, N_NECK
 from geometry.kernels.simd import LANES
@@ -308,7 +308,7 @@ class MutualMoments:
                 break
             sweeps.newton(tolerance, max_sweeps)
             if tolerance < found.residual and found.sweeps < max_sweeps:
-                sweeps.run(tolerance, max_sweeps - found.sweeps, False, LAST_DAMPING)
+                sweeps.run(tolerance, max_sweeps - found.sweeps, False)
         found.moment = found.dipole.copy()
         if self.near:
             grains = self._grains(position, radius, volume, found)

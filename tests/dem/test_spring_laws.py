@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numba import njit
 from scipy.integrate import quad
 
 from particles.laws.columns import N_LAW
@@ -13,7 +14,7 @@ from particles.laws.elastic import Elastic, effective_modulus, effective_shear_m
 from particles.laws.hertz import HertzContact
 from particles.laws.hertz_mindlin import HertzMindlin
 from particles.laws.linear import LinearContact
-from particles.laws.springs import law_table
+from particles.laws.springs import SPRINGS, law_table
 from particles.laws.springs import spring as spring_of
 from particles.laws.thesis import ThesisContact
 from particles.laws.walton_braun import WaltonBraun
@@ -50,6 +51,20 @@ def textbook(name, d):
     if name.startswith("thesis"):
         return f * 1e5 * d, f * 2e4, f * 900 * M, f * 450 * M
     return 1e4 * d, 2e3, 0.0, 2 * 0.1 * math.sqrt(1e4 * M)  # Walton & Braun, first loading
+
+
+@njit
+def compiled(table, delta, memory):
+    return spring_of(table, 0, delta, M, R, memory)
+
+
+def test_kernels_have_the_spring_of_every_law():
+    """Each law of `SPRINGS` has its own branch: what is compiled is the law's function."""
+    assert {law.kernel for law in LAWS.values()} == set(SPRINGS)
+    for law in LAWS.values():
+        for delta, memory in ((3e-7, 0.0), (3e-7, 5e-7)):
+            found = compiled(law_table(law.kernel, law.row()[None]), delta, memory)
+            assert found == pytest.approx(spring(law, delta, memory=memory), rel=1e-13)
 
 
 @pytest.mark.parametrize("name", LAWS)
