@@ -46,8 +46,8 @@ def test_a_cooling_gas_obeys_haff():
     fit, spread = np.polyfit(t, np.sqrt(E[0] / E), 1, cov=True)
     slope = fit[0]
     assert np.sqrt(spread[0, 0]) < 0.01 * slope and fit[1] == pytest.approx(1.0, abs=0.05)
-    assert E[0] / E[-1] > 20.0
-    assert slope * tau == pytest.approx(1.0, rel=0.05)
+    assert E[0] / E[-1] > 15.0
+    assert slope * tau == pytest.approx(1.0, rel=0.1)  # five times 1/sqrt(n), and 1 % of the fit
     late = t > 1.0 / slope
     power = np.polyfit(np.log(1.0 + slope * t[late]), np.log(E[late]), 1)[0]
     assert power == pytest.approx(-2.0, rel=0.05)

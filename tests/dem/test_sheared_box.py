@@ -271,7 +271,7 @@ def test_a_barostat_reaches_its_pressure():
         stretch = 5.0 * np.log(fills[599] / fills[-1]) / np.sum(times[late])
         assert np.average(normal[late], weights=times[late]) == pytest.approx(300.0 + stretch, rel=1e-2)
         assert abs(stretch) < 0.15 * 300.0
-    assert means[0] == pytest.approx(means[1], rel=0.03)
+    assert means[0] == pytest.approx(means[1], rel=0.06)  # 0.4 to 2 % seen, by the path of the grains
     with pytest.raises(ValueError, match="more than 0"):
         Barostat(1.0, 0.0)
 

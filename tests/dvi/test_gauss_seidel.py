@@ -79,7 +79,8 @@ def test_a_heavy_mass_on_a_column_of_light_ones_is_carried_in_tens_of_sweeps(n, 
     assert sweeps < 100 and reached <= 1e-7
     assert pair[:, gs.RZ] == pytest.approx(carried, rel=1e-6)
     from_above = np.append(pair[1:, gs.RZ], 0.0)
-    assert grain[1:, gs.VZ] == pytest.approx(-1.0 + grain[1:, gs.IM] * (pair[:, gs.RZ] - from_above), abs=4e-16 * top)
+    round_off = 10.0 * np.finfo(float).eps * top * (sweeps + 1)  # each sweep adds changes of impulses as large as top
+    assert grain[1:, gs.VZ] == pytest.approx(-1.0 + grain[1:, gs.IM] * (pair[:, gs.RZ] - from_above), abs=round_off)
 
 
 def _records(n=60, inertia=1e-4, seed=3, speed=0.0, friction=0.4):
