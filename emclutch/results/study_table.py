@@ -169,7 +169,7 @@ class StudyTable:
         advanced = self._advanced + sum(row.fraction - row.first for row, _ in running)
         left = len(self.rows) * (1.0 - self.fraction)
         since = min([self._since, *(marched for _, marched in running)])
-        if math.isinf(since) or advanced < MIN_DONE * (advanced + left):
+        if math.isinf(since) or advanced <= MIN_DONE * (advanced + left):  # both 0: seen at its end
             return None
         guess = (now - since) * left / advanced
         for row, since in running:

@@ -159,6 +159,14 @@ def test_the_time_of_a_growing_history_is_that_of_its_last_whole_row(tmp_path):
     assert last_time(path) is None
 
 
+def test_a_point_that_is_first_seen_at_its_end_leaves_no_time_to_estimate():
+    table = StudyTable(stream=io.StringIO(), clock=lambda: 1.0)
+    table.begin(["current 1 A"])
+    table.set_running(0)
+    table.set_fraction(0, 1.0)
+    assert table.seconds_left() is None
+
+
 def test_the_live_table_has_a_row_a_point_and_the_time_left():
     """Four points of 100 s, two at a time: after 100 s two are done, 100 s are left; a slow one prolongs that."""
     now = [0.0]
