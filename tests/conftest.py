@@ -1,9 +1,10 @@
 """One thread a test worker, one cache of kernels for all of them, and counts of what was compiled.
 
 The machine code of a kernel is built for every combination of its arguments' types, which takes most of the time of a
-first run. After the tests the number of combinations is printed, and what the two steps consist of; a run with more
-than `MAX_SPECIALISATIONS` or `MAX_COUNTS` allow fails. Whoever needs more raises the number and gives the reason in the
-commit.
+first run; a child process compiles it, and the worker reads it from the cache. After the tests the number of
+combinations is printed, what the two steps consist of, and the memory of the largest process; a run with more than
+`MAX_SPECIALISATIONS`, `MAX_COUNTS` or `MAX_MEMORY` allow fails. Whoever needs more raises the number and gives the
+reason in the commit.
 """
 
 import ctypes
@@ -12,12 +13,14 @@ import os
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
+from resource import RUSAGE_CHILDREN, RUSAGE_SELF, getrusage
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy and numba are loaded; two workers share two cores
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # tests of threads: the other worker has the other core
 os.environ["EMCLUTCH_LADDERS"] = os.path.join(__file__, "none")  # a test that needs a ladder names a folder of its own
 
 import compile_counts
+import compile_in_child
 import numba
 import pytest
 from hypothesis import settings
@@ -32,11 +35,13 @@ MAX_COUNTS = {
     STEPS[0]: {"functions": 187, "scalars": 15_300, "lines": 125_500},
     STEPS[1]: {"functions": 314, "scalars": 40_300, "lines": 399_000},
 }
+MAX_MEMORY = 1500  # MB, of a test process or of one that it starts
 compile_counts.install()
 settings.register_profile("gate", derandomize=True)  # the same examples in every run; `make stability` draws others
 settings.load_profile("gate")
 found: set[str] = set()  # in the process that prints: specialisations of all workers
 largest: dict[str, dict[str, int]] = {}  # and the largest counts of a variant of each step
+memory = [0]  # MB, the largest of each worker
 
 
 gc.disable()  # while tests are collected: all modules stay, and going through them took a third of the time
@@ -86,12 +91,16 @@ def merge(specialisations: Iterable[str], counts: dict[str, dict[str, int]]) -> 
         before.update({key: max(number, before.get(key, 0)) for key, number in own.items()})
 
 
+compile_in_child.install(counts_here, lambda counts: merge((), counts))
+
+
 def pytest_sessionfinish(session):
     """A worker sends what it has; the process that collects compares the whole with what is allowed."""
-    if hasattr(session.config, "workeroutput"):
-        session.config.workeroutput["compiled"] = [sorted(specialisations()), counts_here()]
-        return
     merge(specialisations(), counts_here())
+    memory.append(max(getrusage(who).ru_maxrss for who in (RUSAGE_SELF, RUSAGE_CHILDREN)) // 1024)
+    if hasattr(session.config, "workeroutput"):
+        session.config.workeroutput["compiled"] = [sorted(found), largest, max(memory)]
+        return
     if faults():
         session.exitstatus = pytest.ExitCode.TESTS_FAILED
 
@@ -99,7 +108,9 @@ def pytest_sessionfinish(session):
 @pytest.hookimpl(optionalhook=True)
 def pytest_testnodedown(node):
     """pytest-xdist: a worker has ended."""
-    merge(*getattr(node, "workeroutput", {}).get("compiled", ((), {})))
+    specialised, counts, size = getattr(node, "workeroutput", {}).get("compiled", ((), {}, 0))
+    merge(specialised, counts)
+    memory.append(size)
 
 
 def numbers() -> Iterator[tuple[str, int, int]]:
@@ -110,6 +121,7 @@ def numbers() -> Iterator[tuple[str, int, int]]:
     for name, bounds in MAX_COUNTS.items():
         for key, number in largest.get(name, {}).items():
             yield f"{key} of a variant of {name}", number, bounds[key]
+    yield "MB of the largest process", max(memory), MAX_MEMORY
 
 
 def faults() -> list[str]:
@@ -117,7 +129,7 @@ def faults() -> list[str]:
 
 
 def pytest_terminal_summary(terminalreporter):
-    terminalreporter.write_sep("-", "what compilation consists of")
+    terminalreporter.write_sep("-", "what compilation consists of, and memory")
     for what, number, allowed in numbers():
         terminalreporter.write_line(f"{what}: {number} (at most {allowed})")
     for what in faults():

@@ -87,7 +87,7 @@ def energy_error(field):
 def solved():
     fields = {}
     for curved in (True, False):
-        for size in (2.0, 1.0):
+        for size in (2.0, 1.1):
             problem = Problem3D(octant(size, curved), {"iron": LinearLaw(MU_R)}, UniformSource(), fixed=["bottom"])
             fields[curved, size] = problem.solve(H0)
     return fields
@@ -105,7 +105,7 @@ def points():
 
 def rate(solved, error, curved=True):
     """Order in the mesh size, by the number of elements: gmsh does not halve them exactly."""
-    coarse, fine = solved[curved, 2.0], solved[curved, 1.0]
+    coarse, fine = solved[curved, 2.0], solved[curved, 1.1]
     ratio = (len(fine.problem.mesh.tetrahedra) / len(coarse.problem.mesh.tetrahedra)) ** (1 / 3)
     return np.log(error(coarse) / error(fine)) / np.log(ratio)
 
@@ -116,13 +116,13 @@ def relative(found, expected):
 
 def test_curved_quadratic_elements_are_second_order(solved):
     assert rate(solved, energy_error) > 1.8
-    assert energy_error(solved[True, 1.0]) < 2e-3
+    assert energy_error(solved[True, 1.1]) < 2e-3
 
 
 def test_flat_faces_lose_accuracy(solved):
     """The polyhedron's volume alone is wrong by O(h^2), and H by O(h^1.5) beside its edges."""
     assert rate(solved, energy_error, curved=False) < rate(solved, energy_error) - 0.1
-    assert energy_error(solved[False, 1.0]) > 2 * energy_error(solved[True, 1.0])
+    assert energy_error(solved[False, 1.1]) > 2 * energy_error(solved[True, 1.1])
 
 
 def test_field_inside_is_that_of_the_closed_form(solved, points):
@@ -132,8 +132,8 @@ def test_field_inside_is_that_of_the_closed_form(solved, points):
     def error(field):
         return relative(field.field_strength(0.5 * points), inside)
 
-    assert rate(solved, error) > 3.0 and error(solved[True, 1.0]) < 1e-4
-    field = solved[True, 1.0]
+    assert rate(solved, error) > 3.0 and error(solved[True, 1.1]) < 1e-4
+    field = solved[True, 1.1]
     H, grad = field.sampler("iron").sample(0.5 * points)
     assert relative(H, inside) < 1e-4
     assert np.abs(grad).max() < 0.01 * inside.max() / A
@@ -157,8 +157,8 @@ def test_recovered_field_and_gradient_in_air(solved, points):
         return relative(field.sampler("air").sample(points)[1], gradient)
 
     assert rate(solved, raw) > 1.8
-    assert rate(solved, recovered) > 2.6 and recovered(solved[True, 1.0]) < 0.4 * raw(solved[True, 1.0])
-    assert rate(solved, recovered_gradient) > 2.0 and recovered_gradient(solved[True, 1.0]) < 0.02
+    assert rate(solved, recovered) > 2.6 and recovered(solved[True, 1.1]) < 0.4 * raw(solved[True, 1.1])
+    assert rate(solved, recovered_gradient) > 2.0 and recovered_gradient(solved[True, 1.1]) < 0.02
 
 
 @pytest.mark.parametrize("outer", ["open", "zero"])
