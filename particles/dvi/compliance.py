@@ -59,7 +59,7 @@ from particles.laws.restitution import damping_ratio
 
 FIRST_ROOT, PER_OCTAVE, OCTAVES = 0.0625, 8, 9
 ROOTS = FIRST_ROOT * 2.0 ** (np.arange(OCTAVES * PER_OCTAVE + 1) / PER_OCTAVE)
-HARD = 0.01  # c_n/w_n of a contact that rebounds by Newton's law: hard, yet finite where it jams
+HARD = 0.001  # c_n/w_n of a contact that rebounds by Newton's law: hard, yet finite where it jams
 STIFFEST_MODE = 4.0
 """Largest eigenvalue of the contacts' masses in a packing, over that of a pair alone: a dense crystal's."""
 MIN_RESTITUTION = 1e-3  # for which the dashpot is critical already
@@ -177,7 +177,16 @@ def apply_restitution(e, before, give, row, offset):
     w_n = 1.0 / (row[IWN] * (1.0 + give))
     row[IWN] = 1.0 / (w_n * (1.0 + hard))
     row[offset + 3] = w_n * hard
-    row[B] = (e + (1.0 + e) * hard) * before
+    row[B] = hard_restitution(e, hard) * before
+
+
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
+def hard_restitution(e, hard):
+    """Restitution of a rigid contact [-] that gives e at the compliance ``hard``; no more than 1, lest it make energy.
+
+    A grain alone rebounds at e, beyond e = (1 - hard)/(1 + hard) at this.
+    """
+    return min(e + (1.0 + e) * hard, 1.0)
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})

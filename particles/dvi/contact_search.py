@@ -105,7 +105,7 @@ def find_contacts(rows, numbers, near, horizon, compliance, grains, pair_slots, 
             ux, uy = velocity_as_seen(images, shift, k, velocity[j, 0], velocity[j, 1])
             ux, uy, uz = velocity[i, 0] - ux, velocity[i, 1] - uy, velocity[i, 2] - velocity[j, 2]
             before = ux * ex + uy * ey + uz * ez
-            set_law(PAIRS, h, slop * min(ri, radius[j]), law, compliance, d - reach, before, row, N_PAIR)
+            set_law(PAIRS, h, min(ri, radius[j]), slop, law, compliance, d - reach, before, row, N_PAIR)
             pair_index[pairs, 0], pair_index[pairs, 1], pair_slot[pairs] = i, j, k
             if images.shape[0] > 1:
                 records.pair_shift[pairs] = shift[k]
@@ -123,7 +123,7 @@ def find_contacts(rows, numbers, near, horizon, compliance, grains, pair_slots, 
             along = set_wall_geometry((nx, ny, nz), distance / ri, point, grain[i], body[b], row)
             row[RX], row[RY], row[RZ] = wall_impulse[k, 0], wall_impulse[k, 1], wall_impulse[k, 2]
             before = -(velocity[i, 0] * nx + velocity[i, 1] * ny + velocity[i, 2] * nz) - old_speed[b] * along
-            set_law(WALLS, h, slop * ri, law, compliance, distance - ri, before, row, N_WALL_CONTACT)
+            set_law(WALLS, h, ri, slop, law, compliance, distance - ri, before, row, N_WALL_CONTACT)
             wall_index[at_walls, 0], wall_index[at_walls, 1], wall_slot[at_walls] = i, b, k
             at_walls += 1
     return pairs, at_walls

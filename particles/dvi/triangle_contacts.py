@@ -160,7 +160,7 @@ def record(rows, n_walls, horizon, compliance, grains, slots, walls, old_speed, 
                 row[RY] = turn[b, SIN_STEP] * rx + turn[b, COS_STEP] * ry
                 row[RZ] = wall_impulse[slot, 2]
                 before = -(velocity[i, 0] * nx + velocity[i, 1] * ny + velocity[i, 2] * nz) - old_speed[b] * along
-                set_law(WALLS, h, slop * ri, law, compliance, d - ri, before, row, N_WALL_CONTACT)
+                set_law(WALLS, h, ri, slop, law, compliance, d - ri, before, row, N_WALL_CONTACT)
                 wall_index[n_walls, 0], wall_index[n_walls, 1], wall_slot[n_walls] = i, b, slot
                 n_walls += 1
             for q in range(begin, k):
