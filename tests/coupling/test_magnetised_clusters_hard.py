@@ -124,11 +124,12 @@ def test_chains_of_41_grains(gap, direction):
 
 @pytest.mark.parametrize("lattice", LATTICES)
 @pytest.mark.parametrize("chi", [14.0, 999.0])
-def test_lattices_that_repeat(lattice, chi):
+def test_lattices_that_repeat(lattice, chi, monkeypatch):
     """Cubic lattices of a permeability of 15 and of iron, touching, overlapping and apart: no force on a grain.
 
-    Fields of a few hundred kA/m are where the necks of many contacts saturate.
+    Fields of a few hundred kA/m are where the necks of many contacts saturate. Neighbours within five radii alone.
     """
+    monkeypatch.setattr("coupling.cluster.SPACINGS", 0.0)
     edge, place = LATTICES[lattice]
     for gap in (-0.02, 0.0, 0.01, 0.1):
         a = edge * (2.0 + gap) * A
