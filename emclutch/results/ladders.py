@@ -6,7 +6,7 @@ import hashlib
 import json
 import logging
 import os
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -23,8 +23,18 @@ SHIPPED = Path(__file__).with_name("shipped_ladders")
 DRIVE = ("coil.current", "coil.voltage")
 """Keys that the error hardly depends on: written beside the ladder."""
 WITHOUT = ("scene.", "time.", "accuracy.", "output.", "motion.drag_torque", *DRIVE)
-NOT_THERE_AT_ZERO = ("geometry.pole_chamfer", "geometry.pole_fillet")
-"""Keys that are younger than shipped ladders, and whose 0 is the device without what they describe."""
+NAMED = frozenset(
+    """geometry.air_factor geometry.materials.housing geometry.materials.rotor geometry.materials.disc
+    geometry.materials.ring geometry.materials.cover geometry.materials.seal geometry.materials.shaft
+    geometry.materials.coil surfaces coil.temperature field.gap_layers field.open_boundary field.newton_tolerance
+    particles.density particles.packing particles.lattice particles.noise particles.settle particles.settle_kinetic
+    particles.initial_velocity particles.susceptibility particles.saturation particles.law contact.method contact.law
+    contact.dvi.friction_law contact.dvi.solver contact.dvi.springs contact.dvi.max_sweeps contact.dvi.allowed_misses
+    contact.dvi.allow_long_step contact.dvi.theta contact.friction contact.restitution effects.dipoles.model
+    effects.dipoles.surface_gap effects.rolling_friction.coefficient""".split()
+)
+"""Keys that count at their default too. Any other key counts where it differs from its default: a key that is new in the
+program leaves the studies of earlier devices valid."""
 
 
 def ladder_folder() -> Path:
@@ -32,20 +42,21 @@ def ladder_folder() -> Path:
     return Path(os.environ.get(VARIABLE) or FOLDER)
 
 
-def device_hash(flat_scene: Mapping[str, Any], knob_keys: Mapping[str, Any]) -> str:
+def device_hash(flat_scene: Mapping[str, Any], left_out: Container[str], at_default: Container[str]) -> str:
     """Return the hash of what matters of a scene: all but numerical settings, seed, drive, end and output.
 
     Parameters
     ----------
     flat_scene : of the resolved scene, by dotted key
-    knob_keys : the keys that its knobs set
+    left_out : the keys that its knobs set
+    at_default : the keys whose entry is their default; of these only `NAMED` count
     """
     kept = {
         key: value
         for key, value in flat_scene.items()
-        if key not in knob_keys
+        if key not in left_out
         and not any(key == one or (one[-1] == "." and key.startswith(one)) for one in WITHOUT)
-        and not (key in NOT_THERE_AT_ZERO and not value)
+        and (key in NAMED or key not in at_default)
     }
     return hashlib.sha256(json.dumps(kept, sort_keys=True, default=str).encode()).hexdigest()[:16]
 

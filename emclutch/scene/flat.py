@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Iterator
 from typing import Any
 
 from emclutch.scene.case import case_from
 from emclutch.scene.errors import SceneError
+from emclutch.scene.section import Section
 
 
 def flat_scene(text: str) -> dict[str, Any]:
@@ -22,6 +24,16 @@ def flat_scene(text: str) -> dict[str, Any]:
 def differing_keys(old: dict[str, Any], new: dict[str, Any]) -> list[str]:
     """Return the keys of two flat scenes whose values differ, sorted."""
     return [key for key in sorted({*old, *new}) if old.get(key) != new.get(key)]
+
+
+def keys_at_default(section: Section, prefix: str = "") -> Iterator[str]:
+    """Dotted keys of a scene, or of a section of it, whose entry is their default."""
+    for name, field in type(section).model_fields.items():
+        entry = getattr(section, name)
+        if isinstance(entry, Section):
+            yield from keys_at_default(entry, f"{prefix}{name}.")
+        elif not field.is_required() and entry == field.get_default(call_default_factory=True):
+            yield prefix + name
 
 
 def _flat(table: dict, prefix: str = "") -> dict:

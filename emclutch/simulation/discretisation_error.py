@@ -22,7 +22,7 @@ from emclutch.results.recommended import STATISTICS, Obstacle, recommended
 from emclutch.results.statistics import Estimate
 from emclutch.results.text import format_duration, per_cent
 from emclutch.scene.case import Case
-from emclutch.scene.flat import flat_scene
+from emclutch.scene.flat import flat_scene, keys_at_default
 from emclutch.scene.input_files import file_contents
 from emclutch.simulation.forecast.machine_speed import slowness
 from emclutch.simulation.knob_settings import applying, as_measured, settings_of, total_at
@@ -57,7 +57,7 @@ def device_of(case: Case) -> str:
     if scene.grains.count is not None and COUNT in numerical:
         volume = scene.grains.count * scene.grains.grain_volume / (scene.grains.sector or 2.0 * math.pi)
         flat["particles.volume"] = f"{volume:.2g}"  # counts are whole numbers, and follow from the size of the grains
-    return device_hash(flat, dict.fromkeys(numerical))
+    return device_hash(flat, numerical, frozenset(keys_at_default(scene)))
 
 
 def ladder_of_device(case: Case) -> tuple[Ladder, Path] | None:

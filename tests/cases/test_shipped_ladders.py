@@ -5,10 +5,11 @@ from pathlib import Path
 import pytest
 
 from emclutch.results.ladder import Ladder
-from emclutch.results.ladders import SHIPPED, VARIABLE
+from emclutch.results.ladders import SHIPPED, VARIABLE, device_hash
 from emclutch.results.recommended import Obstacle
 from emclutch.results.text import per_cent
 from emclutch.scene.case import load_case
+from emclutch.scene.flat import flat_scene, keys_at_default
 from emclutch.simulation.discretisation_error import accuracy_in_words, device_of, ladder_of_device
 from emclutch.simulation.plan import make_plan
 from emclutch.simulation.recommended_case import cheapest_case
@@ -39,6 +40,16 @@ def test_the_page_has_the_answers_of_this_version(path, monkeypatch, tmp_path):
         else:
             settings, packings = changes_in_words(ladder, answer[0]) or "none", answer[0].packings
             assert f"| {per_cent(target)} | {settings} | {packings} |" in page
+
+
+def test_a_key_that_is_new_in_the_program_orphans_no_study():
+    """At its default; any other entry of it is another device."""
+    case = load_case(CASES / "quickstart.toml")
+    flat, default = flat_scene(case.toml()), set(keys_at_default(case.scene))
+    known = device_hash(flat, (), default)
+    assert device_hash(flat | {"geometry.new": 0.0}, (), default | {"geometry.new"}) == known
+    assert device_hash(flat | {"geometry.new": 1.0}, (), default) != known
+    assert "contact.friction" in default and device_hash(flat | {"contact.friction": 0.4}, (), default) != known
 
 
 @pytest.mark.parametrize("path", LADDERS, ids=lambda path: path.stem)
