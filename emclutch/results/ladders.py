@@ -33,8 +33,8 @@ NAMED = frozenset(
     contact.dvi.allow_long_step contact.dvi.theta contact.friction contact.restitution effects.dipoles.model
     effects.dipoles.surface_gap effects.rolling_friction.coefficient""".split()
 )
-"""Keys that count at their default too. Any other key counts where it differs from its default: a new key of the program
-leaves the studies of earlier devices valid."""
+"""Keys that count at their default too. Any other key counts where it differs from its default: a new key of the
+program leaves the studies of earlier devices valid."""
 
 
 def ladder_folder() -> Path:
