@@ -106,9 +106,16 @@ def _read(gmsh: Any, path: Path) -> _Shapes:
             gmsh.merge(str(path))
             shapes = _of_groups(gmsh, path)
         else:
-            found = gmsh.model.occ.importShapes(str(path), highestDimOnly=True, format=SHAPE_FORMATS[suffix])
+            gmsh.model.occ.importShapes(str(path), highestDimOnly=False, format=SHAPE_FORMATS[suffix])
             gmsh.model.occ.synchronize()
-            found = [shape for shape in found if shape[0] >= 2]
+            found = gmsh.model.getEntities(3)
+            loose = [face for face in gmsh.model.getEntities(2) if len(gmsh.model.getAdjacencies(*face)[0]) == 0]
+            if found and loose:
+                raise CadError(
+                    f"{path} holds {len(loose)} faces that belong to no solid, besides {len(found)} solids: a part "
+                    "that is not closed is no solid; close it in the CAD program, or export the solids alone"
+                )
+            found = found or loose
             shapes = _numbered(found, [gmsh.model.getEntityName(*shape) for shape in found], path)
     except CadError:
         raise

@@ -33,6 +33,7 @@ MESH_SUFFIXES = (GMSH, ".vtu", ".vtk", ".inp", ".mesh", ".med")
 # Cell data that hold regions by their usual names, where a file has several columns of whole numbers.
 _TAGS = ("gmsh:physical", "medit:ref", "cell_tags", "region", "regions", "material", "MaterialIds")
 _ONE_ORDER = "mesh the section by triangles of first order"
+_READ = (1, 2, 15)  # gmsh's numbers of straight lines, triangles and points
 _ON_AXIS = 1e-9  # of the mesh's size
 _FLAT = 1e-6  # of the mesh's size
 # Of the device's size: numbers in a file of single precision, or of seven digits, are rounded to 1e-7.
@@ -131,6 +132,10 @@ def _read_by_gmsh(path: Path) -> _Content:
             gmsh.merge(str(copy))
         except Exception as error:  # gmsh raises plain Exception, with its own last message
             raise CadError(f"{path} cannot be read ({error}); write it again from gmsh as .msh") from None
+        others = [kind for kind in gmsh.model.mesh.getElementTypes() if kind not in _READ]
+        if others:
+            kinds = ", ".join(gmsh.model.mesh.getElementProperties(kind)[0] for kind in others)
+            raise CadError(f"{path} holds cells of the kind {kinds}; {_ONE_ORDER}")
         triangles = _by_entity(gmsh, 2)
         labels = [name for name, corners in triangles for _ in corners]
         edges: dict[str, np.ndarray] = {}

@@ -7,16 +7,25 @@ and is converted), and ``scale`` mends a wrong one.
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from geometry.file_content import SHAPE_FORMATS, CadError, check_file, read_by_meshio
 from geometry.mesher import MAX_TRIANGLES, MILLIMETRE, gmsh_model
+from geometry.obj_file import read_obj
+from geometry.polygon_faces import FaceFault, fans
 from geometry.triangle_wall import MERGED, TriangleWall, heights
 
 MESH_SUFFIXES = (".stl", ".obj", ".ply", ".vtk", ".vtu", ".msh")
 CAD_SUFFIXES = tuple(SHAPE_FORMATS)
+_FACES = ("triangle", "quad", "polygon")
+# without a surface of their own: points, lines, and solid elements, of which a mesh has its surface besides
+_NO_FACES = re.compile(r"(empty|vertex|line|tetra|hexahedron|wedge|pyramid)\d*")
+_NEEDLE = 1e-9  # of the whole area: a face that has less is a fault of the export, and no hole
+_FACET = b"fvvve"  # facet, three times vertex, endfacet
 LARGEST = 10.0  # m; the devices meant here measure 5 mm to 5 m, so that a larger wall was drawn in millimetres
 
 _OPTIONS = {
@@ -43,8 +52,8 @@ def triangle_wall_from_file(
     Parameters
     ----------
     path : str or Path
-        Its ending says its kind: `MESH_SUFFIXES` or `CAD_SUFFIXES`. Quadrilaterals are halved; solid elements, lines
-        and triangles without area are left out.
+        Its ending says its kind: `MESH_SUFFIXES` or `CAD_SUFFIXES`. Quadrilaterals are halved, flat convex faces with
+        more corners become fans of triangles; solid elements, lines and triangles without area are left out.
     name, body : str
         Of the wall.
     scale : float
@@ -56,7 +65,8 @@ def triangle_wall_from_file(
     Raises
     ------
     CadError
-        For a file that is missing or cannot be read, an unknown ending, no triangles, a wall larger than 10 m.
+        For a file that is missing or cannot be read, an unknown ending, no triangles, a wall larger than 10 m, faces
+        of another kind, concave or warped ones.
     """
     path = Path(path)
     check_file(path, "surface", MESH_SUFFIXES + CAD_SUFFIXES, scale)
@@ -88,21 +98,52 @@ def triangle_wall_from_file(
 
 def _read_mesh(path: Path) -> tuple[np.ndarray, np.ndarray]:
     """Vertices (v, 3) in the file's unit and triangles (t, 3) of a mesh."""
-    is_stl = path.suffix.lower() == ".stl"
+    suffix = path.suffix.lower()
+    if suffix == ".obj":
+        vertices, faces = read_obj(path)
+    else:
+        vertices, faces = _read_cells(path, is_stl=suffix == ".stl")
+    if len(vertices) == 0:  # also what is made of some files that are no STL
+        raise CadError(f"{path} {_wrong_stl(path) if suffix == '.stl' else 'holds no triangles'}; export it again")
+    named = np.concatenate([np.zeros(0, dtype=np.int64), *(block.ravel() for block in faces)])
+    beyond = named[(named < 0) | (named >= len(vertices))]
+    if len(beyond):
+        raise CadError(f"{path}: a face names vertex {beyond[0]}, from 0, of {len(vertices)}; export it again")
+    try:
+        found = [fans(vertices, block) for block in faces]
+    except FaceFault as fault:
+        raise CadError(f"{path}: {fault}") from None
+    return vertices, np.vstack([np.zeros((0, 3), dtype=np.int64), *found])
+
+
+def _read_cells(path: Path, is_stl: bool) -> tuple[np.ndarray, list[np.ndarray]]:
+    """Vertices (v, 3) and faces (m, k) of a mesh that meshio reads."""
     try:
         mesh = read_by_meshio(path)
     except CadError:
         if is_stl:
             raise CadError(f"{path} {_wrong_stl(path)}; export it again") from None
         raise
-    if len(mesh.points) == 0:  # also what is made of some files that are no STL
-        raise CadError(f"{path} {_wrong_stl(path) if is_stl else 'holds no triangles'}; export it again")
-    vertices = np.pad(np.asarray(mesh.points, dtype=float), ((0, 0), (0, 3 - mesh.points.shape[1])))
-    found = [np.zeros((0, 3), dtype=np.int64)]
-    for block in mesh.cells:
-        if block.type in ("triangle", "quad"):
-            found += [block.data[:, [0, k, k + 1]] for k in range(1, block.data.shape[1] - 1)]
-    return vertices, np.vstack(found).astype(np.int64)
+    faces = [np.asarray(block.data).astype(np.int64) for block in mesh.cells if block.type in _FACES]
+    unknown = {block.type for block in mesh.cells if not (block.type in _FACES or _NO_FACES.fullmatch(block.type))}
+    if unknown:
+        raise CadError(f"{path} holds cells of the kind {', '.join(sorted(unknown))}; export flat triangles")
+    if is_stl and faces:
+        _check_facets(path, sum(map(len, faces)))
+    points = np.asarray(mesh.points, dtype=float)
+    return (np.pad(points, ((0, 0), (0, 3 - points.shape[1]))) if len(points) else np.zeros((0, 3))), faces
+
+
+def _check_facets(path: Path, count: int) -> None:
+    """Refuse an STL file as text that ends early, or whose facets do not have three corners."""
+    content = path.read_bytes()
+    if len(content) >= 84 and len(content) == 84 + 50 * int.from_bytes(content[80:84], "little"):
+        return  # binary
+    words = b"".join(word[:1] for word in re.findall(rb"^\s*(facet|vertex|endfacet)\b", content, re.MULTILINE))
+    if words != count * _FACET:
+        raise CadError(f"{path} holds facets that do not have three corners; export triangles")
+    if b"endsolid" not in content[content.rfind(b"endfacet") :]:
+        raise CadError(f"{path} is cut off: endsolid is missing after its last facet; export it again")
 
 
 def _wrong_stl(path: Path) -> str:
@@ -133,6 +174,7 @@ def _mesh_faces(path: Path, size: float | None) -> tuple[np.ndarray, np.ndarray]
                     "`size`, or leave it out"
                 )
             gmsh.model.mesh.generate(2)
+            _refuse_unmeshed(path, gmsh)
         except CadError:
             raise
         except Exception as error:  # gmsh raises plain Exception, with its own last message
@@ -143,3 +185,16 @@ def _mesh_faces(path: Path, size: float | None) -> tuple[np.ndarray, np.ndarray]
     position[tags] = coordinates.reshape(-1, 3)
     used, triangles = np.unique(corners, return_inverse=True)
     return MILLIMETRE * position[used], triangles.reshape(-1, 3).astype(np.int64)
+
+
+def _refuse_unmeshed(path: Path, gmsh: Any) -> None:
+    """Refuse a shape that the mesher passed over a face of, which would be a hole."""
+    faces = [tag for _, tag in gmsh.model.getEntities(2)]
+    bare = [tag for tag in faces if len(gmsh.model.mesh.getElementsByType(2, tag)[1]) == 0]
+    whole = sum(gmsh.model.occ.getMass(2, tag) for tag in faces)
+    bare = [tag for tag in bare if gmsh.model.occ.getMass(2, tag) > _NEEDLE * whole]
+    if bare:
+        raise CadError(
+            f"{path}: {len(bare)} of {len(faces)} faces cannot be meshed, the first is number {bare[0]}; repair the "
+            "shape in the program that drew it, or export triangles (STL)"
+        )

@@ -92,11 +92,16 @@ class TriangleWall:
         return self.vertices.min(axis=0), self.vertices.max(axis=0)
 
     @property
-    def is_closed(self) -> bool:
-        """True if it is watertight: every edge belongs to two triangles, or to four, six..."""
+    def free_edges(self) -> np.ndarray:
+        """Vertices (k, 2) of the edges that belong to one triangle, or to three, five...: the rims of its openings."""
         ends = self.triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-        _, edge = np.unique(np.sort(ends, axis=1), axis=0, return_inverse=True)
-        return bool(np.all(np.bincount(edge.ravel()) % 2 == 0))
+        edges, uses = np.unique(np.sort(ends, axis=1), axis=0, return_counts=True)
+        return edges[uses % 2 == 1]
+
+    @property
+    def is_closed(self) -> bool:
+        """True if it is watertight: no edge is free."""
+        return len(self.free_edges) == 0
 
     def turned(self, angle: float, name: str | None = None) -> TriangleWall:
         """The same wall turned by ``angle`` [rad] about the axis z: the next vane."""

@@ -32,6 +32,7 @@ def warnings_of(scene: Any) -> Iterator[str]:
     elif scene.field is not None and not effects.magnetise:
         yield f"[field] moves no grain: that needs {effects.tables(needs_moments=True)}"
     yield from scene.geometry.warnings(scene)
+    yield from _open_surfaces(scene)
     for name, own in scene.materials.items():
         if isinstance(own, TableMaterial) and own.warning:
             yield f"materials.{name}: {own.warning}"
@@ -43,6 +44,17 @@ def warnings_of(scene: Any) -> Iterator[str]:
         if drop > 1.01 * supply:  # rounded data of a type plate agree within a percent
             yield f"coil.current needs {drop:.4g} V, more than coil.voltage = {supply:g} V"
     yield from unusual_entries(scene)
+
+
+def _open_surfaces(scene: Any) -> Iterator[str]:
+    """Yield the surfaces that look like solid parts with lids that are missing."""
+    if not scene.surfaces:
+        return
+    from geometry.wall_openings import openings_in_words  # local: a scene without surfaces needs no shapes
+
+    for name, surface in scene.surfaces.items():
+        if text := openings_in_words(surface.wall(name)):
+            yield f"surfaces.{name}.file {text}"
 
 
 def _is_given(scene: Any, name: str) -> bool:

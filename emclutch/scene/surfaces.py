@@ -21,6 +21,9 @@ class SurfaceSection(Section):
 
     Meshes are read in metres times `scale`, CAD files in their own unit. It has no material: the field is solved
     without it, and it mirrors no dipoles (`wall_images`), so that it stands for a part that is not magnetic.
+
+    A face with more than four corners has to be flat and convex. A part that looks solid and has an opening gives a
+    warning.
     """
 
     file: str = Field(

@@ -95,6 +95,19 @@ def test_a_slot_is_not_lost_without_a_word(tmp_path):
         read_cad(write_step(tmp_path / "a.step", slotted))
 
 
+def test_a_part_that_is_not_closed_is_not_lost_without_a_word(tmp_path):
+    """A face that belongs to no solid is no part of a device of solids."""
+
+    def build(occ):
+        occ.addCylinder(0, 0, 0, 0, 0, 10, 20)
+        occ.addRectangle(0, -5, 20, 5, 5)
+        return ["disc", "rotor"]
+
+    path = write_step(tmp_path / "open.step", build)
+    with pytest.raises(CadError, match="holds 1 faces that belong to no solid, besides 1 solids"):
+        read_cad(path)
+
+
 def test_a_wrong_axis_is_reported(tmp_path):
     path = write_step(tmp_path / "a.step", solids_of_revolution)
     with pytest.raises(CadError, match="give the right `axis`"):

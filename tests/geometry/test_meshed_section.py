@@ -268,3 +268,18 @@ def test_names_units_and_cells_are_refused_in_words(folder, grid, tmp_path):
     (tmp_path / "b.inp").write_text("*HEADING\n*INCLUDE, INPUT=elsewhere.inp\n")
     with pytest.raises(CadError, match=r"reads another file \(\*INCLUDE\)"):
         read_section_mesh(tmp_path / "b.inp")
+
+
+@pytest.mark.parametrize(("options", "order", "kind"), [({}, 2, "Triangle 6"), ({"Mesh.RecombineAll": 1}, 1, "Quadr")])
+def test_elements_of_gmsh_that_are_no_straight_triangles_are_refused(options, order, kind, tmp_path):
+    from geometry.mesher import gmsh_model
+
+    with gmsh_model({"General.Terminal": 0, **options}) as gmsh:
+        surface = gmsh.model.occ.addRectangle(0.0, 0.0, 0.0, 10.0, 10.0)
+        gmsh.model.occ.synchronize()
+        gmsh.model.addPhysicalGroup(2, [surface], name="air")
+        gmsh.model.mesh.generate(2)
+        gmsh.model.mesh.setOrder(order)
+        gmsh.write(str(tmp_path / "a.msh"))
+    with pytest.raises(CadError, match=f"cells of the kind .*{kind}.*; mesh the section by triangles of first order"):
+        read_section_mesh(tmp_path / "a.msh")

@@ -12,6 +12,7 @@ from emclutch.scene.surfaces import SurfaceSection, surface_walls
 from geometry.file_content import CadError
 from geometry.surface_import import triangle_wall_from_file
 from geometry.triangle_wall import TriangleWall, box_surface, extruded, joined
+from geometry.wall_openings import openings_in_words
 
 L_SHAPE = np.array([[0, 0], [2, 0], [2, 1], [1, 1], [1, 2], [0, 2]], dtype=float)
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], dtype=float)
@@ -147,6 +148,136 @@ def test_quadrilaterals_are_halved_and_needles_dropped(tmp_path):
     meshio.write(tmp_path / "quad.vtk", meshio.Mesh(points, cells))
     wall = triangle_wall_from_file(tmp_path / "quad.vtk", "q", "b")
     assert wall.triangles.shape == (2, 3) and wall.area == pytest.approx(1.0)
+
+
+def write_polygon(path, corners):
+    """One face of many corners in the format of the ending."""
+    import meshio
+
+    if path.suffix == ".obj":
+        rows = [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in corners]
+        path.write_text("\n".join([*rows, "f " + " ".join(map(str, range(1, len(corners) + 1)))]))
+        return
+    mesh = meshio.Mesh(corners, [("polygon", np.arange(len(corners), dtype=np.int32)[None])])
+    meshio.write(path, mesh, **({"file_format": "vtk42"} if path.suffix == ".vtk" else {}))
+
+
+def regular(corners, order=1):
+    """Corners of a regular polygon of radius 0.1 m in a tilted plane; every `order`-th one after the other."""
+    angle = 2.0 * np.pi * order * np.arange(corners) / corners
+    return 0.1 * np.column_stack([np.cos(angle), 0.8 * np.sin(angle), 0.6 * np.sin(angle)])
+
+
+@pytest.mark.parametrize("suffix", ["obj", "ply", "vtu", "vtk"])
+@pytest.mark.parametrize("corners", [5, 24])
+def test_a_convex_face_of_many_corners_keeps_its_area(tmp_path, suffix, corners):
+    """The area of a regular polygon of k corners is k/2 R^2 sin(2 pi/k), in any format."""
+    write_polygon(tmp_path / f"face.{suffix}", regular(corners))
+    wall = triangle_wall_from_file(tmp_path / f"face.{suffix}", "face", "housing")
+    assert len(wall.triangles) == corners - 2
+    assert wall.area == pytest.approx(0.5 * corners * 0.01 * math.sin(2.0 * math.pi / corners), rel=1e-6)
+
+
+def test_a_face_that_no_fan_covers_is_refused_with_the_number_of_such_faces(tmp_path):
+    """Concave, crossing itself, warped by 1 %; a warp by the rounding of a file is none."""
+    concave = np.column_stack([0.1 * L_SHAPE, np.zeros(6)])
+    warped, rounded = regular(7), regular(7)
+    warped[3] += 0.002 * np.array([0.0, -0.6, 0.8])
+    rounded[3] += 1e-6 * np.array([0.0, -0.6, 0.8])
+    for corners in (concave, np.roll(concave, 2, axis=0), regular(7, order=3), warped):
+        write_polygon(tmp_path / "face.obj", corners)
+        with pytest.raises(CadError, match=r"1 of its faces with \d corners are concave, warped.*export triangles"):
+            triangle_wall_from_file(tmp_path / "face.obj", "face", "housing")
+    write_polygon(tmp_path / "face.obj", rounded)
+    assert len(triangle_wall_from_file(tmp_path / "face.obj", "face", "housing").triangles) == 5
+
+
+@pytest.mark.parametrize("first", range(4))
+def test_a_concave_quadrilateral_is_halved_within_itself(tmp_path, first):
+    """An arrow head of 0.4 by 0.4 m with a notch to its middle has the area of two triangles, 2 (0.4 0.1)/2 m^2."""
+    arrow = np.array([[0.0, 0.0, 0.0], [0.4, 0.0, 0.0], [0.1, 0.1, 0.0], [0.0, 0.4, 0.0]])
+    write_polygon(tmp_path / "arrow.obj", np.roll(arrow, first, axis=0))
+    assert triangle_wall_from_file(tmp_path / "arrow.obj", "a", "housing").area == pytest.approx(0.04)
+
+
+def test_corners_of_an_obj_face_are_counted_as_the_format_says(tmp_path):
+    """From 1, backwards from the last vertex, with textures and normals, over two lines."""
+    corners = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvn 0 0 1\n"
+    for faces in ("f 1/1/1 2/1/1 3/1/1 4/1/1", "f 1//1 2//1 3//1\nf -4 -2 -1", "f 1/1 2 \\\n3 4", "f 1 2 3 4 # lid"):
+        (tmp_path / "square.obj").write_text(corners + faces + "\n")
+        wall = triangle_wall_from_file(tmp_path / "square.obj", "square", "housing")
+        assert wall.area == pytest.approx(1.0) and len(wall.triangles) == 2
+    for faces, message in (
+        ("f 1 2 9", "names vertex 8, from 0, of 4"),
+        ("f -5 1 2", r"line 7 cannot be read \(vertex -5, after 4 vertices\)"),
+        ("f 1 2 0", r"line 7 cannot be read \(vertex 0"),
+        ("f 1 2 3\nsurf 0 1 0 1 1 2 3 4", r"free-form surfaces \(surf\), which is not read"),
+    ):
+        (tmp_path / "square.obj").write_text(corners + faces + "\n")
+        with pytest.raises(CadError, match=message):
+            triangle_wall_from_file(tmp_path / "square.obj", "square", "housing")
+
+
+def unstructured(kinds, cells, path, **options):
+    """A file of VTK cells by their numbers, over 10 points that lie in two rows."""
+    import pyvista
+
+    points = np.array([[0.1 * (k // 2), 0.1 * (k % 2), 0.0] for k in range(10)])
+    rows = np.concatenate([[len(cell), *cell] for cell in cells])
+    pyvista.UnstructuredGrid(rows, kinds, points).save(path, **options)
+    return path
+
+
+@pytest.mark.parametrize("suffix", ["vtu", "vtk"])
+@pytest.mark.parametrize(
+    ("kind", "cell", "name"),
+    [(6, [0, 1, 2, 3, 4], "triangle strip"), (8, [0, 1, 2, 3], "pixel"), (22, [0, 1, 2, 3, 4, 5], "triangle6")],
+)
+def test_cells_that_are_not_understood_are_refused_by_name(tmp_path, suffix, kind, cell, name):
+    path = unstructured([5, kind], [[6, 7, 8], cell], tmp_path / f"cells.{suffix}")
+    with pytest.raises(CadError, match=name):
+        triangle_wall_from_file(path, "cells", "housing")
+    without = unstructured([5, 3, 4, 10], [[6, 7, 8], [0, 1], [0, 1, 2], [0, 1, 2, 4]], tmp_path / f"more.{suffix}")
+    assert triangle_wall_from_file(without, "cells", "housing").area == pytest.approx(0.005)
+
+
+def test_a_file_of_which_a_part_would_be_lost_is_refused(tmp_path):
+    """Two pieces of a VTU file, an STL file cut between two facets or of four corners each, colours in a binary PLY."""
+    whole = unstructured([5, 5], [[0, 1, 2], [4, 5, 6]], tmp_path / "one.vtu", binary=False).read_text()
+    begin, end = whole.index("<Piece"), whole.index("</Piece>") + len("</Piece>")
+    (tmp_path / "two.vtu").write_text(whole[:end] + whole[begin:end] + whole[end:])
+    facet = "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 1 1 0\nendloop\nendfacet\n"
+    (tmp_path / "cut.stl").write_text("solid a\n" + 2 * facet)
+    (tmp_path / "four.stl").write_text(
+        "solid a\n" + 4 * facet.replace("endloop", "vertex 0 1 0\nendloop") + "endsolid a\n"
+    )
+    head = "ply\nformat binary_little_endian 1.0\nelement vertex 3\n" + "".join(f"property float {c}\n" for c in "xyz")
+    head += "element face 1\nproperty list uchar int vertex_indices\nproperty uchar red\nend_header\n"
+    corners = np.array([0, 0, 0, 1, 0, 0, 0, 1, 0], dtype="<f4").tobytes()
+    (tmp_path / "red.ply").write_bytes(head.encode() + corners + b"\3" + np.arange(3, dtype="<i4").tobytes() + b"\3")
+    for name, message in (
+        ("two.vtu", "2 of its cells cannot be read: only the last of its 2 pieces"),
+        ("cut.stl", "is cut off: endsolid is missing"),
+        ("four.stl", "facets that do not have three corners"),
+        ("red.ply", r"other properties than their corners \(red\)"),
+    ):
+        with pytest.raises(CadError, match=message):
+            triangle_wall_from_file(tmp_path / name, "wall", "housing")
+
+
+def test_a_solid_that_is_open_is_told_from_a_sheet():
+    """A box without a lid, a tube, a prism without one triangle; a plate, a half tube and a closed box are as meant."""
+    square = np.array([[0.0, 0.0], [0.01, 0.0], [0.01, 0.02], [0.0, 0.02]])
+    box = extruded("box", "b", square, 0.0, 0.03)
+    without_one = TriangleWall("box", "b", box.vertices, box.triangles[1:])
+    for wall in (without_one, extruded("tube", "b", square, 0.0, 0.002, caps=False)):
+        assert f"is open: {len(wall.free_edges)} edges belong to one triangle only" in openings_in_words(wall)
+    angle = np.linspace(0.0, math.pi, 13)
+    rows = [np.column_stack([np.cos(angle), np.sin(angle), np.full(13, z)]) for z in (0.0, 2.0)]
+    strips = [[[k, k + 1, k + 13], [k + 1, k + 14, k + 13]] for k in range(12)]
+    half_tube = TriangleWall("half", "b", np.vstack(rows), np.array(strips).reshape(-1, 3))
+    for wall in (box, half_tube, TriangleWall("plate", "b", SQUARE, HALVES)):
+        assert openings_in_words(wall) == ""
 
 
 @pytest.fixture(scope="module")
