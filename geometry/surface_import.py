@@ -87,7 +87,7 @@ def triangle_wall_from_file(
     if sides.max() > LARGEST:
         raise CadError(
             f"{path}: the wall measures {sides.max():.4g} m, allowed are {LARGEST:g} m; if the file is in millimetres, "
-            f"give `scale` = {0.001 * scale:g}"
+            f"give `scale` = {0.001 * scale:g}, if it is in inches {0.0254 * scale:g}"
         )
     # exports hold needles of no area; twice the limit, as merging may still move their corners
     triangles = triangles[heights(vertices, triangles) > 2.0 * MERGED * float(np.linalg.norm(sides))]

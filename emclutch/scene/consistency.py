@@ -18,7 +18,7 @@ from emclutch.scene.repose import repose_agrees
 from emclutch.scene.section import did_you_mean
 from emclutch.scene.sector_checks import sector_in_geometry, sector_in_surfaces, sector_width
 from emclutch.scene.slip_checks import one_slip
-from emclutch.scene.surfaces import extent_in_words
+from emclutch.scene.surfaces import TOO_SMALL, TOO_WIDE, extent_in_words
 from emclutch.scene.timing import instant_in_words, not_before
 from emclutch.sources import sources_in_words
 
@@ -158,6 +158,25 @@ def _surfaces(draft: Draft) -> Iterator[Fault]:
             )
 
 
+def _size_of_surfaces(draft: Draft) -> Iterator[Fault]:
+    """A surface whose size says that its file's unit of length was misread: a mesh carries none."""
+    particles, shape = draft.scene.particles, draft.scene.shape()
+    if not draft.scene.surfaces or shape.faults(None):
+        return
+    space, grain = float(shape.extent().max()), particles.smallest_diameter
+    for name, surface in draft.scene.surfaces.items():
+        side = surface.longest_side(name)
+        if side > TOO_WIDE * space:
+            yield draft.fault(f"surfaces.{name}.file", surface.too_wide_in_words(name, space, grain))
+        elif side < TOO_SMALL * grain:
+            yield draft.fault(
+                f"surfaces.{name}.file",
+                f"measures {1e3 * side:.3g} mm, {side / grain:.2g} of a grain's diameter ({1e3 * grain:.4g} mm): its "
+                f"unit of length is likely wrong; surfaces.{name}.scale = {1e3 * surface.scale:g} makes it "
+                f"{1e6 * side:.4g} mm",
+            )
+
+
 def _fill(draft: Draft) -> Iterator[Fault]:
     particles, shape = draft.scene.particles, draft.scene.shape()
     if shape.faults(None):
@@ -278,6 +297,7 @@ CHECKS: tuple[tuple[Check, tuple[str, ...]], ...] = (
     (_region, (GEOMETRY_KIND, "particles")),
     (sector_in_geometry, (GEOMETRY_KIND, "particles")),
     (_surfaces, ("geometry", "surfaces")),
+    (_size_of_surfaces, ("geometry", "surfaces", "particles")),
     (sector_in_surfaces, ("particles", "surfaces")),
     (_initial_flow, (GEOMETRY_KIND, "particles")),
     (_fill, ("geometry", "particles")),

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from emclutch.scene.materials import TableMaterial
+from emclutch.scene.surfaces import WIDE
 from emclutch.scene.usual_ranges import unusual_entries
 
 
@@ -32,7 +33,7 @@ def warnings_of(scene: Any) -> Iterator[str]:
     elif scene.field is not None and not effects.magnetise:
         yield f"[field] moves no grain: that needs {effects.tables(needs_moments=True)}"
     yield from scene.geometry.warnings(scene)
-    yield from _open_surfaces(scene)
+    yield from _doubtful_surfaces(scene)
     for name, own in scene.materials.items():
         if isinstance(own, TableMaterial) and own.warning:
             yield f"materials.{name}: {own.warning}"
@@ -46,8 +47,8 @@ def warnings_of(scene: Any) -> Iterator[str]:
     yield from unusual_entries(scene)
 
 
-def _open_surfaces(scene: Any) -> Iterator[str]:
-    """Yield the surfaces that look like solid parts with lids that are missing."""
+def _doubtful_surfaces(scene: Any) -> Iterator[str]:
+    """Yield the surfaces that look like solid parts with lids that are missing, or larger than the device."""
     if not scene.surfaces:
         return
     from geometry.wall_openings import openings_in_words  # local: a scene without surfaces needs no shapes
@@ -55,6 +56,9 @@ def _open_surfaces(scene: Any) -> Iterator[str]:
     for name, surface in scene.surfaces.items():
         if text := openings_in_words(surface.wall(name)):
             yield f"surfaces.{name}.file {text}"
+        space = None if scene.particles is None else float(scene.shape().extent().max())
+        if space is not None and surface.longest_side(name) > WIDE * space:
+            yield f"surfaces.{name}.file {surface.too_wide_in_words(name, space, scene.particles.smallest_diameter)}"
 
 
 def _is_given(scene: Any, name: str) -> bool:

@@ -15,6 +15,12 @@ from emclutch.scene.units import Length, number
 if TYPE_CHECKING:
     from geometry.triangle_wall import TriangleWall
 
+WIDE, TOO_WIDE = 3.0, 10.0
+"""Times the space of the grains: a surface with a longer side has likely, or surely, the wrong unit of length."""
+TOO_SMALL = 0.1
+"""Of a grain's diameter: a surface that is smaller has the wrong unit of length."""
+_UNITS = (("millimetres", 1e-3), ("inches", 25.4e-3), ("centimetres", 1e-2))
+
 
 class SurfaceSection(Section):
     """A surface that grains touch from either side, in the place that its file says, the device's axis being z.
@@ -23,7 +29,8 @@ class SurfaceSection(Section):
     without it, and it mirrors no dipoles (`wall_images`), so that it stands for a part that is not magnetic.
 
     A face with more than four corners has to be flat and convex. A part that looks solid and has an opening gives a
-    warning.
+    warning. A surface more than ten times as wide as the grains' space is refused, since its file is likely in
+    millimetres or inches; so is one that is smaller than a tenth of a grain.
     """
 
     file: str = Field(
@@ -57,6 +64,27 @@ class SurfaceSection(Section):
         path = Path(self.file)
         changed = path.stat().st_mtime_ns if path.is_file() else 0
         return _read_wall(self.file, changed, name, self.body, self.scale, self.size)
+
+    def longest_side(self, name: str) -> float:
+        """Longest side [m] of the box around the wall."""
+        low, high = self.wall(name).bounds
+        return float((high - low).max())
+
+    def too_wide_in_words(self, name: str, space: float, grain: float) -> str:
+        """Return how wide it is beside the longest side of the grains' `space` [m], and the factors that may be meant.
+
+        These are the usual units in which it is neither smaller than a `grain` [m] nor much larger than the space.
+        """
+        side = self.longest_side(name)
+        number = side / self.scale  # in the file
+        meant = [unit for unit in _UNITS if grain <= unit[1] * number <= WIDE * space] or _UNITS
+        factors = ", ".join(
+            f"{factor:g} makes it {1e3 * factor * number:.4g} mm (a file in {unit})" for unit, factor in meant
+        )
+        return (
+            f"measures {1e3 * side:.4g} mm, {side / space:.3g} times the grains' space ({1e3 * space:.4g} mm); a mesh "
+            f"carries no unit of length: surfaces.{name}.scale = {factors}"
+        )
 
 
 def surface_walls(surfaces: Mapping[str, SurfaceSection]) -> list[TriangleWall]:
