@@ -34,6 +34,8 @@ def field(
         currents = None if current is None else read_list(current, Quantity("a current", "A", "0.5 A"), "--current")
         lines = [read_line(text) for text in line or ()]
         found = solve_field(read, currents, lines, out)
+        for warning in found.summary["warnings"]:
+            typer.echo(f"warning: {warning}", err=True)
         if as_json:
             print_json(found.summary)
         else:

@@ -22,6 +22,7 @@ from field.laws.materials import (
     material_names,
 )
 from field.laws.reluctivity import MU_0, Law, LinearLaw
+from field.laws.table_end import TableEnd
 
 _KINDS = {
     "LinearLaw": "linear",
@@ -57,7 +58,7 @@ class Characteristics:
     also : tuple of str
         Other names of the same material.
     warning : str
-        What of a table's points is not used; empty where all are.
+        What of a table's points is not used, or that it ends before the steel is saturated; else empty.
     loop : str
         Coercivity, remanence and loss of a law that is fitted to a loop against those of the loop; else empty.
     """
@@ -95,9 +96,17 @@ def characteristics(law: Law) -> Characteristics:
         law.fitted.coercivity if isinstance(law, MajorLoopLaw) else None if name is None else coercivity(name).H_c,
         also,
         law.source,
-        law.warning if isinstance(law, TableLaw) else "",
+        _warning(law),
         law.in_words() if isinstance(law, MajorLoopLaw) else "",
     )
+
+
+def _warning(law: Law) -> str:
+    """What of a table is not used, or that it ends before the steel is saturated."""
+    if isinstance(law, TableLaw) and law.warning:
+        return law.warning
+    end = TableEnd.of(law)
+    return "" if end is None else end.in_words()
 
 
 def laws_of(names: list[str]) -> list[Law]:

@@ -21,6 +21,7 @@ from emclutch.simulation.forecast.expected_field import chains_in_words, field_i
 from emclutch.simulation.plan import make_plan
 from emclutch.simulation.plan_in_words import paths_in_words, plan_in_words
 from field import MagneticField
+from field.laws.table_end import driven_beyond_their_tables
 
 if TYPE_CHECKING:
     from emclutch.results import Result
@@ -113,9 +114,9 @@ def _check(case: Case, threads: int | None) -> Checked:
         B_max = device.coil.gap_flux_density(made.peak_field)
         words["field"] = f"|B| under the poles {B_max:.3g} T on average; {magnetised}"
         words["powder in that field"] = powder_in_words(scene, phi)
-    unusual = FLUX_DENSITY.remark("|B|", B_max)
-    if unusual:
-        words["field"] = with_warnings(words["field"], unusual)
+    beyond = [] if made.peak_field is None else driven_beyond_their_tables([made.peak_field])
+    if doubtful := [text for text in (FLUX_DENSITY.remark("|B|", B_max), *beyond) if text]:
+        words["field"] = with_warnings(words["field"], *doubtful)
     if device.coil is not None:
         words["copper"] = coil_heat_in_words(scene, device.coil, device.coil.shape)
     compared = methods_compared(scene)

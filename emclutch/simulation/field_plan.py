@@ -7,9 +7,11 @@ import numpy as np
 from emclutch.device_model.body_forces import forces_in_words, movable_bodies
 from emclutch.device_model.coil_heat import coil_heat_in_words
 from emclutch.device_model.device import CoilDevice, solved_coil
+from emclutch.device_model.warning_text import with_warnings
 from emclutch.scene.case import Case
 from emclutch.simulation.plan_in_words import paths_in_words
 from field import MagneticField
+from field.laws.table_end import driven_beyond_their_tables
 from field.section.ampere_turns import ampere_turns_by_part, ampere_turns_in_words
 
 
@@ -25,7 +27,7 @@ def field_plan(case: Case) -> dict[str, str]:
     }
     if coil.largest_current > 0.0 and isinstance(coil, CoilDevice):
         solution = coil.solve_at_peak(None)
-        words["field"] = _field_in_words(coil, solution)
+        words["field"] = with_warnings(_field_in_words(coil, solution), *driven_beyond_their_tables([solution]))
         words |= ampere_turns_row(coil, solution)
         for body, regions, force in forces_in_words(solution, movable_bodies(coil, solution)):
             words[f"force on the {body}"] = f"{force}, on {', '.join(regions)}"

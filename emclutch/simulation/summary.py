@@ -52,6 +52,7 @@ from emclutch.simulation.forecast.expected_torque import expected_torque
 from emclutch.simulation.observables import Observables
 from emclutch.simulation.planned_run import PlannedRun
 from emclutch.simulation.torque_trigger import how_it_ended
+from field.laws.table_end import driven_beyond_their_tables
 from particles.diagnostics.coordination import coordination
 from particles.diagnostics.fabric import fabric
 from particles.diagnostics.force_chains import force_chains
@@ -107,6 +108,9 @@ def summarise(
         summary["lock_up_time"] = lock_up_time(history)
     if device.coil is not None and simulation.source.solution is not None:
         summary |= coil_summary(case.scene, device.coil, simulation.source, history)
+        solved = [one for one in (plan.peak_field, simulation.source.solution) if one is not None]
+        if beyond := driven_beyond_their_tables(solved):
+            summary["steel"] = {"warnings": beyond}
     if torque is not None and case.scene.coil is not None and case.scene.coil.current is not None:
         ramp = current_ramp((history, *others), case.scene.coil.current, conditions)
         if ramp is not None:

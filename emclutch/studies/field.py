@@ -36,6 +36,7 @@ from field import ConvergenceError, MagneticField, PowderLaw
 from field.coil.inductance import apparent_inductance, incremental_inductance
 from field.coil.magnetic_circuit import FilledPowder
 from field.factorisation import describe_backend
+from field.laws.table_end import driven_beyond_their_tables
 from field.section.ampere_turns import ampere_turns_by_part
 from field.section.current_sweep import sweep_currents
 from field.section.error_estimate import estimate_error
@@ -159,6 +160,7 @@ def field_study(
     series, lines_of_flux = PvdSeries(folder, "field"), PvdSeries(folder, "flux_lines")
     growing = bool(np.all(np.diff(currents) > 0.0))  # then ParaView's time is the current
     rows: list[dict[str, float]] = []
+    strongest: MagneticField | None = None
     solution: MagneticField | None = None
     failure: ConvergenceError | None = None
     began = perf_counter()
@@ -170,6 +172,8 @@ def field_study(
         except ConvergenceError as error:
             failure = error
             break
+        if strongest is None or abs(solution.ampere_turns) > abs(strongest.ampere_turns):
+            strongest = solution
         rows.append(_row(case, coil, solution, current, phi, perf_counter() - began))
         moment = current if growing else float(number)
         lines_of_flux.write_flux_lines(moment, *flux_lines(solution))
@@ -179,7 +183,7 @@ def field_study(
     table.to_csv(folder / "field.csv", index=False)
     if failure is not None:
         raise failure
-    assert solution is not None
+    assert solution is not None and strongest is not None
     title = scene.scene.title
     at = f"{title}\n{rows[-1]['current']:g} A"
     section_picture(
@@ -210,6 +214,7 @@ def field_study(
         "units": UNITS | DETAIL_UNITS,
         "currents": rows,
         "at_last_current": _details(case, coil, solution, None if amount is None else amount.solid_fraction),
+        "warnings": driven_beyond_their_tables([strongest]),
     }
     (folder / "field.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
     return folder

@@ -18,6 +18,7 @@ from emclutch.results.vtk.series import PvdSeries
 from emclutch.scene.case import Case
 from emclutch.scene.fill import fill_of
 from emclutch.simulation.forecast.expected_field import powder_in_words
+from field.laws.table_end import driven_beyond_their_tables
 from field.three_d import Field3D
 
 UNITS = {
@@ -65,10 +66,13 @@ def field_study_3d(
         phi = fill_of(device.shape, scene.particles).solid_fraction
         fill = device.uniform_fill(phi) if scene.effects.feedback is not None else None
     solution: Field3D | None = None
+    strongest: Field3D | None = None
     for number, current in enumerate([device.largest_current] if currents is None else currents):
         began = perf_counter()
         guess = solution if solution is not None and solution.ampere_turns != 0.0 else None
         solution = device.problem.solve(device.turns * current, fill, guess, tolerance=device.newton_tolerance)
+        if strongest is None or abs(solution.ampere_turns) > abs(strongest.ampere_turns):
+            strongest = solution
         linkage = device.turns * solution.flux_linkage_per_turn
         rows.append(
             {
@@ -87,7 +91,7 @@ def field_study_3d(
         )
         series.write_field_3d(float(number), *field_arrays_3d(solution), region_names=sorted(device.mesh.regions))
         pandas.DataFrame(rows).to_csv(folder / "field.csv", index=False)
-    assert solution is not None
+    assert solution is not None and strongest is not None
     for number, points in enumerate(ends, start=1):
         along_line(solution, points).to_csv(folder / f"line-{number}.csv", index=False)
     gap_map_picture(folder / "gap.png", *gap_map(device, solution), title=case.scene.scene.title)
@@ -100,7 +104,8 @@ def field_study_3d(
         "newton_residuals": [residual for residual, _ in solution.newton],
         "turns_with": device.carrier,
     }
-    summary = {"units": UNITS, "currents": rows, "at_last_current": details}
+    warnings = driven_beyond_their_tables([strongest])
+    summary = {"units": UNITS, "currents": rows, "at_last_current": details, "warnings": warnings}
     (folder / "field.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
     return folder
 

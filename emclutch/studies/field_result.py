@@ -25,8 +25,8 @@ class FieldResult:
     folder : Path
         With field.csv, field.json, field.pvd, pictures and line-<n>.csv.
     summary : dict
-        field.json: `units`, `currents` (a row a current) and `at_last_current` (error estimate, forces [N], winding,
-        solver, powder in chains).
+        field.json: `units`, `currents` (a row a current), `at_last_current` (error estimate, forces [N], winding,
+        solver, powder in chains) and `warnings` (regions that are driven beyond the end of their steel's table).
     """
 
     folder: Path

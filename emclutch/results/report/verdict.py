@@ -316,7 +316,7 @@ def _balance(what: str, share: float | None, of: str) -> Statement:
 
 
 def _warnings(summary: dict[str, Any]) -> Iterator[Statement]:
-    parts = "grain_size", "scaled_speed", "solver", "moments"
+    parts = "grain_size", "scaled_speed", "solver", "moments", "steel"
     texts = [soft_grains(summary), *(text for part in parts for text in (summary.get(part) or {}).get("warnings", []))]
     yield from (Statement(Mark.POOR, text) for text in texts if text)
 
