@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from enum import Enum
-from pathlib import Path
 
 import numpy as np
 
@@ -24,21 +23,6 @@ class PackingError(ParticleError):
     def __init__(self, message: str, overlap: float | None = None) -> None:
         super().__init__(message)
         self.overlap = overlap
-
-
-class FileFault(ValueError):
-    """A file that cannot be used.
-
-    Attributes
-    ----------
-    path : str or Path
-    reason : str
-        What is wrong with it and what to do, without its path.
-    """
-
-    def __init__(self, path: str | Path, reason: str) -> None:
-        super().__init__(f"{path}: {reason}")
-        self.path, self.reason = path, reason
 
 
 class DemErrorKind(Enum):

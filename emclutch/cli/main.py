@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import gc
 import sys
+import warnings
 
 try:
     from typing import Annotated, Any
@@ -25,7 +26,6 @@ try:
 except KeyboardInterrupt:  # while the program is loaded no command is there to answer
     sys.stderr.write("interrupted\n")
     raise SystemExit(130) from None
-
 
 
 class _HelpWithoutType:
@@ -60,6 +60,7 @@ app = typer.Typer(
 def main() -> None:
     """Entry point of the console script."""
     gc.set_threshold(50_000, 10, 10)  # what a start loads stays: looking for garbage in it took a tenth of a check
+    warnings.formatwarning = lambda message, *_: f"warning: {message}\n"  # without the line of the program
     app(prog_name="emclutch")
 
 

@@ -125,9 +125,7 @@ def laws_of(names: list[str]) -> list[Law]:
             is_file = Path(name).suffix.lower() in (".csv", ".txt", ".tsv")
             laws.append(file_law(name) if is_file else material(name))
         except TableFault as fault:
-            faults.append(Fault(name, "", str(fault)))
-        except OSError as error:
-            faults.append(Fault(name, "", f"cannot be read ({error.strerror or error}); check the path"))
+            faults.append(Fault(name, "", fault.reason))
         except ValueError as error:
             faults.append(Fault("", "", str(error)))
     if faults:

@@ -223,9 +223,6 @@ def _columns(path: Path, key: str) -> tuple[list[float], list[float]]:
     try:
         H, B = read_loop(path) if key == "loop" else read_table(path)
     except TableFault as fault:
-        raise refuse(str(fault), key=key) from None
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise refuse(f"cannot be read ({reason}); a path is relative to the scene's folder", key=key) from None
+        raise refuse(fault.reason, key=key) from None
     origin = [] if H[0] == 0.0 or key == "loop" else [0.0]
     return origin + H.tolist(), origin + B.tolist()

@@ -158,6 +158,8 @@ class ListedDiameters(_Distribution):
     by: Annotated[str, Choice(("number", "mass"))] = Field(default="number", description="shares of what")
 
     def _check(self) -> None:
+        from particles.packing.sizes import refuse_cumulative
+
         if self.shares is None:
             return
         if len(self.shares) != len(self.diameters):
@@ -167,6 +169,10 @@ class ListedDiameters(_Distribution):
             )
         if not any(self.shares):
             raise refuse("are all 0; at least one must be positive", key="shares")
+        try:
+            refuse_cumulative(self.shares)
+        except ValueError as error:
+            raise refuse(f"cannot be used: {error}", key="shares") from None
 
     def distribution(self) -> GrainSizes:
         """Return the distribution, in SI."""
@@ -176,7 +182,7 @@ class ListedDiameters(_Distribution):
 
 
 class DiametersOfFile(_Distribution):
-    """A CSV file with a column diameter and perhaps its fraction, number or mass; units stand in the heads."""
+    """A table with a column diameter and perhaps shares by number, mass, weight or volume; each has its unit."""
 
     kind: Literal["file"]
     file: str = Field(min_length=1, description="CSV such as 'diameter [um], mass [%]', from the scene's folder")
@@ -187,15 +193,10 @@ class DiametersOfFile(_Distribution):
         return from_the_scenes_folder(given, info.context)
 
     def _check(self) -> None:
-        """A head without a unit is in metres for the reader; of diameters that was hardly ever meant."""
         try:
             self.distribution()
-            with open(self.file, encoding="utf-8-sig") as stream:
-                head = next(line for line in stream if line.strip() and not line.lstrip().startswith("#"))
-        except (ValueError, OSError) as error:
+        except ValueError as error:
             raise refuse(reason_of(error), key="file") from None
-        if any(name.strip().lower() == "diameter" for name in head.split(",")):
-            raise refuse("has no unit in its column 'diameter'; write 'diameter [mm]' in the head", key="file")
 
     def distribution(self) -> GrainSizes:
         """Return the distribution, in SI."""

@@ -322,22 +322,6 @@ def in_unit_of(entry: object, value: float, quantity: Quantity) -> str:
     return f"{value * float(match[1]) / quantity.read(entry):.4g} {match[2]}"
 
 
-def factor_between(unit: str, wanted: str) -> float:
-    """Return what a number in a unit is multiplied by to be one in the wanted unit: 0.01 for "N cm" and "N m".
-
-    Raises
-    ------
-    ValueError
-        The unit is unknown or of another quantity, or nothing with a unit is wanted; the message follows on the unit.
-    """
-    goal = _parse_unit(wanted) if wanted else None
-    if goal is None:
-        raise ValueError("has a unit where none is wanted")
-    name = _names_of_dimensions().get(goal.dimensionality, f"a quantity in {wanted}")
-    angular = bool(_ANGLE_UNITS & set(goal._units))
-    return Quantity(name, wanted, f"1 {wanted}", angular=angular).read(f"1 {unit}")
-
-
 def two_digits(value: float) -> str:
     """A number of which no more is known: 270, 4400, 0.0093, 1.9e-06."""
     return f"{float(f'{value:.2g}'):g}"

@@ -100,7 +100,7 @@ def read_torques(path: str | Path, unit: str) -> tuple[MeasuredTorques, int]:
     OutputError
         As `read_measured`; several curves; errors that are not above 0; no point with a drive and a torque above 0.
     """
-    curves = read_measured(path, f"drive [{unit}]" if unit else "drive", TORQUE_CURVE[1], needs_units=True)
+    curves = read_measured(path, f"drive [{unit}]" if unit else "drive", TORQUE_CURVE[1])
     if len(curves) > 1:
         raise OutputError(
             f"{path} has {len(curves)} columns of torques, {', '.join(curves)}; leave one, and name the "

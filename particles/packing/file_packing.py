@@ -2,11 +2,12 @@
 
 What is read, by name: positions, and where they are there, radii or diameters, velocities and spins.
 
-    CSV   columns x, y, z; radius or diameter; vx, vy, vz; wx, wy, wz, each with its unit in brackets (SI without)
+    CSV   columns x, y, z; radius or diameter; vx, vy, vz; wx, wy, wz, each with its unit in brackets
     npz   arrays position (n, 3); radius or diameter (n,); velocity, angular_velocity (n, 3), all in SI
     vtp   the points [m], and point arrays of the same names as in npz, in SI: what a run writes as particles_*.vtp
 
-Diameters are needed somewhere: in the file, or given by the caller.
+Diameters are needed somewhere: in the file, or given by the caller. A warning names the columns and arrays that are not
+used.
 """
 
 from __future__ import annotations
@@ -21,13 +22,18 @@ from zipfile import BadZipFile
 
 import numpy as np
 
-from particles.errors import FileFault
-from particles.packing.columns_file import read_columns
+from geometry.table_file import FileFault, is_unit_of, read_table, warn_of_unused
 from particles.packing.packing import Packing
 
 MAX_BYTES = 2_000_000_000
 """Of a file's arrays, unpacked: 10 million grains with all that there is of them; more is refused unread."""
 OVERLAP_LIMIT = 0.05  # of a diameter: beds at rest have a few tenths of a per cent, wrong units far more
+_VECTORS = {
+    "position": (("x", "y", "z"), "m"),
+    "velocity": (("vx", "vy", "vz"), "m/s"),
+    "angular_velocity": (("wx", "wy", "wz"), "rad/s"),
+}
+_UNITS = {"radius": "m", "diameter": "m"} | {part: unit for parts, unit in _VECTORS.values() for part in parts}
 _NUMBER_OF_POINTS = re.compile(rb"NumberOfPoints\s*=\s*[\"'](\d{1,18})")
 _MIN_BYTES_OF_A_POINT = 24
 
@@ -45,8 +51,6 @@ def read_packing(path: str | Path, *, radius: float | None = None) -> Packing:
     ValueError
         If the file is of another kind, lacks what is needed, or a number in it is not finite; or if radii are both in
         the file and given.
-    OSError
-        If it cannot be read.
     """
     path = Path(path)
     readers = {".csv": _from_csv, ".npz": _from_npz, ".vtp": _from_vtp}
@@ -61,6 +65,8 @@ def read_packing(path: str | Path, *, radius: float | None = None) -> Packing:
         raise FileFault(path, f"has no positions; it has {', '.join(found) or 'nothing'}")
     own = _array(path, found, "radius", 0)
     diameter = _array(path, found, "diameter", 0)
+    if own is not None and diameter is not None:
+        raise FileFault(path, "has both radius and diameter; keep one of the two")
     if own is None and diameter is not None:
         own = 0.5 * diameter
     if own is None and radius is None:
@@ -72,6 +78,8 @@ def read_packing(path: str | Path, *, radius: float | None = None) -> Packing:
     for name, value in (("radius", size), ("velocity", velocity), ("angular_velocity", spin)):
         if value is not None and len(value) != len(position):
             raise FileFault(path, f"{len(position)} positions but {len(value)} of {name}; give as many")
+    if unused := found.keys() - {"position", "radius", "diameter", "velocity", "angular_velocity"}:
+        warn_of_unused(path, sorted(unused))
     if not (size > 0.0).all():
         k = int(np.flatnonzero(~(size > 0.0))[0])
         raise FileFault(path, f"the radius of grain {k} is {size[k] * 1e3:g} mm; it must be positive")
@@ -98,12 +106,16 @@ def _array(path: Path, found: Mapping[str, np.ndarray], name: str, width: int) -
 
 
 def _from_csv(path: Path) -> dict[str, np.ndarray]:
-    columns = read_columns(path)
-    for name, parts in (
-        ("position", ("x", "y", "z")),
-        ("velocity", ("vx", "vy", "vz")),
-        ("angular_velocity", ("wx", "wy", "wz")),
-    ):
+    table = read_table(path, lambda place, name, unit: _UNITS.get(name.lower()))
+    names = {name for name, _ in table.unused}
+    for name, unit in table.unused:
+        is_component = any({name[:-1] + end for end in ends} <= names for ends in ("xyz", "XYZ", "012", "123"))
+        if is_component or any(is_unit_of(unit, goal) for goal in ("m", "m/s", "rad/s")):
+            known = ", ".join(f"{known} [{goal}]" for known, goal in _UNITS.items())
+            raise FileFault(path, f"has the column '{name}', which may be a place, size or motion; known: {known}")
+    table.warn_of_unused()
+    columns = {name.lower(): column for name, column in zip(table.names, table.values.T, strict=True)}
+    for name, (parts, _) in _VECTORS.items():
         there = [part for part in parts if part in columns]
         if there and len(there) < 3:
             raise FileFault(path, f"has of {', '.join(parts)} only {', '.join(there)}; give all three")

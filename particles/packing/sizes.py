@@ -19,12 +19,12 @@ from pathlib import Path
 import numpy as np
 from scipy.special import ndtr, ndtri
 
-from particles.errors import FileFault
-from particles.packing.columns_file import read_columns
+from geometry.table_file import FileFault, is_unit_of, read_table
 
 _STREAM = 1  # keeps the sizes' random numbers apart from the positions', which are drawn with the bare seed
 _CUT = 3.0  # standard deviations
 _BLOCK = 4096  # grains sampled at a time until a volume is reached
+_BY_MASS = ("mass", "weight", "volume")  # of one density: each is the same share
 _BETWEEN_PERCENTILES = np.array([0.1, 0.4, 0.4, 0.1])  # of the powder, of 0, 10, 50, 90 and 100 %
 
 
@@ -391,23 +391,59 @@ class ListedSizes(GrainSizes):
 
 
 def read_sizes(path: str | Path) -> ListedSizes:
-    """Sizes from a CSV file with a column diameter, and perhaps one of fractions: ``diameter [um], mass [%]``.
+    """Sizes from a table with a column diameter, and perhaps one of fractions: ``diameter [um], mass [%]``.
+
+    Fractions are by number, or by mass, weight or volume, which are the same for grains of one density. They are given
+    in per cent, or as numbers, masses or volumes.
 
     Raises
     ------
-    ValueError
-        If the file is no such table.
-    OSError
-        If it cannot be read.
+    FileFault
+        If the file is no such table, or its fractions look cumulative.
     """
-    columns = read_columns(path)
-    if "diameter" not in columns:
-        raise FileFault(path, f"has no column diameter; it has {', '.join(columns)}")
-    shares = [name for name in ("number", "mass") if name in columns]
+    table = read_table(path, _unit_of_sizes)
+    names = [name.lower() for name in table.names]
+    if "diameter" not in names:
+        raise FileFault(path, "has no column of diameters; write e.g. 'diameter [um]' in its header")
+    shares = [name for name in names if name != "diameter"]
     if len(shares) > 1:
-        raise FileFault(path, "has fractions by number and by mass; keep one of the two columns")
-    weight = columns[shares[0]] if shares else None
+        raise FileFault(path, f"has fractions by {' and by '.join(shares)}; keep one of the columns")
+    if table.unused and not shares:
+        others = ", ".join(name for name, _ in table.unused)
+        raise FileFault(
+            path,
+            f"has the columns {others} beside the diameter; write number [%], mass [%] or volume [%] over fractions, "
+            "and remove other columns",
+        )
+    table.warn_of_unused()
+    weight = table.values[:, names.index(shares[0])] if shares else None
     try:
-        return ListedSizes(columns["diameter"], weight, by_mass=shares == ["mass"])
+        if weight is not None:
+            in_percent = is_unit_of(table.units[names.index(shares[0])], "%")
+            refuse_cumulative(weight, total=100.0 if in_percent else None)
+        return ListedSizes(table.values[:, names.index("diameter")], weight, by_mass=shares[:1] != ["number"])
     except ValueError as error:
         raise FileFault(path, f"{error}") from None
+
+
+def refuse_cumulative(weight: Sequence[float] | np.ndarray, total: float | None = None) -> None:
+    """Raise ValueError where fractions look cumulative, those of all smaller or larger grains.
+
+    They do where they do not add up to a known `total` within 1 %; without one, where three or more ascend to 1 or 100
+    or descend from it.
+    """
+    w = np.asarray(weight, dtype=float)
+    sum_of = float(w.sum())
+    one_way = len(w) > 2 and (all(np.diff(w) > 0.0) or all(np.diff(w) < 0.0)) and w.max() in (1.0, 100.0)
+    if one_way if total is None else abs(sum_of - total) > 0.01 * total:
+        raise ValueError(
+            f"the fractions add up to {sum_of:g}; are they cumulative? Write the fraction of each size alone, so that "
+            "they add up to 100 %"
+        )
+
+
+def _unit_of_sizes(place: int, name: str, unit: str) -> str | None:
+    name = name.lower()
+    if name in _BY_MASS:
+        return next((goal for goal in ("kg", "m^3") if is_unit_of(unit, goal)), "%")
+    return {"diameter": "m", "number": "%" if unit else ""}.get(name)

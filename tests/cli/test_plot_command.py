@@ -1,6 +1,5 @@
 """plot: runs and studies over one another, each with its band; pictures that a killed run owes are drawn."""
 
-import re
 from pathlib import Path
 
 import numpy as np
@@ -76,11 +75,12 @@ def test_torque_against_current_lies_on_what_was_measured(tmp_path, monkeypatch)
     kept = []
     monkeypatch.setattr(torque_curves, "save_picture", lambda figure, path: kept.append(figure) or Path(path))
     study = written_study(tmp_path / "study", [1.0, 2.0, 4.0])
-    (tmp_path / "bench.csv").write_text("# my brake\nI,rising,falling\n0,0,\n1,0.5,0.6\n2,1,1\n")
+    (tmp_path / "bench.csv").write_text("# my brake\nI [A],rising [N m],falling [N m]\n0,0,\n1,0.5,0.6\n2,1,1\n")
     (tmp_path / "band.csv").write_text("current [A],low [N m],middle [N m],high [N m]\n1,0.5,1,2\n3,2,3,5\n")
     asked = {"measured": tmp_path / "bench.csv", "band": tmp_path / "band.csv", "out": tmp_path / "o.png"}
     plot_runs([study], TORQUE_CURRENT, **asked)
-    plot_runs([study], TORQUE_CURRENT, rated="2 A", **asked)
+    (tmp_path / "shares.csv").write_text("I,rising,falling\n0,0,\n1,0.5,0.6\n2,1,1\n")
+    plot_runs([study], TORQUE_CURRENT, rated="2 A", **asked | {"measured": tmp_path / "shares.csv"})
     assert [len(figure.axes) for figure in kept] == [1, 2] and kept[1].axes[1].get_xscale() == "log"
     torques = [load_result(study / f"point-00{number}").torque for number in range(3)]
     means, errors = (np.array([getattr(one, name) for one in torques]) for name in ("mean", "standard_error"))
@@ -143,12 +143,13 @@ def test_what_cannot_be_drawn_over_the_current_is_refused(tmp_path):
     bands = [tmp_path / f"band-{number}.csv" for number in range(3)]
     for path, text in zip(bands, ("low,middle,high\n2,1,2,4", "low,middle,high\n2,3,2,4", "low,mean,high\n2,1,2,4"),
                           strict=True):  # fmt: skip
-        path.write_text(f"current [A],{text}\n3,4,5,6\n")
+        names, row = text.split("\n")
+        path.write_text(f"current [A],{names.replace(',', ' [N m],')} [N m]\n{row}\n3,4,5,6\n")
     for given, reason in (
         ({"rated": "3 A"}, r"no torque at 3 A to divide by; it has: 1, 2 A"),
         ({"rated": "3 V"}, "--rated = 3 V is a voltage; a current is needed"),
         ({"rated": "0 A"}, "allowed"),
-        ({"rated": "1 A", "measured": bench}, "'current_A' is in A; it must be current over the rated one"),
+        ({"rated": "1 A", "measured": bench}, "'current' is in 'A', which is .*wanted: current over the rated one"),
         ({"kind": "torque", "rated": "1 A"}, "add --torque-current"),
         ({"kind": "torque", "measured": tmp_path / "m.csv"}, "add --speeds or --torque-current"),
         ({"kind": "torque", "band": tmp_path / "m.csv"}, "add --torque-current"),
@@ -162,37 +163,45 @@ def test_what_cannot_be_drawn_over_the_current_is_refused(tmp_path):
         plot_runs([run], TORQUE_CURRENT)
 
 
+AXES = "current [A]", "torque [N m]"
+
+
 @pytest.mark.parametrize(
     ("columns", "over", "named"),
     [
-        (("current [mm]", "rising [N m]"), ("current [A]", "torque [N m]"), r"in mm; .* .A.: it is a length; a cur"),
-        (("current [A]", "rising"), ("current over rated", "torque over rated"), "'current .A.' is in A"),
-        (("current_A", "torque_Nm"), OVER_RATED, "'current_A' is in A; it must be current over the rated one"),
-        (("current (A)", "torque (N m)"), OVER_RATED, "'current .A.' is in A"),
-        (("current", "torque (N m)"), OVER_RATED, "'torque .N m.' is in N m"),
+        (("current [mm]", "rising [N m]"), AXES, "'current' is in 'mm', which is unknown .*; known: A"),
+        (("current [A]", "rising"), ("current over rated", "torque over rated"), "'current' is in 'A'"),
+        (("current_A", "torque_Nm"), OVER_RATED, "'current' is in 'A', .*wanted: current over the rated one"),
+        (("current (A)", "torque (N m)"), OVER_RATED, "'current' is in 'A'"),
+        (("current", "torque (N m)"), OVER_RATED, "'torque' is in 'N m'"),
+        (("current [A]", "torque [V]"), AXES, "'torque' is in 'V'"),
+        (("current", "torque [N m]"), AXES, "'current' has no unit; .*wanted: current .A.; torque .N m. in each"),
+        (("current [A]", "torque"), AXES, "'torque' has no unit; .*wanted: current .A.; torque .N m. in each"),
+        (("current_A", "brake_B"), AXES, "'brake_B' has no unit"),
+        (("current_A", "torque (cold)"), AXES, "'torque .cold.' has no unit"),
     ],
 )
-def test_a_column_in_another_unit_is_refused(tmp_path, columns, over, named):
+def test_a_column_without_a_unit_or_in_that_of_another_quantity_is_refused(tmp_path, columns, over, named):
     table = tmp_path / "bench.csv"
-    table.write_text(f"{','.join(columns)}\n1,2\n")
+    table.write_text(f"{','.join(columns)}\n200,2\n")
     with pytest.raises(OutputError, match=named):
         read_measured(table, *over)
     table.write_text("current [A],rising [N m]\n1,2\n")
-    assert read_measured(table, "current [A]", "torque [N m]")["rising [N m]"].tolist() == [[1.0, 2.0]]
+    assert read_measured(table, *AXES)["rising"].tolist() == [[1.0, 2.0]]
 
 
 def test_a_column_in_another_unit_of_its_quantity_is_converted(tmp_path):
     """1 mA = 1e-3 A, 1 N cm = 1e-2 N m with its error; 2 pi rad/s are 60 rpm, and 1 Hz is refused as no angle."""
     table = tmp_path / "bench.csv"
     table.write_text("current_mA,torque [N cm],error [mN m],other (N m)\n400,200,5,3\n")
-    found = read_measured(table, "current [A]", "torque [N m]")
-    assert list(found) == ["torque [N m]", "other (N m)"]
+    found = read_measured(table, *AXES)
+    assert list(found) == ["torque", "other"]
     assert np.concatenate([*found.values()], axis=1) == pytest.approx(np.array([[0.4, 2.0, 5e-3, 0.4, 3.0]]))
-    table.write_text("time [ms],motor [rad/s],output\n500,6.283185307,60\n")
+    table.write_text("time [ms],motor [rad/s],output [rpm]\n500,6.283185307,60\n")
     found = read_measured(table, "time [s]", "speed [rpm]")
     assert np.concatenate([*found.values()]) == pytest.approx(np.array([[0.5, 60.0]] * 2))
     table.write_text("time [ms],motor [Hz]\n500,1\n")
-    with pytest.raises(OutputError, match="has no angle in its unit"):
+    with pytest.raises(OutputError, match="'motor' is in 'Hz', which is unknown or of another quantity; known: rad/s"):
         read_measured(table, "time [s]", "speed [rpm]")
 
 
@@ -201,16 +210,16 @@ def test_errors_without_a_unit_have_that_of_their_torque(tmp_path, unit, factor)
     table = tmp_path / "bench.csv"
     for name in (f"torque_{unit}", f"torque ({unit})", f"torque [{unit}]"):
         table.write_text(f"current_A,{name},error\n1,10,1\n")
-        (points,) = read_measured(table, "current [A]", "torque [N m]").values()
+        (points,) = read_measured(table, *AXES).values()
         assert points == pytest.approx(np.array([[1.0, 10.0 * factor, factor]]))
 
 
-@pytest.mark.parametrize("unit", ["1/min", "min-1", "min^-1", "rpm"])
+@pytest.mark.parametrize("unit", ["1/min", "min-1", "min^-1", "min⁻¹", "rpm"])
 def test_speeds_per_minute_are_turns(tmp_path, unit):
     table = tmp_path / "bench.csv"
     for name in (f"motor [{unit}]", f"motor ({unit})", f"motor_{unit}"):
         table.write_text(f"t_s,{name}\n1,10\n")
-        assert read_measured(table, "time [s]", "speed [rpm]")[name.replace(unit, "rpm")].tolist() == [[1.0, 10.0]]
+        assert read_measured(table, "time [s]", "speed [rpm]")["motor"].tolist() == [[1.0, 10.0]]
 
 
 @pytest.mark.parametrize("unit", ["MA", "ma"])
@@ -218,33 +227,44 @@ def test_speeds_per_minute_are_turns(tmp_path, unit):
 def test_capitals_that_mean_another_unit_are_refused(tmp_path, unit, name):
     """MA is a megaampere and ma a year; both are typed for mA."""
     table = tmp_path / "bench.csv"
-    table.write_text(f"{name.format(unit)},torque\n900,12\n")
-    with pytest.raises(OutputError, match=f"is in {unit}, whose capitals are unusual; write mA$"):
-        read_measured(table, "current [A]", "torque [N m]")
+    table.write_text(f"{name.format(unit)},torque [N m]\n900,12\n")
+    with pytest.raises(OutputError, match=f"is in '{unit}', which is unknown .*did you mean mA"):
+        read_measured(table, *AXES)
 
 
-@pytest.mark.parametrize("unit", ["lbin", "in_lb", "kgcm", "lb_ft", "ft-lb", "ozin"])
-def test_a_torque_in_another_unit_is_never_read_as_newton_metres(tmp_path, unit):
+POUND_INCH = 0.45359237 * 9.80665 * 0.0254  # [N m]
+
+
+@pytest.mark.parametrize(
+    ("unit", "factor"),
+    [
+        *((unit, POUND_INCH) for unit in ("lbin", "in_lb", "in-lbs", "lbf in", "in·lbf", "lb-in")),
+        *((unit, 12.0 * POUND_INCH) for unit in ("lb_ft", "ft-lb", "ft-lbs", "ft.lbf")),
+        *((unit, POUND_INCH / 16.0) for unit in ("ozin", "oz-in", "ozf in")),
+        ("kgcm", 9.80665e-2),
+    ],
+)
+def test_torques_of_pounds_ounces_and_kilograms_are_converted(tmp_path, unit, factor):
     table = tmp_path / "bench.csv"
-    for name in (f"torque_{unit}", f"torque ({unit})", f"torque [{unit}]", f"torque {unit}"):
+    for name in (f"torque_{unit}", f"torque ({unit})", f"torque [{unit}]", f"torque {unit}", f"torque / {unit}"):
         table.write_text(f"current_A,{name}\n1,2\n")
-        with pytest.raises(OutputError, match=re.escape(f"column {name!r} is in {unit}; it must be torque [N m]")):
-            read_measured(table, "current [A]", "torque [N m]")
+        assert read_measured(table, *AXES)["torque"] == pytest.approx(np.array([[1.0, 2.0 * factor]]), rel=1e-12)
 
 
-def test_names_in_the_wanted_unit_and_of_devices_are_read(tmp_path):
-    """A torque named brake_A is that of brake A, and a current named so is in ampere."""
+def test_names_in_the_wanted_unit_are_read(tmp_path):
     table = tmp_path / "bench.csv"
-    names = ["torque_Nm", "torque_N_m", "T [Nm]", "T (N·m)", "brake_A", "brake_s", "cold_in_oil", "lower_arm", "min"]
+    names = ["torque_Nm", "rising_N_m", "T [Nm]", "M (N·m)", "brake_A [N m]", "cold_in_oil [N m]", "lower_arm in N m"]
     table.write_text(f"current_A,{','.join(names)}\n1{',2' * len(names)}\n")
-    assert list(read_measured(table, "current [A]", "torque [N m]")) == names
-    for along, values, head in (
-        ("time [s]", "speed [rpm]", "t_s,motor_rad_s"),
-        ("current over rated", "torque over rated", "current [A],brake"),
-    ):  # fmt: skip
-        table.write_text(f"{head}\n1,2\n")
-        with pytest.raises(OutputError, match="convert it, and its name"):
-            read_measured(table, along, values)
+    assert list(read_measured(table, *AXES)) == ["torque", "rising", "T", "M", "brake_A", "cold_in_oil", "lower_arm"]
+
+
+def test_currents_with_thousands_are_read_or_refused(tmp_path):
+    table = tmp_path / "bench.csv"
+    table.write_text("current [mA];torque [N m]\n1,000;2.5\n")
+    assert read_measured(table, *AXES)["torque"].tolist() == [[1.0, 2.5]]
+    table.write_text("current [mA];torque [N m]\n1,000;2\n")
+    with pytest.raises(OutputError, match=r"line 2: '1,000' may be 1000 or 1\.000; write one of them"):
+        read_measured(table, *AXES)
 
 
 def test_the_measured_brakes_that_ship_lie_over_a_study(tmp_path):

@@ -20,7 +20,9 @@ WRITTEN = {
     "blanks": ["H [A/m]   B [T]", *(f"  {h}   {b}" for h, b in POINTS)],
     "polarisation": ["H [A/m],J [T]", *(f"{h},{j}" for h, j in zip(H.tolist(), J.tolist(), strict=True))],
     "with remarks": ["# ring core", "", "H [A/m],B [T]", *IN_COMMAS, "# end"],
-    "a column more": ["no,H [A/m],mu_r,B [T]", *(f"{k},{h},?,{b}" for k, (h, b) in enumerate(POINTS))],
+    "thousands divided by commas": ["H [A/m]\tB [T]", *(f"{h:,}\t{b}" for h, b in POINTS)],
+    "thousands divided by points": ["H [A/m];B [T]", *(f"{h:,};{b}".translate({44: ".", 46: ","}) for h, b in POINTS)],
+    "decimal commas between blanks": ["H [A/m]  B [T]", *(f"{h} {b}".replace(".", ",") for h, b in POINTS)],
     "quoted": ['"H [A/m]","B [T]"', *(f'"{h}","{b}"' for h, b in POINTS)],
     "byte order mark": ["\ufeffH [A/m],B [T]", *IN_COMMAS],
     "oersted and gauss": ["H [Oe],B [G]", *(f"{h * 4e-3 * np.pi},{1e4 * b}" for h, b in POINTS)],
@@ -39,6 +41,12 @@ def test_every_way_of_writing_gives_the_same_curve(way, tmp_path):
     assert np.allclose(read_H, H, rtol=1e-14) and np.allclose(read_B, B, rtol=1e-14)
 
 
+def test_a_column_that_is_not_used_is_named(tmp_path):
+    lines = ["no,H [A/m],mu_r,B [T]", *(f"{k},{h},?,{b}" for k, (h, b) in enumerate(POINTS))]
+    with pytest.warns(UserWarning, match="not used: no, mu_r"):
+        assert np.array_equal(read_table(written(tmp_path, lines)), [H, B])
+
+
 def test_steel_1010_through_a_file_is_steel_1010(tmp_path):
     """With its inflection, and without the origin, which is added."""
     lines = ["H [A/m],B [T]", *(f"{h},{b}" for h, b in _STEEL_1010[1:])]
@@ -50,22 +58,24 @@ def test_steel_1010_through_a_file_is_steel_1010(tmp_path):
 
 GOOD = ["0,0", "100,1", "1000,1.5", "5000,1.7"]
 FAULTS = {
-    "nothing": ([], "is empty"),
-    "only remarks": (["# nothing"], "is empty"),
+    "nothing": ([], "has no table"),
+    "only remarks": (["# nothing"], "has no table"),
     "no header": (GOOD, "line 1 has numbers but no header"),
     "no unit": (["H,B [T]", *GOOD], "'H' has no unit; write H [A/m]"),
-    "unknown unit": (["H [A/m],B [Tesla]", *GOOD], "unknown unit 'Tesla'; known for B: T, mT"),
-    "unknown columns": (["x,y", *GOOD], "does not name the columns"),
-    "no flux": (["H [A/m],M [A/m]", *GOOD], "does not name the columns"),
-    "H twice": (["H [A/m],H [kA/m]", *GOOD], "names H twice"),
-    "B and J": (["H [A/m],B [T],J [T]", "0,0,0"], "both B and J"),
+    "unknown unit": (["H [A/m],B [Tesla]", *GOOD], "another quantity; known: T, mT, G"),
+    "another quantity": (["H [A],B [T]", *GOOD], "'H' is in 'A', which is unknown or"),
+    "unknown columns": (["x,y", *GOOD], "has the columns x, y; needed are H and either B or"),
+    "no flux": (["H [A/m],M [A/m]", *GOOD], "has the columns H, M; needed are H and either B or"),
+    "H twice": (["H [A/m],H [kA/m]", *GOOD], "line 1 names 'H' twice"),
+    "B and J": (["H [A/m],B [T],J [T]", "0,0,0"], "has the columns H, B, J; needed are H and either B or"),
+    "thousands or decimals": (["H [A/m];B [T]", "0;0", "1,000;1", "9,000;2"], "line 3: '1,000' may be 1000 or 1.000"),
+    "two decimal marks": (["H [A/m];B [T]", "0;0", "100,5;1", "900;1.5"], "line 3 has '100,5', line 4 '1.5'; write"),
     "no number": (["H [A/m],B [T]", "0,0", "100,x", *GOOD[2:]], "line 3: B = 'x' is not a number"),
     "nan": (["H [A/m],B [T]", "0,0", "100,nan", *GOOD[2:]], "line 3: B = 'nan' is not a number"),
     "decimal comma between commas": (["H [A/m],B [T]", "0,0", "100,1,5"], "line 3 has 3 entries for 2 columns"),
-    "decimal comma between blanks": (["H [A/m]  B [T]", "0 0", "100 1,5"], "decimals follow a point"),
     "short row": (["# x", "H [A/m],B [T]", "0,0", "100"], "line 4 has 1 entries"),
     "too few points": (["H [A/m],B [T]", "0,0", "100,1", "1000,1.5"], "2 points besides the origin"),
-    "header alone": (["H [A/m],B [T]"], "0 points"),
+    "header alone": (["H [A/m],B [T]"], "has no table"),
     "H goes back": (["H [A/m],B [T]", "0,0", "100,1", "90,1.1", "5000,1.7"], "line 4: not monotone, H goes"),
     "B goes back": (["H [A/m],B [T]", "0,0", "100,1", "", "1000,0.9", "5000,1.7"], "line 5: not monotone, B goes"),
     "a loop": (["H [A/m],B [T]", "-100,-1", "0,0.5", "100,1", "900,2"], "line 2: the curve starts at H = -100"),
@@ -123,5 +133,5 @@ def test_what_is_no_text_is_reported(tmp_path):
     path.write_bytes(b"\xff\xfe\x00H")
     with pytest.raises(TableFault, match="UTF-8"):
         read_table(path)
-    with pytest.raises(FileNotFoundError):
+    with pytest.raises(TableFault, match=r"cannot be read \(No such file"):
         read_table(tmp_path / "none.csv")

@@ -142,8 +142,45 @@ def test_sizes_from_a_sieve_file(tmp_path):
     path.write_text("diameter [um], mass [%]\n# coarse\n200, 50\n100, 50\n")
     assert read_sizes(path).mean == pytest.approx(1e-4 * (8.0 * 1.0 + 2.0) / 9.0)
     path.write_text("diameter [furlong]\n1\n")
-    with pytest.raises(ValueError, match=r"line 1: the unit 'furlong' of diameter is unknown; known: .*um"):
+    with pytest.raises(ValueError, match=r"line 1: the column 'diameter' is in 'furlong', .*; known: .*um"):
         read_sizes(path)
     path.write_text("diameter [mm]\n1\nx\n")
-    with pytest.raises(ValueError, match="line 3: x are not all numbers"):
+    with pytest.raises(ValueError, match="line 3: diameter = 'x' is not a number"):
         read_sizes(path)
+
+
+@pytest.mark.parametrize("head", ["mass [%]", "Volume [%]", "weight (%)", "mass_g", "volume [mm3]", "mass [-]"])
+def test_fractions_by_mass_weight_and_volume_are_one(tmp_path, head):
+    """Half of the mass each: of 0.2 mm are an eighth of the grains of 0.1 mm, so <d^3> = 2 / (1/d_1^3 + 1/d_2^3)."""
+    path, half = tmp_path / "sizes.csv", 0.5 if "-" in head else 50
+    path.write_text(f"diameter [um]; {head}\n200; {half}\n100; {half}\n")
+    assert read_sizes(path).moment(3) == pytest.approx(2.0 / (200e-6**-3 + 100e-6**-3))
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("diameter [um], volume [%]\n60, 5\n90, 25\n120, 75\n180, 100\n", "add up to 205; are they cumulative"),
+        ("diameter [um], mass [-]\n60, 0.05\n90, 0.25\n120, 0.75\n180, 1\n", "add up to 205; are they cumulative"),
+        ("diameter [um], number\n60, 5\n90, 25\n120, 75\n180, 100\n", "are they cumulative"),
+        ("diameter [um], mass [%]\n60, 40\n90, 58.9\n", "add up to 98.9"),
+        ("diameter [um], passing [%]\n60, 40\n90, 60\n", "passing beside the diameter; write number"),
+        ("diameter [um], fraction [%]\n60, 40\n90, 60\n", "fraction beside the diameter; write number"),
+        ("diameter [um], mass\n60, 40\n90, 60\n", "'mass' has no unit; .*%"),
+        ("diameter, mass [%]\n60, 40\n90, 60\n", "'diameter' has no unit; .*m"),
+        ("diameter [um], mass [mm]\n60, 40\n90, 60\n", "'mass' is in 'mm', which is unknown or of another quantity"),
+        ("diameter [um], mass [%], number [%]\n60, 40, 50\n90, 60, 50\n", "by mass and by number; keep one"),
+    ],
+)
+def test_fractions_that_are_not_understood_are_refused(tmp_path, text, words):
+    (tmp_path / "sizes.csv").write_text(text)
+    with pytest.raises(ValueError, match=words):
+        read_sizes(tmp_path / "sizes.csv")
+
+
+def test_fractions_that_add_up_to_100_within_1_are_taken(tmp_path):
+    (tmp_path / "sizes.csv").write_text("diameter [um], mass [%], passing [%]\n60, 40, 40\n90, 59.1, 99.1\n")
+    with pytest.warns(UserWarning, match="not used: passing"):
+        assert read_sizes(tmp_path / "sizes.csv").limits == pytest.approx((60e-6, 90e-6))
+    (tmp_path / "sizes.csv").write_text("diameter [um], number\n60, 40\n90, 20\n")
+    assert read_sizes(tmp_path / "sizes.csv").mean == pytest.approx(70e-6)

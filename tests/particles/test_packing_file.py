@@ -8,8 +8,8 @@ import pytest
 import pyvista
 
 from geometry.box import Box
+from geometry.table_file import FileFault
 from particles import CyclicSector, PackingError
-from particles.errors import FileFault
 from particles.packing.file_packing import OVERLAP_LIMIT, read_packing
 from particles.packing.packing import require_fit
 from particles.packing.space import Space
@@ -32,6 +32,16 @@ def test_csv_with_units(tmp_path):
     assert packing.position == pytest.approx(np.array([[-2e-3, 0, 5e-3], [2e-3, 0, 5e-3]]))
     assert packing.radius == pytest.approx([1e-3, 1.5e-3])
     assert packing.velocity[0] == pytest.approx([0, 0, -0.1]) and packing.angular_velocity is None
+
+
+def test_columns_and_arrays_that_are_not_used_are_named(tmp_path):
+    path = tmp_path / "start.csv"
+    path.write_text("id, x [mm], y [mm], z [mm], mass [g], diameter [mm]\n1, 1, 2, 3, 4, 5\n")
+    with pytest.warns(UserWarning, match="start.csv: not used: id, mass"):
+        assert read_packing(path).position.tolist() == [[1e-3, 2e-3, 3e-3]]
+    path = _npz(tmp_path, position=np.zeros((1, 3)), radius=np.ones(1), v=np.ones((1, 3)))
+    with pytest.warns(UserWarning, match="start.npz: not used: v"):
+        assert read_packing(path).velocity is None
 
 
 @pytest.mark.parametrize("suffix", [".npz", ".vtp"])
@@ -102,9 +112,16 @@ np.save(LONE_ARRAY, np.zeros((2, 3)))
 @pytest.mark.parametrize(
     "name, text, words",
     [
-        ("a.csv", "x, y\n1, 2\n", "only x, y; give all three"),
-        ("a.csv", "x, y, z\n", "has no table"),
-        ("a.csv", "x, y, z\n1, 2\n", "line 2: 2 entries, but 3 columns"),
+        ("a.csv", "x [m], y [m]\n1, 2\n", "only x, y; give all three"),
+        ("a.csv", "x [m], y [m], z [m]\n", "has no table"),
+        ("a.csv", "x [m], y [m], z [m]\n1, 2\n", "line 2 has 2 entries for 3 columns"),
+        ("a.csv", "x [m], y [m], z\n1, 2, 3\n", "line 1: the column 'z' has no unit; write z .m."),
+        ("a.csv", "x [m], y [m], z [kg]\n1, 2, 3\n", "'z' is in 'kg', which is unknown or of another quantity"),
+        ("a.csv", "x [m], y [m], z [m], vx [mm], vy [mm], vz [mm]\n1, 2, 3, 4, 5, 6\n", "'vx' is in 'mm'.* m/s"),
+        ("a.csv", "x [m], y [m], z [m], v_x [m/s], v_y [m/s], v_z [m/s]\n1, 2, 3, 4, 5, 6\n", "column 'v_x', which"),
+        ("a.csv", "x [m], y [m], z [m], omega_x, omega_y, omega_z\n1, 2, 3, 4, 5, 6\n", "column 'omega_x', which"),
+        ("a.csv", "x [m], y [m], z [m], size [mm]\n1, 2, 3, 4\n", "column 'size', which may be"),
+        ("a.csv", "x [m], y [m], z [m], radius [mm], diameter [mm]\n1, 2, 3, 4, 8\n", "both radius and diameter"),
         ("a.dat", "", "suffix '.dat'"),
         ("a.npz", "text", "not an npz archive"),
         ("a.npz", b"", "not an npz archive"),

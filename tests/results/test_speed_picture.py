@@ -58,9 +58,9 @@ def test_the_parabola_is_the_nearest_one_and_has_its_r_squared():
 @pytest.mark.parametrize(
     "text",
     [
-        "# of a test bench\ntime,motor,output\n0,0,0\n1.5,500.25,\n1,250,10\n",
-        "vrijeme;motor;izlaz\n0;0;0\n1,5;500,25;\n1;250;10\n\n",
-        "\ufefft [s]\tmotor\toutput\r\n0\t0\t0\r\n1.5\t500.25\t\r\n1\t250\t10\r\n",
+        "# of a test bench\ntime [s],motor [rpm],output [rpm]\n0,0,0\n1.5,500.25,\n1,250,10\n",
+        "vrijeme (s);motor (1/min);izlaz (1/min)\n0;0;0\n1,5;500,25;\n1;250;10\n\n",
+        "\ufefft [s]\tmotor_rpm\toutput in rpm\r\n0\t0\t0\r\n1.5\t500.25\t\r\n1\t250\t10\r\n",
     ],
     ids=["commas", "semicolons and decimal commas", "tabs, byte order mark"],
 )
@@ -75,8 +75,8 @@ def test_a_column_of_errors_belongs_to_the_one_before_it(tmp_path):
     """It is no curve of its own; bars are of 95 %, and a value without an error has none."""
     (tmp_path / "m.csv").write_text("t [s],motor [rpm],error [rpm],output [rpm]\n0,1,0.5,7\n1,2,,8\n")
     table = read_measured(tmp_path / "m.csv", *AXES)
-    np.testing.assert_array_equal(table["motor [rpm]"], [[0.0, 1.0, 0.5], [1.0, 2.0, np.nan]])
-    assert list(table) == ["motor [rpm]", "output [rpm]"] and table["output [rpm]"].shape == (2, 2)
+    np.testing.assert_array_equal(table["motor"], [[0.0, 1.0, 0.5], [1.0, 2.0, np.nan]])
+    assert list(table) == ["motor", "output"] and table["output"].shape == (2, 2)
     _, (axis,) = new_figure(4.0, 3.0, None)
     draw_measured(axis, table, joined=True)
     (bars,) = axis.containers
@@ -88,17 +88,21 @@ def test_a_column_of_errors_belongs_to_the_one_before_it(tmp_path):
     ("text", "reason"),
     [
         (None, "cannot be read"),
-        ("", "must name the columns"),
-        ("0,0,0\n1,2,3\n", "must name the columns"),
-        ("time\n0\n", "must name the columns"),
-        ("time,motor\n0,1\n1\n", "line 3"),
-        ("  # a comment\ntime,motor\n0,fast\n", "line 3: 'fast' in column 'motor'"),
-        ("time,motor\nnan,1\n", "line 2"),
-        ('time,"motor\n[rpm]"\n0,1\n0,fast\n', r"line 4: 'fast' in column 'motor \[rpm\]'"),
-        ('time,"motor\n0,1\n', "line 1: unexpected end of data; look for a quote"),
-        ("time,motor [rpm],motor [rad/s]\n0,1,2\n", r"several columns are 'motor \[rpm\]'"),
-        ("time,error\n1,2\n", "errors follows no measured one"),
-        ("time,motor,error\n1,2,-1\n", "line 2: '-1' in column 'error' is not an error of at least 0"),
+        ("", "has no table"),
+        ("0,0,0\n1,2,3\n", "line 1 has numbers but no header"),
+        ("time [s]\n0\n", "has one column"),
+        ("t_s,motor_rpm\n0,1\n1\n", "line 3 has 1 entries"),
+        ("  # a comment\nt_s,motor_rpm\n0,fast\n", "line 3: motor = 'fast' is not a number"),
+        ("t_s,motor_rpm\nnan,1\n", "line 2: t = 'nan' is not a number"),
+        ("t_s,motor_rpm\n,1\n", "line 2: t = '' is not a number"),
+        ('t_s,"motor\n[rpm]"\n0,1\n0,fast\n', "line 4: motor = 'fast'"),
+        ('t_s,"motor [rpm]\n0,1\n', "line 1: unexpected end of data; look for a quote"),
+        ("t_s,motor [rpm],motor [rad/s]\n0,1,2\n", "line 1 names 'motor' twice"),
+        ("t_s,error [rpm]\n1,2\n", "errors follows no measured one"),
+        ("t_s,motor_rpm,error\n1,2,-1\n", "line 2: an error is below 0"),
+        ("time,motor [rpm]\n1,2\n", r"line 1: the column 'time' has no unit; .*wanted: time \[s\]; speed \[rpm\]"),
+        ("time [s],motor\n1,2\n", "the column 'motor' has no unit"),
+        ("time [s],motor [Hz]\n1,2\n", "'motor' is in 'Hz', which is unknown or of another quantity"),
     ],
 )
 def test_tables_that_are_none_are_refused_with_the_line(tmp_path, text, reason):

@@ -178,7 +178,7 @@ EQUAL = {"diameter": "1 mm", "count": 10}
          "a length is needed"),
         ({"count": 10, "sizes": {"kind": "percentiles", "d10": "45 um", "d50": "60 um", "d90": "1 mm", "by": "sieve"}},
          "particles.sizes.by", "available: mass, number"),
-        ({"count": 10, "sizes": {"kind": "file", "file": "no.csv"}}, "particles.sizes.file", "does not exist"),
+        ({"count": 10, "sizes": {"kind": "file", "file": "no.csv"}}, "particles.sizes.file", "No such file"),
         (EQUAL | {"packing": "file"}, "particles.count", "says how many grains"),
         ({"diameter": "1 mm", "packing": "file"}, "particles.packing_file", "is missing"),
         ({"diameter": "1 mm", "packing": "file", "packing_file": "no.csv"}, "particles.packing_file", "does not exist"),
@@ -198,6 +198,6 @@ def test_wrong_combinations_are_reported(particles, key, words):
 def test_diameters_in_a_file_need_their_unit(tmp_path):
     particles = {"count": 10, "sizes": {"kind": "file", "file": str(tmp_path / "sieve.csv")}}
     (tmp_path / "sieve.csv").write_text("# of a sieve\ndiameter, mass [%]\n1, 40\n1.2, 60\n")
-    assert "write 'diameter [mm]'" in _faults(particles)["particles.sizes.file"]
+    assert "the column 'diameter' has no unit" in _faults(particles)["particles.sizes.file"]
     (tmp_path / "sieve.csv").write_text("# of a sieve\ndiameter [mm], mass [%]\n1, 40\n1.2, 60\n")
     assert _case(particles).scene.particles.largest_diameter == pytest.approx(1.2e-3)

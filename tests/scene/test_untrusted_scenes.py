@@ -156,7 +156,7 @@ def test_packing_files_are_refused_by_what_they_say_of_their_size(tmp_path, monk
 
 
 def test_tables_are_refused_by_their_length(tmp_path, monkeypatch):
-    monkeypatch.setattr("particles.packing.columns_file.MAX_FILE", 10)
+    monkeypatch.setattr("geometry.table_file.MAX_FILE", 10)
     (tmp_path / "grains.csv").write_text("x [mm], y [mm], z [mm]\n1, 2, 3\n")
     words = refused(tmp_path, {"particles": {"packing": "file", "packing_file": "grains.csv", "diameter": "2 mm"}})
     assert "particles.packing_file" in words and "larger than" in words
@@ -164,7 +164,7 @@ def test_tables_are_refused_by_their_length(tmp_path, monkeypatch):
 
 def test_a_curve_is_not_read_from_a_device(tmp_path):
     words = refused(tmp_path, {"materials": {"mine": {"law": "table", "table": "/dev/zero"}}})
-    assert "materials.mine.table" in words and "is a device or a pipe" in words
+    assert "materials.mine.table" in words and "is a device, a pipe" in words
 
 
 def test_surfaces_finer_than_any_wall_needs_are_refused(tmp_path):

@@ -83,12 +83,12 @@ def test_a_measured_curve_is_read_in_its_units(tmp_path):
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("", "must name the columns"),
-        ("current, torque\n1,2\n", "column 'current' has no unit; write it in brackets, as in drive [A]"),
-        ("current [kg], torque [N m]\n1,2\n", "is in kg; it must be drive [A]: it is a mass; a current is needed"),
-        ("current [A], torque [N m]\n1,two\n", "line 2: 'two' in column 'torque [N m]' is not a number"),
-        ("current [A], torque [N m]\n1\n", "line 2: '1' is not"),
-        ("current [A], torque [N m]\n1,nan\n", "'nan' in column 'torque [N m]' is not a number"),
+        ("", "has no table"),
+        ("current, torque\n1,2\n", "column 'current' has no unit; write current [A]"),
+        ("current [kg], torque [N m]\n1,2\n", "'kg', which is unknown or of another quantity; known: A"),
+        ("current [A], torque [N m]\n1,two\n", "line 2: torque = 'two' is not a number"),
+        ("current [A], torque [N m]\n1\n", "line 2 has 1 entries for 2 columns"),
+        ("current [A], torque [N m]\n1,nan\n", "line 2: torque = 'nan' is not a number"),
         ("current [A], torque [N m], error [N m]\n1,2,0\n", "without an error above 0"),
         ("current [A], cold [N m], warm [N m]\n1,2,3\n", "leave one, and name the column of standard errors 'error"),
         ("current [A], torque [N m]\n0,1\n1,0\n", "no point"),
@@ -116,9 +116,7 @@ def test_what_is_varied_goes_by_the_keys_of_the_scene():
         "contact.friction": (0.2, 0.5), "effects.rolling_friction.coefficient": (0.0, 0.3),
         "particles.solid_fraction": (0.3,),
     }  # fmt: skip
-    heavy = case_from(
-        CELL | {"particles": {"diameter": "0.3 mm", "mass": "0.5 g", "sector": "20 deg"}}
-    )
+    heavy = case_from(CELL | {"particles": {"diameter": "0.3 mm", "mass": "0.5 g", "sector": "20 deg"}})
     assert study_case(heavy, keys).scene.particles.mass is None
 
 

@@ -38,9 +38,9 @@ def test_measured_points_and_the_expected_torque_are_laid_over_a_study(tmp_path)
     table.write_text("current_A,torque_Nm\n2,3\n1,2\n")
     assert measured_in(tmp_path) is None
     keep_measured(table, tmp_path)
-    assert measured_in(tmp_path)["torque_Nm"].tolist() == [[1.0, 2.0], [2.0, 3.0]]
-    table.write_text("current_V,torque [V]\n2,3\n")
-    with pytest.raises(OutputError, match=r"'torque .V.' is in V; it must be torque"):
+    assert measured_in(tmp_path)["torque"].tolist() == [[1.0, 2.0], [2.0, 3.0]]
+    table.write_text("current_A,torque [V]\n2,3\n")
+    with pytest.raises(OutputError, match="'torque' is in 'V', which is unknown or of another quantity"):
         keep_measured(table, tmp_path)
     names = ("current", "expected_low", "expected_torque", "expected_high")
     rows = [dict(zip(names, row, strict=True)) for row in ((2.0, 1.0, 3.0, 9.0), (1.0, 0.5, 1.5, 4.5))]

@@ -1,0 +1,284 @@
+"""Tables of text whose first line names the columns with their units: curves, grains, sizes, measurements.
+
+    # virgin curve, ring core
+    H [A/m]; B [T]
+    120; 0,31
+    1.000; 1,25
+
+Commas, semicolons, tabs or blanks divide the columns; empty lines and lines that begin with # are skipped. A unit is
+written as in "x [mm]", "x (mm)", "x / mm", "x in mm" or "x_mm". The decimal mark is a point or a comma, the same in the
+whole table; the other mark divides thousands, as blanks and apostrophes do. "1,000" may be 1 or 1000: another number of
+the table decides, or it is refused.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+import re
+import warnings
+from collections import Counter
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+MAX_FILE = 50_000_000
+"""Bytes: half a million grains; a larger table is refused before it is read, of which each byte takes twenty."""
+
+_FORCES = {"N": 1.0, "mN": 1e-3, "kN": 1e3, **dict.fromkeys(("kg", "kgf", "kp"), 9.80665),
+           **dict.fromkeys(("lb", "lbs", "lbf"), 4.4482216152605),
+           **dict.fromkeys(("oz", "ozf"), 4.4482216152605 / 16.0)}  # fmt: skip
+_ARMS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "ft": 0.3048}
+_FLUX_DENSITIES = {"T": 1.0, "mT": 1e-3, "G": 1e-4, "kG": 0.1, "Vs/m2": 1.0, "Wb/m2": 1.0}
+UNITS: tuple[dict[str, float], ...] = (
+    {"1": 1.0, "-": 1.0, "%": 0.01},
+    {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "nm": 1e-9, "in": 0.0254, "ft": 0.3048},
+    {"m3": 1.0, "cm3": 1e-6, "mm3": 1e-9, "l": 1e-3, "ml": 1e-6},
+    {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3},
+    {"rad/s": 1.0, "deg/s": math.pi / 180.0,
+     **dict.fromkeys(("rpm", "1/min", "min-1", "U/min", "r/min", "rev/min"), math.pi / 30.0)},
+    {"kg": 1.0, "g": 1e-3, "mg": 1e-6},
+    {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0},
+    {"A": 1.0, "mA": 1e-3, "uA": 1e-6, "kA": 1e3},
+    {"V": 1.0, "mV": 1e-3, "kV": 1e3},
+    {"A/m": 1.0, "kA/m": 1e3, "MA/m": 1e6, "A/cm": 1e2, "Oe": 1e3 / (4.0 * math.pi), "kOe": 1e6 / (4.0 * math.pi)},
+    _FLUX_DENSITIES,
+    {"Pa": 1.0, "hPa": 1e2, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9, "bar": 1e5},
+    dict.fromkeys(("Nm", "mNm", "kNm", "Ncm", "Nmm", "lbin", "lbft", "ozin", "kgcm"), 1.0)  # an error lists these first
+    | {force + arm: f * a for force, f in _FORCES.items() for arm, a in _ARMS.items()}
+    | {arm + force: f * _ARMS[arm] for force, f in _FORCES.items() for arm in ("in", "ft")},
+)  # fmt: skip
+"""Units of one quantity each, with their factor; written as `_plain` makes them."""
+_SUFFIXES = {unit.casefold() for units in UNITS for unit in units} - {"1", "-"}
+_LISTED = 10  # of the units that are known, in an error
+_MARKS = str.maketrans({"µ": "u", "μ": "u", "²": "2", "³": "3", "⁻": "-", "¹": "1", **dict.fromkeys("_·*^()")})
+_BLANKS = re.compile(r"\s+(?![\[(])(?![^\[(]*[\])])")  # not before a unit in brackets, nor within one
+
+
+class FileFault(ValueError):
+    """A file that cannot be used.
+
+    Attributes
+    ----------
+    path : str or Path
+    reason : str
+        What is wrong with it and what to do, without its path.
+    """
+
+    def __init__(self, path: str | Path, reason: str) -> None:
+        super().__init__(f"{path}: {reason}")
+        self.path, self.reason = path, reason
+
+
+@dataclass(frozen=True, slots=True)
+class TableFile:
+    """The columns of a file that are used.
+
+    Attributes
+    ----------
+    path : Path
+    names, units : list of str
+        Of each column; the unit is the one in the file, empty where there is none.
+    values : ndarray, shape (n, columns)
+        In the units that were wanted; nan where a cell is empty.
+    lines : list of int
+        Place of each row in the file, from 1.
+    unused : list of (str, str)
+        Name and unit of the other columns.
+    """
+
+    path: Path
+    names: list[str]
+    units: list[str]
+    values: np.ndarray
+    lines: list[int]
+    unused: list[tuple[str, str]]
+
+    def warn_of_unused(self) -> None:
+        """Warn of the columns that are not used."""
+        if self.unused:
+            warn_of_unused(self.path, [name for name, _ in self.unused])
+
+
+def warn_of_unused(path: Path, names: Iterable[str]) -> None:
+    """Warn of columns or arrays of a file that are not used."""
+    warnings.warn(f"{path}: not used: {', '.join(names)}", UserWarning, stacklevel=2)
+
+
+def read_table(path: str | Path, wanted: Callable[[int, str, str], str | None], *, gaps: bool = False) -> TableFile:
+    """Read the columns that are wanted.
+
+    Parameters
+    ----------
+    wanted : function
+        Of a column's place, name and unit: the unit to return it in, "1" for a pure number, "" for one whose unit may
+        be missing, None for a column that is not used. A column whose name begins with "error" and that has no unit has
+        the unit of the column before it.
+    gaps : bool
+        Whether cells may be empty, but for those of the first column.
+
+    Raises
+    ------
+    FileFault
+        The file cannot be read or is no such table, a unit is missing, unknown or of another quantity, or a cell is not
+        a number; with the line.
+    """
+    path = Path(path)
+    (line, head), *body = _rows(path)
+    if all((_number(text, ",") or _number(text, ".")) is not None for text in head):
+        raise FileFault(path, f"line {line} has numbers but no header; begin with a line such as 'x [mm], y [mm]'")
+    places, factors, names = [], [], []
+    units: list[str] = []
+    unused: list[tuple[str, str]] = []
+    for place, text in enumerate(head):
+        name, unit = split_heading(text)
+        goal = wanted(place, name, unit)
+        if goal is None:
+            unused.append((name, unit))
+            continue
+        if not unit and units and name.lower().startswith("error"):
+            unit = units[-1]
+        if goal and not unit:
+            raise FileFault(path, f"line {line}: the column '{name}' has no unit; write {name} [{goal}]")
+        if not is_unit_of(unit, goal):
+            known = list(_factors(goal))
+            meant = [one for one in known if one.casefold() == _plain(unit).casefold()]
+            hint = f"did you mean {' or '.join(meant)}? " if meant else ""
+            raise FileFault(
+                path,
+                f"line {line}: the column '{name}' is in {unit!r}, which is unknown or of another quantity; {hint}"
+                + "known: "
+                + ", ".join(known[:_LISTED]),
+            )
+        factors.append(_factors(goal)[_plain(unit)] / _factors(goal)[_plain(goal)])
+        places.append(place)
+        names.append(name)
+        units.append(unit)
+    for name, count in Counter(names).items():
+        if count > 1 and not name.lower().startswith("error"):
+            raise FileFault(path, f"line {line} names {name!r} twice; keep one column, or give each a name of its own")
+    for number, row in body:
+        while len(row) > len(head) and not row[-1]:
+            row.pop()
+        if len(row) != len(head):
+            raise FileFault(
+                path,
+                f"line {number} has {len(row)} entries for {len(head)} columns; complete it, and divide the columns by "
+                "';' where decimals have a comma",
+            )
+    mark = _decimal_mark(path, [(number, [row[place] for place in places]) for number, row in body])
+    values = np.full((len(body), len(places)), np.nan)
+    for k, (number, row) in enumerate(body):
+        for j, place in enumerate(places):
+            if row[place] or not gaps or place == 0:
+                value = _number(row[place], mark)
+                if value is None:
+                    raise FileFault(path, f"line {number}: {names[j]} = {row[place]!r} is not a number")
+                values[k, j] = factors[j] * value
+    return TableFile(path, names, units, values, [number for number, _ in body], unused)
+
+
+def split_heading(text: str) -> tuple[str, str]:
+    """Return name and unit of "x [mm]", "x (mm)", "x / mm", "x in mm", "x mm" or "x_mm"; the unit is "" if missing."""
+    if found := re.fullmatch(r"(.*?)\s*\[([^\]]*)\]", text):
+        return found[1], found[2].strip()
+    for found in re.finditer(r"\s*(?:/|\(|\bin\s|[\s_])\s*", text):
+        unit = text[found.end() :].strip(" )")
+        if _plain(unit).casefold() in _SUFFIXES:
+            return text[: found.start()], unit
+    return text, ""
+
+
+def is_unit_of(unit: str, goal: str) -> bool:
+    """Whether a unit is one of the quantity of another unit."""
+    return _plain(unit) in _factors(goal)
+
+
+def _factors(goal: str) -> dict[str, float]:
+    """Return the units of a quantity, given by one of them, with their factors."""
+    if not goal:
+        return {**UNITS[0], "": 1.0}
+    return next((units for units in UNITS if _plain(goal) in units), {_plain(goal): 1.0})
+
+
+def _plain(unit: str) -> str:
+    """Return a unit without what parts its factors: "N m", "N·m", "N_m" and "N-m" are "Nm"."""
+    return re.sub(r"(?<=[A-Za-z])[-.](?=[A-Za-z])", "", "".join(unit.split()).translate(_MARKS))
+
+
+def _rows(path: Path) -> list[tuple[int, list[str]]]:
+    """Return the lines that count with their cells, the header first."""
+    try:
+        if path.exists() and not path.is_file():
+            raise FileFault(path, "is a device, a pipe or a folder, not a file; name a text file")
+        if path.stat().st_size > MAX_FILE:
+            raise FileFault(path, f"is larger than {MAX_FILE // 1_000_000} MB; keep what is needed")
+        text = path.read_text(encoding="utf-8-sig")  # spreadsheets write a byte order mark in front
+    except UnicodeDecodeError:
+        raise FileFault(path, "is not text in UTF-8; export the table as CSV") from None
+    except OSError as error:
+        reason = error.strerror or error
+        raise FileFault(
+            path, f"cannot be read ({reason}); check the path; in a scene it is relative to the scene's folder"
+        ) from None
+    lines = [(number, row) for number, row in enumerate(text.splitlines(), 1) if row.strip() and row.lstrip()[0] != "#"]
+    separator = next((mark for mark in ";\t," if lines and mark in lines[0][1]), None)
+    if separator is None:
+        rows = [(number, [cell.strip('"') for cell in _BLANKS.split(row.strip())]) for number, row in lines]
+    else:
+        texts = (row + "\n" for _, row in lines)
+        reader = csv.reader(texts, delimiter=separator, skipinitialspace=True, strict=True)
+        rows, begin = [], 0
+        try:
+            for cells in reader:  # of several lines where quotes hold a line break
+                rows.append((lines[begin][0], [" ".join(cell.split()) for cell in cells]))
+                begin = reader.line_num
+        except csv.Error as error:
+            raise FileFault(path, f"line {lines[begin][0]}: {error}; look for a quote that is not closed") from None
+    rows = [(number, row) for number, row in rows if any(row)]
+    if len(rows) < 2:
+        raise FileFault(
+            path, "has no table; a line of names with units, such as 'x [mm], y [mm]', and one of numbers are needed"
+        )
+    return rows
+
+
+def _decimal_mark(path: Path, rows: list[tuple[int, list[str]]]) -> str:
+    """Return the decimal mark, a point or a comma, that the numbers of a table agree on."""
+    if not any("," in cell or cell.count(".") > 1 for _, row in rows for cell in row):
+        return "."
+    found: dict[str, tuple[int, str]] = {}
+    for line, cell in ((line, cell) for line, row in rows for cell in row):
+        marks = [mark for mark in cell if mark in ",."]
+        if marks and not re.fullmatch(r"[+-]?[1-9]\d{0,2}[.,]\d{3}", cell):
+            thousands = len(marks) > 1 and len(set(marks)) == 1
+            found.setdefault({",": ".", ".": ","}[marks[0]] if thousands else marks[-1], (line, cell))
+        elif "," in marks:
+            found.setdefault("?", (line, cell))
+    if len(found.keys() & {",", "."}) == 2:
+        (first, one), (second, other) = found[","], found["."]
+        raise FileFault(
+            path,
+            f"line {first} has {one!r}, line {second} {other!r}; write all decimals with a point, or all with a comma",
+        )
+    if found.keys() == {"?"}:
+        line, cell = found["?"]
+        choices = f"{cell.replace(',', '')} or {cell.replace(',', '.')}"
+        raise FileFault(path, f"line {line}: {cell!r} may be {choices}; write one of them")
+    return "," if "," in found else "."
+
+
+def _number(cell: str, mark: str) -> float | None:
+    """Return the number of a cell; None where it is none, or not finite."""
+    other = "." if mark == "," else ","
+    if not cell.isascii() or " " in cell or "'" in cell:
+        cell = re.sub(r"(?<=\d)['’ ](?=\d{3}(?!\d))", "", cell)
+    if other in cell and re.fullmatch(rf"[+-]?\d{{1,3}}(?:\{other}\d{{3}})+(?:\{mark}\d*)?", cell):
+        cell = cell.replace(other, "")
+    try:
+        value = math.nan if other in cell else float(cell.replace(mark, "."))
+    except ValueError:
+        return None
+    return value if math.isfinite(value) else None
