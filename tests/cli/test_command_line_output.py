@@ -186,3 +186,11 @@ def test_what_to_do_next_is_what_reaches_the_target(tmp_path, torque, until, mor
     folder.write_summary(folder.read_summary() | changed)
     said = [one.text for one in verdict(load_result(folder.path)) if one.text.startswith("Next: ")]
     assert len(said) == (following is not None) and (following or "") in "".join(said)
+
+
+def test_a_column_that_is_not_used_is_named_in_one_line(tmp_path):
+    path = tmp_path / "curve.csv"
+    path.write_text("no, H [A/m], B [T]\n1, 100, 0.5\n2, 1000, 1.2\n3, 10000, 1.7\n")
+    words = [sys.executable, "-m", "emclutch.cli.main", "materials", str(path)]
+    found = subprocess.run(words, capture_output=True, text=True, check=True)
+    assert found.stderr == f"warning: {path}: not used: no\n"

@@ -179,6 +179,8 @@ EQUAL = {"diameter": "1 mm", "count": 10}
         ({"count": 10, "sizes": {"kind": "percentiles", "d10": "45 um", "d50": "60 um", "d90": "1 mm", "by": "sieve"}},
          "particles.sizes.by", "available: mass, number"),
         ({"count": 10, "sizes": {"kind": "file", "file": "no.csv"}}, "particles.sizes.file", "No such file"),
+        ({"count": 10, "sizes": {"kind": "list", "diameters": ["60 um", "90 um", "120 um"], "shares": [5, 75, 100]}},
+         "particles.sizes.shares", "are they cumulative"),
         (EQUAL | {"packing": "file"}, "particles.count", "says how many grains"),
         ({"diameter": "1 mm", "packing": "file"}, "particles.packing_file", "is missing"),
         ({"diameter": "1 mm", "packing": "file", "packing_file": "no.csv"}, "particles.packing_file", "does not exist"),
