@@ -218,8 +218,8 @@ class PowderCell:
 
     def window(self, looks: int) -> None:
         """Shear for some looks at the moments; adds a line to the series."""
-        self.simulation.updates = looks
-        steps = self.dem.step_count + looks * self.simulation.steps_per_update
+        self.simulation.steps = looks * self.simulation.steps_per_update
+        steps = self.dem.step_count + self.simulation.steps
         run_staggered(self.simulation, steps * self.dem.dt, [self._add])
 
     def _add(self, simulation: Simulation, row: WindowRow) -> None:

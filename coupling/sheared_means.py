@@ -87,7 +87,7 @@ class MagnetisedBoxRow:
 
 
 class ShearedMeans:
-    """Sums of one window over its sub-cycles; `rows` are its means.
+    """Integrals over one window; `rows` are its means.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ class ShearedMeans:
         self._motion, self._magnetised, self._box = motion, magnetised, motion.box
         self._contacts, self._near, self._held, self._carried = (np.zeros((3, 3)) for _ in range(4))
         self._permeability = self._along_flow = self._touching = 0.0
-        self._cycles = 0
+        self._duration = 0.0
         self.shear_work_magnetic = self.stretch_work = self.stretch_work_magnetic = 0.0
         """Work [J] so far of the shear through magnetic forces, of the stretch, and its part through magnetic forces.
         """
@@ -109,11 +109,12 @@ class ShearedMeans:
     def add_steps(self, totals: StepTotals) -> None:
         """Add the totals of a sub-cycle, during which the forces stood that are held now."""
         assert totals.stress is not None
-        self._cycles += 1
-        self._contacts += totals.stress.contacts
-        self._near += totals.stress.attraction
-        self._carried += totals.stress.motion
-        self._touching += 2.0 * totals.n_contacts / self._motion.grains.count
+        lasted = totals.duration
+        self._duration += lasted
+        self._contacts += lasted * totals.stress.contacts
+        self._near += lasted * totals.stress.attraction
+        self._carried += lasted * totals.stress.motion
+        self._touching += lasted * 2.0 * totals.n_contacts / self._motion.grains.count
         if self._magnetised is not None:
             self._add_moments(self._magnetised, totals)
 
@@ -132,20 +133,18 @@ class ShearedMeans:
     def _add_moments(self, magnetised: MagnetisedGrains, totals: StepTotals) -> None:
         assert totals.stress is not None
         grains, box, held = self._motion.grains, self._box, magnetised.held_stress
-        self._held += held
+        self._held += totals.duration * held
         tau = -float(held[0, 2] + totals.stress.attraction[0, 2])
         self.shear_work_magnetic += box.rate * box.volume * totals.duration * tau
         assert grains.magnetic_moment is not None  # of the evaluation before the steps
         moment, H = grains.magnetic_moment.sum(axis=0), magnetised.H.mean(axis=0)
-        if H.any():
-            self._permeability += 1.0 + float(moment @ H) / (box.volume * float(H @ H))
-        else:
-            self._permeability += 1.0
-        self._along_flow += float(moment[0]) / float(grains.volume.sum())
+        permeability = 1.0 + (float(moment @ H) / (box.volume * float(H @ H)) if H.any() else 0.0)
+        self._permeability += totals.duration * permeability
+        self._along_flow += totals.duration * float(moment[0]) / float(grains.volume.sum())
 
     def rows(self) -> tuple[BoxRow, MagnetisedBoxRow | None]:
         """Return the means over the window."""
-        share, box = 1.0 / self._cycles, self._box
+        share, box = 1.0 / self._duration, self._box
         whole = share * (self._contacts + self._near + self._held + self._carried)
         row = BoxRow(
             shear_strain=box.strain,

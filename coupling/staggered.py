@@ -1,16 +1,15 @@
 """The staggered loop: coil -> field -> moments -> forces -> grains -> field, window by window.
 
 The field is constant during a coupling window; inside it the effects' forces are evaluated every `steps_per_update`
-steps of the grains and constant in between (a window is `updates` such sub-cycles). What couples back are the grains'
-moments, spread into the field solve (`coupling.powder_feedback`); they answer inside the same Newton iteration, so that
-the loop is stable for any susceptibility of the powder (an explicit magnetisation source alone would diverge above chi
-of about 1.3).
+steps of the grains and constant in between. What couples back are the grains' moments, spread into the field solve
+(`coupling.powder_feedback`); they answer inside the same Newton iteration, so that the loop is stable for any
+susceptibility of the powder (an explicit magnetisation source alone would diverge above chi of about 1.3).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -41,8 +40,8 @@ class Simulation:
     magnetised : MagnetisedGrains or None
         None when no effect needs the field.
     source : FieldSource or None
-    steps_per_update, updates : int
-        Grain steps between evaluations of the held forces; such sub-cycles a window.
+    steps_per_update, steps : int
+        Grain steps between evaluations of the held forces, and of a window, whose last interval may be shorter.
     barostat : Barostat or None
         What makes the height of a sheared box follow its pressure, after every sub-cycle; None: it stays.
     """
@@ -52,12 +51,17 @@ class Simulation:
     magnetised: MagnetisedGrains | None
     source: FieldSource | None
     steps_per_update: int
-    updates: int
+    steps: int
     n_sectors: int = 1
     barostat: Barostat | None = None
     window: int = 0
+    held_steps: int = field(init=False)
+    """Grain steps for which the forces are held that are evaluated next."""
     _rows: NeighbourRows | None = None
     _rows_key: tuple = ()
+
+    def __post_init__(self) -> None:
+        self.held_steps = self.steps_per_update
 
     @property
     def field_carrier(self) -> Body | None:
@@ -141,7 +145,10 @@ def run_staggered(
             effect.begin_window(simulation)
         refresh_field(simulation)
 
-        for _ in range(simulation.updates):
+        window_end = min(motion.step_count + simulation.steps, last_step)
+        while motion.step_count < window_end:
+            simulation.held_steps = min(simulation.steps_per_update, window_end - motion.step_count)
+
             # 2. field -> moments -> held forces
             budget.clock("magnetic")
             if simulation.holds_forces:
@@ -151,7 +158,7 @@ def run_staggered(
 
             # 3. grains and shafts, many steps
             budget.clock("contact")
-            budget.add_steps(totals := motion.run(simulation.steps_per_update))
+            budget.add_steps(totals := motion.run(simulation.held_steps))
             if simulation.barostat is not None:
                 budget.add_stretch(totals, follow_pressure(simulation, totals))
 

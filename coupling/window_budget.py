@@ -37,7 +37,7 @@ class WindowBudget:
         self._begin, self._processor = perf_counter(), process_time()
         self._part: tuple[str, float, float] | None = None
         self._seconds = dict.fromkeys(("field", "magnetic", "contact"), 0.0)
-        self._recorded: dict[str, float] = {}  # of the field, summed over sub-cycles
+        self._recorded: dict[str, float] = {}  # of the field, times the time that it is held [N m s]
         self._beside: dict[str, float] = {}  # of other effects
         holding = [effect for effect in simulation.effects if effect.holds_forces]
         self._held_is_magnetic = all(effect.of_the_field for effect in holding)
@@ -59,8 +59,9 @@ class WindowBudget:
     def record(self, torques: dict[str, float], of_the_field: bool) -> None:
         """Book torques of held forces on the sector's grains [N m], which hold during the next sub-cycle."""
         booked = self._recorded if of_the_field else self._beside
+        held = self._simulation.held_steps * self._simulation.motion.dt
         for name, torque in torques.items():
-            booked[name] = booked.get(name, 0.0) + torque
+            booked[name] = booked.get(name, 0.0) + torque * held
 
     def add_steps(self, totals) -> None:
         """Add the totals of a sub-cycle of the grains."""
@@ -78,7 +79,6 @@ class WindowBudget:
         self.clock(None)
         simulation = self._simulation
         motion, n, steps = simulation.motion, simulation.n_sectors, self._steps
-        per_cycle = n / len(steps)
         duration = sum(s.duration for s in steps)
         residual = 0.0
         bodies: dict[str, BodyRow] = {}
@@ -90,13 +90,13 @@ class WindowBudget:
             bodies[body.name] = row = BodyRow(speed=body.speed, **parts)
             if body is simulation.field_carrier:
                 # the field turns with this body: the grains' torque in it has its reaction here
-                row.field = -per_cycle * self._recorded.pop(body.name, 0.0)
+                row.field = -n * self._recorded.pop(body.name, 0.0) / duration
             residual += row.torque
         if self._sheared is not None:  # no axis, and what the field turns is in the stress
             self._recorded.clear()
-        field_torque = {name: per_cycle * total for name, total in self._recorded.items()}
+        field_torque = {name: n * total / duration for name, total in self._recorded.items()}
         residual -= sum(field_torque.values())
-        other_torque = {name: per_cycle * total for name, total in self._beside.items()}
+        other_torque = {name: n * total / duration for name, total in self._beside.items()}
         for torque in other_torque.values():
             residual -= torque
         angular_momentum = n * motion.grains.angular_momentum_z()

@@ -27,7 +27,7 @@ class Dipoles(Effect):
         pairs = images = charges = 0.0
         if found.moment.any():  # without a current: nothing pulls
             held_by_dvi = isinstance(motion, DVI) and not magnetised.pulls_follow_gaps(simulation)
-            ahead = motion.dt * simulation.steps_per_update if held_by_dvi else 0.0
+            ahead = motion.dt * simulation.held_steps if held_by_dvi else 0.0
             held = solver.forces(
                 grains.position, grains.radius, simulation.rows(solver.reach), found,
                 velocity=np.ascontiguousarray(grains.velocity), ahead=ahead, virial=magnetised.all_is_held(simulation),

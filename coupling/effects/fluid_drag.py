@@ -71,7 +71,7 @@ class FluidDrag(Effect):
 
     def add_forces(self, simulation, force):
         motion = simulation.motion
-        grains, held = motion.grains, motion.dt * simulation.steps_per_update
+        grains, held = motion.grains, motion.dt * simulation.held_steps
         rate = 6.0 * np.pi * self.viscosity * grains.radius / grains.mass
         slip = grains.velocity - self.flow(grains.position)
         drag = (grains.mass * np.expm1(-held * rate) / held)[:, None] * slip

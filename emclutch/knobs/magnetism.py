@@ -102,7 +102,8 @@ class UpdateInterval(Knob):
     @classmethod
     def usual(cls, scene, plan):
         own = cls.own(scene, plan)
-        return tuple(factor * own for factor in (4, 2) if factor * plan.steps_per_update <= 10_000)
+        most = 10_000 if scene.span.window is None else plan.division.steps
+        return tuple(factor * own for factor in (4, 2) if factor * plan.steps_per_update <= most)
 
     @classmethod
     def values(cls, scene, plan, setting):
@@ -134,7 +135,8 @@ class RigidUpdateInterval(Knob):
     @classmethod
     def usual(cls, scene, plan):
         n = plan.steps_per_update
-        return tuple(plan.dt * steps for steps in dict.fromkeys((2 * n, max(1, n // 2))))
+        longer = 2 * n if scene.span.window is None else min(2 * n, plan.division.steps)
+        return tuple(plan.dt * steps for steps in dict.fromkeys((longer, max(1, n // 2))))
 
     @classmethod
     def values(cls, scene, plan, setting):
@@ -164,7 +166,7 @@ class CouplingWindow(Knob):
 
     @classmethod
     def own(cls, scene, plan):
-        return plan.division.steps * plan.dt * _speed_factor(plan)
+        return plan.division.length * _speed_factor(plan)
 
     @classmethod
     def values(cls, scene, plan, setting):

@@ -31,7 +31,7 @@ class TimeSection(Section):
         "stress: 'stress 2 %'",
     )
     window: Annotated[Time | None, Automatic()] = Field(
-        default=None, description="coupling window, or auto", examples=["0.03 ms"]
+        default=None, description="longest coupling window, rounded down to whole steps, or auto", examples=["0.03 ms"]
     )
     step: Annotated[Time | None, Automatic()] = Field(
         default=None, description="step of the grains, or auto", examples=["0.08 us"]
@@ -74,6 +74,11 @@ class TimeSection(Section):
         """`end` [s], in the scene of a plan (`emclutch.simulation.plan.Plan.scene`), in which strains are times."""
         assert not isinstance(self.end, Multiple)
         return self.end
+
+    @property
+    def longest_step(self) -> float:
+        """Length [s] that no step of the grains exceeds: of a window that is given, or of the run."""
+        return self.end_time if self.window is None else min(self.window, self.end_time)
 
     @property
     def average_time(self) -> float | None:

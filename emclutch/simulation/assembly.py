@@ -81,7 +81,7 @@ def simulation_of(device: Device, plan: Plan, grains: Grains) -> Simulation:
         magnetised = MagnetisedGrains(source.sampler, grain_law(scene))
     n_sectors = 1 if plan.sector is None else plan.sector.n_sectors
     acting = [each for one in effects.present for each in one.acting(scene, motion.bodies)]
-    rhythm = plan.steps_per_update, plan.updates
+    rhythm = plan.steps_per_update, plan.division.steps
     return Simulation(motion, acting, magnetised, source, *rhythm, n_sectors, device.kind.barostat(scene))
 
 

@@ -64,7 +64,7 @@ def save_checkpoint(path: Path, simulation: Simulation, case_text: str, profiles
         "case": case_text,
         "window": simulation.window,
         "steps_per_update": simulation.steps_per_update,
-        "updates": simulation.updates,
+        "steps": simulation.steps,
         "dem": simulation.motion.state(),  # of DEM or DVI
         "rows": simulation.rows_state(),
         "magnetised": None if simulation.magnetised is None else simulation.magnetised.state(),

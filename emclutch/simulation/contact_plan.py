@@ -58,6 +58,7 @@ def elastic_contacts(scene, device: Device, M_max: float, speed: float) -> Elast
             load=stiffness.load.force,
             rolling="rolling" in scene.effects.contact_terms(),
             steps_per_contact=scene.span.steps_per_contact,
+            longest=scene.span.longest_step,
             dt=scene.span.step,
         )
     except StepTooLong as error:

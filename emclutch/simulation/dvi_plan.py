@@ -98,6 +98,13 @@ def rigid_contacts(
     pulls = [one for one in (magnetic, Pull(adhesion, adhesion * radius, "cohesion")) if one.force]
     strongest = max(pulls, key=lambda one: one.force / sqrt(one.work), default=Pull(0.0, 1.0, "nothing"))
     barostat = scene.geometry.barostat(scene)
+    given, longest = scene.span.step if section.step is None else section.step, scene.span.longest_step
+    if given is not None and given > longest * (1.0 + 1e-9):
+        key = "time.step" if section.step is None else "contact.dvi.step"
+        raise ValueError(
+            f"{key} = {given:g} s is longer than the coupling window or the run; allowed: at most {longest:.3g} s; "
+            "lower it, or leave it out"
+        )
     step = choose_dvi_step(
         mass,
         radius,
@@ -106,7 +113,8 @@ def rigid_contacts(
         work=strongest.work,
         source=strongest.source,
         pressure=0.0 if barostat is None else barostat.pressure,
-        dt=scene.span.step if section.step is None else section.step,
+        longest=longest,
+        dt=given,
         allow_long_step=section.allow_long_step,
     )
     weight = scene.effects.weight
@@ -122,10 +130,10 @@ def rigid_contacts(
         contact.wall_restitution,
         threshold=threshold,
     )
-    given, stiffness = (None, None) if springs is None else springs
+    spring_table, stiffness = (None, None) if springs is None else springs
     resist = terms.get("rolling"), terms.get("twisting")
     parting = parting_time(mass, magnetic.force, magnetic.work) if magnetic.force else None
-    return RigidContacts(rigid, *resist, cohesion, tolerance, step, parting, given, stiffness)
+    return RigidContacts(rigid, *resist, cohesion, tolerance, step, parting, spring_table, stiffness)
 
 
 def _magnetic_pull(scene: Scene, M: float) -> Pull:

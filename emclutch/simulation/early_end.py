@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from emclutch.simulation.plan import Plan
 from emclutch.simulation.planned_run import PlannedRun
 from emclutch.simulation.replicas import Orders
 from emclutch.simulation.run_request import RunRequest
@@ -56,7 +55,7 @@ def early_end(request: RunRequest, planned: PlannedRun, reached: float) -> Early
     """Rule that may end the run of a scene before its last window; it continues from the time `reached` [s]."""
     plan, replicas = planned.plan, request.replicas
     trigger = asked = None
-    replicas.tolerance = 0.5 * window(plan)
+    replicas.tolerance = 0.5 * plan.division.length
     rule = stopping_rule(plan.scene, planned.device, plan.end)
     if request.orders is None and rule is not None:
         first = rule.first(replicas.count, reached - replicas.tolerance)
@@ -67,8 +66,3 @@ def early_end(request: RunRequest, planned: PlannedRun, reached: float) -> Early
     if request.callback is not None:
         asked = UserCallback(request.callback, plan.windows)
     return EarlyEnd(trigger, request.orders, asked)
-
-
-def window(plan: Plan) -> float:
-    """Length of a window [s]."""
-    return plan.end / plan.windows

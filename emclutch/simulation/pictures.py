@@ -33,7 +33,7 @@ from emclutch.results.pictures.torque import varies
 from emclutch.results.text import format_time
 from emclutch.scene.case import Case, load_case
 from emclutch.simulation.plan import make_plan
-from emclutch.simulation.resume import refuse_changed_files, run_checkpoint
+from emclutch.simulation.resume import begun_windows, refuse_changed_files, run_checkpoint
 from emclutch.simulation.run_observers import profile_average
 from emclutch.simulation.snapshots import contact_lines, wrapped
 from emclutch.simulation.started_run import restored
@@ -193,7 +193,7 @@ def draw_missing(folder: RunFolder, case: Case | None = None, *, trust_scripts: 
         refuse_changed_files(case, folder)
         state = run_checkpoint(folder.checkpoint)
         device, plan = make_plan(case)
-        plan = plan.continued(state["steps_per_update"], state["updates"])
+        plan = plan.continued(begun_windows(state, case.scene.contact.method))
         simulation = restored(device, plan, state)
         profiles = profile_average(plan.scene, device)
         if profiles is not None:

@@ -16,8 +16,9 @@ from emclutch.simulation.forecast.cost import Cost, predict
 from emclutch.simulation.forecast.expected_field import expected_magnetisation
 from emclutch.simulation.forecast.expected_speeds import fall_speed, largest_speed, layer_speed, slip_speed
 from emclutch.simulation.scaled_slip import ScaledSlip, with_slip
-from emclutch.simulation.windows import Windows, coupling_windows, parts_of
+from emclutch.simulation.windows import BegunWindows, Windows, coupling_windows
 from field import MagneticField
+from field.coil.inductance import apparent_inductance
 from field.three_d import Field3D
 from geometry.kernels.threads import default_threads
 from particles import CyclicSector
@@ -102,11 +103,9 @@ class Plan:
         method = self.contact.method
         return {"method": method, "compliant": self.stiffness is not None, "stiffness": self.stiffness}
 
-    def continued(self, steps_per_update: int, updates: int) -> Plan:
+    def continued(self, begun: BegunWindows) -> Plan:
         """The plan of a run that continues with the windows it began with."""
-        windows = parts_of(self.scene.span.end_time, steps_per_update * updates * self.dt)
-        division = replace(self.division, steps_per_update=steps_per_update, updates=updates, count=windows)
-        return replace(self, division=division)
+        return replace(self, division=self.division.continued(begun, self.scene.span.end_time))
 
 
 def make_plan(case: Case, device: Device | None = None, threads: int | None = None) -> tuple[Device, Plan]:
@@ -132,11 +131,22 @@ def make_plan(case: Case, device: Device | None = None, threads: int | None = No
     else:
         contact = elastic_contacts(scene, device, M_max, speed)
     layers = max(fall_speed(scene, device), layer_speed(scene, device, speed))
-    division = coupling_windows(scene, contact.step.dt, speed, layers, scene.effects.hold_forces, parting)
-    rhythm = division.steps_per_update, division.updates, division.count
+    tau = circuit_time(scene, device, field)
+    division = coupling_windows(scene, contact.step.dt, speed, layers, scene.effects.hold_forces, parting, tau)
+    rhythm = division.steps, division.updates, division.count
     threads = threads or _threads_of_a_replica(scene)
     cost = predict(scene, device, division.dt, rhythm, threads, contact.normal_stiffness)
     return device, Plan(scene, scaled, device.fill.count, sector, contact, division, field, M_max, cost)
+
+
+def circuit_time(scene: Scene, device: Device, field: MagneticField | Field3D | None) -> float | None:
+    """Time constant L/R [s] of a coil whose circuit is simulated, at its largest current; None: there is none."""
+    coil = device.coil
+    if scene.effects.circuit is None or coil is None or coil.supply is None or field is None:
+        return None
+    if coil.largest_current == 0.0:
+        return None
+    return apparent_inductance(field, coil.turns) / coil.supply.resistance
 
 
 def _threads_of_a_replica(scene) -> int:

@@ -39,6 +39,7 @@ UPDATE_RULES = {
     UpdateRule.PRESSURE_EVERY_STEP: "",
     UpdateRule.CONTACT: ": half a contact, 1 % of a diameter of travel",
     UpdateRule.PRESSURE: ": half a contact",
+    UpdateRule.WINDOW: ": once a window",
     UpdateRule.NEIGHBOURS: ", near attraction every step: at most 2.5 contacts, neighbours 1 % of a diameter further. "
     "Pairs that jump together gain 6 % of that energy (1 to 16 %); effects.dipoles.update_every = 1 prevents it",
     UpdateRule.PARTING: ", near attraction every step: at most half of the time in which touching grains part, "
@@ -61,7 +62,7 @@ def plan_in_words(device: Device, plan: Plan) -> dict[str, str]:
     words |= dict(contacts_in_words(scene, plan.contact))
     words |= dict(scene.geometry.words(scene, plan.end))
     sheared = 0.0 if scene.geometry.is_periodic else strain_rate(scene, device) * plan.end  # a box says so of itself
-    words |= dict(windows_in_words(plan.division, sheared))
+    words |= dict(windows_in_words(plan.division, sheared, scene))
     if moments_are_fed_back(scene) and coil is not None:
         words["feedback"] = feedback_in_words(scene, coil)
     if coil is not None:
@@ -159,7 +160,7 @@ def coil_in_words(scene, coil: Excitation, resistance: float, field: MagneticFie
     return text
 
 
-def windows_in_words(division: Windows, strain: float) -> Iterator[tuple[str, str]]:
+def windows_in_words(division: Windows, strain: float, scene) -> Iterator[tuple[str, str]]:
     """Interval of magnetic forces, its reason, and the windows, with the strain at their end: label and text."""
     if division.rule is not None:
         steps = division.steps_per_update
@@ -167,11 +168,18 @@ def windows_in_words(division: Windows, strain: float) -> Iterator[tuple[str, st
         of_pressure = division.rule in (UpdateRule.PRESSURE, UpdateRule.PRESSURE_EVERY_STEP)
         what = ("pressure", "followed") if of_pressure else ("magnetic forces", "evaluated")
         yield what[0], f"{what[1]} {every}{UPDATE_RULES[division.rule]}"
-    yield (
-        "coupling window",
-        f"{division.steps} steps = {division.steps * division.dt:.3g} s, "
-        f"{division.count} windows to t = {division.end:.4g} s{f', a shear strain of {strain:.3g}' if strain else ''}",
+    text = (
+        f"{division.steps} steps = {division.length:.3g} s, {division.count} windows to t = {division.end:.4g} s"
+        f"{f', a shear strain of {strain:.3g}' if strain else ''}"
     )
+    given, snapshots = scene.time.window, scene.output.snapshots
+    if given is not None and division.length < 0.999 * given:
+        text += f"; time.window = {given:.3g} s is rounded down to whole steps"
+    if division.jump is not None:
+        text += f"; the coil's drive changes within {division.jump:.3g} s, less than a window: its field jumps"
+    if snapshots > division.count:
+        text += f"; {division.count} of the {snapshots} frames of output.snapshots, one for each window"
+    yield "coupling window", text
 
 
 def feedback_in_words(scene, coil: CoilDevice | CoilDevice3D) -> str:

@@ -17,6 +17,7 @@ from emclutch.scene.flat import differing_keys, flat_scene
 from emclutch.scene.input_files import hashed_input_files
 from emclutch.scene.multiple import Multiple
 from emclutch.scene.timing import instant_in_words
+from emclutch.simulation.windows import BegunWindows
 
 log = logging.getLogger(__name__)
 MAY_CHANGE = ("time.end", "time.until", "time.average_from", "output.", "accuracy.", "scene.title", "scene.description")
@@ -24,7 +25,7 @@ MUST_STAY = (
     "output.energy_budget",  # what a contact remembers has a place for it
     "accuracy.inertial_number",  # as the speeds
 )
-_OF_A_RUN = ("case", "window", "steps_per_update", "updates", "dem", "rows", "magnetised", "source")
+_OF_A_RUN = ("case", "window", "steps_per_update", "steps", "dem", "rows", "magnetised", "source")
 
 
 def run_checkpoint(path: str | Path) -> dict[str, Any]:
@@ -36,6 +37,8 @@ def run_checkpoint(path: str | Path) -> dict[str, Any]:
         It cannot be read, or holds something else.
     """
     state = read_checkpoint(path)
+    if "updates" in state:  # of an older version, whose windows were of whole intervals between updates
+        state["steps"] = state["steps_per_update"] * state["updates"]
     missing = [name for name in _OF_A_RUN if name not in state]
     if missing:
         raise OutputError(f"{path} is not a checkpoint of a run: it lacks {', '.join(missing)}; start again with --out")
@@ -83,7 +86,7 @@ def refuse_other_scene(old_text: str, new_text: str, target: str | Path) -> None
 def refuse_earlier_end(folder: RunFolder, state: dict, end: float | Multiple) -> None:
     """Raise OutputError where a run whose end was set earlier is past it: nothing would be left to do.
 
-    The same end is always allowed: a last window may reach beyond it.
+    The same end is always allowed: a last step may be left out.
     """
     time, before = seconds_of(end, folder), seconds_of(tomllib.loads(state["case"])["time"]["end"], folder)
     if time is None or before is None or time >= before or not folder.history.is_file():
@@ -98,10 +101,21 @@ def refuse_earlier_end(folder: RunFolder, state: dict, end: float | Multiple) ->
         )
 
 
+def begun_windows(state: dict[str, Any], method: str) -> BegunWindows:
+    """Return the windows of the run that a checkpoint is of."""
+    dem = state["dem"]
+    done = int(dem["counters"][0])
+    return BegunWindows(_step_of(dem, method), state["steps_per_update"], state["steps"], state["window"], done)
+
+
+def _step_of(dem: dict[str, Any], method: str) -> float:
+    return float(dem["scalars"][0 if method == "dvi" else 2])
+
+
 def checkpoint_time(path: Path, dem: dict[str, Any], method: str) -> float:
     """Return the time [s] of the state of a DEM or DVI; OutputError where it is none."""
     try:
-        return float(dem["counters"][0] * dem["scalars"][0 if method == "dvi" else 2])
+        return float(dem["counters"][0] * _step_of(dem, method))
     except (KeyError, IndexError, TypeError) as error:
         raise OutputError(f"{path} is not a checkpoint of a run ({error!r}); start again with --out") from error
 

@@ -13,7 +13,7 @@ from emclutch.simulation.kernel_compilation import ONCE
 from emclutch.simulation.kernel_warm_up import lacks_step
 from emclutch.simulation.plan import Plan
 from emclutch.simulation.planned_run import PlannedRun
-from emclutch.simulation.resume import run_checkpoint
+from emclutch.simulation.resume import begun_windows, run_checkpoint
 from emclutch.simulation.run_request import RunRequest
 from emclutch.simulation.warm_start import warm_started
 from particles import Grains
@@ -58,7 +58,7 @@ def start_run(request: RunRequest, planned: PlannedRun) -> StartedRun:
         request.progress.announce(f"started: {plan.windows} windows{compiling}")
         return StartedRun(planned, simulation)
     state = run_checkpoint(request.folder.checkpoint)
-    plan = plan.continued(state["steps_per_update"], state["updates"])
+    plan = plan.continued(begun_windows(state, request.case.scene.contact.method))
     simulation = restored(device, plan, state)
     resume_time = simulation.motion.time
     log.info("resumed at t = %g s, window %d of %d", resume_time, simulation.window, plan.windows)

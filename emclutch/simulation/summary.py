@@ -144,7 +144,8 @@ def summarise(
     if WORK_MAGNETIC in history:
         start = torque.start if torque is not None else measured.get("stress", {}).get("start")
         summary["work_magnetic_over_slip"] = work_over_slip(history, start)
-    summary |= {"grains": plan.count, "sectors": simulation.n_sectors, "dt": plan.dt} | numerics_summary(history)
+    summary |= {"grains": plan.count, "sectors": simulation.n_sectors, "dt": plan.dt, "window": plan.division.length}
+    summary |= numerics_summary(history)
     summary |= discretisation_error(case, plan, torque, device)
     if (asked := folder.read_provenance().get("accuracy_target")) is not None:
         reached = is_reached(asked, torque, summary["discretisation_error"])

@@ -12,7 +12,9 @@ What a step must resolve, for the lightest grains in each kind of contact (with 
 * **the Rayleigh time** of Hertz-Mindlin grains: 20 % of it, at most 40 % (usual for coordinations above and below 4);
 * **attraction**, where the caller gives one (a scene enters it as a load): the growth sqrt(m_eff/S) of a distance on
   its negative stiffness S, taken as a half period pi sqrt(m_eff/S) is of a positive one;
-* **travel**: no grain moves more than a tenth of its radius in a step, or it would tunnel into its neighbour.
+* **travel**: no grain moves more than a tenth of its radius in a step, or it would tunnel into its neighbour;
+* **the interval** that the caller gives, of a coupling window or of a whole run: soft contacts may allow a step that
+  is longer.
 
 The stiffness of Hertzian laws grows with the overlap: without a speed and a load, a step is chosen for an overlap of
 0.5 % of the diameter, and a step asked for is refused only where it is too long at 1e-5 of it.
@@ -39,6 +41,8 @@ DAMPING, MAX_DAMPING = 0.5, 1.0  # fraction of m_eff/gamma_n
 # fraction of the diameter at which a Hertzian contact is judged when speed and load are unknown
 REFERENCE_OVERLAP = 0.005
 CHECKED_OVERLAP = 1e-5  # the same to check a step: it refuses what is too long for all but the lightest touch
+
+AS_LONG_AS_A_WINDOW = "no longer than a coupling window, nor than the run"
 
 SLIDING = 3.5  # omega^2 m_eff/k_t of a stuck sphere: 1 + R^2 m/I with I = 2/5 m R^2
 WALL_ROLLING = 3.0 + math.sqrt(6.5)  # the same at a wall with rolling resistance k_r = k_t R^2
@@ -87,6 +91,7 @@ def choose_time_step(
     steps_per_contact: float = 20.0,
     rolling: bool = False,
     attraction: float = 0.0,
+    longest: float = math.inf,
     dt: float | None = None,
 ) -> TimeStep:
     """Choose the step, or check the user's.
@@ -105,6 +110,8 @@ def choose_time_step(
         Whether grains resist rolling.
     attraction : float
         Largest negative stiffness of an attraction of near grains [N/m], `Attraction.stiffest`.
+    longest : float
+        Length [s] of the interval that no step exceeds.
     dt : float, optional
         A step wished for [s]; it is refused when it is longer than a limit (5 steps a contact at the least).
 
@@ -134,6 +141,7 @@ def choose_time_step(
                 "5 steps a time pi sqrt(m_eff/S) of the attraction",
             )
         )
+    limits.append(StepLimit(longest, longest * (1.0 + 1e-9), AS_LONG_AS_A_WINDOW, AS_LONG_AS_A_WINDOW))
     if dt is not None:
         tightest = min(limits, key=lambda limit: limit.longest)
         if not 0.0 < dt <= tightest.longest:

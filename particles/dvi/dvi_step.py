@@ -23,7 +23,8 @@ Nothing vibrates between rigid grains; what a step must resolve is the motion it
   strain 3, had tau/P = 0.378 +- 0.007 by DEM; 0.370 +- 0.006 at 0.05 of that time, 0.401 +- 0.004 at 0.17, and
   0.428 +- 0.006 at 0.5.
 
-These are rules of accuracy. The scheme itself is stable at any step, so that a longer one may be allowed.
+These are rules of accuracy. The scheme itself is stable at any step, so that a longer one may be allowed. The
+step that is chosen is no longer than the interval that the caller gives, of a coupling window or of a whole run.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ import math
 
 import numpy as np
 
-from particles.dem.time_step import TimeStep, smallest_grain
+from particles.dem.time_step import AS_LONG_AS_A_WINDOW, TimeStep, smallest_grain
 
 TRAVEL = 0.1  # largest fraction of a diameter that a grain may move in one step
 PRESSURE = 0.05  # of the time d sqrt(rho/P)
@@ -48,6 +49,7 @@ def choose_dvi_step(
     work: float | None = None,
     source: str = "an attraction",
     pressure: float = 0.0,
+    longest: float = math.inf,
     dt: float | None = None,
     allow_long_step: bool = False,
 ) -> TimeStep:
@@ -67,6 +69,8 @@ def choose_dvi_step(
         What attracts, for the reason.
     pressure : float
         Imposed on the grains [Pa]; 0: none is.
+    longest : float
+        Length [s] of the interval that a chosen step does not exceed.
     dt : float, optional
         A step wished for [s].
     allow_long_step : bool
@@ -97,8 +101,8 @@ def choose_dvi_step(
     if dt is None:
         if not limits:
             raise ValueError("nothing moves the grains, so no step follows; give contact.dvi.step, e.g. '1 ms'")
-        longest, why = min(limits)
-        return TimeStep(longest, f"dt = {longest:.3g} s: {why}, rigid grains")
+        chosen, why = min((*limits, (longest, AS_LONG_AS_A_WINDOW)))
+        return TimeStep(chosen, f"dt = {chosen:.3g} s: {why}, rigid grains")
     if not 0.0 < dt < math.inf:
         raise ValueError(f"dt = {dt:g} s; allowed: more than 0")
     if not limits or dt <= min(limits)[0] * (1.0 + 1e-9):
@@ -106,13 +110,13 @@ def choose_dvi_step(
             dt,
             f"dt = {dt:.3g} s as asked" + (f": {min(limits)[1]} would allow {min(limits)[0]:.3g} s" if limits else ""),
         )
-    longest, why = min(limits)
+    allowed, why = min(limits)
     if not allow_long_step:
         raise ValueError(
-            f"dt = {dt:g} s; allowed: at most {longest:.3g} s ({why}); leave it out, or allow it "
+            f"dt = {dt:g} s; allowed: at most {allowed:.3g} s ({why}); leave it out, or allow it "
             "(contact.dvi.allow_long_step = true)"
         )
-    return TimeStep(dt, f"dt = {dt:.3g} s as forced: {dt / longest:.3g} times what the rule allows ({why})")
+    return TimeStep(dt, f"dt = {dt:.3g} s as forced: {dt / allowed:.3g} times what the rule allows ({why})")
 
 
 def parting_time(mass: float, attraction: float, work: float) -> float:

@@ -151,14 +151,14 @@ def whole_copies(sectors: int, most: int) -> int:
 
 def step_cost(simulation: Simulation, windows: int = 2) -> StepCost:
     """Of so many windows in the middle of a run."""
-    dem, updates = simulation.motion, simulation.updates
+    dem, steps = simulation.motion, simulation.steps
     assert isinstance(dem, DEM)
     rows: list[WindowRow] = []
     bare: list[float] = []
     with patch.object(coupling.window_budget, "perf_counter", time.process_time):
-        simulation.updates = STARTING
+        simulation.steps = STARTING * simulation.steps_per_update
         run_staggered(simulation, FAR_END, [lambda simulation, row: True])
-        simulation.updates = updates
+        simulation.steps = steps
         for _ in range(windows):
             run_staggered(simulation, FAR_END, [lambda simulation, row: rows.append(row) or True])
             seconds, bare_contacts = bare_step(dem)
@@ -168,7 +168,7 @@ def step_cost(simulation: Simulation, windows: int = 2) -> StepCost:
     n = dem.grains.count
     return StepCost(
         n, parts, float(np.mean(bare)), rows[-1].n_contacts / n, bare_contacts / n,
-        sum(row.part(MomentRow).moment_sweeps for row in rows) / (windows * updates),
+        sum(row.part(MomentRow).moment_sweeps for row in rows) / (windows * steps / simulation.steps_per_update),
     )  # fmt: skip
 
 

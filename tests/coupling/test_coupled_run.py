@@ -36,6 +36,25 @@ def test_torque_balance_with_every_term_computed_on_its_own(tmp_path):
     assert left[2] / left[1] == pytest.approx(15 / 3, rel=0.4), left  # held for n - 1 steps beyond the first
 
 
+def test_windows_end_where_the_scene_says_and_every_step_counts_once(tmp_path):
+    """Windows of 13 steps in updates of 5, 5 and 3, the last window shorter: the balance of torques closes in each.
+
+    A torque of held forces counts with the time that it is held, so that what is left is as in windows of whole
+    updates: counted alike it would be wrong by a part of the torque itself.
+    """
+    values = {"effects.dipoles.update_every": 5, "time.step": 1e-7}
+    whole = run(tmp_path, "whole", values | {"time.window": 1.5e-6, "time.end": 60e-6}).history
+    result = run(tmp_path, "broken", values | {"time.window": 1.33e-6, "time.end": 60.05e-6})
+    broken = result.history
+    assert result.summary["window"] == pytest.approx(1.3e-6)
+    lengths = np.diff(broken["time"], prepend=0.0)
+    assert lengths[:-1] == pytest.approx(1.3e-6) and lengths.max() < 1.33e-6
+    assert broken["time"].iloc[-1] == pytest.approx(60e-6) and broken["steps"].sum() == 600
+    assert whole["steps"].sum() == 600
+    left = [each["torque_residual"].abs().mean() for each in (whole, broken)]
+    assert left[1] < 1.5 * left[0], left
+
+
 def test_energy_balance_of_a_run(tmp_path):
     """walls + magnetic work = dissipation by mechanism + stored; the split converges with the step."""
     left = []

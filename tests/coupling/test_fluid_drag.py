@@ -42,7 +42,7 @@ def slowed(held, decay=DECAY, more=()):
     motion = DEM(grains, Box((0.02, 0.02, 0.02)).walls(), [Body("housing")], law("linear"), dt=2e-6, energy_budget=True)
     drag = FluidDrag(MASS / (6.0 * pi * RADIUS * decay))
     rows = []
-    simulation = Simulation(motion, [drag, *more], None, None, steps_per_update=held, updates=100 // held)
+    simulation = Simulation(motion, [drag, *more], None, None, steps_per_update=held, steps=100)
     run_staggered(simulation, TIME, [lambda _, row: rows.append(row)])
     return motion.grains.velocity[0, 1], rows, simulation
 

@@ -90,9 +90,9 @@ def test_a_free_slotted_disc_feels_the_grains_through_its_field():
     def follow(simulation, row):
         nonlocal angular_momentum, impulse
         angular_momentum = 1e-7 * disc.speed
-        impulse += row.bodies["disc"].torque * plan.steps_per_update * plan.updates * plan.dt
+        impulse += row.bodies["disc"].torque * plan.division.length
 
-    run_staggered(simulation, 30 * plan.steps_per_update * plan.updates * plan.dt, (follow,))
+    run_staggered(simulation, 30 * plan.division.length, (follow,))
     assert simulation.source.solution is plan.peak_field and simulation.source.solves == 1
     assert abs(impulse) > 0.0 and angular_momentum == pytest.approx(impulse, rel=1e-6)
     grains = simulation.motion.grains

@@ -52,7 +52,7 @@ def shortened(path: Path) -> Case:
     """A case of a few of its own windows."""
     case = scene_of(path)
     plan = make_plan(case)[1]
-    window = plan.steps_per_update * plan.updates * plan.dt
+    window = plan.division.length
     return case.with_values({**QUIET, "time.window": window, "time.end": WINDOWS * window, "time.until": None})
 
 

@@ -303,7 +303,7 @@ def test_resuming_to_an_end_before_the_checkpoint_is_refused(tmp_path):
     with HistoryWriter(folder.history) as history:
         for i in range(1, 6):
             history.append({"time": 0.01 * i})
-    rest = dict.fromkeys(("steps_per_update", "updates", "dem", "rows", "magnetised", "source"), 0)
+    rest = dict.fromkeys(("steps_per_update", "steps", "dem", "rows", "magnetised", "source"), 0)
     write_checkpoint(folder.checkpoint, {"case": case.toml(), "window": 4, **rest})
     before = {path.name: path.read_bytes() for path in folder.path.iterdir()}
     with pytest.raises(OutputError, match=r"time\.end = 0\.03 s is earlier than the checkpoint in .*, at 0\.04 s"):

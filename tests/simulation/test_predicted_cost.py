@@ -142,7 +142,7 @@ def test_magnetic_forces_and_solves_cost_while_there_is_a_current():
     """A current that rises through the second half: three quarters off and on, and a solve for each of its steps."""
     case = case_from(DRY, MAGNETIC)
     device, plan = make_plan(case)
-    rhythm = plan.steps_per_update, plan.updates, 10_000
+    rhythm = plan.division.steps, plan.updates, 10_000
     always = predict(case.scene, device, plan.dt, rhythm, 1)
     half = 0.5 * always.end
     coil = SimpleNamespace(largest_current=1.0, problem=SimpleNamespace(n_dofs=10_000))

@@ -115,6 +115,7 @@ NUMBERS = (
     ("grains", "grains simulated", ""),
     ("sectors", "sectors in the ring", ""),
     ("dt", "step of the grains", "s"),
+    ("window", "coupling window", "s"),
     ("time", "simulated time", "s"),
     ("max_overlap", "largest overlap over diameter, at any time", ""),
     ("typical_overlap", "the same, median over the windows of the second half", ""),

@@ -111,11 +111,11 @@ def predict(
 ) -> Cost:
     """Estimate the cost of a planned run on `threads` threads of this machine.
 
-    `dt` is the grains' step [s]; `rhythm` are steps an update, updates a window and windows; `stiffness` that of
+    `dt` is the grains' step [s]; `rhythm` are steps a window, updates a window and windows; `stiffness` that of
     contacts between grains [N/m], None of rigid ones.
     """
-    per_update, updates, windows = rhythm
-    grains, steps = device.fill.count, per_update * updates * windows
+    window, updates, windows = rhythm
+    grains, steps = device.fill.count, window * windows
     times = steps * dt * np.linspace(0.0, 1.0, 65)
     drive = relative_drive(device, times)
     on = float((drive > OFF).mean())  # fraction of the run in which grains are magnetised
