@@ -44,6 +44,8 @@ class CircuitCoilField(SolvedCoilField):
     largest_linkage: float = field(default=0.0, init=False)
     stride: float = field(default=np.inf, init=False)
     _began: float = field(default=-np.inf, init=False)
+    _booked: CircuitState | None = field(default=None, init=False)
+    _into_field_at_solve: float = field(default=0.0, init=False)
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.resistance) and self.resistance > 0.0):
@@ -62,7 +64,7 @@ class CircuitCoilField(SolvedCoilField):
                 self.turns * current, fill=powder, guess=self.solution, tolerance=self.newton_tolerance
             )
             self.circuit = CircuitState(time, self.turns * solution.flux_linkage_per_turn, current)
-            self._began = time
+            self._began, self._booked = time, self.circuit
         else:
             self.circuit = self.coil.advance(self.circuit, time, self.voltage, self.voltage.times)
             linkage = self.circuit.linkage
@@ -86,6 +88,7 @@ class CircuitCoilField(SolvedCoilField):
             self.stride = float(np.clip(stride * np.clip(factor, 0.2, 2.0), 1e-4, self.current_tolerance))
         self.coil = LinearisedCoil.about(solution, self.turns, self.resistance)
         self.circuit = replace(self.circuit, current=self.coil.current)
+        self._into_field_at_solve = self.circuit.into_field
         self.set_solution(solution, self.coil.current)
         self.solves += 1
         self.seconds += perf_counter() - begin
@@ -101,16 +104,22 @@ class CircuitCoilField(SolvedCoilField):
         """Return the current [A] at `time` [s] from the present circuit; of times after the last `refresh`."""
         return self._advanced(time).current
 
-    def window_part(self, time: float) -> CircuitRow:
-        """Return the circuit at the window's end, and its energies since the window's `refresh`."""
-        assert self.circuit is not None, "refresh(time) comes first"
-        end = self._advanced(time)
+    def window_part(self) -> CircuitRow:
+        """Return the circuit at the last `refresh`, and its energies since the row before.
+
+        Linkage and energy of the field go on from its last solve as those of the circuit do.
+        """
+        assert self.circuit is not None and self._booked is not None, "refresh(time) comes first"
+        now, before, energy = self.circuit, self._booked, self.linkage_and_energy()[1]
+        self._booked = now
         return CircuitRow(
-            current=end.current,
-            coil_voltage=self.voltage(time),
-            coil_supplied=end.supplied - self.circuit.supplied,
-            copper_loss=end.copper_loss - self.circuit.copper_loss,
-            into_field=end.into_field - self.circuit.into_field,
+            current=now.current,
+            flux_linkage=now.linkage,
+            field_energy=energy + now.into_field - self._into_field_at_solve,
+            coil_voltage=self.voltage(now.time),
+            coil_supplied=now.supplied - before.supplied,
+            copper_loss=now.copper_loss - before.copper_loss,
+            into_field=now.into_field - before.into_field,
         )
 
     def state(self) -> dict[str, Any] | None:
@@ -127,6 +136,7 @@ class CircuitCoilField(SolvedCoilField):
             "copper_loss": circuit.copper_loss,
         }
         saved["largest_linkage"], saved["stride"] = self.largest_linkage, self.stride
+        saved["into_field_at_solve"] = self._into_field_at_solve
         saved["coil"] = {"linkage": coil.linkage, "current": coil.current, "inductance": coil.inductance}
         return saved
 
@@ -135,6 +145,8 @@ class CircuitCoilField(SolvedCoilField):
         super().restore(saved)
         self.largest_linkage, self.stride = float(saved["largest_linkage"]), float(saved["stride"])
         self.circuit = CircuitState(**{name: float(value) for name, value in saved["circuit"].items()})
+        self._booked = self.circuit
+        self._into_field_at_solve = float(saved.get("into_field_at_solve", self.circuit.into_field))
         self.coil = LinearisedCoil(
             **{name: float(value) for name, value in saved["coil"].items()}, resistance=self.resistance
         )

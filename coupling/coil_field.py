@@ -37,7 +37,7 @@ class ImposedField:
         """Nothing to solve."""
         return False
 
-    def window_part(self, time: float) -> None:
+    def window_part(self) -> None:
         """Return nothing: there is no coil."""
 
     def state(self) -> dict[str, Any] | None:
@@ -83,6 +83,7 @@ class SolvedCoilField(ABC):
     powder_change: float = field(default=0.0, init=False)
     solves: int = field(default=0, init=False)
     seconds: float = field(default=0.0, init=False)
+    _measured: tuple[Any, float, float] | None = field(default=None, init=False)
 
     @abstractmethod
     def current(self, time: float) -> float:
@@ -130,9 +131,15 @@ class SolvedCoilField(ABC):
             return None
         return self.feedback.state(self.solution if self.has_field(current) else None)
 
-    def window_part(self, time: float) -> CoilRow:
-        """Row of the coil for a window that ends at `time` [s]."""
-        return CoilRow(self.current(time))
+    def window_part(self) -> CoilRow:
+        """Row of the coil for the window that ends with the last `refresh`: the present field and its own current."""
+        return CoilRow(self.solved_current, *self.linkage_and_energy())
+
+    def linkage_and_energy(self) -> tuple[float, float]:
+        """Flux linkage [Wb] and energy [J] of the present field, computed once for each solution."""
+        if self._measured is None or self._measured[0] is not self.solution:
+            self._measured = (self.solution, self.turns * self.solution.flux_linkage_per_turn, self.solution.energy)
+        return self._measured[1:]
 
     def state(self) -> dict[str, Any] | None:
         """State for a bit-exact continuation; None before the first solve."""
@@ -179,7 +186,7 @@ def _potential(solution: MagneticField | Field3D) -> dict[str, np.ndarray]:
 
 @dataclass
 class CoilField(SolvedCoilField):
-    """The field of a coil with a given current.
+    """The field of a coil with a given current; one that changes no more is solved for exactly.
 
     Attributes
     ----------
@@ -200,7 +207,8 @@ class CoilField(SolvedCoilField):
     def refresh(self, time: float) -> bool:
         """See `SolvedCoilField.refresh`."""
         current = self.current(time)
-        if not self.is_stale(current):
+        settled = current != self.solved_current and self.currents.is_constant_after(time)
+        if not self.is_stale(current) and not settled:
             return False
         begin = perf_counter()
         guess = self.solution if self.solution is not None and self.has_field(self.solved_current) else None

@@ -7,15 +7,21 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class CoilRow:
-    """A coil with a given current.
+    """A coil with a given current; all of one instant, that of the field's solve (`SolvedCoilField.window_part`).
 
     Attributes
     ----------
     current : float
-        At the window's end [A].
+        [A]
+    flux_linkage : float
+        Of all turns [Wb].
+    field_energy : float
+        [J]
     """
 
     current: float
+    flux_linkage: float
+    field_energy: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +31,7 @@ class HysteresisRow(CoilRow):
     Attributes
     ----------
     hysteresis_loss : float
-        Heat of the steel in the field's step [J].
+        Heat of the steel in the field's step that ends with the window [J].
     """
 
     hysteresis_loss: float
@@ -33,12 +39,12 @@ class HysteresisRow(CoilRow):
 
 @dataclass(frozen=True, slots=True)
 class CircuitRow(CoilRow):
-    """A coil behind a resistance; energies in the window [J].
+    """A coil behind a resistance, at the window's end; energies in the window [J].
 
     Attributes
     ----------
     coil_voltage : float
-        Its resistance included [V].
+        Its resistance included, at the window's end [V].
     coil_supplied, copper_loss, into_field : float
         What the supply gave, and what of it heats the winding and goes into the field.
     """
@@ -51,7 +57,7 @@ class CircuitRow(CoilRow):
 
 @dataclass(frozen=True, slots=True)
 class EddyRow(CoilRow):
-    """A coil near conductors; energies of the field's step [J].
+    """A coil near conductors; energies of the field's steps that end in the window [J].
 
     Attributes
     ----------
@@ -70,7 +76,7 @@ class VoltageEddyRow(EddyRow):
     Attributes
     ----------
     coil_voltage : float
-        Its resistance included [V].
+        Its resistance included, at the window's end [V].
     copper_loss : float
         Part of `coil_supplied` that heats the winding [J].
     """

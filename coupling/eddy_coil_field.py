@@ -128,15 +128,16 @@ class EddyCoilField(SolvedCoilField):
         self.due = time + min(4.0, max(0.2, self.change_tolerance / max(change, 1e-300))) * dt
         return now
 
-    def window_part(self, time: float) -> EddyRow:
-        """Return the coil, and the energies of the field's step, if the window began with one."""
+    def window_part(self) -> EddyRow:
+        """Return the coil at the field's last step, and the energies of its steps that end in the window."""
         assert self.transient is not None and self._before is not None, "refresh(time) comes first"
         now, before = self.transient, self._before
-        current, supplied, loss = self.current(time), now.supplied - before.supplied, now.eddy_loss - before.eddy_loss
+        supplied, loss = now.supplied - before.supplied, now.eddy_loss - before.eddy_loss
+        row = (self.solved_current, *self.linkage_and_energy(), supplied, loss)
         if not isinstance(self.drive, VoltageDrive):
-            return EddyRow(current, supplied, loss)
+            return EddyRow(*row)
         copper_loss = now.copper_loss - before.copper_loss
-        return VoltageEddyRow(current, supplied, loss, self.drive.voltage(time), copper_loss)
+        return VoltageEddyRow(*row, self.drive.voltage(self._begun), copper_loss)
 
     def state(self) -> dict[str, Any] | None:
         """See `SolvedCoilField.state`."""

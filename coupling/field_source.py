@@ -39,8 +39,8 @@ class FieldSource(Protocol):
     def refresh(self, time: float) -> bool:
         """Bring the field to the time [s] and to the grains; True when it is new."""
 
-    def window_part(self, time: float) -> CoilRow | None:
-        """Row of the coil for a window that ends at `time` [s]; None without one."""
+    def window_part(self) -> CoilRow | None:
+        """Row of the coil for the window that ends with the last `refresh`; None without one."""
 
     def state(self) -> dict[str, Any] | None:
         """State for a bit-exact continuation; None where there is none."""

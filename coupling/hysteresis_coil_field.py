@@ -53,9 +53,9 @@ class HysteresisCoilField(CoilField):
             self.turns * current, powder, guess, tolerance=self.newton_tolerance, history=self.history
         )
 
-    def window_part(self, time: float) -> HysteresisRow:
-        """Return the coil, and the heat of the field's step, if the window began with one."""
-        return HysteresisRow(self.current(time), self.heat)
+    def window_part(self) -> HysteresisRow:
+        """Return the coil, and the heat of the field's step, if the window ends with one."""
+        return HysteresisRow(self.solved_current, *self.linkage_and_energy(), self.heat)
 
     def state(self) -> dict[str, Any] | None:
         """See `SolvedCoilField.state`."""

@@ -93,7 +93,7 @@ class LayeredField:
         return self._h / self.radius
 
     def refresh(self, time: float) -> bool:
-        """Nothing to solve at a window's begin: the field goes with the moments."""
+        """Nothing to solve at a window's end: the field goes with the moments."""
         return False
 
     def sample(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -133,7 +133,7 @@ class LayeredField:
         size = self._weight @ self._h**2
         return 0.0 if size == 0.0 else float(np.sqrt(self._weight @ (self._h - before) ** 2 / size))  # a NaN stays one
 
-    def window_part(self, time: float) -> None:
+    def window_part(self) -> None:
         """Return nothing: there is no coil."""
 
     def state(self) -> dict[str, Any]:

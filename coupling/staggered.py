@@ -127,23 +127,35 @@ Callback = Callable[[Simulation, WindowRow], bool | None]
 
 
 def run_staggered(
-    simulation: Simulation, end: float, callbacks: Iterable[Callback] = (), measures: Iterable[Measure] = ()
+    simulation: Simulation,
+    end: float,
+    callbacks: Iterable[Callback] = (),
+    measures: Iterable[Measure] = (),
+    begin: Callable[[Simulation], None] | None = None,
 ) -> None:
     """March to the time `end` [s]; after every window each callback gets the simulation and the window's row.
 
-    `measures` add their parts to the row before any callback sees it. A callback that returns True stops the run after
-    this window (steady torque, interrupt).
+    The field is solved at the start and at the end of each window: a row, and what callbacks see, has the field of the
+    window's end, which the next window keeps. `begin` is called once with the field of the start, unless the simulation
+    is one of a checkpoint, which has its field. `measures` add their parts to the row before any callback sees it. A
+    callback that returns True stops the run after this window (steady torque, interrupt).
     """
     motion = simulation.motion
     last_step = round(end / motion.dt)
     while motion.step_count < last_step:
         budget = WindowBudget(simulation)
 
-        # 1. coil and powder -> field
+        # 1. coil and powder -> field, which the window keeps: of the start, or of the end of the window before
         budget.clock("field")
         for effect in simulation.effects:
             effect.begin_window(simulation)
-        refresh_field(simulation)
+        if simulation.window == 0:
+            refresh_field(simulation)
+            budget.clock(None)
+            if begin is not None:
+                begin(simulation)
+        elif simulation.magnetised is not None and simulation.source is not None:
+            simulation.magnetised.sampler = simulation.source.sampler  # of a checkpoint
 
         window_end = min(motion.step_count + simulation.steps, last_step)
         while motion.step_count < window_end:
@@ -162,7 +174,12 @@ def run_staggered(
             if simulation.barostat is not None:
                 budget.add_stretch(totals, follow_pressure(simulation, totals))
 
-        # 4. conservation, output, checkpoint, an early stop
+        # 4. coil and powder -> field at the window's end
+        budget.end_steps()
+        budget.clock("field")
+        refresh_field(simulation)
+
+        # 5. conservation, output, checkpoint, an early stop
         simulation.window += 1
         row = budget.close()
         for measure in measures:

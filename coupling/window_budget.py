@@ -47,6 +47,7 @@ class WindowBudget:
         motion = simulation.motion
         self._sheared = None if motion.box is None else ShearedMeans(motion, simulation.magnetised)
         self._solves = 0 if simulation.source is None else simulation.source.solves
+        self._magnetic: float | None = None
 
     def clock(self, part: str | None) -> None:
         """Count time for `part` from here on ("field", "magnetic", "contact"; None: for nothing), less compiling."""
@@ -73,6 +74,11 @@ class WindowBudget:
         """Add the stretch of a sheared box after a sub-cycle: the change of its volume [m^3]."""
         assert self._sheared is not None
         self._sheared.add_stretch(totals, change)
+
+    def end_steps(self) -> None:
+        """Take the energy of the moments in the field of the window's steps, before the field is solved again."""
+        if self._simulation.motion.energy_budget:
+            self._magnetic = self._magnetic_energy()
 
     def close(self) -> WindowRow:
         """Return the window's row."""
@@ -134,7 +140,7 @@ class WindowBudget:
         if magnetised is not None:
             window.add(magnetised.window_part())
         if source is not None:
-            window.add(source.window_part(motion.time))
+            window.add(source.window_part())
             if source.feedback is not None:
                 window.add(source.feedback.window_part())
         return window
@@ -159,7 +165,7 @@ class WindowBudget:
         return EnergyRow(
             kinetic_energy=budgets[-1].kinetic_energy,
             elastic_energy=budgets[-1].elastic_energy,
-            magnetic_energy=self._magnetic_energy(),
+            magnetic_energy=self._magnetic,
             work_walls=work_walls,
             work_shear=work_shear,
             work_pressure=work_pressure,

@@ -56,6 +56,11 @@ class TimeProfile:
         """The profile with every value divided by a number, as I = V/R."""
         return type(self)(self.times, tuple(value / divisor for value in self.values))
 
+    def is_constant_after(self, time: float) -> bool:
+        """True if the value does not change at once after ``time`` [s]."""
+        k = int(np.searchsorted(self.times, time, side="right"))
+        return k in (0, len(self.times)) or self.values[k - 1] == self.values[k]
+
     @property
     def is_constant(self) -> bool:
         """True if it is one constant value."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from pydantic import Field
 
-from emclutch.effects.column import Column
+from emclutch.effects.column import Column, When
 from emclutch.effects.effect import EffectSection
 from emclutch.effects.left_out import OFF, LeftOut
 from emclutch.scene.draft import Draft, size_key
@@ -109,11 +109,17 @@ def _room_for_the_smear(draft: Draft) -> Iterator[Fault]:
 
 
 FEEDBACK_RESIDUAL = Column(
-    "feedback_residual", "1", "the grains' magnetisation against that of the field's solve, root mean square"
+    "feedback_residual", "1", "the grains' magnetisation against that of the field's solve, root mean square", When.END
 )
-FEEDBACK_ACROSS = Column("feedback_across", "1", "part that the last solve took as given: across the field")
-FEEDBACK_CLIPPED = Column("feedback_clipped", "1", "part that it took as given: demagnetising factor at its bounds")
-FEEDBACK_LAGGED = Column("feedback_lagged", "1", "part that it took as given: within an element, lag of the factor")
+FEEDBACK_ACROSS = Column(
+    "feedback_across", "1", "part that the last solve took as given: across the field", When.FIELD
+)
+FEEDBACK_CLIPPED = Column(
+    "feedback_clipped", "1", "part that it took as given: demagnetising factor at its bounds", When.FIELD
+)
+FEEDBACK_LAGGED = Column(
+    "feedback_lagged", "1", "part that it took as given: within an element, lag of the factor", When.FIELD
+)
 
 
 class BackReactionSection(EffectSection):

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from pydantic import Field
 
-from emclutch.effects.column import Column
+from emclutch.effects.column import Column, When
 from emclutch.effects.drive import BEGINNING, ENERGY_COLUMNS, need_of_a_coil, switching_left_out
 from emclutch.effects.effect import EffectSection
 from emclutch.scene.draft import Draft
@@ -50,8 +50,10 @@ def _has_a_voltage(draft: Draft) -> Iterator[Fault]:
         )
 
 
-COIL_VOLTAGE = Column("coil_voltage", "V", "voltage at the coil, its resistance included")
-INTO_FIELD = Column("into_field", "J", "part of coil_supplied that goes into the field: integral of i d(flux linkage)")
+COIL_VOLTAGE = Column("coil_voltage", "V", "voltage at the coil, its resistance included", When.END)
+INTO_FIELD = Column(
+    "into_field", "J", "part of coil_supplied that goes into the field: integral of i d(flux linkage)", When.SUM
+)
 
 
 class CoilCircuitSection(EffectSection):

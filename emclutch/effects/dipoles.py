@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from emclutch.effects.column import Column
+from emclutch.effects.column import Column, When
 from emclutch.effects.effect import EffectSection, Load
 from emclutch.effects.left_out import OFF, LeftOut
 from emclutch.scene.draft import Draft, size_key
@@ -93,14 +93,15 @@ def _room_for_the_layers(draft: Draft) -> Iterator[Fault]:
 
 
 TORQUE_FIELD_DIPOLES = Column(
-    "torque_field_dipoles", "N m", "part of torque_field from pairs of dipoles, booked as m x B"
+    "torque_field_dipoles", "N m", "part of torque_field from pairs of dipoles, booked as m x B", When.MEAN
 )
 MOMENT_RESIDUAL = Column(
     "moment_residual",
     "1",
-    "undamped step of the moments over the magnetisation, or of their layers' field, worst of a window",
+    "undamped step of the moments over the magnetisation, or of their layers' field",
+    When.LARGEST,
 )
-MOMENT_SWEEPS = Column("moment_sweeps", "1", "sweeps over the grains' moments in the window")
+MOMENT_SWEEPS = Column("moment_sweeps", "1", "sweeps over the grains' moments", When.SUM)
 
 
 class DipolesSection(EffectSection):

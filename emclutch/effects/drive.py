@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from emclutch.effects.column import Column
+from emclutch.effects.column import Column, When
 from emclutch.effects.effect import EffectSection
 from emclutch.effects.left_out import OFF, LeftOut
 from emclutch.scene.draft import Draft
@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 
 BEGINNING = ("off", "steady")
 
-COIL_SUPPLIED = Column("coil_supplied", "J", "energy that the coil's supply gave in the window")
-COPPER_LOSS = Column("copper_loss", "J", "part of coil_supplied that heats the winding")
+COIL_SUPPLIED = Column("coil_supplied", "J", "energy that the coil's supply gave", When.SUM)
+COPPER_LOSS = Column("copper_loss", "J", "part of coil_supplied that heats the winding", When.SUM)
 ENERGY_COLUMNS = (COIL_SUPPLIED, COPPER_LOSS)
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from pydantic import Field
 
-from emclutch.effects.column import Column
+from emclutch.effects.column import Column, When
 from emclutch.effects.drive import BEGINNING, ENERGY_COLUMNS, need_of_a_coil, switching_left_out
 from emclutch.effects.effect import EffectSection
 from emclutch.scene.draft import Draft
@@ -39,7 +39,7 @@ def _known_conductors(draft: Draft) -> Iterator[Fault]:
             )
 
 
-EDDY_LOSS = Column("eddy_loss", "J", "part of coil_supplied that eddy currents turn into heat, in the field's step")
+EDDY_LOSS = Column("eddy_loss", "J", "part of coil_supplied that eddy currents turn into heat", When.SUM)
 
 
 class EddyCurrentsSection(EffectSection):

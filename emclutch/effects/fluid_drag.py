@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar
 
 from pydantic import Field
 
-from emclutch.effects.column import Column
+from emclutch.effects.column import Column, When
 from emclutch.effects.effect import EffectSection
 from emclutch.effects.left_out import OFF, LeftOut
 from emclutch.scene.draft import Draft
@@ -32,7 +32,9 @@ def _flow_has_its_gap(draft: Draft) -> Iterator[Fault]:
         )
 
 
-TORQUE_FLUID_DRAG = Column("torque_fluid_drag", "N m", "minus the torque of the carrier fluid's drag on the grains")
+TORQUE_FLUID_DRAG = Column(
+    "torque_fluid_drag", "N m", "minus the torque of the carrier fluid's drag on the grains", When.MEAN
+)
 
 
 class FluidDragSection(EffectSection):

@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 
-from emclutch.effects.column import Column
+from emclutch.effects.column import Column, When
 from emclutch.effects.effect import EffectSection, Load
 from emclutch.effects.left_out import OFF, LeftOut
 from emclutch.scene.draft import Draft
@@ -31,7 +31,7 @@ def _in_a_sector(draft: Draft) -> Iterator[Fault]:
         )
 
 
-WORK_GRAVITY = Column("work_gravity", "J", "work of gravity on the grains in the window")
+WORK_GRAVITY = Column("work_gravity", "J", "work of gravity on the grains", When.SUM)
 
 
 class GravitySection(EffectSection):

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from pydantic import Field
 
-from emclutch.effects.column import Column
+from emclutch.effects.column import Column, When
 from emclutch.effects.drive import need_of_a_coil
 from emclutch.effects.effect import EffectSection
 from emclutch.effects.left_out import OFF, LeftOut
@@ -61,7 +61,7 @@ def _known_steels(draft: Draft) -> Iterator[Fault]:
             yield draft.fault(key, str(error))
 
 
-HYSTERESIS_LOSS = Column("hysteresis_loss", "J", "heat of the steel's hysteresis, in the field's step")
+HYSTERESIS_LOSS = Column("hysteresis_loss", "J", "heat of the steel's hysteresis", When.SUM)
 
 
 class HysteresisSection(EffectSection):

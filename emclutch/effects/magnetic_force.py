@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from emclutch.effects.column import Column
+from emclutch.effects.column import Column, When
 from emclutch.effects.effect import EffectSection
 from emclutch.effects.left_out import OFF, LeftOut
 
 TORQUE_DISC_FIELD = Column(
-    "torque_disc_field", "N m", "part of torque_disc: reaction to the pull of the field of its slots"
+    "torque_disc_field", "N m", "part of torque_disc: reaction to the pull of the field of its slots", When.MEAN
 )
 TORQUE_ROTOR_FIELD = Column(
-    "torque_rotor_field", "N m", "part of torque_rotor: reaction to the pull of the field of its slots"
+    "torque_rotor_field", "N m", "part of torque_rotor: reaction to the pull of the field of its slots", When.MEAN
 )
 TORQUE_FIELD_GRADIENT = Column(
-    "torque_field_gradient", "N m", "part of torque_field from the gradient force of the field"
+    "torque_field_gradient", "N m", "part of torque_field from the gradient force of the field", When.MEAN
 )
 
 

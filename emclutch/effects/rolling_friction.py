@@ -6,7 +6,7 @@ from typing import Annotated, ClassVar
 
 from pydantic import Field
 
-from emclutch.effects.column import Column
+from emclutch.effects.column import Column, When
 from emclutch.effects.effect import EffectSection
 from emclutch.effects.left_out import OFF, LeftOut
 from emclutch.scene.units import number
@@ -16,7 +16,7 @@ _USUAL = UsualRange(0.0, 1.0, "", "rolling freely to hindered; C. M. Wensrich an
                      "(2012) 409", "it counts in effective radii, is a length meant?")  # fmt: skip
 
 
-DISSIPATED_ROLLING = Column("dissipated_rolling", "J", "part of dissipated by rolling friction")
+DISSIPATED_ROLLING = Column("dissipated_rolling", "J", "part of dissipated by rolling friction", When.SUM)
 
 
 class RollingFrictionSection(EffectSection):

@@ -6,12 +6,12 @@ from typing import Annotated
 
 from pydantic import Field
 
-from emclutch.effects.column import Column
+from emclutch.effects.column import Column, When
 from emclutch.effects.effect import EffectSection
 from emclutch.effects.left_out import OFF, LeftOut
 from emclutch.scene.units import number
 
-DISSIPATED_TWISTING = Column("dissipated_twisting", "J", "part of dissipated by twisting friction")
+DISSIPATED_TWISTING = Column("dissipated_twisting", "J", "part of dissipated by twisting friction", When.SUM)
 
 
 class TwistingFrictionSection(EffectSection):

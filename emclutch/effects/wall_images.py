@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import ClassVar
 
-from emclutch.effects.column import Column
+from emclutch.effects.column import Column, When
 from emclutch.effects.effect import EffectSection
 from emclutch.effects.left_out import OFF, LeftOut
 from emclutch.scene.draft import Draft
@@ -21,7 +21,9 @@ def _something_to_mirror(draft: Draft) -> Iterator[Fault]:
         yield Fault("effects.wall_images", "", f"needs dipoles to mirror; add {needed}, or remove its table")
 
 
-TORQUE_FIELD_IMAGES = Column("torque_field_images", "N m", "part of torque_field from image dipoles in steel walls")
+TORQUE_FIELD_IMAGES = Column(
+    "torque_field_images", "N m", "part of torque_field from image dipoles in steel walls", When.MEAN
+)
 
 
 class WallImagesSection(EffectSection):

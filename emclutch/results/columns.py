@@ -1,7 +1,8 @@
 """Columns of ``history.csv``: the names by which code reads them, with unit and meaning, and their order in the file.
 
 Columns of an effect are declared by the effect (`EffectSection.columns`); those of every run stand here. Column names
-carry no unit. A quantity that a scene does not have (its effect is off) has no column.
+carry no unit. A quantity that a scene does not have (its effect is off) has no column. A row is of a coupling window;
+each column says of which instant, or of what over the window, it is (`emclutch.effects.column.When`).
 """
 
 from __future__ import annotations
@@ -11,120 +12,139 @@ from dataclasses import fields
 from typing import TYPE_CHECKING
 
 from emclutch.effects import EFFECTS
-from emclutch.effects.column import Column
+from emclutch.effects.column import Column, When
 
 if TYPE_CHECKING:
     from coupling import WindowRow
 
-TIME = Column("time", "s", "end of the window")
-CURRENT = Column("current", "A", "coil current")
-ROTOR_SPEED = Column("rotor_speed", "rad/s", "speed of the rotor (input shaft)")
-DISC_SPEED = Column("disc_speed", "rad/s", "speed of the disc (output shaft)")
-TORQUE_DISC = Column("torque_disc", "N m", "torque of the grains on the disc about z, window mean, whole device")
-TORQUE_ROTOR = Column("torque_rotor", "N m", "torque of the grains on the rotor about z, window mean, whole device")
-TORQUE_HOUSING = Column(
-    "torque_housing", "N m", "torque of the grains on the housing about z, window mean, whole device"
-)
+END, FIELD, MOMENTS, MEAN, SUM, LARGEST = When.END, When.FIELD, When.MOMENTS, When.MEAN, When.SUM, When.LARGEST
+
+TIME = Column("time", "s", "end of the window", END)
+CURRENT = Column("current", "A", "coil current, of the field in this row", FIELD)
+ROTOR_SPEED = Column("rotor_speed", "rad/s", "speed of the rotor (input shaft)", END)
+DISC_SPEED = Column("disc_speed", "rad/s", "speed of the disc (output shaft)", END)
+TORQUE_DISC = Column("torque_disc", "N m", "torque of the grains on the disc about z, whole device", MEAN)
+TORQUE_ROTOR = Column("torque_rotor", "N m", "torque of the grains on the rotor about z, whole device", MEAN)
+TORQUE_HOUSING = Column("torque_housing", "N m", "torque of the grains on the housing about z, whole device", MEAN)
 TORQUE_FIELD = Column(
     "torque_field",
     "N m",
-    "minus the field's torque on the grains: nothing by the laws for coil and steel of revolution, so what the "
-    "moments are off their fixed point",
+    "minus the field's torque on the grains: zero by symmetry for coil and steel of revolution; its size is the error "
+    "of the moments' iteration",
+    MEAN,
 )
 TORQUE_DISC_NORMAL = Column(
-    "torque_disc_normal", "N m", "part of torque_disc from the springs along the contacts' normals"
+    "torque_disc_normal", "N m", "part of torque_disc from the springs along the contacts' normals", MEAN
 )
 TORQUE_DISC_DAMPING = Column(
-    "torque_disc_damping", "N m", "part of torque_disc from the dashpots along the contacts' normals"
+    "torque_disc_damping", "N m", "part of torque_disc from the dashpots along the contacts' normals", MEAN
 )
-TORQUE_DISC_TANGENTIAL = Column("torque_disc_tangential", "N m", "part of torque_disc from tangential contact forces")
-ANGULAR_MOMENTUM = Column("angular_momentum", "N m s", "of the grains about z, spin included, at the window's end")
+TORQUE_DISC_TANGENTIAL = Column(
+    "torque_disc_tangential", "N m", "part of torque_disc from tangential contact forces", MEAN
+)
+ANGULAR_MOMENTUM = Column("angular_momentum", "N m s", "of the grains about z, spin included", END)
 TORQUE_RESIDUAL = Column(
-    "torque_residual", "N m", "balance of all torques and dL/dt: what is left, each computed independently"
+    "torque_residual", "N m", "residual of the balance of all torques and dL/dt, each computed independently", MEAN
 )
-KINETIC_ENERGY = Column("kinetic_energy", "J", "of the grains, spin included")
-ELASTIC_ENERGY = Column("elastic_energy", "J", "stored in the contacts")
+KINETIC_ENERGY = Column("kinetic_energy", "J", "of the grains, spin included", END)
+ELASTIC_ENERGY = Column("elastic_energy", "J", "stored in the contacts", END)
 MAGNETIC_ENERGY = Column(
-    "magnetic_energy", "J", "of the grains' moments in the present field, at the last evaluation of the window"
+    "magnetic_energy", "J", "of the grains' moments in the field in which the window's steps were made", MOMENTS
 )
-FIELD_ENERGY = Column("field_energy", "J", "magnetic field energy")
-FLUX_LINKAGE = Column("flux_linkage", "Wb", "of the coil, all turns")
-GAP_FLUX_DENSITY = Column("gap_flux_density", "T", "mean |B| in the gap")
+FIELD_ENERGY = Column("field_energy", "J", "magnetic field energy", FIELD)
+FLUX_LINKAGE = Column("flux_linkage", "Wb", "of the coil, all turns", FIELD)
+GAP_FLUX_DENSITY = Column("gap_flux_density", "T", "mean |B| in the gap", FIELD)
 FIELD_STRENGTH_POWDER = Column(
-    "field_strength_powder", "A/m", "mean |H| of the macroscopic field between the pole faces"
+    "field_strength_powder", "A/m", "mean |H| of the macroscopic field between the pole faces", FIELD
 )
-FILL_POWDER = Column("fill_powder", "1", "solid fraction between the pole faces")
-WORK_WALLS = Column("work_walls", "J", "work of the walls on the grains in the window")
-WORK_SHEAR = Column("work_shear", "J", "work of the shear of a periodic box on the grains in the window")
+FILL_POWDER = Column("fill_powder", "1", "solid fraction between the pole faces", END)
+WORK_WALLS = Column("work_walls", "J", "work of the walls on the grains", SUM)
+WORK_SHEAR = Column("work_shear", "J", "work of the shear of a periodic box on the grains", SUM)
 WORK_PRESSURE = Column(
-    "work_pressure", "J", "work on the grains by the stretch of a periodic box under an imposed pressure in the window"
+    "work_pressure", "J", "work on the grains by the stretch of a periodic box under an imposed pressure", SUM
 )
 WORK_BOX_MAGNETIC = Column(
-    "work_box_magnetic", "J", "part of work_shear and work_pressure through magnetic forces, whose energy it changes"
+    "work_box_magnetic",
+    "J",
+    "part of work_shear and work_pressure through magnetic forces, whose energy it changes",
+    SUM,
 )
-WORK_MAGNETIC = Column("work_magnetic", "J", "work of the magnetic forces on the grains in the window")
-WORK_HELD = Column("work_held", "J", "work of all held forces on the grains in the window, where some are not magnetic")
+WORK_MAGNETIC = Column("work_magnetic", "J", "work of the magnetic forces on the grains", SUM)
+WORK_HELD = Column("work_held", "J", "work of all held forces on the grains, where some are not magnetic", SUM)
 DISSIPATED_NORMAL_DAMPING = Column(
-    "dissipated_normal_damping", "J", "part of dissipated in the dashpots along the normals"
+    "dissipated_normal_damping", "J", "part of dissipated in the dashpots along the normals", SUM
 )
 DISSIPATED_TANGENTIAL_DAMPING = Column(
-    "dissipated_tangential_damping", "J", "part of dissipated in the tangential dashpots"
+    "dissipated_tangential_damping", "J", "part of dissipated in the tangential dashpots", SUM
 )
-DISSIPATED_SLIDING = Column("dissipated_sliding", "J", "part of dissipated by sliding friction")
-DISSIPATED_IMPACT = Column("dissipated_impact", "J", "part of dissipated along the normals, where rigid grains meet")
-DISSIPATED = Column("dissipated", "J", "energy turned into heat in the contacts in the window")
+DISSIPATED_SLIDING = Column("dissipated_sliding", "J", "part of dissipated by sliding friction", SUM)
+DISSIPATED_IMPACT = Column(
+    "dissipated_impact", "J", "part of dissipated along the normals, where rigid grains meet", SUM
+)
+DISSIPATED = Column("dissipated", "J", "energy turned into heat in the contacts", SUM)
 ENERGY_RESIDUAL = Column(
-    "energy_residual", "J", "balance of the energies: what is left, each term computed independently"
+    "energy_residual", "J", "residual of the balance of the energies, each term computed independently", SUM
 )
-SHEAR_STRAIN = Column("shear_strain", "1", "of the periodic box, at the window's end")
-SOLID_FRACTION = Column("solid_fraction", "1", "of the periodic box, at the window's end")
-SHEAR_STRESS = Column("shear_stress", "Pa", "force along the flow on a plane across the gradient, window mean")
-SHEAR_STRESS_CONTACTS = Column("shear_stress_contacts", "Pa", "part of shear_stress from contacts")
+SHEAR_STRAIN = Column("shear_strain", "1", "of the periodic box", END)
+SOLID_FRACTION = Column("solid_fraction", "1", "of the periodic box", END)
+SHEAR_STRESS = Column("shear_stress", "Pa", "force along the flow on a plane across the gradient", MEAN)
+SHEAR_STRESS_CONTACTS = Column("shear_stress_contacts", "Pa", "part of shear_stress from contacts", MEAN)
 SHEAR_STRESS_NEAR = Column(
-    "shear_stress_near", "Pa", "part of shear_stress from the pull of near magnetised grains, which follows every step"
+    "shear_stress_near",
+    "Pa",
+    "part of shear_stress from the pull of near magnetised grains, which follows every step",
+    MEAN,
 )
 SHEAR_STRESS_HELD = Column(
-    "shear_stress_held", "Pa", "part of shear_stress from the magnetic forces held between two evaluations"
+    "shear_stress_held", "Pa", "part of shear_stress from the magnetic forces held between two evaluations", MEAN
 )
 SHEAR_STRESS_ACROSS = Column(
-    "shear_stress_across", "Pa", "force along the gradient on a plane across the flow, the macroscopic field's aside"
+    "shear_stress_across",
+    "Pa",
+    "force along the gradient on a plane across the flow, without that of the macroscopic field",
+    MEAN,
 )
-NORMAL_STRESS_X = Column("normal_stress_x", "Pa", "along the flow, positive where grains push, window mean")
-NORMAL_STRESS_Y = Column("normal_stress_y", "Pa", "along the vorticity, positive where grains push, window mean")
-NORMAL_STRESS_Z = Column("normal_stress_z", "Pa", "along the gradient, positive where grains push, window mean")
-CONTACTS_PER_GRAIN = Column("contacts_per_grain", "1", "of the periodic box, window mean")
-RELATIVE_PERMEABILITY = Column("relative_permeability", "1", "of the powder in the periodic box, window mean")
+NORMAL_STRESS_X = Column("normal_stress_x", "Pa", "along the flow, positive where grains push", MEAN)
+NORMAL_STRESS_Y = Column("normal_stress_y", "Pa", "along the vorticity, positive where grains push", MEAN)
+NORMAL_STRESS_Z = Column("normal_stress_z", "Pa", "along the gradient, positive where grains push", MEAN)
+CONTACTS_PER_GRAIN = Column("contacts_per_grain", "1", "of the periodic box", MEAN)
+RELATIVE_PERMEABILITY = Column("relative_permeability", "1", "of the powder in the periodic box", MEAN)
 MAGNETISATION_ALONG_FLOW = Column(
-    "magnetisation_along_flow", "A/m", "mean magnetisation of the grains along the flow, window mean"
+    "magnetisation_along_flow", "A/m", "mean magnetisation of the grains along the flow", MEAN
 )
-N_CONTACTS = Column("n_contacts", "1", "contacts that carry force, at the window's end")
-MAX_OVERLAP = Column("max_overlap", "1", "largest overlap of the window over the grain's diameter")
-MAX_SPEED = Column("max_speed", "m/s", "largest speed of a grain in the window")
+N_CONTACTS = Column("n_contacts", "1", "contacts that carry force", END)
+MAX_OVERLAP = Column("max_overlap", "1", "overlap over the grain's diameter", LARGEST)
+MAX_SPEED = Column("max_speed", "m/s", "speed of a grain", LARGEST)
 INERTIAL_NUMBER = Column(
-    "inertial_number", "1", "shear rate times d sqrt(density/pressure) in the gap; pressure magnetic or of friction"
+    "inertial_number",
+    "1",
+    "shear rate times d sqrt(density/pressure) in the gap; pressure magnetic, or that of friction at the mean torque",
+    END,
 )
-SOLID_FRACTION_GAP = Column("solid_fraction_gap", "1", "solid fraction of the gap between the pole faces")
-FIELD_ITERATIONS = Column("field_iterations", "1", "Newton iterations of the field in the window")
-FIELD_RESIDUAL = Column("field_residual", "1", "relative residual of the last field solve")
-FIELD_SOLVES = Column("field_solves", "1", "field solves in the window")
-SWEEPS = Column("sweeps", "1", "sweeps of the solver of rigid contacts a step, mean of the window")
-LARGEST_SWEEPS = Column("largest_sweeps", "1", "sweeps of the window's hardest step")
-SOLVER_RESIDUAL = Column(
-    "solver_residual", "m/s", "largest natural map of the contacts at the end of a step, worst of the window"
+SOLID_FRACTION_GAP = Column("solid_fraction_gap", "1", "solid fraction of the gap between the pole faces", END)
+FIELD_ITERATIONS = Column("field_iterations", "1", "Newton iterations of the solve", FIELD)
+FIELD_RESIDUAL = Column("field_residual", "1", "relative residual of the solve", FIELD)
+FIELD_SOLVES = Column("field_solves", "1", "field solves; in the first window that of the start too", SUM)
+SWEEPS = Column("sweeps", "1", "sweeps of the solver of rigid contacts a step", MEAN)
+LARGEST_SWEEPS = Column("largest_sweeps", "1", "sweeps of a step", LARGEST)
+SOLVER_RESIDUAL = Column("solver_residual", "m/s", "natural map of the contacts at the end of a step", LARGEST)
+MISSED_STEPS = Column("missed_steps", "1", "steps that did not reach the solver's tolerance", SUM)
+WARM_HITS = Column(
+    "warm_hits", "1", "fraction of the loaded contacts that began from the impulse of the step before", MEAN
 )
-MISSED_STEPS = Column("missed_steps", "1", "steps of the window that did not reach the solver's tolerance")
-WARM_HITS = Column("warm_hits", "1", "fraction of the loaded contacts that began from the impulse of the step before")
-STABILISATION_WORK = Column("stabilisation_work", "J", "work of the held forces on displacements that removed overlap")
-REBUILDS = Column("rebuilds", "1", "rebuilds of the neighbour list in the window")
-STEPS = Column("steps", "1", "time steps of the grains in the window")
+STABILISATION_WORK = Column(
+    "stabilisation_work", "J", "work of the held forces on displacements that removed overlap", SUM
+)
+REBUILDS = Column("rebuilds", "1", "rebuilds of the neighbour list", SUM)
+STEPS = Column("steps", "1", "time steps of the grains", SUM)
 
 _OF_EVERY_RUN = tuple(value for value in list(globals().values()) if isinstance(value, Column))
 
-WALL_FIELD = Column("wall_field", "s", "wall-clock time for the field")
-WALL_MAGNETIC = Column("wall_magnetic", "s", "wall-clock time for moments and held forces")
-WALL_CONTACT = Column("wall_contact", "s", "wall-clock time for contacts and motion")
-WALL_TOTAL = Column("wall_total", "s", "wall-clock time of the window")
-PROCESSOR_TIME = Column("processor_time", "s", "processor time of the window, of all threads")
+WALL_FIELD = Column("wall_field", "s", "wall-clock time for the field", SUM)
+WALL_MAGNETIC = Column("wall_magnetic", "s", "wall-clock time for moments and held forces", SUM)
+WALL_CONTACT = Column("wall_contact", "s", "wall-clock time for contacts and motion", SUM)
+WALL_TOTAL = Column("wall_total", "s", "wall-clock time", SUM)
+PROCESSOR_TIME = Column("processor_time", "s", "processor time of all threads", SUM)
 
 COLUMNS: dict[str, Column] = {
     column: column
@@ -193,3 +213,33 @@ def _present(values: dict[str, float | None]) -> dict[str, float | None]:
 def units_of(names: Iterable[str]) -> dict[str, str]:
     """Return the units of those of the names that are columns."""
     return {name: COLUMNS[name].unit for name in names if name in COLUMNS}
+
+
+def reference() -> str:
+    """Return the reference of all columns in Markdown, docs/reference/columns.md."""
+    rows = [(f"`{one}`", one.unit, one.when.value, one.meaning.replace("|", "\\|")) for one in COLUMNS.values()]
+    lines = [f"| {' | '.join(row)} |" for row in rows]
+    return "\n".join([_BEFORE_THE_COLUMNS, "| column | unit | of | meaning |", "|---|---|---|---|", *lines, ""])
+
+
+_BEFORE_THE_COLUMNS = """# Columns of history.csv
+
+A row belongs to a coupling window; a quantity that the scene does not have has no column. The same rows are in
+`run.h5`, and `time` is the end of the window. The column *of* says for each quantity to which instant or interval it
+belongs:
+
+- **end of the window**: the state at `time`.
+- **last solve of the field**: the field is solved at the end of a window where the current has changed by more than 1
+  % of its largest value so far since the last solve, or the grains' moments by more than
+  `effects.back_reaction.tolerance`; else the quantity is that of the last solve. `current` is the current of that
+  field, so that `current`, `flux_linkage` and `field_energy` belong together in each row. A current that stays
+  constant is solved for exactly. With `effects.coil_circuit`, whose `tolerance` takes the place of the 1 %, these
+  three follow the circuit to the end of the window; with `effects.eddy_currents` they are of the last step of the
+  field.
+- **last evaluation of the moments**: moments are found at the start of each update interval and held in it.
+- **mean, sum, largest**: over the window, whose steps are made in the field of its start. With eddy currents or
+  hysteresis a sum is over the steps of the field that end in the window.
+
+Frames for ParaView and the frames of `run.h5` have the grains, the walls and the field of their time; moments and
+magnetic forces are of their last evaluation, velocities are half a step earlier.
+"""

@@ -37,6 +37,7 @@ _BINS = 20  # at most; of a torque as I^2 a mean over a twentieth is 1 % too lar
 _STRAIN = 1.0  # of the gap, that a bin has at least
 _WINDOWS = 4  # that a bin has at least
 _AROUND = 2  # bins on each side, from whose fluctuation the error of a single packing is taken
+_ROUND_OFF = 1e-6  # of a window, in the time of its begin
 _APART = 0.1  # of a bin's width, that mean currents of two branches differ by at most: else one covers a part of it
 
 
@@ -265,9 +266,9 @@ def _bins_of(
     packings = []
     for history in histories:
         duration = durations(history)
-        middle = history[TIME].to_numpy() - 0.5 * duration
-        inside = (middle > branch.begin) & (middle < branch.end)
-        current = currents.at(middle[inside])
+        begin = history[TIME].to_numpy() - duration  # a window keeps the field of its begin
+        inside = (begin > branch.begin - _ROUND_OFF * duration) & (begin < branch.end - _ROUND_OFF * duration)
+        current = currents.at(begin[inside])
         packings.append((current, history[TORQUE_DISC].to_numpy()[inside], duration[inside]))
     if branch.kind == HELD:
         held = abs(currents(branch.end))

@@ -21,22 +21,16 @@ from particles.diagnostics.inertial_number import inertial_number
 
 @dataclass(frozen=True, slots=True)
 class FieldRow:
-    """The coil's field in a window.
+    """The coil's field at its last solve.
 
     Attributes
     ----------
-    flux_linkage : float
-        Of all turns [Wb].
-    field_energy : float
-        [J]
     gap_flux_density : float
         Mean |B| in the gap [T].
     field_iterations, field_residual : int, float
         Newton's, of the last solve.
     """
 
-    flux_linkage: float
-    field_energy: float
     gap_flux_density: float
     field_iterations: int
     field_residual: float
@@ -131,8 +125,6 @@ class Observables:
         coil = self._device.coil
         assert coil is not None  # nothing else solves
         return FieldRow(
-            flux_linkage=coil.turns * solution.flux_linkage_per_turn,
-            field_energy=solution.energy,
             gap_flux_density=coil.gap_flux_density(solution, faces=self._device.shears_faces),
             field_iterations=len(solution.newton) - 1,
             field_residual=solution.newton[-1][0],

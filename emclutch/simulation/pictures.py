@@ -193,7 +193,7 @@ def draw_missing(folder: RunFolder, case: Case | None = None, *, trust_scripts: 
         refuse_changed_files(case, folder)
         state = run_checkpoint(folder.checkpoint)
         device, plan = make_plan(case)
-        plan = plan.continued(begun_windows(state, case.scene.contact.method))
+        plan = plan.continued(*begun_windows(state, case.scene.contact.method))
         simulation = restored(device, plan, state)
         profiles = profile_average(plan.scene, device)
         if profiles is not None:

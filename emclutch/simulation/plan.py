@@ -16,7 +16,7 @@ from emclutch.simulation.forecast.cost import Cost, predict
 from emclutch.simulation.forecast.expected_field import expected_magnetisation
 from emclutch.simulation.forecast.expected_speeds import fall_speed, largest_speed, layer_speed, slip_speed
 from emclutch.simulation.scaled_slip import ScaledSlip, with_slip
-from emclutch.simulation.windows import BegunWindows, Windows, coupling_windows
+from emclutch.simulation.windows import Windows, coupling_windows, whole_parts
 from field import MagneticField
 from field.coil.inductance import apparent_inductance
 from field.three_d import Field3D
@@ -103,9 +103,12 @@ class Plan:
         method = self.contact.method
         return {"method": method, "compliant": self.stiffness is not None, "stiffness": self.stiffness}
 
-    def continued(self, begun: BegunWindows) -> Plan:
-        """The plan of a run that continues with the windows it began with."""
-        return replace(self, division=self.division.continued(begun, self.scene.span.end_time))
+    def continued(self, dt: float, steps_per_update: int, steps: int) -> Plan:
+        """The plan of a run that continues with the step [s] and the windows it began with."""
+        count = whole_parts(self.scene.span.end_time, steps * dt)
+        return replace(
+            self, division=replace(self.division, dt=dt, steps_per_update=steps_per_update, steps=steps, count=count)
+        )
 
 
 def make_plan(case: Case, device: Device | None = None, threads: int | None = None) -> tuple[Device, Plan]:

@@ -175,6 +175,8 @@ def windows_in_words(division: Windows, strain: float, scene) -> Iterator[tuple[
     given, snapshots = scene.time.window, scene.output.snapshots
     if given is not None and division.length < 0.999 * given:
         text += f"; time.window = {given:.3g} s is rounded down to whole steps"
+    if division.end < 0.99 * scene.time.end_time:
+        text += f"; one more would go beyond time.end = {scene.time.end_time:.4g} s"
     if division.jump is not None:
         text += f"; the coil's drive changes within {division.jump:.3g} s, less than a window: its field jumps"
     if snapshots > division.count:

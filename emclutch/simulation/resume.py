@@ -17,7 +17,6 @@ from emclutch.scene.flat import differing_keys, flat_scene
 from emclutch.scene.input_files import hashed_input_files
 from emclutch.scene.multiple import Multiple
 from emclutch.scene.timing import instant_in_words
-from emclutch.simulation.windows import BegunWindows
 
 log = logging.getLogger(__name__)
 MAY_CHANGE = ("time.end", "time.until", "time.average_from", "output.", "accuracy.", "scene.title", "scene.description")
@@ -86,7 +85,7 @@ def refuse_other_scene(old_text: str, new_text: str, target: str | Path) -> None
 def refuse_earlier_end(folder: RunFolder, state: dict, end: float | Multiple) -> None:
     """Raise OutputError where a run whose end was set earlier is past it: nothing would be left to do.
 
-    The same end is always allowed: a last step may be left out.
+    The same end is always allowed: runs of older versions went beyond it.
     """
     time, before = seconds_of(end, folder), seconds_of(tomllib.loads(state["case"])["time"]["end"], folder)
     if time is None or before is None or time >= before or not folder.history.is_file():
@@ -101,11 +100,9 @@ def refuse_earlier_end(folder: RunFolder, state: dict, end: float | Multiple) ->
         )
 
 
-def begun_windows(state: dict[str, Any], method: str) -> BegunWindows:
-    """Return the windows of the run that a checkpoint is of."""
-    dem = state["dem"]
-    done = int(dem["counters"][0])
-    return BegunWindows(_step_of(dem, method), state["steps_per_update"], state["steps"], state["window"], done)
+def begun_windows(state: dict[str, Any], method: str) -> tuple[float, int, int]:
+    """Return the step [s] of the run that a checkpoint is of, and its steps an update and a window."""
+    return _step_of(state["dem"], method), state["steps_per_update"], state["steps"]
 
 
 def _step_of(dem: dict[str, Any], method: str) -> float:

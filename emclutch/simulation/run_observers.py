@@ -113,7 +113,8 @@ def march(started: StartedRun, observers: RunObservers) -> None:
         try:
             first = () if started.resume_time is None else (early.trigger, early.orders)
             if not any(one is not None and one(started.simulation) for one in first):
-                run_staggered(started.simulation, started.plan.end, observers.callbacks, observers.measures)
+                begin = observers.snapshots.begin_field
+                run_staggered(started.simulation, started.plan.end, observers.callbacks, observers.measures, begin)
         finally:
             observers.close()
 

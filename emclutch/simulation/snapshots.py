@@ -81,11 +81,13 @@ class Snapshots:
             count = simulation.motion.grains.count
             self._write_grains(simulation, np.zeros(count, dtype=np.int64), (np.zeros((0, 3)),) * 3)
 
+    def begin_field(self, simulation: Simulation) -> None:
+        """Write the field of t = 0."""
+        self._write_field(simulation, simulation.motion.time)
+
     def __call__(self, simulation: Simulation, row: WindowRow) -> None:
         if self.record is not None:
             self.record.append_observables(columns_of(row), step=simulation.motion.step_count)
-        if simulation.window == 1:  # what it was solved for is the start: the series of the field begins at 0 as well
-            self._write_field(simulation, 0.0)
         if self._script_is_due:  # every series has begun
             write_script(read_run_files(self._folder))
             self._script_is_due = False

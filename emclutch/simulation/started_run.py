@@ -58,7 +58,7 @@ def start_run(request: RunRequest, planned: PlannedRun) -> StartedRun:
         request.progress.announce(f"started: {plan.windows} windows{compiling}")
         return StartedRun(planned, simulation)
     state = run_checkpoint(request.folder.checkpoint)
-    plan = plan.continued(begun_windows(state, request.case.scene.contact.method))
+    plan = plan.continued(*begun_windows(state, request.case.scene.contact.method))
     simulation = restored(device, plan, state)
     resume_time = simulation.motion.time
     log.info("resumed at t = %g s, window %d of %d", resume_time, simulation.window, plan.windows)

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import Enum, auto
 from itertools import pairwise
 from math import ceil, floor
-from typing import NamedTuple
 
 import numpy as np
 
@@ -53,9 +52,7 @@ class Windows:
     steps_per_update : int
         Steps between evaluations of the held forces; the last interval of a window may be shorter.
     steps : int
-        Of a window; the last window of the run may be shorter.
-    total : int
-        Steps of the run.
+        Of a window.
     count : int
         Windows of the run.
     rule : UpdateRule or None
@@ -67,7 +64,6 @@ class Windows:
     dt: float
     steps_per_update: int
     steps: int
-    total: int
     count: int
     rule: UpdateRule | None
     jump: float | None = None
@@ -85,25 +81,7 @@ class Windows:
     @property
     def end(self) -> float:
         """Time at the end of the last one [s]."""
-        return self.total * self.dt
-
-    def continued(self, begun: BegunWindows, end: float) -> Windows:
-        """Return the windows of a run that goes on to `end` [s] with those that it was begun with."""
-        total = max(begun.steps_done, whole_parts(end, begun.dt))
-        count = begun.done + ceil((total - begun.steps_done) / begun.steps)
-        return replace(
-            self, dt=begun.dt, steps_per_update=begun.steps_per_update, steps=begun.steps, total=total, count=count
-        )
-
-
-class BegunWindows(NamedTuple):
-    """Windows of a run that is continued: step [s], steps an update and a window, and what is done of both."""
-
-    dt: float
-    steps_per_update: int
-    steps: int
-    done: int
-    steps_done: int
+        return self.count * self.steps * self.dt
 
 
 def whole_parts(duration: float, part: float) -> int:
@@ -117,7 +95,7 @@ def coupling_windows(
 ) -> Windows:  # fmt: skip
     """Return the windows of a scene with a step [s]; largest speeds of the walls, and between layers of grains [m/s].
 
-    None is longer than `time.window`, and none goes beyond `time.end`.
+    None is longer than `time.window`, and none goes beyond `time.end`: the run ends within a window before it.
 
     `held`: whether effects hold forces, which are evaluated several times a window. `parting`: the time [s] in which
     magnetised rigid grains part (`particles.dvi.dvi_step.parting_time`); None where none attract each other.
@@ -149,7 +127,7 @@ def coupling_windows(
         elif per_update > steps:
             per_update, rule = _update_of_a_window(scene, dt, per_update, steps, rule)
     jump = min((time for time in changes if time < steps * dt), default=None)
-    return Windows(dt, per_update, steps, total, ceil(total / steps), rule, jump)
+    return Windows(dt, per_update, steps, whole_parts(end, steps * dt), rule, jump)
 
 
 def _changes_of_the_coil(scene, end: float) -> list[float]:

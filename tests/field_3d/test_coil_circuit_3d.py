@@ -127,9 +127,10 @@ def test_the_current_rises_as_in_the_section_and_the_energies_close(steel):
     courses = []
     for problem, more in zip(steel, ({"carrier": Body("disc")}, {}), strict=True):
         one, rows = source(problem, **more), []
+        one.refresh(0.0)
         for k in range(count):
-            one.refresh(k * window)
-            rows.append(one.window_part((k + 1) * window))
+            one.refresh((k + 1) * window)
+            rows.append(one.window_part())
             if k == count // 2 and more:
                 resumed = source(problem, **more)
                 resumed.restore(one.state())

@@ -134,11 +134,9 @@ def current(run: FinishedRun, most: float) -> float:
 def coil_energy(run: FinishedRun, share: float) -> float:
     """What the supply gives is copper loss, eddy loss and the field's energy (and the little work on the grains).
 
-    At a circuit without eddy currents the field is that of the window's begin: what the last window gave is not in it.
+    All are of the window's end, or of the field's last step.
     """
     flow = run.sum_of("coil_supplied") - run.sum_of("copper_loss", "eddy_loss")
-    if "eddy_loss" not in run.history:
-        flow = flow[:-1]
     scale = np.abs(run.sum_of("coil_supplied")).sum() + run.history["field_energy"].max()
     return abs(flow.sum() - run.history["field_energy"].iloc[-1]) / (share * scale)
 

@@ -34,14 +34,13 @@ SLOTS = {
 def into_steel_and_field(run: FinishedRun, share: float) -> float:
     """The integral of i d(flux linkage) is the change of the field's energy and the heat of hysteresis.
 
-    From the first window's field on: a row has the field of the window's begin, and the current of its end. The little
-    work on the grains is left open, as by `coil_energy`.
+    From the first window's end on. The little work on the grains is left open, as by `coil_energy`.
     """
     history = run.history
-    current, linkage = history["current"].to_numpy()[:-1], history["flux_linkage"].to_numpy()[1:]
+    current, linkage = history["current"].to_numpy(), history["flux_linkage"].to_numpy()
     put_in = 0.5 * (current[1:] + current[:-1]) * np.diff(linkage)
-    heat = history["hysteresis_loss"].to_numpy()[2:]
-    energy = history["field_energy"].to_numpy()[1:]
+    heat = history["hysteresis_loss"].to_numpy()[1:]
+    energy = history["field_energy"].to_numpy()
     assert heat.sum() > share * energy.max()
     return abs(put_in.sum() - heat.sum() - (energy[-1] - energy[0])) / (share * (np.abs(put_in).sum() + energy.max()))
 

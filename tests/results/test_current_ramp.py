@@ -29,10 +29,10 @@ def history(currents, end, *, seed=0, noise=0.0, spread=0.0, windows=2000, speed
     """T = I^2 rising and (I + 0.1 A)^2 falling, with noise of 8 correlated windows; shear rate 1000/s at 100 rad/s."""
     random = np.random.default_rng(seed)
     time = np.linspace(0.0, end, windows + 1)[1:]
-    middle = time - 0.5 * time[0]
-    current, rising = currents.at(middle), middle < 0.1
+    begin = time - time[0]  # whose field the window keeps
+    current, rising = currents.at(begin), begin < 0.1 - 1e-9
     torque = np.where(rising, current**2, (np.abs(current) + 0.1) ** 2)
-    torque[middle > 0.2] = LEFT
+    torque[begin > 0.2 - 1e-9] = LEFT
     rough = np.convolve(random.standard_normal(windows + 7), np.full(8, 8**-0.5), mode="valid")
     torque = torque * (1.0 + spread * random.standard_normal()) + noise * rough
     return pd.DataFrame({TIME: time, TORQUE_DISC: torque, ROTOR_SPEED: speed, DISC_SPEED: 0.0})

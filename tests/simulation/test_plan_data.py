@@ -57,7 +57,7 @@ def test_a_stiffness_that_is_asked_for_may_be_soft_and_says_so():
 def test_windows_reach_the_end_and_no_more(changes, rule):
     made, _ = planned(changes)
     assert made.division.rule is rule
-    assert 10e-3 - made.dt < made.end <= 10e-3 * (1.0 + 1e-9)
+    assert 10e-3 - made.division.length < made.end <= 10e-3 * (1.0 + 1e-9)
     if rule is UpdateRule.ASKED:
         assert made.steps_per_update == 7
     if rule is UpdateRule.PARTING:
@@ -80,7 +80,8 @@ def test_no_automatic_step_is_longer_than_the_window_or_the_run(changes, window)
     made, _ = planned(slow | ({} if window is None else {"time.window": window}))
     longest = 1.5e-3 if window is None else 5e-6
     assert made.dt <= longest * (1.0 + 1e-9) and made.division.length <= longest * (1.0 + 1e-9)
-    assert made.end == pytest.approx(1.5e-3, rel=1e-9) and "no longer than a coupling window" in made.contact.step.reason
+    assert made.end == pytest.approx(1.5e-3, rel=1e-9)
+    assert "no longer than a coupling window" in made.contact.step.reason
     if window is not None:
         assert made.windows == 300
 
@@ -90,8 +91,8 @@ def test_a_window_that_is_given_is_rounded_down_to_whole_steps_and_reported(chan
     step = planned(changes)[0].dt
     for steps in (1.9, 7.99, 63.5):
         made, words = planned(changes | {"time.window": steps * step, "time.end": 200.5 * step})
-        assert made.division.steps == int(steps) and made.division.total == 200
-        assert made.windows == -(-200 // int(steps)) and made.steps_per_update <= int(steps)
+        assert made.division.steps == int(steps) and made.steps_per_update <= int(steps)
+        assert made.windows == 200 // int(steps)
         assert f"{int(steps)} steps = " in words["coupling window"]
         assert "is rounded down to whole steps" in words["coupling window"]
 

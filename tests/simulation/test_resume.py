@@ -10,7 +10,7 @@ from emclutch.results.checkpoint import write_checkpoint
 from emclutch.scene.case import load_case
 from emclutch.scene.input_files import hashed_input_files
 from emclutch.simulation.resume import refuse_changed_files, refuse_other_scene, run_checkpoint
-from emclutch.simulation.windows import BegunWindows, Windows, whole_parts
+from emclutch.simulation.windows import whole_parts
 
 GOOD = Path(__file__).parents[1] / "scene" / "broken" / "good.toml"
 CORNER = "v 35 0 {}\nv 36 0 0\nv 35 1 0\nf 1 2 3\n"
@@ -102,13 +102,6 @@ def test_a_run_has_as_many_windows_whether_it_is_resumed_or_not():
     for window in (5e-5, 2e-3, 1e-6 / 3.0, 61 * 4.7e-8):
         for count in (1, 10, 501, 99_999):
             assert whole_parts(count * window, window) == whole_parts((count + 0.01) * window, window) == count
-    dt, steps = 4.7e-8, 61
-    planned = Windows(dt, 10, steps, 3 * steps + 5, 4, None)
-    for done, more in ((0, 0), (2, 2 * steps), (4, 3 * steps + 5)):
-        assert planned.continued(BegunWindows(dt, 10, steps, done, more), planned.end) == planned
-    # after a last window that was shorter, another end: each window of the rest is a whole one again
-    longer = planned.continued(BegunWindows(dt, 10, steps, 4, 3 * steps + 5), (4 * steps + 5) * dt)
-    assert (longer.count, longer.total) == (5, 4 * steps + 5)
 
 
 def test_a_checkpoint_of_windows_of_whole_updates_is_read(tmp_path):
