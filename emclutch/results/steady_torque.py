@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from emclutch.results.changing_drive import changing_drive
 from emclutch.results.columns import (
     ANGULAR_MOMENTUM,
     DISC_SPEED,
@@ -133,6 +134,16 @@ def steady_torque(
     replicas : sequence of DataFrame
         Histories of the same scene with other packings.
     """
+    found = _judged(history, conditions, replicas)
+    if not found.converged and (changing := changing_drive(history, found.start)):
+        return replace(found, reason=f"not converged: {changing}", missing=None)
+    return found
+
+
+def _judged(
+    history: pandas.DataFrame, conditions: SteadyConditions, replicas: Sequence[pandas.DataFrame]
+) -> Estimate:
+    """Return the torque judged as if its drive were steady, see `steady_torque`."""
     found = steady_mean_of((history, *replicas), TORQUE_DISC, conditions)
     if _is_negligible((history, *replicas), conditions):
         return _negligible(found, conditions.negligible)

@@ -202,6 +202,7 @@ def inertial_number_summary(observables, simulation, history, wall_load: dict[st
 def coil_summary(scene, coil, source, history) -> dict[str, Any]:
     """Return the coil's current at the run's end, voltage R I [V], copper loss R I^2 [W], its field, and its rise."""
     current = float(history[CURRENT].iloc[-1])
+    begins_off = not getattr(source, "begin_steady", coil.currents(0.0) != 0.0)
     resistance = scene.coil.resistance_in(coil.shape.coil_area, coil.shape.coil_mean_radius)
     return {
         "current": current,
@@ -211,7 +212,8 @@ def coil_summary(scene, coil, source, history) -> dict[str, Any]:
         "gap_flux_density": float(history[GAP_FLUX_DENSITY].iloc[-1]),
         "flux_linkage": float(history[FLUX_LINKAGE].iloc[-1]),
         "field_solves": source.solves,
-        **rise_times(history, coil.currents.values[-1]),
+        "final_current": coil.currents.values[-1],
+        **rise_times(history, coil.currents.values[-1], begins_off=begins_off),
         "field_error_estimate": source.solution.estimated_errors(),
     }
 

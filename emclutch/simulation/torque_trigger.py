@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from emclutch.results.changing_drive import changing_drive
 from emclutch.results.columns import TIME
 from emclutch.results.replicated_mean import may_be_zero
 from emclutch.results.steady_stress import steady_measure
@@ -113,7 +114,9 @@ def how_it_ended(torque: Estimate, history: pandas.DataFrame, target: TorqueTarg
     """Return `time.until` for the summary: asked, reached, half width [N m] or [Pa], and why it was not reached."""
     reached = is_known(torque, target)
     found: dict[str, Any] = {"asked": str(target), "reached": reached, "half_width": torque.half_width()}
-    if not reached:
+    if not reached and (changing := changing_drive(history, torque.start)):
+        found["reason"] = changing
+    elif not reached:
         end = float(history[TIME].iloc[-1])
         found["reason"] = remedy(torque, target, end)
         if torque.mean is not None and (target.absolute or not may_be_zero(torque)):

@@ -85,7 +85,10 @@ def three_ways(path, rows, conditions):
         n_sectors=1,
     )
     cost = SimpleNamespace(seconds={"total": 1.0})
-    plan = SimpleNamespace(scaled=None, count=10, dt=1e-3, contact_data={}, contact=CONTACT, cost=cost, peak_field=None)
+    plan = SimpleNamespace(
+        scaled=None, count=10, dt=1e-3, division=SimpleNamespace(length=1e-3), contact_data={}, contact=CONTACT,
+        cost=cost, peak_field=None,
+    )  # fmt: skip
     summarise(CASE, folder, PlannedRun(NO_FIELD, plan, conditions, {}), simulation, {"whole_run": 1.0})
     written = Estimate.from_dict(folder.read_summary()["torque"])
     result = load_result(path)

@@ -14,6 +14,7 @@ import numpy as np
 from emclutch.effects import EffectsSection
 from emclutch.effects.left_out import ALWAYS, OFF, LeftOut
 from emclutch.results import COLUMNS, OutputError, Result, RunFolder, load_result
+from emclutch.results.changing_drive import STEADY, changing_drive
 from emclutch.results.columns import (
     CURRENT,
     DISSIPATED,
@@ -31,12 +32,11 @@ from emclutch.results.columns import (
 from emclutch.results.grain_profiles import profile_column, read_profiles
 from emclutch.results.replicated_mean import drift_in_words
 from emclutch.results.report.verdict import RPM, Mark, Statement, corrected_in_words, in_words, sentence, verdict
+from emclutch.results.rise_time import in_words as in_words_of_rise
 from emclutch.results.study_folder import StudyFolder, is_study, read_study, refresh_in_words
 from emclutch.results.study_result import grain_size_lines
 from emclutch.results.text import format_stress, format_time, format_torque, per_cent
 
-STEADY_CURRENT = 0.01
-"""Relative range of the current within which the torque's mean is one at that current."""
 AT_THE_END = ("coil current", "voltage", "copper loss", "flux density")  # rows of quantities of the last window
 
 LeftOutOf = Callable[[Result], Sequence[LeftOut]]
@@ -229,7 +229,8 @@ def run_page(result: Result, left_out_of: LeftOutOf) -> Page:
     """Return the page of a run, finished or not."""
     folder, summary = result.folder, result.summary
     on, left_out = effects_of(result), left_out_of(result)
-    columns = [(name, COLUMNS[name].unit, COLUMNS[name].meaning) for name in result.history.columns]
+    known = [COLUMNS[name] for name in result.history.columns]
+    columns = [(one, one.unit, f"{one.meaning} ({one.when.value})") for one in known]
     name = folder.path.resolve().name
     return Page(
         folder.path,
@@ -322,8 +323,9 @@ def conclusion(result: Result) -> list[Statement]:
     if against:
         number = "one reservation" if len(against) == 1 else f"{len(against)} reservations, the first"
         second = Statement(Mark.POOR, f"The verdict has {number}: {against[0]}")
-    if found is None or found.mean is None:
-        return [Statement(Mark.NOTE, "The run has no steady torque."), second]
+    rises = [Statement(Mark.NOTE, sentence(line)) for line in in_words_of_rise(summary)]
+    if found is None or found.mean is None or (not found.converged and changing_drive(result.history, found.start)):
+        return [*rises, Statement(Mark.NOTE, "The run has no steady torque."), second]
     current = summary.get("current") if _current_is_steady(result) else None
     at = "" if current is None else f" at {current:.4g} A"
     slip = summary.get("slip")
@@ -334,7 +336,7 @@ def conclusion(result: Result) -> list[Statement]:
     sentences = [Statement(Mark.GOOD if found.converged else Mark.POOR, first)]
     if error := summary.get("discretisation_error"):
         sentences.append(Statement(Mark.NOTE, sentence(corrected_in_words(error))))
-    return [*sentences, second]
+    return [*rises, *sentences, second]
 
 
 def _current_is_steady(result: Result) -> bool:
@@ -342,7 +344,7 @@ def _current_is_steady(result: Result) -> bool:
     if CURRENT not in result.history or result.steady is None or result.steady.start is None:
         return True
     averaged = result.history[CURRENT][result.history[TIME] >= result.steady.start]
-    return bool(np.ptp(averaged) <= STEADY_CURRENT * averaged.abs().max())
+    return bool(np.ptp(averaged) <= STEADY * averaged.abs().max())
 
 
 def _operating_point(result: Result) -> list[tuple[str, str]]:

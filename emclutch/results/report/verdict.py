@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from emclutch.results import Estimate, Result
+from emclutch.results.changing_drive import changing_drive
 from emclutch.results.columns import DISC_SPEED, ROTOR_SPEED, SHEAR_STRESS, TIME, TORQUE_DISC
 from emclutch.results.current_ramp import in_words as in_words_of_ramp
 from emclutch.results.recommended import STATISTICS
@@ -24,6 +25,7 @@ from emclutch.results.replicated_mean import (
     more_packings_suffice,
     steadiness,
 )
+from emclutch.results.rise_time import in_words as in_words_of_rise
 from emclutch.results.text import format_duration, format_mean, format_stress, format_time, format_torque, per_cent
 from particles.dem.overlap_limits import SOFT
 
@@ -97,6 +99,7 @@ def sentence(text: str) -> str:
 
 def _measured(result: Result) -> Iterator[Statement]:
     """Say how well torque or stress is known."""
+    yield from (Statement(Mark.NOTE, line) for line in in_words_of_rise(result.summary))
     if ramp := result.summary.get("torque_against_current"):
         yield from (Statement(Mark.NOTE, line) for line in in_words_of_ramp(ramp))
     elif TORQUE_DISC in result.history:
@@ -109,6 +112,9 @@ def _measured(result: Result) -> Iterator[Statement]:
 
 def _known(result: Result, name: str, found: Estimate, words: str) -> Iterator[Statement]:
     half, until = found.half_width(), result.summary.get("until")
+    if not found.converged and (changing := changing_drive(result.history, found.start)):
+        yield Statement(Mark.NOTE, f"The run has no steady {name}: {changing}.")
+        return
     if not found.converged:
         yield Statement(Mark.POOR, f"The {name} is not known: {words}; {found.reason}.")
     elif half is None or not found.mean:
@@ -210,6 +216,8 @@ def _next(result: Result) -> Iterator[Statement]:
     summary = result.summary
     found, spent = (result.steady, _spent(summary.get("seconds") or {})) if summary else (None, 0.0)
     if found is None or not spent or "torque_against_current" in summary or "lock_up_time" in summary:
+        return
+    if changing_drive(result.history, found.start):
         return
     until, asked = summary.get("until") or {}, summary.get("accuracy_target") or {}
     if until.get("reached") or asked.get("reached"):
