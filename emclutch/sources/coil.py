@@ -68,7 +68,9 @@ class CoilFieldSection(SourceSection):
     )
 
     source: Literal["coil"]
-    order: Annotated[int, Whole(1, 3, "2")] = Field(default=2, description="polynomial order of the elements")
+    order: Annotated[int, Whole(1, 3, "2")] = Field(
+        default=2, description="polynomial order of the elements; with 1, B near the axis is some 10 % off on any mesh"
+    )
     gap_layers: Annotated[int, Whole(3, 40, "4")] = Field(default=4, description="element layers across a gap")
     size_factor: Annotated[float, number("1", 0.1, 4.0)] = Field(default=1.0, description="scales the mesh size")
     tolerance: Annotated[float, number("1e-3", 1e-6, 0.1)] | None = Field(

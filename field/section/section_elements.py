@@ -13,11 +13,15 @@ from __future__ import annotations
 import copy
 import dataclasses
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numba import njit
 
 from geometry.section import SectionMesh
+
+if TYPE_CHECKING:
+    from field.section.axis_recovery import AxisRecovery
 
 # Rules of the triangle with positive weights and no point on the edges (never on the axis): the rule of
 # order 3 has a negative weight, which made saturated Newton matrices indefinite.
@@ -98,7 +102,8 @@ class SectionElements:
     def with_mesh(self, mesh: SectionMesh) -> SectionElements:
         """The same unknowns on the same triangles with the points elsewhere."""
         other = copy.copy(self)
-        other.__dict__.pop("gradients", None)
+        for computed in ("gradients", "touches_axis", "axis_recovery"):
+            other.__dict__.pop(computed, None)
         other.mesh = mesh
         other.skfem_mesh = dataclasses.replace(self.skfem_mesh, doflocs=np.ascontiguousarray(mesh.points.T))
         other._place()
@@ -127,7 +132,7 @@ class SectionElements:
 
     def axis_dofs(self) -> np.ndarray:
         """Unknowns at r = 0, where psi = r A_phi vanishes."""
-        return np.flatnonzero(self.dof_points[:, 0] <= 1e-12 * self.dof_points[:, 0].max())
+        return np.flatnonzero(self.dof_points[:, 0] <= self.axis_width)
 
     def flux(self, psi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """grad psi (n_elements, 2, n_quadrature) [Wb/(rad m)] and |B| (n_elements, n_quadrature) [T]."""
@@ -160,14 +165,35 @@ class SectionElements:
         return np.einsum("kij,jk->ki", inverse, slope)
 
     def flux_density_at(self, psi: np.ndarray, element: np.ndarray, points: np.ndarray) -> np.ndarray:
-        """B_r, B_z [T] at one point (r, z) [m] of each listed element, points and result (k, 2)."""
-        # B = grad psi/r is 0/0 on the axis, where B_z is even in r and B_r odd: take them a third of an
-        # element away from it, B_r in proportion.
-        corners = self.mesh.points[self.mesh.triangles[element], 0]
-        nearest = np.where(corners.min(axis=1) <= 1e-12 * corners.max(axis=1), corners.max(axis=1) / 3.0, 0.0)
-        r = np.maximum(points[:, 0], nearest)
-        gradient = self.gradient_at(psi, element, np.column_stack((r, points[:, 1])))
-        return np.column_stack((-gradient[:, 1] * points[:, 0] / r, gradient[:, 0])) / r[:, None]
+        """B_r, B_z [T] at one point (r, z) [m] of each listed element, points and result (k, 2).
+
+        Of the elements themselves; in those that touch the axis recovered, see `field.section.axis_recovery`.
+        """
+        B = np.empty((len(element), 2))
+        near = self.touches_axis[element]
+        if near.any():
+            B[near] = self.axis_recovery.flux_density(psi, element[near], points[near])
+        away = ~near
+        gradient = self.gradient_at(psi, element[away], points[away])
+        B[away] = np.column_stack((-gradient[:, 1], gradient[:, 0])) / points[away, :1]
+        return B
+
+    @property
+    def axis_width(self) -> float:
+        """Distance from the axis [m] that is one of rounding."""
+        return 1e-12 * float(self.mesh.points[:, 0].max())
+
+    @cached_property
+    def touches_axis(self) -> np.ndarray:
+        """True for each element with a corner on the axis, (n_elements,)."""
+        return self.mesh.points[self.mesh.triangles, 0].min(axis=1) <= self.axis_width
+
+    @cached_property
+    def axis_recovery(self) -> AxisRecovery:
+        """B in the elements that touch the axis, built on the first call."""
+        from field.section.axis_recovery import AxisRecovery
+
+        return AxisRecovery(self)
 
     def load(self, density: np.ndarray) -> np.ndarray:
         """Integral of density * v dr dz for every v; density (n_elements,), constant in each element."""
