@@ -1,8 +1,9 @@
 """Section of a device from CAD, and its mesh: parts made conforming, air around them, sizes from the gaps themselves.
 
 Element sizes: between two curves of the powder's outline that face each other, a whole number of rows as in
-`geometry.meshing`; in other narrow places (a running clearance) one layer three gaps long; from there h grows with
-the distance, up to a fraction of the device in the parts and an eighth of the radius in the air.
+`geometry.meshing`; in other narrow places (a running clearance) one layer three gaps long; on curves (fillets, round
+poles) edges that turn by 30 degrees; from there h grows with the distance, up to a fraction of the device in the parts
+and an eighth of the radius in the air. Edges on curves are curved (`geometry.curved_edges`).
 """
 
 from __future__ import annotations
@@ -35,6 +36,7 @@ from geometry.mesher import (
     refuse_too_many,
     use_least_size,
 )
+from geometry.refinement import refine
 from geometry.section import SectionMesh
 
 OVERLAP = 1e-6
@@ -43,6 +45,7 @@ OVERLAP = 1e-6
 _SLIVER = 1e-6  # m; no gap of a device is as narrow, and a STEP file's coordinates are rounded more finely
 _CHORDS = 24  # of a curved edge of the powder's outline, as grains see it
 _MAX_SAMPLES = 2000
+_TURN = math.pi / 6.0  # of an edge on a curve
 
 _Surfaces = Mapping[str, Sequence[int]]
 """Tags of the surfaces of each region."""
@@ -138,10 +141,13 @@ def mesh_cad(
             for name, tags in named.items():
                 gmsh.model.addPhysicalGroup(dim, tags, name=name)
         layers = max(float(gap_layers), MINIMUM_LAYERS * size_factor)
-        expected = _set_sizes(gmsh, parts, surfaces, powder, layers, air_factor) / size_factor**2
+        turn = _TURN / max(1.0, size_factor)  # before the size factor: edges on curves turn by 30 degrees at most
+        expected = _set_sizes(gmsh, parts, surfaces, powder, layers, turn, air_factor) / size_factor**2
         refuse_too_many(expected, MAX_TRIANGLES, "triangles")
         gmsh.model.mesh.generate(2)
-        return read_section(gmsh)
+        mesh = read_section(gmsh)
+    tangled = mesh.tangled()
+    return refine(mesh, tangled).mesh if tangled.size else mesh
 
 
 def own_pieces(
@@ -293,9 +299,10 @@ def _set_sizes(
     surfaces: _Surfaces,
     powder: str,
     layers: float,
+    turn: float,
     air_factor: float,
 ) -> float:
-    """Set sizes before the size factor: gaps, corners, growing with the distance; return the expected triangles."""
+    """Set sizes before the size factor: gaps, corners, curves, growing with the distance; return expected triangles."""
     r1, low, high = _extent(parts)
     far = _disc(parts, air_factor)[1] * MILLIMETRE / 8.0
     device = min(r1 / 20.0, (high - low) / 8.0)
@@ -318,8 +325,22 @@ def _set_sizes(
         r, z, _ = gmsh.model.getValue(0, corner, [])
         place = {"XCenter": r * MILLIMETRE, "YCenter": z * MILLIMETRE, "Radius": 0.0}
         fields.append(add_size_field(gmsh, "Ball", CORNER * size, far, place))
+    for _, curve in gmsh.model.getEntities(1):
+        length, turned = gmsh.model.occ.getMass(1, curve) * MILLIMETRE, _turn_of(gmsh, curve)
+        if turned * device > turn * length:
+            fields.append(_along(gmsh, [curve], turn * length / turned, 0.0, far))
+            shapes.append((turn * length / turned, length, 0.0))
     use_least_size(gmsh, fields)
     return expected_triangles(shapes)
+
+
+def _turn_of(gmsh: Any, curve: int) -> float:
+    """Angle [rad] by which the tangent of a curve turns from end to end."""
+    if gmsh.model.getType(1, curve) == "Line":
+        return 0.0
+    low, high = gmsh.model.getParametrizationBounds(1, curve)
+    tangent = gmsh.model.getDerivative(1, curve, np.linspace(low[0], high[0], 65)).reshape(-1, 3)
+    return float(np.abs(np.diff(np.unwrap(np.arctan2(tangent[:, 1], tangent[:, 0])))).sum())
 
 
 def _along(gmsh: Any, curves: Sequence[int], size: float, reach: float, far: float) -> int:

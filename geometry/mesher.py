@@ -16,7 +16,9 @@ from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 
+from geometry.curved_edges import CurvedEdges
 from geometry.section import SectionMesh
 
 # The CAD kernel's tolerance is 1e-7 of its own unit: in metres, a clearance of 0.3 mm would be close to it.
@@ -31,6 +33,9 @@ MAX_TRIANGLES = 3e5
 """Of a section; of order 2 their field takes 2.4 GB."""
 MAX_TETRAHEDRA = 1e6
 """Of a sector in 3D; of order 2 their field takes some 7 GB."""
+
+_SAMPLES = 256  # of a curve
+_STRAIGHT = 1e-9  # width over length of a curve that is a line
 
 SECTION_OPTIONS = {
     "General.Terminal": 0,
@@ -170,7 +175,10 @@ def use_least_size(gmsh: Any, fields: Sequence[int]) -> None:
 
 
 def read_section(gmsh: Any) -> SectionMesh:
-    """Read a mesh back: nodes that triangles use, and elements and edges by the name of their physical group."""
+    """Read a mesh back: nodes that triangles use, elements and edges by their physical group, and curved edges.
+
+    The edges of `outer` stay straight: the polygon is the border of the mesh, and an open boundary is exact for it.
+    """
     mesh = gmsh.model.mesh
     tags, coordinates, _ = mesh.getNodes()
     groups = {dim: _elements_by_name(gmsh, dim) for dim in (1, 2)}
@@ -188,7 +196,67 @@ def read_section(gmsh: Any) -> SectionMesh:
     triangles[clockwise, 1:] = triangles[clockwise, :0:-1]
     boundaries = {name: np.searchsorted(used, edges).astype(np.int64) for name, edges in groups[1].items()}
     regions = region_ranges({name: len(elements) for name, elements in groups[2].items()})
-    return SectionMesh(np.ascontiguousarray(points), triangles.astype(np.int64), regions, boundaries)
+    curved = _curved_edges(gmsh, used, points, triangles)
+    return SectionMesh(np.ascontiguousarray(points), triangles.astype(np.int64), regions, boundaries, curved)
+
+
+def _curved_edges(gmsh: Any, used: np.ndarray, points: np.ndarray, triangles: np.ndarray) -> CurvedEdges | None:
+    """Edges of triangles on curves that are no lines, but for the group `outer`; `used` has the tags of the points."""
+    outer = {
+        entity
+        for _, group in gmsh.model.getPhysicalGroups(1)
+        if gmsh.model.getPhysicalName(1, group) == "outer"
+        for entity in gmsh.model.getEntitiesForPhysicalGroup(1, group)
+    }
+    sides = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(-1, 2) @ (len(points), 1)
+    nodes, ends, curves = [], [], []
+    for _, tag in gmsh.model.getEntities(1):
+        if tag in outer or gmsh.model.getType(1, tag) == "Line":
+            continue
+        edges = gmsh.model.mesh.getElementsByType(1, tag)[1].reshape(-1, 2)
+        edges = np.searchsorted(used, edges[np.isin(edges, used).all(axis=1)]).astype(np.int64)
+        edges = edges[np.isin(np.sort(edges, axis=1) @ (len(points), 1), sides)]
+        curve = _curve(gmsh, tag, len(edges))
+        if len(edges) == 0 or _is_straight(curve(curve.x)):
+            continue
+        inner, _, parameter = gmsh.model.mesh.getNodes(1, tag, returnParametricCoord=True)
+        of_point = np.full(len(points), np.nan)
+        of_point[np.searchsorted(used, inner)] = parameter
+        nodes.append(edges)
+        ends.append(_ends(edges, of_point, points, curve))
+        curves.append(curve)
+    if not curves:
+        return None
+    number = np.repeat(np.arange(len(curves)), [len(edges) for edges in nodes])
+    return CurvedEdges(np.concatenate(nodes), number, np.concatenate(ends), tuple(curves))
+
+
+def _is_straight(points: np.ndarray) -> bool:
+    """True if points (n, 2) of a curve lie in one line."""
+    along, across = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    return bool(across < _STRAIGHT * along)
+
+
+def _curve(gmsh: Any, tag: int, n_edges: int) -> CubicHermiteSpline:
+    """(r, z) [m] of a curve's parameter; a circle is met to 1e-9 of its radius."""
+    low, high = gmsh.model.getParametrizationBounds(1, tag)
+    knots = np.linspace(low[0], high[0], max(_SAMPLES, 8 * n_edges) + 1)
+    point, slope = (
+        MILLIMETRE * np.reshape(found, (-1, 3))[:, :2]
+        for found in (gmsh.model.getValue(1, tag, knots), gmsh.model.getDerivative(1, tag, knots))
+    )
+    return CubicHermiteSpline(knots, point, slope)
+
+
+def _ends(edges: np.ndarray, of_point: np.ndarray, points: np.ndarray, curve: CubicHermiteSpline) -> np.ndarray:
+    """Parameters (k, 2) of the ends of a curve's edges, from those of points inside the curve; others are nan."""
+    ends = of_point[edges]
+    low, high = curve.x[0], curve.x[-1]
+    to_low, to_high = (np.linalg.norm(points[edges] - curve(bound), axis=2) for bound in (low, high))
+    if np.linalg.norm(curve(low) - curve(high)) < _STRAIGHT * np.ptp(points):
+        # of a closed curve, where both ends are one point, the end that is closer to the neighbour
+        to_low, to_high = ends[:, ::-1] - low, high - ends[:, ::-1]
+    return np.where(np.isnan(ends), np.where(to_low < to_high, low, high), ends)
 
 
 def region_ranges(counts: Mapping[str, int]) -> dict[str, np.ndarray]:

@@ -4,12 +4,12 @@ A marked triangle has all its edges halved (red: four similar children).  Its ne
 their longest edge, always halved if any other is: green with two children, blue with three.  No angle then
 falls below a bound that depends on the coarsest mesh alone (Rivara, Int. J. Numer. Methods Eng. 20, 1984;
 Carstensen, Constr. Approx. 20, 2004), however often it is repeated.  The children of a triangle cover it
-exactly, so functions of the coarse mesh are carried over without loss.
+exactly, so functions of the coarse mesh are carried over without loss; at a curved edge, whose new node lies on the
+curve, they do so up to the sliver between chord and curve.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,22 +24,6 @@ _CHILDREN = {
     (True, False, True): ((3, 1, 2), (0, 3, 5), (3, 2, 5)),
     (True, True, True): ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)),
 }
-
-
-@dataclass(frozen=True, slots=True)
-class Circle:
-    """A circle about a point of the axis, or its arc, in the section.
-
-    Attributes
-    ----------
-    centre : float
-        z of the middle [m].
-    radius : float
-        [m]
-    """
-
-    centre: float
-    radius: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,7 +42,7 @@ class Refinement:
     parent: np.ndarray
 
 
-def refine(mesh: SectionMesh, marked: np.ndarray, circles: Mapping[str, Circle] | None = None) -> Refinement:
+def refine(mesh: SectionMesh, marked: np.ndarray) -> Refinement:
     """Divide the marked triangles into four, and as many others as it takes to leave no hanging node.
 
     Parameters
@@ -66,14 +50,11 @@ def refine(mesh: SectionMesh, marked: np.ndarray, circles: Mapping[str, Circle] 
     mesh : SectionMesh
     marked : ndarray (k,), int64
         Indexes of triangles, or a mask of all.
-    circles : dict of str to Circle, optional
-        Boundaries whose new nodes are moved onto a circle; children then cover their parent except for
-        the sliver between chord and arc.
 
     Raises
     ------
     ValueError
-        A marked triangle or a boundary with a circle that the mesh does not have.
+        A marked triangle that the mesh does not have.
     """
     chosen = _as_mask(mesh, marked)
     triangles = _longest_edge_first(mesh)
@@ -104,14 +85,18 @@ def refine(mesh: SectionMesh, marked: np.ndarray, circles: Mapping[str, Circle] 
     parent = parent[order]
 
     boundaries = {name: _halve(edges, keys, middle, n_points) for name, edges in mesh.boundaries.items()}
-    for name, circle in (circles or {}).items():
-        if name not in boundaries:
-            raise ValueError(f"the mesh has no boundary {name!r}; it has {', '.join(sorted(boundaries))}")
-        new = np.unique(boundaries[name])
-        _move_onto(points, new[new >= n_points], circle)
+    curved = mesh.curved
+    if curved is not None:
+        new = _middle_of(curved.nodes, keys, middle, n_points)
+        points[new[new >= 0]] = curved.middle()[new >= 0]
+        curved = curved.halved(new)
     first = np.searchsorted(parent, np.arange(len(triangles) + 1))
     regions = {name: _expanded(elements, first) for name, elements in mesh.regions.items()}
-    return Refinement(SectionMesh(points, np.concatenate(children)[order], regions, boundaries), parent)
+    refined = Refinement(SectionMesh(points, np.concatenate(children)[order], regions, boundaries, curved), parent)
+    if (tangled := refined.mesh.tangled()).size:
+        again = refine(refined.mesh, tangled)
+        return Refinement(again.mesh, parent[again.parent])
+    return refined
 
 
 def _as_mask(mesh: SectionMesh, marked: np.ndarray) -> np.ndarray:
@@ -139,17 +124,17 @@ def _longest_edge_first(mesh: SectionMesh) -> np.ndarray:
 
 def _halve(edges: np.ndarray, keys: np.ndarray, middle: np.ndarray, n_points: int) -> np.ndarray:
     """Edges of a boundary, the halved ones in two, along it as before."""
-    ends = np.sort(edges, axis=1)
-    centre = middle[np.searchsorted(keys, ends[:, 0] * n_points + ends[:, 1])]
+    centre = _middle_of(edges, keys, middle, n_points)
     both = np.stack((np.column_stack((edges[:, 0], centre)), np.column_stack((centre, edges[:, 1]))), axis=1)
     both[centre < 0, 0] = edges[centre < 0]
     kept = np.column_stack((np.ones(len(edges), dtype=bool), centre >= 0))
     return both[kept]
 
 
-def _move_onto(points: np.ndarray, nodes: np.ndarray, circle: Circle) -> None:
-    away = points[nodes] - (0.0, circle.centre)
-    points[nodes] = (0.0, circle.centre) + away * (circle.radius / np.linalg.norm(away, axis=1))[:, None]
+def _middle_of(edges: np.ndarray, keys: np.ndarray, middle: np.ndarray, n_points: int) -> np.ndarray:
+    """New node of each edge (k,), -1 where it is not halved."""
+    ends = np.sort(edges, axis=1)
+    return middle[np.searchsorted(keys, ends[:, 0] * n_points + ends[:, 1])]
 
 
 def _expanded(elements: np.ndarray, first: np.ndarray) -> np.ndarray:

@@ -12,13 +12,14 @@ from pathlib import Path
 
 import numpy as np
 
+from geometry.curved_edges import CurvedEdges
 from geometry.named_mesh import NamedMesh
 from geometry.walls import AnnularBox
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SectionMesh(NamedMesh):
-    """Straight triangles of an axisymmetric cross-section, with regions and boundaries by name.
+    """Triangles of an axisymmetric cross-section, with regions and boundaries by name.
 
     Attributes
     ----------
@@ -30,6 +31,8 @@ class SectionMesh(NamedMesh):
         Element indexes in ascending order; every element is in exactly one region.
     boundaries : dict of str to ndarray, shape (k, 2), int64
         Node pairs of the edges.
+    curved : CurvedEdges or None
+        Edges inside the mesh that lie on curves; areas and volumes here are those of the straight triangles.
 
     Raises
     ------
@@ -41,6 +44,7 @@ class SectionMesh(NamedMesh):
     triangles: np.ndarray
     regions: dict[str, np.ndarray]
     boundaries: dict[str, np.ndarray]
+    curved: CurvedEdges | None = None
 
     def __post_init__(self) -> None:
         if self.points.ndim != 2 or self.points.shape[1] != 2 or self.points[:, 0].min(initial=0.0) < 0.0:
@@ -75,7 +79,14 @@ class SectionMesh(NamedMesh):
 
     def hash(self) -> str:
         """SHA-256 (hex) of all arrays and names: equal meshes, equal hash."""
-        return self._hash_with({"points": self.points, "triangles": self.triangles})
+        arrays = {"points": self.points, "triangles": self.triangles}
+        if self.curved is not None:
+            arrays |= {"curved": self.curved.nodes, "bulge": self.curved.bulge()}
+        return self._hash_with(arrays)
+
+    def tangled(self) -> np.ndarray:
+        """Triangles (k,) whose curved edges bend too much for their corners: `refine` must divide them."""
+        return np.zeros(0, dtype=np.int64) if self.curved is None else self.curved.tangled(self.points, self.triangles)
 
     def fraction_in_boxes(self, region: str, boxes: Sequence[AnnularBox]) -> np.ndarray:
         """Fraction of each triangle's volume of revolution inside boxes that do not overlap, shape (k,), 0 to 1."""
@@ -94,7 +105,7 @@ class SectionMesh(NamedMesh):
     def write(self, path: str | Path) -> None:
         """Write the mesh as .msh of gmsh (format 2.2, metres), with regions and boundaries as physical groups.
 
-        `geometry.section_import.read_section_mesh` reads it back.
+        `geometry.section_import.read_section_mesh` reads it back. Its edges are straight.
 
         Raises
         ------

@@ -8,7 +8,7 @@ that the errors fall with the number of unknowns n as if there were no corner: n
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +17,7 @@ from field.section.axisymmetric import AxisymmetricProblem
 from field.section.error_estimate import ErrorEstimate, FluxLinkage, Goal, GoalError, estimate_error
 from field.section.interpolation import interpolation
 from field.section.magnetic_field import MagneticField
-from geometry.refinement import Circle, refine
+from geometry.refinement import refine
 from geometry.section import SectionMesh
 
 # Every round refines where the error is, so an estimate that has not come down by then never will.
@@ -107,7 +107,6 @@ def adapt(
     boundary_field: float = 0.0,
     marking: float = 0.5,
     newton_tolerance: float = 1e-8,
-    circles: Mapping[str, Circle] | None = None,
 ) -> AdaptiveResult:
     """Refine a mesh until the goals' estimated relative errors are within a tolerance.
 
@@ -135,8 +134,6 @@ def adapt(
         Largest fraction of the error that the refined elements carry, in (0, 1]; small: more rounds, fewer unknowns.
     newton_tolerance : float
         Relative residual of each solve; well below `tolerance`.
-    circles : dict of str to Circle, optional
-        Curved boundaries that new nodes are moved onto.
 
     Raises
     ------
@@ -172,7 +169,7 @@ def adapt(
         # near the tolerance no more than what is still needed
         needed = (1.0 - tolerance / history[-1].worst) / _GAIN
         fraction = min(marking, max(needed, _MIN_MARKING))
-        refined = refine(problem.mesh, mark(estimate.indicators[missing].sum(axis=0), fraction), circles)
+        refined = refine(problem.mesh, mark(estimate.indicators[missing].sum(axis=0), fraction))
         finer = make_problem(refined.mesh)
         if finer.n_dofs > max_dofs:
             break

@@ -144,10 +144,14 @@ class AxisymmetricProblem:
 
     @cached_property
     def locator(self) -> TriangleLocator:
-        """Finds the element of a point anywhere in the section."""
+        """Finds the straight triangle of a point anywhere in the section."""
         from field.sampling.locate import TriangleLocator
 
         return TriangleLocator(self.mesh.points, self.mesh.triangles)
+
+    def find(self, points: np.ndarray) -> np.ndarray:
+        """Element (k,) of points (r, z) [m], shape (k, 2), on the right side of curved edges; -1 outside."""
+        return self.elements.beyond_curves(self.locator.find(points)[0], points)
 
     def recovery(self, region: str) -> RegionRecovery:
         """The recovery operator of a region, built on the first call."""

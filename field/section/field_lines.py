@@ -75,7 +75,7 @@ def field_along(solution: MagneticField, points: np.ndarray) -> FieldAlongLine:
     if points.ndim != 2 or points.shape[1] != 2 or len(points) < 2:
         raise ValueError(f"a line needs at least two points (r, z), shape (k, 2); got an array of shape {points.shape}")
     problem = solution.problem
-    element, _ = problem.locator.find(points)
+    element = problem.find(points)
     if np.any(element < 0):
         raise PointOutside(points[element < 0], "the mesh")
     B = solution.flux_density(points)
@@ -92,7 +92,7 @@ def field_along(solution: MagneticField, points: np.ndarray) -> FieldAlongLine:
     H = nu[:, None] * B
     if (added := solution.history_field_strength()) is not None:
         H += added[element]
-    return FieldAlongLine(points, distance, B, H, _psi_at(solution, element, points), region)
+    return FieldAlongLine(points, distance, B, H, problem.elements.value_at(solution.psi, element, points), region)
 
 
 def straight_line(start: Sequence[float], end: Sequence[float], count: int = 201) -> np.ndarray:
@@ -106,14 +106,3 @@ def _reluctivity(law, B: np.ndarray, fill: np.ndarray) -> np.ndarray:
     H, slope = law.H_of_B(B, fill) if isinstance(law, PowderLaw) else law.H_of_B(B)
     here = B > 0.0
     return np.where(here, H / np.where(here, B, 1.0), slope)
-
-
-def _psi_at(solution: MagneticField, element: np.ndarray, points: np.ndarray) -> np.ndarray:
-    elements = solution.problem.elements
-    # the reference triangle's corners are sorted by number, not in the order of `mesh.triangles`
-    corner = elements.skfem_mesh.p[:, elements.skfem_mesh.t[0][element]]
-    local = np.einsum("kij,ik->jk", elements.inverse[element], points.T - corner)
-    psi = np.zeros(len(element))
-    for i, dof in enumerate(elements.element_dofs[element].T):
-        psi += elements._element.lbasis(local, i)[0] * solution.psi[dof]
-    return psi

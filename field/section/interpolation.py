@@ -1,7 +1,7 @@
 """A finite element function at other unknowns, and the shape functions' slopes at points: exact, no fit.
 
-Lagrange elements of any order on straight triangles, whatever their local numbering: the shape functions
-follow from where the unknowns lie.
+Lagrange elements of any order, whatever their local numbering: the shape functions follow from where the unknowns lie
+on the reference triangle.
 """
 
 from __future__ import annotations
@@ -24,14 +24,16 @@ def interpolation(coarse: SectionElements, fine: SectionElements, parent: np.nda
     Returns
     -------
     csr_matrix (fine.n_dofs, coarse.n_dofs)
-        Exact where every element lies in its parent and is of at least its order.
+        Exact where every element is of at least its parent's order and lies in it, and the parent has no curved edge.
     """
     # one element that has the unknown is enough, as psi is continuous
     _, first = np.unique(fine.element_dofs, return_index=True)
-    owner = first // fine.element_dofs.shape[1]
+    owner, number = np.divmod(first, fine.element_dofs.shape[1])
+    where = fine.reference_dofs[number]
     if parent is not None:
         owner = parent[owner]
-    value = monomials(_local(coarse, owner, fine.dof_points), coarse.order) @ coefficients(coarse)
+        where = _local(coarse, owner, fine.dof_points)
+    value = monomials(where, coarse.order) @ coefficients(coarse)
     value[np.abs(value) < 1e-12] = 0.0  # rounding: keeps the unknowns of other edges out
     column = coarse.element_dofs[owner]
     row = np.repeat(np.arange(fine.n_dofs), column.shape[1])
@@ -54,9 +56,7 @@ def _local(elements: SectionElements, element: np.ndarray, points: np.ndarray) -
 
 def coefficients(elements: SectionElements) -> np.ndarray:
     """Shape functions by their monomials, (n_monomials, n_basis)."""
-    unknowns = elements.element_dofs[0]
-    where = _local(elements, np.zeros(unknowns.size, dtype=np.int64), elements.dof_points[unknowns])
-    return np.linalg.inv(monomials(where, elements.order))
+    return np.linalg.inv(monomials(elements.reference_dofs, elements.order))
 
 
 def _exponents(order: int) -> list[tuple[int, int]]:

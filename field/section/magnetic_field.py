@@ -168,7 +168,7 @@ class MagneticField:
             points, element = mesh.centroid(), np.arange(len(mesh.triangles))
         else:
             points = np.ascontiguousarray(np.atleast_2d(np.asarray(points, dtype=float)))
-            element, _ = self.problem.locator.find(points)
+            element = self.problem.find(points)
             if np.any(element < 0):
                 raise PointOutside(points[element < 0], "the mesh")
         return self.problem.elements.flux_density_at(self.psi, element, points)

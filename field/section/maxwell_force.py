@@ -44,6 +44,7 @@ from field.section.error_estimate import next_order_field
 if TYPE_CHECKING:
     from field.section.axisymmetric import AxisymmetricProblem
     from field.section.magnetic_field import MagneticField
+    from field.section.section_elements import SectionElements
     from geometry.section import SectionMesh
 
 # Virtual work moves nodes by this fraction of what would flatten the worst element: its own error, the square of
@@ -142,37 +143,36 @@ def axial_force(
     stress = _corner_forces(solution)
     work = force_by_virtual_work(solution, smooth, displacement) if virtual_work else None
     finer = force_of_weight(next_order_field(solution), smooth) if next_order else None
-    through = [_weighted_sum(stress, solution.problem.mesh, weight) for weight in (smooth, thin)]
+    through = [_weighted_sum(stress, solution.problem.elements, weight) for weight in (smooth, thin)]
     return AxialForce(regions, through[0], through[1], smooth, work, finer)
 
 
 def force_of_weight(solution: MagneticField, weight: np.ndarray) -> float:
     """F_z [N] on what moves with a weight (n_points,) at the mesh's points, linear between."""
-    return _weighted_sum(_corner_forces(solution), solution.problem.mesh, weight)
+    return _weighted_sum(_corner_forces(solution), solution.problem.elements, weight)
 
 
-def _weighted_sum(corner_forces: np.ndarray, mesh: SectionMesh, weight: np.ndarray) -> float:
-    return float(-2.0 * math.pi * (weight[mesh.triangles] * corner_forces).sum())
+def _weighted_sum(corner_forces: np.ndarray, elements: SectionElements, weight: np.ndarray) -> float:
+    return float(-2.0 * math.pi * (weight[elements.element_dofs[:, :3]] * corner_forces).sum())
 
 
 def _corner_forces(solution: MagneticField) -> np.ndarray:
-    """dL/dz of the corners of every element per radian, (n_elements, 3) [N/rad]."""
-    problem = solution.problem
-    elements, mesh = problem.elements, problem.mesh
+    """dL/dz of the corners of every element, its first three unknowns, per radian, (n_elements, 3) [N/rad]."""
+    problem, elements = solution.problem, solution.problem.elements
     g = elements.gradient(solution.psi)
     r = elements.radius
     B = np.hypot(g[:, 0], g[:, 1]) / r
     H, slope = problem.H_of_B(B, solution.powder)
     nu = np.where(B > 0.0, H / np.where(B > 0.0, B, 1.0), slope)
     energy = problem.energy_density(B, solution.powder)
-    stress_r = (-nu / r * g[:, 1] * g[:, 0] * elements.weight).sum(axis=1)
-    stress_z = ((r * energy - nu / r * g[:, 1] ** 2) * elements.weight).sum(axis=1)
-    slopes = _corner_gradients(mesh)
-    return stress_r[:, None] * slopes[:, :, 0] + stress_z[:, None] * slopes[:, :, 1]
+    stress_r = -nu / r * g[:, 1] * g[:, 0] * elements.weight
+    stress_z = (r * energy - nu / r * g[:, 1] ** 2) * elements.weight
+    slopes = np.broadcast_to(elements.corner_gradients(), (*B.shape, 3, 2))
+    return np.einsum("eq,eqc->ec", stress_r, slopes[..., 0]) + np.einsum("eq,eqc->ec", stress_z, slopes[..., 1])
 
 
 def _corner_gradients(mesh: SectionMesh) -> np.ndarray:
-    """Gradients of the linear shape functions, (n_elements, 3, 2) [1/m]."""
+    """Gradients of the linear shape functions of straight triangles, (n_elements, 3, 2) [1/m]."""
     corners = mesh.points[mesh.triangles]
     opposite = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)
     turned = np.stack((-opposite[:, :, 1], opposite[:, :, 0]), axis=2)

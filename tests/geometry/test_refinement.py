@@ -1,10 +1,10 @@
-"""Refinement: areas, angles, names, nested children, circles."""
+"""Refinement: areas, angles, names, nested children."""
 
 import numpy as np
 import pytest
 
-from geometry import Clutch, SectionMesh, mesh_clutch
-from geometry.refinement import Circle, refine
+from geometry import Clutch, mesh_clutch
+from geometry.refinement import refine
 
 
 @pytest.fixture(scope="module")
@@ -87,28 +87,6 @@ def test_nothing_marked_changes_nothing(clutch_mesh):
     refined = refine(clutch_mesh, np.zeros(0, dtype=np.int64))
     assert np.array_equal(refined.parent, np.arange(len(clutch_mesh.triangles)))
     assert np.array_equal(refined.mesh.points, clutch_mesh.points)
-
-
-def test_new_nodes_on_a_circle():
-    angle = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 7)
-    rim = np.column_stack((np.cos(angle), 0.3 + np.sin(angle)))
-    rim[[0, -1], 0] = 0.0
-    number = np.arange(1, 8)
-    mesh = SectionMesh(
-        np.vstack(([0.0, 0.3], rim)),
-        np.column_stack((np.zeros(6, dtype=np.int64), number[:-1], number[1:])),
-        {"air": np.arange(6)},
-        {"outer": np.column_stack((number[:-1], number[1:]))},
-    )
-    for _ in range(3):
-        mesh = refine(mesh, np.ones(len(mesh.triangles), bool), {"outer": Circle(0.3, 1.0)}).mesh
-    nodes = np.unique(mesh.boundaries["outer"])
-    assert nodes.size == 6 * 8 + 1
-    assert np.allclose(np.linalg.norm(mesh.points[nodes] - (0.0, 0.3), axis=1), 1.0, rtol=1e-14)
-    step = np.pi / 48
-    assert mesh.area("air") == pytest.approx(24 * np.sin(step), rel=1e-12), "48 sectors of a regular polygon"
-    with pytest.raises(ValueError, match="no boundary 'rim'"):
-        refine(mesh, np.array([0]), {"rim": Circle(0.0, 1.0)})
 
 
 def test_bad_marks_are_explained(clutch_mesh):
