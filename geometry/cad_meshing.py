@@ -36,7 +36,7 @@ from geometry.mesher import (
     refuse_too_many,
     use_least_size,
 )
-from geometry.refinement import refine
+from geometry.refinement import without_tangles
 from geometry.section import SectionMesh
 
 OVERLAP = 1e-6
@@ -145,9 +145,7 @@ def mesh_cad(
         expected = _set_sizes(gmsh, parts, surfaces, powder, layers, turn, air_factor) / size_factor**2
         refuse_too_many(expected, MAX_TRIANGLES, "triangles")
         gmsh.model.mesh.generate(2)
-        mesh = read_section(gmsh)
-    tangled = mesh.tangled()
-    return refine(mesh, tangled).mesh if tangled.size else mesh
+        return without_tangles(read_section(gmsh)).mesh
 
 
 def own_pieces(

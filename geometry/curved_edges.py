@@ -74,6 +74,13 @@ class CurvedEdges:
             self.curves,
         )
 
+    def without(self, triangles: np.ndarray) -> CurvedEdges | None:
+        """The edges that are none of some triangles; None where no edge is left."""
+        most = int(max(triangles.max(), self.nodes.max())) + 1
+        sides = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(-1, 2) @ (most, 1)
+        kept = ~np.isin(np.sort(self.nodes, axis=1) @ (most, 1), sides)
+        return CurvedEdges(self.nodes[kept], self.curve[kept], self.ends[kept], self.curves) if kept.any() else None
+
     def of_triangles(self, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Triangles with a curved edge (m,), and the bulges of their edges 01, 12, 20, shape (m, 3, 2) [m]."""
         sides = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]], axis=2)

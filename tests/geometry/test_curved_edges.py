@@ -95,6 +95,20 @@ def test_elements_that_a_curve_would_tangle_are_divided():
         assert fine.mesh.tangled().size == 0
 
 
+def test_a_ball_on_a_plate_leaves_a_cusp_that_is_meshed(tmp_path):
+    """Between ball and plate every element is tangled: the tip's edge becomes straight, and the areas stay."""
+    path = tmp_path / "cusp.geo"
+    plate = SCRIPT.replace("Rectangle(4) = {8, -6, 0, 10, 12, 0.6};", "Rectangle(4) = {0, -7, 0, 23, 12};")
+    path.write_text(plate)
+    found = mesh_cad(path, trust_scripts=True)
+    for _ in range(3):
+        near = np.linalg.norm(found.centroid() - (0.0, -7e-3), axis=1) < 1e-3
+        found = refine(found, near).mesh
+        assert found.tangled().size == 0 and SectionElements(found).weight.min() > 0.0
+        assert area(found, "disc") == pytest.approx(AREAS["disc"], rel=1e-6)
+    assert len(found.triangles) < 20_000
+
+
 def test_a_mesh_of_straight_edges_has_no_curves(tmp_path):
     path = tmp_path / "straight.geo"
     lines = ('SetFactory("OpenCASCADE");', "Rectangle(1) = {5, 0, 0, 5, 5};", 'Physical Surface("coil") = {1};')
