@@ -25,7 +25,7 @@ import numpy as np
 
 from geometry.annular_spaces import AnnularSpaces
 from geometry.fault import FaultFinder, GeometryFault, millimetres
-from geometry.pole_edges import SMALLEST_EDGE, cut_corners
+from geometry.pole_edges import CHORDS, SMALLEST_EDGE, cut_corners
 from geometry.sheared_gap import ShearedGap
 from geometry.slots import Slots, slot_faults
 from geometry.walls import AnnularBox, Pair, RevolvedWall, outline
@@ -448,12 +448,25 @@ class Clutch(AnnularSpaces):
             "ring": [_rectangle(bore, shell, -ring, ring)],
             "coil": [_rectangle(self.coil_inner_radius, window, -coil, coil)],
             "housing": [
-                cut_corners(np.array(steel), (0, 3, 4, 7), chamfer=self.pole_chamfer, fillet=self.pole_fillet)
+                cut_corners(np.array(steel), _POLES, chamfer=self.pole_chamfer, fillet=self.pole_fillet)
             ],
         }
         if self.ring_width == 0.0:
             del polygons["ring"]
         return polygons
+
+    def fillet_arcs(self) -> list[tuple[int, int, np.ndarray]]:
+        """First and last corner of the housing's polygon and centre (r, z) [m] of each fillet of the poles."""
+        if self.pole_fillet == 0.0:
+            return []
+        r, out, back = self.housing_bore + self.pole_fillet, 0.5 * self.housing_length, 0.5 * self.coil_width
+        heights = (self.pole_fillet - out, out - self.pole_fillet, back + self.pole_fillet, -back - self.pole_fillet)
+        firsts = [corner + k * CHORDS for k, corner in enumerate(_POLES)]
+        return [(first, first + CHORDS, np.array((r, z))) for first, z in zip(firsts, heights, strict=True)]
+
+
+# Corners of the housing's polygon at the running clearance, whose edges are cut.
+_POLES = (0, 3, 4, 7)
 
 
 def _rectangle(r0: float, r1: float, z0: float, z1: float) -> np.ndarray:

@@ -117,11 +117,24 @@ def add_half_disc(gmsh: Any, centre: float, radius: float) -> int:
     return occ.addPlaneSurface([occ.addCurveLoop([arc, occ.addLine(north, south)])])
 
 
-def add_polygon(occ: Any, corners: np.ndarray) -> int:
-    """Add a polygon of the section with corners (r, z) [m], shape (n, 2); return its tag."""
-    points = [occ.addPoint(r, z, 0.0) for r, z in corners / MILLIMETRE]
-    lines = [occ.addLine(a, b) for a, b in zip(points, points[1:] + points[:1], strict=True)]
-    return occ.addPlaneSurface([occ.addCurveLoop(lines)])
+def add_polygon(occ: Any, corners: np.ndarray, arcs: Sequence[tuple[int, int, np.ndarray]] = ()) -> int:
+    """Add a polygon of the section with corners (r, z) [m], shape (n, 2); return its tag.
+
+    `arcs` (first corner, last corner, centre) stand for the chords between their corners.
+    """
+    skipped = {i for first, last, _ in arcs for i in range(first + 1, last)}
+    centres = {first: centre for first, _, centre in arcs}
+    kept = [i for i in range(len(corners)) if i not in skipped]
+    points = [occ.addPoint(*corners[i] / MILLIMETRE, 0.0) for i in kept]
+    sides = []
+    for i, start, end in zip(kept, points, points[1:] + points[:1], strict=True):
+        if i in centres:
+            centre = occ.addPoint(*centres[i] / MILLIMETRE, 0.0)
+            sides.append(occ.addCircleArc(start, centre, end))
+            occ.remove([(0, centre)])
+        else:
+            sides.append(occ.addLine(start, end))
+    return occ.addPlaneSurface([occ.addCurveLoop(sides)])
 
 
 def expected_triangles(shapes: Iterable[tuple[float, float, float]]) -> float:

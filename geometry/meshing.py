@@ -31,6 +31,7 @@ from geometry.mesher import (
     refuse_too_many,
     use_least_size,
 )
+from geometry.refinement import without_tangles
 from geometry.section import SectionMesh
 
 Extent = tuple[float, float, float, float]
@@ -70,14 +71,15 @@ def mesh_clutch(clutch: Clutch, *, gap_layers: int = 4, size_factor: float = 1.0
             gmsh.model.addPhysicalGroup(1, tags, name=name)
         _set_sizes(gmsh, clutch, layers)
         gmsh.model.mesh.generate(2)
-        return read_section(gmsh)
+        return without_tangles(read_section(gmsh)).mesh
 
 
 def _fragments(gmsh: Any, clutch: Clutch) -> dict[str, list[int]]:
     """Cut the parts out of the air; return the surfaces of every region, ``air`` among them."""
     occ = gmsh.model.occ
     air = add_half_disc(gmsh, 0.0, clutch.air_radius / MILLIMETRE)
-    parts = [(name, add_polygon(occ, polygon))
+    arcs = {"housing": clutch.fillet_arcs()}
+    parts = [(name, add_polygon(occ, polygon, arcs.get(name, ())))
              for name, polygons in clutch.section_polygons().items() for polygon in polygons]  # fmt: skip
     _, pieces = occ.fragment([(2, air)], [(2, tag) for _, tag in parts])
     occ.synchronize()

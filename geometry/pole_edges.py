@@ -1,7 +1,8 @@
 """Cut edges of poles: a chamfer of 45 degrees or a fillet at right-angled corners of a polygon of the section.
 
-A fillet's arc is drawn by chords whose inner corners lie so far from its centre that the area removed is that of the
-arc, (1 - pi/4) r^2: the volume of steel does not depend on the number of chords. A chamfer removes c^2/2.
+In the polygon a fillet's arc is drawn by chords whose inner corners lie so far from its centre that the area removed is
+that of the arc, (1 - pi/4) r^2: the volume of steel does not depend on the number of chords. The mesh of a section has
+the arc itself (`Clutch.fillet_arcs`); fields in 3D have the chords. A chamfer removes c^2/2.
 """
 
 from __future__ import annotations

@@ -46,7 +46,7 @@ class Refinement:
 
 
 def refine(mesh: SectionMesh, marked: np.ndarray) -> Refinement:
-    """Divide the marked triangles into four, and as many others as it takes to leave no hanging node or tangled element.
+    """Divide the marked triangles into four, and others so that no hanging node and no tangled element is left.
 
     Parameters
     ----------

@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 from field import AxisymmetricProblem, LinearLaw, material
+from field.section.section_elements import SectionElements
 from geometry import Clutch, mesh_clutch
+from geometry.refinement import refine
 
 CORNERS = 4  # of the housing's section at the clearance
 AREA = {"pole_chamfer": 0.5, "pole_fillet": 1.0 - 0.25 * math.pi}  # over the square of the size
@@ -24,6 +26,13 @@ def centroid_from_corner(key):
     return (0.5 - quarter * (1.0 - 4.0 / (3.0 * math.pi))) / (1.0 - quarter)
 
 
+def of_elements(mesh, region):
+    """Area [m2] and volume [m3] of a region's elements, curved ones too."""
+    elements, own = SectionElements(mesh), mesh.regions[region]
+    weight = elements.weight[own]
+    return np.array((weight.sum(), 2.0 * math.pi * (elements.radius[own] * weight).sum()))
+
+
 @pytest.mark.parametrize("size, coil", [(0.3e-3, None), (2e-3, 54e-3)])
 @pytest.mark.parametrize("key", AREA)
 def test_area_and_volume_that_are_removed_have_their_closed_form(key, size, coil):
@@ -31,23 +40,24 @@ def test_area_and_volume_that_are_removed_have_their_closed_form(key, size, coil
     assert cut.faults() == []
     a, b = mesh_clutch(sharp), mesh_clutch(cut)
     removed = CORNERS * AREA[key] * size**2
-    assert a.area("housing") - b.area("housing") == pytest.approx(removed, rel=1e-6)
-    assert b.area("air") - a.area("air") == pytest.approx(removed, rel=1e-2)  # the outer arc's chords differ
+    area, volume = (a.area("housing"), a.volume("housing")) - of_elements(b, "housing")
+    assert area == pytest.approx(removed, rel=1e-5)  # the tip of a cusp between fillet and winding is a chord
+    assert of_elements(b, "air")[0] - a.area("air") == pytest.approx(removed, rel=1e-2)  # the outer arc's chords differ
     radius = sharp.housing_bore + centroid_from_corner(key) * size
-    volume = a.volume("housing") - b.volume("housing")
     assert volume == pytest.approx(2.0 * math.pi * radius * removed, rel=1e-4)
     for name in set(a.regions) - {"housing", "air"}:
         assert a.area(name) == pytest.approx(b.area(name), rel=1e-9), name
 
 
-@pytest.mark.parametrize("key", AREA)
-def test_triangles_at_cut_edges_are_well_shaped(key):  # the winding's side is a tangent of the fillet
+@pytest.mark.parametrize("key, worst", [("pole_chamfer", 0.15), ("pole_fillet", 0.005)])
+def test_triangles_at_cut_edges_are_well_shaped(key, worst):
+    """Flat ones lie in the cusp between a fillet and the winding, whose side is its tangent, and only there."""
     for size in (0.05e-3, 3e-3):
         mesh = mesh_clutch(Clutch(**{key: size}))
         corner = mesh.points[mesh.triangles]
         edges = np.linalg.norm(corner - np.roll(corner, 1, axis=1), axis=2)
         quality = 4.0 * 3.0**0.5 * mesh.element_area() / (edges**2).sum(axis=1)  # 1: equilateral
-        assert quality.min() > 0.15 and quality.mean() > 0.9, size
+        assert quality.min() > worst and quality.mean() > 0.9 and np.sort(quality)[40] > 0.15, size
 
 
 def test_a_size_of_zero_is_the_sharp_mesh_bit_by_bit():
@@ -85,6 +95,17 @@ def gap_field(changes):
     middle = clutch.gap_midline(201)
     middle = middle[np.abs(middle[:, 1]) > 0.5 * clutch.ring_width]
     return np.linalg.norm(problem.solve(500.0).B_along(middle), axis=1).mean()
+
+
+def test_nodes_of_a_fillet_lie_on_its_arc():
+    """Chords of the same area, which the mesh had instead, leave the linkage 0.16 % low at 3 mm on any mesh."""
+    clutch = Clutch(pole_fillet=3e-3)
+    mesh = mesh_clutch(clutch)
+    mesh = refine(mesh, mesh.regions["housing"]).mesh
+    nodes = mesh.points[np.unique(mesh.curved.nodes)]
+    centres = np.array([centre for _, _, centre in clutch.fillet_arcs()])
+    off = np.abs(np.linalg.norm(nodes[:, None] - centres, axis=2) / 3e-3 - 1.0).min(axis=1)
+    assert len(nodes) > 40 and off.max() < 1e-8
 
 
 @pytest.mark.physics
