@@ -6,6 +6,7 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from emclutch.results.best_estimate import best_estimate
 from emclutch.results.columns import SHEAR_STRESS, TORQUE_DISC
 from emclutch.results.errors import OutputError
 from emclutch.results.run_folder import RunFolder
@@ -85,6 +86,14 @@ class Result:
         if SHEAR_STRESS in self.history:
             return self.stress
         return self.torque if TORQUE_DISC in self.history else None
+
+    @property
+    def best(self) -> Estimate:
+        """Best estimate: `torque` without the known error of the numerical settings, its interval with that error.
+
+        The raw torque where no error is known; the stress in a sheared periodic box.
+        """
+        return self.stress if SHEAR_STRESS in self.history else best_estimate(self.torque, self.summary)
 
     @property
     def other_histories(self) -> list[pandas.DataFrame]:

@@ -111,10 +111,15 @@ class Estimate:
         drift = self.drift * (self.end - self.start) if self.exclude_drift else 0.0
         return math.hypot(quantile * self.standard_error, 0.5 * drift)
 
-    def interval(self, confidence: float = 0.95) -> tuple[float, float] | None:
-        """Two-sided confidence interval of the mean; None: unknown."""
+    @property
+    def known(self) -> bool:
+        """True if the mean has an error, so that its interval is finite; `converged` says whether to trust it."""
+        return self.half_width() is not None
+
+    def interval(self, confidence: float = 0.95) -> tuple[float, float]:
+        """Two-sided confidence interval of the mean; infinite where the mean or its error is unknown."""
         half = self.half_width(confidence)
-        return None if half is None or self.mean is None else (self.mean - half, self.mean + half)
+        return (-math.inf, math.inf) if half is None or self.mean is None else (self.mean - half, self.mean + half)
 
     def figure_of_merit(self, seconds: float) -> float | None:
         """Return 1 / (relative error^2 t) [1/s] of a mean that took t = `seconds` of processor time; None: unknown.

@@ -58,10 +58,13 @@ def format_stress(stress: Estimate) -> str:
 def format_mean(
     mean: float | None, interval: tuple[float, float] | None, unit: str = "N m", factor: float = 1.0
 ) -> str:
-    """Return the same of a mean and the ends of its 95 % interval [N m], to two digits of its half; None: unknown."""
+    """Return the same of a mean and the ends of its 95 % interval [N m], to two digits of its half.
+
+    Unknown: a mean of None; an interval of None, as of tables, or an infinite one.
+    """
     if mean is None:
         return "no torque"
-    if interval is None:
+    if interval is None or not all(map(math.isfinite, interval)):
         return f"{factor * mean:.4g} {unit}, error unknown"
     ends = [factor * one for one in (mean, *interval)]
     half, largest = 0.5 * abs(ends[2] - ends[1]), max(map(abs, ends))

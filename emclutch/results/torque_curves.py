@@ -103,7 +103,7 @@ def torque_curves(rows: Sequence[Mapping[str, Any]], x: str, others: Sequence[st
 def row_of_run(result: Result) -> dict[str, Any]:
     """Return a run as a row of `torque_curves`, over its current at the end or its grains across the gap."""
     torque, size = result.torque, result.summary.get("grain_size", {})
-    low, high = torque.interval() or (None, None)
+    low, high = torque.interval() if torque.known else (None, None)
     return {"torque": torque.mean, "standard_error": torque.standard_error, "low": low, "high": high,
             "converged": torque.converged, "current": result.summary.get("current"), ACROSS: size.get("across"),
             REAL_ACROSS: size.get("real_across")}  # fmt: skip

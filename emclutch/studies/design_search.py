@@ -67,7 +67,7 @@ def correction_by(folder: str | Path) -> Correction:
     mean, interval = run.torque.mean, run.torque.interval()
     if not mean or not expected:
         raise OutputError(f"{folder} has no torque that could be compared with an expectation; name another run")
-    if interval is None or interval[0] * interval[1] <= 0.0:
+    if interval[0] * interval[1] <= 0.0:  # an unknown one is infinite
         return Correction(run.folder.path, abs(mean) / expected, None)
     low, high = sorted(abs(end) / expected for end in interval)
     return Correction(run.folder.path, abs(mean) / expected, (low, high))
@@ -160,8 +160,9 @@ class DesignResult:
     @property
     def is_certain(self) -> bool:
         """True if the whole 95 % interval of that torque is within the tolerance; False where it is not known."""
-        interval = None if self.nearest is None else self.nearest.run.torque.interval()
-        return interval is not None and all(self._is_within(abs(end)) for end in interval)
+        return self.nearest is not None and all(
+            self._is_within(abs(end)) for end in self.nearest.run.torque.interval()
+        )
 
     def _repr_html_(self) -> str:
         from emclutch.results.report.content import Block, Page, Statements, Table  # local: they import what draws
@@ -440,10 +441,11 @@ def run_in_words(result: DesignResult) -> list[str]:
     """Return what the runs gave, and what follows from them."""
     search, lines = result.search, []
     for trial in result.trials:
-        torque, interval = trial.torque, trial.run.torque.interval()
+        torque, found = trial.torque, trial.run.torque
         known = "no torque" if torque is None else f"{torque:.4g} N m"
-        if torque is not None and interval is not None:
-            known += f" ({min(map(abs, interval)):.4g} to {max(map(abs, interval)):.4g})"
+        if torque is not None and found.known:
+            low, high = sorted(map(abs, found.interval()))
+            known += f" ({low:.4g} to {high:.4g})"
         lines.append(f"run at {search.shown(trial.value)}: {known}, {trial.expected:.4g} N m expected")
     if not result.trials:
         return lines

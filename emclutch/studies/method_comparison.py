@@ -51,7 +51,8 @@ def _row(others: dict[str, Any], dem: Result, dvi: Result) -> dict[str, Any]:
         if TORQUE_DISC in history:
             torque = result.torque
             row[f"torque_{name}"], row[f"torque_error_{name}"] = torque.mean, torque.standard_error
-            row[f"torque_low_{name}"], row[f"torque_high_{name}"] = torque.interval() or (None, None)
+            low, high = torque.interval() if torque.known else (None, None)
+            row[f"torque_low_{name}"], row[f"torque_high_{name}"] = low, high
             row[f"torque_converged_{name}"] = torque.converged
         row[f"step_{name}"] = summary["dt"]
         row[f"seconds_{name}"] = summary["seconds"]["whole_run"]

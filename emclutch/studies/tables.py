@@ -180,7 +180,7 @@ def _write_csv(path: Path, rows: Sequence[dict[str, Any]]) -> None:
 def row_of(values: dict[str, Any], result: Result) -> dict[str, Any]:
     """A point's row of `study.csv`."""
     torque, summary = disc_torque(result), result.summary
-    low, high = torque.interval() or (None, None)
+    low, high = torque.interval() if torque.known else (None, None)
     end = seconds_of(result.folder.read_scene()["time"]["end"], result.folder)  # resumed alone to a later one perhaps
     row = {**values, "end_time": end}  # [s]
     if "current" in summary:

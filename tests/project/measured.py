@@ -78,8 +78,8 @@ def row_of_run(folder: Path, name: str, quantity: str) -> dict[str, str]:
     import emclutch
 
     result = emclutch.load_result(folder)
-    interval, source = result.torque.interval(), json.loads((folder / "provenance.json").read_text())
-    if interval is None or result.torque.mean is None:
+    (low, high), source = result.torque.interval(), json.loads((folder / "provenance.json").read_text())
+    if not result.torque.known:
         raise ValueError(f"{folder}: the torque has no interval ({result.torque.reason})")
     machine = source["machine"]
     command = [Path(source["command"][0]).name, *source["command"][1:]]
@@ -89,7 +89,8 @@ def row_of_run(folder: Path, name: str, quantity: str) -> dict[str, str]:
             (
                 name,
                 f"{result.torque.mean:.4g}",
-                *(f"{end:.4g}" for end in interval),
+                f"{low:.4g}",
+                f"{high:.4g}",
                 "N m",
                 f"{quantity} (95 % interval; {result.torque.reason.partition(':')[0]})",
                 shlex.join(command),

@@ -7,6 +7,8 @@ import pytest
 
 from emclutch.results.statistics import Estimate, correlation_samples, more_time, steady_mean
 
+UNKNOWN = (-np.inf, np.inf)
+
 
 def autoregressive(phi, count, seeds, level=10.0):
     """Stationary AR(1) series (seeds, count) with unit innovations."""
@@ -66,14 +68,14 @@ def test_a_signal_that_does_not_change_has_an_unknown_error(value, transient):
     signal[:transient] += np.random.default_rng(2).standard_normal(transient)
     estimate = steady_mean(np.arange(1.0, 101.0), signal)
     assert (estimate.mean, estimate.standard_error, estimate.converged) == (value, None, False)
-    assert estimate.interval() is None and "does not change" in estimate.reason
+    assert estimate.interval() == UNKNOWN and not estimate.known and "does not change" in estimate.reason
 
 
 @pytest.mark.parametrize("count", [0, 1, 2, 5, 19])
 def test_short_series_says_so_without_nan(count):
     estimate = steady_mean(np.arange(1.0, count + 1.0), np.arange(count) % 2)
     assert not estimate.converged and f"{count} samples, 20 needed; run longer" in estimate.reason
-    assert estimate.standard_error is None and estimate.interval() is None
+    assert estimate.standard_error is None and estimate.interval() == UNKNOWN and not estimate.known
     assert (estimate.mean is None) == (count == 0)
 
 

@@ -72,9 +72,9 @@ def stress_picture(
     if estimate.mean is not None and estimate.start is not None:
         start = float(np.interp(estimate.start, time, strain))
         axis.axvspan(start, strain[-1], color=COLOURS[0], alpha=0.07, lw=0, label="averaged part")
-        if (interval := estimate.interval()) is not None:
+        if estimate.known:
             limits = axis.get_ylim()
-            low, high = (factor * end for end in interval)
+            low, high = (factor * end for end in estimate.interval())
             axis.fill_between([start, strain[-1]], low, high, color=COLOURS[0], alpha=0.25, lw=0, label="95 % interval")
             axis.set_ylim(limits)  # of few packings it is wider than the picture
         label = format_stress(estimate) + ("" if estimate.converged else ", not converged")

@@ -85,9 +85,9 @@ def torque_picture(
         start = time_factor * estimate.start
         axis.axvspan(start, time[-1], color="#0b5fa5", alpha=0.07, lw=0, label="averaged part")
         mean = factor * estimate.mean
-        if (interval := estimate.interval()) is not None:
+        if estimate.known:
             limits = axis.get_ylim()
-            low, high = (factor * end for end in interval)
+            low, high = (factor * end for end in estimate.interval())
             axis.fill_between([start, time[-1]], low, high, color="#0b5fa5", alpha=0.25, lw=0, label="95 % interval")
             axis.set_ylim(limits)  # of few packings it is wider than the picture
         label = f"disc{f', {estimate.replicas} packings' if estimate.replicas > 1 else ''}: "
