@@ -44,6 +44,7 @@ from emclutch.results.columns import (
     torque_on,
 )
 from emclutch.results.current_ramp import TABLE, current_ramp
+from emclutch.results.energy_balance import energy_made, energy_through, energy_warnings
 from emclutch.results.rise_time import rise_times
 from emclutch.results.steady_torque import steady_mean_of, steady_torque
 from emclutch.scene.replica_count import replica_seed
@@ -141,6 +142,8 @@ def summarise(
                 summary["inertial_number"] / size.coarse_graining / (1.0 if plan.scaled is None else plan.scaled.factor)
             )
     summary["structure"] = structure_summary(simulation.motion, case.scene.geometry.has_axis)
+    if DISSIPATED in history and (warnings := energy_warnings(history, MISSED_STEPS in history)):
+        summary["energy_made"] = energy_made(history) | {"warnings": warnings}
     if WORK_MAGNETIC in history:
         start = torque.start if torque is not None else measured.get("stress", {}).get("start")
         summary["work_magnetic_over_slip"] = work_over_slip(history, start)
@@ -246,10 +249,7 @@ def work_over_slip(history, begin: float | None) -> float | None:
 
 def numerics_summary(history) -> dict[str, float | str | None]:
     """Return steps, overlaps and residuals of a run."""
-    throughput = 0.0
-    if DISSIPATED in history:
-        put_in = history[WORK_SHEAR if WORK_SHEAR in history else WORK_WALLS]
-        throughput = float((put_in.abs() + history[DISSIPATED]).sum())
+    through = energy_through(history) if DISSIPATED in history else 0.0
     return {
         "time": float(history[TIME].iloc[-1]),
         "steps": int(history[STEPS].sum()),
@@ -260,7 +260,7 @@ def numerics_summary(history) -> dict[str, float | str | None]:
             if TORQUE_RESIDUAL in history
             else {}
         ),
-        "energy_residual_relative": float(history[ENERGY_RESIDUAL].sum() / throughput) if throughput else None,
+        "energy_residual_relative": float(history[ENERGY_RESIDUAL].sum() / through) if through else None,
     }
 
 

@@ -120,7 +120,7 @@ NUMBERS = (
     ("max_overlap", "largest overlap over diameter, at any time", ""),
     ("typical_overlap", "the same, median over the windows of the second half", ""),
     ("torque_residual_rms", "torque balance, RMS of what is left", "N m"),
-    ("energy_residual_relative", "energy balance, what is left over throughput", ""),
+    ("energy_residual_relative", "energy balance, residual over the energy supplied, exchanged and dissipated", ""),
     ("work_magnetic_over_slip", "work of the magnetic forces over that of the walls, when steady", ""),
 )
 """Of a summary: key, label and unit."""

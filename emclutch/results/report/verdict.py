@@ -15,7 +15,15 @@ import numpy as np
 
 from emclutch.results import Estimate, Result
 from emclutch.results.changing_drive import changing_drive
-from emclutch.results.columns import DISC_SPEED, ROTOR_SPEED, SHEAR_STRESS, TIME, TORQUE_DISC
+from emclutch.results.columns import (
+    DISC_SPEED,
+    ROTOR_SPEED,
+    SHEAR_STRESS,
+    TIME,
+    TORQUE_DISC,
+    TORQUE_HOUSING,
+    TORQUE_ROTOR,
+)
 from emclutch.results.current_ramp import in_words as in_words_of_ramp
 from emclutch.results.recommended import STATISTICS
 from emclutch.results.replicated_mean import (
@@ -31,8 +39,8 @@ from particles.dem.overlap_limits import SOFT
 
 RPM = 30.0 / math.pi
 CLOSES = 0.01
-"""A balance that is off by less, of the torque or of the energy supplied and dissipated, says nothing of the results:
-the statistical errors are larger."""
+"""A balance that is off by less, of the largest torque or of the energy supplied, exchanged and dissipated, says
+nothing of the results: the statistical errors are larger."""
 
 PACKINGS = 6
 """Of a first run that is to know how packings differ."""
@@ -302,9 +310,10 @@ def _balances(result: Result) -> Iterator[Statement]:
     if not summary:
         return
     if TORQUE_DISC in history:
-        scale = float(np.sqrt((history[TORQUE_DISC] ** 2).mean()))
-        yield _balance("torques", summary["torque_residual_rms"] / scale if scale else None, "of the torque")
-    yield _balance("energies", summary["energy_residual_relative"], "of the energy supplied and dissipated")
+        names = [name for name in (TORQUE_DISC, TORQUE_ROTOR, TORQUE_HOUSING) if name in history]
+        scale = float(np.sqrt((history[names] ** 2).mean()).max())
+        yield _balance("torques", summary["torque_residual_rms"] / scale if scale else None, "of the largest torque")
+    yield _balance("energies", summary["energy_residual_relative"], "of the energy supplied, exchanged and dissipated")
     solver = summary.get("solver")
     if solver and not solver.get("warnings"):
         stiffness = (summary.get("contact") or {}).get("stiffness")
@@ -324,7 +333,7 @@ def _balance(what: str, share: float | None, of: str) -> Statement:
 
 
 def _warnings(summary: dict[str, Any]) -> Iterator[Statement]:
-    parts = "grain_size", "scaled_speed", "solver", "moments", "steel"
+    parts = "grain_size", "scaled_speed", "solver", "moments", "steel", "energy_made"
     texts = [soft_grains(summary), *(text for part in parts for text in (summary.get(part) or {}).get("warnings", []))]
     yield from (Statement(Mark.POOR, text) for text in texts if text)
 
