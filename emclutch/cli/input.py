@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,9 +30,14 @@ def load(path: Path, sets: list[str] | None = None, trust_scripts: bool = False)
         others = {key: value for key, value in values.items() if key not in adding}
         values = {key: {} for key in adding if key not in kept} | others
     case = load_case(path, values, trust_scripts=trust_scripts)
-    for warning in case.warnings:
-        typer.echo(f"warning: {warning}", err=True)
+    warn(case.warnings)
     return case
+
+
+def warn(texts: Iterable[str]) -> None:
+    """Print warnings, aside from the output."""
+    for text in texts:
+        typer.echo(f"warning: {text}", err=True)
 
 
 def study_to_check(
@@ -50,7 +56,9 @@ def study_to_check(
     if details:
         message = "is for scenes; all that follows from a point is printed by emclutch check CASE --details --set ..."
         raise SceneError([Fault("--details", "", message)], "command line")
-    return read_study(path, trust_scripts=trust_scripts)
+    study = read_study(path, trust_scripts=trust_scripts)
+    warn(study.warnings())
+    return study
 
 
 def assignments(sets: list[str] | None) -> dict[str, Any]:
@@ -68,6 +76,9 @@ def assignments(sets: list[str] | None) -> dict[str, Any]:
         key, equals, value = (part.strip() for part in text.partition("="))
         if not equals or not key:
             message = "is not KEY=VALUE; write it as in --set coil.current='0.8 A'"
+            raise SceneError([Fault("--set", shown(text), message)], "command line")
+        if key in values:
+            message = f"sets {key} a second time; give it once"
             raise SceneError([Fault("--set", shown(text), message)], "command line")
         if removes(key, value):
             if reason := key_fault(key, Scene):
@@ -105,6 +116,8 @@ def search(
         faults.append(Fault("--vary", shown_entry, "is needed as KEY=A:B, e.g. --vary geometry.gap='0.5 mm:2 mm'"))
     if target is None:
         faults.append(Fault("--target", "", "is missing; e.g. --target 'torque 12 N m'"))
+    if key and key in assignments(sets):
+        faults.append(Fault("--set", key, "is the key of --vary, whose values would be taken; remove it"))
     if faults or target is None:
         raise SceneError(faults, "command line")
     return search_of(load(file, sets, trust_scripts), key, (between[0], between[1]), target, "--")

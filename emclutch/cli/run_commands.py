@@ -23,6 +23,7 @@ from emclutch.cli.input import (
     run_to_resume,
     search,
     study_to_check,
+    warn,
 )
 from emclutch.cli.output import (
     print_design,
@@ -136,6 +137,7 @@ def sweep(
         if dry_run:
             print_points(read, which)
             return
+        warn(read.warnings(which))
         from emclutch.results.study_table import StudyTable
         from emclutch.studies.dask_executor import DaskExecutor
         from emclutch.studies.forecast import predict_study

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Self
+from typing import Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 
@@ -10,6 +10,7 @@ from emclutch.effects.effect import EffectSection, Load
 from emclutch.effects.left_out import OFF, LeftOut
 from emclutch.scene.section import Choice, refuse
 from emclutch.scene.units import Force, WorkOfAdhesion
+from emclutch.scene.usual_ranges import WORK_OF_ADHESION
 
 
 class CohesionSection(EffectSection):
@@ -18,6 +19,8 @@ class CohesionSection(EffectSection):
     name = "cohesion"
     summary = "grains that touch pull each other"
     size_note = "the stress of a pull scales as 1/d (dmt, jkr) or 1/d^2 (constant)"
+
+    USUAL: ClassVar = {"work_of_adhesion": WORK_OF_ADHESION, "wall_work_of_adhesion": WORK_OF_ADHESION}
 
     model: Annotated[str, Choice(("constant", "dmt", "jkr"))] = Field(
         default="constant",

@@ -15,6 +15,7 @@ from emclutch.scene.draft import Draft
 from emclutch.scene.errors import Fault, shown
 from emclutch.scene.section import refuse
 from emclutch.scene.units import Acceleration, number
+from emclutch.scene.usual_ranges import ACCELERATION
 
 _Component = Annotated[float, number("-1", -1e6, 1e6)]
 
@@ -42,6 +43,7 @@ class GravitySection(EffectSection):
     role = "weight"
     columns = (WORK_GRAVITY,)
     CHECKS: ClassVar = ((_in_a_sector, ("particles", "effects")),)
+    USUAL: ClassVar = {"acceleration": ACCELERATION}
 
     acceleration: Acceleration = Field(default=9.81, description="magnitude")
     direction: tuple[_Component, _Component, _Component] = Field(

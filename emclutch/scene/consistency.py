@@ -20,6 +20,7 @@ from emclutch.scene.sector_checks import sector_in_geometry, sector_in_surfaces,
 from emclutch.scene.slip_checks import one_slip
 from emclutch.scene.surfaces import TOO_SMALL, TOO_WIDE, extent_in_words
 from emclutch.scene.timing import instant_in_words, not_before
+from emclutch.scene.usual_ranges import DENSITY
 from emclutch.sources import sources_in_words
 
 if TYPE_CHECKING:
@@ -194,12 +195,13 @@ def _fill(draft: Draft) -> Iterator[Fault]:
         "packing_file": "what the region holds",
     }
     half_a_grain = math.pi / 12.0 * particles.largest_diameter**3 * particles.n_sectors  # numbers are whole
+    unusual = DENSITY.remark("particles.density", particles.density) if key == "mass" else None
     if fill.solid_fraction > densest * (1.0 + 1e-9) + half_a_grain / fill.volume:
         yield draft.fault(
             f"particles.{key}",
             f"fills {fill.solid_fraction:.3f} of the region ({1e6 * fill.volume:.4g} "
             f"cm^3), more than can be packed; allowed: at most {limits[key]}; lower it, or enlarge the "
-            "region",
+            "region" + ("" if unusual is None else f"; {unusual}"),
         )
     elif fill.count > MAX_GRAINS:
         yield draft.fault(

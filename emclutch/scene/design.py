@@ -95,6 +95,9 @@ def read_design(path: str | Path, *, trust_scripts: bool = False) -> Search:
     except ValidationError as error:
         raise SceneError(faults_from(error, DesignFile, data), str(path)) from None
     faults = [Fault(f"design.set.{key}", "", reason) for key in design.set if (reason := key_fault(key, Scene))]
+    if design.vary in design.set:
+        message = "is the key of design.vary, whose values would be taken; remove it"
+        faults.append(Fault(f"design.set.{design.vary}", shown(design.set[design.vary]), message))
     case = None
     try:
         changes = {key: None if removes(key, value) else value for key, value in design.set.items()}

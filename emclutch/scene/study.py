@@ -14,7 +14,7 @@ from pydantic import BeforeValidator, Field, PrivateAttr, ValidationError
 
 from emclutch.scene.case import Case, case_from, load_case, read_toml, removes
 from emclutch.scene.errors import Fault, SceneError, shown
-from emclutch.scene.fault_report import faults_from, key_fault
+from emclutch.scene.fault_report import faults_from, key_fault, quantity_at
 from emclutch.scene.model import NO_GRAINS, Scene
 from emclutch.scene.sampling import SampleSection, combinations, is_range, read_ranges
 from emclutch.scene.section import Section
@@ -24,15 +24,19 @@ MAX_POINTS = 10_000
 
 
 def flat_keys(given: Any, prefix: str = "") -> Any:
-    """Turn nested tables into dotted keys: TOML reads an unquoted ``coil.current = [...]`` as tables."""
+    """Turn nested tables into dotted keys: TOML reads an unquoted ``coil.current = [...]`` as tables.
+
+    ValueError where both spellings name one key.
+    """
     if not isinstance(given, dict):
         return given
     flat: dict[str, Any] = {}
     for key, value in given.items():
-        if isinstance(value, dict) and value and not is_range(value):
-            flat.update(flat_keys(value, f"{prefix}{key}."))
-        else:
-            flat[f"{prefix}{key}"] = value
+        nested = isinstance(value, dict) and value and not is_range(value)
+        below = flat_keys(value, f"{prefix}{key}.") if nested else {f"{prefix}{key}": value}
+        if twice := flat.keys() & below.keys():
+            raise ValueError(f"names {min(twice)} twice, once in quotes and once as a table; keep one of them")
+        flat |= below
     return flat
 
 
@@ -145,6 +149,21 @@ class StudySection(Section):
         given = {**self.set, **point}
         return {key: None if removes(key, value) else value for key, value in given.items()}
 
+    def warnings(self, part: tuple[int, int] | None = None) -> list[str]:
+        """Warnings of the scenes of all points or those of a part, each once.
+
+        One that only some points have comes with the values of the first of them.
+        """
+        found: dict[str, list[str]] = {}
+        cases = list(self.cases(None if part is None else self.numbers_of(part)))
+        for values, case in cases:
+            for text in case.warnings:
+                found.setdefault(text, []).append(_in_words(values))
+        return [
+            text if len(where) == len(cases) else f"{text} ({where[0]}{'' if len(where) == 1 else ', and others'})"
+            for text, where in found.items()
+        ]
+
     def cases(self, numbers: Sequence[int] | None = None) -> Iterator[tuple[dict[str, Any], Case]]:
         """Yield each point's values with its checked case; of points of some numbers alone where these are given."""
         base: Case | None = None
@@ -198,7 +217,7 @@ def read_study(
         values, sample, wrong = read_ranges(study.values, study.sample, is_unknown)
         study, faults = study.model_copy(update={"values": values, "sample": sample}), faults + wrong
         study._path, study._trust_scripts = path, trust_scripts
-        faults += [*_key_faults(study), *_warm_start_faults(study)]
+        faults += [*_key_faults(study), *_repeated(study), *_warm_start_faults(study)]
         lists = {key: entries for key, entries in study.values.items() if _is_list(entries)}
         number = math.prod(map(len, lists.values())) if wrong or sample is None else sample.size(lists)
         if number > MAX_POINTS:
@@ -240,6 +259,31 @@ def _key_faults(study: StudySection) -> list[Fault]:
         for key, values in study.values.items()
         if not _is_list(values) and not is_range(values)
     ]
+
+
+def _repeated(study: StudySection) -> Iterator[Fault]:
+    """Yield a fault for a key that is set and varied, and for a value that is listed twice: it would run twice."""
+    for key in study.set.keys() & study.values.keys():
+        message = "is in [study.values] too, whose values would be taken; remove it here or there"
+        yield Fault(f"study.set.{key}", shown(study.set[key]), message)
+    for key, entries in study.values.items():
+        seen: dict[str, Any] = {}
+        for entry in entries if _is_list(entries) else ():
+            value = _as_read(key, entry)
+            if value in seen:
+                same = "" if shown(seen[value]) == shown(entry) else f", as {shown(seen[value])} is the same"
+                message = f"is listed twice{same}; its points would run twice: list each value once"
+                yield Fault(f"study.values.{key}", shown(entry), message)
+            seen.setdefault(value, entry)
+
+
+def _as_read(key: str, entry: Any) -> str:
+    """Return what an entry of a key means, as text: '1 A' and '1000 mA' are the same."""
+    quantity = None if key_fault(key, Scene) or removes(key, entry) else quantity_at(key, Scene, {})
+    try:
+        return f"{entry!r}" if quantity is None else f"{quantity.read(entry):.12g}"
+    except ValueError:  # reported with the points
+        return f"{entry!r}"
 
 
 def _is_list(values: Any) -> bool:

@@ -82,6 +82,8 @@ def summarise(
     device, plan, conditions = planned.device, planned.plan, planned.conditions
     history = folder.read_history()
     summary: dict = {"title": case.scene.scene.title, "effects": list(case.scene.effects.active)}
+    if case.warnings:
+        summary["scene"] = {"warnings": list(case.warnings)}
     for body in ("rotor", "field"):
         column = torque_on(body)
         if column in history:

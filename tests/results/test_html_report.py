@@ -102,6 +102,14 @@ def test_the_verdict_follows_the_numbers(tmp_path, written, changed, marks):
         assert {one.mark for one in found if word in one.text} == {mark} - {None}, word
 
 
+def test_warnings_of_the_scene_are_in_the_verdict_of_its_run(tmp_path):
+    """A run started from Python prints no warning of its scene, so its result has it."""
+    folder = written_run(tmp_path)
+    text = "particles.density = 7.87 kg/m^3 is outside the usual range"
+    folder.write_summary(folder.read_summary() | {"scene": {"warnings": [text]}})
+    assert (Mark.NOTE, f"P{text[1:]}.") in [(one.mark, one.text) for one in load_result(tmp_path).verdict]
+
+
 def test_a_torque_belongs_to_a_current_that_stays(tmp_path):
     """The mean over a current that falls to nothing is not the torque at 0 A."""
     folder = written_run(tmp_path / "run")

@@ -8,6 +8,7 @@ import pytest
 from emclutch.device_model.coil_heat import COOLING, coil_heat_in_words
 from emclutch.device_model.excitation import Excitation
 from emclutch.scene.case import case_from, load_case
+from emclutch.scene.errors import SceneError
 from geometry import Clutch
 from geometry.time_profile import TimeProfile
 
@@ -31,6 +32,14 @@ CELL = {
         ({"contact.wall_friction": 0.01}, "0.01 is outside", "decimal point"),
         ({"contact.restitution": 0.999}, "0.999 is outside", "never comes to rest"),
         ({"particles": POWDER}, "72 kg/m^3 is outside the usual range of 2000 to 9000 kg/m^3", "g/cm^3"),
+        ({"particles": POWDER | {"density": 7.87, "mass": "0.01 g"}}, "7.87 kg/m^3 is outside", "write '7.87 g/cm^3'"),
+        ({"contact.friction": 5}, "5 is outside", "decimal point"),
+        ({"particles.saturation": 1.7}, "1.7e-06 MA/m is outside", "write '1.7 MA/m'"),
+        ({"particles.stands_for": 60e-9}, "particles.stands_for = 6e-05 mm is outside", "metres"),
+        ({"contact.stiffness": 5.0}, "5 N/m is outside", "write '5 kN/m'"),
+        ({"contact.law": "hertz_mindlin", "contact.youngs_modulus": 210.0}, "2.1e-07 GPa", "write '210 GPa'"),
+        ({"effects.gravity": {"acceleration": 9810.0}}, "9810 m/s^2 is outside", "write '9810 mm/s^2'"),
+        ({"effects.cohesion": {"model": "dmt", "work_of_adhesion": 50.0}}, "50 J/m^2 is outside", "write '50 mJ/m^2'"),
         ({"effects.rolling_friction": {"coefficient": 2.0}}, "coefficient = 2 is outside", "effective radii"),
         ({"motion.rotor.speed": 1e5}, "4600 m/s is outside", "rad/s"),
         ({**COIL, "coil.current": "3 A"}, "current density in the copper = 50 A/mm^2", ""),
@@ -39,6 +48,11 @@ CELL = {
 def test_what_is_unusual_is_reported(values, reported, asks):
     (warning,) = GOOD.with_values(values).warnings
     assert reported in warning and asks in warning
+
+
+def test_a_mass_that_the_density_makes_too_large_names_the_density():
+    with pytest.raises(SceneError, match=r"more than can be packed.*write '7\.87 g/cm\^3'"):
+        GOOD.with_values({"particles": POWDER | {"density": 7.87}})
 
 
 def test_a_uniform_field_of_twelve_tesla_is_reported_and_what_is_usual_is_not():

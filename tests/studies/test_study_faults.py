@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 
 from emclutch.cli.main import app
 from emclutch.scene.case import case_from, load_case, read_toml
+from emclutch.scene.design import read_design
 from emclutch.scene.errors import SceneError
 from emclutch.scene.reference import scene_reference
 from emclutch.scene.study import StudySection, read_study
@@ -114,3 +115,52 @@ def test_a_broken_prescribed_field_tells_no_key_twice():
             reported = Counter(fault.key for fault in error.faults)
             assert max(reported.values()) == 1, error.report()
     assert broken > 50
+
+
+@pytest.mark.parametrize(("text", "key", "value", "words"), [
+    ('[study.values]\n"coil.voltage" = ["1 V", "2 V", "1 V"]\n', "study.values.coil.voltage", "'1 V'", "listed twice"),
+    ('[study.values]\n"coil.voltage" = ["1 V", "1000 mV"]\n', "study.values.coil.voltage", "'1000 mV'",
+     "listed twice, as '1 V' is the same"),
+    ('[study.values]\n"scene.seed" = [1, 2, 1]\n', "study.values.scene.seed", "1", "list each value once"),
+    ('[study.values]\n"contact.friction" = [0.1, 0.2]\n[study.set]\n"contact.friction" = 0.3\n',
+     "study.set.contact.friction", "0.3", "is in [study.values] too"),
+    ('[study.values]\n"contact.friction" = [0.1]\n[study.values.contact]\nfriction = [0.2]\n', "study.values", None,
+     "names contact.friction twice"),
+])  # fmt: skip
+def test_what_is_given_twice_is_refused_with_its_remedy(text, key, value, words, tmp_path):
+    fault = faults_of(study(tmp_path, text))[key]
+    assert words in fault.message and value in (None, fault.value)
+
+
+def test_values_that_differ_are_no_repetition(tmp_path):
+    read = read_study(study(tmp_path, '[study.values]\n"coil.voltage" = ["1 V", "1.1 V"]\n"scene.seed" = [1, 2]\n'))
+    assert len(read.points()) == 4
+
+
+@pytest.mark.parametrize("command", [
+    ["check", str(GOOD), "--set", "contact.friction=0.2", "--set", "contact.friction=0.3"],
+    ["run", str(GOOD), "--set", "contact.friction=0.2", "--set", "contact.friction=none"],
+    ["design", str(GOOD), "--vary", "geometry.gap=0.5 mm:2 mm", "--target", "torque 1 N m", "--set",
+     "geometry.gap=1 mm"],
+])  # fmt: skip
+def test_a_key_that_is_set_a_second_time_is_refused(command):
+    answer = CliRunner().invoke(app, command)
+    assert answer.exit_code == 2 and "--set" in answer.stderr
+    assert "a second time; give it once" in answer.stderr or "is the key of --vary" in answer.stderr
+
+
+def test_a_design_does_not_set_what_it_varies(tmp_path):
+    file = tmp_path / "design.toml"
+    file.write_text(f'[design]\ncase = "{GOOD}"\nvary = "geometry.gap"\nbetween = ["0.5 mm", "2 mm"]\n'
+                    'target = "torque 1 N m"\n[design.set]\n"geometry.gap" = "1 mm"\n')  # fmt: skip
+    with pytest.raises(SceneError, match=r"design\.set\.geometry\.gap = '1 mm' is the key of design\.vary"):
+        read_design(file)
+
+
+def test_warnings_of_its_points_are_those_of_a_study(tmp_path):
+    """One that all points have is told once; one of some with the values of the first of them."""
+    read = read_study(study(tmp_path, '[study.values]\n"contact.friction" = [0.3, 4.0, 5.0]\n[study.set]\n'
+                                      '"contact.restitution" = 0.99\n'))  # fmt: skip
+    restitution, four, five = read.warnings()
+    assert restitution.startswith("contact.restitution = 0.99 is outside") and "(at " not in restitution
+    assert four.endswith("(at contact.friction = 4.0)") and five.endswith("(at contact.friction = 5.0)")

@@ -169,7 +169,7 @@ def test_a_part_needs_a_common_folder_and_each_point_once(tmp_path, runs):
     assert answer.exit_code == 2 and "name it with --out" in answer.stderr
     with pytest.raises(ValueError, match="leave jobs and executor out"):
         sweep(study_of(tmp_path), out=tmp_path / "out", part=(1, 3), jobs=2)
-    with pytest.raises(SceneError, match=r"listed twice: at contact\.friction = 0\.1"):
+    with pytest.raises(SceneError, match=r"contact\.friction = 0\.1 is listed twice"):
         sweep(study_of(tmp_path, {FRICTION: [0.1, 0.2, 0.1]}), out=tmp_path / "out", part=(1, 3))
     sweep(study_of(tmp_path), out=tmp_path / "out", part=(1, 3))
     with pytest.raises(OutputError, match=r"holds point-000, point-003, none of them a point of"):

@@ -336,6 +336,7 @@ def _warnings(summary: dict[str, Any]) -> Iterator[Statement]:
     parts = "grain_size", "scaled_speed", "solver", "moments", "steel", "energy_made"
     texts = [soft_grains(summary), *(text for part in parts for text in (summary.get(part) or {}).get("warnings", []))]
     yield from (Statement(Mark.POOR, text) for text in texts if text)
+    yield from (Statement(Mark.NOTE, text) for text in (summary.get("scene") or {}).get("warnings", []))
 
 
 def _left_out(result: Result) -> Iterator[Statement]:
