@@ -14,6 +14,7 @@ from typing import Annotated, ClassVar, Self
 
 from pydantic import Field, StrictBool, model_validator
 
+from emclutch.device_model.coil_heat import CONVECTION, EMISSIVITY, HOTTEST
 from emclutch.effects.effect import EffectSection
 from emclutch.effects.left_out import OFF, LeftOut
 from emclutch.scene.draft import Draft
@@ -204,13 +205,13 @@ class HeatSection(EffectSection):
 
     ambient: Celsius = Field(default=20.0, description="temperature of air, shaft and surroundings, in degrees C")
     convection: _Film = Field(
-        default=6.0, description="heat transfer coefficient of the outside in still air; a fan: 20 to 60"
+        default=CONVECTION, description="heat transfer coefficient of the outside in still air; a fan: 20 to 60"
     )
     self_cooling: StrictBool = Field(
         default=True, description="the faces of what turns are cooled as discs that turn in still air as well"
     )
     emissivity: Annotated[float, number("0.9", 0.0, 1.0)] = Field(
-        default=0.9, description="of the outside: paint 0.9, oxidised steel 0.7, bare metal 0.1 to 0.3"
+        default=EMISSIVITY, description="of the outside: paint 0.9, oxidised steel 0.7, bare metal 0.1 to 0.3"
     )
     shaft_conductance: _Conductance = Field(
         default=0.0, description="of the shaft from the ends of its stubs to the surroundings, both together"
@@ -262,13 +263,18 @@ class HeatSection(EffectSection):
 
     @classmethod
     def left_out(cls, at):
-        """Yield the kelvins that slip makes in the powder alone."""
-        if at.slip_power is None:
-            yield LeftOut(cls.name, OFF, "slip power, which follows from no expected torque")
-            return
-        note = f"at most {two_digits(at.slip_power)} W of slip, {two_digits(at.heating)} K/s in the powder alone"
+        """Yield the kelvins that slip makes in the powder alone, and those of the housing by slip and copper loss."""
+        copper, steady = f"{two_digits(at.copper_loss)} W of copper loss", ""
         if at.housing_rise is not None:
             matters = "YES" if at.housing_rise > MAX_RISE else "no"
-            rise = two_digits(at.housing_rise)
-            note += f"; in steady operation {matters}: housing {rise} K above the room (emclutch heat)"
+            rise = f"housing {two_digits(at.housing_rise)} K above the room"
+            if at.housing_rise == math.inf:
+                rise = f"no steady state, the winding passes {HOTTEST:g} degrees C"
+            steady = f"; in steady operation {matters}: {rise} (emclutch heat)"
+        if at.slip_power is None:
+            note = f"{copper}{steady}" if at.copper_loss > 0.0 else ""
+            yield LeftOut(cls.name, OFF, "slip power, which follows from no expected torque", note=note)
+            return
+        note = f"at most {two_digits(at.slip_power)} W of slip, {two_digits(at.heating)} K/s in the powder alone"
+        note += f", and {copper}{steady}" if at.copper_loss > 0.0 else steady
         yield LeftOut(cls.name, OFF, "kelvins in this run", at.heating * at.end, MAX_RISE, note=note)

@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 import pandas
 
+from emclutch.device_model.coil_heat import HOTTEST
 from emclutch.device_model.heat_model import (
     COIL,
     POWDER,
@@ -46,9 +47,6 @@ from field.heat.transient import HeatInTime, HeatState, Ripple
 RPM = 2.0 * pi / 60.0
 SPEEDS = tuple(n * RPM for n in (50.0, 100.0, 200.0, 500.0, 1000.0, 1500.0))
 """At which the permitted slip power is given where none are asked for [rad/s]."""
-
-HOTTEST = 250.0
-"""Mean temperature of the winding [degrees C] up to which copper's linear law holds; beyond, it counts as run away."""
 
 MAX_RESOLVED_PERIODS = 300
 """Of a duty; beyond, it is averaged."""

@@ -1,6 +1,7 @@
 """[effects.heat]: what leaves is what slip and copper make; limits, duty, runaway and cold start; refusals."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from typer.testing import CliRunner
 import emclutch
 from emclutch.cli.heat import averaging_in_words
 from emclutch.cli.main import app
+from emclutch.device_model.coil_heat import housing_rise, steady_rise
 from emclutch.device_model.heat_model import COIL, POWDER, Drive, HeatModel, heat_problem, resistance_at_20
 from emclutch.scene.case import case_from
 from emclutch.scene.errors import SceneError
@@ -57,6 +59,31 @@ def test_what_leaves_is_what_slip_and_copper_make(found):
     assert steady["heat_out"] == pytest.approx(steady["slip_power"] + steady["copper_loss"], rel=1e-7)
     assert abs(found.summary["duty"]["energy_error"]) < 1e-7
     assert found.summary["duty"]["heat_of_slip"] == pytest.approx(3600.0 * steady["slip_power"], rel=1e-6)
+
+
+def test_what_check_says_of_steady_operation_is_what_heat_computes(found):
+    """Slip and copper loss at the temperature of the winding, through the same surface; both run away at 4 A."""
+
+    def rise(current, slip_power=0.1 * 300.0 * RPM, **values):
+        scene = brake(**values).scene
+        return housing_rise(scene, SimpleNamespace(largest_current=current), scene.shape(), slip_power)
+
+    surface = found.summary["steady"]["surface"] - 20.0
+    assert rise(0.5) == pytest.approx(surface, rel=0.25)
+    assert rise(0.0) < 0.75 * rise(0.5)  # slip alone
+    assert rise(4.0) == np.inf  # as test_a_current_without_a_steady_state_runs_away_and_says_so
+    at_voltage = {"coil": {"voltage": "3 V", "turns": 300}, "effects": {}}
+    assert 0.0 < rise(0.5, **at_voltage) < rise(0.5)  # the current falls as the winding warms
+
+
+def test_the_steady_rise_balances_both_powers_and_what_leaves():
+    """S (h x + epsilon sigma (T^4 - T_0^4)) = P + L (1 + a x) at a current, P + L/(1 + a x) at a voltage."""
+    for at_voltage in (False, True):
+        x = steady_rise(0.05, 40.0, 20.0, at_voltage)
+        out = 0.05 * (6.0 * x + 0.9 * 5.670374e-8 * ((293.15 + x) ** 4 - 293.15**4))
+        ratio = 1.0 + 3.93e-3 * x
+        assert out == pytest.approx(40.0 + 20.0 * (1.0 / ratio if at_voltage else ratio), rel=1e-9)
+    assert steady_rise(0.05, 0.0, 0.0, False) == 0.0 and steady_rise(0.05, 1e3, 0.0, False) == np.inf
 
 
 def test_the_duty_ends_in_the_steady_state_and_writes_its_files(found):

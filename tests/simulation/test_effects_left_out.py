@@ -1,7 +1,7 @@
 """What a scene leaves out is named, each with the number of a closed form, and the verdict follows the number."""
 
 import json
-from math import pi, sqrt
+from math import inf, pi, sqrt
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -97,8 +97,13 @@ def test_the_heat_of_slip_warms_the_powder(usual):
     assert usual["heat"].value == pytest.approx(warmed, rel=0.02)
     assert numbers(**{"time.end": "100 s"})["heat"].matters is True
     for rise, hot in ((1500.0, True), (20.0, False)):  # of the housing, in steady operation: a verdict of its own
-        (line,) = HeatSection.left_out(SimpleNamespace(slip_power=2.0, heating=0.5, housing_rise=rise, end=0.01))
+        at = SimpleNamespace(slip_power=2.0, heating=0.5, copper_loss=3.0, housing_rise=rise, end=0.01)
+        (line,) = HeatSection.left_out(at)
         assert line.matters is False and ("steady operation YES" in line.in_words()) == hot
+        assert "2 W of slip" in line.note and "3 W of copper loss" in line.note
+    at.housing_rise, at.slip_power = inf, None
+    (line,) = HeatSection.left_out(at)
+    assert "no steady state, the winding passes 250 degrees C" in line.note
 
 
 def test_grains_at_steel_and_grains_without_end_of_magnetisation(usual):

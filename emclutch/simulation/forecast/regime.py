@@ -11,7 +11,8 @@ Sources, each with what is compared:
   Phys. 54 (2005) 263): the granular Bond number is that force over the largest of pull, weight and centrifugal force;
 - twist of a contact of radius a: torque (2/3) mu F a over mu F d/2, with a^2 = d delta/4 at the allowed overlap;
 - diffusion time: `field.section.diffusion_time`; time constant of the coil: apparent L over R at the largest current;
-- slip heat, T omega_slip into the powder's mass at 450 J/(kg K), that of iron, with nothing carried off.
+- slip heat, T omega_slip into the powder's mass at 450 J/(kg K), that of iron, with nothing carried off; in steady
+  operation it and the copper loss warm the housing (`emclutch.device_model.coil_heat`).
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from math import pi, sqrt
 from typing import TYPE_CHECKING
 
 from coupling.expected_load import pair_attraction
-from emclutch.device_model.coil_heat import COOLING
+from emclutch.device_model.coil_heat import copper_loss, housing_rise
 from emclutch.device_model.device import Device
 from emclutch.device_model.materials import conductivity_of, region_materials
 from emclutch.effects import EFFECTS
@@ -67,8 +68,12 @@ class Regime:
         Whether a coil makes the field.
     coil_time, diffusion_time, switching_time : float or None
         [s]; None where the plan does not know them, or the drive is constant.
-    slip_power, heating, housing_rise : float or None
-        [W], [K/s] of the powder alone, and [K] of the housing in the end (`emclutch.device_model.coil_heat`).
+    slip_power, heating : float or None
+        [W], [K/s] of the powder alone; None without an expected torque.
+    copper_loss : float
+        At the largest current [W].
+    housing_rise : float or None
+        Of the housing in the end by both powers [K], infinite where the winding runs away; None: surface unknown.
     end : float
         Time [s] in which the powder is sheared at the scene's own speeds as far as in the run.
     """
@@ -93,6 +98,7 @@ class Regime:
     switching_time: float | None
     slip_power: float | None
     heating: float | None
+    copper_loss: float
     housing_rise: float | None
     end: float
 
@@ -116,7 +122,7 @@ def regime_of(scene, device: Device, plan: Plan, expected: ExpectedTorque) -> Re
     steel = any(wall.magnetic for wall in device.walls())
     contact_radius = 0.5 * d * sqrt(scene.contact.max_overlap)
     power = None if expected.torque is None else expected.torque * slip
-    surface = device.kind.cooled_surface(device.shape)
+    coil = device.coil
     return Regime(
         weight=weight,
         centrifugal=centrifugal,
@@ -138,7 +144,8 @@ def regime_of(scene, device: Device, plan: Plan, expected: ExpectedTorque) -> Re
         switching_time=_switching_time(scene, device, _coil_time(scene, device, plan)),
         slip_power=power,
         heating=None if power is None else power / (device.fill.mass * IRON_HEAT),
-        housing_rise=None if power is None or surface is None else power / (COOLING * surface),
+        copper_loss=0.0 if coil is None else copper_loss(scene, coil, device.shape),
+        housing_rise=housing_rise(scene, coil, device.shape, power or 0.0),
         end=plan.end * (1.0 if plan.scaled is None else plan.scaled.factor),
     )
 
