@@ -48,6 +48,22 @@ class Zone:
             inside |= (r > box.r0) & (r < box.r1) & (z > box.z0) & (z < box.z1)
         return inside
 
+    def field_strength(self, sampler: FieldSampler, angles: np.ndarray = np.zeros(1)) -> float:
+        """Mean |H| [A/m] of the macroscopic field in the zone, by volume and over angles (k,) [rad] about the axis."""
+        cos, sin = np.cos(angles), np.sin(angles)
+        points, weights = [], []
+        for box in self.boxes:
+            # half an element off the walls: the field is sampled inside the powder's region
+            along_r = box.r1 - box.r0 > box.z1 - box.z0
+            n_r, n_z = (ALONG, ACROSS) if along_r else (ACROSS, ALONG)
+            r = box.r0 + (np.arange(n_r) + 0.5) / n_r * (box.r1 - box.r0)
+            z = box.z0 + (np.arange(n_z) + 0.5) / n_z * (box.z1 - box.z0)
+            r, z = (np.repeat(v.ravel(), len(cos)) for v in np.meshgrid(r, z))
+            points.append(np.column_stack((r * np.resize(cos, len(r)), r * np.resize(sin, len(r)), z)))
+            weights.append(r)
+        H, _ = sampler.sample(np.concatenate(points))
+        return float(np.average(np.sqrt((H**2).sum(axis=1)), weights=np.concatenate(weights)))
+
 
 @dataclass(frozen=True, slots=True)
 class GapZone(Zone):
@@ -87,26 +103,10 @@ class PoleZone(Zone):
     def shear_stress(self, torque: float) -> float:
         """Torque [N m] over area and lever [Pa], all of it counted as that of the pole faces: an upper bound.
 
-        Powder outside of the faces, on the rest of the rim and in the other gaps, has 3 to 7 % of it in the shipped
-        drums.
+        Powder outside of the faces, on the rest of the rim and in the other gaps, has some of it, which a run with
+        `output.profiles` measures.
         """
         return torque / (self.area * self.radius)
-
-    def field_strength(self, sampler: FieldSampler, angles: np.ndarray = np.zeros(1)) -> float:
-        """Mean |H| [A/m] of the macroscopic field in the zone, by volume and over angles (k,) [rad] about the axis."""
-        cos, sin = np.cos(angles), np.sin(angles)
-        points, weights = [], []
-        for box in self.boxes:
-            # half an element off the walls: the field is sampled inside the powder's region
-            along_r = box.r1 - box.r0 > box.z1 - box.z0
-            n_r, n_z = (ALONG, ACROSS) if along_r else (ACROSS, ALONG)
-            r = box.r0 + (np.arange(n_r) + 0.5) / n_r * (box.r1 - box.r0)
-            z = box.z0 + (np.arange(n_z) + 0.5) / n_z * (box.z1 - box.z0)
-            r, z = (np.repeat(v.ravel(), len(cos)) for v in np.meshgrid(r, z))
-            points.append(np.column_stack((r * np.resize(cos, len(r)), r * np.resize(sin, len(r)), z)))
-            weights.append(r)
-        H, _ = sampler.sample(np.concatenate(points))
-        return float(np.average(np.sqrt((H**2).sum(axis=1)), weights=np.concatenate(weights)))
 
     def fill(self, position: np.ndarray, volume: np.ndarray) -> float:
         """Solid fraction [-] of the zone in a full turn, from all grains at (n, 3) [m] with volumes (n,) [m^3]."""

@@ -219,17 +219,13 @@ class DipolesSection(EffectSection):
         at_walls = scene.effects.images is not None
         return neck_stiffness(grain_law(scene), scene.grains.largest_diameter, at_walls=at_walls)
 
-    def limits(self, scene, M_max):
+    def limits(self, scene, field_strength):
         """Yield a field in which the forces of necks are too strong."""
         from emclutch.device_model.materials import grain_law
         from field.spheres.lone_sphere import saturation
 
-        if not self.has_necks:
-            return
-        law = grain_law(scene)
-        strongest = STRONGEST_FIELD * saturation(law)
-        if M_max > float(law.magnetisation(np.array([strongest]), np.zeros(1))[0]):
-            yield _too_strong(f"grains are magnetised up to {M_max / 1e3:.3g} kA/m", strongest)
+        if self.has_necks:
+            yield from _too_strong(field_strength, saturation(grain_law(scene)))
 
     def loads(self, scene, device, M_max):
         """Yield the force of necks, and the stiffness that keeps them from closing by themselves."""
@@ -268,7 +264,7 @@ class DipolesSection(EffectSection):
     def summarise(self, history, simulation):
         """Convergence of the moments, and strength of necks relative to the contact's stiffness."""
         from coupling import MutuallyMagnetisedGrains
-        from emclutch.results.columns import STEPS
+        from emclutch.results.columns import FIELD_STRENGTH_POWDER, STEPS
         from particles import DEM, contact_share, depth_warning
 
         if MOMENT_RESIDUAL not in history:
@@ -290,7 +286,11 @@ class DipolesSection(EffectSection):
             warnings += [depth_warning(motion.attraction, motion.laws, motion.grains.radius)]
         magnetised = simulation.magnetised
         if isinstance(magnetised, MutuallyMagnetisedGrains) and magnetised.field_strength is not None:
-            moments |= _extremes(motion, magnetised.field_strength, magnetised.solver.table.scale)
+            moments |= _extremes(motion, magnetised.solver.table.scale)
+            between_poles = FIELD_STRENGTH_POWDER in history
+            moments["field_strength"] = (
+                float(history[FIELD_STRENGTH_POWDER].max()) if between_poles else magnetised.field_strength
+            )
             warnings += _outside(moments, magnetised.solver.table.scale) if self.has_necks else []
         if any(warnings):
             moments["warnings"] = [text for text in warnings if text is not None]
@@ -303,26 +303,30 @@ class DipolesSection(EffectSection):
             yield LeftOut(cls.name, OFF, "pull of touching grains over weight", at.pull / at.weight, 0.1)
 
 
-def _extremes(motion: GrainMotion, field_strength: float, saturation: float) -> dict[str, float]:
-    """Largest moment over ``saturation`` [A/m], mean field [A/m] and fraction of crowded grains at the end of a run."""
-    table, moments = motion.contacts(), motion.grains.magnetic_moment
+def _extremes(motion: GrainMotion, saturation: float) -> dict[str, float]:
+    """Largest magnetisations over ``saturation`` [A/m] and fraction of crowded grains at the end of a run.
+
+    A moment includes the flux that leaves its grain through contacts, and may exceed that of saturation; its dipole
+    part does not.
+    """
+    table, moments, dipoles = motion.contacts(), motion.grains.magnetic_moment, motion.grains.dipole
     assert moments is not None  # of the last evaluation
     touched = np.concatenate((table.i, table.j[table.j >= 0]))
     contacts = np.bincount(touched, minlength=motion.grains.count)
-    moment = np.linalg.norm(moments, axis=1) / motion.grains.volume
+
+    def largest(of: np.ndarray) -> float:
+        return float((np.linalg.norm(of, axis=1) / motion.grains.volume).max(initial=0.0) / saturation)
+
     return {
-        "largest_moment_over_saturation": float(moment.max(initial=0.0) / saturation),
-        "field_strength": field_strength,
+        "largest_magnetisation_over_saturation": largest(moments if dipoles is None else dipoles),
+        "largest_moment_with_contact_flux_over_saturation": largest(moments),
         "grains_of_more_than_six_contacts": float(np.mean(contacts > MOST_CONTACTS)),
     }
 
 
-def _outside(moments: dict[str, float], saturation: float) -> list[str]:
-    """Warnings where the grains at the end are outside of what near_field holds for."""
-    warnings = []
-    strongest = STRONGEST_FIELD * saturation
-    if moments["field_strength"] > strongest:
-        warnings.append(_too_strong(f"the grains are in {moments['field_strength'] / 1e3:.3g} kA/m", strongest))
+def _outside(moments: dict[str, Any], saturation: float) -> list[str]:
+    """Warnings where the grains are outside of what near_field holds for."""
+    warnings = list(_too_strong(moments["field_strength"], saturation))
     crowded = moments["grains_of_more_than_six_contacts"]
     if crowded > CROWDED:
         warnings.append(
@@ -332,8 +336,12 @@ def _outside(moments: dict[str, float], saturation: float) -> list[str]:
     return warnings
 
 
-def _too_strong(why: str, strongest: float) -> str:
-    return (
-        f"{why}: beyond {strongest / 1e3:.3g} kA/m in the powder model = 'near_field' makes grains with several "
-        "contacts attract each other too strongly, by 12 % there and the more the stronger the field"
-    )
+def _too_strong(field_strength: float, saturation: float) -> Iterator[str]:
+    """Yield a warning of a mean field in the powder [A/m] beyond which necks are too strong."""
+    strongest = STRONGEST_FIELD * saturation
+    if field_strength > strongest:
+        yield (
+            f"the mean field in the powder is {field_strength / 1e3:.3g} kA/m: beyond {strongest / 1e3:.3g} kA/m in "
+            "the powder model = 'near_field' makes grains with several contacts attract each other too strongly, by "
+            "12 % there and the more the stronger the field"
+        )

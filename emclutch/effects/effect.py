@@ -111,8 +111,8 @@ class EffectSection(Section):
         """Yield what a scene without the effect leaves out, with the number that says whether it matters."""
         yield from ()
 
-    def limits(self, scene: Scene, M_max: float) -> Iterator[str]:
-        """Yield where grains magnetised up to `M_max` [A/m] are outside of what the effect's model holds for."""
+    def limits(self, scene: Scene, field_strength: float) -> Iterator[str]:
+        """Yield why a mean field in the powder [A/m] is outside of what the effect's model holds for."""
         return iter(())
 
     def warnings(self, scene: Scene) -> Iterator[str]:

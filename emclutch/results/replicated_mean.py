@@ -12,6 +12,8 @@
    variance, and one without curvature with mean 0): 3 R - 1 degrees of freedom for R replicas. Slow fluctuations have
    larger slopes than cubic coefficients, which makes the error up to a tenth too small at a correlation time of a tenth
    of the part.
+   A single replica has the line through its batch means: it is not converged where that drifts by more than is asked
+   for, or by more than `USUAL`, beyond its 95 % error.
 4. **Verdict** (`steadiness`): steady, drifting or not settled. To exclude a drift takes several times the packings that
    the interval needs; it need not be excluded where a ladder has measured the start-up, on more packings than a run.
 
@@ -33,6 +35,7 @@ from emclutch.results.statistics import (
     Estimate,
     checked_signal,
     correlation_samples,
+    drift_of,
     mser_cut,
     rebinned,
     steady_mean,
@@ -96,8 +99,10 @@ def replicated_mean(
         alone = steady_mean(time, value, duration=duration, average_from=average_from)
         if average_from is None and settled > (alone.start or 0.0):
             rest = steady_mean(time, value, duration=duration, average_from=settled)
-            return _too_short(alone, settled) if rest.mean is None else rest
-        return alone
+            if rest.mean is None:
+                return _too_short(alone, settled)
+            alone = rest
+        return _without_drift(alone, signals[0], wanted)
     t, y, dt = _common_windows([checked_signal(*signal) for signal in signals])
     count, size = len(signals), t.size
     end = float(t[-1]) if size else 0.0
@@ -149,6 +154,24 @@ def replicated_mean(
         exclude_drift=exclude_drift,
     )
     return judged(found, wanted(fit.mean))
+
+
+def _without_drift(
+    found: Estimate, signal: tuple[np.ndarray, np.ndarray, np.ndarray], wanted: Callable[[float], float]
+) -> Estimate:
+    """The estimate of one replica; not converged where it drifts by more than `wanted` or `USUAL` (95 %)."""
+    if not found.converged or found.mean is None or found.start is None:
+        return found
+    t, y, dt = checked_signal(*signal)
+    late = t - 0.5 * dt > found.start
+    drift, error = drift_of(rebinned(dt[late], y[late], found.batches))
+    limit = min(wanted(found.mean), USUAL * abs(found.mean))
+    if abs(drift) <= max(limit, _quantile(found.batches - 2.0, 0.975) * error):
+        return found
+    size = 100.0 * abs(drift / found.mean)
+    how = "falls" if drift * found.mean < 0.0 else "rises"
+    reason = f"not converged: the signal {how} by {size:.2g} % over the averaged part"
+    return replace(found, converged=False, reason=f"{reason}; run longer, or average from later")
 
 
 def _too_short(found: Estimate, nominal: float) -> Estimate:

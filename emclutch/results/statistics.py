@@ -306,13 +306,19 @@ def _drifts(means: np.ndarray) -> bool:
     """Student's t test of the slope of a line through the batch means."""
     from scipy.special import stdtrit
 
+    drift, error = drift_of(means)
+    return abs(drift) > float(stdtrit(means.size - 2, 1.0 - 0.5 * DRIFT_SIGNIFICANCE)) * error
+
+
+def drift_of(means: np.ndarray) -> tuple[float, float]:
+    """Return the drift from begin to end of a line through batch means (n,), and its standard error."""
     n = means.size
     x = np.arange(n) - 0.5 * (n - 1)
     y = means - means.mean()
     slope = float(x @ y) / float(x @ x)
     rest = y - slope * x
     error = math.sqrt(float(rest @ rest) / (n - 2) / float(x @ x))
-    return abs(slope) > float(stdtrit(n - 2, 1.0 - 0.5 * DRIFT_SIGNIFICANCE)) * error
+    return n * slope, n * error
 
 
 def checked_signal(

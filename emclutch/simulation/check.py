@@ -17,7 +17,12 @@ from emclutch.scene.errors import SceneError, bad_input_for
 from emclutch.scene.grain_smear import moments_are_fed_back
 from emclutch.scene.usual_ranges import FLUX_DENSITY
 from emclutch.simulation.discretisation_error import accuracy_in_words
-from emclutch.simulation.forecast.expected_field import chains_in_words, field_in_chains, powder_in_words
+from emclutch.simulation.forecast.expected_field import (
+    chains_in_words,
+    field_in_chains,
+    mean_field_strength,
+    powder_in_words,
+)
 from emclutch.simulation.plan import make_plan
 from emclutch.simulation.plan_in_words import paths_in_words, plan_in_words
 from field import MagneticField
@@ -130,7 +135,8 @@ def _check(case: Case, threads: int | None) -> Checked:
     if scene.geometry.measured == "torque" and scene.geometry.has_axis:
         words["accuracy"] = accuracy_in_words(case, made)
     words |= paths_in_words(case)
-    warnings = (*case.warnings, *(text for one in scene.effects.present for text in one.limits(scene, made.M_max)))
+    strength = mean_field_strength(device, made.peak_field)
+    warnings = (*case.warnings, *(text for one in scene.effects.present for text in one.limits(scene, strength)))
     title, effects, missing = scene.scene.title, scene.effects.active, left_out(scene, device, made, expected)
     return Checked(title, effects, warnings, words, tuple(missing), expected)
 

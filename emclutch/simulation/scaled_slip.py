@@ -40,7 +40,7 @@ class ScaledSlip:
     factor : float
         Speeds of the run over those of the scene [-].
     inertial_number : float
-        That the run is to have [-]; at the scene's own speeds `own`.
+        That is asked for [-], by the expected magnetic pressure; at the scene's own speeds `own`.
     own : float
         [-]
     real : float
@@ -69,7 +69,8 @@ class ScaledSlip:
             f"{name} turned at {_rpm(self.factor * speed)} instead of {_rpm(speed)}"
             for name, speed in self.speeds.items()
         )
-        return f"{turned}: inertial number {self.inertial_number:.2g} instead of {self.own:.2g} (magnetic pressure)"
+        asked = f"an inertial number of {self.inertial_number:.2g} is asked for"
+        return f"{turned}: {asked} instead of {self.own:.2g} (expected magnetic pressure)"
 
     def warnings(self) -> list[str]:
         """Return why the torque may be another one than at the scene's speeds."""
@@ -100,6 +101,18 @@ class ScaledSlip:
             "note": self.note(),
         }
         return found | ({"warnings": warnings} if (warnings := self.warnings()) else {})
+
+
+    def had(self, inertial_number: float | None, pressure: str) -> dict[str, Any]:
+        """Return entries of the summary of a finished run that had an inertial number, by a pressure in words."""
+        if inertial_number is None:
+            return {}
+        note = f"{self.note()}; the run had {inertial_number:.2g} ({pressure} pressure)"
+        found: dict[str, Any] = {"inertial_number_of_the_run": inertial_number, "note": note}
+        if inertial_number > QUASI_STATIC >= self.inertial_number:
+            text = f"the run had an inertial number of {inertial_number:.2g}, and above {QUASI_STATIC:g} the torque "
+            found["warnings"] = [*self.warnings(), f"{text}depends on the slip: lower accuracy.inertial_number"]
+        return found
 
 
 def _rpm(speed: float) -> str:

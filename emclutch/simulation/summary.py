@@ -47,6 +47,7 @@ from emclutch.results.current_ramp import TABLE, current_ramp
 from emclutch.results.energy_balance import energy_made, energy_through, energy_warnings
 from emclutch.results.rise_time import rise_times
 from emclutch.results.steady_torque import steady_mean_of, steady_torque
+from emclutch.results.text import per_cent
 from emclutch.scene.replica_count import replica_seed
 from emclutch.simulation.discretisation_error import discretisation_error, is_reached
 from emclutch.simulation.forecast.expected_torque import expected_torque
@@ -130,7 +131,7 @@ def summarise(
         summary["scaled_speed"] = plan.scaled.as_dict()
     zone = None if simulation.magnetised is None else device.pole_zone
     if zone is not None and torque is not None:
-        summary |= zone_summary(zone, (history, *others), torque)
+        summary |= zone_summary(zone, (history, *others), torque, wall_load or {})
     for effect in case.scene.effects.present:
         summary |= effect.summarise(history, simulation)
     if wall_load:
@@ -139,6 +140,8 @@ def summarise(
         summary["solver"] = solver_summary(history, plan.contact)
     if INERTIAL_NUMBER in history:
         summary |= inertial_number_summary(Observables(case.scene, device), simulation, history, wall_load or {})
+        if plan.scaled is not None:
+            summary["scaled_speed"] |= plan.scaled.had(summary["inertial_number"], summary["inertial_number_pressure"])
         if size is not None and size.is_coarser and summary["inertial_number"] is not None:
             summary["grain_size"]["real_inertial_number"] = (
                 summary["inertial_number"] / size.coarse_graining / (1.0 if plan.scaled is None else plan.scaled.factor)
@@ -266,14 +269,24 @@ def numerics_summary(history) -> dict[str, float | str | None]:
     }
 
 
-def zone_summary(zone: PoleZone, histories, torque: Estimate) -> dict[str, float | str | None]:
-    """Return shear stress [Pa] with its error, mean H [A/m] and fill of the powder between the poles, when steady."""
+def zone_summary(
+    zone: PoleZone, histories, torque: Estimate, wall_load: dict[str, Any]
+) -> dict[str, float | str | None]:
+    """Return shear stress [Pa] with its error, mean H [A/m] and fill of the powder between the poles, when steady.
+
+    Where the walls' load was measured: the fraction of the disc's torque that acts outside of the pole faces, too.
+    """
     late = [each[each[TIME] > (torque.start or 0.0)] for each in histories]
     found: dict[str, float | str | None] = {
         "shear_stress": None if torque.mean is None else zone.shear_stress(torque.mean),
-        "shear_stress_note": "upper bound: the whole torque over the pole faces; 3 to 7 % of it act outside of them",
+        "shear_stress_note": "upper bound: the whole torque over the pole faces",
         "shear_stress_error": None if torque.standard_error is None else zone.shear_stress(torque.standard_error),
     }
+    at_poles = wall_load.get("poles", {}).get("disc", {}).get("torque")
+    whole = sum(wall.get("torque", 0.0) for wall in wall_load.get("walls", {}).values() if wall["body"] == "disc")
+    if at_poles is not None and whole:
+        found["torque_outside_of_the_poles"] = 1.0 - at_poles / whole
+        found["shear_stress_note"] = f"{found['shear_stress_note']}; {per_cent(1.0 - at_poles / whole)} of it outside"
     for name in (FIELD_STRENGTH_POWDER, FILL_POWDER):
         if name in late[0]:
             found[name] = float(np.mean([each[name].mean() for each in late]))

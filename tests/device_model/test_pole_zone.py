@@ -3,13 +3,18 @@
 from pathlib import Path
 
 import numpy as np
+import pandas
 import pytest
 
 import emclutch
 from emclutch.device_model.device import build_device
+from emclutch.effects.dipoles import STRONGEST_FIELD
+from emclutch.results import Estimate
 from emclutch.scene.grain_smear import element_layers, smear_width
 from emclutch.simulation.assembly import assemble
+from emclutch.simulation.forecast.expected_field import mean_field_strength
 from emclutch.simulation.plan import make_plan
+from emclutch.simulation.summary import zone_summary
 from field import RadialField
 
 CASE = emclutch.load_case(Path(__file__).resolve().parents[2] / "cases" / "powder_clutch.toml").with_values(
@@ -91,3 +96,30 @@ def test_a_sector_is_wide_enough_where_grains_may_wander_to():
     values = {"geometry.seal_radius": "35 mm", "particles.sector": "1.5 deg", "particles.region": "rim"}
     with pytest.raises(emclutch.SceneError, match=r"0\.9189 mm wide at r = 35\.1 mm, less than two reaches of a grain"):
         CASE.with_values(values)
+
+
+def test_the_torque_outside_of_the_pole_faces_is_measured_or_not_said(zone):
+    """3 of 4 N m on the disc's faces leave a quarter; without a measured load of the walls no fraction is named."""
+    history = pandas.DataFrame({"time": [1.0, 2.0], "field_strength_powder": [1e5, 1e5]})
+    torque = Estimate(4.0, 0.1, 10, 1.0, 0.0, True, "steady")
+    load = {"poles": {"disc": {"torque": 3.0}, "rotor": {"torque": -3.5}},
+            "walls": {"rim": {"body": "disc", "torque": 3.2}, "face": {"body": "disc", "torque": 0.8},
+                      "bore": {"body": "rotor", "torque": -4.0}}}  # fmt: skip
+    found = zone_summary(zone, (history,), torque, load)
+    assert found["torque_outside_of_the_poles"] == pytest.approx(0.25)
+    assert found["shear_stress_note"].endswith("25 % of it outside")
+    unknown = zone_summary(zone, (history,), torque, {})
+    assert "%" not in unknown["shear_stress_note"] and "torque_outside_of_the_poles" not in unknown
+
+
+def test_the_mean_field_of_check_is_that_of_the_run():
+    """Between the poles of the solution at the largest current: the limit of near_field is on one quantity."""
+    case = CASE.with_values({"field.size_factor": 3.0})
+    device, plan = make_plan(case)
+    between = device.pole_zone.field_strength(plan.peak_field.sampler("powder"))
+    assert mean_field_strength(device, plan.peak_field) == between
+    largest = 1.2 * between  # of the field anywhere in the powder, as at the edges of the poles
+    limit = {"particles.saturation": largest / STRONGEST_FIELD}
+    assert list(case.with_values(limit).scene.effects.attraction.limits(case.with_values(limit).scene, between)) == []
+    (text,) = case.scene.effects.attraction.limits(case.scene, 0.13 * case.scene.particles.saturation)
+    assert "the mean field in the powder is" in text

@@ -183,3 +183,24 @@ def test_what_a_packing_fluctuates_by_itself_is_found():
 def test_an_estimate_survives_json():
     found = replicated_mean(replicas(np.random.default_rng(3), 4, 1.0))
     assert Estimate.from_dict(found.as_dict()) == found
+
+
+@pytest.mark.parametrize(("drift", "converged"), [(0.0, True), (0.02, True), (-0.08, False), (0.08, False)])
+def test_the_drift_of_one_replica_enters_its_verdict(drift, converged):
+    """A fall of 8 % over the averaged part is beyond the usual 5 %, whatever the t test at 99.9 % says of it."""
+    noise = 1.5 * np.random.default_rng(13).standard_normal(COUNT)  # a drift has an error of 2.6 %
+    noise -= np.polyval(np.polyfit(TIME, noise, 1), TIME)  # its own is none
+    signal = 10.0 * (1.0 + drift * (TIME / TIME[-1] - 0.5)) + noise
+    plain = steady_mean(TIME, signal, average_from=0.0, duration=WIDTH)
+    found = replicated_mean([(TIME, signal, WIDTH)], average_from=0.0)
+    assert plain.converged and found.converged == converged and found.mean == plain.mean
+    if not converged:
+        assert f"{'falls' if drift < 0.0 else 'rises'} by " in found.reason and "run longer" in found.reason
+
+
+def test_noise_alone_is_no_drift_of_a_replica():
+    rng = np.random.default_rng(13)
+    alone = [replicated_mean([signal], average_from=0.0) for signal in replicas(rng, 300, 0.0)]
+    plain = [steady_mean(*signal[:2], average_from=0.0) for signal in replicas(np.random.default_rng(13), 300, 0.0)]
+    kept = [one.converged for one, other in zip(alone, plain, strict=True) if other.converged]
+    assert np.mean(kept) > 0.9  # zero is excluded at 95 %

@@ -127,3 +127,14 @@ def test_ends_of_a_run_are_compared_by_its_own_shear_rate(tmp_path):
     for end in ("strain 11", "20 ms"):
         with pytest.raises(OutputError, match="earlier than the checkpoint"):
             refuse_earlier_end(folder, state, cell(**{"time.end": end}).scene.span.end)
+
+
+def test_what_a_run_had_stands_beside_what_was_asked_for():
+    _, plan = make_plan(cell(**{"accuracy.inertial_number": 0.1}))
+    assert "0.1 is asked for" in plan.scaled.note()
+    had = plan.scaled.had(0.075, "magnetic")
+    assert had["inertial_number_of_the_run"] == 0.075 and "warnings" not in had
+    assert had["note"] == f"{plan.scaled.note()}; the run had 0.075 (magnetic pressure)"
+    (text,) = plan.scaled.had(0.15, "magnetic")["warnings"]
+    assert "had an inertial number of 0.15" in text and "lower accuracy.inertial_number" in text
+    assert plan.scaled.had(None, "magnetic") == {}

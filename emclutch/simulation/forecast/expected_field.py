@@ -17,7 +17,7 @@ import numpy as np
 
 from emclutch.device_model.device import CoilDevice, Device
 from emclutch.device_model.materials import grain_law
-from emclutch.device_model.pole_zone import AROUND
+from emclutch.device_model.pole_zone import AROUND, Zone
 from emclutch.scene.case import Case
 from emclutch.scene.grain_smear import moments_are_fed_back
 from field import MagneticField, PowderState
@@ -48,6 +48,21 @@ def expected_magnetisation(case: Case, device: Device) -> tuple[MagneticField | 
     return field, float(law.magnetisation(strength, np.full(len(strength), phi if coupled else 0.0)).max())
 
 
+def mean_field_strength(device: Device, field: MagneticField | Field3D | None) -> float:
+    """Mean |H| [A/m] between the poles, else in the filled space, as a run has it; 0 without a field.
+
+    `field` is the solution at the largest current with the powder spread evenly, None of an imposed field.
+    """
+    sampler = device.imposed if field is None else field.sampler("powder")
+    if sampler is None:
+        return 0.0
+    if device.pole_zone is None and not device.filled_boxes:
+        return float(np.linalg.norm(sampler.sample(_corners(device))[0]))
+    zone = device.pole_zone or Zone(tuple(device.filled_boxes))
+    angles = field.problem.fold.angles(AROUND) if isinstance(field, Field3D) else np.zeros(1)
+    return zone.field_strength(sampler, angles)
+
+
 def field_in_chains(coil: CoilDevice, phi: float, current: float, guess: MagneticField | None = None) -> MagneticField:
     """The field at a current [A] of powder spread evenly to the fill `phi`, its grains in straight chains along it."""
     fill = coil.uniform_fill(phi)
@@ -66,7 +81,7 @@ def powder_in_words(scene, phi: float | None) -> str:
         return f"{even} (so has the run, with the fill of its grains)"
     return (
         f"{even} (the run feeds back their own moments, which chains make larger); estimates for an even fill, no "
-        "bounds: runs gather powder under the poles and had up to 15 % more"
+        "bounds: runs gather powder under the poles, where the field is stronger then"
     )
 
 
