@@ -83,8 +83,11 @@ class GrainSize:
         value, low, high = ((1.0 + a * coarse) / (1.0 + a * real) - 1.0 for a in COEFFICIENT)
         return value, low, high
 
-    def in_words(self) -> str:
-        """Return one line for people, without the warnings."""
+    def in_words(self, measured: bool = False) -> str:
+        """Return one line for people, without the warnings.
+
+        `measured`: an accuracy study of the device knows the error of the size, and the general law is not told.
+        """
         text = f"{self.across:.2g} grains across the gap"
         if not self.is_coarser or self.real_diameter is None:
             return f"{text}, of real size: {self.count:.2g} in the whole device"
@@ -95,12 +98,15 @@ class GrainSize:
             "times that of the real powder at the same speed"
         )
         excess = self.torque_excess()
-        if excess is None or excess[0] > MAX_EXCESS:  # a warning has it
+        if measured or excess is None or excess[0] > MAX_EXCESS:  # a warning has it
             return text
         return f"{text}; by the general law of grain size they add {excess_in_words(excess)} to the torque"
 
-    def warnings(self) -> list[str]:
-        """Return what makes the torque doubtful: few grains without a word on the real ones, effects with a size."""
+    def warnings(self, measured: bool = False) -> list[str]:
+        """Return what makes the torque doubtful: few grains without a word on the real ones, effects with a size.
+
+        `measured` as of `in_words`; else coarse grains, too.
+        """
         found = []
         if self.real_diameter is None and self.across < FINE:
             found.append(
@@ -108,7 +114,7 @@ class GrainSize:
                 "finer powder, set particles.stands_for to its diameter"
             )
         excess = self.torque_excess()
-        if excess is not None and excess[0] > MAX_EXCESS:
+        if not measured and excess is not None and excess[0] > MAX_EXCESS:
             found.append(
                 f"grains this coarse add {excess_in_words(excess)} to the torque by the general law of grain size; "
                 "take a smaller particles.diameter, or a study over several, which extrapolates to the real size"
@@ -117,18 +123,25 @@ class GrainSize:
             found += [f"{note}: give values for the coarse grains, not those of the real powder" for note in self.notes]
         return found
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return the entries of ``summary.json``, in SI."""
-        found = {"across": self.across, "grains": self.count, "note": self.in_words()}
+    def as_dict(self, measured: bool = False) -> dict[str, Any]:
+        """Return the entries of ``summary.json``, in SI; `measured` as of `in_words`.
+
+        What coarse grains add to the torque is a note: the best estimate of the torque is without it.
+        """
+        note, excess = self.in_words(measured=True), self.torque_excess()
+        if not measured and excess is not None:
+            note += f"; by the general law of grain size they add {excess_in_words(excess)} to the raw torque, for "
+            note += "which the best estimate is corrected"
+        found = {"across": self.across, "grains": self.count, "note": note}
         if self.real_diameter is not None:
             found |= {
                 "coarse_graining": self.coarse_graining,
                 "real_across": self.gap / self.real_diameter,
                 "real_grains": self.real_count,
             }
-        if (excess := self.torque_excess()) is not None:
+        if excess is not None:
             found |= dict(zip(("torque_excess", "torque_excess_low", "torque_excess_high"), excess, strict=True))
-        return found | ({"warnings": warnings} if (warnings := self.warnings()) else {})
+        return found | ({"warnings": warnings} if (warnings := self.warnings(measured=True)) else {})
 
 
 def excess_in_words(excess: tuple[float, float, float]) -> str:

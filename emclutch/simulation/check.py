@@ -16,7 +16,7 @@ from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import SceneError, bad_input_for
 from emclutch.scene.grain_smear import moments_are_fed_back
 from emclutch.scene.usual_ranges import FLUX_DENSITY
-from emclutch.simulation.discretisation_error import accuracy_in_words
+from emclutch.simulation.discretisation_error import accuracy_in_words, has_accuracy_study
 from emclutch.simulation.forecast.expected_field import (
     chains_in_words,
     field_in_chains,
@@ -131,7 +131,8 @@ def _check(case: Case, threads: int | None) -> Checked:
     words["expected torque"] = expected.in_words()
     size = grain_size(scene, device)
     if size is not None:
-        words["grain size"] = with_warnings(size.in_words(), *size.warnings())
+        measured = has_accuracy_study(case)
+        words["grain size"] = with_warnings(size.in_words(measured), *size.warnings(measured))
     if scene.geometry.measured == "torque" and scene.geometry.has_axis:
         words["accuracy"] = accuracy_in_words(case, made)
     words |= paths_in_words(case)

@@ -73,6 +73,14 @@ def ladder_of_device(case: Case) -> tuple[Ladder, Path] | None:
     return (ladder if 1.0 / SAME_SPEED < ratio < SAME_SPEED else ladder.on_another_machine(ratio)), path
 
 
+def has_accuracy_study(case: Case) -> bool:
+    """Return whether the errors of the settings of a case's device were measured."""
+    try:
+        return ladder_of_device(case) is not None
+    except OutputError:  # `accuracy_in_words` names the damaged file
+        return False
+
+
 def discretisation_error(
     case: Case, plan: Plan, torque: Estimate | None, device: Device | None = None
 ) -> dict[str, Any]:

@@ -124,9 +124,10 @@ def summarise(
         summary |= slip_summary(history, torque, 1.0 if plan.scaled is None else plan.scaled.factor)
         if (expected := expected_torque(case.scene, device, plan.peak_field)).torque is not None:
             summary["expected_torque"] = expected.as_dict()
+    error = discretisation_error(case, plan, torque, device)
     size = grain_size(case.scene, device) if torque is not None else None
     if size is not None:
-        summary["grain_size"] = size.as_dict()
+        summary["grain_size"] = size.as_dict(measured=error["discretisation_error"] is not None)
     if plan.scaled is not None:
         summary["scaled_speed"] = plan.scaled.as_dict()
     zone = None if simulation.magnetised is None else device.pole_zone
@@ -153,8 +154,7 @@ def summarise(
         start = torque.start if torque is not None else measured.get("stress", {}).get("start")
         summary["work_magnetic_over_slip"] = work_over_slip(history, start)
     summary |= {"grains": plan.count, "sectors": simulation.n_sectors, "dt": plan.dt, "window": plan.division.length}
-    summary |= numerics_summary(history)
-    summary |= discretisation_error(case, plan, torque, device)
+    summary |= numerics_summary(history) | error
     if (asked := folder.read_provenance().get("accuracy_target")) is not None:
         reached = is_reached(asked, torque, summary["discretisation_error"])
         summary["accuracy_target"] = {"asked": asked, "reached": reached}

@@ -53,6 +53,15 @@ def test_coarse_grains_add_what_the_law_of_their_size_says():
     assert real.torque_excess() is None and "torque_excess" not in real.as_dict()
 
 
+def test_an_accuracy_study_of_the_device_silences_the_general_law():
+    """Its error of the size is the one that is told; a summary names the correction in its note, not as a warning."""
+    size = size_of(stands_for="60 um")
+    value = f"{100.0 * size.torque_excess()[0]:.2g} %"
+    assert value in size.as_dict()["note"] and "warnings" not in size.as_dict()
+    assert value not in size.as_dict(measured=True)["note"] + size.in_words(measured=True)
+    assert size.warnings(measured=True) == [] and len(size.warnings()) == 1
+
+
 def test_a_real_powder_of_many_sizes_is_counted_by_its_mean_volume():
     """By mass: n = (V/(pi/6)) sum q (a^-3 - b^-3)/(3 ln(b/a)), each section's integral of d^-3 over its mass."""
     percentiles = {"d10": "40 um", "d50": "60 um", "d90": "90 um"}

@@ -17,7 +17,7 @@ from emclutch.results.report.render import html, markdown, write_failed_index, w
 from emclutch.results.report.verdict import Mark, verdict
 from emclutch.results.study_folder import read_study
 from emclutch.results.study_result import load_study
-from emclutch.results.text import format_torque
+from emclutch.results.text import format_torque, per_cent
 from emclutch.simulation.check import left_out_of
 
 HOSTILE = "<script>alert(1)</script> & \"><img src=x onerror='x'>"
@@ -108,6 +108,27 @@ def test_warnings_of_the_scene_are_in_the_verdict_of_its_run(tmp_path):
     text = "particles.density = 7.87 kg/m^3 is outside the usual range"
     folder.write_summary(folder.read_summary() | {"scene": {"warnings": [text]}})
     assert (Mark.NOTE, f"P{text[1:]}.") in [(one.mark, one.text) for one in load_result(tmp_path).verdict]
+
+
+@pytest.mark.parametrize(("bias", "half"), [(0.23, 0.08), (0.05, 0.02)])
+def test_the_best_estimate_comes_first_with_its_total_error(tmp_path, bias, half):
+    """T/(1 + bias) with both errors in quadrature, then the raw torque; what is corrected is no reservation."""
+    folder = written_run(tmp_path)
+    part = {"name": "grains_across", "half_width": half}
+    error = {"bias": bias, "half_width": half, "total_error": half, "largest_part": part, "unknown": {},
+             "extrapolated": {}, "ladder": {"note": "", "file": "a.json", "date": ""}, "next": None}  # fmt: skip
+    size = {"note": "4 grains across the gap", "torque_excess": 0.28, "torque_excess_low": 0.24,
+            "torque_excess_high": 0.32}  # fmt: skip
+    folder.write_summary(folder.read_summary() | {"discretisation_error": error, "grain_size": size})
+    result = load_result(tmp_path)
+    best, raw, *others = result.verdict
+    budget = next(one for one in others if "budget" in one.text)
+    assert best.text.startswith("Best estimate of the torque on the disc: ") and format_torque(result.best) in best.text
+    assert f"± {per_cent(result.best.half_width() / result.best.mean)} in all" in best.text
+    assert f"by {100.0 * bias:+.2g} %, which is corrected" in best.text and best.mark is Mark.GOOD
+    assert raw.text.startswith("The raw torque on the disc is known to ") and budget.mark is not Mark.POOR
+    assert not any("28 %" in one.text for one in result.verdict)  # the general law is silent
+    assert format_torque(result.best) in write_index(result).read_text(encoding="utf-8")
 
 
 def test_a_torque_belongs_to_a_current_that_stays(tmp_path):

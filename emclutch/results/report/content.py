@@ -31,7 +31,7 @@ from emclutch.results.columns import (
 )
 from emclutch.results.grain_profiles import profile_column, read_profiles
 from emclutch.results.replicated_mean import drift_in_words
-from emclutch.results.report.verdict import RPM, Mark, Statement, corrected_in_words, in_words, sentence, verdict
+from emclutch.results.report.verdict import RPM, Mark, Statement, best_in_words, in_words, sentence, verdict
 from emclutch.results.rise_time import in_words as in_words_of_rise
 from emclutch.results.study_folder import StudyFolder, is_study, read_study, refresh_in_words
 from emclutch.results.study_result import grain_size_lines
@@ -316,7 +316,7 @@ def effects_of(result: Result) -> list[str]:
 
 
 def conclusion(result: Result) -> list[Statement]:
-    """Return the torque that is transmitted, without the error of its settings if known, and the first reservation."""
+    """Return the best estimate of the torque, the raw one where they differ, and the first reservation."""
     summary, found = result.summary, result.steady
     against = [one.text for one in verdict(result) if one.mark is Mark.POOR]
     second = Statement(Mark.GOOD, "The verdict has no reservation.")
@@ -334,8 +334,8 @@ def conclusion(result: Result) -> list[Statement]:
     first = f"The {_measured_name({'': result})}{at} is {shown}"
     first += "." if found.converged else "; it has not converged."
     sentences = [Statement(Mark.GOOD if found.converged else Mark.POOR, first)]
-    if error := summary.get("discretisation_error"):
-        sentences.append(Statement(Mark.NOTE, sentence(corrected_in_words(error))))
+    if TORQUE_DISC in result.history and (best := best_in_words(result)) is not None:
+        sentences.insert(0, Statement(Mark.GOOD if found.converged else Mark.POOR, sentence(best)))
     return [*rises, *sentences, second]
 
 

@@ -34,7 +34,7 @@ from emclutch.results.replicated_mean import (
     steadiness,
 )
 from emclutch.results.rise_time import in_words as in_words_of_rise
-from emclutch.results.text import format_duration, format_mean, format_stress, format_time, format_torque, per_cent
+from emclutch.results.text import format_duration, format_stress, format_time, format_torque, per_cent
 from particles.dem.overlap_limits import SOFT
 
 RPM = 30.0 / math.pi
@@ -111,6 +111,7 @@ def _measured(result: Result) -> Iterator[Statement]:
     if ramp := result.summary.get("torque_against_current"):
         yield from (Statement(Mark.NOTE, line) for line in in_words_of_ramp(ramp))
     elif TORQUE_DISC in result.history:
+        yield from _best(result)
         yield from _known(result, "torque on the disc", result.torque, format_torque(result.torque))
     elif SHEAR_STRESS in result.history:
         friction = (result.summary.get("effective_friction") or {}).get("mean")
@@ -118,7 +119,35 @@ def _measured(result: Result) -> Iterator[Statement]:
         yield from _known(result, "shear stress", result.stress, f"{format_stress(result.stress)}{ratio}")
 
 
+def _best(result: Result) -> Iterator[Statement]:
+    """Say the best estimate with its total error, where the raw torque has a known error of its settings."""
+    if (text := best_in_words(result)) is None:
+        return
+    found, error = result.best, result.summary.get("discretisation_error") or {}
+    half, reached = found.half_width(), (result.summary.get("accuracy_target") or {}).get("reached", True)
+    if not found.converged or half is None or not reached:
+        yield Statement(Mark.POOR, text)
+        return
+    rough = half > ROUGH * abs(found.mean or 0.0) or error.get("unknown")
+    yield Statement(Mark.NOTE if rough else Mark.GOOD, text)
+
+
+def best_in_words(result: Result) -> str | None:
+    """Return the best estimate of a torque with its total error and its correction; None where it is the raw one."""
+    raw, best = result.torque, result.best
+    if best == raw or not best.mean or not raw.mean:
+        return None
+    half, bias = best.half_width(), 100.0 * (raw.mean / best.mean - 1.0)
+    size = "" if half is None else f", ± {per_cent(half / abs(best.mean))} in all"
+    what = "numerical settings" if result.summary.get("discretisation_error") else "coarse grains"
+    return (
+        f"best estimate of the torque on the disc: {format_torque(best)}{size}; {what} change the raw torque of "
+        f"{raw.mean:.4g} N m by {bias:+.2g} %, which is corrected"
+    )
+
+
 def _known(result: Result, name: str, found: Estimate, words: str) -> Iterator[Statement]:
+    name = f"raw {name}" if name.startswith("torque") and best_in_words(result) is not None else name
     half, until = found.half_width(), result.summary.get("until")
     if not found.converged and (changing := changing_drive(result.history, found.start)):
         yield Statement(Mark.NOTE, f"The run has no steady {name}: {changing}.")
@@ -180,7 +209,7 @@ def _target(summary: dict[str, Any]) -> Iterator[Statement]:
 
 
 def _total_error(summary: dict[str, Any]) -> Iterator[Statement]:
-    """Say what the torque is without the error of its settings, how well it is known, and by what that is limited."""
+    """Say what the total error of the best estimate consists of, and by what it is limited."""
     if not (summary.get("torque") or {}).get("mean") or "discretisation_error" not in summary:
         return
     found = summary["discretisation_error"]
@@ -188,13 +217,11 @@ def _total_error(summary: dict[str, Any]) -> Iterator[Statement]:
         note = summary.get("discretisation_error_note", "not measured")
         yield Statement(Mark.NOTE, f"the interval is statistical only, the error of the settings unknown: {note}")
         return
-    total, largest, text = found["total_error"], found["largest_part"], corrected_in_words(found)
+    total, largest = found["total_error"], found["largest_part"]
+    text = f"error budget: settings {per_cent(found['half_width'])}"
     if total is not None:
         statistical = math.sqrt(max(total**2 - found["half_width"] ** 2, 0.0))
-        text += (
-            f"; error budget: packings {per_cent(statistical)}, settings {per_cent(found['half_width'])}, together "
-            f"{per_cent(total)}"
-        )
+        text += f", packings {per_cent(statistical)}, together {per_cent(total)}"
     if largest is not None:
         text += f"; largest part: {in_words(largest['name'])}, {per_cent(largest['half_width'])}"
     if found["unknown"]:
@@ -210,13 +237,6 @@ def _total_error(summary: dict[str, Any]) -> Iterator[Statement]:
         reached = "reached" if asked["reached"] else "not reached"
         mark = Mark.POOR if missed else Mark.GOOD
         yield Statement(mark, f"the total error of accuracy.target = {per_cent(asked['asked'])} is {reached}")
-
-
-def corrected_in_words(error: dict[str, Any]) -> str:
-    """Return the torque without the error of its settings in words, of `discretisation_error` of a summary."""
-    mean, half = error["corrected_torque"]["mean"], error["corrected_torque"]["half_width"]
-    shown = format_mean(mean, None if half is None else (mean - half, mean + half))
-    return f"without the error of its settings ({100.0 * error['bias']:+.2g} %) the torque is {shown}"
 
 
 def _next(result: Result) -> Iterator[Statement]:
