@@ -184,9 +184,11 @@ def _gather(study: Path, out: Path | None, trust_scripts: bool) -> None:
 
 def _print_tables(folder: Path, points: bool = True) -> None:
     """Print what a study's tables say in words, and where they are; with the `points` too, if there are few."""
-    from emclutch.results.study_result import grain_size_lines, point_lines
+    from emclutch.results.study_result import best_estimate_lines, grain_size_lines, point_lines
 
     for line in point_lines(folder) if points else []:
+        typer.echo(line)
+    for line in best_estimate_lines(folder):
         typer.echo(line)
     for words in (folder / "methods.txt", folder / "adaptive_curve.txt"):
         if words.is_file():

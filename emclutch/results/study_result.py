@@ -12,6 +12,7 @@ from emclutch.results.errors import OutputError
 from emclutch.results.result import Result, load_result
 from emclutch.results.study_folder import read_study
 from emclutch.results.text import format_duration, format_mean
+from emclutch.results.torque_curves import BEST_ESTIMATE
 
 if TYPE_CHECKING:
     import pandas
@@ -102,6 +103,25 @@ def point_lines(folder: Path, most: int = 40) -> list[str]:
         cells.append((label, shown, verdict, format_duration(float(row["seconds"]))))
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     return ["  ".join(one.ljust(width) for one, width in zip(line, widths, strict=True)).rstrip() for line in cells]
+
+
+def best_estimate_lines(folder: Path) -> list[str]:
+    """Return how far a study's raw torques are from their best estimates, in words; empty where they are the same."""
+    table = read_study(folder).table
+    name = BEST_ESTIMATE[0]
+    if name not in table:
+        return []
+    known = table[table[name].notna() & table["torque"].notna()]
+    known = known[known[name] != 0.0]
+    excess = sorted({f"{100.0 * ratio - 100.0:+.2g}" for ratio in known["torque"] / known[name]}, key=float)
+    if not excess:
+        return []
+    share = f"{excess[0]} %" if len(excess) == 1 else f"{excess[0]} to {excess[-1]} %"
+    points = "all points" if len(known) == len(table) else f"{len(known)} of {len(table)} points"
+    return [
+        f"The settings, coarse grains among them, change the raw torque of {points} by {share}: use the best estimates "
+        f"({', '.join(BEST_ESTIMATE)} of study.csv)."
+    ]
 
 
 def grain_size_lines(folder: Path) -> list[str]:

@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 
 ACROSS, REAL_ACROSS = "grains_across", "real_grains_across"
 """Columns: grains across the sheared gap, those of the scene and those of the powder that they stand for."""
+BEST_ESTIMATE = "best_torque", "best_low", "best_high"
+"""Columns [N m] of torques that are corrected for their settings (`emclutch.results.best_estimate`): with the ends of
+the 95 % interval."""
 NORMAL = 1.96  # half of a normal distribution's 95 % interval, in standard errors
 
 
@@ -31,6 +34,7 @@ class TorqueCurve:
         normal distribution of this error has the 95 % interval of Student's.
     converged : (n,) whether the run says so.
     real_across : grains of the real powder across the gap, where all points have the same and say it.
+    best : (n,) best estimates of the torques, corrected for their settings [N m]; nan where they are the raw ones.
     """
 
     values: dict[str, Any]
@@ -39,6 +43,7 @@ class TorqueCurve:
     error: np.ndarray
     converged: np.ndarray
     real_across: float | None = None
+    best: np.ndarray | None = None
 
     def along(self, x: np.ndarray) -> TorqueCurve:
         """Return the same torques over another x, (n,)."""
@@ -62,7 +67,7 @@ class TorqueCurve:
         ratio = self.torque / torque
         of_ratio = np.hypot(self.error, ratio * error) / abs(torque)
         of_ratio[at[0]] = 0.0
-        return replace(self, x=self.x / self.x[at[0]], torque=ratio, error=of_ratio)
+        return replace(self, x=self.x / self.x[at[0]], torque=ratio, error=of_ratio, best=None)
 
     @property
     def label(self) -> str:
@@ -95,6 +100,7 @@ def torque_curves(rows: Sequence[Mapping[str, Any]], x: str, others: Sequence[st
                 _numbers([_error(row) for row in ordered]),
                 np.array([bool(row["converged"]) for row in ordered]),
                 float(real[0]) if real.size == 1 and np.isfinite(real[0]) else None,
+                _numbers([row.get(BEST_ESTIMATE[0]) for row in ordered]),
             )
         )
     return curves

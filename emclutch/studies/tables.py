@@ -25,7 +25,7 @@ from emclutch.results.run_end import seconds_of
 from emclutch.results.seed_average import averaged_over_seeds
 from emclutch.results.statistics import Estimate
 from emclutch.results.study_folder import write_about, write_empty_table
-from emclutch.results.torque_curves import ACROSS, REAL_ACROSS, TorqueCurve, torque_curves
+from emclutch.results.torque_curves import ACROSS, BEST_ESTIMATE, REAL_ACROSS, TorqueCurve, torque_curves
 from emclutch.scene.study import StudySection
 from emclutch.studies.method_comparison import METHOD, compare_methods, comparison_lines
 
@@ -201,6 +201,9 @@ def row_of(values: dict[str, Any], result: Result) -> dict[str, Any]:
         "reason": torque.reason,
         "folder": result.folder.path.name,
     }
+    if TORQUE_DISC in result.history and (best := result.best) != torque:
+        ends = best.interval() if best.known else (None, None)
+        row |= dict(zip(BEST_ESTIMATE, (best.mean, *ends), strict=True))
     if (start := result.folder.read_provenance().get("grains_from")) is not None:
         row["started_from"] = Path(start["folder"]).name  # a study's point
     if expected := summary.get("expected_torque"):

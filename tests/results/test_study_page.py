@@ -2,10 +2,21 @@
 
 import xml.etree.ElementTree as ElementTree
 
+import pandas
 import pytest
+from matplotlib.figure import Figure
+from written_run import written_study
 
+from emclutch.results import RunFolder, load_result
+from emclutch.results.pictures.torque_curves import BEST, _draw_torques
+from emclutch.results.report.content import study_page as content_page
+from emclutch.results.report.render import html
 from emclutch.results.report.study_page import FailedPoint, StudyState, study_page, write_study_page
+from emclutch.results.study_folder import read_study
+from emclutch.results.study_result import best_estimate_lines
 from emclutch.results.study_table import DONE, FAILED, RUNNING, WAITING, PointRow
+from emclutch.results.torque_curves import torque_curves
+from emclutch.studies.tables import row_of
 
 CURRENT, FRICTION = "coil.current", "contact.friction"
 SVG = "{http://www.w3.org/2000/svg}"
@@ -84,3 +95,30 @@ def test_without_numbers_to_draw_over_there_is_no_picture(tmp_path):
     state = state_of(tmp_path, values=values, names=["a", "b"], points=waiting, rows=rows)
     assert "<svg" not in study_page(state)
     assert write_study_page(state).read_text(encoding="utf-8").endswith("</html>")
+
+
+def test_what_a_run_says_of_its_settings_a_study_says_of_its_points(tmp_path):
+    """Grains that add 53 % to every torque: a line on the terminal and in both pages, a second curve in the picture."""
+    folder = written_study(tmp_path, [2.0, 3.0])
+    size = {"grain_size": {"note": "3 grains across the gap", "across": 3.0, "torque_excess": 0.53,
+                           "torque_excess_low": 0.44, "torque_excess_high": 0.62}}  # fmt: skip
+    rows = []
+    for row in pandas.read_csv(folder / "study.csv").to_dict("records"):
+        run = RunFolder(folder / row["folder"])
+        run.case.write_text(run.case.read_text() + "\n[time]\nend = 0.2\n")
+        run.write_summary(run.read_summary() | size)
+        rows.append(row | row_of({"coil.current": row["coil.current"]}, load_result(run.path)))
+        assert rows[-1]["best_torque"] == pytest.approx(rows[-1]["torque"] / 1.53)
+        assert rows[-1]["best_low"] < rows[-1]["best_torque"] < rows[-1]["best_high"]
+    pandas.DataFrame(rows).to_csv(folder / "study.csv", index=False)
+    (line,) = best_estimate_lines(folder)
+    assert "change the raw torque of all points by +53 %" in line and "best_torque" in line
+    assert line in html(content_page(read_study(folder), lambda result: ()))
+    state = StudyState(folder, "a study", {"coil.current": ["1 A", "2 A"]}, [], [], rows)
+    assert line in study_page(state)
+    (curve,) = torque_curves(rows, "current", [])
+    assert curve.best == pytest.approx(curve.torque / 1.53)
+    axis = Figure().subplots()
+    _draw_torques(axis, [curve], joined=True)
+    assert BEST in axis.get_legend_handles_labels()[1]
+    assert best_estimate_lines(written_study(tmp_path / "raw", [2.0])) == []

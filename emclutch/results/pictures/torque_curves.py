@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
 COLOURS = ("#0b5fa5", "#2a8c3f", "#8a1c7c", "#b8860b", "#00868b", "#a52a2a", "#6a6a6a", "#4b3fbf")
 LAW = BODY_COLOURS["rotor"]
 BAND = "#4b3fbf"
+BEST = "best estimate, corrected for the settings"
 LONG = 40  # letters of a legend that has room for one column
 
 
@@ -117,7 +119,9 @@ def torque_against_grain_size_picture(
     curves : over n; drawn as for currents.
     laws : of each curve; None: no line. A mark with its interval lies at the size of the real powder and at zero.
     """
-    figure, (axis,) = _torque_axes([curve.along(curve.x**-EXPONENT) for curve in curves], title, joined=False)
+    figure, (axis,) = _torque_axes(
+        [replace(curve.along(curve.x**-EXPONENT), best=None) for curve in curves], title, joined=False
+    )
     for number, law in enumerate(laws):
         if law is None:
             continue
@@ -198,6 +202,8 @@ def _draw_torques(axis: Axes, curves: Sequence[TorqueCurve], *, joined: bool) ->
             if chosen.any():
                 axis.errorbar(curve.x[chosen], curve.torque[chosen], bars[chosen], fmt="o", ms=6, mfc=fill, capsize=4,
                               color=colour, lw=1.2, label=once(label))  # fmt: skip
+        if curve.best is not None and np.isfinite(curve.best).any():
+            axis.plot(curve.x, curve.best, "x--", ms=7, lw=1.2, color=colour, label=once(BEST))
         if not known.all():
             axis.plot(curve.x[~known], curve.torque[~known], "D", ms=6, mfc="white", color=colour,
                       label=once("error unknown"))  # fmt: skip

@@ -34,7 +34,7 @@ from emclutch.results.replicated_mean import drift_in_words
 from emclutch.results.report.verdict import RPM, Mark, Statement, best_in_words, in_words, sentence, verdict
 from emclutch.results.rise_time import in_words as in_words_of_rise
 from emclutch.results.study_folder import StudyFolder, is_study, read_study, refresh_in_words
-from emclutch.results.study_result import grain_size_lines
+from emclutch.results.study_result import best_estimate_lines, grain_size_lines
 from emclutch.results.text import format_stress, format_time, format_torque, per_cent
 
 AT_THE_END = ("coil current", "voltage", "copper loss", "flux density")  # rows of quantities of the last window
@@ -266,7 +266,8 @@ def study_page(study: StudyFolder, left_out_of: LeftOutOf) -> Page:
     first = next(iter(results.values()), None)
     left_out = () if first is None else left_out_of(first)
     over = f", over {', '.join(study.varied)}" if study.varied else ""
-    statements = [*_progress(study, results), *_on_points(verdicts)]
+    corrected = [Statement(Mark.NOTE, line) for line in best_estimate_lines(study.path)]
+    statements = [*_progress(study, results), *corrected, *_on_points(verdicts)]
     points = [
         [
             str(row["folder"]), *(str(row[key]) for key in study.varied), torques[label] or "none",

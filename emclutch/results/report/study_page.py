@@ -23,6 +23,7 @@ from emclutch.results.report.render import embed_small, page_template
 from emclutch.results.run_folder import INDEX
 from emclutch.results.seed_average import averaged_over_seeds
 from emclutch.results.study_dataset import number_and_unit
+from emclutch.results.study_result import best_estimate_lines
 from emclutch.results.study_table import DONE, FAILED, KEPT, RUNNING, STOPPED, WAITING, PointRow
 from emclutch.results.text import format_duration, format_mean
 from emclutch.results.torque_curves import NORMAL, TorqueCurve, torque_curves
@@ -114,6 +115,7 @@ def study_page(state: StudyState) -> str:
         total=len(state.points),
         parts=[(name, number, 100.0 * number / total) for name, number in parts if number],
         undecided=undecided,
+        corrected=best_estimate_lines(state.folder) if (state.folder / "study.csv").is_file() else [],
         points=[_cells(state.names[k], state.points[k]) for k in places[:MAX_ROWS]],
         more=max(0, len(places) - MAX_ROWS),
         failures=state.failures[:MAX_FAILURES],
