@@ -142,7 +142,7 @@ def test_powder_clutch_at_toy_size(tmp_path):
     assert result.summary["inertial_number_pressure"] == "measured"
     assert (history["rotor_speed"] / (100.0 * math.pi / 30.0)).to_numpy() == pytest.approx(factor)
     sheared = (history["time"].diff().fillna(history["time"]) * history["rotor_speed"]).sum() * 45.0
-    assert 0.02 <= sheared < 0.03  # to a whole window
+    assert 0.017 < sheared <= 0.02 * (1.0 + 1e-9)  # in whole windows
     load, said = result.summary["wall_pressure"], "\n".join(closing_lines(result))
     for words in (size["note"], "instead of 100 rpm", "Pa on the disc", "Grains this coarse add"):
         assert words in said
@@ -250,7 +250,7 @@ def test_switch_on_at_toy_size(tmp_path):
     for name in ("current", "gap_flux_density"):
         assert result.summary[f"{name}_rise_time"] is None and "run longer" in result.summary[f"{name}_rise_time_note"]
     assert "not over: the current went up to" in report_text(result)
-    assert (voltage == 34.0).all() and current.iloc[0] < 0.05 and current.is_monotonic_increasing
+    assert (voltage == 34.0).all() and current.iloc[0] < 0.1 and current.is_monotonic_increasing
     # L/R is about 4 ms: 0.3 to 0.45 A after 2 ms
     assert 0.25 < current.iloc[-1] < 0.5
     stored = history["coil_supplied"].sum() - history["copper_loss"].sum() - history["eddy_loss"].sum()

@@ -93,7 +93,7 @@ def test_current_and_mesh_are_not_of_the_device():
 
 
 def test_a_run_has_the_error_of_its_ladder(folder, tmp_path):
-    case = cell()
+    case = cell(time__end="0.65 ms")
     device = device_of(case)
     file = save_ladder(ladder(device, contact_step(0.04), drive={"coil.current": 1.0}, unknown={"sector": "no time"}))
     summary = emclutch.run(case, out=tmp_path / "run").summary
