@@ -133,6 +133,8 @@ def read_table(path: str | Path, wanted: Callable[[int, str, str], str | None], 
     units: list[str] = []
     unused: list[tuple[str, str]] = []
     for place, text in enumerate(head):
+        if not text and all(place >= len(row) or not row[place] for _, row in body):
+            continue  # a spreadsheet's empty column, or a separator at the end of each line
         name, unit = split_heading(text)
         goal = wanted(place, name, unit)
         if goal is None:

@@ -93,3 +93,8 @@ def test_what_is_no_file_of_text_is_refused(tmp_path):
     (tmp_path / "binary").write_bytes(b"\xff\xfe\x00H")
     with pytest.raises(FileFault, match="UTF-8"):
         read_table(tmp_path / "binary", lambda place, name, unit: None)
+
+
+def test_an_empty_column_of_a_spreadsheet_is_no_column(tmp_path):
+    table = read(tmp_path, "x [mm],y [mm],\n1.5,0.5,\n2.5,0.25,\n")
+    assert table.values.tolist() == [[1.5, 0.5], [2.5, 0.25]] and not table.unused
