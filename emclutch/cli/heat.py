@@ -70,6 +70,8 @@ def in_words(found: HeatResult) -> list[str]:
         passed = duty[f"{key}_limit_passed_after"]
         if passed is not None:
             lines.append(f"WARNING: the {name} exceeds its limit after {format_duration(passed)}")
+    if not found.permitted[["rotor_speed", "disc_speed"]].to_numpy().any():
+        lines.append("permitted slip power: neither body turns in [motion], so both are cooled as at rest")
     largest = summary["largest_current"]
     lines.append(
         f"largest current without slip: {largest['at_the_coil_limit']:.3g} A at the coil's limit, "

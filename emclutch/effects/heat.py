@@ -89,7 +89,9 @@ class DutySection(Section):
         default=None, description="coil current while it is on, in a period; default: the largest of [coil]"
     )
     slip: SpeedProfile | None = Field(
-        default=None, description="slip speed in a period; default: the largest of [motion]"
+        default=None,
+        description="slip speed in a period; default: the largest of [motion]; the bodies that turn in [motion] turn "
+        "with it and are cooled accordingly, at a slip that varies as at their slowest speeds",
     )
 
     @model_validator(mode="after")

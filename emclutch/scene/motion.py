@@ -126,7 +126,31 @@ class MotionSection(Section):
     @property
     def largest_slip(self) -> float:
         """Largest difference [rad/s] of both speeds; with a free shaft the larger of both."""
+        rotor, disc = self._speeds_of_largest_slip
         if self.rotor.speed is None or self.disc.speed is None:
-            return max(self.rotor.largest_speed, self.disc.largest_speed)
+            return max(rotor, disc)
+        return abs(rotor - disc)
+
+    @property
+    def _speeds_of_largest_slip(self) -> tuple[float, float]:
+        """Speeds [rad/s] of rotor and disc when their slip is largest; with a free shaft the largest of each."""
+        if self.rotor.speed is None or self.disc.speed is None:
+            return self.rotor.largest_speed, self.disc.largest_speed
         times = np.array(sorted({*self.rotor.speed.times, *self.disc.speed.times}))
-        return float(np.abs(self.rotor.speed.at(times) - self.disc.speed.at(times)).max())
+        rotor, disc = self.rotor.speed.at(times), self.disc.speed.at(times)
+        at = int(np.argmax(np.abs(rotor - disc)))
+        return float(rotor[at]), float(disc[at])
+
+    def speeds_at_slip(self, slip: float) -> tuple[float, float]:
+        """Speeds [rad/s] of rotor and disc when the slip is `slip` [rad/s], >= 0; at the largest slip, the scene's own.
+
+        A body at rest stays at rest, and the other one turns with the slip. Bodies that turn in opposite senses keep
+        the ratio of their speeds. Of two that turn in one sense the faster one keeps its speed and the slower one loses
+        the slip, until it stands; from there on the faster one turns with the slip. Where neither turns, both rest.
+        """
+        rotor, disc = self._speeds_of_largest_slip
+        if rotor * disc > 0.0:
+            fast = max(abs(rotor), abs(disc), slip)
+            return (fast, fast - slip) if abs(rotor) >= abs(disc) else (fast - slip, fast)
+        own = abs(rotor - disc)
+        return (rotor * slip / own, disc * slip / own) if own > 0.0 else (0.0, 0.0)

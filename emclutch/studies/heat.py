@@ -12,9 +12,9 @@ it does to the mean through R(T), the torque's fade and radiation, which averagi
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
 from math import inf, pi
@@ -78,6 +78,8 @@ HOTTEST_PLACES = ("coil_hottest", "powder_hottest", "surface")
 
 PERMITTED_UNITS = {
     "speed": "rad/s",
+    "rotor_speed": "rad/s",
+    "disc_speed": "rad/s",
     "film": "W/(m^2 K)",
     "by_surface": "W",
     "by_coil": "W",
@@ -85,8 +87,8 @@ PERMITTED_UNITS = {
     "torque": "N m",
     "powder_hottest": "degC",
 }
-"""Of permitted.csv: the slip power up to which surface and coil stay below their limits, the smaller of both, and
-its torque."""
+"""Of permitted.csv: the slip speed, the speeds of both bodies and the rotor's film at it; the slip power up to which
+surface and coil stay below their limits, the smaller of both, and its torque."""
 
 
 @dataclass(frozen=True)
@@ -190,10 +192,9 @@ class _Study:
         assert coil is not None  # by the effect's checks
         torque, torque_summary = _torque(case, run)
         fade = effect.fade and (np.array(effect.fade.temperatures), np.array(effect.fade.factors))
-        motion = scene.motion
-        problem = heat_problem(scene, motion.rotor.largest_speed, motion.disc.largest_speed)
+        slip = scene.motion.largest_slip if effect.duty.slip is None else effect.duty.slip.largest
+        problem = heat_problem(scene, *scene.motion.speeds_at_slip(slip))
         model = HeatModel(resistance_at_20(scene), torque, fade)
-        slip = motion.largest_slip if effect.duty.slip is None else effect.duty.slip.largest
         if coil.is_at_voltage:
             assert coil.voltage is not None  # what drives it
             peak = Drive(None, coil.voltage.largest, slip)
@@ -270,6 +271,20 @@ class _Study:
 
     def through_the_duty(self, reference: np.ndarray | None) -> tuple[pandas.DataFrame, dict[str, Any], np.ndarray]:
         """A row a step, what came of it, and the last temperatures."""
+        duty = self.scene.effects.thermal.duty
+        if duty.slip is not None and not duty.slip.is_constant:
+            values = duty.slip.values
+            slips = {*map(abs, values)} | ({0.0} if min(values) < 0.0 < max(values) else set())
+            return replace(self, problem=self._cooled_at(slips))._through_the_duty(reference)
+        return self._through_the_duty(reference)
+
+    def _cooled_at(self, slips: Iterable[float]) -> HeatProblem:
+        """The problem with the films of the bodies' speeds at slips [rad/s]; of several, with each body's smallest."""
+        speeds = [self.scene.motion.speeds_at_slip(slip) for slip in slips]
+        films = [min(film_of(self.scene, speed) for speed in of_body) for of_body in zip(*speeds, strict=True)]
+        return self.problem.with_films(dict(zip(("rotor", "disc"), films, strict=True)))
+
+    def _through_the_duty(self, reference: np.ndarray | None) -> tuple[pandas.DataFrame, dict[str, Any], np.ndarray]:
         effect, duty = self.scene.effects.thermal, self.scene.effects.thermal.duty
         if duty.period is not None and duty.end > MAX_RESOLVED_PERIODS * duty.period:
             return self._averaged(reference)
@@ -393,12 +408,11 @@ class _Study:
         return sorted(time for time in {*times, end} if 0.0 < time <= end)
 
     def permitted(self, speeds: Sequence[float]) -> pandas.DataFrame:
-        """A row a speed, with the rotor turning at it and the coil at its largest current or voltage."""
-        effect, rows = self.scene.effects.thermal, []
+        """A row a slip speed, with the coil at its largest current or voltage."""
+        effect, motion, rows = self.scene.effects.thermal, self.scene.motion, []
         for speed in speeds:
-            film = film_of(self.scene, speed)
-            problem = self.problem.with_films({"rotor": film})
-
+            rotor, disc = motion.speeds_at_slip(speed)
+            problem = self._cooled_at([speed])
             at = _AtSlipPower(self, problem)
             by_surface = _where_reached(at.surface, effect.surface_limit, "surface_limit")
             by_coil = _where_reached(at.hottest, effect.coil_limit, "coil_limit")
@@ -407,7 +421,7 @@ class _Study:
                 powder = float(problem.largest(at(power))[POWDER])
             except ThermalRunaway:  # the coil alone is too hot
                 powder = float("nan")
-            values = (speed, film, by_surface, by_coil, power, power / speed, powder)
+            values = (speed, rotor, disc, film_of(self.scene, rotor), by_surface, by_coil, power, power / speed, powder)
             rows.append(dict(zip(PERMITTED_UNITS, values, strict=True)))
         return pandas.DataFrame(rows)
 
@@ -432,10 +446,8 @@ class _Study:
         """Steady temperatures less those of elements of the next order [K]."""
         if temperature is None:
             return "not known: there are no steady temperatures"
-        motion = self.scene.motion
-        finer = heat_problem(
-            self.scene, motion.rotor.largest_speed, motion.disc.largest_speed, self.problem.mesh, order=2
-        )
+        speeds = self.scene.motion.speeds_at_slip(self.peak.slip)
+        finer = heat_problem(self.scene, *speeds, self.problem.mesh, order=2)
         try:
             found = self._solve(self.peak, finer)
         except ThermalRunaway as error:

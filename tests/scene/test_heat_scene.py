@@ -113,6 +113,49 @@ def test_at_the_permitted_slip_power_the_limit_is_met(found):
     assert min(75.0 - surface, 130.0 - hottest) == pytest.approx(0.0, abs=0.02)
 
 
+@pytest.mark.parametrize(
+    ("motion", "speeds"),
+    [
+        ({"rotor": "300 rpm"}, (1000, 0)),
+        ({"disc": "-300 rpm"}, (0, -1000)),
+        ({"rotor": "1500 rpm", "disc": "1400 rpm"}, (1500, 500)),
+        ({"rotor": "200 rpm", "disc": "300 rpm"}, (0, 1000)),
+        ({"rotor": "300 rpm", "disc": "-100 rpm"}, (750, -250)),
+        ({}, (0, 0)),
+    ],
+)
+def test_the_bodies_that_turn_are_cooled_as_they_turn(motion, speeds):
+    """At the permitted power of 1000 rpm the hottest place outside has its limit, with films of both bodies' speeds.
+
+    The films are built from speeds written down here: a body at rest stays at rest.
+    """
+    bodies = {name: {"speed": speed} for name, speed in motion.items()}
+    case = brake(**{"motion": bodies, "effects.heat.coil_limit": 250.0})
+    (row,) = _Study.of(case, None).permitted([1000.0 * RPM]).to_dict("records")
+    assert (row["rotor_speed"], row["disc_speed"]) == pytest.approx(tuple(RPM * speed for speed in speeds))
+    problem = heat_problem(case.scene, *(RPM * speed for speed in speeds))
+    model = HeatModel(resistance_at_20(case.scene), lambda current: 0.0)
+    steady = problem.steady(lambda means: model.powers(Drive(0.5, slip_power=row["slip_power"]), means))
+    assert max(problem.surface_temperatures(steady).values()) == pytest.approx(75.0, abs=0.02)
+
+
+def test_the_films_of_a_duty_are_those_of_its_slip():
+    """duty.slip turns the body that turns in [motion]; a slip that varies cools as its slowest speed does."""
+
+    def surfaces(study):
+        return {one.surface.name: one.surface.film for one in study.problem._surfaces}
+
+    constant = brake(**{"effects.heat.duty.slip": "1500 rpm"})
+    expected = heat_problem(constant.scene, 1500.0 * RPM)
+    assert surfaces(_Study.of(constant, None)) == {one.surface.name: one.surface.film for one in expected._surfaces}
+    ramp = {"times": [0.0, 600.0], "values": ["-500 rpm", "1500 rpm"]}
+    study = _Study.of(brake(**{"effects.heat.duty": {"end": "600 s", "slip": ramp}}), None)
+    assert surfaces(study) == surfaces(_Study.of(constant, None))  # on all the time, at the largest slip
+    at_rest = study.problem.with_films({"rotor": 6.0, "disc": 6.0})
+    table, _, last = study.through_the_duty(None)
+    assert table["heat_out"].iloc[-1] == pytest.approx(sum(at_rest.losses(last).values()), rel=1e-12)
+
+
 def test_a_duty_of_a_quarter_has_a_quarter_of_the_heat(found, tmp_path):
     """On for 30 s of 120 s: in the end the mean rise is a quarter of the steady one, but for radiation and copper."""
     part = heat(
