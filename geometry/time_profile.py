@@ -52,6 +52,14 @@ class TimeProfile:
         """The value at ``time`` [s]."""
         return float(np.interp(time, self.times, self.values))
 
+    def crossings(self, value: float) -> list[float]:
+        """Instants [s] between two points of the profile at which it passes ``value``."""
+        return [
+            t0 + (t1 - t0) * (value - a) / (b - a)
+            for (t0, a), (t1, b) in pairwise(zip(self.times, self.values, strict=True))
+            if min(a, b) < value < max(a, b)
+        ]
+
     def __truediv__(self, divisor: float) -> Self:
         """The profile with every value divided by a number, as I = V/R."""
         return type(self)(self.times, tuple(value / divisor for value in self.values))

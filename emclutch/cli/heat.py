@@ -64,6 +64,8 @@ def in_words(found: HeatResult) -> list[str]:
     lines.append(
         f"duty: {duty['state']}, {duty['steps']} steps; residual of the energy balance {abs(duty['energy_error']):.1e}"
     )
+    if "heat_error" in duty:
+        lines[-1] += f"; heat made, relative to the integral of the duty's power: {duty['heat_error']:+.1e}"
     if "ripple" in duty:
         lines.append(averaging_in_words(duty))
     for key, name in (("surface", "surface"), ("coil_hottest", "coil")):

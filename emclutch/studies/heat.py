@@ -55,7 +55,7 @@ _ROWS = 100
 """Of an averaged duty at least: limits are met between rows on a line."""
 
 _PIECES = 8
-"""Of a stretch of a period, with two points of Gauss each, in the mean power."""
+"""Between two instants, with two points of Gauss each, in an integral of the duty's power."""
 
 UNITS = {
     "time": "s",
@@ -289,10 +289,23 @@ class _Study:
         if duty.period is not None and duty.end > MAX_RESOLVED_PERIODS * duty.period:
             return self._averaged(reference)
         march = HeatInTime(self.problem, self._powers_in_time, effect.tolerance, reference)
-        return self._marched(march, effect.ambient, self._switchings(duty.end), self._row_in_time)
+        table, summary, last = self._marched(march, effect.ambient, self._switchings(duty.end), self._row_in_time)
+        own = self._heat_of_the_duty(table)
+        made = summary["heat_of_coil"] + summary["heat_of_slip"]
+        summary["heat_error"] = (made - own) / own if own > 0.0 else 0.0
+        return table, summary, last
 
     def _powers_in_time(self, time: float, means: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return self.model.powers(self._drive(time), means)
+
+    def _heat_of_the_duty(self, table: pandas.DataFrame) -> float:
+        """Integral [J] of the duty's power in time, at the temperatures of a table on lines between its rows."""
+        means = table[["coil_mean", "powder_mean"]].to_numpy()
+        rows = table["time"].to_numpy()
+        times, weights = _gauss(rows)
+        at = np.column_stack([np.interp(times, rows, of_source) for of_source in means.T])
+        powers = [self._powers_in_time(time, one)[0].sum() for time, one in zip(times.tolist(), at, strict=True)]
+        return float(weights @ np.array(powers))
 
     def _row_in_time(self, temperature: np.ndarray, time: float) -> dict[str, float]:
         before = time - 1e-9 * max(time, 1.0) if time > 0.0 else 0.0  # a source that jumps there has not yet
@@ -379,11 +392,9 @@ class _Study:
 
     def _through_a_period(self) -> tuple[np.ndarray, np.ndarray]:
         """Times [s] and weights, of sum 1, of a mean over a period."""
-        cuts = [0.0, *self._switchings(self.scene.effects.thermal.duty.period)]
-        edges = np.concatenate([np.linspace(a, b, _PIECES, endpoint=False) for a, b in pairwise(cuts)] + [cuts[-1:]])
-        middle, half = 0.5 * (edges[:-1] + edges[1:]), 0.5 * np.diff(edges)
-        times = (middle[:, None] + half[:, None] * np.array([-1.0, 1.0]) / np.sqrt(3.0)).ravel()
-        return times, np.repeat(half, 2) / cuts[-1]
+        period = self.scene.effects.thermal.duty.period
+        times, weights = _gauss([0.0, *self._switchings(period)])
+        return times, weights / period
 
     def _drive(self, time: float) -> Drive:
         """What heats at a time of the duty [s]."""
@@ -397,12 +408,15 @@ class _Study:
         return Drive(abs(duty.current(within)), 0.0, slip)
 
     def _switchings(self, end: float) -> list[float]:
-        """Instants [s] at which a stretch of the duty ends, until `end`."""
-        duty = self.scene.effects.thermal.duty
+        """Instants [s] at which a stretch of the duty ends, until `end`: its power is a polynomial of time between."""
+        effect, duty = self.scene.effects.thermal, self.scene.effects.thermal.duty
         period = duty.period or duty.end
         cuts = {period} | ({duty.on} if duty.on else set())
-        for profile in (duty.current, duty.slip):
-            cuts |= set() if profile is None else {time for time in profile.times if 0.0 < time < period}
+        knots = () if effect.torque_curve is None else effect.torque_curve.currents
+        for profile, kinks in ((duty.current, (0.0, *knots, *(-knot for knot in knots))), (duty.slip, (0.0,))):
+            if profile is not None:
+                instants = {*profile.times}.union(*map(profile.crossings, kinks))
+                cuts |= {time for time in instants if 0.0 < time < period}
         count = int(np.ceil(end / period * (1.0 - 1e-12)))
         times = {k * period + cut for k in range(count) for cut in cuts}
         return sorted(time for time in {*times, end} if 0.0 < time <= end)
@@ -554,6 +568,14 @@ def _where_reached(value: Callable[[float], float], limit: float, key: str) -> f
         f"no power was found in 60 steps of the secant method at which effects.heat.{key} = {limit:g} degrees C is "
         f"reached: {low:.4g} W make {at_low:.4g} degrees C; lower {key}, or convection and shaft_conductance"
     )
+
+
+def _gauss(edges: Sequence[float] | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Times and weights [s] of an integral in time: two points of Gauss in each of `_PIECES` between two edges [s]."""
+    cuts = np.concatenate([np.linspace(a, b, _PIECES, endpoint=False) for a, b in pairwise(edges)] + [edges[-1:]])
+    middle, half = 0.5 * (cuts[:-1] + cuts[1:]), 0.5 * np.diff(cuts)
+    times = (middle[:, None] + half[:, None] * np.array([-1.0, 1.0]) / np.sqrt(3.0)).ravel()
+    return times, np.repeat(half, 2)
 
 
 def _passes(time: np.ndarray, value: np.ndarray, limit: float) -> float | None:

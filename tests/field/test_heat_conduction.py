@@ -214,6 +214,22 @@ def test_switching_is_met_and_a_repeated_duty_keeps_its_matrices():
     assert len(march._factors) <= 12
 
 
+def test_a_source_that_ramps_makes_its_integral():
+    """P (t/T)^n in every period T: P T/(n + 1) in each, whatever the step, and the temperature of the mean power.
+
+    Long after, T - T_a = P/(n + 1) R: an error of a period adds up, however small it is against the tolerance.
+    """
+    problem, G, C = lumped()
+    period = 2e-3 * C / G
+    for n in (1, 2, 3):
+        march = HeatInTime(problem, lambda t, _: (np.array([30.0 * (t % period / period) ** n]), np.zeros(1)), 1.0)  # noqa: B023
+        *_, last = march.run(march.start(AMBIENT), [period * (k + 1) for k in range(200)])
+        assert march.steps < 250
+        assert last.made[0] == pytest.approx(30.0 / (n + 1) * last.time, rel=1e-9)
+        exact = -30.0 / (n + 1) / G * np.expm1(-G / C * last.time)
+        assert last.temperature.mean() - AMBIENT == pytest.approx(exact, rel=2e-3)
+
+
 @pytest.mark.parametrize("share", [1e-4, 0.1, 1.0, 6.0])
 def test_the_ripple_of_a_lumped_body_is_that_of_its_pulse_train(share):
     """Peak T_a + P R (1 - exp(-t_on/tau))/(1 - exp(-T/tau)), lowest exp(-(T - t_on)/tau) of it, T/tau = share."""

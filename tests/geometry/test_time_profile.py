@@ -25,6 +25,12 @@ def test_a_profile_over_a_number_has_its_values_over_it():
     assert PROFILE / 2.0 == TimeProfile((0.0, 1.0, 3.0), (0.0, 5.0, -7.0))
 
 
+def test_a_value_is_passed_between_points():
+    crossed = TimeProfile((0.0, 1.0, 3.0), (0.0, 10.0, -10.0))
+    assert crossed.crossings(5.0) == [0.5, 1.5] and crossed.crossings(0.0) == [2.0]
+    assert crossed.crossings(10.0) == [] and TimeProfile.constant(5.0).crossings(5.0) == []
+
+
 @pytest.mark.parametrize("times, values", [((0.0, 1.0), (1.0,)), ((1.0, 0.0), (0.0, 1.0)), ((), ())])
 def test_bad_profile_is_refused(times, values):
     with pytest.raises(ValueError, match="time profile"):

@@ -169,6 +169,35 @@ def test_a_duty_of_a_quarter_has_a_quarter_of_the_heat(found, tmp_path):
     assert abs(part.summary["duty"]["energy_error"]) < 1e-7
 
 
+def test_ramps_of_current_and_slip_make_their_integral():
+    """Torque and slip proportional to s, from 0 to 1 and back: 1/3 of the heat of the peak; others below, by hand."""
+    curve = {"currents": [0.0, 0.5], "torques": [0.0, 0.1]}
+    ramp = {"times": [0.0, 0.5, 1.0], "values": [0.0, 0.5, 0.0]}
+    slip = {"times": [0.0, 0.5, 1.0], "values": ["0 rpm", "300 rpm", "0 rpm"]}
+    duty = {"end": "4 s", "period": "1 s", "current": ramp, "slip": slip}
+    values = {"effects.heat.torque": None, "effects.heat.duty": duty, "effects.heat.torque_curve": curve}
+    peak = 0.1 * 300.0 * RPM
+
+    def of_duty(**more):
+        case = brake(**values | {"field.size_factor": 4.0, "effects.heat.tolerance": 2.0} | more)
+        study = _Study.of(case, None)
+        return study, study.through_the_duty(None)[1]
+
+    study, found = of_duty()
+    assert found["heat_of_slip"] == pytest.approx(4.0 * peak / 3.0, rel=1e-9)
+    # of a coil that warms by less than half a kelvin
+    assert found["heat_of_coil"] == pytest.approx(4.0 * study.model.R_20 * 0.25 / 3.0, rel=3e-3)
+    assert abs(found["heat_error"]) < 1e-6
+    # no torque up to half the current: the integral of s (2 s - 1) from 1/2 to 1 is 5/24
+    late = {"currents": [0.25, 0.5], "torques": [0.0, 0.1]}
+    _, found = of_duty(**{"effects.heat.torque_curve": late})
+    assert found["heat_of_slip"] == pytest.approx(4.0 * peak * 5.0 / 24.0, rel=1e-9)
+    # the slip reverses at a third of the ramp: the integral of s |3 s - 1|/2 is 29/108
+    reverses = {"times": [0.0, 0.5, 1.0], "values": ["-150 rpm", "300 rpm", "-150 rpm"]}
+    _, found = of_duty(**{"effects.heat.duty": duty | {"slip": reverses}})
+    assert found["heat_of_slip"] == pytest.approx(4.0 * peak * 29.0 / 108.0, rel=1e-9)
+
+
 def test_an_averaged_duty_is_the_resolved_one(monkeypatch):
     """The last period of a duty resolved: peaks, means, ripple and heat; means within the error that is given."""
     duty = {"end": "4 h", "period": "20 min", "on": "6 min"}
