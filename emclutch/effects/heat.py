@@ -239,7 +239,9 @@ class HeatSection(EffectSection):
         description="of the device at the largest current; default: the expected one of `emclutch check`, or that of a "
         "run (emclutch heat --run)",
     )
-    torque_curve: TorqueCurveSection | None = Field(default=None, description="torque against current, instead")
+    torque_curve: TorqueCurveSection | None = Field(
+        default=None, description="torque against current, instead; with a run, scaled to meet its torque"
+    )
     fade: FadeSection | None = Field(default=None, description="change of the torque with the powder's temperature")
     duty: DutySection = DutySection()
     surface_limit: Celsius = Field(default=75.0, description="largest temperature of the outside, in degrees C")

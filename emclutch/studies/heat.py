@@ -17,7 +17,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
-from math import inf, pi
+from math import inf, isclose, pi
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +35,7 @@ from emclutch.device_model.heat_model import (
     heat_problem,
     resistance_at_20,
 )
+from emclutch.effects.heat import HeatSection, TorqueCurveSection
 from emclutch.results import OutputError, RunFolder, load_result
 from emclutch.results.errors import RunError
 from emclutch.results.pictures.temperature import duty_picture, temperature_picture
@@ -129,7 +130,8 @@ def heat(
     Parameters
     ----------
     case : Case, or the path of a scene file
-    run : folder of a run whose torque is taken; default: that of the scene, else the expected one.
+    run : folder of a run whose torque is taken; effects.heat.torque_curve is scaled to it at its current. Default: the
+        torque of the scene, else the expected one.
     speeds : slip speeds [rad/s], > 0, at which the permitted slip power is computed.
     out : new folder; default: the next runs/<case>-heat-<nnn>.
 
@@ -190,11 +192,9 @@ class _Study:
         scene = case.scene
         effect, coil, shape = scene.effects.thermal, scene.coil, scene.shape()
         assert coil is not None  # by the effect's checks
-        torque, torque_summary = _torque(case, run)
         fade = effect.fade and (np.array(effect.fade.temperatures), np.array(effect.fade.factors))
         slip = scene.motion.largest_slip if effect.duty.slip is None else effect.duty.slip.largest
         problem = heat_problem(scene, *scene.motion.speeds_at_slip(slip))
-        model = HeatModel(resistance_at_20(scene), torque, fade)
         if coil.is_at_voltage:
             assert coil.voltage is not None  # what drives it
             peak = Drive(None, coil.voltage.largest, slip)
@@ -202,7 +202,8 @@ class _Study:
             window = shape.coil_area, shape.coil_mean_radius
             current = coil.currents_in(*window).largest if effect.duty.current is None else effect.duty.current.largest
             peak = Drive(current, 0.0, slip)
-        return cls(scene, problem, model, torque_summary, peak)
+        torque, torque_summary = _torque(case, peak.current, run)
+        return cls(scene, problem, HeatModel(resistance_at_20(scene), torque, fade), torque_summary, peak)
 
     def _solve(self, drive: Drive, problem: HeatProblem | None = None, near: np.ndarray | None = None) -> np.ndarray:
         """Steady temperatures, found sooner from others that are `near`.
@@ -495,18 +496,15 @@ class _AtSlipPower:
         return float(self.problem.largest(self(power))[COIL])
 
 
-def _torque(case: Case, run: str | Path | None) -> tuple[Callable[[float], float], dict[str, Any]]:
-    """Torque [N m] of a current [A], and where it comes from."""
+def _torque(
+    case: Case, largest: float | None, run: str | Path | None
+) -> tuple[Callable[[float], float], dict[str, Any]]:
+    """Torque [N m] of a current [A], and where it comes from; `largest` current [A], None at a given voltage."""
     effect = case.scene.effects.thermal
     if run is not None:
-        mean = load_result(run).summary.get("torque", {}).get("mean")
-        if mean is None:
-            raise ValueError(f"the run {run} has no steady torque; let it end, or give effects.heat.torque")
-        return _while_on(abs(mean)), {"value": abs(mean), "source": f"the run {run}"}
-    curve = effect.torque_curve
-    if curve is not None:
-        currents, torques = np.array(curve.currents), np.array(curve.torques)
-        return lambda current: float(np.interp(current, currents, torques)), {"source": "effects.heat.torque_curve"}
+        return _torque_of_run(effect, largest, run)
+    if effect.torque_curve is not None:
+        return _on_curve(effect.torque_curve), {"source": "effects.heat.torque_curve"}
     if effect.torque is not None:
         return _while_on(effect.torque), {"value": effect.torque, "source": "effects.heat.torque"}
     if case.scene.particles is None:
@@ -522,6 +520,41 @@ def _torque(case: Case, run: str | Path | None) -> tuple[Callable[[float], float
         raise ValueError(f"effects.heat has no torque: {expected.law}; give effects.heat.torque, or --run FOLDER")
     words = f"expected: {expected.in_words()}"
     return _while_on(expected.torque), {"value": expected.torque, "source": words}
+
+
+def _torque_of_run(
+    effect: HeatSection, largest: float | None, run: str | Path
+) -> tuple[Callable[[float], float], dict[str, Any]]:
+    """Torque of a run at its own current; at others, of effects.heat.torque_curve scaled to meet it there."""
+    if effect.torque is not None:
+        raise ValueError(f"effects.heat.torque = {effect.torque:g} N m conflicts with the run {run}; keep one of them")
+    summary = load_result(run).summary
+    mean, current = summary.get("torque", {}).get("mean"), summary.get("current")
+    if mean is None:
+        raise ValueError(f"the run {run} has no steady torque; let it end, or give effects.heat.torque")
+    found = {"value": abs(mean), "source": f"the run {run}"}
+    if effect.torque_curve is not None:
+        curve = _on_curve(effect.torque_curve)
+        if current is None or curve(abs(current)) == 0.0:
+            at = "it has no coil current" if current is None else f"the curve has no torque at its {current:.4g} A"
+            raise ValueError(
+                f"effects.heat.torque_curve cannot be scaled to the run {run}: {at}; give a curve with a torque there, "
+                "or leave out the run"
+            )
+        factor = abs(mean) / curve(abs(current))
+        found["source"] += f" at {abs(current):.4g} A; at other currents effects.heat.torque_curve times {factor:.4g}"
+        return lambda current: factor * curve(current), found
+    if current is not None and largest is not None and not isclose(abs(current), largest, rel_tol=1e-3):
+        raise ValueError(
+            f"the run {run} has a coil current of {abs(current):.4g} A, the duty one of {largest:.4g} A; give "
+            "effects.heat.torque_curve too, which is then scaled to the run, or take a run at the duty's current"
+        )
+    return _while_on(abs(mean)), found
+
+
+def _on_curve(curve: TorqueCurveSection) -> Callable[[float], float]:
+    currents, torques = np.array(curve.currents), np.array(curve.torques)
+    return lambda current: float(np.interp(current, currents, torques))
 
 
 def _while_on(torque: float) -> Callable[[float], float]:

@@ -297,6 +297,32 @@ def test_a_shaft_and_a_better_powder_take_heat():
     assert 0.0 < packed < min(poor, resists)
 
 
+def test_a_curve_is_scaled_to_a_run(monkeypatch):
+    """12 N m at 0.8 A of a run and a curve that is linear: 6 N m at 0.4 A, whatever the curve's own torques are."""
+    curve = {"currents": [0.0, 1.0], "torques": [0.0, 10.0]}
+    values = {"effects.heat.torque": None, "effects.heat.torque_curve": curve, "effects.heat.duty.current": "0.4 A"}
+
+    def study(current, mean=-12.0, **more):
+        run = SimpleNamespace(summary={"torque": {"mean": mean}, "current": current})
+        monkeypatch.setattr(heat_study, "load_result", lambda _: run)
+        return _Study.of(brake(**values | {"field.size_factor": 4.0} | more), "runs/a")
+
+    found = study(-0.8)
+    assert found._row({found.peak: 1.0}, np.full(found.problem.n_dofs, 20.0))["torque"] == pytest.approx(6.0)
+    assert "times 1.5" in found.torque_summary["source"]
+    voltage = study(0.8, **{"coil": {"voltage": "3 V", "turns": 300}, "effects.heat.duty.current": None})
+    assert voltage.model.torque(0.4) == pytest.approx(6.0)
+    for current, said in ((0.0, "no torque at its 0 A"), (None, "no coil current")):
+        with pytest.raises(ValueError, match=f"torque_curve cannot be scaled to the run runs/a: .*{said}"):
+            study(current)
+    alone = {"effects.heat.torque_curve": None, "effects.heat.duty.current": None}
+    assert study(0.5, **alone).model.torque(0.1) == 12.0
+    with pytest.raises(ValueError, match=r"coil current of 0.8 A, the duty one of 0.5 A; give .*torque_curve"):
+        study(0.8, **alone)
+    with pytest.raises(ValueError, match=r"torque = 0.1 N m conflicts with the run"):
+        study(0.5, **alone | {"effects.heat.torque": "0.1 N m"})
+
+
 def test_what_does_not_go_together_is_refused_with_its_remedy(tmp_path):
     assert "steel_x" in faults(**{"effects.heat.conductivity": {"steel_x": "50 W/(m K)"}})
     assert "torque_curve" in faults(**{"coil": {"voltage": "3 V", "turns": 300}})
