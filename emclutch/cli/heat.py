@@ -55,10 +55,10 @@ def in_words(found: HeatResult) -> list[str]:
             f"{steady['slip_power']:.3g} W of slip; out through {ways}"
         )
     else:
-        limit = summary["largest_current"]["before_it_runs_away"]
+        limit = summary["largest_current"]["at_a_mean_of_250_degrees"]
         lines.append(
             f"steady: {steady['state']} (thermal runaway, or above the range of copper's linear law); "
-            f"without slip the coil has a steady state up to {limit:.3g} A: lower the current or the slip power, cool "
+            f"without slip it stays below up to {limit:.3g} A: lower the current or the slip power, cool "
             "better, or shorten the duty"
         )
     lines.append(
@@ -77,7 +77,7 @@ def in_words(found: HeatResult) -> list[str]:
     largest = summary["largest_current"]
     lines.append(
         f"largest current without slip: {largest['at_the_coil_limit']:.3g} A at the coil's limit, "
-        f"{largest['before_it_runs_away']:.3g} A with a steady state below {HOTTEST:g} °C"
+        f"{largest['at_a_mean_of_250_degrees']:.3g} A with a steady state below {HOTTEST:g} °C"
     )
     error = summary["error_of_the_mesh"]
     if isinstance(error, dict):

@@ -49,7 +49,9 @@ class FadeSection(Section):
     """
 
     temperatures: tuple[Celsius, ...] = Field(min_length=1, description="increasing, in degrees C")
-    factors: tuple[Annotated[float, number("0.9", 0.0, 10.0)], ...] = Field(min_length=1, description="one for each")
+    factors: tuple[Annotated[float, number("0.9", 0.0, 10.0)], ...] = Field(
+        min_length=1, description="one for each, the first 1"
+    )
 
     @model_validator(mode="after")
     def _is_a_function(self) -> Self:
@@ -57,6 +59,14 @@ class FadeSection(Section):
             raise refuse(f"has {len(self.temperatures)} temperatures and {len(self.factors)} factors; give as many")
         if not _increases(self.temperatures):
             raise refuse("must increase from each to the next", key="temperatures")
+        first = self.factors[0]
+        if not math.isclose(first, 1.0):
+            raise refuse(
+                f"must begin with 1, as they are relative to the torque at the first temperature, of "
+                f"{self.temperatures[0]:g} degrees C; begin with the temperature at which the torque is known"
+                + (f", and divide all by {first:g}" if first > 0.0 else ""),
+                key="factors",
+            )
         return self
 
 
@@ -102,6 +112,13 @@ class DutySection(Section):
             return self
         if self.on is not None and self.on > self.period:
             raise refuse(f"is longer than the period of {self.period:g} s; lower it", key="on")
+        for key, profile in (("current", self.current), ("slip", self.slip)):
+            if profile is not None and profile.times[-1] > self.period:
+                raise refuse(
+                    f"goes on to {profile.times[-1]:g} s, beyond the period of {self.period:g} s, at whose end it "
+                    "begins again; raise the period, or end the table with it",
+                    key=key,
+                )
         return self
 
 
@@ -257,6 +274,15 @@ class HeatSection(EffectSection):
         for key in ("surface_limit", "coil_limit"):
             if getattr(self, key) <= self.ambient:
                 raise refuse(f"is not above the ambient temperature of {self.ambient:g} degrees C; raise it", key=key)
+        return self
+
+    @model_validator(mode="after")
+    def _is_cooled(self) -> Self:
+        if self.convection == self.emissivity == self.shaft_conductance == 0.0:
+            raise refuse(
+                "is 0, as emissivity and shaft_conductance are: nothing cools a body at rest; raise one of the three",
+                key="convection",
+            )
         return self
 
     @model_validator(mode="after")

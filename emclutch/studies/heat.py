@@ -441,7 +441,10 @@ class _Study:
         return pandas.DataFrame(rows)
 
     def largest_currents(self) -> dict[str, float | None]:
-        """Steady currents [A] without slip at which the coil reaches its limit, and at which it runs away."""
+        """Steady currents [A] without slip at which the coil reaches its limit, and at which its mean is `HOTTEST`.
+
+        Beyond, steady temperatures may exist, of a winding that has burnt.
+        """
 
         def with_copper_loss(power: float) -> np.ndarray:
             return self.problem.steady(lambda means: (np.array([power, 0.0]), np.zeros(2)))
@@ -454,7 +457,7 @@ class _Study:
         limit = self.scene.effects.thermal.coil_limit
         return {
             "at_the_coil_limit": current_at(limit, lambda found: float(self.problem.largest(found)[COIL])),
-            "before_it_runs_away": current_at(HOTTEST, lambda found: float(self.problem.means(found)[COIL])),
+            "at_a_mean_of_250_degrees": current_at(HOTTEST, lambda found: float(self.problem.means(found)[COIL])),
         }
 
     def mesh_error(self, temperature: np.ndarray | None) -> dict[str, float] | str:

@@ -242,7 +242,7 @@ def test_a_current_without_a_steady_state_runs_away_and_says_so(tmp_path):
     words = " ".join(done.output.split())
     assert "thermal runaway" in words and "lower the current" in words and "stopped: the winding passes 250" in words
     told = json.loads((tmp_path / "hot" / "heat.json").read_text())
-    limit = told["largest_current"]["before_it_runs_away"]
+    limit = told["largest_current"]["at_a_mean_of_250_degrees"]
     assert 0.5 < told["largest_current"]["at_the_coil_limit"] < limit < 4.0
     table = np.genfromtxt(tmp_path / "hot" / "heat.csv", delimiter=",", skip_header=1)
     assert np.all(np.isfinite(table))
@@ -334,6 +334,16 @@ def test_what_does_not_go_together_is_refused_with_its_remedy(tmp_path):
     assert "longer than the period" in faults(**{"effects.heat.duty": {"on": "50 s", "period": "20 s"}})
     assert "surface_limit" in faults(**{"effects.heat.ambient": 80.0})
     assert "as many" in faults(**{"effects.heat.fade": {"temperatures": [20.0, 100.0], "factors": [1.0]}})
+    halved = faults(**{"effects.heat.fade": {"temperatures": [100.0, 150.0], "factors": [0.5, 0.4]}})
+    assert "effects.heat.fade.factors" in halved and "must begin with 1" in halved and "divide all by 0.5" in halved
+    for key, values in (("slip", ["0 rpm", "300 rpm"]), ("current", ["0 A", "0.5 A"])):
+        table = {"times": ["0 s", "300 s"], "values": values}
+        cut = faults(**{"effects.heat.duty": {"period": "120 s", key: table}})
+        assert f"effects.heat.duty.{key}" in cut and "to 300 s, beyond the period of 120 s" in cut
+    bare = {"effects.heat.convection": 0.0, "effects.heat.emissivity": 0.0}
+    uncooled = faults(**bare, **{"effects.heat.self_cooling": False})
+    assert "effects.heat.convection" in uncooled and "emissivity and shaft_conductance" in uncooled
+    assert brake(**bare, **{"effects.heat.shaft_conductance": "1 W/K"})
     slots = {"count": 12, "depth": "2 mm"}
     assert "disc_slots" in faults(**{"geometry.disc_slots": slots})
     cell = {"kind": "shear_cell", "inner_radius": "10 mm", "outer_radius": "11 mm", "height": "2 mm"}
