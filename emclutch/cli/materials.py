@@ -10,7 +10,7 @@ import numpy as np
 
 from emclutch.scene.errors import Fault, SceneError
 from field import TableLaw
-from field.laws.coercivity import coercivity
+from field.laws.coercivity import coercivity, misfit_of_curve
 from field.laws.conductivity import Conductivity, conductivity
 from field.laws.major_loop import MajorLoopLaw
 from field.laws.materials import (
@@ -21,6 +21,7 @@ from field.laws.materials import (
     material_aliases,
     material_names,
 )
+from field.laws.pinning import Pinning
 from field.laws.reluctivity import MU_0, Law, LinearLaw
 from field.laws.table_end import TableEnd
 
@@ -55,10 +56,13 @@ class Characteristics:
     conductivity_is_rough : bool
     coercivity : float or None
         [A/m], an order of magnitude; None where it is not known.
+    remanence : float or None
+        [T], of the loop from saturation that follows from curve and coercivity; None where this is not known.
     also : tuple of str
         Other names of the same material.
     warning : str
-        What of a table's points is not used, or that it ends before the steel is saturated; else empty.
+        What of a table's points is not used, that it ends before the steel is saturated, or that the coercivity is not
+        that of the curve's steel; else empty.
     loop : str
         Coercivity, remanence and loss of a law that is fitted to a loop against those of the loop; else empty.
     """
@@ -71,6 +75,7 @@ class Characteristics:
     conductivity: float | None
     conductivity_is_rough: bool
     coercivity: float | None
+    remanence: float | None
     also: tuple[str, ...]
     source: str
     warning: str = ""
@@ -83,6 +88,7 @@ def characteristics(law: Law) -> Characteristics:
     conducts: Conductivity | None = None if name is None else conductivity(name)
     H, slope = law.H_of_B(_CURVE_B)
     saturated = law.H_of_B(np.array([_SATURATED_B]))[0][0]
+    coerced, remanence, misfit = _hysteresis(law)
     also = tuple(sorted(alias for alias, of in material_aliases().items() if of == name))
     return Characteristics(
         law.name,
@@ -93,12 +99,24 @@ def characteristics(law: Law) -> Characteristics:
         max(0.0, float(_SATURATED_B - MU_0 * saturated)) if slope[-1] * MU_0 > 0.999 else float("inf"),
         None if conducts is None else conducts.sigma,
         conducts is not None and conducts.rough,
-        law.fitted.coercivity if isinstance(law, MajorLoopLaw) else None if name is None else coercivity(name).H_c,
+        coerced,
+        remanence,
         also,
         law.source,
-        _warning(law),
+        "; ".join(filter(None, (_warning(law), misfit))),
         law.in_words() if isinstance(law, MajorLoopLaw) else "",
     )
+
+
+def _hysteresis(law: Law) -> tuple[float | None, float | None, str]:
+    """Coercivity [A/m], remanence [T], None where they are not known, and a warning where they do not fit the curve."""
+    if isinstance(law, MajorLoopLaw):
+        return law.fitted.coercivity, law.fitted.remanence, ""
+    name = canonical_name(law.name)
+    if name is None:
+        return None, None, ""
+    pinning = Pinning.of(law, coercivity(name).H_c)
+    return pinning.coercivity, pinning.remanence(law), misfit_of_curve(law, pinning)
 
 
 def _warning(law: Law) -> str:
@@ -158,7 +176,10 @@ def materials_page(names: list[str] | None) -> None:
         sigma_source = "" if one.conductivity is None else f" Conductivity: {conductivity(one.name).source}."
         H_c_source = ""
         if one.coercivity and not one.loop:
-            H_c_source = f" Coercivity: {one.coercivity:g} A/m, {coercivity(one.name).source}."
+            H_c_source = (
+                f" Coercivity: {one.coercivity:g} A/m, {coercivity(one.name).source}; remanence that follows: "
+                f"{one.remanence:.2g} T."
+            )
         lines.append(f"{one.name}{also}: {one.source}.{sigma_source}{H_c_source}")
         if one.loop:
             lines.append(f"{one.name}: {one.loop}")

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from emclutch.scene.model import Scene
 from field import GrainLaw, ThesisLaw, material
-from field.laws.coercivity import coercivity
+from field.laws.coercivity import coercivity, misfit_of_curve
 from field.laws.conductivity import conductivity
 from field.laws.major_loop import MajorLoopLaw
 from field.laws.pinning import Pinning
@@ -61,6 +63,19 @@ def pinning_of(scene: Scene, name: str) -> Pinning:
     if isinstance(law, MajorLoopLaw):
         return law.pinning
     return Pinning.of(law, coercivity(name).H_c if own is None else own.coercivity or 0.0)
+
+
+def hysteresis_of(scene: Scene, names: Iterable[str]) -> tuple[str, list[str]]:
+    """Coercivity and remanence of the steels among some materials in words, and warnings; empty without the effect."""
+    texts, warnings = [], []
+    for name in sorted(set(names)) if scene.effects.memory is not None else ():
+        law, pinning = magnetic_law(scene, name), pinning_of(scene, name)
+        if pinning.coercivity > 0.0:
+            remanence = f"remanence {pinning.remanence(law):.2g} T from saturation"
+            texts.append(f"{name}: coercivity {pinning.coercivity:.3g} A/m, {remanence}")
+            misfit = "" if isinstance(law, MajorLoopLaw) else misfit_of_curve(law, pinning)
+            warnings += [f"{name}: {misfit}"] if misfit else []
+    return ", ".join(texts), warnings
 
 
 def magnetic_law(scene: Scene, name: str):

@@ -89,7 +89,7 @@ def check(case: Case | str | Path, threads: int | None = None) -> Checked:
 
 def _check(case: Case, threads: int | None) -> Checked:
     from emclutch.device_model.coil_heat import coil_heat_in_words  # local, as the next three: a run does not need them
-    from emclutch.simulation.field_plan import ampere_turns_row, field_plan
+    from emclutch.simulation.field_plan import ampere_turns_row, field_plan, steel_row
     from emclutch.simulation.forecast.expected_torque import ExpectedTorque, expected_torque
     from emclutch.simulation.forecast.regime import left_out
 
@@ -123,6 +123,7 @@ def _check(case: Case, threads: int | None) -> Checked:
     if doubtful := [text for text in (FLUX_DENSITY.remark("|B|", B_max), *beyond) if text]:
         words["field"] = with_warnings(words["field"], *doubtful)
     if device.coil is not None:
+        words |= steel_row(scene, device.coil)
         words["copper"] = coil_heat_in_words(scene, device.coil, device.coil.shape)
     compared = methods_compared(scene)
     if compared:

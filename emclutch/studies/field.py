@@ -20,7 +20,7 @@ from rich.table import Table
 from emclutch.device_model.body_forces import MOVABLE, forces_on, movable_bodies, stress_force
 from emclutch.device_model.device import CoilDevice, field_goals, field_is_needed, solved_coil
 from emclutch.device_model.device_3d import CoilDevice3D
-from emclutch.device_model.materials import grain_law, region_laws
+from emclutch.device_model.materials import grain_law, hysteresis_of, region_laws, region_materials
 from emclutch.results import OutputError, RunFolder
 from emclutch.results.pictures import section_picture
 from emclutch.results.pictures.field import line_picture, saturation_picture
@@ -214,7 +214,8 @@ def field_study(
         "units": UNITS | DETAIL_UNITS,
         "currents": rows,
         "at_last_current": _details(case, coil, solution, None if amount is None else amount.solid_fraction),
-        "warnings": driven_beyond_their_tables([strongest]),
+        "warnings": driven_beyond_their_tables([strongest])
+        + hysteresis_of(scene, region_materials(scene, coil.mesh).values())[1],
     }
     (folder / "field.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
     return folder

@@ -114,6 +114,20 @@ class Pinning:
         """Half the width of the major loop, sum of the pinning fields [A/m]."""
         return float((self.stiffness * self.reach).sum())
 
+    def remanence(self, law: Law) -> float:
+        """B_r [T] of the major loop from saturation, H_0(B_r) = H_c + P(B_r); 0 without cells."""
+        if not self.reach.size:
+            return 0.0
+
+        def beyond(B: float) -> float:
+            P = float((self.stiffness * np.minimum(B, self.reach)).sum())
+            return float(law.H_of_B(np.array([B]))[0][0]) - self.coercivity - P
+
+        end = self.reach[-1]
+        while beyond(end) < 0.0:
+            end *= 2.0
+        return float(brentq(beyond, 0.0, end, xtol=1e-12))
+
     def demagnetised(self, *shape: int) -> np.ndarray:
         """Positions (*shape, 2, n) [T] of a steel without history."""
         return np.zeros((*shape, 2, self.reach.size))

@@ -5,8 +5,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from field import FroehlichLaw, LinearLaw, material
-from field.laws.coercivity import coercivity
+from field import FroehlichLaw, LinearLaw, TableLaw, material
+from field.laws.coercivity import coercivity, misfit_of_curve
 from field.laws.materials import material_names
 from field.laws.pinning import Pinning
 
@@ -63,6 +63,7 @@ def test_the_major_loop_has_the_coercivity_and_its_remanence(value):
     Br = np.interp(0.0, -H[falling, 0], path[falling, 0])
     P = (pinning.stiffness * np.minimum(Br, pinning.reach)).sum()
     assert STEEL.H_of_B(np.array(Br))[0] == pytest.approx(value + P, rel=0.02)
+    assert pinning.remanence(STEEL) == pytest.approx(Br, rel=0.03)
     assert np.all(np.diff(H[:550, 0]) > 0.0) and np.all(np.diff(H[falling, 0]) < 0.0)
 
 
@@ -195,6 +196,30 @@ def test_a_rotating_field_loses_and_lags():
 def test_a_coercivity_that_cannot_be_is_refused(value):
     with pytest.raises(ValueError, match=r"coercivity.*steel_1010"):
         Pinning.of(STEEL, value)
+
+
+def test_a_coercivity_far_below_the_curves_largest_permeability_is_reported():
+    """The permeability of the law of Froehlich is largest at 0 A/m, that of a table with a knee at the knee."""
+    knee = TableLaw(np.array([0.0, 200.0, 1000.0, 5000.0, 20000.0]), np.array([0.0, 0.05, 1.2, 1.7, 2.0]), "knee")
+    assert misfit_of_curve(FroehlichLaw(1000.0, 1.6e6), Pinning.of(FroehlichLaw(1000.0, 1.6e6), 100.0)) == ""
+    assert misfit_of_curve(knee, Pinning.of(knee, 0.0)) == ""
+    for H_c, said in ((150.0, True), (500.0, False)):
+        found = misfit_of_curve(knee, Pinning.of(knee, H_c))
+        assert bool(found) == said, H_c
+    assert "remanence" in misfit_of_curve(knee, Pinning.of(knee, 150.0))
+
+
+def test_the_library_says_which_coercivities_do_not_fit_their_curves():
+    """Six of eleven; all others have a remanence of 0.5 T at least."""
+    reported = set()
+    for name in material_names():
+        law = material(name)
+        pinning = Pinning.of(law, coercivity(name).H_c)
+        if misfit_of_curve(law, pinning):
+            reported.add(name)
+        elif pinning.reach.size:
+            assert pinning.remanence(law) > 0.5, name
+    assert reported == {"steel_1010", "steel_1018", "steel_11smn30", "steel_11smnpb30", "dc01", "stainless_430"}
 
 
 def test_every_built_in_material_has_its_coercivity_with_a_source():

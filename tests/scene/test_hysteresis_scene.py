@@ -9,6 +9,7 @@ import emclutch
 from emclutch.device_model.device import solved_coil
 from emclutch.scene.case import case_from, load_case, read_toml
 from emclutch.scene.errors import SceneError
+from emclutch.simulation.check import check
 
 CASES = Path(__file__).parents[2] / "cases"
 OF_GRAINS = ("particles", "contact", "motion", "effects", "time", "accuracy", "output")
@@ -51,6 +52,15 @@ def test_coercivities_are_of_the_library_the_scene_or_the_table():
     assert by_region[2] == pytest.approx(dict.fromkeys(by_region[0], 90.0))
     assert solved_coil(drum(**{"effects.hysteresis.coercivity": {"steel_1010": 0.0}}).scene).history is None
     assert solved_coil(drum(effects={}).scene).history is None
+
+
+def test_a_coercivity_that_is_not_of_the_curves_steel_is_said():
+    """check has coercivity and remanence of each steel and a warning, none of either without the effect."""
+    row = check(drum()).decisions["steel"]
+    assert "steel_1010: coercivity 143 A/m, remanence 0.27 T" in row and "WARNING: steel_1010" in row
+    fits = check(drum(**{"effects.hysteresis.coercivity": {"steel_1010": "250 A/m"}})).decisions["steel"]
+    assert "coercivity 250 A/m" in fits and "WARNING" not in fits
+    assert "steel" not in check(drum(effects={})).decisions
 
 
 def test_a_material_may_be_a_measured_loop():
