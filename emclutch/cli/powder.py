@@ -14,9 +14,16 @@ from emclutch.cli.input import number_or_text
 from emclutch.results import OutputError
 from emclutch.results.atomic_file import json_values, replace_bytes
 from emclutch.scene.errors import Fault, SceneError
-from emclutch.scene.repose import DRY_STEEL, angle_in_words, pair_of_bulk_friction, spread_of_bulk_friction
+from emclutch.scene.repose import (
+    DRY_STEEL,
+    angle_in_words,
+    pair_by_tangent,
+    pair_of_bulk_friction,
+    spread_of_bulk_friction,
+    tangent_in_words,
+)
 from emclutch.scene.units import Quantity
-from particles.bulk_friction.friction_table import FrictionPair, measured_table
+from particles.bulk_friction.friction_table import SOFTNESS, FrictionPair, measured_table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -42,6 +49,8 @@ class FrictionLine:
         By ascending sliding friction.
     taken : FrictionPair
         By a scene with this particles.repose.
+    angle : float or None
+        The angle of repose that was given [rad]; None with an internal friction, of which there is one reading.
     """
 
     bulk: float
@@ -49,6 +58,7 @@ class FrictionLine:
     ends: tuple[float, float]
     pairs: tuple[FrictionPair, ...]
     taken: FrictionPair
+    angle: float | None
 
     @property
     def repose(self) -> float:
@@ -72,7 +82,8 @@ def line_of(repose: str | None, internal_friction: float | None, uncertainty: st
         raise SceneError([Fault("powder", "", message)], "command line")
     option, entry = ("--repose", repose) if internal_friction is None else ("--internal-friction", internal_friction)
     try:
-        bulk = math.sin(_REPOSE.read(number_or_text(repose))) if repose is not None else internal_friction or 0.0
+        angle = None if repose is None else _REPOSE.read(number_or_text(repose))
+        bulk = internal_friction or 0.0 if angle is None else math.sin(angle)
         pair_of_bulk_friction(bulk)  # refuses an angle that no friction gives
     except ValueError as error:
         raise SceneError([Fault(option, str(entry), str(error))], "command line") from None
@@ -85,7 +96,7 @@ def line_of(repose: str | None, internal_friction: float | None, uncertainty: st
     ends = table.range_of_friction(bulk)
     assert ends is not None  # else there were no pair to take
     pairs = (table.pair(bulk, float(friction), spread) for friction in np.linspace(*ends, PAIRS))
-    return FrictionLine(bulk, spread, ends, tuple(one for one in pairs if one is not None), taken)
+    return FrictionLine(bulk, spread, ends, tuple(one for one in pairs if one is not None), taken, angle)
 
 
 def bulk_of(friction: float, rolling: float) -> dict[str, float]:
@@ -112,10 +123,12 @@ def bulk_in_words(found: dict[str, float]) -> str:
 
 def as_data(line: FrictionLine) -> dict[str, Any]:
     """The line for a machine; angles in rad."""
+    tangent = None if line.angle is None else pair_by_tangent(line.angle)
     return json_values(
         {
             "repose": line.repose, "bulk_friction": line.bulk, "bulk_friction_uncertainty": line.spread,
             "friction_range": line.ends, "pairs": [asdict(one) for one in line.pairs], "taken": asdict(line.taken),
+            "taken_by_tangent": None if tangent is None else asdict(tangent),
         }
     )  # fmt: skip
 
@@ -145,15 +158,14 @@ def in_words(line: FrictionLine) -> list[str]:
             f"friction {high:g}, the last one measured (clean iron): spheres that roll freely reach "
             f"{angle_in_words(math.asin(table.mean[:, 0].max()))} at most, whatever their friction"
         )
-    return [
+    lines = [
         f"angle of repose {angle_in_words(line.repose)}: bulk friction {line.bulk:.3f} +- {line.spread:.3f}, given by "
-        "the pairs above",
+        f"the pairs above; their lower ends include {100.0 * SOFTNESS:g} % for the softness of the table's contacts",
         f"ends: friction {low:.2f} with hindered rolling (grains slide before they roll), and {end}",
         f"particles.repose = '{angle_in_words(line.repose)}' takes friction {taken.friction:.3g} and rolling friction "
         f"{taken.rolling:.2g}, the pair nearest to the sliding friction of dry steel, {DRY_STEEL:g}",
-        "the sine of the angle of repose is taken for tau/P in slow steady shear; its tangent, "
-        f"{math.tan(line.repose):.3f}, would be that of an endless slope that flows: --internal-friction takes tau/P",
     ]
+    return lines if line.angle is None else [*lines, tangent_in_words(line.angle)]
 
 
 def draw(line: FrictionLine, path: Path) -> None:
@@ -187,7 +199,7 @@ def _draw_line(axes: Axes, line: FrictionLine) -> None:
     bulk = table.on_grid(friction, rolling).T
     angles = axes.contour(friction, rolling, np.degrees(np.arcsin(bulk)), levels=np.arange(8, 46, 2), colors="0.6")
     axes.clabel(angles, fmt="%d deg", fontsize=7)
-    inside = (bulk >= line.bulk - line.spread) & (bulk <= line.bulk + line.spread)
+    inside = (bulk >= (line.bulk - line.spread) / (1.0 + SOFTNESS)) & (bulk <= line.bulk + line.spread)
     axes.contourf(friction, rolling, inside.astype(float), levels=[0.5, 1.5], colors="C0", alpha=0.25)
     axes.contour(friction, rolling, bulk, levels=[line.bulk], colors="C0", linewidths=2.0)
     axes.plot(line.taken.friction, line.taken.rolling, "o", color="C3", label="taken by particles.repose")

@@ -248,8 +248,11 @@ def _torques(points: Path, names: tuple[str, ...], key: str) -> tuple[SimulatedT
 def _bulk_friction(
     scene: Scene, values: dict[str, tuple[float, ...]], repose: float, spread: float
 ) -> Callable[[np.ndarray], float]:
-    """Return the residual of the angle of repose, in standard errors of its sine and of the table together."""
-    from particles.bulk_friction.friction_table import measured_table  # local: only a fit with an angle needs it
+    """Return the residual of the angle of repose, in standard errors of its sine and of the table together.
+
+    The softness of the table's contacts counts as a uniform error of its whole size.
+    """
+    from particles.bulk_friction.friction_table import SOFTNESS, measured_table  # local: of an angle only
 
     table, wanted = measured_table(), math.sin(repose)
     if values[FRICTION][-1] > table.friction[-1]:
@@ -260,7 +263,7 @@ def _bulk_friction(
     def residual(p: np.ndarray) -> float:
         fixed = {key: levels[0] for key, levels in values.items()} | dict(zip(names, p, strict=True))
         mean, error = table.bulk_friction(float(fixed[FRICTION]), float(fixed.get(rolling_key(scene), 0.0)))
-        return (mean - wanted) / math.hypot(spread * math.cos(repose), error)
+        return (mean - wanted) / math.hypot(spread * math.cos(repose), error, SOFTNESS * mean / math.sqrt(3.0))
 
     return residual
 

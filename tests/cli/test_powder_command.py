@@ -59,6 +59,19 @@ def test_a_wider_reading_has_a_wider_interval():
         assert a["rolling"] == b["rolling"] and a["lowest"] >= b["lowest"]
 
 
+def test_both_readings_of_a_heap_are_told():
+    """Its tangent as --internal-friction takes it, none where no pair gives it; a measured tau/P has one reading."""
+    line = json.loads(invoke("--repose", "30 deg", "--json").stdout)
+    slope = json.loads(invoke("--internal-friction", math.tan(math.radians(30.0)), "--json").stdout)
+    for key in ("friction", "rolling"):
+        assert line["taken_by_tangent"][key] == slope["taken"][key]
+    assert line["taken_by_tangent"]["rolling"] > 2.0 * line["taken"]["rolling"] and slope["taken_by_tangent"] is None
+    assert json.loads(invoke("--repose", "34 deg", "--json").stdout)["taken_by_tangent"] is None
+    words = " ".join(invoke("--repose", "34 deg").output.split())
+    assert "the tangent, 0.675 (a slope that flows), means a bulk friction beyond that of all pairs" in words
+    assert "--internal-friction" in words and "tangent" not in invoke("--internal-friction", 0.5).output
+
+
 def test_the_picture_is_new(tmp_path):
     path = tmp_path / "line.png"
     assert invoke("--repose", "30 deg", "--out", path).exit_code == 0 and path.stat().st_size > 20_000
@@ -95,6 +108,7 @@ def test_a_scene_takes_the_pair_that_the_command_names():
     assert (case.scene.contact.friction, rolling.coefficient) == (taken["friction"], taken["rolling"])
     assert measured_table().bulk_friction(taken["friction"], taken["rolling"])[0] == pytest.approx(0.5, abs=2e-3)
     checked = check(case, threads=1)
+    assert "the tangent, 0.577" in checked.decisions["friction"]
     assert "angle of repose of 30 deg" in checked.decisions["friction"] and rolling.name in checked.effects
     assert f"(from {taken['lowest']:.2g} to {taken['highest']:.2g} by 1 deg" in checked.decisions["friction"]
     assert "friction" not in check(case.with_values({"particles.repose": None}), threads=1).decisions

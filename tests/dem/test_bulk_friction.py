@@ -82,6 +82,14 @@ def test_a_pair_has_the_bulk_friction_that_it_was_found_for(bulk):
     assert table.rolling_for(bulk, 0.0) is None  # without sliding friction no rolling friction helps
 
 
+def test_the_interval_holds_the_softness_of_the_tables_contacts():
+    """With contacts four times as stiff a bulk friction b is had where the table has b/1.08 (0.537 to 0.581)."""
+    table = measured_table()
+    for bulk in (0.45, 0.5, 0.55):
+        pair = table.pair(bulk, 0.6)
+        assert pair.lowest <= table.rolling_for(bulk * 0.537 / 0.581, 0.6) < pair.rolling < pair.highest
+
+
 def test_the_nearest_pair_exists_wherever_the_line_does():
     """Every bulk friction of the table, also those that noise has in pieces, and its very end."""
     table = measured_table()
