@@ -207,8 +207,8 @@ class HeatInTime:
         )
 
     def _mean_powers(self, times: np.ndarray, means: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        each = [self.powers(time, means) for time in times.tolist()]
-        return sum(power for power, _ in each) / len(each), sum(slope for _, slope in each) / len(each)
+        (first, first_slope), (second, second_slope) = (self.powers(time, means) for time in times.tolist())
+        return 0.5 * (first + second), 0.5 * (first_slope + second_slope)
 
     def _euler(self, state: HeatState, h: float) -> HeatState:
         problem, old = self.problem, state.temperature
