@@ -215,9 +215,9 @@ def read_study(
     if study is not None:
         is_unknown = any(fault.key.startswith("study.sample") for fault in faults)
         values, sample, wrong = read_ranges(study.values, study.sample, is_unknown)
-        study, faults = study.model_copy(update={"values": values, "sample": sample}), faults + wrong
+        given, study, faults = study, study.model_copy(update={"values": values, "sample": sample}), faults + wrong
         study._path, study._trust_scripts = path, trust_scripts
-        faults += [*_key_faults(study), *_repeated(study), *_warm_start_faults(study)]
+        faults += [*_key_faults(study), *_repeated(given), *_warm_start_faults(study)]
         lists = {key: entries for key, entries in study.values.items() if _is_list(entries)}
         number = math.prod(map(len, lists.values())) if wrong or sample is None else sample.size(lists)
         if number > MAX_POINTS:

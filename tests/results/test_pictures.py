@@ -44,7 +44,8 @@ def test_section(to, strength):
     centre = r[triangles].mean(axis=1)
     parts = {"disc": centre < 0.03, "powder": (centre >= 0.03) & (centre < 0.034), "air": centre >= 0.034}
     regions = {name: np.flatnonzero(part) for name, part in parts.items()}
-    mesh = SimpleNamespace(points=np.column_stack([r, z]), triangles=triangles, regions=regions, boundaries={})
+    points = np.column_stack([r, z])
+    mesh = SimpleNamespace(points=points, triangles=triangles, regions=regions, boundaries={}, curved=None)
     elements = SectionElements(mesh)
     field = SmoothField(elements, strength * 0.5 * elements.dof_points[:, 0] ** 2)
     grains = np.column_stack([np.full(9, 0.032), np.linspace(-0.01, 0.01, 9), np.full(9, 5e-4)])

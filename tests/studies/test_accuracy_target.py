@@ -45,14 +45,15 @@ def test_settings_and_end_follow_from_the_ladder(folder):
 
 def test_the_step_by_dvi_follows_from_the_ladder(folder):
     """A longer one than the rules allow where its error is small enough, and then the scene allows it."""
-    case = cell(accuracy__target="5 %", contact__method="dvi", **ENDS)
+    rigid = {"contact__method": "dvi", "time__window": "0.8 ms", "time__end": "4 ms", **ENDS}
+    case = cell(accuracy__target="5 %", **rigid)
     own = make_plan(case)[1].dt
     rungs = [Rung(f * own, f * own, 2.0 * 1.03**f, 0.002, 4, 3.0 / f, 1.0 / f) for f in (4.0, 2.0, 1.0, 0.5)]
     steps = KnobLadder("rigid_step", "contact.dvi.step", Basis.TORQUE, own, 1.0, 0.0, tuple(rungs), 30.0)
     with_ladder(case, steps, scatter=0.02)
     found, plan = with_target(case).scene.contact.dvi, make_plan(with_target(case))[1]
     assert found.allow_long_step and plan.dt == pytest.approx(4.0 * own, rel=1e-4)
-    accurate = with_target(cell(accuracy__target="1.5 %", contact__method="dvi", **ENDS))
+    accurate = with_target(cell(accuracy__target="1.5 %", **rigid))
     found, plan = accurate.scene.contact.dvi, make_plan(accurate)[1]
     assert not found.allow_long_step and plan.dt <= own * 1.001
 
