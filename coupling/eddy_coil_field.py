@@ -11,7 +11,7 @@ import numpy as np
 from coupling.coil_field import SolvedCoilField
 from coupling.coil_row import EddyRow, VoltageEddyRow
 from field.newton import norm
-from field.section.eddy_currents import CurrentDrive, EddyCurrentProblem, TransientState, VoltageDrive
+from field.section.eddy_currents import SLIVER, CurrentDrive, EddyCurrentProblem, TransientState, VoltageDrive
 from field.section.powder_state import Powder
 from geometry.time_profile import TimeProfile
 
@@ -76,27 +76,26 @@ class EddyCoilField(SolvedCoilField):
             powder = self._powder(current)
             self.transient = self._before = self._beginning(time, powder)
             self._begun = time
+            self.solves += 1
         else:
             if time > self._begun:  # a window with feedback asks again until field and moments agree
                 self._before, self._begun = self.transient, time
-            current = self.current(time)
+            is_later = time > self.transient.time
+            current = self.current(time) if is_later else self.transient.current
             changed = self.is_stale(current)
-            stops = [b for b in self.supply.times if self.transient.time < b < time]
+            bends = any(self.transient.time < b < time for b in self.supply.times)
             # to within round-off of the windows' sum of steps
-            waits = time < self.due - 1e-9 * abs(time) and not changed and not stops
+            waits = time < self.due - 1e-9 * abs(time) and not changed and not bends
             again = self.feedback is not None and changed and self._base is not None
-            if waits or (time <= self.transient.time and not again):
+            if waits or not (is_later or again):
                 return False
             powder = self._powder(current)
-            if time <= self.transient.time:  # the moments have answered to this step: the same step with them
+            if is_later:
+                self._base = self._stepped(self.transient, time, powder)
+            else:  # the moments have answered to this step: the same step with them
                 assert self._base is not None
-                self.transient = self._stepped(self._base, time, powder)
-            else:
-                for stop in (*sorted(stops), time):
-                    self._base = self.transient
-                    self.transient = self._stepped(self.transient, stop, powder)
+                self._stepped(self._base, time, powder)
         self.set_solution(self.eddy.field(self.transient, powder), self.transient.current)
-        self.solves += 1
         self.seconds += perf_counter() - begin
         return True
 
@@ -119,14 +118,30 @@ class EddyCoilField(SolvedCoilField):
         return self.eddy.steady(solution, time)
 
     def _stepped(self, before: TransientState, time: float, powder: Powder) -> TransientState:
-        """One step of the field, and when the next one is due."""
-        dt = time - before.time
-        now = self.eddy.step(before, dt, self.drive, powder, tolerance=self.newton_tolerance)
+        """Take the field from a state to `time` [s]; return the state at the beginning of the last step.
+
+        It is one step where the drive is smooth and the local error of that step is within `change_tolerance`.
+        """
+        states = self.eddy.run(
+            before,
+            time,
+            self.drive,
+            powder,
+            tolerance=self.change_tolerance,
+            first_step=time - before.time,
+            breaks=self.supply.times,
+            newton_tolerance=self.newton_tolerance,
+        )
+        base, now = states[-2:]
         self.largest = max(self.largest, norm(now.psi))
-        change = norm(now.psi - before.psi) / max(self.largest, 1e-300)
+        change = norm(now.psi - base.psi) / max(self.largest, 1e-300)
         # a field that rests may take a step four times as long as the last one, one that moves a shorter one
-        self.due = time + min(4.0, max(0.2, self.change_tolerance / max(change, 1e-300))) * dt
-        return now
+        self.due = time + min(4.0, max(0.2, self.change_tolerance / max(change, 1e-300))) * (time - base.time)
+        if any(abs(b - time) <= SLIVER * (time - before.time) for b in self.supply.times):
+            self.due = time  # the drive bends here
+        self.transient = now
+        self.solves += len(states) - 1
+        return base
 
     def window_part(self) -> EddyRow:
         """Return the coil at the field's last step, and the energies of its steps that end in the window."""

@@ -31,7 +31,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -47,6 +47,10 @@ if TYPE_CHECKING:
     from field.section.section_energy import SectionEnergy
 
 _GAMMA = 1.0 - math.sqrt(0.5)
+# Of the forces of a step's memory: what round-off leaves of the residual.
+_ROUND_OFF = 1e-14
+SLIVER = 1e-6
+"""Of an interval: instants of the drive that are nearer to each other or to its ends are one."""
 Method = Literal["sdirk2", "backward_euler"]
 # stage: (position of the stage in the step, its weight in integrals over the step)
 _STAGES: dict[str, tuple[tuple[float, float], ...]] = {
@@ -193,7 +197,8 @@ class EddyCurrentProblem:
         boundary_field : callable t [s] -> B [T] or None
             Uniform axial flux density imposed on `outer`.
         tolerance : float
-            Residual of Newton relative to the drive.
+            Residual of Newton relative to the drive and to the field's own forces at the beginning of the step, so
+            that the rate of change, and the current at a voltage, are as accurate in a short step as in a long one.
 
         Raises
         ------
@@ -255,8 +260,11 @@ class EddyCurrentProblem:
         largest_step: float = math.inf,
         breaks: Iterable[float] = (),
         boundary_field: Callable[[float], float] | None = None,
+        newton_tolerance: float = 1e-9,
     ) -> list[TransientState]:
         """March to `end` [s] by SDIRK2 with steps that keep the local error below `tolerance`; all states.
+
+        No step is shorter than 1e-6 of the interval.
 
         Parameters
         ----------
@@ -266,14 +274,17 @@ class EddyCurrentProblem:
         first_step : float or None
             [s]; None: a thousandth of the interval.
         breaks : iterable of float
-            Instants [s] where the drive is not smooth: steps end there and begin small again.
+            Instants [s] where the drive is not smooth: steps end there and begin small again. One that lies within
+            1e-6 of the interval before `end` is taken for the end: what the drive does after it belongs to later steps.
+        newton_tolerance : float
+            `tolerance` of `step`.
         """
         if not (end > state.time and 0.0 < tolerance < 1.0):
             raise ValueError(
                 f"from {state.time} s to {end} s with `tolerance` = {tolerance}: the end must lie after the "
                 "beginning, the tolerance between 0 and 1"
             )
-        smallest = 1e-9 * (end - state.time)
+        smallest = SLIVER * (end - state.time)
         start = 1e-3 * (end - state.time) if first_step is None else first_step
         states, dt = [state], start
         for stop in [*sorted(b for b in breaks if state.time < b < end), end]:
@@ -283,7 +294,7 @@ class EddyCurrentProblem:
                 # no sliver of a last step
                 if stop - state.time - step < 0.1 * step:
                     step = stop - state.time
-                trial = self.step(state, step, drive, fill, boundary_field=boundary_field)
+                trial = self.step(state, step, drive, fill, boundary_field=boundary_field, tolerance=newton_tolerance)
                 error = trial.error * self._size(trial.psi, drive) / self._largest([*states, trial], drive)
                 factor = min(4.0, max(0.2, 0.9 * math.sqrt(tolerance / max(error, 1e-300))))
                 if error > tolerance and step > smallest:
@@ -291,6 +302,7 @@ class EddyCurrentProblem:
                     continue
                 state, dt = trial, max(step * factor, smallest)
                 states.append(state)
+        states[-1] = replace(state, time=end)
         return states
 
     def _linkage(self, psi: np.ndarray) -> float:
@@ -339,11 +351,14 @@ class EddyCurrentProblem:
             source[problem.exterior.dofs] += boundary_field(time) * problem.exterior.uniform_load
         inner = SectionEnergy(problem, powder, source, boundary)
         energy = _StepEnergy(self, inner, base, dt, self._rank_one(drive))
-        scale = norm(inner.source[problem._free]) + norm(energy.memory(base)[problem._free])
+        free = problem._free
+        largest = norm(inner.source[free]) + norm(energy.memory(base)[free])
         if boundary_field is not None:
-            scale += norm(energy.gradient(np.zeros(problem._free.size)))
-        if scale == 0.0:
+            largest += norm(energy.gradient(np.zeros(free.size)))
+        if largest == 0.0:
             return boundary, [(0.0, 0.0)]
+        # not by the memory M base/dt, of which the rate (psi - base)/dt is the smaller a part, the shorter the step
+        scale = norm(inner.source[free]) + norm(inner.gradient(base[free])) + _ROUND_OFF / tolerance * largest
         solver = RankOneSolver(problem._solver, problem.coil_load[problem._free], energy.rank_one)
         x, history = minimise(
             energy, guess[problem._free], scale, solver=solver, tolerance=tolerance, max_iterations=max_iterations

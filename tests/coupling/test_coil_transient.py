@@ -158,6 +158,35 @@ def test_eddy_source_balances_its_energy_and_rests(problem):
     assert np.abs(source.solution.psi - static.psi).max() < 0.02 * np.abs(static.psi).max()
 
 
+@pytest.mark.parametrize("before", [1e-19, 1e-13, 1e-10, 1e-8, 1e-5])
+def test_an_instant_of_the_voltage_just_before_a_windows_end_leaves_the_current(problem, before):
+    """A constant voltage whose profile has an instant there gives the current of one without."""
+    end, currents = 5 * WINDOW, []
+    for supply in (TimeProfile.constant(V), TimeProfile((0.0, end - before, 1.0), (V, V, V))):
+        source = eddy_source(problem, supply=supply, resistance=R, newton_tolerance=1e-6)
+        currents.append([row.current for row in march(source, windows=7)[0]])
+    assert np.allclose(currents[1], currents[0], rtol=0.0, atol=1e-3 * V / R), currents
+
+
+def test_a_jump_of_the_voltage_just_before_a_windows_end_belongs_to_the_next_window(problem):
+    """Up to the end the field has the voltage before the jump, in the next window that after it."""
+    end, jumps = 5 * WINDOW, []
+    for at in (end - 1e-13, end):
+        supply = TimeProfile((at, at + 2e-14), (V, -V))
+        source = eddy_source(problem, supply=supply, resistance=R, begin_steady=True)
+        jumps.append([row.flux_linkage for row in march(source, windows=7)[0]])
+    assert np.allclose(jumps[0], jumps[1], rtol=1e-6, atol=0.0) and jumps[0][4] > 1.01 * jumps[0][5]
+
+
+def test_a_ramp_that_begins_at_a_windows_end_is_followed_at_once(problem):
+    """A field that rests waits for long, but not beyond the instant at which its drive begins to change."""
+    begin = 21 * WINDOW  # steps of a field at rest end at 1, 5, 21, 85 windows
+    for bend in (begin, begin - 1e-13):
+        ramp = TimeProfile((bend, 2 * begin), (V, 2 * V))
+        rows, _ = march(eddy_source(problem, supply=ramp, resistance=R, begin_steady=True), windows=31)
+        assert rows[20].flux_linkage < rows[21].flux_linkage < rows[30].flux_linkage
+
+
 def test_prescribed_current_is_followed_by_a_late_field(problem):
     """The current is there at once, the flux is not; after the switch it stays a while."""
     switched_off = TimeProfile((30.5 * WINDOW, 30.5001 * WINDOW), (1.0, 0.0))

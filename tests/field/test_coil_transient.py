@@ -96,6 +96,17 @@ def test_implicit_steps_have_their_order_on_the_linear_coil(linear, method, orde
     assert np.log2(np.array(errors[:-1]) / errors[1:]) == pytest.approx(order, abs=0.15), errors
 
 
+@pytest.mark.parametrize("share", [1e-3, 1e-6, 1e-9, 1e-11])
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-8])
+def test_the_current_after_a_step_does_not_depend_on_how_short_it_is(linear, share, tolerance):
+    """i = i_0 + (V/R - i_0)(1 - exp(-dt/tau)) from half of V/R, also where dt/tau is far below Newton's tolerance."""
+    half = linear.solve(0.5 * N * V / R, tolerance=1e-12)
+    dt = share * apparent_inductance(half, N) / R
+    eddy = EddyCurrentProblem(linear, {}, turns=N)
+    found = eddy.step(eddy.steady(half), dt, VoltageDrive(lambda t: V, R), tolerance=tolerance)
+    assert found.current == pytest.approx(V / R * (1.0 - 0.5 * math.exp(-share)), rel=2e-4)
+
+
 def march(problem, tolerance, end, voltage=lambda t: V, solves=None):
     """The circuit as a run takes it: small windows, a new field when the current has left the last one's line."""
     largest, time, window = V / R, 0.0, end / 400
