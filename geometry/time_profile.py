@@ -69,6 +69,20 @@ class TimeProfile:
         k = int(np.searchsorted(self.times, time, side="right"))
         return k in (0, len(self.times)) or self.values[k - 1] == self.values[k]
 
+    def turning_values(self, begin: float, end: float) -> list[float]:
+        """The values at which a rise becomes a fall, or a fall a rise, after ``begin`` and not after ``end`` [s].
+
+        Where the value stays before it turns, the turn is at the beginning of the stay.
+        """
+        moves = [k for k, (a, b) in enumerate(pairwise(self.values)) if a != b]
+        turns = [
+            after
+            for before, after in pairwise(moves)
+            if (self.values[before + 1] > self.values[before]) != (self.values[after + 1] > self.values[after])
+            and begin < self.times[before + 1] <= end
+        ]
+        return [self.values[k] for k in turns]
+
     @property
     def is_constant(self) -> bool:
         """True if it is one constant value."""

@@ -233,9 +233,10 @@ belongs:
   % of its largest value so far since the last solve, or the grains' moments by more than
   `effects.back_reaction.tolerance`; else the quantity is that of the last solve. `current` is the current of that
   field, so that `current`, `flux_linkage` and `field_energy` belong together in each row. A current that stays
-  constant is solved for exactly. With `effects.coil_circuit`, whose `tolerance` takes the place of the 1 %, these
-  three follow the circuit to the end of the window; with `effects.eddy_currents` they are of the last step of the
-  field.
+  constant is solved for exactly. With `effects.hysteresis` each turn of the current is a solve too, wherever it lies in
+  the window, and another one follows at the end of the window. With `effects.coil_circuit`, whose `tolerance` takes the
+  place of the 1 %, these three follow the circuit to the end of the window; with `effects.eddy_currents` they are of
+  the last step of the field.
 - **last evaluation of the moments**: moments are found at the start of each update interval and held in it.
 - **mean, sum, largest**: over the window, whose steps are made in the field of its start. With eddy currents or
   hysteresis a sum is over the steps of the field that end in the window.

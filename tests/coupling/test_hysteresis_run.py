@@ -71,6 +71,39 @@ def test_resumed_is_bit_for_bit_what_went_on(problem):
     assert source(problem).state() is None
 
 
+def heat_and_linkage(problem, course, times):
+    one = source(problem, course)
+    rows = march(one, times)
+    return sum(row.hysteresis_loss for row in rows), one.solution.flux_linkage_per_turn
+
+
+def test_a_pulse_between_two_times_leaves_its_remanence_and_heat(problem):
+    """The pulse in one window and one whose steps end at each of its instants: a history has no rate."""
+    pulse = TimeProfile((0.0, 0.41, 0.45, 0.49), (0.0, 0.0, 1.0, 0.0))
+    heat, linkage = heat_and_linkage(problem, pulse, [0.0, 1.0])
+    exact, remanent = heat_and_linkage(problem, pulse, [0.0, 0.45, 1.0])
+    assert exact > 0.0 and heat == pytest.approx(exact, rel=1e-6)
+    assert remanent > 0.0 and linkage == pytest.approx(remanent, rel=1e-6)
+
+
+@pytest.mark.parametrize("times", [np.arange(0.0, 2.1, 0.4), [0.0, 0.5, *np.arange(0.981, 1.02, 0.004), 1.5, 2.0]])
+def test_the_top_of_a_triangle_is_reached_in_any_window(problem, times):
+    """0 to 1 A and back: with the top between two times, and within the tolerance of the last solve before it."""
+    triangle = TimeProfile((0.0, 1.0, 2.0), (0.0, 1.0, 0.0))
+    heat, linkage = heat_and_linkage(problem, triangle, times)
+    exact, remanent = heat_and_linkage(problem, triangle, [0.0, 1.0, 2.0])
+    assert heat == pytest.approx(exact, rel=2e-3) and linkage == pytest.approx(remanent, rel=2e-3)
+
+
+def test_a_turn_after_a_checkpoint_is_not_lost(problem):
+    pulse = TimeProfile((0.0, 1.41, 1.45, 1.49), (0.2, 0.2, 1.0, 0.2))
+    whole, first, second = (source(problem, pulse) for _ in range(3))
+    rows = march(whole, [0.0, 1.0, 2.0])
+    march(first, [0.0, 1.0])
+    second.restore(first.state())
+    assert march(second, [2.0]) == rows[2:] and rows[2].hysteresis_loss > rows[0].hysteresis_loss
+
+
 @pytest.mark.hard
 def test_a_run_with_powder_in_its_field_resumes_and_keeps_a_moment(tmp_path):
     """With back_reaction: switched off, grains keep the moments of the field that remains, bit for bit when resumed."""

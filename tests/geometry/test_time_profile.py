@@ -31,6 +31,13 @@ def test_a_value_is_passed_between_points():
     assert crossed.crossings(10.0) == [] and TimeProfile.constant(5.0).crossings(5.0) == []
 
 
+def test_turning_values_are_the_ends_of_rises_and_falls():
+    course = TimeProfile((0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0), (0.0, 1.0, 5.0, 5.0, 2.0, 1.0, 3.0))
+    assert course.turning_values(0.0, 9.0) == [5.0, 1.0]
+    assert course.turning_values(0.0, 2.0) == [5.0] and course.turning_values(2.0, 4.9) == []
+    assert PROFILE.turning_values(0.0, 9.0) == [10.0] and TimeProfile.constant(1.0).turning_values(-1.0, 1.0) == []
+
+
 @pytest.mark.parametrize("times, values", [((0.0, 1.0), (1.0,)), ((1.0, 0.0), (0.0, 1.0)), ((), ())])
 def test_bad_profile_is_refused(times, values):
     with pytest.raises(ValueError, match="time profile"):
