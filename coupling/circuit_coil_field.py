@@ -10,6 +10,7 @@ import numpy as np
 
 from coupling.coil_field import SolvedCoilField
 from coupling.coil_row import CircuitRow
+from field import PowderState
 from field.coil.coil_circuit import CircuitState, LinearisedCoil, solve_at_flux_linkage
 from geometry.time_profile import TimeProfile
 
@@ -20,6 +21,8 @@ class CircuitCoilField(SolvedCoilField):
 
     The linkage is integrated exactly along a line i(lambda) about the last solve; when the current or the linkage have
     moved beyond their tolerance, or the grains, the field is solved for the linkage reached, which none can make jump.
+    Where the line has missed the current of the solve by more than the tolerance, the time since the last step is
+    divided, so that a window may be of any length.
 
     Attributes
     ----------
@@ -63,36 +66,87 @@ class CircuitCoilField(SolvedCoilField):
             solution = self.problem.solve(
                 self.turns * current, fill=powder, guess=self.solution, tolerance=self.newton_tolerance
             )
+            self.solves += 1
             self.circuit = CircuitState(time, self.turns * solution.flux_linkage_per_turn, current)
             self._began, self._booked = time, self.circuit
         else:
-            self.circuit = self.coil.advance(self.circuit, time, self.voltage, self.voltage.times)
-            linkage = self.circuit.linkage
-            self.largest_linkage = max(self.largest_linkage, abs(linkage))
-            # where iron opens or closes, the one runs away while the line says that the other hardly moves
-            stride = min(self.stride, self.current_tolerance)
-            moved = abs(linkage - self.coil.linkage) > stride * self.largest_linkage
-            if not self.is_stale(self.circuit.current) and not moved:
+            found = self._followed(time)
+            if found is None:
                 return False
-            predicted = self.circuit.current
-            solution = solve_at_flux_linkage(
-                self.problem,
-                self.circuit.linkage / self.turns,
-                self._powder(predicted),
-                self.solution,
-                tolerance=self.newton_tolerance,
-            )
-            # the line's error is of second order in the stride: keep it at half the tolerance
-            miss = abs(predicted - solution.ampere_turns / self.turns) / max(self.largest_current, 1e-300)
-            factor = np.sqrt(0.5 * self.current_tolerance / max(miss, 1e-12))
-            self.stride = float(np.clip(stride * np.clip(factor, 0.2, 2.0), 1e-4, self.current_tolerance))
-        self.coil = LinearisedCoil.about(solution, self.turns, self.resistance)
-        self.circuit = replace(self.circuit, current=self.coil.current)
+            solution = found
+        self._linearise(solution)
         self._into_field_at_solve = self.circuit.into_field
         self.set_solution(solution, self.coil.current)
-        self.solves += 1
         self.seconds += perf_counter() - begin
         return True
+
+    def _followed(self, time: float) -> Any:
+        """Take the circuit to `time` [s], by steps that end where the voltage bends; the field there, None: as before.
+
+        The grains are those of the last field until `time`.
+        """
+        assert self.coil is not None and self.circuit is not None
+        before, guess, solution = self.circuit, self.solution, None
+        former, powder = self.solution.powder, None
+        stops = [*(b for b in self.voltage.times if before.time < b < time), time]
+        length, shortest = np.inf, 1e-6 * (time - before.time)
+        while stops:
+            end = stops[0] if stops[0] - before.time < 1.1 * length else before.time + length
+            after = self.coil.advance(before, end, self.voltage)
+            largest = max(self.largest_linkage, abs(after.linkage))
+            # where iron opens or closes, the one runs away while the line says that the other hardly moves
+            stride = min(self.stride, self.current_tolerance)
+            stale = abs(after.linkage - self.coil.linkage) > stride * largest
+            stale |= abs(after.current - self.coil.current) > self.current_tolerance * self.largest_current
+            if end == time:
+                stale |= self.is_stale(after.current) or guess is not self.solution
+            factor, solution = 2.0, None
+            if stale:
+                if powder is None and end == time:
+                    powder = self._powder(after.current)
+                solution = self._at_linkage(after, powder if end == time else former, guess)
+                miss = self._miss(after, solution)
+                if miss > self.current_tolerance and end - before.time > shortest:
+                    if former is not None and end == time:  # what the grains have changed is no miss of the line
+                        miss = self._miss(after, self._at_linkage(after, former, solution))
+                    if miss > self.current_tolerance:
+                        if length == np.inf:  # the first such step: a line about its beginning
+                            self.circuit, guess = before, self._at_linkage(before, former, guess)
+                            self._linearise(guess)
+                            before = self.circuit
+                        length = (end - before.time) * min(self._factor(miss), 0.5)
+                        continue
+                factor = self._factor(miss)
+                self.stride = float(np.clip(stride * factor, 1e-4, self.current_tolerance))
+            self.circuit, self.largest_linkage = after, largest
+            length *= factor
+            if end == stops[0]:
+                stops.pop(0)
+            if solution is not None and stops:
+                guess = self._linearise(solution)
+            before = self.circuit
+        return solution
+
+    def _at_linkage(self, circuit: CircuitState, powder: PowderState | None, guess: Any) -> Any:
+        """Solve the field of a circuit's linkage."""
+        self.solves += 1
+        linkage = circuit.linkage / self.turns
+        return solve_at_flux_linkage(self.problem, linkage, powder, guess, tolerance=self.newton_tolerance)
+
+    def _miss(self, circuit: CircuitState, solution: Any) -> float:
+        """How far a circuit's current is off that of a field [-]."""
+        return abs(circuit.current - solution.ampere_turns / self.turns) / max(self.largest_current, 1e-300)
+
+    def _factor(self, miss: float) -> float:
+        """Factor of the next step: the line's error is of second order, and is kept at half the tolerance."""
+        return float(np.clip(np.sqrt(0.5 * self.current_tolerance / max(miss, 1e-12)), 0.2, 2.0))
+
+    def _linearise(self, solution: Any) -> Any:
+        """Take the line about a solved field, and its current as that of the circuit; return the field."""
+        assert self.circuit is not None
+        self.coil = LinearisedCoil.about(solution, self.turns, self.resistance)
+        self.circuit = replace(self.circuit, current=self.coil.current)
+        return solution
 
     def _advanced(self, time: float) -> CircuitState:
         assert self.circuit is not None and self.coil is not None, "refresh(time) comes first"

@@ -20,8 +20,9 @@ from geometry.time_profile import TimeProfile
 class EddyCoilField(SolvedCoilField):
     """The coil's field with eddy currents in solid parts (effect `eddy_currents`), at a current or at a voltage.
 
-    The field takes steps of its own, of one or several windows: as long as it is expected to change by
-    `change_tolerance` of its size. It is held between, as by every field of the staggered loop.
+    The field takes steps of its own, of one or several windows: as long as field and current are expected to change by
+    `change_tolerance` of their size. They are held between, as by every field of the staggered loop. A step whose local
+    error is larger than that is repeated as several.
 
     Attributes
     ----------
@@ -35,7 +36,8 @@ class EddyCoilField(SolvedCoilField):
     begin_steady : bool
         Begin with the static field of the drive at the start instead of with none.
     change_tolerance : float
-        Change of the field in one of its steps, relative to the largest so far.
+        Change of the field in one of its steps, relative to the largest so far, and of the current, relative to the
+        largest of all; also the local error of a step.
     """
 
     eddy: EddyCurrentProblem
@@ -134,7 +136,10 @@ class EddyCoilField(SolvedCoilField):
         )
         base, now = states[-2:]
         self.largest = max(self.largest, norm(now.psi))
-        change = norm(now.psi - base.psi) / max(self.largest, 1e-300)
+        change = max(
+            norm(now.psi - base.psi) / max(self.largest, 1e-300),
+            abs(now.current - base.current) / max(self.largest_current, abs(now.current), 1e-300),
+        )
         # a field that rests may take a step four times as long as the last one, one that moves a shorter one
         self.due = time + min(4.0, max(0.2, self.change_tolerance / max(change, 1e-300))) * (time - base.time)
         if any(abs(b - time) <= SLIVER * (time - before.time) for b in self.supply.times):

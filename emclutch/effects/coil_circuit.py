@@ -72,7 +72,8 @@ class CoilCircuitSection(EffectSection):
     tolerance: Annotated[float, number("0.02", 1e-6, 1.0)] = Field(
         default=0.02,
         description="change of the current, relative to the largest V/R, that triggers a new solve; between solves the "
-        "flux linkage follows a line, whose error is of its square; with eddy currents their tolerance counts instead",
+        "flux linkage follows a line; a step in which the line misses the current by more is divided; with eddy "
+        "currents their tolerance counts instead",
     )
 
     def source(

@@ -57,7 +57,9 @@ class EddyCurrentsSection(EffectSection):
         default="off", description="off: without a field; steady: with the static field of the drive at t = 0"
     )
     tolerance: Annotated[float, number("0.02", 1e-6, 1.0)] = Field(
-        default=0.02, description="change of the field, relative to its largest, in one of its steps"
+        default=0.02,
+        description="change of field and current, relative to their largest, in one step of the field; a step whose "
+        "local error is larger is divided",
     )
     conductivity: dict[str, _Conductivity] = Field(
         default={}, description="conductivity by name of the material, where it is not that of the library"
