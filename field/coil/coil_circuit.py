@@ -78,9 +78,9 @@ def solve_at_flux_linkage(
             f"a flux linkage of {linkage_per_turn} Wb a turn needs a coil and a finite number; "
             f"the mesh has {', '.join(sorted(problem.mesh.regions))}"
         )
-    if linkage_per_turn == 0.0:
-        return problem.solve(0.0, fill)
     powder = problem.check_powder(fill)
+    if linkage_per_turn == 0.0 and (powder is None or powder.source is None):
+        return problem.solve(0.0, powder)
     nothing = np.zeros(problem.n_dofs)
     energy = _LinkageEnergy(SectionEnergy(problem, powder, nothing, nothing), problem.coil_load[problem._free])
     c, mean_psi = energy.load, linkage_per_turn / (2.0 * math.pi)
@@ -95,7 +95,7 @@ def solve_at_flux_linkage(
     x, history = minimise(
         energy,
         x,
-        abs(drive) * norm(c),
+        max(abs(drive) * norm(c), norm(energy.inner.source[problem._free])),  # of the coil, of magnetised powder
         solver=RankOneSolver(problem._solver, c, math.inf),
         tolerance=tolerance,
         max_iterations=max_iterations,

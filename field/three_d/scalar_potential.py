@@ -311,7 +311,7 @@ class Problem3D:
         guess : Field3D or None
             Start of the iteration, another solution of this problem; None: the field of constant permeability.
         tolerance : float
-            Residual relative to that of the source in vacuum.
+            Residual relative to that of the source in vacuum, or to that of magnetised powder where it is larger.
 
         Raises
         ------
@@ -326,9 +326,7 @@ class Problem3D:
         if guess is not None and guess.problem is not self:
             raise ValueError("`guess` belongs to another problem: start from a field of the same one")
         energy = _CoEnergy(self, ampere_turns, powder)
-        scale = abs(ampere_turns) * self._unit_scale
-        if ampere_turns == 0.0:
-            scale = norm(energy.linear_load)
+        scale = max(abs(ampere_turns) * self._unit_scale, norm(energy.source_load))
         self._solver.floor = 0.3 * tolerance * scale
         self._solver.scale = None
         start = self._linear_start(energy) if guess is None else guess.phi[self.elements.free_nodes]
@@ -384,9 +382,10 @@ class Problem3D:
         ConvergenceError
             A solve, or the iteration on N I, did not converge.
         """
-        field = self.solve(0.0, fill) if guess is None else guess
-        if linkage == 0.0:
-            return self.solve(0.0, fill)
+        powder = self._checked(fill)
+        if linkage == 0.0 and (powder is None or powder.source is None):
+            return self.solve(0.0, powder)
+        field = self.solve(0.0, powder) if guess is None else guess
         drive, low, high = field.ampere_turns, -np.inf, np.inf
         history = []
         for _ in range(_MAX_LINKAGE_SOLVES):
@@ -394,10 +393,12 @@ class Problem3D:
             drive += (linkage - field.flux_linkage_per_turn) / field.flux_slope
             if not low < drive < high:
                 drive = 0.5 * (low + high)
-            field = self.solve(drive, fill, field if field.phi.any() else None, tolerance=tolerance)
+            field = self.solve(drive, powder, field if field.phi.any() else None, tolerance=tolerance)
             miss = linkage - field.flux_linkage_per_turn
-            history.append((abs(miss / linkage), 1.0))
-            if abs(miss) <= _LINKAGE_TOLERANCE * abs(linkage):
+            # the coil's own part is the scale where it takes away what magnetised powder links
+            scale = max(abs(linkage), abs(drive * field.flux_slope))
+            history.append((abs(miss) / scale, 1.0))
+            if abs(miss) <= _LINKAGE_TOLERANCE * scale:
                 return field
             low, high = (max(low, drive), high) if miss > 0.0 else (low, min(high, drive))
         remedy = "the current of this flux linkage was not found: lower the step in time, or newton_tolerance"
@@ -443,11 +444,12 @@ class _CoEnergy:
         self.laws: list[Any] = [problem.laws[names[k]] if k < len(names) else of_powder for _, k, _ in nonlinear]
         self._inverse: list[Any] = [problem._inverse[k] if k < len(names) else of_powder for _, k, _ in nonlinear]
         self.T0 = [T0 for _, _, T0 in nonlinear]
-        self.linear_load = ampere_turns * problem._unit_load
+        self.linear_load, self.source_load = ampere_turns * problem._unit_load, np.zeros(0)
         if powder is not None and powder.source is not None:
             flow = [np.zeros_like(T0) for T0 in self.T0]
             flow[-1] = MU_0 * powder.source.transpose(1, 0, 2)
-            self.linear_load = self.linear_load + self.load(flow)
+            self.source_load = self.load(flow)
+            self.linear_load = self.linear_load + self.source_load
         self._at: np.ndarray | None = None
 
     def field_strength(self, x: np.ndarray) -> list[np.ndarray]:

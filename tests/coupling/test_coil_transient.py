@@ -12,7 +12,8 @@ from section_grid import section_grid
 
 from coupling import CircuitCoilField, CoilField, EddyCoilField
 from coupling.coil_row import CoilRow
-from field import AxisymmetricProblem, GrainLaw, PowderLaw, material
+from field import AxisymmetricProblem, GrainLaw, PowderLaw, PowderState, material
+from field.coil.coil_circuit import solve_at_flux_linkage
 from field.coil.inductance import apparent_inductance
 from field.coil.winding import Winding
 from field.section.eddy_currents import EddyCurrentProblem, VoltageDrive
@@ -111,6 +112,20 @@ def test_moving_powder_changes_the_current_and_not_the_linkage(problem):
     # and comes back to V/R in the end
     rows, _ = march(source, jump + 600, jump + 1)
     assert rows[-1].current == pytest.approx(V / R, rel=1e-2)
+
+
+@pytest.mark.parametrize("share", [0.0, 1e-12, 1e-8, -1e-4])
+def test_a_flux_linkage_near_zero_needs_a_current_against_magnetised_powder(problem, share):
+    """The current of the linkage, given, has this linkage; none at all only where nothing is magnetised."""
+    fill = np.full(problem.powder_elements.size, 0.4)
+    source = np.zeros((fill.size, 2, problem.elements.n_quadrature))
+    source[:, 1] = 2e5
+    powder = PowderState(fill, None, source)
+    of_powder = problem.solve(0.0, powder).flux_linkage_per_turn
+    field = solve_at_flux_linkage(problem, share * of_powder, powder)
+    again = problem.solve(field.ampere_turns, powder).flux_linkage_per_turn
+    assert again == pytest.approx(share * of_powder, abs=1e-6 * of_powder) and field.ampere_turns < -1.0
+    assert solve_at_flux_linkage(problem, 0.0, fill).ampere_turns == 0.0
 
 
 @pytest.mark.parametrize("kind", ["circuit", "eddy at a voltage", "eddy at a current"])

@@ -114,6 +114,20 @@ def test_the_field_of_a_linkage_is_the_field_of_its_current(steel):
     assert not solve_at_flux_linkage(problem, 0.0, fill).phi.any()
 
 
+def test_a_flux_linkage_near_zero_needs_a_current_against_magnetised_powder(steel):
+    """Given that current, or one of 0.01 A-turns, the field has its linkage; powder alone links some flux."""
+    problem, _ = steel
+    fill = np.full(problem.powder_elements.size, 0.4)
+    source = np.zeros((len(fill), 3, problem.powder_basis.dx.shape[1]))
+    source[:, 2] = 2e5
+    powder = PowderState(fill, None, source)
+    alone, almost = (problem.solve(drive, powder).flux_linkage_per_turn for drive in (0.0, 0.01))
+    assert almost == pytest.approx(alone, rel=1e-3)
+    for share in (0.0, 1e-10):
+        field = solve_at_flux_linkage(problem, share * alone, powder)
+        assert field.ampere_turns < -1.0 and abs(field.flux_linkage_per_turn) < 1e-6 * alone
+
+
 def test_the_current_rises_as_in_the_section_and_the_energies_close(steel):
     """V = R i + d lambda/dt: current within 2.5 % of the section's (coarse: L is 2 % too large), energies close."""
     R, V, window, count = 8.0, 16.0, 2e-3, 12
