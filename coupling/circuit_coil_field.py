@@ -76,7 +76,7 @@ class CircuitCoilField(SolvedCoilField):
             solution = found
         self._linearise(solution)
         self._into_field_at_solve = self.circuit.into_field
-        self.set_solution(solution, self.coil.current)
+        self.set_solution(solution, self.circuit.current)
         self.seconds += perf_counter() - begin
         return True
 

@@ -169,11 +169,28 @@ def test_energy_balance_of_a_saturating_rod_at_a_voltage(solenoid):
     assert state.eddy_loss > 0.1 * state.supplied, "a balance of something"
 
 
+@pytest.mark.parametrize("law", [None, material("steel_1010")])
+def test_energy_of_a_jump_of_the_current(solenoid, law):
+    """At the jump 1/2 I lambda of the air between rod and coil is supplied, H falling linearly in the coil; then
+    supplied = eddy + stored, to the tolerance."""
+    eddy, current = EddyCurrentProblem(solenoid(16, law), {"rod": SIGMA}, turns=TURNS), NI / TURNS
+    drive = CurrentDrive(lambda t: current)
+    at_once = eddy.step(eddy.at_rest(), 1e-9 * TAU, drive)
+    b, d = 12e-3, 2e-3
+    area = np.pi * (b**2 - A**2) + 2.0 * np.pi * d * (b / 3.0 + d / 12.0)
+    assert at_once.supplied == pytest.approx(0.5 * MU_0 * (NI / H) ** 2 * H * area, rel=1e-4)
+    assert at_once.supplied == pytest.approx(eddy.field(at_once).energy, rel=1e-3)
+    end = eddy.run(eddy.at_rest(), 0.05 * TAU, drive, tolerance=1e-3)[-1]
+    assert end.supplied == pytest.approx(end.eddy_loss + eddy.field(end).energy, rel=1e-3)
+    off = eddy.run(end, 0.1 * TAU, CurrentDrive(lambda t: 0.0), tolerance=1e-3)[-1]
+    assert off.supplied == pytest.approx(off.eddy_loss + eddy.field(off).energy, rel=2e-3)
+
+
 def test_voltage_and_current_drives_agree(solenoid):
     """Driven by the current that a voltage made, the field is the same; and V = R i + d lambda/dt."""
     eddy = nonlinear(solenoid)
     at_voltage = eddy.at_rest()
-    dt, R, V, currents = 1e-4, 0.5, 2.5, {}
+    dt, R, V, currents = 1e-4, 0.5, 2.5, {0: 0.0}
     for _ in range(30):
         before = at_voltage
         at_voltage = eddy.step(at_voltage, dt, VoltageDrive(lambda t: V, R), method="backward_euler")
