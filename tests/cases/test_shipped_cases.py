@@ -250,7 +250,8 @@ def test_switch_on_at_toy_size(tmp_path):
     for name in ("current", "gap_flux_density"):
         assert result.summary[f"{name}_rise_time"] is None and "run longer" in result.summary[f"{name}_rise_time_note"]
     assert "not over: the current went up to" in report_text(result)
-    assert (voltage == 34.0).all() and current.iloc[0] < 0.1 and current.is_monotonic_increasing
+    # the first row is of the end of a window of 40 us, in which the steel keeps the flux out
+    assert (voltage == 34.0).all() and current.iloc[0] < 0.06 and current.is_monotonic_increasing
     # L/R is about 4 ms: 0.3 to 0.45 A after 2 ms
     assert 0.25 < current.iloc[-1] < 0.5
     stored = history["coil_supplied"].sum() - history["copper_loss"].sum() - history["eddy_loss"].sum()
