@@ -20,7 +20,7 @@ COIL = FlatCoil.ring(R_COIL, Z_COIL)
 STEPS = (4e-3, 2e-3)
 
 
-def mesh(step, box=0.06, angle=np.pi / 12, **options):
+def mesh(step, box=0.06, angle=np.pi / 24, **options):
     r = graded_lines(1.25 * step, (20e-3, 40e-3), (0.0, box))
     z = graded_lines(step, (0.0, 12e-3), (0.0, box))
     n = max(2, round(30e-3 * angle / step))

@@ -20,6 +20,8 @@ from numba.core.dispatcher import Dispatcher
 from numba.core.sigutils import normalize_signature
 
 Counts = dict[str, dict[str, int]]
+LINKED_NOWHERE = ("run_steps",)
+"""Kernels that no other one calls: their LLVM code, which numba keeps for callers (7 MB a variant), is given up."""
 
 
 def install(counts: Callable[[], Counts], merge: Callable[[Counts], None]) -> None:
@@ -62,7 +64,13 @@ def install(counts: Callable[[], Counts], merge: Callable[[Counts], None]) -> No
                         os.waitpid(child, 0)
                         if answer.is_file():  # else it failed, and fails below with its message
                             merge(json.loads(answer.read_text()))
-        return compile_here(kernel, signature)
+        entry_point = compile_here(kernel, signature)
+        if kernel.py_func.__name__ in LINKED_NOWHERE:
+            for result in kernel.overloads.values():
+                if (code := result.library._shared_module) is not None:
+                    result.library._shared_module = None
+                    code.close()
+        return entry_point
 
     Dispatcher.compile = compile_in_child  # type: ignore[method-assign]
 
