@@ -49,6 +49,7 @@ class EddyCoilField(SolvedCoilField):
     transient: TransientState | None = field(default=None, init=False)
     due: float = field(default=-np.inf, init=False)
     largest: float = field(default=0.0, init=False)
+    largest_size: float = field(default=0.0, init=False)  # of all states, by `EddyCurrentProblem.size`
     _before: TransientState | None = field(default=None, init=False)
     _begun: float = field(default=-np.inf, init=False)
     _base: TransientState | None = field(default=None, init=False)
@@ -133,9 +134,11 @@ class EddyCoilField(SolvedCoilField):
             first_step=time - before.time,
             breaks=self.supply.times,
             newton_tolerance=self.newton_tolerance,
+            largest=self.largest_size,
         )
         base, now = states[-2:]
         self.largest = max(self.largest, norm(now.psi))
+        self.largest_size = max(self.largest_size, self.eddy.size(now.psi, self.drive))
         change = max(
             norm(now.psi - base.psi) / max(self.largest, 1e-300),
             abs(now.current - base.current) / max(self.largest_current, abs(now.current), 1e-300),
@@ -174,7 +177,7 @@ class EddyCoilField(SolvedCoilField):
             "supplied": now.supplied,
             "error": now.error,
         }
-        saved["due"], saved["largest"] = self.due, self.largest
+        saved["due"], saved["largest"], saved["largest_size"] = self.due, self.largest, self.largest_size
         return saved
 
     def restore(self, saved: dict[str, Any]) -> None:
@@ -185,3 +188,4 @@ class EddyCoilField(SolvedCoilField):
         self.transient = TransientState(psi=self.solution.psi, newton=self.solution.newton, **numbers)
         self._before = self.transient
         self.due, self.largest = float(saved["due"]), float(saved["largest"])
+        self.largest_size = float(saved.get("largest_size", 0.0))

@@ -7,9 +7,10 @@ elements of the same region around each vertex of the axis, to the fields of air
     psi = r^2 (f/2 - r^2 f''/16 + r^4 f''''/384 - ...),        f(z) = B_z on the axis,
 
 with f a polynomial of one degree more than the elements; the sum is the expansion of a solenoidal field without
-curl (Jackson, Classical Electrodynamics, 3rd ed., problem 5.4). In iron of varying permeability f'' stands beside a
-term of the permeability's slope: what the fit misses there falls with the square of the element size. Elements
-between two vertices of the axis blend their polynomials. The fits are linear in psi and computed once for a mesh.
+curl (Jackson, Classical Electrodynamics, 3rd ed., problem 5.4). Only in regions of constant permeability without
+current (`SectionElements.curl_free`): elsewhere, in saturating steel or in conductors, each term r^(2 + 2i) z^j has a
+coefficient of its own, and the stencil is one ring smaller. Elements between two vertices of the axis blend their
+polynomials. The fits are linear in psi and computed once for a mesh.
 
 Elements of order 1 hold no r^2: psi and B near the axis stay some 10 % off, however fine the mesh.
 """
@@ -58,19 +59,22 @@ class AxisRecovery:
             (np.ones(vertex.size), (vertex.ravel(), np.repeat(np.arange(n_elements), 3))),
             shape=(n_points * len(mesh.regions), n_elements),
         )
-        rings = touches[patches]
-        for _ in range(_RINGS[elements.order] - 1):
-            rings = rings @ touches.T @ touches
+        without_curl = np.array([name in elements.curl_free for name in mesh.regions])[patches // n_points]
+        smaller = touches[patches]
+        for _ in range(_RINGS[elements.order] - 2):
+            smaller = smaller @ touches.T @ touches
+        larger = smaller @ touches.T @ touches
         self._height, self._reach = mesh.points[patches % n_points, 1], np.empty(len(patches))
         rows, columns, values = [], [], []
         powers = _powers(self._degree)
         for k in range(len(patches)):
+            rings = larger if without_curl[k] else smaller
             own = rings.indices[rings.indptr[k] : rings.indptr[k + 1]]
             dofs = np.unique(elements.element_dofs[own])
             dofs = dofs[elements.dof_points[dofs, 0] > elements.axis_width]
             where = elements.dof_points[dofs] - (0.0, self._height[k])
             self._reach[k] = np.abs(where).max()
-            fit = _fit(where / self._reach[k], self._degree)
+            fit = _fit(where / self._reach[k], self._degree, bool(without_curl[k]))
             rows.append(np.repeat(k * len(powers) + np.arange(len(powers)), dofs.size))
             columns.append(np.tile(dofs, len(powers)))
             values.append(fit.ravel())
@@ -115,11 +119,13 @@ def _air_fields(degree: int) -> np.ndarray:
     return fields
 
 
-def _fit(where: np.ndarray, degree: int) -> np.ndarray:
+def _fit(where: np.ndarray, degree: int, without_curl: bool) -> np.ndarray:
     """Coefficients of `_powers` from psi at points (n, 2), shape (n_powers, n); a lower degree on too few points."""
     r, z = where.T
-    fields = _air_fields(degree)
-    terms = np.column_stack([r ** (2 + 2 * i) * z**j for i, j in _powers(degree)]) @ fields
+    powers = _powers(degree)
+    rising = sorted(range(len(powers)), key=lambda k: 2 * powers[k][0] + powers[k][1])
+    fields = _air_fields(degree) if without_curl else np.eye(len(powers))[:, rising]
+    terms = np.column_stack([r ** (2 + 2 * i) * z**j for i, j in powers]) @ fields
     while terms.shape[1] > 1 and (len(r) < terms.shape[1] or np.linalg.cond(terms) > _MAX_CONDITION):
         terms, fields = terms[:, :-1], fields[:, :-1]
     return fields @ np.linalg.pinv(terms)

@@ -22,7 +22,7 @@ import numpy as np
 from field.factorisation import Backend, SymmetricSolver
 from field.laws.powder_law import PowderLaw
 from field.laws.region_laws import complete_laws
-from field.laws.reluctivity import Law
+from field.laws.reluctivity import Law, LinearLaw
 from field.newton import minimise, norm
 from field.section.magnetic_field import MagneticField
 from field.section.powder_state import Powder, PowderState, checked_powder
@@ -82,6 +82,8 @@ class AxisymmetricProblem:
         self.powder_law = powder_law
         self.powder_beyond = np.zeros(0, dtype=np.int64) if powder_beyond is None else np.asarray(powder_beyond)
         self.elements = SectionElements(mesh, order)
+        linear = {name for name, law in self.laws.items() if isinstance(law, LinearLaw)}
+        self.elements.curl_free = frozenset(linear - {coil_region} - ({powder_region} if powder_law else set()))
         self.exterior: OpenBoundary | None = None
         fixed = self.elements.axis_dofs()
         if open_boundary:

@@ -155,6 +155,8 @@ class EddyCurrentProblem:
         self.turns = float(turns)
         self.conductivity = dict(conductivity)
         elements = problem.elements
+        elements.curl_free -= {name for name, sigma in conductivity.items() if sigma}
+        elements.__dict__.pop("axis_recovery", None)
         self.sigma = np.zeros(len(problem.mesh.triangles))
         for name, sigma in conductivity.items():
             self.sigma[regions[name]] = sigma
@@ -267,6 +269,7 @@ class EddyCurrentProblem:
         breaks: Iterable[float] = (),
         boundary_field: Callable[[float], float] | None = None,
         newton_tolerance: float = 1e-9,
+        largest: float = 0.0,
     ) -> list[TransientState]:
         """March to `end` [s] by SDIRK2 with steps that keep the local error below `tolerance`; all states.
 
@@ -284,6 +287,8 @@ class EddyCurrentProblem:
             1e-6 of the interval before `end` is taken for the end: what the drive does after it belongs to later steps.
         newton_tolerance : float
             `tolerance` of `step`.
+        largest : float
+            `size` of the largest state before the first one here.
         """
         if not (end > state.time and 0.0 < tolerance < 1.0):
             raise ValueError(
@@ -301,13 +306,14 @@ class EddyCurrentProblem:
                 if stop - state.time - step < 0.1 * step:
                     step = stop - state.time
                 trial = self.step(state, step, drive, fill, boundary_field=boundary_field, tolerance=newton_tolerance)
-                error = trial.error * self._size(trial.psi, drive) / self._largest([*states, trial], drive)
+                error = trial.error * self.size(trial.psi, drive) / max(self._largest([*states, trial], drive), largest)
                 factor = min(4.0, max(0.2, 0.9 * math.sqrt(tolerance / max(error, 1e-300))))
                 if error > tolerance and step > smallest:
                     dt = step * factor
                     continue
                 state, dt = trial, max(step * factor, smallest)
                 states.append(state)
+            state = replace(state, time=stop)  # where it stopped a sliver before: a jump in it is one at `stop`
         states[-1] = replace(state, time=end)
         return states
 
@@ -317,19 +323,19 @@ class EddyCurrentProblem:
     def _rank_one(self, drive: Drive) -> float:
         return 2.0 * math.pi * self.turns**2 / drive.resistance if isinstance(drive, VoltageDrive) else 0.0
 
-    def _size(self, psi: np.ndarray, drive: Drive) -> float:
+    def size(self, psi: np.ndarray, drive: Drive) -> float:
         """Norm of psi by the whole mass, sqrt(psi . M psi)."""
         along = scalar_product(self.problem.coil_load, psi)
         return math.sqrt(max(scalar_product(psi, self.mass @ psi) + self._rank_one(drive) * along**2, 0.0))
 
     def _relative_size(self, difference: np.ndarray, psi: np.ndarray, drive: Drive) -> float:
-        size = self._size(psi, drive)
-        return self._size(difference, drive) / size if size > 0.0 else 0.0
+        size = self.size(psi, drive)
+        return self.size(difference, drive) / size if size > 0.0 else 0.0
 
     def _largest(self, states: list[TransientState], drive: Drive) -> float:
         # the first, the last and one in the middle bound a rise and a decay alike without a pass over all
         chosen = (states[0], states[len(states) // 2], states[-1])
-        return max(max(self._size(s.psi, drive) for s in chosen), 1e-300)
+        return max(max(self.size(s.psi, drive) for s in chosen), 1e-300)
 
     def _jumped(
         self,

@@ -62,6 +62,7 @@ class SectionElements:
         element = (skfem.ElementTriP1, skfem.ElementTriP2, skfem.ElementTriP3, skfem.ElementTriP4)[order - 1]()
         self.mesh = mesh
         self.order = order
+        self.curl_free: frozenset[str] = frozenset()  # regions of constant permeability without current
         self.skfem_mesh = skfem.MeshTri(np.ascontiguousarray(mesh.points.T), np.ascontiguousarray(mesh.triangles.T))
         self._element = element
         self._dofs = Dofs(self.skfem_mesh, element)

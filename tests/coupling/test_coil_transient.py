@@ -194,6 +194,17 @@ def test_a_jump_of_the_voltage_just_before_a_windows_end_belongs_to_the_next_win
     assert np.allclose(jumps[0], jumps[1], rtol=1e-6, atol=0.0) and jumps[0][4] > 1.01 * jumps[0][5]
 
 
+def test_a_field_that_decays_for_long_takes_few_steps(problem):
+    """Its local error is relative to the largest field so far: 25 solves in each tenth of a second, until it failed."""
+    source = eddy_source(problem, supply=TimeProfile((0.01, 0.0101), (V, 0.0)), resistance=R)
+    window, solves = 2e-3, []
+    for k in range(1000):
+        source.refresh(k * window)
+        source.window_part()
+        solves.append(source.solves)
+    assert solves[-1] - solves[250] < 10 and abs(source.transient.current) < 1e-3 * V / R
+
+
 def test_a_ramp_that_begins_at_a_windows_end_is_followed_at_once(problem):
     """A field that rests waits for long, but not beyond the instant at which its drive begins to change."""
     begin = 21 * WINDOW  # steps of a field at rest end at 1, 5, 21, 85 windows

@@ -19,6 +19,7 @@ from field.section.eddy_currents import (
     TransientState,
     VoltageDrive,
 )
+from geometry.time_profile import TimeProfile
 
 pytestmark = pytest.mark.physics
 
@@ -184,6 +185,17 @@ def test_energy_of_a_jump_of_the_current(solenoid, law):
     assert end.supplied == pytest.approx(end.eddy_loss + eddy.field(end).energy, rel=1e-3)
     off = eddy.run(end, 0.1 * TAU, CurrentDrive(lambda t: 0.0), tolerance=1e-3)[-1]
     assert off.supplied == pytest.approx(off.eddy_loss + eddy.field(off).energy, rel=2e-3)
+
+
+def test_a_ramp_of_no_length_is_a_jump(solenoid):
+    """A table of the current can write a jump only as a ramp, here of 1e-7 of the interval."""
+    eddy, current = EddyCurrentProblem(solenoid(8, LinearLaw(50.0)), {"rod": SIGMA}, turns=TURNS), NI / TURNS
+    end = 0.05 * TAU
+    jump = eddy.run(eddy.at_rest(), end, CurrentDrive(lambda t: current))[-1]
+    table = TimeProfile((0.0, 1e-7 * end), (0.0, current))
+    ramp = eddy.run(eddy.at_rest(), end, CurrentDrive(table), breaks=table.times)[-1]
+    assert ramp.supplied == pytest.approx(jump.supplied, rel=1e-5)
+    assert np.allclose(ramp.psi, jump.psi, rtol=0.0, atol=1e-5 * np.abs(jump.psi).max())
 
 
 def test_voltage_and_current_drives_agree(solenoid):
