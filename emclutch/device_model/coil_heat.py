@@ -83,8 +83,9 @@ def housing_rise(scene, coil: Excitation | None, shape, slip_power: float) -> fl
         return None
     if coil is None:
         return steady_rise(surface, slip_power, 0.0, False)
-    cold = copper_loss(scene, coil, shape) / resistance_ratio(scene.coil.temperature)
-    return steady_rise(surface, slip_power, cold, scene.coil.is_at_voltage)
+    loss, ratio = copper_loss(scene, coil, shape), resistance_ratio(scene.coil.temperature)
+    at_voltage = scene.coil.is_at_voltage
+    return steady_rise(surface, slip_power, loss * ratio if at_voltage else loss / ratio, at_voltage)  # V^2/R or R I^2
 
 
 def coil_heat_in_words(scene, coil: Excitation, shape) -> str:

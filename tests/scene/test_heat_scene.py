@@ -86,6 +86,19 @@ def test_the_steady_rise_balances_both_powers_and_what_leaves():
     assert steady_rise(0.05, 0.0, 0.0, False) == 0.0 and steady_rise(0.05, 1e3, 0.0, False) == np.inf
 
 
+@pytest.mark.parametrize("drive", [{"voltage": "3 V"}, {"current": "0.5 A"}])
+def test_the_steady_rise_does_not_depend_on_the_temperature_that_the_scene_gives_the_winding(drive):
+    """The winding warms until the powers balance, and the same drive heats it at 20 and at 80 degrees C."""
+
+    def rise(temperature):
+        coil = {"resistance": "6 ohm", "temperature": temperature}
+        scene = brake(coil=coil | drive, effects={}).scene
+        current = 0.5 if "current" in drive else 3.0 / scene.coil.resistance_in(1e-4, 0.03)
+        return housing_rise(scene, SimpleNamespace(largest_current=current), scene.shape(), 1.0)
+
+    assert 0.0 < rise(20.0) < np.inf and rise(80.0) == pytest.approx(rise(20.0), rel=1e-9)
+
+
 def test_the_duty_ends_in_the_steady_state_and_writes_its_files(found):
     last, steady = found.table.iloc[-1], found.summary["steady"]
     for key in ("coil_mean", "powder_hottest", "surface"):
