@@ -40,6 +40,9 @@ if TYPE_CHECKING:
 # to round-off.
 _NODES, _WEIGHTS = (0.5 * (x + shift) for x, shift in zip(np.polynomial.legendre.leggauss(6), (1.0, 0.0), strict=True))
 
+_LARGEST_RATIO = 10.0
+"""Of a flux linkage to that of a guess; beyond it the scaled current of the guess may be wrong by any factor."""
+
 
 def solve_at_flux_linkage(
     problem: AxisymmetricProblem | Problem3D,
@@ -84,7 +87,7 @@ def solve_at_flux_linkage(
     nothing = np.zeros(problem.n_dofs)
     energy = _LinkageEnergy(SectionEnergy(problem, powder, nothing, nothing), problem.coil_load[problem._free])
     c, mean_psi = energy.load, linkage_per_turn / (2.0 * math.pi)
-    if guess is not None and guess.flux_linkage_per_turn != 0.0:
+    if guess is not None and 0.0 < abs(linkage_per_turn) <= _LARGEST_RATIO * abs(guess.flux_linkage_per_turn):
         ratio = linkage_per_turn / guess.flux_linkage_per_turn
         x, drive = ratio * guess.psi[problem._free], ratio * guess.ampere_turns
     else:

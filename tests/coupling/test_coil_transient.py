@@ -128,6 +128,20 @@ def test_a_flux_linkage_near_zero_needs_a_current_against_magnetised_powder(prob
     assert solve_at_flux_linkage(problem, 0.0, fill).ampere_turns == 0.0
 
 
+@pytest.mark.parametrize("share", [1e-12, -1e-12, 1e-5])
+def test_a_guess_of_hardly_any_flux_linkage_leads_to_the_same_current(problem, share):
+    """The current that cancels the flux of magnetised powder is large; scaled to a larger linkage it is enormous."""
+    fill = np.full(problem.powder_elements.size, 0.4)
+    source = np.zeros((fill.size, 2, problem.elements.n_quadrature))
+    source[:, 1] = 2e5
+    powder = PowderState(fill, None, source)
+    linkage = 2.0 * problem.solve(0.0, powder).flux_linkage_per_turn
+    guess = solve_at_flux_linkage(problem, share * linkage, powder)
+    found = solve_at_flux_linkage(problem, linkage, powder, guess)
+    assert found.flux_linkage_per_turn == pytest.approx(linkage, rel=1e-9)
+    assert problem.solve(found.ampere_turns, powder).flux_linkage_per_turn == pytest.approx(linkage, rel=1e-6)
+
+
 @pytest.mark.parametrize("kind", ["circuit", "eddy at a voltage", "eddy at a current"])
 def test_resumed_is_bit_for_bit_what_went_on(problem, kind):
     def build():
