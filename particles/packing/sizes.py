@@ -419,8 +419,8 @@ def read_sizes(path: str | Path) -> ListedSizes:
     weight = table.values[:, names.index(shares[0])] if shares else None
     try:
         if weight is not None:
-            in_percent = is_unit_of(table.units[names.index(shares[0])], "%")
-            refuse_cumulative(weight, total=100.0 if in_percent else None)
+            unit = table.units[names.index(shares[0])]
+            refuse_cumulative(weight, total=100.0 if _unit_of_sizes(1, shares[0], unit) == "%" else None)
         return ListedSizes(table.values[:, names.index("diameter")], weight, by_mass=shares[:1] != ["number"])
     except ValueError as error:
         raise FileFault(path, f"{error}") from None
@@ -435,10 +435,16 @@ def refuse_cumulative(weight: Sequence[float] | np.ndarray, total: float | None 
     w = np.asarray(weight, dtype=float)
     sum_of = float(w.sum())
     one_way = len(w) > 2 and (all(np.diff(w) > 0.0) or all(np.diff(w) < 0.0)) and w.max() in (1.0, 100.0)
-    if one_way if total is None else abs(sum_of - total) > 0.01 * total:
+    if total is not None and abs(sum_of - total) > 0.01 * total:
         raise ValueError(
-            f"the fractions add up to {sum_of:g}; are they cumulative? Write the fraction of each size alone, so that "
-            "they add up to 100 %"
+            f"the fractions add up to {sum_of:g}; are they cumulative, or are rows missing? Write the fraction of each "
+            f"size alone, and of all sizes, so that they add up to {total:g} % within 1 %"
+        )
+    if total is None and one_way:
+        raise ValueError(
+            f"the fractions {'descend from' if w[0] > w[-1] else 'ascend to'} {w.max():g}; are they cumulative, or "
+            "relative to the largest one? Write the fraction of each size alone; of those relative to the largest one, "
+            f"divide each by their sum, {sum_of:g}"
         )
 
 
@@ -446,4 +452,4 @@ def _unit_of_sizes(place: int, name: str, unit: str) -> str | None:
     name = name.lower()
     if name in _BY_MASS:
         return next((goal for goal in ("kg", "m^3") if is_unit_of(unit, goal)), "%")
-    return {"diameter": "m", "number": "%" if unit else ""}.get(name)
+    return {"diameter": "m", "number": "%" if unit == "%" else ""}.get(name)

@@ -163,7 +163,9 @@ def test_fractions_by_mass_weight_and_volume_are_one(tmp_path, head):
         ("diameter [um], volume [%]\n60, 5\n90, 25\n120, 75\n180, 100\n", "add up to 205; are they cumulative"),
         ("diameter [um], mass [-]\n60, 0.05\n90, 0.25\n120, 0.75\n180, 1\n", "add up to 205; are they cumulative"),
         ("diameter [um], number\n60, 5\n90, 25\n120, 75\n180, 100\n", "are they cumulative"),
-        ("diameter [um], mass [%]\n60, 40\n90, 58.9\n", "add up to 98.9"),
+        ("diameter [um], number\n60, 100\n90, 40\n120, 10\n", "descend from 100; .* largest .*divide .*sum, 150"),
+        ("diameter [um], number [%]\n60, 40\n90, 50\n", "add up to 90; .* rows missing"),
+        ("diameter [um], mass [%]\n60, 40\n90, 58.9\n", "add up to 98.9; are they cumulative, or are rows missing"),
         ("diameter [um], passing [%]\n60, 40\n90, 60\n", "passing beside the diameter; write number"),
         ("diameter [um], fraction [%]\n60, 40\n90, 60\n", "fraction beside the diameter; write number"),
         ("diameter [um], mass\n60, 40\n90, 60\n", "'mass' has no unit; .*%"),
@@ -176,6 +178,14 @@ def test_fractions_that_are_not_understood_are_refused(tmp_path, text, words):
     (tmp_path / "sizes.csv").write_text(text)
     with pytest.raises(ValueError, match=words):
         read_sizes(tmp_path / "sizes.csv")
+
+
+@pytest.mark.parametrize("head", ["number", "number [-]", "Number [1]"])
+def test_numbers_of_grains_may_have_any_sum(tmp_path, head):
+    """10, 20 and 10 grains of 60, 90 and 120 um have a mean of 90 um and a mean square of 8550 um^2."""
+    (tmp_path / "sizes.csv").write_text(f"diameter [um], {head}\n60, 10\n90, 20\n120, 10\n")
+    sizes = read_sizes(tmp_path / "sizes.csv")
+    assert (sizes.mean, sizes.moment(2)) == pytest.approx((90e-6, 8550e-12))
 
 
 def test_fractions_that_add_up_to_100_within_1_are_taken(tmp_path):
