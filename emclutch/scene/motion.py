@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import copysign
 from typing import Annotated, Self
 
 import numpy as np
@@ -150,7 +151,8 @@ class MotionSection(Section):
         """
         rotor, disc = self._speeds_of_largest_slip
         if rotor * disc > 0.0:
-            fast = max(abs(rotor), abs(disc), slip)
-            return (fast, fast - slip) if abs(rotor) >= abs(disc) else (fast - slip, fast)
+            fast, sense = max(abs(rotor), abs(disc), slip), copysign(1.0, rotor)
+            slow = sense * (fast - slip)
+            return (sense * fast, slow) if abs(rotor) >= abs(disc) else (slow, sense * fast)
         own = abs(rotor - disc)
         return (rotor * slip / own, disc * slip / own) if own > 0.0 else (0.0, 0.0)

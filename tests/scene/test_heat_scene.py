@@ -152,6 +152,13 @@ def test_the_bodies_that_turn_are_cooled_as_they_turn(motion, speeds):
     assert max(problem.surface_temperatures(steady).values()) == pytest.approx(75.0, abs=0.02)
 
 
+@pytest.mark.parametrize("speeds", [(-100, -50), (-50, -100), (100, 50), (100, -50), (-100, 50), (0, -100)])
+def test_at_the_largest_slip_the_speeds_are_those_of_the_scene(speeds):
+    bodies = {name: {"speed": f"{speed} rpm"} for name, speed in zip(("rotor", "disc"), speeds, strict=True)}
+    motion = brake(motion=bodies).scene.motion
+    assert motion.speeds_at_slip(motion.largest_slip) == pytest.approx(tuple(RPM * speed for speed in speeds))
+
+
 def test_the_films_of_a_duty_are_those_of_its_slip():
     """duty.slip turns the body that turns in [motion]; a slip that varies cools as its slowest speed does."""
 
