@@ -274,6 +274,8 @@ def _decimal_mark(path: Path, rows: list[tuple[int, list[str]]]) -> str:
 
 def _number(cell: str, mark: str) -> float | None:
     """Return the number of a cell; None where it is none, or not finite."""
+    if "_" in cell:  # Python's own sign between thousands
+        return None
     other = "." if mark == "," else ","
     if not cell.isascii() or " " in cell or "'" in cell:
         cell = re.sub(r"(?<=\d)['’ ](?=\d{3}(?!\d))", "", cell)

@@ -56,6 +56,7 @@ def test_a_unit_stands_behind_the_name(tmp_path, head):
         ("x [mm], y [kg]\n1, 2\n", "'y' is in 'kg', which is unknown or of another quantity"),
         ("x [mm], x [cm]\n1, 2\n", "line 1 names 'x' twice"),
         ("x [mm], y [mm]\n1, inf\n", "line 2: y = 'inf' is not a number"),
+        ("x [mm], y [mm]\n1, 1_0\n", "line 2: y = '1_0' is not a number"),
         ("x [mm], y [mm]\n1, 2 mm\n", "line 2: y = '2 mm' is not a number"),
         ("x [mm], y [mm]\n1,\n", "line 2: y = '' is not a number"),
         ("1, 2\n3, 4\n", "line 1 has numbers but no header"),
