@@ -110,7 +110,8 @@ def _from_csv(path: Path) -> dict[str, np.ndarray]:
     names = {name for name, _ in table.unused}
     for name, unit in table.unused:
         is_component = any({name[:-1] + end for end in ends} <= names for ends in ("xyz", "XYZ", "012", "123"))
-        if is_component or any(is_unit_of(unit, goal) for goal in ("m", "m/s", "rad/s")):
+        is_force = unit.endswith("N") or is_unit_of(unit, "N m")
+        if (is_component and not is_force) or any(is_unit_of(unit, goal) for goal in ("m", "m/s", "rad/s")):
             known = ", ".join(f"{known} [{goal}]" for known, goal in _UNITS.items())
             raise FileFault(path, f"has the column '{name}', which may be a place, size or motion; known: {known}")
     table.warn_of_unused()

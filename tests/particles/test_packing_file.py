@@ -39,6 +39,9 @@ def test_columns_and_arrays_that_are_not_used_are_named(tmp_path):
     path.write_text("id, x [mm], y [mm], z [mm], mass [g], diameter [mm]\n1, 1, 2, 3, 4, 5\n")
     with pytest.warns(UserWarning, match="start.csv: not used: id, mass"):
         assert read_packing(path).position.tolist() == [[1e-3, 2e-3, 3e-3]]
+    path.write_text("x [m], y [m], z [m], fx [N], fy [N], fz [N], t_x [N m], t_y [N m], t_z [N m]\n1, 2, 3" + 6 * ", 0")
+    with pytest.warns(UserWarning, match="start.csv: not used: fx, fy, fz, t_x, t_y, t_z"):
+        assert read_packing(path, radius=1.0).position.tolist() == [[1.0, 2.0, 3.0]]
     path = _npz(tmp_path, position=np.zeros((1, 3)), radius=np.ones(1), v=np.ones((1, 3)))
     with pytest.warns(UserWarning, match="start.npz: not used: v"):
         assert read_packing(path).velocity is None
