@@ -178,6 +178,22 @@ def test_switching_off_reverses(steel):
     assert 0.0 < given_back <= 1.02 * solve_at_flux_linkage(steel, half[2] / N).energy
 
 
-def test_a_step_of_ages_is_refused():
-    with pytest.raises(ValueError, match="time constants"):
-        LinearisedCoil(0.0, 0.0, 1e-3, 1e3).advance(CircuitState(0.0, 0.0, 0.0), 1.0, lambda t: 1.0)
+@pytest.mark.parametrize("length", [39.0, 41.0, 1e4, 1e7])
+def test_a_step_of_ages_is_exact(length):
+    """V = v t: i = v/R (t - tau (1 - e)), e = exp(-t/tau); with e = 0 at the end T, the integral of i^2 is known."""
+    L, v = 1e-3, 2.0
+    tau, T = L / R, length * L / R
+    end = LinearisedCoil(0.0, 0.0, L, R).advance(CircuitState(0.0, 0.0, 0.0), T, lambda t: v * t)
+    assert end.time == pytest.approx(T, rel=1e-15)
+    assert end.current == pytest.approx(v / R * (T - tau), rel=1e-9)
+    squares = ((T - tau) ** 3 + tau**3) / 3.0 + 0.5 * tau**3
+    assert end.copper_loss == pytest.approx(v**2 / R * squares, rel=1e-9)
+    assert end.supplied == pytest.approx(v**2 / R * (T**3 / 3.0 - 0.5 * tau * T**2 + tau**3), rel=1e-9)
+
+
+def test_a_coil_of_ages_without_voltage_gives_all_that_it_stores():
+    """1/2 L i^2 heats the copper; then nothing is left."""
+    L = 1e-3
+    end = LinearisedCoil(0.0, 0.0, L, R).advance(CircuitState(0.0, 3.0 * L, 3.0), 1e6 * L / R, lambda t: 0.0)
+    assert end.current == pytest.approx(0.0, abs=1e-15) and end.supplied == 0.0
+    assert end.copper_loss == pytest.approx(0.5 * L * 3.0**2, rel=1e-12)
