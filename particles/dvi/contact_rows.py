@@ -15,8 +15,8 @@ step as any overlap; where `MAX_APPROACH` limits it, impacts of several contacts
 **Friction** may make energy at such impacts (Kane & Levinson, Dynamics, McGraw-Hill 1985): e r_n |u_n| at most, summed
 over the contacts that rebound. 90 000 random impacts of spinning spheres in corners of 30 to 150 degrees made up to
 18 % of the grain's energy at e = 1, 7 % at 0.95, none at 0.9 or less. Springs with a step beyond 0.45 contact times
-(`particles.dvi.compliance`) made up to 2 % at e = 1, none at 0.9; in a driven bed at e = 0.4 and three times the default
-step, where an overlap that a parting contact was allowed pushes back, 0.05 %.
+(`particles.dvi.compliance`) made up to 2 % at e = 1, none at 0.9; in a driven bed at e = 0.4 and three times the
+default step, where an overlap that a parting contact was allowed pushes back, 0.05 %.
 """
 
 from __future__ import annotations
