@@ -35,7 +35,7 @@ MAX_COUNTS = {
     STEPS[0]: {"functions": 187, "scalars": 15_300, "lines": 125_500},
     STEPS[1]: {"functions": 314, "scalars": 40_300, "lines": 399_000},
 }
-MAX_MEMORY = 1500  # MB, of a test process or of one that it starts
+MAX_MEMORY = 1650  # MB, of a test process or of one that it starts: a tenth above 1.5 GB, for other machines
 compile_counts.install()
 settings.register_profile("gate", derandomize=True)  # the same examples in every run; `make stability` draws others
 settings.load_profile("gate")
