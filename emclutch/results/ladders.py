@@ -42,19 +42,19 @@ def ladder_folder() -> Path:
     return Path(os.environ.get(VARIABLE) or FOLDER)
 
 
-def device_hash(flat_scene: Mapping[str, Any], left_out: Container[str], at_default: Container[str]) -> str:
+def device_hash(flat_scene: Mapping[str, Any], excluded: Container[str], at_default: Container[str]) -> str:
     """Return the hash of what matters of a scene: all but numerical settings, seed, drive, end and output.
 
     Parameters
     ----------
     flat_scene : of the resolved scene, by dotted key
-    left_out : the keys that its knobs set
+    excluded : keys that numerical settings change
     at_default : the keys whose entry is their default; of these only `NAMED` count
     """
     kept = {
         key: value
         for key, value in flat_scene.items()
-        if key not in left_out
+        if key not in excluded
         and not any(key == one or (one[-1] == "." and key.startswith(one)) for one in WITHOUT)
         and (key in NAMED or key not in at_default)
     }

@@ -12,7 +12,7 @@ import numpy as np
 MAX_STEPS = 1e12
 """Of a run: at 170 ns a step one grain alone takes two days."""
 
-LEAST_WINDOWS = 200
+MIN_WINDOWS = 200
 """Of a run with an automatic window: enough for a mean with an error bar."""
 
 PER_CHANGE, JUMP = 10, 0.1
@@ -116,7 +116,7 @@ def coupling_windows(
     else:
         # a quarter of a diameter of shear, but enough windows for a mean with an error bar and for each frame
         travel = 0.25 * scene.particles.smallest_diameter / (speed * dt) if speed > 0.0 else np.inf
-        steps = max(1, floor(min(travel, total / max(LEAST_WINDOWS, scene.output.snapshots), 5000)))
+        steps = max(1, floor(min(travel, total / max(MIN_WINDOWS, scene.output.snapshots), 5000)))
         slow = [time for time in changes if time >= JUMP * steps * dt]
         steps = max(1, floor(min((steps, *(time / (PER_CHANGE * dt) for time in slow)))))
     per_update, rule = steps, None
