@@ -1,27 +1,33 @@
 """Cheapest settings that reach a wanted accuracy, from the ladder of a device.
 
-Every combination of the settings that were measured is looked at, with 4 to 24 packings. Its cost is that of a packing
+Every combination of the settings that were measured is looked at, with 2 to 24 packings. Its cost is that of a packing
 at the scene's own settings, times the ratio of each setting, times the packings. Its half width has two parts in
-quadrature: that of the packings' mean, t s / sqrt(n) with their scatter s (smaller where a setting means more grains),
-and that of the discretisation (`emclutch.results.ladder.Total`), of a torque that is divided by 1 + bias. Where the
-ladder does not have the start-up, a run must exclude a drift by itself, which takes more packings than their mean.
+quadrature: that of the packings' mean, t s / sqrt(n) with the scatter s of the ladder's and its own packings together
+(smaller where a setting means more grains), and that of the discretisation (`emclutch.results.ladder.Total`), of a
+torque that is divided by 1 + bias. All combinations are compared by the variances of their errors, with one covariance:
+by the mean at the scene's own settings, which the errors share; what is chosen has its interval from the draws of all
+errors. Where the ladder does not have the start-up, a run must exclude a drift by itself, which takes more packings
+than their mean.
 """
 
 from __future__ import annotations
 
+import heapq
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from emclutch.results.ladder import Basis, KnobError, KnobLadder, Ladder, Rung, Total
+from emclutch.results.ladder import Basis, KnobLadder, Ladder, Rung, Total
 from emclutch.results.replicated_mean import DRIFT_CONFIDENCE, DRIFT_LIMIT
 from emclutch.results.statistics import STOPPING_ALLOWANCE
 from emclutch.results.text import format_duration, per_cent
 from emclutch.results.torque_curves import NORMAL
 
-PACKINGS = (4, 6, 8, 12, 16, 24)
+PACKINGS = (2, 3, 4, 6, 8, 12, 16, 24)
+OWN_PACKINGS = 4
+"""Of the scene's own settings, where nothing is asked for."""
 """Numbers of packings that a run with `time.until` looks at (emclutch.simulation.stopping_rule)."""
 STATISTICS = "statistics"
 """Name of the part that is no knob's: of the packings' mean."""
@@ -32,6 +38,9 @@ FINER = 2  # packings of a setting that a longer study measures besides
 NEGLIGIBLE = 0.002
 """Error of the scene's own setting that makes finer ones pointless, whatever they are predicted to cost."""
 MAX_WITHOUT_NOISE = 64  # combinations of the knobs without noise, on their frontier
+ROUGH = 1.2  # times a target: half widths from variances that are looked at
+NEAREST = 8  # combinations of the smallest half widths from variances that are looked at
+MAX_TRIES = 2000
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +54,8 @@ class Choice:
     total : Total
         Discretisation error at them.
     packings : int
+    scatter : float
+        Relative standard deviation between packings at these settings.
     statistical : float
         Half the 95 % interval of the packings' mean, relative.
     seconds : float
@@ -54,6 +65,7 @@ class Choice:
     settings: dict[str, float]
     total: Total
     packings: int
+    scatter: float
     statistical: float
     seconds: float
 
@@ -145,12 +157,12 @@ class Combinations:
     scatter : (m,) array
         Relative standard deviation between packings.
     discretisation : (m,) array
-        Half width of the discretisation error.
+        Half width of the discretisation error, from its variance.
     """
 
     def __init__(self, ladder: Ladder) -> None:
         self.ladder = ladder
-        known = [one for one in ladder.knobs if one.own_error is not None]
+        known = [one for one in ladder.knobs if one.knob in ladder.told]
         noisy = [one for one in known if one.basis is not Basis.MOMENTS]
         self._knobs = [one for one in known if one.basis is Basis.MOMENTS] + noisy
         found = [_candidates(ladder, one, MAX_SETTINGS) for one in self._knobs]
@@ -161,17 +173,25 @@ class Combinations:
             most -= 1
             found = [_candidates(ladder, one, most) for one in self._knobs]
         self._candidates = found
-        self._others = sum(error.bias**2 for one in noisy if (error := one.own_error) is not None)
         self._chosen = np.zeros((1, 0), dtype=np.int8)
         self.cost, self.scatter = np.ones(1), np.full(1, ladder.scatter)
         self._variance, self._shared = np.zeros(1), np.zeros(1)
-        self._squares, self._fourth = np.zeros(1), np.zeros(1)  # sums of powers of the biases
         for knob, candidates in zip(self._knobs, found, strict=True):
             self._combine(candidates)
             if knob.basis is Basis.MOMENTS:
                 self._keep_frontier()
-        interaction = np.maximum(0.0, 0.5 * (self._squares**2 - self._fourth))
-        self.discretisation = np.sqrt(self._variance + self._shared**2 + interaction)
+        half = NORMAL * np.sqrt(self._variance + self._shared**2)
+        own = ladder.total(ladder.told)
+        place = int(np.argmin(np.abs(np.log(self.cost)) + np.abs(self._own_distance())))
+        self.discretisation = half * (own.half_width / half[place] if half[place] > 0.0 else 1.0)
+
+    def _own_distance(self) -> np.ndarray:
+        """Return how many settings of each combination are not the scene's own (m,)."""
+        own = [
+            next((n for n, one in enumerate(some) if knob.is_own(one.rung.setting)), 0)
+            for knob, some in zip(self._knobs, self._candidates, strict=True)
+        ]
+        return (self._chosen != np.array(own, dtype=np.int8)).sum(axis=1)
 
     def _combine(self, candidates: list[_Candidate]) -> None:
         """Combine what there is with the settings of one more knob."""
@@ -180,59 +200,54 @@ class Combinations:
         self._chosen = np.hstack([np.repeat(self._chosen, count, axis=0), column])
         self.cost = np.multiply.outer(self.cost, [one.cost for one in candidates]).ravel()
         self.scatter = np.multiply.outer(self.scatter, [one.scatter for one in candidates]).ravel()
-        own = [max(0.0, one.error.half_width**2 - one.error.shared**2) for one in candidates]
-        self._variance = np.add.outer(self._variance, own).ravel()
-        self._shared = np.add.outer(self._shared, [one.error.shared for one in candidates]).ravel()
-        self._squares = np.add.outer(self._squares, [one.error.bias**2 for one in candidates]).ravel()
-        self._fourth = np.add.outer(self._fourth, [one.error.bias**4 for one in candidates]).ravel()
+        self._variance = np.add.outer(self._variance, [one.variance for one in candidates]).ravel()
+        self._shared = np.add.outer(self._shared, [one.shared for one in candidates]).ravel()
 
     def _keep_frontier(self) -> None:
-        """Keep what no cheaper combination is as accurate as, with the interaction at the scene's other settings."""
-        square = self._variance + self._others * self._squares
-        order = np.lexsort((square, self.cost))
-        least = np.minimum.accumulate(square[order])
-        kept = order[np.r_[True, square[order][1:] < least[:-1]]]
+        """Keep what no cheaper combination is as accurate as."""
+        order = np.lexsort((self._variance, self.cost))
+        least = np.minimum.accumulate(self._variance[order])
+        kept = order[np.r_[True, self._variance[order][1:] < least[:-1]]]
         if len(kept) > MAX_WITHOUT_NOISE:
             kept = kept[np.linspace(0, len(kept) - 1, MAX_WITHOUT_NOISE).round().astype(int)]
         self._chosen, self.cost, self.scatter = self._chosen[kept], self.cost[kept], self.scatter[kept]
         self._variance, self._shared = self._variance[kept], self._shared[kept]
-        self._squares, self._fourth = self._squares[kept], self._fourth[kept]
 
     def statistical(self, packings: int) -> np.ndarray:
         """Return the half widths of the packings' mean (m,)."""
-        return statistical_half_width(1.0, packings, must_exclude_drift(self.ladder)) * self.scatter
+        return statistical_half_width(self.ladder, 1.0, packings) * self.scatter
 
     def choice(self, number: int, packings: int) -> Choice:
         """Return a combination with a number of packings."""
         chosen = [
-            (knob.knob, one[place])
+            (knob.knob, one[place].rung)
             for knob, one, place in zip(self._knobs, self._candidates, self._chosen[number], strict=True)
         ]
-        return Choice(
-            {name: one.rung.setting for name, one in chosen},
-            Total({name: one.error for name, one in chosen}, unknown_of(self.ladder)),
-            packings,
-            statistical_half_width(float(self.scatter[number]), packings, must_exclude_drift(self.ladder)),
-            float(self.cost[number]) * self.ladder.seconds * packings,
-        )
+        return choice_of(self.ladder, dict(chosen), packings, float(self.scatter[number]), float(self.cost[number]))
 
     def reaching(self, target: float) -> Iterator[Choice]:
         """Yield what reaches a half width, the cheapest first; each combination with the fewest packings that do."""
-        cost = np.full(len(self.cost), np.inf)
-        packings = np.zeros(len(self.cost), dtype=int)
+        cost, packings = np.full(len(self.cost), np.inf), np.zeros(len(self.cost), dtype=int)
         for n in PACKINGS:
-            reaches = np.hypot(self.statistical(n), self.discretisation) <= target
-            first = reaches & (packings == 0)
-            packings[first] = n
-            cost[first] = n * self.cost[first]
-        for number in np.argsort(cost, kind="stable"):
-            if not packings[number]:
-                return
-            yield self.choice(int(number), int(packings[number]))
+            first = (np.hypot(self.statistical(n), self.discretisation) <= ROUGH * target) & (packings == 0)
+            packings[first], cost[first] = n, n * self.cost[first]
+        waiting = [(float(cost[n]), int(n), int(packings[n])) for n in np.flatnonzero(packings)]
+        heapq.heapify(waiting)
+        tries = 0
+        while waiting and tries < MAX_TRIES:
+            _, number, count = heapq.heappop(waiting)
+            choice, tries = self.choice(number, count), tries + 1
+            if choice.half_width <= target:
+                yield choice
+            elif count < PACKINGS[-1] and choice.total.half_width < target:
+                more = next(n for n in PACKINGS if n > count)
+                heapq.heappush(waiting, (more * float(self.cost[number]), number, more))
 
     def nearest(self) -> Choice:
         """Return the most accurate combination."""
-        return self.choice(int(np.argmin(np.hypot(self.statistical(PACKINGS[-1]), self.discretisation))), PACKINGS[-1])
+        half = np.hypot(self.statistical(PACKINGS[-1]), self.discretisation)
+        nearest = (self.choice(int(n), PACKINGS[-1]) for n in np.argsort(half)[:NEAREST])
+        return min(nearest, key=lambda one: one.half_width)
 
     def frontier(self) -> tuple[np.ndarray, np.ndarray]:
         """Return processor times [s] and half widths (k,) of the combinations that no cheaper one is as accurate as."""
@@ -296,55 +311,48 @@ def unknown_of(ladder: Ladder) -> dict[str, str]:
         one.knob: "; ".join(f"{rung.setting:.4g}: {rung.failure}" for rung in one.rungs if rung.failure)
         or "no other setting"
         for one in ladder.knobs
-        if one.own_error is None
+        if one.own_step_size is None
     }
     return ladder.unknown | failed
 
 
-def own_choice(ladder: Ladder, packings: int = PACKINGS[0]) -> Choice:
+def own_choice(ladder: Ladder, packings: int = OWN_PACKINGS) -> Choice:
     """Return the scene's own settings, with a number of packings."""
-    errors = {one.knob: error for one in ladder.knobs if (error := one.own_error) is not None}
-    settings = {one.knob: one.own for one in ladder.knobs}
-    statistical = statistical_half_width(ladder.scatter, packings, must_exclude_drift(ladder))
-    return Choice(settings, Total(errors, unknown_of(ladder)), packings, statistical, ladder.seconds * packings)
+    return choice_of(ladder, {}, packings, ladder.scatter)
 
 
 def choice_with(ladder: Ladder, knob: KnobLadder, rung: Rung, packings: int) -> Choice | None:
     """Return the scene's own settings but for one; None where its error is not known."""
-    own = own_choice(ladder, packings)
-    error = None if rung.value is None else knob.error(rung.step_size)
-    if error is None:
+    if rung.value is None or ladder.draws(knob.knob, rung.step_size) is None:
         return None
-    return replace(
-        own,
-        settings=own.settings | {knob.knob: rung.setting},
-        total=Total(own.total.parts | {knob.knob: error}, own.total.unknown),
-        statistical=own.statistical * _scatter_ratio(ladder, knob, rung),
-        seconds=own.seconds * rung.cost,
-    )
+    scatter = ladder.scatter * _scatter_ratio(ladder, knob, rung)
+    return choice_of(ladder, {knob.knob: rung}, packings, scatter, rung.cost)
 
 
-def statistical_half_width(scatter: float, packings: int, exclude_drift: bool = False) -> float:
+def choice_of(ladder: Ladder, rungs: Mapping[str, Rung], packings: int, scatter: float, cost: float = 1.0) -> Choice:
+    """Return the scene's own settings but for some; `cost` is that of a packing over one at the scene's own."""
+    total = ladder.total(ladder.told | {name: one.step_size for name, one in rungs.items()})
+    settings = {one.knob: one.own for one in ladder.knobs} | {name: one.setting for name, one in rungs.items()}
+    total = replace(total, unknown=unknown_of(ladder))
+    statistical = statistical_half_width(ladder, scatter, packings)
+    return Choice(settings, total, packings, scatter, statistical, ladder.seconds * cost * packings)
+
+
+def statistical_half_width(ladder: Ladder, scatter: float, packings: int) -> float:
     """Return half the 95 % interval of a mean of packings, as wide as the rule that ends a run takes it.
 
-    With `exclude_drift` that for which the rule may end a run that does not drift, if all scatter is fluctuation
-    within a packing: a slope of noise makes its ends differ by sqrt(12) times its mean
-    (`emclutch.results.replicated_mean.steadiness`).
+    Their scatter counts together with that of the ladder. Where the ladder does not know the start-up, it is the half
+    width for which the rule may end a run that does not drift, if all scatter is fluctuation within a packing: a slope
+    of noise makes its ends differ by sqrt(12) times its mean (`emclutch.results.replicated_mean.steadiness`).
     """
     from scipy.special import stdtrit
 
-    error = scatter / math.sqrt(packings)
-    half = float(stdtrit(packings - 1, 1.0 - STOPPING_ALLOWANCE * 0.025)) * error
-    if not exclude_drift:
+    error, freedom = scatter / math.sqrt(packings), ladder.freedom + packings - 1
+    half = float(stdtrit(freedom, 1.0 - STOPPING_ALLOWANCE * 0.025)) * error
+    if "start_up" in ladder.told:
         return half
     drift = (1.0 + float(stdtrit(3 * packings - 1, DRIFT_CONFIDENCE))) * math.sqrt(12.0) * error
     return max(half, drift / DRIFT_LIMIT)
-
-
-def must_exclude_drift(ladder: Ladder) -> bool:
-    """Return whether a run must exclude a drift: the ladder does not know the error of the start-up."""
-    start_up = ladder.knob("start_up")
-    return start_up is None or start_up.own_error is None
 
 
 def _spent(ladder: Ladder) -> float:
@@ -361,24 +369,37 @@ def _spent(ladder: Ladder) -> float:
 
 @dataclass(frozen=True, slots=True)
 class _Candidate:
-    """A setting, its error, and cost and scatter over those at the scene's own."""
+    """A setting: cost and scatter over those at the scene's own, variance of its error without the part by the mean at
+    the scene's own settings, and the standard deviation by that mean, with its sign."""
 
     rung: Rung
-    error: KnobError
     cost: float
     scatter: float
+    variance: float
+    shared: float
+
+    @property
+    def spread(self) -> float:
+        """Variance of its error."""
+        return self.variance + self.shared**2
 
 
 def _candidates(ladder: Ladder, knob: KnobLadder, most: int) -> list[_Candidate]:
     """Return settings with an error, from coarse to fine, the scene's own among them; at most so many."""
+    level = ladder.posterior.level[0]
+    unit = (level - level.mean()) / max(float(level.std()), 1e-300)
     found = []
     for rung in knob.rungs:
-        error = None if rung.value is None else knob.error(rung.step_size)
-        if error is None or (knob.basis is Basis.LATER and rung.setting < knob.own * SAME):
+        found_error = None if rung.value is None else ladder.draws(knob.knob, rung.step_size)
+        if found_error is None or (knob.basis is Basis.LATER and rung.setting < knob.own * SAME):
             continue  # an average that begins in the start-up drifts, and a run goes on until it knows by how much
-        found.append(_Candidate(rung, error, rung.cost, _scatter_ratio(ladder, knob, rung)))
+        draws, error = found_error
+        shared = float(unit @ draws[0]) / len(unit) if knob.basis is Basis.TORQUE else 0.0
+        variance = (error.half_width / NORMAL) ** 2 - shared**2  # tails count as in an interval
+        found.append(_Candidate(rung, rung.cost, _scatter_ratio(ladder, knob, rung), max(0.0, variance), shared))
     own = next((one for one in found if knob.is_own(one.rung.setting)), None)
-    if own is not None and abs(own.error.bias) + own.error.half_width <= NEGLIGIBLE:
+    here = ladder.error(knob.knob)
+    if own is not None and here is not None and abs(here.bias) + here.half_width <= NEGLIGIBLE:
         found = [one for one in found if one.rung.step_size >= own.rung.step_size]  # a finer one gains nothing
     while len(found) > most:  # those that others beat, then those with the smallest difference to their neighbour
         others = [one for one in found if not knob.is_own(one.rung.setting)]
@@ -395,9 +416,4 @@ def _scatter_ratio(ladder: Ladder, knob: KnobLadder, rung: Rung) -> float:
 
 
 def _beats(other: _Candidate, one: _Candidate) -> bool:
-    return (
-        other is not one
-        and other.cost <= one.cost
-        and other.scatter <= one.scatter
-        and other.error.half_width <= one.error.half_width
-    )
+    return other is not one and other.cost <= one.cost and other.scatter <= one.scatter and other.spread <= one.spread

@@ -35,6 +35,7 @@ class TorqueCurve:
     converged : (n,) whether the run says so.
     real_across : grains of the real powder across the gap, where all points have the same and say it.
     best : (n,) best estimates of the torques, corrected for their settings [N m]; nan where they are the raw ones.
+    seeds : (n,) runs of different seeds behind each torque; nan where it is that of one run.
     """
 
     values: dict[str, Any]
@@ -44,6 +45,7 @@ class TorqueCurve:
     converged: np.ndarray
     real_across: float | None = None
     best: np.ndarray | None = None
+    seeds: np.ndarray | None = None
 
     def along(self, x: np.ndarray) -> TorqueCurve:
         """Return the same torques over another x, (n,)."""
@@ -101,6 +103,7 @@ def torque_curves(rows: Sequence[Mapping[str, Any]], x: str, others: Sequence[st
                 np.array([bool(row["converged"]) for row in ordered]),
                 float(real[0]) if real.size == 1 and np.isfinite(real[0]) else None,
                 _numbers([row.get(BEST_ESTIMATE[0]) for row in ordered]),
+                _numbers([row.get("seeds") for row in ordered]),
             )
         )
     return curves

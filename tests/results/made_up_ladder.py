@@ -29,7 +29,10 @@ def cell(**values):
 
 def contact_step(bias, half_width=0.0, own=20.0):
     """Three rungs that follow the second order, and are off by `bias` at 20 steps a contact."""
-    rungs = [Rung(n, 1.0 / n, 2.0 * (1.0 + bias) ** ((20.0 / n) ** 2), half_width / 2.0, 4, 3.0) for n in (10, 20, 40)]
+    rungs = [
+        Rung(n, 1.0 / n, 2.0 * (1.0 + bias) ** ((20.0 / n) ** 2), half_width / 2.0, 4, 3.0 * n / 20.0, n / 20.0)
+        for n in (10, 20, 40)
+    ]
     return KnobLadder("contact_step", "time.steps_per_contact", Basis.TORQUE, own, 2.0, 0.0, tuple(rungs), 30.0)
 
 

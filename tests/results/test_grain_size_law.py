@@ -1,16 +1,35 @@
-"""The law of the grain size: torques of a known law give it back, within intervals that hold it as often as said."""
+"""The law of the grain size: torques of a known law give it back, within intervals that hold it as often as said.
 
-from dataclasses import replace
+Coverage of T at the real size (300 draws, ``python tests/results/test_grain_size_law.py``) with half width; "before" is
+the version with the theory's exponent as exact, by the audit's draws:
+
+| what | before | now | half width |
+|---|---|---|---|
+COVERAGE
+"""
 
 import numpy as np
 import pytest
 
-from emclutch.results.grain_size_law import Convergence, grain_size_law
+from emclutch.results import setting_errors
+from emclutch.results.grain_size_law import grain_size_law
+from emclutch.results.ladder import Basis, KnobLadder, Ladder, Rung
 from emclutch.results.seed_average import averaged_over_seeds
 from emclutch.results.torque_curves import ACROSS, REAL_ACROSS, TorqueCurve, torque_curves
 
 LIMIT, COEFFICIENT, REAL = 12.0, 5.0, 50.0 / 3.0
-SIZES = np.array([4.0, 5.0, 8.0, 12.0, 16.0])
+SIZES, THREE = np.array([4.0, 5.0, 8.0, 12.0, 16.0]), np.array([4.0, 8.0, 12.0])
+ROWS = {
+    **{f"3 sizes, order {p:g}": (THREE, p, 0.0, 4) for p in (1.0, 1.5, 2.0, 3.0)},
+    "5 sizes, 2 replicas each": (SIZES, 2.0, 0.0, 2),
+    "5 sizes, layers 1.5 %": (SIZES, 2.0, 0.015, 4),
+}
+
+
+@pytest.fixture
+def few_draws(monkeypatch):
+    monkeypatch.setattr(setting_errors, "DRAWS", 1024)
+    monkeypatch.setattr(setting_errors, "PILOT", 512)
 
 
 def law(n, order=2.0, coefficient=COEFFICIENT):
@@ -22,92 +41,87 @@ def curve(n, torque, error):
     return TorqueCurve({}, n, np.asarray(torque), np.broadcast_to(error, n.shape), np.ones(n.size, bool), REAL)
 
 
-def test_exact_torques_give_the_law_whatever_their_order():
+def measured(random, n, order, layers, replicas):
+    """A curve of replicas that scatter by 2 %, about a law with 30 % at 4 grains per gap."""
+    coefficient = 0.3 * 4.0**order
+    truth = law(n, order, coefficient) * (1.0 + layers * random.standard_normal(n.size))
+    rows = [
+        {"n": size, "seed": seed, ACROSS: size, REAL_ACROSS: REAL, "converged": True,
+         "torque": mean * (1.0 + 0.02 * random.standard_normal())}
+        for size, mean in zip(n, truth, strict=True) for seed in range(replicas)
+    ]  # fmt: skip
+    (found,) = torque_curves(averaged_over_seeds(rows, "seed", ["n"]), ACROSS, [])
+    return found, law(REAL, order, coefficient)
+
+
+def test_precise_torques_give_the_law():
     mixed = np.random.default_rng(4).permutation(SIZES)
     found = grain_size_law(curve(mixed, law(mixed), 0.01))
-    assert found.limit.value == pytest.approx(LIMIT) and found.coefficient.value == pytest.approx(COEFFICIENT)
-    assert found.real_torque.value == pytest.approx(law(REAL)) and found.order.value == pytest.approx(2.0, rel=3e-3)
-    assert found.verdict is Convergence.ASYMPTOTIC and (found.sizes, found.coarsest, found.finest) == (5, 4.0, 16.0)
-    assert found.convergence_index == pytest.approx(1.25 * (law(16.0) / law(REAL) - 1.0))
-    to_limit = grain_size_law(replace(curve(mixed, law(mixed), 0.01), real_across=None))
-    assert to_limit.convergence_index == pytest.approx(1.25 * COEFFICIENT / 16.0**2) and to_limit.real_torque is None
-    mean, half = found.torque([4.0, REAL, np.inf])
-    assert mean == pytest.approx([law(4.0), law(REAL), LIMIT])
-    assert half[1:] == pytest.approx([found.real_torque.high - law(REAL), found.limit.high - LIMIT])
+    assert found.limit.value == pytest.approx(LIMIT, rel=2e-3)
+    assert found.real_torque.value == pytest.approx(law(REAL), rel=1e-3)
+    assert found.order.value == pytest.approx(2.0, abs=0.1)
+    assert (found.sizes, found.coarsest, found.finest) == (5, 4.0, 16.0)
+    assert found.excess.low < law(16.0) / law(REAL) - 1.0 < found.excess.high
+    mean, (low, high) = found.torque([4.0, REAL, np.inf])
+    assert mean == pytest.approx([law(4.0), law(REAL), LIMIT], rel=5e-3) and (low < mean).all() and (mean < high).all()
+    assert mean[1:] == pytest.approx([found.real_torque.value, found.limit.value], rel=1e-9)
 
 
-@pytest.mark.parametrize("order", [0.5, 1.0, 3.0])
-def test_another_exponent_is_found_and_is_not_asymptotic(order):
-    found = grain_size_law(curve(SIZES, law(SIZES, order, 3.0), 0.01))
-    assert found.order.value == pytest.approx(order, rel=3e-3) and found.order.low < order < found.order.high
-    assert found.verdict is Convergence.NOT_ASYMPTOTIC
-    assert found.free_limit.value == pytest.approx(LIMIT, rel=2e-3)
-    assert found.free_real_torque.low < law(REAL, order, 3.0) < found.free_real_torque.high
-    excess = law(16.0, order, 3.0) / law(REAL, order, 3.0) - 1.0
-    assert found.convergence_index == pytest.approx(3.0 * excess, rel=0.02)
-    asked = grain_size_law(curve(SIZES, law(SIZES, order, 3.0), 0.01), exponent=order)
-    assert asked.limit.value == pytest.approx(LIMIT) and asked.coefficient.value == pytest.approx(3.0)
-    assert asked.torque([REAL, np.inf])[0] == pytest.approx([law(REAL, order, 3.0), LIMIT])
-    assert asked.verdict is Convergence.ASYMPTOTIC
+@pytest.mark.parametrize("order", [1.0, 1.5, 3.0])
+def test_another_exponent_is_in_its_interval_and_may_be_asked_for(order):
+    found = grain_size_law(curve(SIZES, law(SIZES, order, 3.0), 0.05))
+    assert found.order.low < order < found.order.high
+    assert found.real_torque.low < law(REAL, order, 3.0) < found.real_torque.high
+    asked = grain_size_law(curve(SIZES, law(SIZES, order, 3.0), 0.05), exponent=order)
+    assert asked.order.value == pytest.approx(order, rel=0.2)
 
 
-@pytest.mark.parametrize("packings", [None, 3])
-def test_intervals_hold_the_truth_as_often_as_they_promise(packings):
-    """95 % of 400 draws, less three deviations; 91 % with errors, and so weights, from three packings a size."""
-    rng, draws, held, wide = np.random.default_rng(5), 400, np.zeros(4), 0
-    error = 0.02 * law(SIZES)
-    for _ in range(draws):
-        if packings is None:
-            found = grain_size_law(curve(SIZES, law(SIZES) + error * rng.standard_normal(5), error))
-        else:
-            rows = [
-                {"n": n, "seed": seed, ACROSS: n, REAL_ACROSS: REAL, "converged": True,
-                 "torque": law(n) + of * rng.standard_normal()}
-                for n, of in zip(SIZES, error, strict=True) for seed in range(packings)
-            ]  # fmt: skip
-            (of_seeds,) = torque_curves(averaged_over_seeds(rows, "seed", ["n"]), ACROSS, [])
-            found = grain_size_law(of_seeds)
-        truths = (found.limit, LIMIT), (found.real_torque, law(REAL)), (found.coefficient, COEFFICIENT)
-        held[:3] += [one.low < truth < one.high for one, truth in truths]
-        excluded = found.order is not None and not (found.order.low or 0.0) < 2.0 < (found.order.high or np.inf)
-        held[3] += not excluded
-        wide += found.limit.high - found.limit.low
-    promised = 0.95 if packings is None else 0.91
-    assert (held / draws > promised - 3.0 * np.sqrt(promised * (1.0 - promised) / draws)).all(), held / draws
-    if packings is None:
-        assert (held[:3] / draws < 0.99).all()
-        mean = np.average(SIZES**-2, weights=error**-2)
-        off = SIZES**-2 - mean
-        known = np.sqrt(1.0 / np.sum(error**-2) + mean**2 / np.sum(off**2 / error**2))  # of a weighted line at 0
-        assert wide / draws > 2.0 * 1.96 * known * 0.999
+@pytest.mark.parametrize("name", ROWS)
+def test_the_torque_at_the_real_size_is_held_as_often_as_promised(name, few_draws):
+    """In 95 % of draws and more, see the table above; of 40 draws 37 or more."""
+    random, row = np.random.default_rng(5), ROWS[name]
+    held = []
+    for _ in range(40):
+        of, truth = measured(random, *row)
+        found = grain_size_law(of).real_torque
+        held.append(found.low < truth < found.high)
+    assert np.mean(held) > 0.92
 
 
-def test_three_sizes_check_the_law_and_two_do_not():
-    three = grain_size_law(curve([5.0, 10.0, 16.0], law([5.0, 10.0, 16.0]), 0.005))
-    assert three.verdict is Convergence.ASYMPTOTIC and three.order.value == pytest.approx(2.0, rel=3e-3)
+def test_an_accuracy_study_of_the_same_torques_gives_the_same_answer():
+    """One model: T at the real size is the torque without error of the study's own setting."""
+    torque, error = law(THREE), 0.01 * law(THREE)
+    found = grain_size_law(curve(THREE, torque, error)).real_torque
+    rungs = tuple(Rung(n, 1.0 / n, t, 0.01, 4, 1.0) for n, t in zip(THREE, torque, strict=True))
+    knob = KnobLadder("grains_across", "", Basis.TORQUE, 12.0, 2.0, 1.0 / REAL, rungs, np.inf, True)
+    mean, half = Ladder("abc", "case", {}, torque[-1], 0.02, np.inf, None, 4, 1.0, (knob,)).corrected_torque()
+    assert mean == pytest.approx(found.value, rel=1e-3)
+    assert 2.0 * half == pytest.approx(np.log(found.high / found.low), rel=0.03)
+
+
+def test_sizes_with_few_seeds_share_one_scatter():
+    """Two seeds of a size have an interval of 12.7 standard errors; ten of five sizes together have one of 2.6."""
+    random = np.random.default_rng(2)
+    of, _ = measured(random, SIZES, 2.0, 0.0, 2)
+    pooled = grain_size_law(of).real_torque
+    alone = grain_size_law(TorqueCurve({}, of.x, of.torque, of.error, of.converged, of.real_across)).real_torque
+    assert pooled.high - pooled.low < 0.8 * (alone.high - alone.low)
+
+
+def test_two_sizes_leave_the_exponent_to_its_prior_and_one_gives_no_law():
     two = grain_size_law(curve([5.0, 10.0], law([5.0, 10.0]), 0.005))
-    assert two.verdict is Convergence.NOT_CHECKED and two.order is None
-    assert two.limit.value == pytest.approx(LIMIT) and "two sizes leave nothing to check" in two.reason
+    spread = np.exp(1.96 * setting_errors.ORDER_SPREAD)
+    assert (two.order.low, two.order.high) == pytest.approx((2.0 / spread, 2.0 * spread), rel=0.1)
+    assert two.limit.low < LIMIT < two.limit.high
     assert grain_size_law(curve([5.0, 5.0], [14.0, 14.1], 0.1)) is None
     assert grain_size_law(curve([5.0, 10.0], law([5.0, 10.0]), [0.1, np.nan])) is None
 
 
-def test_noise_that_hides_the_exponent_leaves_it_undecided():
-    found = grain_size_law(curve(SIZES, law(SIZES), 2.0))
-    assert found.verdict is Convergence.UNDECIDED and found.order.low is None and found.free_limit.low is None
-    assert "unbounded" in found.reason
-
-
 def test_points_that_scatter_beyond_their_errors_widen_the_interval():
-    """By the root of chi^2 per degree of freedom, and with Student's quantile of the three."""
     off = 0.5 * np.array([1.0, -1.0, 1.0, -1.0, 1.0])
-    narrow, wide = (grain_size_law(curve(SIZES, law(SIZES) + off, error)) for error in (1e-3, 0.01))
-    assert narrow.verdict is wide.verdict is Convergence.NOT_ASYMPTOTIC
-    assert narrow.limit.high == pytest.approx(wide.limit.high) and narrow.limit.low < LIMIT < narrow.limit.high
-    residual = off - np.polyval(np.polyfit(SIZES**-2, off, 1), SIZES**-2)
-    cov = np.linalg.inv([[5.0, np.sum(SIZES**-2)], [np.sum(SIZES**-2), np.sum(SIZES**-4)]])
-    half = 3.1824 * np.sqrt(residual @ residual / 3.0 * cov[0, 0])  # Student's t of three, 97.5 %
-    assert narrow.limit.high - narrow.limit.value == pytest.approx(half, rel=1e-4)
+    regular, scattered = (grain_size_law(curve(SIZES, law(SIZES) + some, 0.01)) for some in (0.0 * off, off))
+    wide, narrow = (one.limit.high - one.limit.low for one in (scattered, regular))
+    assert wide > 5.0 * narrow and scattered.limit.low < LIMIT < scattered.limit.high
 
 
 def test_torques_that_are_not_converged_are_counted():
@@ -115,3 +129,14 @@ def test_torques_that_are_not_converged_are_counted():
     of.converged[2:4] = False
     found = grain_size_law(of)
     assert found.unconverged == 2 and "not converged, with errors too small: 2" in found.reason
+
+
+if __name__ == "__main__":
+    for title, one in ROWS.items():
+        generator, rows = np.random.default_rng(5), []
+        for _ in range(300):
+            torques, real = measured(generator, *one)
+            t = grain_size_law(torques).real_torque
+            rows.append((t.low < real < t.high, 0.5 * (t.high - t.low) / t.value))
+        covered, half = np.transpose(rows)
+        print(f"| {title} | | {covered.mean():.3f} | {100 * np.median(half):.1f} % |", flush=True)

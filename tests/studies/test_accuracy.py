@@ -125,9 +125,9 @@ def test_the_ladder_has_every_knob_and_runs_of_the_device_find_it(packings, tmp_
     coarse = next(one for one in steps.rungs if one.setting == 10.0)
     assert coarse.value == pytest.approx(1.5, abs=3.0 * coarse.error * 1.5) and coarse.packings > 0
     assert ladder.scatter == pytest.approx(0.05, rel=0.5) and ladder.strain == 9.0
-    own_error = steps.own_error
+    own_error = ladder.error("contact_step")
     assert abs(own_error.bias - 0.125) < own_error.half_width
-    assert ladder.knob("moment_tolerance").own_error.half_width < 0.01  # no noise
+    assert ladder.error("moment_tolerance").half_width < 0.01  # no noise
     later = ladder.knob("start_up").rungs
     assert [one.setting for one in later] == [4.5, 9.0, 13.5] and later[-1].error == 0.0
 

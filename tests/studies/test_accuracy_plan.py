@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from emclutch.results.ladder import Total
+from emclutch.results.ladder import Ladder
 from emclutch.studies.accuracy.plan import (
     MAX_PACKINGS,
     OWN,
@@ -69,15 +69,20 @@ def test_dearer_rungs_get_fewer_packings_and_more_of_them_lower_the_half_width()
     more = more_packings(knobs, count, found, 10.0, 500.0, 2, [Aim()])
     names = [name for name, _ in more]
     assert names.count("dear") < names.count("cheap")
-    halves = [
-        Total({one.name: one.ladder(counts, found, found.freedom).own_error for one in knobs}, {}).half_width
-        for counts in (count, count | {one: more.count(one) + count.get(one, 0) for one in more})
-    ]
-    assert halves[1] < 0.7 * halves[0]
+    more_of = count | {one: more.count(one) + count.get(one, 0) for one in more}
+    assert half_width(knobs, found, more_of) < 0.7 * half_width(knobs, found, count)
+
+
+def half_width(knobs, found, counts, step_sizes=None):
+    """Of the error of all knobs at some step sizes, default their own, if the torques do not change."""
+    torques = {one: found.means.get(one, 1.0) for one in counts}
+    ladders = tuple(one.ladder(torques, counts, found.scatter, found.freedom) for one in knobs)
+    whole = Ladder("abc", "case", {}, 1.0, found.scatter, found.freedom, None, counts[OWN], 10.0, ladders)
+    return whole.total(step_sizes or {one.name: one.own.step_size for one in knobs}).half_width
 
 
 def test_a_large_error_gets_a_third_setting_and_small_ones_more_packings():
-    """ln T = 25 h^2 of one knob: the safety factor of 1.5 falls to 1.25 where three settings follow the law."""
+    """ln T = 25 h^2 of one knob: its order is known only from three settings on."""
     knobs = [knob("large", 40.0, 40.0), knob("small", 40.0, 40.0)]
     first = first_packings(knobs, 4, 100.0, 2)
     assert len(first) == 2
@@ -93,22 +98,20 @@ def test_packings_go_to_the_errors_of_the_settings_that_are_asked_for():
     count, found = measured(knobs, first_packings(knobs, 4, 100.0, 1))
     aim = {"a": 4 / 20, "b": 1e-9}
 
-    def half_width(packings):
+    def reached(packings):
         counts = count | {one: packings.count(one) + count.get(one, 0) for one in packings}
-        ladders = {one.name: one.ladder(counts, found, found.freedom + len(packings)) for one in knobs}
-        return Total({name: one.error(aim[name]) for name, one in ladders.items()}, {}).half_width
+        return half_width(knobs, found, counts, aim)
 
     without, asked = (more_packings(knobs, count, found, 10.0, 60.0, 1, [Aim(), *one]) for one in ((), [Aim(aim)]))
-    assert len(without) == len(asked) and half_width(asked) < half_width(without)
+    assert len(without) == len(asked) and reached(asked) < reached(without)
 
 
-def test_half_widths_are_those_of_two_means_where_a_knob_has_two_settings():
-    """b = c h^p with c from the difference of two means, of errors 1/sqrt(4) and sqrt(0.5/3)."""
-    one = knob("a", 10.0, variance=0.5)
-    x, x_own = (2 / 20) ** 2, (1 / 20) ** 2
-    expected = 1.96 * math.sqrt(1 / 4 + 0.5 / 3) * x_own / (x - x_own)
-    assert one.ladder({OWN: 4, ("a", 10.0): 3}).own_error.half_width == pytest.approx(expected, rel=1e-9)
-    assert one.ladder({OWN: 4}).own_error is None
+def test_a_setting_is_ranked_by_the_error_of_two_means_and_its_time():
+    """b = c h^p with c from the difference of two means: |x_own/(x - x_own)| sqrt(1/4 + variance) sqrt(seconds)."""
+    near, far = OfferedRung(10.0, 2 / 20, 10.0, 1.0), OfferedRung(5.0, 4 / 20, 10.0 * 26.0, 1.0)
+    cheap = OfferedRung(5.0, 4 / 20, 10.0 * 24.0, 1.0)
+    assert [one[1] for one in OfferedKnob("a", 2.0, 0.0, OWN_RUNG, (near, far)).ranked(4)] == [10.0, 5.0]
+    assert [one[1] for one in OfferedKnob("a", 2.0, 0.0, OWN_RUNG, (near, cheap)).ranked(4)] == [5.0, 10.0]
 
 
 def test_an_ample_budget_ends_at_the_largest_number_of_packings():

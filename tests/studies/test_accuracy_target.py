@@ -36,11 +36,12 @@ def test_settings_and_end_follow_from_the_ladder(folder):
     case = cell(accuracy__target="5 %", **ENDS)
     with_ladder(case, contact_step(0.04, 0.004), scatter=0.02)
     found = with_target(case).scene
-    assert found.accuracy.target is None and found.span.steps_per_contact == 10.0  # a quarter of the cost
-    discretisation = contact_step(0.04, 0.004).error(0.1).half_width
-    assert found.span.until.relative == pytest.approx(math.sqrt(0.05**2 - discretisation**2), abs=1e-4)
-    finer = cell(accuracy__target="2 %", **ENDS)
-    assert with_target(finer).scene.span.steps_per_contact == 20.0
+    assert found.accuracy.target is None and found.span.steps_per_contact == 10.0  # half the cost of 20
+    choice = accuracy_target.settled(case).choice
+    assert choice.settings["contact_step"] == 10.0 and choice.total.bias == pytest.approx(0.17, abs=0.01)
+    assert found.span.until.relative == pytest.approx(math.sqrt(0.05**2 - choice.total.half_width**2), abs=1e-4)
+    finer = cell(accuracy__target="1 %", **ENDS)
+    assert with_target(finer).scene.span.steps_per_contact == 40.0
 
 
 def test_the_step_by_dvi_follows_from_the_ladder(folder):
@@ -53,7 +54,7 @@ def test_the_step_by_dvi_follows_from_the_ladder(folder):
     with_ladder(case, steps, scatter=0.02)
     found, plan = with_target(case).scene.contact.dvi, make_plan(with_target(case))[1]
     assert found.allow_long_step and plan.dt == pytest.approx(4.0 * own, rel=1e-4)
-    accurate = with_target(cell(accuracy__target="1.5 %", **rigid))
+    accurate = with_target(cell(accuracy__target="0.8 %", **rigid))
     found, plan = accurate.scene.contact.dvi, make_plan(accurate)[1]
     assert not found.allow_long_step and plan.dt <= own * 1.001
 
@@ -159,10 +160,10 @@ def test_points_of_a_study_get_settings_where_their_ladder_is_known(folder, tmp_
     case = cell(**ENDS)
     (tmp_path / "case.toml").write_text(case.toml())
     (tmp_path / "study.toml").write_text(
-        '[study]\ncase = "case.toml"\n[study.values]\n"accuracy.target" = ["5 %", "2 %"]\n'
+        '[study]\ncase = "case.toml"\n[study.values]\n"accuracy.target" = ["5 %", "1 %"]\n'
     )
     study = read_study(tmp_path / "study.toml")
-    assert [one.scene.accuracy.target for _, one in cases_of(study)] == [0.05, 0.02]
+    assert [one.scene.accuracy.target for _, one in cases_of(study)] == [0.05, 0.01]
     with_ladder(case, contact_step(0.04, 0.004), scatter=0.02)
-    assert [one.scene.span.steps_per_contact for _, one in cases_of(study)] == [10.0, 20.0]
-    assert accuracy_target.settled(case.with_values({"accuracy.target": "5 %"})).choice.packings >= 4
+    assert [one.scene.span.steps_per_contact for _, one in cases_of(study)] == [10.0, 40.0]
+    assert accuracy_target.settled(case.with_values({"accuracy.target": "5 %"})).choice.packings >= 2

@@ -118,11 +118,11 @@ def test_a_study_of_grain_sizes_is_extrapolated_to_the_real_powder(tmp_path):
     assert (table["low"] < table["torque"]).all()
     curves = json.loads((tmp_path / "grain_size.json").read_text())["curves"]
     for curve, factor in zip(curves, (1.0, 3.0), strict=True):
-        assert curve["law"]["limit"]["value"] == pytest.approx(10.0 * factor)
-        assert curve["law"]["real_torque"]["value"] == pytest.approx(10.18 * factor)
-        assert curve["law"]["coefficient"]["value"] == pytest.approx(5.0)
+        assert curve["law"]["limit"]["value"] == pytest.approx(10.0 * factor, rel=0.01)
+        assert curve["law"]["real_torque"]["value"] == pytest.approx(10.18 * factor, rel=0.01)
+        assert curve["law"]["order"]["low"] < 2.0 < curve["law"]["order"]["high"]
     assert [curve["values"] for curve in curves] == [{CURRENT: "1 A"}, {CURRENT: "2 A"}]
-    assert grain_size_lines(tmp_path)[0].startswith("current 1 A: 3 grain sizes, 4 to 16 across the gap: T(n) = 10 N m")
+    assert grain_size_lines(tmp_path)[0].startswith("current 1 A: 3 grain sizes, 4 to 16 grains per gap: T = ")
     assert (tmp_path / "grain_size.png").stat().st_size > 10_000
     (tmp_path / "one").mkdir()
     write_torques(tmp_path / "one", study(**{**values, DIAMETER: ["0.25 mm"]}), rows[:4])

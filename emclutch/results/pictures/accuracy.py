@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from emclutch.results.ladder import INTERACTION, KnobLadder, Ladder
+from emclutch.results.ladder import INTERACTION, KnobError, KnobLadder, Ladder
 from emclutch.results.pictures.figure import COLOURS, MARKERS, label_panel, new_figure, save_picture
-from emclutch.results.recommended import PACKINGS as NUMBERS
 from emclutch.results.recommended import (
+    OWN_PACKINGS,
     STATISTICS,
     Choice,
     Combinations,
@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from matplotlib.text import Annotation
     from matplotlib.transforms import Bbox
 
-PACKINGS = NUMBERS[0]
-"""Of the points of a line, as in the table's row of the scene itself."""
 NAMED = 3
 """Lines with a name at most; the colours of all stand in the panel beside."""
 MOVES = 1.05
@@ -56,7 +54,7 @@ def accuracy_picture(
     answers : half width that is wanted, relative, and what reaches it: a circle; a dashed line for what nothing does.
     """
     figure, (cost, parts) = new_figure(13.0, 6.0, title, columns=2, width_ratios=(1.45, 1.0))
-    own = own_choice(ladder, PACKINGS)
+    own = own_choice(ladder, OWN_PACKINGS)
     looks = {
         knob.knob: _Look(COLOURS[number % len(COLOURS)], MARKERS[number % len(MARKERS)])
         for number, knob in enumerate(ladder.knobs)
@@ -76,7 +74,7 @@ def accuracy_picture(
                   fontsize=9, fontweight="bold")  # fmt: skip
     for target, found in answers:
         _draw_target(cost, target, found)
-    label_panel(cost, f"Error against cost (lines: one setting changed, {PACKINGS} packings)")
+    label_panel(cost, f"Error against cost (lines: one setting changed, {OWN_PACKINGS} packings)")
     _name_axes(cost)
     _draw_parts(parts, ladder, own, looks)
     figure.draw_without_rendering()  # the places of labels depend on the layout
@@ -95,7 +93,7 @@ def _line(ladder: Ladder, knob: KnobLadder) -> list[tuple[float, float, float]]:
     return [
         (rung.setting, choice.seconds, 100.0 * choice.half_width)
         for rung in sorted(knob.rungs, key=lambda one: -one.step_size)
-        if (choice := choice_with(ladder, knob, rung, PACKINGS)) is not None
+        if (choice := choice_with(ladder, knob, rung, OWN_PACKINGS)) is not None
     ]
 
 
@@ -125,7 +123,7 @@ def _draw_knob(
                 name = f"{_name(knob.knob)} " if place == end else ""
                 labels.append(axis.annotate(f"{name}{settings[place]:.3g}", (x[place], y[place]), xytext=(6, 5),
                                             textcoords="offset points", fontsize=9, color=look.colour))  # fmt: skip
-    failed = [rung.cost * ladder.seconds * PACKINGS for rung in knob.rungs if rung.failure]
+    failed = [rung.cost * ladder.seconds * OWN_PACKINGS for rung in knob.rungs if rung.failure]
     above = axis.get_xaxis_transform()
     for seconds in failed:
         axis.plot(seconds, 0.96, color=look.colour, ls="", marker="x", ms=8, mew=2, transform=above)
@@ -163,16 +161,16 @@ def _draw_target(axis: Axes, target: float, found: Choice | Obstacle) -> None:
 
 def _draw_parts(axis: Axes, ladder: Ladder, own: Choice, looks: dict[str, _Look]) -> None:
     """Draw the error of each setting with its interval, the widest at the top, and their total at the bottom."""
-    rows: list[tuple[str, float, float, _Look, bool]] = []
+    rows: list[tuple[str, KnobError, _Look, bool]] = []
     for name, half in own.parts.items():
         if name == INTERACTION:
             continue
         if name == STATISTICS:
-            rows.append((f"{PACKINGS} packings", 0.0, half, _Look("0.35", "o"), True))
+            rows.append((f"{OWN_PACKINGS} packings", KnobError(0.0, half), _Look("0.35", "o"), True))
         else:
             error, knob = own.total.parts[name], ladder.knob(name)
             setting = "" if knob is None else f" {knob.own:.3g}"
-            rows.append((_name(name) + setting, error.bias, half, looks[name], error.is_decided))
+            rows.append((_name(name) + setting, error, looks[name], error.is_decided))
     unknown = own.total.unknown
     for place in range(len(rows), len(rows) + len(unknown)):
         axis.annotate("not measured", (0.0, place), xytext=(6, 0), textcoords="offset points", va="center", fontsize=9,
@@ -180,19 +178,21 @@ def _draw_parts(axis: Axes, ladder: Ladder, own: Choice, looks: dict[str, _Look]
     labels = [*(row[0] for row in rows), *map(_name, unknown)]
     places = [*range(len(rows)), len(labels)]
     labels.append("total of what was measured" if unknown else "total")
-    rows.append(("", own.total.bias, own.half_width, _Look("black", "*"), True))
-    for place, (_, bias, half, look, decided) in zip(places, rows, strict=True):
-        axis.errorbar(100.0 * bias, place, xerr=100.0 * half, fmt=look.marker, color=look.colour, capsize=4, lw=1.6,
+    rows.append(("", KnobError(own.total.bias, own.half_width), _Look("black", "*"), True))
+    for place, (_, error, look, decided) in zip(places, rows, strict=True):
+        low, high = error.interval
+        ends = [[100.0 * (error.bias - low)], [100.0 * (high - error.bias)]]
+        axis.errorbar(100.0 * error.bias, place, xerr=ends, fmt=look.marker, color=look.colour, capsize=4, lw=1.6,
                       ms=12 if place == places[-1] else 7, mfc=look.colour if decided else "white")  # fmt: skip
     axis.set_yticks(range(len(labels)), labels, fontsize=9)
     for label, row in zip(axis.get_yticklabels(), rows[:-1], strict=False):
-        label.set_color(row[3].colour)
+        label.set_color(row[2].colour)
     axis.axhline(len(labels) - 1.5, color="black", lw=0.6)
     axis.axvline(0.0, color="black", lw=0.8)
     axis.set_ylim(len(labels) - 0.4, -0.6)
     axis.set_xlabel("error of the torque, 95 % interval [%]")
     axis.grid(axis="x", alpha=0.25)
-    label_panel(axis, "This scene: what each setting adds (hollow: undecided)")
+    label_panel(axis, "This scene: what each setting adds (hollow: not significant)")
 
 
 def _name(knob: str) -> str:

@@ -111,7 +111,7 @@ def torque_against_speed_picture(path: str | Path, curves: Sequence[TorqueCurve]
 def torque_against_grain_size_picture(
     path: str | Path, curves: Sequence[TorqueCurve], laws: Sequence[GrainSizeLaw | None], *, title: str | None = None
 ) -> Path:
-    """Draw torque over 1/n^2 with n grains across the gap, where T_inf (1 + a/n^2) is a line, with its 95 % band.
+    """Draw torque over 1/n^2 with n grains per gap, and the law of the grain size with its 95 % band.
 
     Parameters
     ----------
@@ -128,19 +128,19 @@ def torque_against_grain_size_picture(
         colour = COLOURS[number % len(COLOURS)]
         along = np.linspace(0.0, 1.05 * law.coarsest**-EXPONENT, 101)
         with np.errstate(divide="ignore"):
-            mean, half = law.torque(along ** (-1.0 / EXPONENT))
-        exponent = "" if law.order is None else f", p = {law.order.value:.2g}"
-        formula = f"T = {law.limit.value:.3g} N m (1 + {law.coefficient.value:.2g}/n^{law.exponent:g})"
-        axis.plot(along, mean, color=colour, lw=1.2, label=f"{formula}: {law.verdict.partition(':')[0]}{exponent}")
-        axis.fill_between(along, mean - half, mean + half, color=colour, alpha=0.15, lw=0.0)
+            mean, (low, high) = law.torque(along ** (-1.0 / EXPONENT))
+        order = f"p = {law.order.value:.2g} ({law.order.low:.2g} to {law.order.high:.2g})"
+        axis.plot(along, mean, color=colour, lw=1.2, label=f"T = {law.limit.value:.3g} N m (1 + a/n^p), {order}")
+        axis.fill_between(along, low, high, color=colour, alpha=0.15, lw=0.0)
         if law.real_across is not None and law.real_torque is not None:
-            bar = law.real_torque.value - (law.real_torque.low or 0.0)
-            axis.errorbar(law.real_across**-EXPONENT, law.real_torque.value, bar, fmt="s", mfc="white", ms=6, capsize=4,
+            real = law.real_torque
+            bar = [[real.value - real.low], [real.high - real.value]]
+            axis.errorbar(law.real_across**-EXPONENT, real.value, bar, fmt="s", mfc="white", ms=6, capsize=4,
                           color=colour, label=f"the real powder: {law.real_torque.in_words('N m')}")  # fmt: skip
     sizes = sorted({round(float(x), 1) for curve in curves for x in curve.x})
     upper = axis.secondary_xaxis("top")
     upper.set_xticks([n**-EXPONENT for n in sizes], [f"{n:g}" for n in sizes], fontsize=8)
-    upper.set_xlabel("grains across the gap, n", fontsize=9)
+    upper.set_xlabel("grains per gap, n", fontsize=9)
     axis.set_xlabel(f"1/n^{EXPONENT:g}")
     axis.set_xlim(left=0.0)
     legend_below(axis, 1)

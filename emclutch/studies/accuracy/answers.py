@@ -57,7 +57,7 @@ def closing_sentence(ladder: Ladder, answers: Sequence[Answer]) -> str:
     found = [(one.target, one.found) for one in answers if isinstance(one.found, Choice)]
     reached = [f"{per_cent(target)} for {format_duration(choice.seconds)}" for target, choice in found]
     costs = f"; {', '.join(reached)} of processor time" if reached else "; no target is reached by what was measured"
-    torque, half = ladder.corrected_torque(own.total)
+    torque, half = ladder.corrected_torque()
     parts = own.total.widths | {STATISTICS: ladder.statistical}
     largest = max(parts, key=lambda name: parts[name])
     unknown = ", ".join(name.replace("_", " ") for name in own.total.unknown)

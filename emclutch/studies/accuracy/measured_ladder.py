@@ -175,7 +175,7 @@ def _knob_ladder(knob: type[Knob], found: Measured, scatter: float, freedom: flo
         rungs = _torque_rungs(knob, own, found, scatter)
     ordered = tuple(sorted(rungs, key=lambda one: -one.step_size))
     limit = knob.limit(found.base.scene, found.base.plan)
-    return KnobLadder(knob.name, knob.key, basis, own, knob.order, limit, ordered, freedom)
+    return KnobLadder(knob.name, knob.key, basis, own, knob.order, limit, ordered, freedom, knob.is_large)
 
 
 def _torque_rungs(knob: type[Knob], own: float, found: Measured, scatter: float) -> list[Rung]:

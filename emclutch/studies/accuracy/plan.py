@@ -2,12 +2,12 @@
 
 1. Each knob gets a packing at the setting that tells most of its error for its cost, the cheapest knobs first; where
    that does not fit, at the next one. The half width of its error is g times the scatter between packings, and g
-   follows from the law of the knob, the packings of its rungs, and how many grains each has.
+   follows from the order of the knob, the packings at the scene's own settings, and how many grains each has.
 2. When these are run, half of the time that is left goes, one packing after the other, where it lowers the half widths
-   of the total error most for its seconds, by the torques and the scatter that were found: those at the scene's own
-   settings and at the settings that come nearest to each target, by the sum of their logarithms. That is another
-   packing of a setting, or of the scene's own, which count in all knobs, where noise dominates; a third setting where
-   a large error may not follow its law. The other half then goes likewise, by all that was found.
+   of the total error most for its seconds: those at the scene's own settings and at the settings that come nearest to
+   each target, by the sum of their logarithms. They are those of the posterior (`emclutch.results.setting_errors`) if
+   the torques that are not known yet come out as it expects them. The other half then goes likewise, by all that was
+   found.
 """
 
 from __future__ import annotations
@@ -16,7 +16,10 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from emclutch.results.ladder import Basis, KnobError, KnobLadder, Rung, Total
+import numpy as np
+
+from emclutch.results.ladder import Basis, KnobLadder, Rung
+from emclutch.results.setting_errors import NORMAL, SharedMean
 from emclutch.studies.task_queue import makespan
 
 MAX_PACKINGS = 64
@@ -24,8 +27,8 @@ MAX_PACKINGS = 64
 BASE = ""
 """In place of a knob: the scene's own settings."""
 OWN = (BASE, 0.0)
-UNKNOWN = KnobError(0.0, 1.0)
-"""Of a knob without a packing: any error is possible."""
+PARTICLES = 64
+"""Draws of orders, scales and scatter that half widths are predicted with."""
 LEAST = 1e-6
 """Half width, relative, below which nothing is to be gained."""
 Key = tuple[str, float]
@@ -76,48 +79,28 @@ class OfferedKnob:
     is_large: bool = False
 
     def ladder(
-        self, packings: Mapping[Key, int], found: Torques | None = None, freedom: float = math.inf
+        self, torques: Mapping[Key, float], count: Mapping[Key, int], scatter: float, freedom: float
     ) -> KnobLadder:
-        """Return what its rungs would be, of some numbers of packings.
-
-        Without torques the half width of its error is g above. Torques of settings that were not run are what the law
-        of the knob says by the others.
-        """
-        counts = {self.own: packings.get(OWN, 0)} | {
-            one: packings.get((self.name, one.setting), 0) for one in self.rungs
-        }
-        if found is None:
-            return self._ladder({one: (1.0, n) for one, n in counts.items() if n}, 1.0, freedom)
-        known = {one: found.means[key] for one in counts if (key := self._key(one)) in found.means}
-        law = self._ladder({one: (torque, counts[one]) for one, torque in known.items()}, found.scatter, freedom)
-        here = law.own_error
-        for one, n in counts.items():
-            if n and one not in known:
-                there = law.error(one.step_size)
-                ratio = 1.0 if here is None or there is None else (1.0 + there.bias) / (1.0 + here.bias)
-                known[one] = ratio * found.means[OWN]
-        run = {one: (torque, counts[one]) for one, torque in known.items() if counts[one]}
-        return self._ladder(run, found.scatter, freedom)
+        """Return what its rungs are with some torques, of some numbers of packings each."""
+        keys = [(OWN, self.own), *(((self.name, one.setting), one) for one in self.rungs)]
+        made = [
+            Rung(one.setting, one.step_size, torques[key], error, n, one.seconds, one.seconds / self.own.seconds)
+            for key, one in keys
+            if (n := count.get(key, 0)) and key in torques
+            for error in (scatter * math.sqrt(one.variance / n),)
+        ]
+        rungs = tuple(sorted(made, key=lambda one: -one.step_size))
+        own, large = self.own.setting, self.is_large
+        return KnobLadder(self.name, "", Basis.TORQUE, own, self.order, self.limit, rungs, freedom, large)
 
     def ranked(self, base_packings: int) -> list[Key]:
         """Return its rungs, that which tells most of the error for its seconds first."""
 
         def merit(rung: OfferedRung) -> float:
-            error = self.ladder({OWN: base_packings, (self.name, rung.setting): 1}).own_error
-            return math.inf if error is None else error.half_width * math.sqrt(rung.seconds)
+            x, own = (h ** (self.order or 1.0) for h in (rung.step_size, self.own.step_size))
+            return own / abs(x - own) * math.sqrt((1.0 / base_packings + rung.variance) * rung.seconds)
 
         return [(self.name, one.setting) for one in sorted(self.rungs, key=lambda one: (merit(one), one.setting))]
-
-    def _key(self, rung: OfferedRung) -> Key:
-        return OWN if rung is self.own else (self.name, rung.setting)
-
-    def _ladder(self, rungs: Mapping[OfferedRung, tuple[float, int]], scatter: float, freedom: float) -> KnobLadder:
-        ordered = sorted(rungs.items(), key=lambda item: -item[0].step_size)
-        made = tuple(
-            Rung(one.setting, one.step_size, torque, scatter * math.sqrt(one.variance / n), n, one.seconds)
-            for one, (torque, n) in ordered
-        )
-        return KnobLadder(self.name, "", Basis.TORQUE, self.own.setting, self.order, self.limit, made, freedom)
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,21 +176,11 @@ def more_packings(
     chosen: list[Key] = []
     open_to = set(seconds) if knobs else set()
 
-    known: dict[tuple[object, ...], list[KnobError]] = {}
-
-    def errors(knob: OfferedKnob, count: Mapping[Key, int], freedom: float) -> list[KnobError]:
-        """Return its error at each of the settings."""
-        packings = (count.get(OWN), *(count.get((knob.name, one.setting)) for one in knob.rungs))
-        at = (knob.name, freedom, packings)
-        if at not in known:
-            ladder = knob.ladder(count, found, freedom)
-            known[at] = [ladder.error(aim.step_sizes.get(knob.name, knob.own.step_size)) or UNKNOWN for aim in aims]
-        return known[at]
+    prediction = _Prediction(knobs, found, count, aims) if knobs else None
 
     def log_half_widths(count: Mapping[Key, int]) -> float:
         freedom = found.freedom + sum(max(n, 1) - 1 for n in count.values()) - begun
-        of_all = {one.name: errors(one, count, freedom) for one in knobs}
-        halves = [Total({name: of[n] for name, of in of_all.items()}, {}).half_width for n in range(len(aims))]
+        halves = [] if prediction is None else prediction.half_widths(count, freedom)
         return sum(math.log(max(math.hypot(half, aim.rest), LEAST)) for half, aim in zip(halves, aims, strict=True))
 
     begun = sum(max(n, 1) - 1 for n in count.values())
@@ -226,6 +199,45 @@ def more_packings(
         chosen = longer
         count[best] = count.get(best, 0) + 1
     return tuple(chosen)
+
+
+class _Prediction:
+    """Half widths of the total error of some settings with more packings, the torques coming out as expected."""
+
+    def __init__(
+        self, knobs: Sequence[OfferedKnob], found: Torques, count: Mapping[Key, int], aims: Sequence[Aim]
+    ) -> None:
+        self._knobs, self._scatter, self._aims = knobs, found.scatter, aims
+        model = self._model(found.means, count, found.freedom)
+        draws = model.posterior(np.random.default_rng(0))
+        self._u = draws.u[:: len(draws.u) // PARTICLES]
+        self._evidence = model.log_evidence(self._u)
+        self._torques = dict(found.means)
+        for one in knobs:
+            here = model.direction(self._u, one.name, one.own.step_size)
+            for rung in one.rungs:
+                step = model.direction(self._u, one.name, rung.step_size) - here
+                self._torques.setdefault(
+                    (one.name, rung.setting), found.means[OWN] * math.exp(float(model.moments(self._u, step)[0].mean()))
+                )
+
+    def half_widths(self, count: Mapping[Key, int], freedom: float) -> list[float]:
+        """Return those at each of the settings, of so many packings."""
+        model = self._model(self._torques, count, freedom)
+        log_weight = model.log_evidence(self._u) - self._evidence
+        weight = np.exp(log_weight - log_weight.max())
+        weight /= weight.sum()
+        halves = []
+        for aim in self._aims:
+            at = {one.name: aim.step_sizes.get(one.name, one.own.step_size) for one in self._knobs}
+            direction = np.sum([model.direction(self._u, name, h) for name, h in at.items()], axis=0)
+            mean, variance = model.moments(self._u, direction)
+            variance = variance + sum(model.new_deviation(self._u, name, h) ** 2 for name, h in at.items())
+            halves.append(NORMAL * math.sqrt(float(weight @ (variance + (mean - weight @ mean) ** 2))))
+        return halves
+
+    def _model(self, torques: Mapping[Key, float], count: Mapping[Key, int], freedom: float) -> SharedMean:
+        return SharedMean([one.ladder(torques, count, self._scatter, freedom) for one in self._knobs])
 
 
 def left_out(knobs: Sequence[OfferedKnob], packings: Sequence[Key]) -> dict[str, float]:

@@ -15,6 +15,7 @@ from emclutch.results.ladder import Basis, KnobError, KnobLadder, Ladder
 from emclutch.results.recommended import Choice, Obstacle, own_choice, unknown_of
 from emclutch.results.report.content import Block, Page, Picture, Statements, Table
 from emclutch.results.report.verdict import Mark, Statement
+from emclutch.results.setting_errors import ORDER_SPREAD, SMALL_ERROR
 from emclutch.results.text import format_duration, per_cent
 from emclutch.scene.replica_count import cores_at_hand
 
@@ -57,30 +58,35 @@ class Answer:
 
 
 def error_in_words(error: KnobError | None) -> str:
-    """Return bias and half width, and whether they decide anything."""
+    """Return the bias with both ends of its 95 % interval, and whether they decide anything."""
     if error is None:
         return "not known"
     half = 100.0 * error.half_width
-    digits = max(0, 1 - math.floor(math.log10(half))) if half > 0.0 else 1
-    text = f"{100.0 * error.bias:+.{min(digits, 3)}f} ± {half:.{min(digits, 3)}f} %"
-    return text if error.is_decided else f"undecided: {text}"
+    digits = min(3, max(0, 1 - math.floor(math.log10(half))) if half > 0.0 else 1)
+    low, high = (f"{100.0 * end:+.{digits}f}" for end in error.interval)
+    text = f"{100.0 * error.bias:+.{digits}f} % ({low} to {high} %)"
+    return text if error.is_decided else f"not significant: {text}"
 
 
-def verdict_in_words(knob: KnobLadder) -> str:
-    """Return whether the rungs follow their law, and its order."""
-    order = knob.observed_order if knob.observed_order is not None else knob.order
-    return knob.verdict if order is None or knob.verdict == "no law" else f"{knob.verdict}, order {order:.2g}"
+def order_in_words(ladder: Ladder, knob: KnobLadder) -> str:
+    """Return the order of convergence in theory, and the 95 % interval of the posterior."""
+    if knob.knob not in ladder.told:
+        return "not measured"
+    middle, low, high = ladder.posterior.order(knob.knob)
+    theory = "unknown" if knob.order is None else f"{knob.order:g}"
+    return f"{theory}; posterior {middle:.2g} ({low:.2g} to {high:.2g})"
 
 
 def rows_of(ladder: Ladder) -> list[dict[str, Any]]:
-    """Return a row for each setting: bias and half width relative to the torque, seconds of one packing or solution.
+    """Return a row for each setting: bias with its 95 % interval, relative to the torque; seconds of one packing.
 
     Cost is the processor time of a packing over that at the scene's own settings.
     """
     rows = []
     for knob in ladder.knobs:
         for rung in knob.rungs:
-            error = None if rung.value is None else knob.error(rung.step_size)
+            error = None if rung.value is None else ladder.error(knob.knob, rung.step_size)
+            low, high = (None, None) if error is None else error.interval
             rows.append(
                 {
                     "knob": knob.knob,
@@ -92,17 +98,19 @@ def rows_of(ladder: Ladder) -> list[dict[str, Any]]:
                     "value": rung.value,
                     "standard_error": rung.error,
                     "bias": None if error is None else error.bias,
+                    "low": low,
+                    "high": high,
                     "half_width": None if error is None else error.half_width,
                     "decided": None if error is None else error.is_decided,
-                    "verdict": knob.verdict,
-                    "order": knob.observed_order if knob.observed_order is not None else knob.order,
+                    "order": knob.order,
+                    "posterior_order": ladder.posterior.order(knob.knob)[0] if knob.knob in ladder.told else None,
                     "packings": rung.packings,
                     "seconds": rung.seconds,
                     "cost": rung.cost,
                     "failure": rung.failure,
                 }
             )
-    rows += [{"knob": name, "verdict": "not measured", "failure": reason} for name, reason in ladder.unknown.items()]
+    rows += [{"knob": name, "failure": reason} for name, reason in ladder.unknown.items()]
     return rows
 
 
@@ -187,7 +195,8 @@ def _remarks(ladder: Ladder, answers: Sequence[Answer]) -> list[Statement]:
             'A bias is what the settings add to the torque; the torque is to be divided by 1 + bias. "Known to" is '
             "half the 95 % interval of the torque so corrected: of its packings and its settings, in quadrature. "
             "Figure of merit: 1 / (error² processor time), the error being half of that.",
-        )
+        ),
+        Statement(Mark.NOTE, prior_in_words(ladder)),
     ]
     if corrected:
         remarks.append(Statement(Mark.NOTE, "Some targets are reached by that correction: the bias alone is larger."))
@@ -196,6 +205,18 @@ def _remarks(ladder: Ladder, answers: Sequence[Answer]) -> list[Statement]:
         for name, reason in unknown_of(ladder).items()
     ]
     return [*remarks, Statement(Mark.NOTE, NOT_IN_IT)]
+
+
+def prior_in_words(ladder: Ladder) -> str:
+    """Return what is assumed of small errors and orders, what it gains, and how this study agrees with it."""
+    chi2, count = ladder.prior_check()
+    half = ladder.total(ladder.told).half_width
+    return (
+        f"Prior: orders of convergence lie within ± {per_cent(ORDER_SPREAD)} of theory (one standard deviation); small "
+        f"settings have errors of about {per_cent(SMALL_ERROR)}, with heavy tails. Without the prior of small errors "
+        f"the error of the settings is known to ± {per_cent(ladder.without_prior)} instead of ± {per_cent(half)}. "
+        f"Under it the {count} small errors of this study have chi² = {chi2:.2g}."
+    )
 
 
 def _own(ladder: Ladder, bold: str) -> Table:
@@ -207,26 +228,26 @@ def _own(ladder: Ladder, bold: str) -> Table:
     rows: list[tuple[str, ...]] = []
     for name in [*known, *(one for one in of if one not in known)]:
         knob = of[name]
-        shown = error_in_words(knob.own_error)
+        shown = error_in_words(ladder.error(name))
         rows.append(
             (
                 name,
                 knob.key,
                 f"{knob.own:.4g} {UNITS.get(name, '')}".strip(),
                 Markup(bold).format(shown) if name == next(iter(known), None) else shown,
-                verdict_in_words(knob),
+                order_in_words(ladder, knob),
                 theory.get(name, ""),
             )
         )
     rows += [(name, "", "", "not known", reason, theory.get(name, "")) for name, reason in ladder.unknown.items()]
-    return Table(rows, ("knob", "key", "setting", "error of the torque", "law", "theory"))
+    return Table(rows, ("knob", "key", "setting", "error of the torque", "order", "theory"))
 
 
 def _settings(ladder: Ladder) -> Table:
     rows = []
     for knob in ladder.knobs:
         for rung in knob.rungs:
-            error = None if rung.value is None else knob.error(rung.step_size)
+            error = None if rung.value is None else ladder.error(knob.knob, rung.step_size)
             value = rung.failure or "none" if rung.value is None else f"{rung.value:.4g}"
             own = " (this scene)" if knob.is_own(rung.setting) else ""
             rows.append(

@@ -1,0 +1,301 @@
+"""Errors of numerical settings from the torques of an accuracy study: one hierarchical model for all of them.
+
+**Model.** For the value i of the setting k, all other settings being the scene's own,
+
+    ln T_ki = m + b_k (x_ki - x_k)/x_k + d_ki - d_k + noise,    x = g(h) - g(L),  g = h^p_k,
+
+with the mean m at the scene's own settings, the error b_k + d_k of its own value (b alone follows the power law of the
+step size h, L is the step size without error), and the deviation d of single values from the law, as grains that order
+in layers have it. The torque without errors is exp(m - sum of b_k + d_k). A large error follows T_0 (1 + a h^p): for it
+g = ln(1 + a h^p), with a from a line through the torques, and b is the error of its coarsest value. All settings that
+are measured by torques share m; one that is measured on standing grains, or on later parts of the same histories, has
+an m of its own.
+
+**Priors.**
+
+| quantity | prior |
+|---|---|
+| order p | log-normal about the theoretical order, 35 %; of unknown order: about 2, a factor of 2 |
+| b of a small setting | normal of scale s, s half-Cauchy of 0.7 %: a measured error is not shrunk |
+| b of a large setting (grain size) | normal of scale 1: flat |
+| d of the grain size | normal of scale tau, tau half-Cauchy of 0.7 % |
+| d of settings without noise | the same, tau half-Cauchy of a tenth of the range of their values |
+| scatter between replicas | the measured one, chi^2 of its degrees of freedom |
+
+Besides, 5 % of each error is unknown (95 %), and the product of two errors may be added to them in either direction.
+
+**Computation.** Given orders, scales and scatter, the model is linear and Gaussian. These are drawn from a Gaussian
+proposal in transformed coordinates that is fitted to a first set of draws, weighted by the marginal likelihood
+(importance sampling) and resampled; m, b and d follow from conditioning joint draws of themselves and of the data
+(Matheron's rule; A. G. Journel, C. J. Huijbregts, Mining Geostatistics, 1978, section VII.A). The generator has a fixed
+seed: equal input gives equal output. Hierarchical shrinkage: A. Gelman, Bayesian Analysis 1 (2006) 515-533 (half-Cauchy
+scales).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from emclutch.results.ladder import KnobLadder
+
+DRAWS, PILOT = 8192, 4096
+ORDER_SPREAD, FREE_ORDER, FREE_SPREAD = 0.35, 2.0, 0.7  # of ln p
+SMALL_ERROR = 0.007
+"""Scale of the errors of small settings, relative to the torque."""
+DEVIATION = 0.007
+"""Scale of the deviations of the grain size from its law, relative."""
+OF_RANGE = 0.1  # deviations of values without noise over their range
+MODEL = 0.05
+"""Part of each error that is unknown, 95 %."""
+NORMAL = 1.96
+LOWEST_EXCESS, LARGEST_EXCESS = -0.5, 10.0
+LARGEST = 1.0  # scale of an error or a deviation
+RESOLVED, MIN_NOISE = 1e-3, 1e-6  # of the range of values without noise; relative
+WIDER = 1.1  # proposal over the draws that it is fitted to
+SAME = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class Posterior:
+    """Draws of what the values of some settings leave open, all of equal weight.
+
+    Attributes
+    ----------
+    u : (s, c) array
+        Coordinates of orders, scales and scatter, standard normal a priori.
+    latent, expected : (s, l) arrays
+        m less the mean of all values, b and d; and their expectation at the same coordinates, which is all that is left
+        of them without noise.
+    """
+
+    u: np.ndarray
+    latent: np.ndarray
+    expected: np.ndarray
+
+
+class SharedMean:
+    """Model of the settings that share the mean m at the scene's own values.
+
+    Parameters
+    ----------
+    knobs : sequence of KnobLadder
+        Settings of which `own_place` is not None.
+    has_prior : bool
+        False: the errors of small settings have the flat prior of large ones.
+    """
+
+    def __init__(self, knobs: Sequence[KnobLadder], has_prior: bool = True) -> None:
+        self.knobs = tuple(knobs)
+        self._values = [[one for one in knob.rungs if one.value] for knob in knobs]
+        self._own = [own for knob in knobs if (own := own_place(knob)) is not None]
+        rows = [(0, self._own[0])]
+        rows += [(k, i) for k, some in enumerate(self._values) for i in range(len(some)) if i != self._own[k]]
+        y = np.log(np.abs([float(self._values[k][i].value or 0.0) for k, i in rows]))
+        self._error = np.array([self._values[k][i].error for k, i in rows])
+        self._rows, self.level, self._y = rows, float(y.mean()), y - y.mean()
+        self._is_noisy, extent = bool(self._error.any()), float(np.ptp(y))
+        self._floor = MIN_NOISE if self._is_noisy else max(RESOLVED * extent, MIN_NOISE)
+        large = np.array([one.is_large for one in knobs])
+        self._is_flat = large | (not has_prior)
+        self._deviation = DEVIATION * large if self._is_noisy else np.array([OF_RANGE * extent])
+        self._excess = [_excess(knob) if knob.is_large else None for knob in knobs]
+        counts = [len(some) if scale else 0 for some, scale in zip(self._values, self._deviation, strict=True)]
+        self._first = np.cumsum([1 + len(knobs), *counts])  # latent d of each setting's first value, where it has any
+
+    def posterior(self, random: np.random.Generator) -> Posterior:
+        """Return `DRAWS` draws."""
+        size = 3 * len(self.knobs) + 1
+        middle, wide, weight, u = np.zeros(size), np.ones(size), np.ones(1), np.zeros((1, size))
+        for draws in (PILOT, PILOT, DRAWS):
+            z = random.standard_normal((draws, size))
+            u = middle + wide * z
+            log_weight = self.log_evidence(u) + 0.5 * (z**2 - u**2).sum(axis=1)
+            weight = np.exp(log_weight - log_weight.max())
+            middle = np.average(u, axis=0, weights=weight)
+            wide = WIDER * np.sqrt(np.average((u - middle) ** 2, axis=0, weights=weight))
+        share = np.cumsum(weight) / weight.sum()
+        u = u[np.searchsorted(share, (np.arange(DRAWS) + 0.5) / DRAWS).clip(max=DRAWS - 1)]
+        terms, prior, noise, covariance = self._linear(u)
+        latent = np.sqrt(prior) * random.standard_normal(prior.shape)
+        data = np.einsum("snl,sl->sn", terms, latent) + np.sqrt(noise) * random.standard_normal(noise.shape)
+        both = np.stack([self._y - data, np.broadcast_to(self._y, data.shape)], axis=-1)
+        update, expected = np.moveaxis(terms.transpose(0, 2, 1) @ np.linalg.solve(covariance, both), -1, 0) * prior
+        return Posterior(u, latent + update, expected)
+
+    def log_evidence(self, u: np.ndarray) -> np.ndarray:
+        """Return the logarithm of the marginal likelihood of the values (s,) at some coordinates (s, c)."""
+        covariance = self._linear(u)[3]
+        solved = np.linalg.solve(covariance, np.broadcast_to(self._y[:, None], (*covariance.shape[:2], 1)))[..., 0]
+        return -0.5 * (solved @ self._y + np.linalg.slogdet(covariance)[1])
+
+    def moments(self, u: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return mean and variance (s,) of a linear combination (s, l) of the latent quantities at coordinates."""
+        terms, prior, _, covariance = self._linear(u)
+        crossed = np.einsum("snl,sl->sn", terms, prior * direction)
+        solved = np.linalg.solve(covariance, crossed[..., None])[..., 0]
+        variance = np.einsum("sl,sl->s", prior, direction**2) - np.einsum("sn,sn->s", crossed, solved)
+        return solved @ self._y, np.maximum(variance, 0.0)
+
+    def direction(self, u: np.ndarray, knob: str, step_size: float, limit: float | None = None) -> np.ndarray:
+        """Return the error of a value as a combination (s, l) of the latent quantities, d of new values left out."""
+        k = next(n for n, one in enumerate(self.knobs) if one.knob == knob)
+        found = np.zeros((len(u), self._first[-1]))
+        own_limit = self.knobs[k].limit
+        limit = own_limit if limit is None else limit
+        if math.isclose(step_size, limit, rel_tol=SAME):
+            return found
+        p = self._orders(u)[:, k]
+        found[:, 1 + k] = (self._law(k, step_size, p) - self._law(k, limit, p)) / self._unit(k, p)
+        if self._deviation[k] and (i := self._place(k, step_size)) is not None:
+            found[:, self._first[k] + i] = 1.0
+        return found
+
+    def new_deviation(self, u: np.ndarray, knob: str, step_size: float) -> np.ndarray:
+        """Return the standard deviation (s,) of d of a value; 0 of those that were measured."""
+        k = next(n for n, one in enumerate(self.knobs) if one.knob == knob)
+        known = self._place(k, step_size) is not None
+        return np.zeros(len(u)) if known else self._scales(u, 2)[:, k] * self._deviation[k]
+
+    def _place(self, k: int, step_size: float) -> int | None:
+        h = [one.step_size for one in self._values[k]]
+        return next((i for i, one in enumerate(h) if math.isclose(one, step_size, rel_tol=SAME)), None)
+
+    def _orders(self, u: np.ndarray) -> np.ndarray:
+        known = np.array([one.order or 0.0 for one in self.knobs])
+        spread = np.where(known > 0.0, ORDER_SPREAD, FREE_SPREAD)
+        return np.where(known > 0.0, known, FREE_ORDER) * np.exp(spread * u[:, : known.size])
+
+    def _scales(self, u: np.ndarray, block: int) -> np.ndarray:
+        """Return half-Cauchy scales (s, k) from a block of coordinates."""
+        from scipy.special import ndtr
+
+        count = len(self.knobs)
+        return np.tan(0.5 * math.pi * ndtr(u[:, block * count : (block + 1) * count]))
+
+    def _unit(self, k: int, p: np.ndarray) -> np.ndarray:
+        """Return x of the value whose error is b: the scene's own, of a large error the coarsest."""
+        h, limit = [one.step_size for one in self._values[k]], self.knobs[k].limit
+        at_limit = math.isclose(h[self._own[k]], limit, rel_tol=1e-3)
+        reference = max(h) if self.knobs[k].is_large or at_limit else h[self._own[k]]
+        return self._law(k, reference, p) - self._law(k, limit, p)
+
+    def _law(self, k: int, step_size: float, p: np.ndarray) -> np.ndarray:
+        """Return g of a step size (s,), up to a factor."""
+        coarsest = max(one.step_size for one in self._values[k])
+        u = (step_size / coarsest) ** p if step_size else np.zeros_like(p)
+        excess = self._excess[k]
+        return u if excess is None else np.log1p(excess * u) / excess
+
+    def _linear(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Return what multiplies the latent quantities (s, n, l), their prior variances (s, l), the variances of the
+        values' noise and the covariances of the values (s, n, n)."""
+        from scipy.special import chdtri, ndtr
+
+        s, count, orders = len(u), len(self.knobs), self._orders(u)
+        prior = np.ones((s, self._first[-1]))
+        scale = np.minimum(SMALL_ERROR * self._scales(u, 1), LARGEST)
+        prior[:, 1 : 1 + count] = np.where(self._is_flat, LARGEST, scale) ** 2
+        deviation = np.minimum(self._deviation * self._scales(u, 2), LARGEST) ** 2
+        terms = np.zeros((s, len(self._rows), self._first[-1]))
+        terms[:, :, 0] = 1.0
+        for k in range(count):
+            prior[:, self._first[k] : self._first[k + 1]] = deviation[:, [k]]
+        for n, (k, i) in enumerate(self._rows[1:], start=1):
+            p, own = orders[:, k], self._own[k]
+            step = self._law(k, self._values[k][i].step_size, p) - self._law(k, self._values[k][own].step_size, p)
+            terms[:, n, 1 + k] = step / self._unit(k, p)
+            if self._deviation[k]:
+                terms[:, n, self._first[k] + i], terms[:, n, self._first[k] + own] = 1.0, -1.0
+        freedom = self.knobs[0].freedom
+        factor = np.ones(s) if math.isinf(freedom) else freedom / chdtri(freedom, ndtr(u[:, -1]))
+        noise = factor[:, None] * self._error**2 + self._floor**2
+        covariance = (terms * prior[:, None]) @ terms.transpose(0, 2, 1)
+        covariance[:, range(len(self._rows)), range(len(self._rows))] += noise
+        return terms, prior, noise, covariance
+
+
+class SettingErrors:
+    """Draws of the errors of all settings of an accuracy study.
+
+    Parameters
+    ----------
+    groups : sequence of sequences of KnobLadder
+        Settings that share the mean at the scene's own values; the first group is that of the torques.
+    has_prior
+        As of `SharedMean`.
+    """
+
+    def __init__(self, groups: Sequence[Sequence[KnobLadder]], has_prior: bool = True) -> None:
+        self._random = np.random.default_rng(0)
+        self._of: dict[str, tuple[SharedMean, Posterior]] = {}
+        self.level = np.zeros((2, DRAWS))
+        """Logarithm of the torque at the scene's own values, and what of it is noise, (2, s)."""
+        for number, group in enumerate(groups):
+            if group:
+                model = SharedMean(group, has_prior)
+                draws = model.posterior(self._random)
+                self._of |= {one.knob: (model, draws) for one in group}
+                if number == 0:
+                    self.level = np.stack([model.level + draws.latent[:, 0], (draws.latent - draws.expected)[:, 0]])
+        self._normal = self._random.standard_normal(DRAWS)
+        self._model = {name: self._random.standard_normal(DRAWS) for name in self._of}
+        self._new = {name: self._random.standard_normal(DRAWS) for name in self._of}
+
+    def error(self, knob: str, step_size: float, limit: float | None = None) -> np.ndarray:
+        """Return ln(T/T_0) of a value, and what of it is noise, (2, s).
+
+        `limit`: step size without error, where it is another one than that of the study.
+        """
+        model, draws = self._of[knob]
+        direction = model.direction(draws.u, knob, step_size, limit)
+        if not direction.any():
+            return np.zeros((2, DRAWS))
+        found = np.einsum("sl,sl->s", direction, draws.latent)
+        noise = found - np.einsum("sl,sl->s", direction, draws.expected)
+        more = model.new_deviation(draws.u, knob, step_size) * self._new[knob]
+        return np.stack([found * (1.0 + MODEL / NORMAL * self._model[knob]) + more, noise])
+
+    def law(self, knob: str, step_size: float, limit: float | None = None) -> np.ndarray:
+        """Return ln(T/T_0) of a value by its power law alone, (s,): without d."""
+        model, draws = self._of[knob]
+        direction = model.direction(draws.u, knob, step_size, limit)
+        k = 1 + next(n for n, one in enumerate(model.knobs) if one.knob == knob)
+        return direction[:, k] * draws.latent[:, k] * (1.0 + MODEL / NORMAL * self._model[knob])
+
+    def order(self, knob: str) -> tuple[float, float, float]:
+        """Return median and 95 % interval of the order of a setting."""
+        model, draws = self._of[knob]
+        k = next(n for n, one in enumerate(model.knobs) if one.knob == knob)
+        low, middle, high = np.quantile(model._orders(draws.u)[:, k], [0.025, 0.5, 0.975])
+        return float(middle), float(low), float(high)
+
+    def interaction(self, errors: Sequence[np.ndarray]) -> np.ndarray:
+        """Return what errors, (2, s) each, may do to each other (s,): products of all pairs, in either direction."""
+        squares = np.sum([one[0] ** 2 for one in errors], axis=0)
+        pairs = 0.5 * (squares**2 - np.sum([one[0] ** 4 for one in errors], axis=0))
+        return np.sqrt(np.maximum(pairs, 0.0)) / NORMAL * self._normal
+
+
+def own_place(knob: KnobLadder) -> int | None:
+    """Return the place of the scene's own among the values of a setting; None without it, or where signs differ."""
+    values = [one for one in knob.rungs if one.value]
+    if any((one.value or 0.0) * (values[0].value or 0.0) <= 0.0 for one in values):
+        return None
+    return next((n for n, one in enumerate(values) if knob.is_own(one.setting)), None)
+
+
+def _excess(knob: KnobLadder) -> float | None:
+    """Return the relative error of the coarsest value by a line over h^p; None where it is too small to matter."""
+    values = [one for one in knob.rungs if one.value]
+    h, torque = np.array([one.step_size for one in values]), np.abs([float(one.value or 0.0) for one in values])
+    if len(values) < 2:
+        return None
+    slope, intercept = np.polyfit((h / h.max()) ** (knob.order or FREE_ORDER), torque, 1)
+    excess = min(max(slope / max(intercept, MIN_NOISE), LOWEST_EXCESS), LARGEST_EXCESS)
+    return excess if abs(excess) > MIN_NOISE else None
