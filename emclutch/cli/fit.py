@@ -1,10 +1,10 @@
-"""Entries of `emclutch fit`: what is varied, the simulated drives, the angle of repose."""
+"""Entries of `emclutch fit`: what is varied, the simulated drives, the angle of repose, the common error."""
 
 from __future__ import annotations
 
 import math
 
-from emclutch.cli.input import number_or_text, read_list, refuse_without
+from emclutch.cli.input import number_or_text, read_list, read_shares, refuse_without
 from emclutch.cli.options import USUAL_UNCERTAINTY
 from emclutch.scene.case import Case
 from emclutch.scene.errors import Fault, SceneError
@@ -31,6 +31,15 @@ def varied_of(friction: str, rolling: str, fill: str | None) -> Varied:
 def drives_of(case: Case, key: str, at: str | None) -> tuple[float, ...]:
     """Return the simulated drives [SI]; none where they follow from the measured curve."""
     return () if at is None else tuple(sorted(set(read_list(at, drive_quantity(case, key), "--at"))))
+
+
+def common_error_of(text: str | None) -> float:
+    """Return the relative error that all measured torques share, 0.03 of ``3 %``; 0 without one."""
+    found = [0.0] if text is None else read_shares(text, "--common-error")
+    if len(found) > 1:
+        message = f"has {len(found)} entries; give one, e.g. '3 %'"
+        raise SceneError([Fault("--common-error", str(text), message)], "command line")
+    return found[0]
 
 
 def angle_of(repose: str | None, uncertainty: str | None) -> tuple[float, float] | None:

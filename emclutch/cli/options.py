@@ -283,6 +283,14 @@ FillValues = Annotated[
     str | None,
     typer.Option("--fill", metavar="LIST", help="solid fraction, fitted too: '0.3, 0.4'; default: the scene's"),
 ]
+CommonError = Annotated[
+    str | None,
+    typer.Option(
+        "--common-error",
+        metavar="SHARE",
+        help="standard error that all measured torques share, as of a calibration: '3 %'; default: none",
+    ),
+]
 DrivesAt = Annotated[
     str | None,
     typer.Option("--at", metavar="LIST", help="simulated currents: '0.2 A, 0.94 A'; default: three of those measured"),

@@ -282,6 +282,7 @@ def fit(
     at: opt.DrivesAt = None,
     repose: opt.Repose = None,
     uncertainty: opt.AngleUncertainty = None,
+    common_error: opt.CommonError = None,
     out: opt.Out = None,
     resume: opt.ResumeFit = False,
     sets: opt.Sets = None,
@@ -296,15 +297,16 @@ def fit(
         check_threads(threads)
         refuse_to_resume_nothing("fit", resume, out)
         read = load(case, sets, trust_scripts)
-        from emclutch.cli.fit import angle_of, drives_of, varied_of
+        from emclutch.cli.fit import angle_of, common_error_of, drives_of, varied_of
         from emclutch.results.study_table import StudyTable
         from emclutch.studies import fit as study
 
         varied, angle = varied_of(friction, rolling_friction, fill), angle_of(repose, uncertainty)
         with nullcontext() if as_json else StudyTable() as table:
             found = study.fit(
-                read, to, varied=varied, key=over, drives=drives_of(read, over, at), repose=angle, out=out, jobs=jobs,
-                threads=threads, resume=resume, progress=table, force=force,
+                read, to, varied=varied, key=over, drives=drives_of(read, over, at), repose=angle,
+                common_error=common_error_of(common_error), out=out, jobs=jobs, threads=threads, resume=resume,
+                progress=table, force=force,
             )  # fmt: skip
         if as_json:
             print_json(study.as_data(found))

@@ -108,6 +108,7 @@ def fit(
     key: str = CURRENT,
     drives: tuple[float, ...] = (),
     repose: tuple[float, float] | None = None,
+    common_error: float = 0.0,
     out: str | Path | None = None,
     jobs: int | None = None,
     threads: int | None = None,
@@ -125,6 +126,7 @@ def fit(
     key : dotted key of the drive; its unit is that of the curve's first column.
     drives : simulated drives [SI], from the smallest to the largest that are fitted; default: three of those measured.
     repose : angle of repose and its standard error [rad], fitted as one more measurement.
+    common_error : relative standard error that all measured torques share, as that of a calibration; 0.03 for 3 %.
     out : folder; default: the next fits/<case>-<nnn>.
     jobs, threads, resume, progress, force : of the study, as of `emclutch.sweep`.
 
@@ -136,6 +138,9 @@ def fit(
         The curve cannot be read; the folder is there already, or was begun for another scene or values; of the study.
     """
     case = as_case(case)
+    if not 0.0 <= common_error < 1.0:
+        message = "is out of range; allowed: >= 0, < 1, e.g. 0.03 for 3 % of each torque"
+        raise SceneError([Fault("common_error", f"{common_error:g}", message)], "fit")
     if case.scene.geometry.measured != "torque":
         kind = case.scene.geometry.name()
         message = "has no torque that could be fitted; take a scene of a clutch, a brake or a shear_cell"
@@ -147,7 +152,7 @@ def fit(
     within = (measured.drive >= min(simulated_at) * (1 - 1e-9)) & (measured.drive <= max(simulated_at) * (1 + 1e-9))
     left_out += int((~within).sum())
     error = None if measured.error is None else measured.error[within]
-    measured = MeasuredTorques(measured.drive[within], measured.torque[within], error)
+    measured = MeasuredTorques(measured.drive[within], measured.torque[within], error, common_error)
     values = varied.keys(case.scene)
     names = fitted_names(values)
     other = None if repose is None else _bulk_friction(case.scene, values, *repose)
@@ -319,6 +324,7 @@ def as_data(result: FitResult) -> dict[str, Any]:
             "sum_of_squares": fitted.sum_of_squares, "degrees_of_freedom": fitted.degrees_of_freedom,
             "probability": fitted.probability, "scatter": fitted.scatter, "is_poor": fitted.is_poor,
             "measured_points": len(result.measured.drive), "left_out": result.left_out,
+            "common_error": result.measured.common_error,
             "not_converged": result.doubtful, "drive": result.key, "folder": str(result.folder),
         }
     )  # fmt: skip
@@ -342,6 +348,8 @@ def in_words(result: FitResult) -> list[str]:
         f"measured over fitted torques scatter by {100.0 * fitted.scatter:.2g} %, {len(result.measured.drive)} points"
         + (f", {result.left_out} left out (0, or beyond the simulated drives)" if result.left_out else "")
     )
+    if common := result.measured.common_error:
+        lines.append(f"the intervals contain a common error of {100.0 * common:.3g} % of all measured torques")
     if fitted.is_poor:
         lines.append(
             f"WARNING: no parameters within the range fit this curve within its errors (probability "

@@ -52,7 +52,7 @@ def test_the_friction_of_a_run_is_found_again(tmp_path):
     found = json.loads((tmp_path / "fit" / "fit.json").read_text())
     (friction,) = found["parameters"]
     assert friction["name"] == "contact.friction" and 0.1 < friction["value"] < 0.6
-    assert (found["measured_points"], found["left_out"]) == (2, 1)
+    assert (found["measured_points"], found["left_out"], found["common_error"]) == (2, 1, 0.0)
     fitted = emclutch.load_case(tmp_path / "fit" / "fitted.toml").scene
     assert fitted.contact.friction == friction["value"] and fitted.particles.repose is None
     assert fitted.effects.rolling is None
@@ -109,6 +109,12 @@ def test_a_sheared_box_has_no_torque_to_fit(tmp_path):
         fit(case_from(box), tmp_path / "none.csv")
 
 
+def test_a_common_error_out_of_range_is_refused_before_anything_runs(tmp_path):
+    with pytest.raises(SceneError, match=r"common_error = 3 is out of range; allowed: >= 0, < 1"):
+        fit(case_from(CELL), tmp_path / "none.csv", common_error=3.0, out=tmp_path / "fit")
+    assert not (tmp_path / "fit").exists()
+
+
 def test_what_is_varied_goes_by_the_keys_of_the_scene():
     case = case_from(CELL)
     keys = Varied(friction=(0.5, 0.2), rolling=(0.0, 0.3), fill=(0.3,)).keys(case.scene)
@@ -129,6 +135,8 @@ def test_what_is_varied_goes_by_the_keys_of_the_scene():
         (("--over", "coil.nothing"), "coil.nothing"),
         (("--friction", "0.2, 5", "--repose", "20 deg"), "beyond the table"),
         (("--repose", "200 deg"), "out of range"),
+        (("--common-error", "3"), "is not a share in per cent"),
+        (("--common-error", "3 %, 5 %"), "has 2 entries; give one"),
         (("--resume",), "needs a fit that was begun"),
         (("--at", "10 kA/m, 20 kA/m"), "0 points at the simulated drives, 10000 to 20000 A/m, too few"),
         (("--over", "coil.current"), "the scene does not have; name its drive"),
