@@ -9,16 +9,20 @@ most. Points are on a line when chi^2 of the residuals is what noise alone leave
 the line through the others than noise allows. P. R. Bevington, D. K. Robinson, "Data Reduction and Error Analysis for
 the Physical Sciences", 3rd ed. 2003, chapters 6 and 11.
 
-**Errors.** Those of weighted least squares, and with them, as independent ones, how far slope and offset move at most
-when the range loses its first or its last point: which points belong to it is not known any better.
+**Errors.** The same noise that moves the torques also chooses the range. So the whole choice is repeated with 100 sets
+of torques, to which normal noise of their standard errors is added (B. Efron, R. J. Tibshirani, "An Introduction to the
+Bootstrap", 1993, chapter 6). The standard error of slope, offset and knee is that of the normal distribution whose
+central 90 % are as wide as those of their changes, which single far changes do not move. It is not less than the
+error of least squares.
 
 **Knee.** Where the next torque is significantly below the line. It and up to two more make the curve a broken line,
 T = slope (I - offset) - bend max(0, I - knee), fitted as a whole. Without a second line the knee is only known to lie
 between two points: their middle, with the standard error of a uniform distribution, their distance over sqrt(12).
 
 Valid for independent points with known errors. Of simulated curves of 11 points with a toe at the bottom and a knee,
-intervals of 1.96 standard errors hold the true slope in 95 % of 1500 draws with errors of 0.8 % of the largest torque,
-and in 76 % with 2.4 %.
+intervals of 1.96 standard errors hold the true slope in 98, 96, 97 and 96 % of 600 draws with errors of 0.8, 1.6, 2.4
+and 4 % of the largest torque, the offset in 97 to 99 %, and the knee, where one is found, in 96 to 99 %. Noise of 4 %
+hides toe and knee: the slope is 7 % too small in the mean then, within its interval of 30 %.
 """
 
 from __future__ import annotations
@@ -26,6 +30,7 @@ from __future__ import annotations
 import math
 import warnings
 from dataclasses import asdict, dataclass, replace
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -33,8 +38,11 @@ import numpy as np
 MIN_POINTS = 4  # of a curve: three always leave a line of one degree of freedom and nothing that could end it
 SIGNIFICANCE = 0.05  # of both tests: a true line is cut short by a point in one case of ten
 END = 1.96  # standard errors of the same significance
+CENTRAL = 1.645  # standard errors from the middle of a normal distribution within which 90 % of it lie
 KNEE = 3.0  # standard errors by which the next torque must be below the line: 1 in 700 by chance
 ABOVE = 3  # points at most above the knee; a curve is no line for long
+REDRAWS = 100  # sets of torques with added noise
+REDRAWN_KNEES = 20  # of these sets, those with a knee: each is a fit of its own
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,20 +99,36 @@ def linear_range(current: Any, torque: Any, error: Any, converged: Any = None) -
         return LinearRange(f"no linear range: torques at {count} currents, {MIN_POINTS} needed; add currents")
     if np.unique(x).size < MIN_POINTS:
         return _unweighted(points[0], points[1], known=x.size)
-    parts = [slice(i, j) for i in range(x.size - 2) for j in range(i + 3, x.size + 1)]
-    rises = [_rise(x[part], y[part], sigma[part]) for part in parts]
-    best = parts[int(np.argmax(rises))]
-    if max(rises) == 0.0:
+    noise = sigma * np.random.default_rng(0).standard_normal((REDRAWS // 2, x.size))
+    sets = np.vstack([y, y + noise, y - noise])  # both signs: a curve and its mirror image have the same errors
+    best, *parts = _straightest(x, sets, sigma)
+    if best is None:
         return LinearRange(
             "no linear range: no three neighbouring torques lie on a rising line within their errors; add currents "
             "between them"
         )
     line = _with_knee(x, y, sigma, best)
+    redrawn = [(one, part) for one, part in zip(sets[1:], parts, strict=True) if part is not None]
+    lines = [_line(x[part], one[part], sigma[part]) for one, part in redrawn]
+    knees = (_with_knee(x, one, sigma, part).knee for one, part in redrawn if line.knee is not None)
+    found = islice((knee for knee in knees if knee is not None), REDRAWN_KNEES)
+    line = _with_errors(line, slope=[one[0] for one in lines], offset=[one[1] for one in lines], knee=list(found))
     unsure = int(np.count_nonzero(steady[best] == 0.0))
     if not unsure:
         return line
     reason = f"{line.reason}; not tested: {unsure} of these {line.points} torques are not converged; run longer"
     return replace(line, reason=reason, is_tested=False, unconverged=unsure)
+
+
+def _with_errors(line: LinearRange, **redrawn: list[float]) -> LinearRange:
+    """Return a line with the errors of its numbers from those of sets with added noise, and not less than before."""
+    errors = {}
+    for name, values in redrawn.items():
+        if values:
+            changes = np.abs(np.array(values) - getattr(line, name))
+            error = float(np.quantile(changes, 0.9)) / CENTRAL
+            errors[f"{name}_error"] = max(error, getattr(line, f"{name}_error"))
+    return replace(line, **errors)
 
 
 def _unweighted(x: np.ndarray, y: np.ndarray, known: int) -> LinearRange:
@@ -121,11 +145,9 @@ def _with_knee(x: np.ndarray, y: np.ndarray, sigma: np.ndarray, part: slice) -> 
     """Return the line through a part of the points, and the knee at its end."""
     n, end = part.stop - part.start, part.stop
     slope, offset, errors = _line(x[part], y[part], sigma[part])
-    shorter = [_line(x[own], y[own], sigma[own]) for own in (slice(part.start + 1, end), slice(part.start, end - 1))]
     line = LinearRange(
         f"a line through {n} points from {x[part.start]:.3g} to {x[end - 1]:.3g} A",
-        slope, math.hypot(errors[0], max(abs(slope - one[0]) for one in shorter)),
-        offset, math.hypot(errors[1], max(abs(offset - one[1]) for one in shorter)),
+        slope, errors[0], offset, errors[1],
         first=float(x[part.start]), last=float(x[end - 1]), points=n, is_tested=True,
     )  # fmt: skip
     if end == x.size:
@@ -144,16 +166,45 @@ def _with_knee(x: np.ndarray, y: np.ndarray, sigma: np.ndarray, part: slice) -> 
     return replace(line, reason=reason, knee=middle, knee_error=half)
 
 
-def _rise(x: np.ndarray, y: np.ndarray, sigma: np.ndarray) -> float:
-    """Return how far the torque rises along the line of some points [N m]; 0 where they are not on one."""
-    if np.unique(x).size < 3:
-        return 0.0
-    slope, offset, _ = _line(x, y, sigma)
-    ends = (slice(1, None), 0), (slice(None, -1), -1)
-    straight = _is_noise(y - slope * (x - offset), sigma, 2) and all(
-        abs(_distance(x[others], y[others], sigma[others], x[end], y[end], sigma[end])) < END for others, end in ends
-    )
-    return abs(slope) * float(x[-1] - x[0]) if straight else 0.0
+def _straightest(x: np.ndarray, sets: np.ndarray, sigma: np.ndarray) -> list[slice | None]:
+    """Return of each set of torques (sets, n) the points on a line along which the torque rises most; None without one.
+
+    The lines of all runs of points i to j - 1 come at once, from differences [i, j] of cumulated sums.
+    """
+    from scipy.special import chdtrc
+
+    def sums(of: np.ndarray) -> np.ndarray:
+        total = np.concatenate([np.zeros((*of.shape[:-1], 1)), np.cumsum(of, axis=-1)], axis=-1)
+        return total[..., None, :] - total[..., None]
+
+    w, n = sigma**-2.0, x.size
+    trend = np.polyfit(x, sets[0], 1, w=1.0 / sigma)  # sums of small numbers lose fewer digits
+    x, y = x - w @ x / w.sum(), sets - np.polyval(trend, x)
+    new = np.append(1.0, np.diff(x) > 0.0)
+    first, last = np.arange(n + 1)[:, None], np.arange(n + 1)
+    points, currents = last - first, sums(new) + 1.0 - np.append(new, 1.0)[:, None]
+    possible = currents >= 3
+    with np.errstate(all="ignore"):  # of runs that are not possible
+        W = sums(w)
+        X, Y = sums(w * x) / W, sums(w * y) / W
+        spread = sums(w * x * x) - W * X * X
+        slope = (sums(w * x * y) - W * X * Y) / spread
+        chi2 = sums(w * y * y) - W * Y * Y - slope * slope * spread
+
+        def distance(part: tuple[slice, slice], end: np.ndarray) -> np.ndarray:
+            """Return how far the ends are from the lines of parts without them, in standard errors."""
+            off = x[end] - X[part]
+            variance = sigma[end] ** 2 + 1.0 / W[part] + off * off / spread[part]
+            return np.abs(y[:, end] - Y[:, *part] - slope[:, *part] * off) / np.sqrt(variance)
+
+        straight = possible & (chdtrc(points - 2.0, np.maximum(chi2, 0.0)) >= SIGNIFICANCE)
+        straight[:, :-1, :] &= distance((slice(1, None), slice(None)), np.arange(n)[:, None]) < END
+        straight[:, :, 1:] &= distance((slice(None), slice(None, -1)), np.arange(n)[None, :]) < END
+        ends = np.append(x, np.nan)
+        rise = np.where(straight, np.abs(slope + trend[0]) * (np.roll(ends, 1) - ends[:, None]), 0.0)
+    best = rise.reshape(len(sets), -1).argmax(axis=1)
+    found = rise.reshape(len(sets), -1).max(axis=1) > 0.0
+    return [slice(*map(int, divmod(one, n + 1))) if some else None for one, some in zip(best, found, strict=True)]
 
 
 def _line(x: np.ndarray, y: np.ndarray, sigma: np.ndarray) -> tuple[float, float, tuple[float, float]]:

@@ -29,13 +29,18 @@ def test_a_line_is_the_same_for_negative_currents_and_torques():
     assert found == linear_range(CURRENT, torque(CURRENT), error)
     turned = linear_range(CURRENT, -torque(CURRENT), error)
     assert turned.slope == pytest.approx(-SLOPE) and turned.knee == pytest.approx(found.knee)
+    assert turned.slope_error == pytest.approx(found.slope_error)
 
 
-def test_intervals_hold_slope_and_offset_as_often_as_they_promise():
-    """Two standard errors of 11 points with 1 % noise: in 95 % of 200 draws, less three deviations of that share."""
-    rng, error, draws = np.random.default_rng(11), np.full(11, 0.1), 200
-    held = np.zeros(3)
-    knees = 0
+@pytest.mark.parametrize("noise", [0.008, 0.016, 0.024, 0.04])
+def test_intervals_hold_slope_offset_and_knee_as_often_as_they_promise(noise):
+    """1.96 standard errors, noise over the largest torque: 95 % of 40 draws, less three deviations of that share.
+
+    Coverage of the slope in 600 draws: 0.98, 0.96, 0.97, 0.96; of the offset and the knee at least 0.96. Errors of
+    least squares of the chosen points alone hold the slope in 0.96, 0.79, 0.79, 0.62.
+    """
+    rng, error, draws = np.random.default_rng(7), np.full(11, noise * torque(CURRENT).max()), 40
+    held, knees = np.zeros(3), 0
     for _ in range(draws):
         found = linear_range(CURRENT, torque(CURRENT) + error * rng.standard_normal(11), error)
         held[0] += abs(found.slope - SLOPE) < 1.96 * found.slope_error
@@ -43,8 +48,15 @@ def test_intervals_hold_slope_and_offset_as_often_as_they_promise():
         if found.knee is not None:
             knees += 1
             held[2] += abs(found.knee - KNEE) < 1.96 * found.knee_error
-    assert knees > 0.85 * draws
+    assert knees > 0.4 * draws
     assert (held / [draws, draws, knees] > 0.95 - 3.0 * np.sqrt(0.95 * 0.05 / draws)).all(), held
+
+
+def test_a_line_of_few_points_that_all_belong_to_it_keeps_the_error_of_least_squares():
+    """Where noise cannot change the range, the whole choice adds nothing: four exact points, error within 30 %."""
+    current, error = np.array([1.0, 2.0, 3.0, 4.0]), np.full(4, 1e-3)
+    found = linear_range(current, SLOPE * current, error)
+    assert found.points == 4 and found.slope_error == pytest.approx(1e-3 / np.sqrt(5.0), rel=0.3)
 
 
 def test_a_line_without_an_end_has_no_knee():
