@@ -46,13 +46,14 @@ def test_the_friction_of_a_run_is_found_again(tmp_path):
         rows.append(f"{field / 1e3},{1e3 * abs(run.torque.mean)}\n")
     curve = write(tmp_path, "measured.csv", "field [kA/m], torque [mN m]\n0,0\n" + "".join(rows))
     arguments = ["fit", scene, "--to", curve, "--over", FIELD, "--out", tmp_path / "fit", "--threads", 1]
-    arguments += ["--friction", "0.1, 0.6", "--rolling-friction", "0"]
+    arguments += ["--friction", "0.1, 0.6", "--rolling-friction", "0", "--common-error", "3 %"]
     done = CliRunner().invoke(app, [str(one) for one in arguments])
     assert done.exit_code == 0, done.output
     found = json.loads((tmp_path / "fit" / "fit.json").read_text())
     (friction,) = found["parameters"]
     assert friction["name"] == "contact.friction" and 0.1 < friction["value"] < 0.6
-    assert (found["measured_points"], found["left_out"], found["common_error"]) == (2, 1, 0.0)
+    assert (found["measured_points"], found["left_out"], found["common_error"]) == (2, 1, 0.03)
+    assert "the intervals contain a common error of 3 % of all measured torques" in done.output
     fitted = emclutch.load_case(tmp_path / "fit" / "fitted.toml").scene
     assert fitted.contact.friction == friction["value"] and fitted.particles.repose is None
     assert fitted.effects.rolling is None
