@@ -111,7 +111,7 @@ def summarise(
     if {"rotor", "disc"} <= shafts and any(body.is_free for body in simulation.motion.bodies):
         summary["lock_up_time"] = lock_up_time(history)
     if device.coil is not None and simulation.source.solution is not None:
-        summary |= coil_summary(case.scene, device.coil, simulation.source, history)
+        summary |= coil_summary(case.scene, device.coil, simulation.source, history, others)
         solved = [one for one in (plan.peak_field, simulation.source.solution) if one is not None]
         if beyond := driven_beyond_their_tables(solved):
             summary["steel"] = {"warnings": beyond}
@@ -207,7 +207,7 @@ def inertial_number_summary(observables, simulation, history, wall_load: dict[st
     }
 
 
-def coil_summary(scene, coil, source, history) -> dict[str, Any]:
+def coil_summary(scene, coil, source, history, others=()) -> dict[str, Any]:
     """Return the coil's current at the run's end, voltage R I [V], copper loss R I^2 [W], its field, and its rise."""
     current = float(history[CURRENT].iloc[-1])
     begins_off = not getattr(source, "begin_steady", coil.currents(0.0) != 0.0)
@@ -221,7 +221,7 @@ def coil_summary(scene, coil, source, history) -> dict[str, Any]:
         "flux_linkage": float(history[FLUX_LINKAGE].iloc[-1]),
         "field_solves": source.solves,
         "final_current": coil.currents.values[-1],
-        **rise_times(history, coil.currents.values[-1], begins_off=begins_off),
+        **rise_times(history, coil.currents.values[-1], begins_off=begins_off, replicas=others),
         "field_error_estimate": source.solution.estimated_errors(),
     }
 

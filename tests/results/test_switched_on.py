@@ -35,7 +35,14 @@ def test_the_rise_of_current_and_torque_is_said_with_its_final_values():
     lines = in_words({"final_current": 1.0} | rise_times(run, 1.0, begins_off=True))
     assert lines[0] == "The current reaches 63 % of its final 1 A after 5 ms, 90 % after 11.5 ms"
     assert lines[1].startswith("The torque reaches 63 % of its final 1.9") or "of its final 2" in lines[1]
-    assert len(lines) == 2 and "times as long as the current" in lines[1]
+    assert " ms to " in lines[1] and "times as long as the current" in lines[1]
+    assert len(lines) == 3 and lines[2].startswith(
+        "The intervals of the torque's rise leave out the scatter between replicas"
+    )
+    four = in_words({"final_current": 1.0} | rise_times(run, 1.0, begins_off=True, replicas=[run] * 3))
+    assert len(four) == 2
+    early = in_words({"final_current": 1.0} | rise_times(history(5.0 * TAU), 1.0, begins_off=True))
+    assert early[-1].startswith("The run is too short for the torque to reach its final value: time.end = 3")
     short = in_words({"final_current": 1.0} | rise_times(history(0.5 * TAU), 1.0, begins_off=True))
     assert short[0].endswith("is not over at the end of the run: the current went up to 0.393 A of 1 A")
     assert "run longer" not in " ".join(short)

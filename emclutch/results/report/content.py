@@ -545,6 +545,15 @@ def _numbers(summary: dict[str, Any]) -> list[tuple[str, str]]:
     for key, label in (("current", "current"), ("gap_flux_density", "gap field")):
         if note := summary.get(f"{key}_rise_time_note"):
             rows.append((f"{label}'s rise", f"not over: {note}"))
+    for share, key in (("63", "torque_rise_time_interval"), ("90", "torque_rise_time_90_interval")):
+        if interval := summary.get(key):
+            low, high = interval
+            end = "beyond the end of the run" if high is None else f"{high:.5g} s"
+            rows.append((f"torque's rise to {share} %, 95 % interval", f"{low:.5g} s to {end}"))
+    if summary.get("torque_rise_too_short"):
+        rows.append(
+            ("torque's rise", f"run too short: time.end = {summary['torque_rise_required_end']:.3g} s or later")
+        )
     errors = summary.get("field_error_estimate") or {}
     return rows + [(f"estimated relative error of the field: {goal}", f"{error:.2g}") for goal, error in errors.items()]
 
