@@ -116,7 +116,10 @@ def linear_range(current: Any, torque: Any, error: Any, converged: Any = None) -
     unsure = int(np.count_nonzero(steady[best] == 0.0))
     if not unsure:
         return line
-    reason = f"{line.reason}; not tested: {unsure} of these {line.points} torques are not converged; run longer"
+    reason = (
+        f"{line.reason}; not tested: {unsure} of these {line.points} torques are not converged; run longer, or more "
+        "replicas"
+    )
     return replace(line, reason=reason, is_tested=False, unconverged=unsure)
 
 

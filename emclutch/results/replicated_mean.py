@@ -5,15 +5,23 @@
    than `settled`, twice that cut, at most 0.6 of the series (P. D. Welch in S. S. Lavenberg (ed.), Computer
    Performance Modeling Handbook, 1983, 268-328, for the mean over replicas; for MSER-5 see `statistics`).
 2. **Interval.** Student's t of the replicas' means over that part, with one degree of freedom less than replicas.
-   Nothing within a replica is pooled: a replica never changes how its grains were packed. Its level is 97 % where
-   95 % is asked for, since the rule that ends a run looks several times (`Estimate.half_width`).
+   Nothing within a replica is pooled: a replica never changes how its grains were packed. Where a rule that looks
+   several times ends the run, the level is 97 % for 95 % (`Estimate.half_width`). A replica that has not come as far
+   as the others has its mean up to its own end; all means have the same weight, since the variance of their sum is
+   then the mean of their variances, whatever these are.
+
+   **Pooled scatter.** An accuracy study has measured the standard deviation s_0 between replicas with nu_0 degrees of
+   freedom. With it s^2 = (nu_0 s_0^2 + (n - 1) s_n^2)/(nu_0 + n - 1), and t has nu_0 + n - 1 degrees of freedom. The
+   run's own scatter s_n counts alone where it is significantly larger (F test at `POOLING_SIGNIFICANCE`), since the
+   study may have had other conditions.
 3. **Drift.** One slope a replica. The error of their mean comes from the scatter of the slopes and from the quadratic
    and cubic coefficients of each replica (Legendre polynomials, which a series of short memory has with the same
    variance, and one without curvature with mean 0): 3 R - 1 degrees of freedom for R replicas. Slow fluctuations have
    larger slopes than cubic coefficients, which makes the error up to a tenth too small at a correlation time of a tenth
    of the part.
-   A single replica has the line through its batch means: it is not converged where that drifts by more than is asked
-   for, or by more than `USUAL`, beyond its 95 % error.
+   A single replica has the line through its batch means: it is not steady where that drifts by more than is asked
+   for, or by more than `USUAL`, beyond its 95 % error. It is never converged, since its error leaves out the scatter
+   between replicas (`Estimate.steady_alone`).
 4. **Verdict** (`steadiness`): steady, drifting or not settled. To exclude a drift takes several times the packings that
    the interval needs; it need not be excluded where a ladder has measured the start-up, on more packings than a run.
 
@@ -31,7 +39,6 @@ import numpy as np
 
 from emclutch.results.statistics import (
     MIN_SAMPLES,
-    STOPPING_ALLOWANCE,
     Estimate,
     checked_signal,
     correlation_samples,
@@ -53,6 +60,10 @@ DRIFT_CONFIDENCE = 0.975
 """One-sided. With it a drift at the limit passes in less than 10 % of runs under the rule that ends them: up to nine
 looks, of which each has its chance."""
 MARGIN = 0.9  # of the half width that is asked for: aimed at when the rest is estimated
+POOLING_SIGNIFICANCE = 0.3
+"""One-sided, of the F test that keeps a run's own scatter apart from that of a study. It is large since the test has
+little power with few replicas: with 0.2 and a study's scatter of half the true one 90 % of intervals hold, with 0.3 and
+no more than 3 degrees of freedom of the study 93 %."""
 MAX_DRIFT = 0.75  # of the half width that is asked for: beyond it (95 %) a drift is not cured by more packings
 
 
@@ -71,22 +82,28 @@ def replicated_mean(
     settled: float = 0.0,
     exclude_drift: bool = True,
     wanted: Callable[[float], float] = lambda mean: USUAL * abs(mean),
+    several_looks: bool = False,
+    scatter: float = 0.0,
+    scatter_freedom: float = 0.0,
 ) -> Estimate:
     """Mean, standard error and drift of the steady part that replicas of one signal have in common.
 
     Parameters
     ----------
     signals : of each replica the ends of its windows (n,) [s], the signal's means over them (n,), and their lengths
-        (n,) [s]; windows of the first replica are taken for all, up to the earliest end.
+        (n,) [s]; windows of the replica that has come farthest are taken for all, each up to its own end.
     average_from : beginning of the averaged part [s]; None chooses it as the module says.
     settled : time [s] before which the averaged part does not begin, unless `average_from` says so.
     exclude_drift : False: the start-up is known to be over by `average_from`.
     wanted : half width of the interval that is asked for, as a function of the mean; the verdict depends on it.
+    several_looks : a rule that looks several times ends the run.
+    scatter, scatter_freedom : standard deviation between replicas over the mean that a study has measured, and its
+        degrees of freedom; 0: none.
 
     Returns
     -------
     Estimate
-        Of a single replica that of `statistics.steady_mean`, which lacks what replicas differ by.
+        Of a single replica that of `statistics.steady_mean`, but not converged.
 
     Raises
     ------
@@ -102,49 +119,52 @@ def replicated_mean(
             if rest.mean is None:
                 return _too_short(alone, settled)
             alone = rest
-        return _without_drift(alone, signals[0], wanted)
-    t, y, dt = _common_windows([checked_signal(*signal) for signal in signals])
-    count, size = len(signals), t.size
+        return _without_drift(alone, signals[0], wanted).of_one_replica()
+    t, dt, rows = _on_common_windows([checked_signal(*signal) for signal in signals])
+    count, size, farthest = len(signals), min(map(len, rows)), float(t[-1]) if t.size else 0.0
+    y, t = np.array([row[:size] for row in rows]), t[:size]
     end = float(t[-1]) if size else 0.0
-    begin = t - dt * (1.0 + 1e-9)
+    begin = t - dt[:size] * (1.0 + 1e-9)
     nominal = max(settled, end / 2.0) if average_from is None else average_from
     first = int(np.searchsorted(begin, nominal - 1e-6 * dt.mean())) if size else 0
     if size < MIN_SAMPLES or size - first < MIN_AVERAGED:
         late = min(first, size // 2)
-        mean = float(np.average(y[:, late:].mean(axis=0), weights=dt[late:])) if size else None
+        mean = float(np.average(y[:, late:].mean(axis=0), weights=dt[late:size])) if size else None
         start = float(t[late] - dt[late]) if size else None
         reason = f"not converged: {size} windows, {MIN_SAMPLES} needed; run longer"
         short = Estimate(mean, None, 0, None, start, False, reason, count, end=end, settled=nominal)
         return short if size < MIN_SAMPLES else _too_short(short, nominal)
-    fit = _StretchFit.of(y[:, first:], dt[first:])
+    fit = _StretchFit(rows, dt, first)
     starting = False
     if average_from is None:
         latest = max(first, size - MIN_AVERAGED)
-        found_cut, is_over = mser_cut(y.mean(axis=0), dt)
+        found_cut, is_over = mser_cut(y.mean(axis=0), dt[:size])
         cut = int(MSER_FACTOR * found_cut) if begin[found_cut] > settled else 0  # else part of what is known
         # after a start-up that is known MSER alone decides; else a start-up is over after twice its cut
         starting = cut > 0 and (not is_over if settled > 0.0 else cut > START_UP_LIMIT * size)
         cut = min(cut, int(MAX_MSER_CUT * size))
         if cut > first:
             first = min(cut, latest)
-            fit = _StretchFit.of(y[:, first:], dt[first:])
-    start, length = float(t[first] - dt[first]), float(dt[first:].sum())
-    if np.ptp(y[:, first:]) <= 1e-13 * np.max(np.abs(y[:, first:])):  # round-off of a value that does not change
+            fit = _StretchFit(rows, dt, first)
+    start, length = float(t[first] - dt[first]), farthest - float(t[first] - dt[first])
+    averaged = np.concatenate([row[first:] for row in rows])
+    if np.ptp(averaged) <= 1e-13 * np.max(np.abs(averaged)):  # round-off of a value that does not change
         reason = "not converged: the signal does not change, so nothing in it says how far off its mean is"
-        return Estimate(fit.mean, None, 0, None, start, False, reason, count, end=end, settled=nominal)
-    even = np.array([rebinned(dt[first:], row, size - first) for row in y[:, first:]])
+        return Estimate(fit.mean, None, 0, None, start, False, reason, count, end=farthest, settled=nominal)
+    even = np.array([rebinned(dt[first:size], row, size - first) for row in y[:, first:]])
     samples = correlation_samples(even)
+    error, freedom, pooled = _pooled(fit, count, scatter, scatter_freedom)
     found = Estimate(
         fit.mean,
-        fit.error,
+        error,
         count,
-        length / even.shape[1] * samples,
+        (end - start) / even.shape[1] * samples,
         start,
         False,
         "",
         count,
-        degrees_of_freedom=count - 1.0,
-        end=end,
+        degrees_of_freedom=freedom,
+        end=farthest,
         settled=min(nominal, start),
         drift=fit.drift / length,
         drift_error=fit.drift_error / length,
@@ -152,8 +172,22 @@ def replicated_mean(
         starts_up=starting,
         fluctuation=math.sqrt(float(even.var(axis=1).mean()) * min(1.0, samples / even.shape[1])),
         exclude_drift=exclude_drift,
+        several_looks=several_looks,
+        pooled_scatter=scatter if pooled else None,
+        pooled_freedom=scatter_freedom if pooled else None,
     )
     return judged(found, wanted(fit.mean))
+
+
+def _pooled(fit: _StretchFit, count: int, scatter: float, freedom: float) -> tuple[float, float, bool]:
+    """Standard error of the mean, its degrees of freedom, and whether a study's scatter is pooled in it."""
+    from scipy.special import fdtri
+
+    own, known = fit.error**2 * count, (scatter * fit.mean) ** 2
+    if known <= 0.0 or freedom <= 0.0 or own > known * fdtri(count - 1, freedom, 1.0 - POOLING_SIGNIFICANCE):
+        return fit.error, count - 1.0, False
+    both = freedom + count - 1.0
+    return math.sqrt((freedom * known + (count - 1.0) * own) / both / count), both, True
 
 
 def _without_drift(
@@ -260,7 +294,8 @@ def _expected(found: Estimate, count: int, factor: float) -> float:
     variance = (found.standard_error or math.inf) ** 2 * found.replicas
     own = min((found.fluctuation or 0.0) ** 2, variance)
     one = variance - own + own / factor
-    return _quantile(count - 1.0, 1.0 - 0.025 * STOPPING_ALLOWANCE) * math.sqrt(one / count)
+    freedom = found.replicas - 1.0 if found.degrees_of_freedom is None else found.degrees_of_freedom
+    return found.quantile(freedom + count - found.replicas) * math.sqrt(one / count)
 
 
 def _expected_drift(found: Estimate, count: int, factor: float, wanted: float) -> bool:
@@ -299,43 +334,42 @@ def _quantile(freedom: float, probability: float) -> float:
 
 
 class _StretchFit:
-    """Legendre coefficients up to the cubic of each replica over a part; mean and drift with their errors."""
+    """Legendre coefficients up to the cubic of each replica over its part; mean and drift with their errors."""
 
-    def __init__(self, coefficients: np.ndarray, mean: float, error: float) -> None:
-        count = len(coefficients)
-        slopes = coefficients[:, 1]
-        self.mean, self.error = mean, error
-        self.freedom = 3.0 * count - 1.0
-        squares = float(((slopes - slopes.mean()) ** 2).sum() + (coefficients[:, 2:] ** 2).sum())
-        self.drift = float(slopes.mean())  # from one end of the part to the other
-        self.drift_error = math.sqrt(squares / self.freedom / count)
+    def __init__(self, rows: Sequence[np.ndarray], dt: np.ndarray, first: int) -> None:
+        """From the means over windows of lengths dt (n,) of each replica, from the window `first` to its own end."""
+        count, longest = len(rows), float(dt[first:].sum())
+        means, slopes, scales, curvature = [], [], [], 0.0
+        for size in sorted({row.size for row in rows}):
+            width, same = dt[first:size], [row[first:] for row in rows if row.size == size]
+            x = (2.0 * np.arange(width.size) + 1.0) / width.size - 1.0
+            basis, triangle = np.linalg.qr(np.polynomial.legendre.legvander(x, 3))
+            even = np.array([rebinned(width, row, width.size) for row in same])
+            coefficients = even @ basis  # of one variance for white noise, in all replicas
+            means += list(np.average(same, weights=width, axis=1))
+            slopes += list(coefficients[:, 1])
+            scales += [0.5 * triangle[1, 1] * float(width.sum()) / longest] * len(same)  # 1 on [-1, 1] drifts by 2
+            curvature += float((coefficients[:, 2:] ** 2).sum())
+        self.mean, self.error = float(np.mean(means)), float(np.std(means, ddof=1)) / math.sqrt(count)
+        scale = float(np.dot(scales, scales))
+        self.drift = float(np.dot(scales, slopes)) / scale  # over the longest part, by least squares
+        squares = float(((np.array(slopes) - self.drift * np.array(scales)) ** 2).sum()) + curvature
+        self.drift_error = math.sqrt(squares / (3.0 * count - 1.0) / scale)
 
-    @classmethod
-    def of(cls, y: np.ndarray, dt: np.ndarray) -> _StretchFit:
-        """From the means (m, n) over windows of lengths dt (n,)."""
-        means = np.average(y, weights=dt, axis=1)
-        error = float(means.std(ddof=1)) / math.sqrt(len(means))
-        even = np.array([rebinned(dt, row, dt.size) for row in y])
-        x = (2.0 * np.arange(dt.size) + 1.0) / dt.size - 1.0
-        basis, triangle = np.linalg.qr(np.polynomial.legendre.legvander(x, 3))
-        # coefficients of orthonormal columns have one variance for white noise; a slope of 1 on [-1, 1] drifts by 2
-        return cls(even @ basis * (2.0 / triangle[1, 1]), float(means.mean()), error)
 
-
-def _common_windows(
-    signals: list[tuple[np.ndarray, np.ndarray, np.ndarray]],
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Ends (n,) and lengths (n,) of common windows [s], and the replicas' means over them (m, n)."""
-    t, _, dt = signals[0]
-    end = min(float(time[-1]) if time.size else 0.0 for time, _, _ in signals)
-    inside = t <= end * (1.0 + 1e-9)
-    t, dt = t[inside], dt[inside]
+def _on_common_windows(
+    signals: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]],
+) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
+    """Ends (n,) and lengths (n,) of common windows [s], and of each replica the means over those it has come to."""
+    t, _, dt = max(signals, key=lambda signal: float(signal[0][-1]) if signal[0].size else 0.0)
     rows = []
     for time, value, duration in signals:
-        if np.array_equal(time[: t.size], t):
-            rows.append(value[: t.size])
+        size = int(np.searchsorted(t, float(time[-1]) * (1.0 + 1e-9), side="right")) if time.size else 0
+        if np.array_equal(time[:size], t[:size]):
+            rows.append(value[:size])
             continue
         ends = np.concatenate([time[:1] - duration[:1], time])
         integral = np.concatenate([[0.0], np.cumsum(duration * value)])
-        rows.append((np.interp(t, ends, integral) - np.interp(t - dt, ends, integral)) / dt)
-    return t, np.array(rows).reshape(len(signals), t.size), dt
+        inside = t[:size]
+        rows.append((np.interp(inside, ends, integral) - np.interp(inside - dt[:size], ends, integral)) / dt[:size])
+    return t, dt, rows

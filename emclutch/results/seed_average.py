@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 CONFIDENCE = 0.95
-OF_A_RUN = ("standard_error", "seconds", "figure_of_merit", "reason", "folder", "started_from")
+OF_A_RUN = ("standard_error", "steady_alone", "seconds", "figure_of_merit", "reason", "folder", "started_from")
 """Columns of a single run that have no average over seeds."""
 
 
@@ -23,7 +23,8 @@ def averaged_over_seeds(rows: Sequence[Mapping[str, Any]], seed: str, others: Se
 
     Parameters
     ----------
-    rows : of single runs, with the columns `seed` and `others`, `torque` [N m], `converged`.
+    rows : of single runs, with the columns `seed` and `others`, `torque` [N m], `converged`; `steady_alone` of runs
+        of one replica, which lack nothing but the scatter between replicas.
     seed : column of the seed.
     others : columns of the other values of the study.
 
@@ -31,7 +32,8 @@ def averaged_over_seeds(rows: Sequence[Mapping[str, Any]], seed: str, others: Se
     -------
     list of dict
         The other values; `seeds`, how many; `torque` with its `standard_error` [N m] from the scatter between the seeds
-        and the ends `low`, `high` of its 95 % interval, None of one seed; `converged` where all runs are; the mean of
+        and the ends `low`, `high` of its 95 % interval, None of one seed; `converged` where all runs are, or lack
+        nothing but the scatter that several seeds show; the mean of
         every other column of numbers, None where a run has none; of an `..._error` the error of that mean, as of the
         torque.
     """
@@ -45,7 +47,8 @@ def _average(group: Sequence[Mapping[str, Any]], seed: str, others: Sequence[str
     first = group[0]
     torques = [row["torque"] for row in group]
     found = {key: first[key] for key in others} | {"seeds": len(group)} | _spread(torques)
-    found["converged"] = all(row["converged"] for row in group)
+    alone = len(group) > 1
+    found["converged"] = all(row["converged"] or (alone and row.get("steady_alone") is True) for row in group)
     for name in first:
         if name not in (seed, *others, *found, *OF_A_RUN):
             values: list[Any] = [row.get(name) for row in group]

@@ -42,7 +42,10 @@ BATCH_CORRELATION_TIMES = 4.0  # with 2 the error of AR(1) series came out 1.5 t
 SOKAL_WINDOW = 5.0
 DRIFT_SIGNIFICANCE = 1e-3
 STOPPING_ALLOWANCE = 0.6
-"""Fraction of the probability of error that an interval of several replicas uses: 97 % is computed for 95 %."""
+"""Fraction of the probability of error that the interval of a run uses whose rule looks several times: 97 % is computed
+for 95 %."""
+REPLICAS = 4  # from which on the interval is of a useful width
+ONE_REPLICA = "one replica, whose interval leaves out the scatter between replicas"
 TOO_FEW = "needed; run longer"
 """End of a reason that time alone mends."""
 
@@ -60,8 +63,9 @@ class Estimate:
     correlation_time : time that holds one independent sample [s].
     start : beginning of the steady part [s].
     converged : steady; of a single series without drift, and at least 10 batches each longer than 4 correlation times.
+        Of a run of one replica never: its error leaves out the scatter between replicas.
     reason : the verdict in words, with the remedy.
-    replicas : independent runs behind it; of one alone, the error lacks what its packing does to the mean.
+    replicas : independent runs behind it.
     degrees_of_freedom : of the error; None: one less than the batches.
     end : end of the averaged part [s]; None of a single series.
     settled : time [s] up to which the signal starts up at the least; the drift counts from there.
@@ -72,6 +76,11 @@ class Estimate:
     fluctuation : standard deviation of one replica's mean that its own fluctuation explains [unit of the signal].
     exclude_drift : whether a small drift is to be excluded; else the start-up is known to be over.
     missing : time [s] that the run is estimated to lack; None: none, or unknown.
+    steady_alone : the run has one replica, which is steady; the error is that within the replica.
+    several_looks : whether a rule that looks at the estimate several times ends the run.
+    pooled_scatter : standard deviation between replicas over the mean, of an earlier study, that is pooled with the
+        scatter of these replicas in `standard_error`: s^2 = (nu_0 s_0^2 + (n - 1) s_n^2)/(nu_0 + n - 1); None: none.
+    pooled_freedom : its degrees of freedom nu_0.
     """
 
     mean: float | None
@@ -92,24 +101,44 @@ class Estimate:
     starts_up: bool = False
     exclude_drift: bool = True
     missing: float | None = None
+    steady_alone: bool = False
+    several_looks: bool = False
+    pooled_scatter: float | None = None
+    pooled_freedom: float | None = None
+
+    @property
+    def is_steady(self) -> bool:
+        """True if the estimate is converged, or lacks nothing but other replicas."""
+        return self.converged or self.steady_alone
+
+    def of_one_replica(self) -> Estimate:
+        """Return the estimate of a run of one replica: not converged, though it may be steady."""
+        if not self.converged:
+            return self
+        reason = f"not converged: {ONE_REPLICA}; set accuracy.replicas = {REPLICAS}"
+        return replace(self, converged=False, steady_alone=True, reason=reason)
 
     def half_width(self, confidence: float = 0.95) -> float | None:
         """Half the width of the mean's two-sided confidence interval by Student's t; None: unknown.
 
-        Of several replicas, two fifths of the probability of error are kept for the looks of the rule that ends a
-        run, and half the drift over the averaged part is added in quadrature where it is to be excluded, so that the
-        interval tends to hold its two ends too. Of a run of fixed length the interval is wider than it need be.
+        Where a rule that looks several times ends the run, two fifths of the probability of error are kept for its
+        other looks. Half the drift over the averaged part of several replicas is added in quadrature where it is to be
+        excluded, so that the interval tends to hold the two ends of that part too.
         """
         freedom = self.batches - 1 if self.degrees_of_freedom is None else self.degrees_of_freedom
         if self.mean is None or self.standard_error is None or freedom < 1:
             return None
+        half = self.quantile(freedom, confidence) * self.standard_error
+        if self.drift is None or self.start is None or self.end is None or not self.exclude_drift:
+            return half
+        return math.hypot(half, 0.5 * self.drift * (self.end - self.start))
+
+    def quantile(self, freedom: float, confidence: float = 0.95) -> float:
+        """Half the width of a two-sided confidence interval over the standard error, with the allowance for looks."""
         from scipy.special import stdtrit
 
-        if self.drift is None or self.start is None or self.end is None:
-            return float(stdtrit(freedom, 0.5 + 0.5 * confidence)) * self.standard_error
-        quantile = float(stdtrit(freedom, 1.0 - STOPPING_ALLOWANCE * 0.5 * (1.0 - confidence)))
-        drift = self.drift * (self.end - self.start) if self.exclude_drift else 0.0
-        return math.hypot(quantile * self.standard_error, 0.5 * drift)
+        allowance = STOPPING_ALLOWANCE if self.several_looks else 1.0
+        return float(stdtrit(freedom, 1.0 - allowance * 0.5 * (1.0 - confidence)))
 
     @property
     def known(self) -> bool:
@@ -138,10 +167,11 @@ class Estimate:
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> Estimate:
-        """Inverse of `as_dict`; other keys are ignored."""
+        """Inverse of `as_dict`; other keys are ignored, and one replica is not converged, as of earlier versions."""
         known = {name: values.get(name) for name in cls.__slots__}
-        known |= {"starts_up": bool(known["starts_up"])}
-        return cls(**{**known, "batches": known["batches"] or 0, "replicas": known["replicas"] or 1})  # type: ignore[arg-type]
+        known |= {name: bool(known[name]) for name in ("starts_up", "steady_alone", "several_looks")}
+        found = cls(**{**known, "batches": known["batches"] or 0, "replicas": known["replicas"] or 1})  # type: ignore[arg-type]
+        return found.of_one_replica() if found.replicas == 1 else found
 
 
 def more_time(found: Estimate, end: float, wanted: float) -> float | None:

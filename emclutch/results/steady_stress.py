@@ -75,8 +75,8 @@ def steady_stress(histories: Sequence[pandas.DataFrame], conditions: SteadyCondi
     ]
     of_ratio = replace(conditions, negligible=0.0)  # what is asked for in Pa says nothing of a number without a unit
     friction = steady_mean_of(linear, _RATIO, of_ratio, start)
-    if friction.converged and not shear.converged:
-        friction = replace(friction, converged=False, reason=shear.reason)
+    if friction.is_steady and not shear.is_steady:
+        friction = replace(friction, converged=False, steady_alone=False, reason=shear.reason)
     return SteadyStress(shear, normal, friction)
 
 
@@ -89,7 +89,7 @@ def steady_measure(histories: Sequence[pandas.DataFrame], conditions: SteadyCond
 
 def _sheared_enough(found: Estimate, histories: Sequence[pandas.DataFrame]) -> Estimate:
     """Return the estimate, not converged where some box was sheared too little while averaging."""
-    if not found.converged or found.start is None:
+    if not found.is_steady or found.start is None:
         return found
     for history in histories:
         strain = history[SHEAR_STRAIN].to_numpy()
@@ -102,7 +102,7 @@ def _sheared_enough(found: Estimate, histories: Sequence[pandas.DataFrame]) -> E
                 f"not converged: the box was sheared by {averaged:.2g} only while averaging, {MIN_AVERAGED_STRAIN:g} "
                 f"needed; raise time.end to {1.05 * needed:.2g} s"
             )
-            return replace(found, converged=False, reason=reason, missing=1.05 * needed - end)
+            return replace(found, converged=False, steady_alone=False, reason=reason, missing=1.05 * needed - end)
     return found
 
 

@@ -21,6 +21,7 @@ from emclutch.results.columns import (
     DISC_SPEED,
     ROTOR_SPEED,
     SHEAR_STRAIN,
+    SHEAR_STRESS,
     TIME,
     TORQUE_DISC,
     TORQUE_FIELD,
@@ -58,6 +59,14 @@ class SteadyConditions:
         Shear strain of the gap before which no torque is averaged; 0: unknown.
     exclude_drift : bool
         A torque that may drift is not steady; False: its start-up is known to be over by `average_from`.
+    several_looks : bool
+        The rule that ends the run may look at the torque several times.
+    replica_scatter : float
+        Standard deviation between replicas of the torque, over it, that an accuracy study has measured; 0: none.
+    replica_scatter_freedom : float
+        Its degrees of freedom.
+    replica_scatter_from : float
+        Time [s] from which on it is that of a run: means over a shorter part scatter more.
     """
 
     average_from: float | None = None
@@ -67,6 +76,10 @@ class SteadyConditions:
     share: float = 0.0
     start_up_strain: float = 0.0
     exclude_drift: bool = True
+    several_looks: bool = False
+    replica_scatter: float = 0.0
+    replica_scatter_freedom: float = 0.0
+    replica_scatter_from: float = 0.0
 
     def wanted(self, mean: float) -> float:
         """Half the interval's width [N m] that is asked for of a torque [N m]; where nothing is, that of `USUAL`."""
@@ -96,6 +109,7 @@ class SteadyConditions:
     def from_dict(cls, values: Mapping[str, Any]) -> SteadyConditions:
         """Inverse of `as_dict`; what is missing is unknown."""
         known = {one.name: values[one.name] for one in fields(cls) if values.get(one.name) is not None}
+        known.setdefault("several_looks", bool(known.get("share") or known.get("negligible")))  # of an earlier version
         return cls(**known)
 
 
@@ -104,19 +118,24 @@ def steady_mean_of(
 ) -> Estimate:
     """Mean and standard error of the steady part of a torque [N m] or stress [Pa] over all packings.
 
-    By statistics alone.
+    By statistics alone. The scatter that a study has measured is that of the disc's torque, or of the shear stress.
 
     `average_from` [s] is that of the conditions where it is None.
     """
     start = conditions.average_from if average_from is None else average_from
     signals = [(each[TIME].to_numpy(), each[column].to_numpy(), durations(each)) for each in histories]
-    settled = conditions.settled(histories)
+    is_pooled = column in (TORQUE_DISC, SHEAR_STRESS) and all(
+        time[-1] >= conditions.replica_scatter_from for time, _, _ in signals
+    )
     return replicated_mean(
         signals,
         average_from=start,
-        settled=settled,
+        settled=conditions.settled(histories),
         exclude_drift=conditions.exclude_drift or start is None,
         wanted=conditions.wanted,
+        several_looks=conditions.several_looks,
+        scatter=conditions.replica_scatter if is_pooled else 0.0,
+        scatter_freedom=conditions.replica_scatter_freedom,
     )
 
 
@@ -135,7 +154,7 @@ def steady_torque(
         Histories of the same scene with other packings.
     """
     found = _judged(history, conditions, replicas)
-    if not found.converged and (changing := changing_drive(history, found.start)):
+    if not found.is_steady and (changing := changing_drive(history, found.start)):
         return replace(found, reason=f"not converged: {changing}", missing=None)
     return found
 
@@ -147,7 +166,7 @@ def _judged(
     found = steady_mean_of((history, *replicas), TORQUE_DISC, conditions)
     if _is_negligible((history, *replicas), conditions):
         return _negligible(found, conditions.negligible)
-    if not found.converged or found.mean is None or found.start is None:
+    if not found.is_steady or found.mean is None or found.start is None:
         text, missing = _how_much_longer(found, history, conditions)
         return replace(found, reason=found.reason + text, missing=missing)
     for each in (history, *replicas):
@@ -159,7 +178,8 @@ def _judged(
             problem, least = _little_shear(each, duration, late, conditions)
         if problem:
             text, missing = _how_much_longer(found, history, conditions, least)
-            return replace(found, converged=False, reason=f"not converged: {problem}{text}", missing=missing)
+            reason = f"not converged: {problem}{text}"
+            return replace(found, converged=False, steady_alone=False, reason=reason, missing=missing)
     return found
 
 
@@ -186,7 +206,9 @@ def _negligible(found: Estimate, bound: float) -> Estimate:
         freedom = found.degrees_of_freedom or max(found.batches - 1.0, 1.0)
         unit = replace(found, standard_error=1.0, degrees_of_freedom=freedom).half_width()
         found = replace(found, standard_error=bound / (unit or 1.0), degrees_of_freedom=freedom)
-    return replace(found, converged=True, reason=f"converged: below {bound:g} N m in every window of the later half")
+    below = f"below {bound:g} N m in every window of the later half"
+    found = replace(found, converged=True, reason=f"converged: {below}")
+    return found.of_one_replica() if found.replicas == 1 else found
 
 
 def _how_much_longer(

@@ -13,7 +13,7 @@ from emclutch.scene.errors import Fault
 from emclutch.scene.fill import fill_of
 from emclutch.scene.grains import MAX_GRAINS
 from emclutch.scene.motion import HELD
-from emclutch.scene.replica_count import packs_alike
+from emclutch.scene.replica_count import has_steady_torque, packs_alike
 from emclutch.scene.repose import repose_agrees
 from emclutch.scene.section import did_you_mean
 from emclutch.scene.sector_checks import sector_in_geometry, sector_in_surfaces, sector_width
@@ -278,6 +278,25 @@ def _replicas(draft: Draft) -> Iterator[Fault]:
         )
 
 
+def _scatter(draft: Draft) -> Iterator[Fault]:
+    """The scatter between replicas has its degrees of freedom, and replicas that it is of."""
+    scene, accuracy = draft.scene, draft.scene.accuracy
+    both = ("accuracy.replica_scatter", "accuracy.replica_scatter_freedom")
+    if (accuracy.replica_scatter is None) != (accuracy.replica_scatter_freedom is None):
+        given, lacking = both if accuracy.replica_scatter_freedom is None else both[::-1]
+        yield draft.fault(given, f"needs {lacking} as well; give both, or none")
+    elif accuracy.replica_scatter is None:
+        return
+    elif not has_steady_torque(scene):
+        yield draft.fault(both[0], "is that of a steady torque, which this scene has not; remove it")
+    elif accuracy.replicas == 1 or packs_alike(scene):
+        yield draft.fault(
+            both[0],
+            "is pooled with the scatter of several replicas, and this scene has one; remove it, or take a random "
+            "packing and accuracy.replicas = 2 to 64",
+        )
+
+
 def _initial_flow(draft: Draft) -> Iterator[Fault]:
     """Grains that begin in shear need a gap that is sheared as a whole."""
     scene = draft.scene
@@ -313,4 +332,5 @@ CHECKS: tuple[tuple[Check, tuple[str, ...]], ...] = (
     (_target, (GEOMETRY_KIND, "accuracy", "time", "particles")),
     (one_slip, ("geometry", "accuracy", "time", "motion", "effects", "particles", "coil")),
     (_replicas, (GEOMETRY_KIND, "accuracy", "time", "particles")),
+    (_scatter, ("geometry", "accuracy", "time", "motion", "effects", "particles", "coil")),
 )

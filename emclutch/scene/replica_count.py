@@ -11,6 +11,11 @@ if TYPE_CHECKING:
 AUTOMATIC = 4
 """Packings of a steady torque at the least: Student's t of three degrees of freedom is the first of a useful width."""
 
+WITH_KNOWN_SCATTER = 2
+"""The same of a run with `time.until` whose scene knows the scatter between replicas: t has more degrees of freedom."""
+DOUBTFUL_FREEDOM = 3
+"""Degrees of freedom up to which a known scatter may be of other conditions: a run begins with `AUTOMATIC` replicas."""
+
 
 def replica_count(scene: Scene) -> int:
     """Number of packings that the scene asks for; where it does not, with how many a run begins."""
@@ -24,8 +29,14 @@ def max_replica_count(scene: Scene) -> int:
 
 
 def automatic_count(scene: Scene) -> int:
-    """Packings of a scene that does not say how many: `AUTOMATIC` for a steady torque of a random packing, else 1."""
-    return 1 if not has_steady_torque(scene) or packs_alike(scene) else AUTOMATIC
+    """Packings of a scene that does not say how many: 1 where no torque is steady, or no packing random.
+
+    Else `AUTOMATIC`, or `WITH_KNOWN_SCATTER`.
+    """
+    if not has_steady_torque(scene) or packs_alike(scene):
+        return 1
+    is_known = scene.span.until is not None and (scene.accuracy.replica_scatter_freedom or 0) > DOUBTFUL_FREEDOM
+    return WITH_KNOWN_SCATTER if is_known else AUTOMATIC
 
 
 def replicas_side_by_side(count: int, threads: int) -> int:

@@ -9,7 +9,7 @@ from emclutch.scene.section import Entry
 if TYPE_CHECKING:
     from pydantic import GetJsonSchemaHandler
 
-_LEAST, _MOST = 0.1, 50.0  # per cent
+LEAST, MOST = 0.1, 50.0  # per cent
 
 
 class Share(float):
@@ -41,7 +41,7 @@ class ShareEntry(Entry):
             per_cent = float(text.removesuffix("%"))
         except ValueError:
             raise ValueError(f"is not a share in per cent; write it as in '{self.sample}'") from None
-        if not _LEAST <= per_cent <= _MOST:
+        if not LEAST <= per_cent <= MOST:
             raise ValueError(f"is out of range; allowed: {self.range_text}, e.g. '{self.sample}'")
         return Share(0.01 * per_cent)
 

@@ -14,6 +14,8 @@ from emclutch.scene.share import Share, ShareEntry
 from emclutch.scene.torque_target import TorqueTarget, TorqueTargetEntry
 from emclutch.scene.units import Time, number
 
+MAX_SCATTER_FREEDOM = 1000  # of accuracy.replica_scatter
+
 
 class TimeSection(Section):
     """End of the simulation, coupling window and step of the grains; None is chosen by the program.
@@ -130,6 +132,17 @@ class AccuracySection(Section):
     )
     max_replicas: Annotated[int, Whole(4, 64, "24")] = Field(
         default=24, description="most packings of a run with time.until and an automatic number of replicas"
+    )
+    replica_scatter: Annotated[Share, ShareEntry()] | None = Field(
+        default=None,
+        description="relative standard deviation between replicas of the mean torque, as an accuracy study has "
+        "measured it for runs to time.end; it is pooled with the run's own scatter (needs replica_scatter_freedom)",
+        examples=["0.9 %"],
+    )
+    replica_scatter_freedom: Annotated[int, Whole(1, MAX_SCATTER_FREEDOM, "16")] | None = Field(
+        default=None,
+        description="degrees of freedom of replica_scatter: replicas of the study less its settings. With more than 3 "
+        "a run with time.until begins with 2 replicas; up to 3 stand for a study of another current",
     )
 
 

@@ -17,7 +17,7 @@ from emclutch.knobs import knobs_of
 from emclutch.knobs.powder import COUNT
 from emclutch.results import OutputError
 from emclutch.results.ladder import Ladder, Total
-from emclutch.results.ladders import DRIVE, SHIPPED, device_hash, find_ladder
+from emclutch.results.ladders import SHIPPED, device_hash, find_ladder
 from emclutch.results.recommended import STATISTICS, Obstacle, recommended
 from emclutch.results.statistics import Estimate
 from emclutch.results.text import format_duration, per_cent
@@ -27,7 +27,7 @@ from emclutch.scene.input_files import file_contents
 from emclutch.simulation.forecast.machine_speed import slowness
 from emclutch.simulation.knob_settings import applying, as_measured, settings_of, total_at
 from emclutch.simulation.plan import Plan
-from emclutch.simulation.recommended_case import cheapest_case, whole_ring
+from emclutch.simulation.recommended_case import cheapest_case, other_drive, whole_ring
 from emclutch.simulation.scaled_slip import strain_rate
 
 if TYPE_CHECKING:
@@ -142,7 +142,7 @@ def _by_ladder(case: Case, plan: Plan, torque: Estimate, device: Device | None) 
         "case": ladder.case,
         "date": ladder.machine.get("date"),
         "drive": ladder.drive,
-        "note": _other_drive(ladder, flat),
+        "note": other_drive(ladder, flat),
     }
     entry |= corrected(torque, total)
     entry["next"] = _next(case, ladder, entry["total_error"])
@@ -236,13 +236,3 @@ def extrapolated(ladder: Ladder, settings: Mapping[str, float]) -> dict[str, str
 
 def _unknown(why: str) -> dict[str, Any]:
     return {"discretisation_error": None, "discretisation_error_note": why}
-
-
-def _other_drive(ladder: Ladder, flat: Mapping[str, Any]) -> str:
-    """Return at which drive a ladder was measured where the run has another; else empty."""
-    others = [
-        f"{key} = {ladder.drive[key]} instead of {flat.get(key)}"
-        for key in DRIVE
-        if key in ladder.drive and ladder.drive[key] != flat.get(key)
-    ]
-    return f"measured at {', '.join(others)}" if others else ""

@@ -18,6 +18,7 @@ from emclutch.simulation.plan import Plan, make_plan
 from emclutch.simulation.plan_in_words import plan_in_words
 from emclutch.simulation.run_request import RunRequest
 from emclutch.simulation.scaled_slip import strain_rate
+from emclutch.simulation.stopping_rule import looks_several_times
 from emclutch.simulation.threads import threading_layer, threads_in_use
 
 log = logging.getLogger(__name__)
@@ -69,7 +70,7 @@ def plan_run(request: RunRequest) -> PlannedRun:
     )
     if request.target is not None:
         folder.add_to_provenance(accuracy_target=float(request.target))
-    conditions = steady_conditions(plan.scene, device)
+    conditions = steady_conditions(plan.scene, device, plan.end)
     missing = left_out(plan.scene, device, plan, expected_torque(plan.scene, device, plan.peak_field))
     folder.write_plan(
         {
@@ -83,8 +84,8 @@ def plan_run(request: RunRequest) -> PlannedRun:
     return PlannedRun(device, plan, conditions, decisions)
 
 
-def steady_conditions(scene: Scene, device: Device) -> SteadyConditions:
-    """Criteria of a plan's scene for the verdict on a run's torque."""
+def steady_conditions(scene: Scene, device: Device, end: float) -> SteadyConditions:
+    """Criteria of a plan's scene, whose longest run ends at `end` [s], for the verdict on a run's torque."""
     until = scene.span.until
     negligible, share = (0.0, 0.0) if until is None else (until.absolute or 0.0, until.relative or 0.0)
     return SteadyConditions(
@@ -95,4 +96,8 @@ def steady_conditions(scene: Scene, device: Device) -> SteadyConditions:
         share,
         start_up_strain(scene),
         scene.span.exclude_drift,
+        looks_several_times(scene, device, end),
+        scene.accuracy.replica_scatter or 0.0,
+        float(scene.accuracy.replica_scatter_freedom or 0),
+        0.99 * end,
     )

@@ -9,9 +9,14 @@ from typing import Any
 
 from emclutch.knobs import knobs_of
 from emclutch.results.ladder import Ladder
+from emclutch.results.ladders import DRIVE
 from emclutch.results.recommended import Choice, Obstacle, obstacle, reaching
 from emclutch.scene.case import Case
 from emclutch.scene.errors import SceneError
+from emclutch.scene.flat import flat_scene
+from emclutch.scene.replica_count import DOUBTFUL_FREEDOM, packs_alike
+from emclutch.scene.share import LEAST, MOST
+from emclutch.scene.timing import MAX_SCATTER_FREEDOM
 from emclutch.simulation.knob_settings import across_of, settings_of, total_at, with_settings
 from emclutch.simulation.plan import make_plan
 
@@ -92,6 +97,8 @@ def _takes(case: Case, ladder: Ladder, settings: Mapping[str, float]) -> bool:
 def case_for(case: Case, ladder: Ladder, choice: Choice, target: float) -> tuple[Choice, Case]:
     """Return a case with a choice's settings, that runs until statistics and discretisation together reach a target.
 
+    The scatter between replicas that the study has measured is pooled with the run's own.
+
     The choice is returned as the scene takes it: a window, or a sector, may come out somewhat larger, and its
     error be larger than the target, or unknown. SceneError or ValueError where the scene, or its plan, refuses the
     settings.
@@ -106,8 +113,37 @@ def case_for(case: Case, ladder: Ladder, choice: Choice, target: float) -> tuple
         values["time.end"] = f"strain {start + ladder.strain:.6g}"
         values["time.average_from"] = f"strain {start:.6g}"
         values["time.exclude_drift"] = False  # the start-up is part of the ladder, from more packings than a run has
+    values |= known_scatter(case, ladder, choice)
     case = with_settings(case.with_values(values), choice.settings, across_of(ladder))
     plan = make_plan(case)[1]
     choice = replace(choice, total=total_at(ladder, settings_of(case, plan, start), plan))
     allowed = math.sqrt(max(target**2 - choice.total.half_width**2, SMALLEST**2))
     return choice, case.with_values({"time.until": f"torque {math.floor(1e4 * allowed) / 100.0:g} %"})
+
+
+def known_scatter(case: Case, ladder: Ladder, choice: Choice) -> dict[str, Any]:
+    """Return the entries of a scene that say how much replicas scatter at a choice's settings, by the ladder.
+
+    With few degrees of freedom where the case has another drive than the ladder, or runs of another length. None where
+    all replicas are alike, or scatter by more than a scene may say.
+    """
+    none: dict[str, Any] = {"accuracy.replica_scatter": None, "accuracy.replica_scatter_freedom": None}
+    if packs_alike(case.scene) or not 0.0 < choice.scatter <= 0.01 * MOST or ladder.freedom < 1.0:
+        return none
+    other_length = "start_up" not in choice.settings and case.scene.accuracy.time_end is not None
+    is_other = other_length or bool(other_drive(ladder, flat_scene(case.toml())))
+    freedom = min(ladder.freedom, DOUBTFUL_FREEDOM if is_other else MAX_SCATTER_FREEDOM)
+    return {
+        "accuracy.replica_scatter": f"{max(100.0 * choice.scatter, LEAST):.4g} %",
+        "accuracy.replica_scatter_freedom": int(freedom),
+    }
+
+
+def other_drive(ladder: Ladder, flat: Mapping[str, Any]) -> str:
+    """Return at which drive a ladder was measured where the run has another; else empty."""
+    others = [
+        f"{key} = {ladder.drive[key]} instead of {flat.get(key)}"
+        for key in DRIVE
+        if key in ladder.drive and ladder.drive[key] != flat.get(key)
+    ]
+    return f"measured at {', '.join(others)}" if others else ""

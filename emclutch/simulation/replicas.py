@@ -242,8 +242,9 @@ def count_of_run(case: Case, folder: RunFolder, goes_on: bool) -> int:
 def case_of_replica(case: Case, number: int) -> Case:
     """The scene of another replica: its own seed, no pictures and nothing for ParaView."""
     quiet = {"output.snapshots": 0, "output.pictures": False, "output.profiles": False, "output.formats": []}
+    alone = {"accuracy.replicas": 1, "accuracy.replica_scatter": None, "accuracy.replica_scatter_freedom": None}
     seed = replica_seed(case.scene.scene.seed, number)
-    return case.with_values({**quiet, "scene.seed": seed, "accuracy.replicas": 1, "output.folder": None})
+    return case.with_values({**quiet, **alone, "scene.seed": seed, "output.folder": None})
 
 
 @contextmanager

@@ -1,11 +1,16 @@
 """`time.until`: when a run ends, and until then whether it takes more time or more packings.
 
-A run begins with a few packings (`FIRST_COUNT`) of the first length. At each look the torque of all of them is judged
+A run begins with a few replicas of the first length (`emclutch.scene.replica_count.automatic_count`): four, or two
+where the scene has the scatter between replicas from an accuracy study with more than three degrees of freedom. That
+scatter is of means up to `time.end`, which is then the only length. At each look the torque of all replicas is judged
 (`emclutch.results.steady_torque`). Where its interval is not narrow enough, or its drift not excluded:
 
 - all packings continue to the next length, 1.5 times the last one and at most `time.end`, where that is estimated to
   need less simulated time than more packings, or where the torque has a significant drift;
 - else the length stays, and more packings are run: 6, 8, 12, 16, 24, ... (`COUNTS`), at most `accuracy.max_replicas`.
+
+A run of one replica ends where its own error is small enough, but its torque does not count as known: the scatter
+between replicas is not in that error.
 
 Looks are few, and both ways to continue are decided by numbers that all packings share, so that the end depends neither
 on the speed of the machine nor on the number of cores. How often such runs are right:
@@ -28,8 +33,8 @@ from emclutch.results.replicated_mean import (
     more_time_suffices,
     steadiness,
 )
-from emclutch.results.statistics import Estimate
-from emclutch.scene.replica_count import max_replica_count
+from emclutch.results.statistics import REPLICAS, Estimate
+from emclutch.scene.replica_count import AUTOMATIC, max_replica_count, replica_count
 from emclutch.scene.start_up import start_up_strain
 from emclutch.scene.torque_target import TorqueTarget
 from emclutch.simulation.scaled_slip import strain_rate
@@ -38,8 +43,7 @@ if TYPE_CHECKING:
     from emclutch.device_model.device import Device
     from emclutch.scene.model import Scene
 
-FIRST_COUNT = 4
-COUNTS = (4, 6, 8, 12, 16, 24, 32, 48, 64)
+COUNTS = (2, 4, 6, 8, 12, 16, 24, 32, 48, 64)
 FIRST_LENGTH = 3.0  # times the start-up that is known
 ALONE = 0.125  # of time.end: taken for the start-up of a run of one packing of which nothing is known
 CONFIRMED = 8  # packings whose mean tells a start-up that lasts from a chance
@@ -79,11 +83,15 @@ def lengths(end: float, start_up: float) -> tuple[float, ...]:
 
 def is_known(torque: Estimate, target: TorqueTarget) -> bool:
     """True if a torque is steady, and its 95 % interval narrow enough."""
-    half = torque.half_width()
-    if not torque.converged or half is None or torque.mean is None:
+    if not torque.converged or torque.mean is None or not _is_narrow(torque, target):
         return False
-    wanted = target.half_width(torque.mean)
-    return half <= wanted and steadiness(torque, wanted) is Steadiness.STEADY
+    return steadiness(torque, target.half_width(torque.mean)) is Steadiness.STEADY
+
+
+def _is_narrow(torque: Estimate, target: TorqueTarget) -> bool:
+    """True if half the 95 % interval is as narrow as asked for."""
+    half = torque.half_width()
+    return half is not None and torque.mean is not None and half <= target.half_width(torque.mean)
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +111,7 @@ class StoppingRule:
     lengths: tuple[float, ...]
     max_count: int
 
-    def first(self, count: int = FIRST_COUNT, reached: float = 0.0) -> GoOn:
+    def first(self, count: int = AUTOMATIC, reached: float = 0.0) -> GoOn:
         """First request; of a run that continues, from the time `reached` [s] on."""
         length = next((one for one in self.lengths if one >= reached * (1.0 - 1e-9)), self.lengths[-1])
         return GoOn(min(count, self.max_count), length)
@@ -112,6 +120,8 @@ class StoppingRule:
         """Decide by the torque of `now.count` packings up to `now.length`."""
         if is_known(torque, self.target):
             return Stop(True)
+        if torque.steady_alone and _is_narrow(torque, self.target):
+            return Stop(False)
         longer = [one for one in self.lengths if one > now.length * (1.0 + 1e-9)]
         more = [one for one in COUNTS if now.count < one <= self.max_count] if now.count > 1 else []
         wanted = 0.0 if torque.mean is None else self.target.half_width(torque.mean)
@@ -128,7 +138,7 @@ class StoppingRule:
         self, torque: Estimate, now: GoOn, longer: Sequence[float], more: Sequence[int], wanted: float
     ) -> bool:
         """True if running all packings longer is estimated to need less simulated time than more packings."""
-        if torque.converged and not torque.drift_error:  # what is missing are balance and shear
+        if torque.is_steady and not torque.drift_error:  # what is missing are balance and shear
             return True
         if not more_packings_suffice(torque, more[-1], wanted):
             return True
@@ -147,14 +157,23 @@ def stopping_rule(scene: Scene, device: Device, end: float) -> StoppingRule | No
     start_up = scene.span.average_time or (start_up_strain(scene) / rate if rate else 0.0)
     if count == 1 and not start_up:
         start_up = ALONE * end
-    return StoppingRule(until, lengths(end, start_up), count)
+    times = (end,) if scene.accuracy.replica_scatter else lengths(end, start_up)
+    return StoppingRule(until, times, count)
+
+
+def looks_several_times(scene: Scene, device: Device, end: float) -> bool:
+    """True if the rule of `time.until`, where there is one, may look more than once at a run until `end` [s]."""
+    rule = stopping_rule(scene, device, end)
+    return rule is not None and (len(rule.lengths) > 1 or rule.max_count > replica_count(scene))
 
 
 def enough(torque: Estimate, wanted: float, end: float) -> tuple[int | None, float | None]:
     """Return the packings, and the end [s], of which either is estimated to reach the half width `wanted` [N m]."""
     if torque.replicas < 2:
         half = torque.half_width()
-        return None, None if half is None or not torque.converged else end * max(1.0, (half / wanted) ** 2)
+        if half is None or not torque.steady_alone:
+            return None, None
+        return (REPLICAS, None) if half <= wanted else (None, end * (half / wanted) ** 2)
     counts = [] if drifts_significantly(torque, wanted) else [one for one in COUNTS if one > torque.replicas]
     count = next((one for one in counts if more_packings_suffice(torque, one, wanted)), None)
     times = end * np.array([1.5, 2.0, 3.0, 5.0, 10.0])
@@ -174,10 +193,11 @@ def remedy(torque: Estimate, target: TorqueTarget, end: float) -> str:
             f"fraction of it can be reached; give a {target.quantity} as well: until = '{target} or {target.example}'"
         )
     if torque.replicas < 2:
-        if not torque.converged:
+        time = enough(torque, wanted, end)[1]
+        if time is None:
             return torque.reason
         short = f"half the interval is {half:.2g} {target.unit}, {wanted:.2g} asked for"
-        return f"{short}; raise time.end to about {enough(torque, wanted, end)[1]:.2g} s"
+        return f"{short}; raise time.end to about {time:.2g} s; {torque.reason}"
     if drifts_significantly(torque, wanted):
         return f"{torque.reason}; raise time.end above {end:.3g} s: more packings do not help"
     if torque.missing or (not torque.converged and torque.drift_error is None):

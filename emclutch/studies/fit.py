@@ -356,6 +356,6 @@ def in_words(result: FitResult) -> list[str]:
             f"{fitted.probability:.1g}): widen the range, or the difference is not one of these parameters"
         )
     if result.doubtful:
-        lines.append(f"WARNING: {result.doubtful} simulated torques are not converged; run longer")
+        lines.append(f"WARNING: {result.doubtful} simulated torques are not converged; run longer, or more replicas")
     lines.append(f"scene: {result.folder / 'fitted.toml'}, pictures: {result.folder / 'fit.png'}")
     return lines

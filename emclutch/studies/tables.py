@@ -191,6 +191,7 @@ def row_of(values: dict[str, Any], result: Result) -> dict[str, Any]:
         "low": low,
         "high": high,
         "converged": torque.converged,
+        "steady_alone": torque.steady_alone,
         "torque_rotor": summary.get("torque_rotor", {}).get("mean"),
         "gap_flux_density": summary.get("gap_flux_density"),
         **{name: summary[name] for name in DRAG if name in summary},
@@ -233,7 +234,8 @@ def disc_torque(result: Result) -> Estimate:
     if TORQUE_DISC in result.history:
         return result.torque
     if result.steady is not None:
-        return Estimate(None, None, 0, None, None, result.steady.converged, result.steady.reason)
+        steady = result.steady
+        return Estimate(None, None, 0, None, None, steady.converged, steady.reason, steady_alone=steady.steady_alone)
     return Estimate(None, None, 0, None, None, False, "the scene has no disc")
 
 

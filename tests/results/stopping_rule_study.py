@@ -4,7 +4,8 @@
 
 prints, for each kind of signal and target: fraction of runs called known; how many of these hold the mean of the
 averaged part, and the level at its end, in their interval; share of all runs that are called known and wrong;
-packings, length over the longest run, and half width over the mean.
+packings, length over the longest run, and half width over the mean. Before that, for levels of several distributions
+and with the scatter of a study or without it: right runs, known ones, packings, half width over the mean.
 
 `quickstart_packings.csv.gz` has the torque on the disc of packings of cases/quickstart.toml in windows of 0.1 ms, of
 60 seeds with four packings each up to 8 ms (six where the rule asks for them), and of 32 packings up to 27 ms, whose
@@ -27,10 +28,12 @@ from scipy.signal import lfilter
 
 from emclutch.results.replicated_mean import replicated_mean
 from emclutch.results.statistics import Estimate
+from emclutch.scene.replica_count import AUTOMATIC, DOUBTFUL_FREEDOM, WITH_KNOWN_SCATTER
 from emclutch.scene.torque_target import TorqueTarget
 from emclutch.simulation.stopping_rule import Stop, StoppingRule, lengths
 
 WINDOWS = 300
+OF_STUDY = 16  # degrees of freedom of an accuracy study
 FLUCTUATION = 0.05  # standard deviation of a window over the mean
 START_UP = 4.22e-3  # s, a shear strain of 9 in the quickstart
 
@@ -45,6 +48,7 @@ class Signal:
     packings : standard deviation of the packings' levels.
     drift : rise over the longest run.
     start_up, decay : amplitude and time constant of an exponential.
+    levels : their distribution: normal, two modes, lognormal (of a sigma of 0.75), or rare, a tenth of them.
     """
 
     correlation: float = 6.0
@@ -52,6 +56,19 @@ class Signal:
     drift: float = 0.0
     start_up: float = 0.0
     decay: float = 0.05
+    levels: str = "normal"
+
+    def level(self, rng: np.random.Generator) -> float:
+        """A packing's level over `packings`: mean 0, standard deviation 1."""
+        if self.levels == "normal":
+            return rng.standard_normal()
+        if self.levels == "two modes":
+            return float(rng.choice([-1.0, 1.0]))
+        if self.levels == "rare":
+            return (float(rng.random() < 0.1) - 0.1) / 0.3
+        square = 0.75**2
+        spread = np.sqrt(np.expm1(square) * np.exp(square))
+        return float((np.exp(0.75 * rng.standard_normal()) - np.exp(0.5 * square)) / spread)
 
     def packing(self, seed: int, number: int) -> np.ndarray:
         """One packing's torque (WINDOWS,)."""
@@ -59,13 +76,13 @@ class Signal:
         a, before = (self.correlation - 1.0) / (self.correlation + 1.0), int(10 * self.correlation)
         noise = rng.standard_normal(WINDOWS + before) * FLUCTUATION * np.sqrt(1.0 - a * a)
         t = (np.arange(WINDOWS) + 0.5) / WINDOWS
-        own = lfilter([1.0], [1.0, -a], noise)[before:] + self.packings * rng.standard_normal()
+        own = lfilter([1.0], [1.0, -a], noise)[before:] + self.packings * self.level(rng)
         return 1.0 + own + self.drift * t + self.start_up * np.exp(-t / self.decay)
 
     def __str__(self) -> str:
         return (
             f"correlation {self.correlation:g}, packings {self.packings:g}, drift {self.drift:g}, "
-            f"start-up {self.start_up:g} exp(-t/{self.decay:g})"
+            f"start-up {self.start_up:g} exp(-t/{self.decay:g}), {self.levels}"
         )
 
 
@@ -83,16 +100,18 @@ class Run:
 
 
 def ended(
-    torque_of: Callable[[int, float], tuple], rule: StoppingRule, settled: float, exclude_drift: bool = True
-) -> tuple[Estimate, bool, int, float]:
+    torque_of: Callable[[int, float], tuple], rule: StoppingRule, settled: float, exclude_drift: bool = True,
+    first: int = AUTOMATIC, **scatter: float,
+) -> tuple[Estimate, bool, int, float]:  # fmt: skip
     """Estimate, whether known, packings and length [s] of a run by the rule; `torque_of` a number up to a time."""
     start = None if exclude_drift else settled
-    now = rule.first()
+    now = rule.first(first)
     while True:
         signals = [torque_of(number, now.length) for number in range(now.count)]
         found = replicated_mean(
-            signals, settled=settled, average_from=start, exclude_drift=exclude_drift, wanted=rule.target.half_width
-        )
+            signals, settled=settled, average_from=start, exclude_drift=exclude_drift, wanted=rule.target.half_width,
+            several_looks=True, **scatter,
+        )  # fmt: skip
         following = rule.after(found, now)
         if isinstance(following, Stop):
             return found, following.reached, now.count, now.length
@@ -100,8 +119,11 @@ def ended(
 
 
 def run_of(signal: Signal, target: float, seed: int, known_start_up: float = 0.0, max_count: int = 64, *,
-           exclude_drift: bool = True) -> Run:  # fmt: skip
-    """One run of a synthetic signal."""
+           exclude_drift: bool = True, freedom: int = 0, wrong: float = 1.0) -> Run:  # fmt: skip
+    """One run of a synthetic signal; `freedom` of the scatter that a study of other packings finds, times `wrong`.
+
+    A study of `OF_STUDY` degrees of freedom is made in any case.
+    """
     time, width = (np.arange(WINDOWS) + 1.0) / WINDOWS, np.full(WINDOWS, 1.0 / WINDOWS)
     packing = cache(lambda number: signal.packing(seed, number))
 
@@ -110,7 +132,12 @@ def run_of(signal: Signal, target: float, seed: int, known_start_up: float = 0.0
         return time[:n], packing(number)[:n], width[:n]
 
     rule = StoppingRule(TorqueTarget(target), lengths(1.0, known_start_up), max_count)
-    found, known, count, length = ended(torque_of, rule, known_start_up, exclude_drift)
+    scatter, first = {}, AUTOMATIC
+    if freedom:
+        study = [signal.packing(seed, 1000 + number)[WINDOWS // 2 :].mean() for number in range(OF_STUDY + 1)]
+        scatter = {"scatter": wrong * np.std(study, ddof=1) / np.mean(study), "scatter_freedom": float(freedom)}
+        first = WITH_KNOWN_SCATTER if freedom > DOUBTFUL_FREEDOM else AUTOMATIC
+    found, known, count, length = ended(torque_of, rule, known_start_up, exclude_drift, first, **scatter)
     half = found.half_width() or 0.0
     mean, middle = found.mean or 0.0, 0.5 * ((found.start or 0.0) + (found.end or 0.0))
     right = abs(mean - 1.0 - signal.drift * middle) <= half
@@ -173,6 +200,19 @@ REFERENCE = float(np.mean(_LONG))
 
 if __name__ == "__main__":
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 300
+    kinds = [Signal(2.0, 0.1, levels="two modes"), Signal(2.0, 0.09, levels="rare"),
+             Signal(2.0, 0.06, levels="lognormal"), Signal(2.0, 0.06)]  # fmt: skip
+    for target in (0.10, 0.05, 0.02):
+        for kind in kinds:
+            for freedom, wrong in ((0, 1.0), (16, 1.0), (6, 1.0), (3, 1.0), (3, 0.7), (3, 0.5)):
+                runs = [run_of(kind, target, seed, freedom=freedom, wrong=wrong) for seed in range(count)]
+                s, right = summary_of(runs), np.mean([run.right for run in runs])
+                print(
+                    f"{right:5.3f} right  {s.known:5.2f} known  {s.replicas:5.1f} packings  "
+                    f"{100 * s.half_width:5.2f} %  "
+                    f"target {100 * target:g} %, {kind}, study {freedom}, its scatter times {wrong:g}",
+                    flush=True,
+                )
     print("known  holds mean  holds end  known and wrong  drifting  packings  length  half width")
     for target in (0.02, 0.10):
         for correlation in (2.0, 6.0, 20.0):

@@ -82,7 +82,7 @@ def test_a_run_that_fails_has_a_page_that_says_why(tmp_path):
 @pytest.mark.parametrize(
     ("written", "changed", "marks"),
     [
-        ({}, {}, {"torque on the disc": Mark.GOOD, "balance of": Mark.GOOD, "One packing": Mark.POOR}),
+        ({}, {}, {"torque on the disc": Mark.POOR, "balance of": Mark.GOOD, "leaves out the scatter": Mark.POOR}),
         ({"windows": 10}, {}, {"torque on the disc": Mark.POOR}),  # too few to know the error
         ({"mean": 0.0}, {}, {"torque on the disc": Mark.POOR}),
         ({"off": 0.3}, {}, {"balance of": Mark.POOR}),
@@ -119,7 +119,9 @@ def test_the_best_estimate_comes_first_with_its_total_error(tmp_path, bias, half
              "extrapolated": {}, "ladder": {"note": "", "file": "a.json", "date": ""}, "next": None}  # fmt: skip
     size = {"note": "4 grains across the gap", "torque_excess": 0.28, "torque_excess_low": 0.24,
             "torque_excess_high": 0.32}  # fmt: skip
-    folder.write_summary(folder.read_summary() | {"discretisation_error": error, "grain_size": size})
+    summary = folder.read_summary()
+    torque = summary["torque"] | {"replicas": 4}
+    folder.write_summary(summary | {"discretisation_error": error, "grain_size": size, "torque": torque})
     result = load_result(tmp_path)
     best, raw, *others = result.verdict
     budget = next(one for one in others if "budget" in one.text)

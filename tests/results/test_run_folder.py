@@ -336,7 +336,7 @@ def test_result_reads_the_folder(tmp_path):
     estimate = steady_mean(cut_off.history["time"], cut_off.history["torque_disc"], average_from=0.5)
     folder.write_summary({"torque": estimate.as_dict()})
     result = load_result(folder.path)
-    assert result.torque == estimate and result.torque.start == pytest.approx(0.5)
+    assert result.torque == estimate.of_one_replica() and result.torque.start == pytest.approx(0.5)
     with pytest.raises(OutputError, match=r"run\.h5 does not exist"):
         result.open_record()
 

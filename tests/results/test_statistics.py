@@ -138,4 +138,8 @@ def test_wrong_series_are_refused():
 
 def test_estimate_survives_json():
     estimate = steady_mean(np.arange(1.0, 101.0), np.random.default_rng(0).standard_normal(100))
-    assert Estimate.from_dict(estimate.as_dict()) == estimate
+    several = replace(estimate, replicas=4, several_looks=True, pooled_scatter=0.02, pooled_freedom=16.0)
+    assert Estimate.from_dict(several.as_dict()) == several
+    alone = estimate.of_one_replica()  # of an earlier version too, whose file calls it converged
+    assert estimate.converged and not alone.converged and alone.is_steady
+    assert Estimate.from_dict(estimate.as_dict()) == Estimate.from_dict(alone.as_dict()) == alone

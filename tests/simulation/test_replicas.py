@@ -7,6 +7,7 @@ import re
 import signal
 import threading
 from contextlib import suppress
+from dataclasses import replace
 
 import made_up_ladder
 import numpy as np
@@ -90,6 +91,20 @@ def test_all_replicas_end_at_the_same_window_once_the_torque_is_known(known):
         [1.2 * 1.5**k for k in range(len(looks))], rel=0.01
     )
     assert "target precision reached" in log
+
+
+def test_a_study_scatter_is_pooled_at_the_end_of_the_run_only(known):
+    """Not in a run that is cut off: means over a shorter part scatter more."""
+    histories = [rows(known.folder.path), *(rows(path) for path in known.folder.replica_folders())]
+    of = SteadyConditions.from_dict(known.folder.read_plan()["steady_torque"])
+    assert of.several_looks and of.replica_scatter == 0.0
+    assert of.replica_scatter_from == pytest.approx(0.99 * 6e-3, rel=1e-2)
+    end = histories[0]["time"].iloc[-1]
+    pooled = replace(of, replica_scatter=0.5, replica_scatter_freedom=16.0, replica_scatter_from=0.99 * end)
+    found = steady_torque(histories[0], pooled, histories[1:])
+    assert (found.pooled_scatter, found.pooled_freedom, found.degrees_of_freedom) == (0.5, 16.0, 18.0)
+    early = steady_torque(histories[0], replace(pooled, replica_scatter_from=1.01 * end), histories[1:])
+    assert early == known.torque
 
 
 @pytest.mark.stability

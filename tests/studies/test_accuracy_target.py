@@ -10,10 +10,12 @@ from emclutch.results import OutputError, RunFolder
 from emclutch.results.ladder import Basis, KnobLadder, Rung
 from emclutch.results.ladders import VARIABLE, save_ladder
 from emclutch.scene.errors import SceneError
+from emclutch.scene.replica_count import automatic_count
 from emclutch.scene.study import read_study
 from emclutch.simulation.discretisation_error import accuracy_in_words, device_of
 from emclutch.simulation.plan import make_plan
 from emclutch.simulation.run import run as run_with_settings
+from emclutch.simulation.stopping_rule import stopping_rule
 from emclutch.studies.accuracy import target as accuracy_target
 from emclutch.studies.accuracy.target import cases_of, with_target
 
@@ -42,6 +44,23 @@ def test_settings_and_end_follow_from_the_ladder(folder):
     assert found.span.until.relative == pytest.approx(math.sqrt(0.05**2 - choice.total.half_width**2), abs=1e-4)
     finer = cell(accuracy__target="1 %", **ENDS)
     assert with_target(finer).scene.span.steps_per_contact == 40.0
+
+
+def test_the_scatter_of_the_study_is_in_the_scene(folder):
+    """With three degrees of freedom only at another current, where it may be another one."""
+    case = cell(accuracy__target="5 %", **ENDS)
+    with_ladder(case, contact_step(0.04, 0.004), scatter=0.02, freedom=16.0)
+    found = with_target(case).scene
+    expected = accuracy_target.settled(case).choice.scatter  # of the coarser step
+    assert found.accuracy.replica_scatter == pytest.approx(expected) and found.accuracy.replica_scatter_freedom == 16
+    assert automatic_count(found) == 2 and automatic_count(case.scene) == 4
+    device, plan = make_plan(with_target(case))
+    assert stopping_rule(plan.scene, device, plan.end).lengths == (plan.end,)  # the scatter is of means to the end
+    with_ladder(case, contact_step(0.04, 0.004), scatter=0.02, freedom=16.0, drive={"coil.current": 0.5})
+    found = with_target(case).scene
+    assert found.accuracy.replica_scatter_freedom == 3 and automatic_count(found) == 4
+    with pytest.raises(SceneError, match="and this scene has one; remove it, or take a random packing and"):
+        with_target(case).with_values({"accuracy.replicas": 1})
 
 
 def test_the_step_by_dvi_follows_from_the_ladder(folder):

@@ -61,6 +61,9 @@ def test_the_interval_between_seeds_holds_the_mean_as_often_as_it_promises():
 
 
 def test_one_seed_and_a_missing_torque_have_no_interval():
+    alone = [row(2.0, **{SEED: seed}) | {"converged": False, "steady_alone": True} for seed in (1, 2)]
+    assert averaged_over_seeds(alone, SEED, [])[0]["converged"]  # runs of one replica each, whose scatter seeds show
+    assert not averaged_over_seeds(alone[:1], SEED, [])[0]["converged"]
     (one,) = averaged_over_seeds([row(2.0, **{SEED: 1})], SEED, [])
     assert (one["seeds"], one["torque"], one["standard_error"], one["low"]) == (1, 2.0, None, None)
     (none,) = averaged_over_seeds([row(None, **{SEED: 1}), row(2.0, **{SEED: 2})], SEED, [])

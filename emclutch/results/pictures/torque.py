@@ -80,7 +80,7 @@ def torque_picture(
         torque = factor * np.asarray(other[TORQUE_DISC], dtype=np.float64)
         axis.plot(time_factor * np.asarray(other[TIME]), torque, color="#7fb2dd", lw=0.6, zorder=1, label=label)
     axis.axhline(0.0, color="black", lw=0.6)
-    is_transient = bool(drives) and estimate is not None and not estimate.converged
+    is_transient = bool(drives) and estimate is not None and not estimate.is_steady
     if estimate is not None and estimate.mean is not None and estimate.start is not None and not is_transient:
         start = time_factor * estimate.start
         axis.axvspan(start, time[-1], color="#0b5fa5", alpha=0.07, lw=0, label="averaged part")

@@ -33,11 +33,14 @@ from emclutch.results.grain_profiles import profile_column, read_profiles
 from emclutch.results.replicated_mean import drift_in_words
 from emclutch.results.report.verdict import RPM, Mark, Statement, best_in_words, in_words, sentence, verdict
 from emclutch.results.rise_time import in_words as in_words_of_rise
+from emclutch.results.statistics import ONE_REPLICA
 from emclutch.results.study_folder import StudyFolder, is_study, read_study, refresh_in_words
 from emclutch.results.study_result import best_estimate_lines, grain_size_lines
 from emclutch.results.text import format_stress, format_time, format_torque, per_cent
 
 AT_THE_END = ("coil current", "voltage", "copper loss", "flux density")  # rows of quantities of the last window
+
+RARE = 0.1  # of the replicas have a state whose chance to be missed is said
 
 LeftOutOf = Callable[[Result], Sequence[LeftOut]]
 """What the scene of a run leaves out, see `emclutch.simulation.check`."""
@@ -325,7 +328,7 @@ def conclusion(result: Result) -> list[Statement]:
         number = "one reservation" if len(against) == 1 else f"{len(against)} reservations, the first"
         second = Statement(Mark.POOR, f"The verdict has {number}: {against[0]}")
     rises = [Statement(Mark.NOTE, sentence(line)) for line in in_words_of_rise(summary)]
-    if found is None or found.mean is None or (not found.converged and changing_drive(result.history, found.start)):
+    if found is None or found.mean is None or (not found.is_steady and changing_drive(result.history, found.start)):
         return [*rises, Statement(Mark.NOTE, "The run has no steady torque."), second]
     current = summary.get("current") if _current_is_steady(result) else None
     at = "" if current is None else f" at {current:.4g} A"
@@ -333,7 +336,8 @@ def conclusion(result: Result) -> list[Statement]:
     at += f"{' and' if at else ' at'} {slip * RPM:.4g} rpm of slip" if slip else ""
     shown = _measured(result)
     first = f"The {_measured_name({'': result})}{at} is {shown}"
-    first += "." if found.converged else "; it has not converged."
+    ending = f"; it is of {ONE_REPLICA}" if found.steady_alone else "; it has not converged"
+    first += "." if found.converged else f"{ending}."
     sentences = [Statement(Mark.GOOD if found.converged else Mark.POOR, first)]
     if TORQUE_DISC in result.history and (best := best_in_words(result)) is not None:
         sentences.insert(0, Statement(Mark.GOOD if found.converged else Mark.POOR, sentence(best)))
@@ -410,6 +414,8 @@ def _progress(study: StudyFolder, results: dict[str, Result]) -> list[Statement]
         worst = _widest(results.values())
         precision = f"; half of the widest 95 % interval is {worst} of its mean" if worst else ""
         text = f"The {_measured_name(results)} is converged at {known} of {done} points{precision}."
+        if alone := sum(one.steady is not None and one.steady.steady_alone for one in results.values()):
+            text += f" {alone} points are each of {ONE_REPLICA}."
         lines.append(Statement(Mark.GOOD if known == done else Mark.POOR, text))
     if outdated := refresh_in_words(study):
         lines.append(Statement(Mark.POOR, sentence(outdated)))
@@ -482,6 +488,13 @@ def _torques(result: Result) -> list[tuple[str, str]]:
         return []
     torque, summary = result.torque, result.summary
     rows = [("torque on the disc", format_torque(torque)), ("packings", str(torque.replicas))]
+    if torque.replicas > 1:
+        missed = 100.0 * (1.0 - RARE) ** torque.replicas
+        rare = f"a state of {100.0 * RARE:g} % of replicas"
+        rows.append((rare, f"in none of these with a probability of {missed:.2g} %"))
+    if torque.pooled_scatter is not None:
+        known = f"{per_cent(torque.pooled_scatter)} with {torque.pooled_freedom:g} degrees of freedom"
+        rows.append(("scatter between replicas that is pooled with theirs", known))
     if torque.drift is not None:
         rows.append(("drift over the averaged part", drift_in_words(torque)))
     if torque.start is not None:

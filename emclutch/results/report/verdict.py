@@ -34,6 +34,7 @@ from emclutch.results.replicated_mean import (
     steadiness,
 )
 from emclutch.results.rise_time import in_words as in_words_of_rise
+from emclutch.results.statistics import ONE_REPLICA, REPLICAS
 from emclutch.results.text import format_duration, format_stress, format_time, format_torque, per_cent
 from particles.dem.overlap_limits import SOFT
 
@@ -41,9 +42,6 @@ RPM = 30.0 / math.pi
 CLOSES = 0.01
 """A balance that is off by less, of the largest torque or of the energy supplied, exchanged and dissipated, says
 nothing of the results: the statistical errors are larger."""
-
-PACKINGS = 6
-"""Of a first run that is to know how packings differ."""
 
 MAX_PACKINGS = 64
 """Of accuracy.replicas and accuracy.max_replicas."""
@@ -149,22 +147,24 @@ def best_in_words(result: Result) -> str | None:
 def _known(result: Result, name: str, found: Estimate, words: str) -> Iterator[Statement]:
     name = f"raw {name}" if name.startswith("torque") and best_in_words(result) is not None else name
     half, until = found.half_width(), result.summary.get("until")
-    if not found.converged and (changing := changing_drive(result.history, found.start)):
+    if not found.is_steady and (changing := changing_drive(result.history, found.start)):
         yield Statement(Mark.NOTE, f"The run has no steady {name}: {changing}.")
         return
-    if not found.converged:
+    if found.steady_alone:
+        yield Statement(Mark.POOR, f"The {name} of this replica is {words}; {found.reason}.")
+    elif not found.converged:
         yield Statement(Mark.POOR, f"The {name} is not known: {words}; {found.reason}.")
     elif half is None or not found.mean:
         yield Statement(Mark.POOR, f"The {name} is not known: {words}.")
     else:
         share, short = half / abs(found.mean), until is not None and not until["reached"]
-        packings = f"of {found.replicas} packings" if found.replicas > 1 else "of one packing"
+        packings = f"of {found.replicas} packings"
         yield Statement(
             Mark.POOR if short or share >= 1.0 else Mark.NOTE if share > ROUGH else Mark.GOOD,
             f"The {name} is known to {100.0 * share:.2g} %: {words}, {packings}; {found.reason}.",
         )
-    if found.replicas == 1:
-        yield Statement(Mark.POOR, "One packing ran: what packings differ by is not in the error.")
+    if found.replicas == 1 and not found.steady_alone:
+        yield Statement(Mark.POOR, f"It is of {ONE_REPLICA}.")
 
 
 def _end(result: Result) -> Iterator[Statement]:
@@ -259,9 +259,9 @@ def _next(result: Result) -> Iterator[Statement]:
         if settings.get("next"):
             how = f"{in_words(largest)} is the largest part of the error; {settings['next']}"
             yield Statement(Mark.NOTE, f"next: {how}")
-    elif found.converged and found.replicas == 1 and until.get("end") is None:
-        how = f"accuracy.replicas = {PACKINGS} shows what packings differ by, in about"
-        yield Statement(Mark.NOTE, f"next: {how} {format_duration(PACKINGS * spent)} of processor time in all")
+    elif found.steady_alone and until.get("end") is None:
+        how = f"accuracy.replicas = {REPLICAS} measures the scatter between replicas, in about"
+        yield Statement(Mark.NOTE, f"next: {how} {format_duration(REPLICAS * spent)} of processor time in all")
     elif found.replicas == 1 or _runs_longer(found, wanted, until, end):
         later = until.get("end") or (0.0 if found.missing else 2.0 * end)
         yield _longer(result, max(later, end + (found.missing or 0.0)), end, spent)

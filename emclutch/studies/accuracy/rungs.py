@@ -23,6 +23,8 @@ from emclutch.simulation.scaled_slip import strain_rate
 
 QUIET: dict[str, Any] = {
     "accuracy.replicas": 1,
+    "accuracy.replica_scatter": None,
+    "accuracy.replica_scatter_freedom": None,
     "accuracy.target": None,
     "time.until": None,
     "time.average_from": None,
