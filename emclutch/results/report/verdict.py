@@ -163,6 +163,12 @@ def _known(result: Result, name: str, found: Estimate, words: str) -> Iterator[S
             Mark.POOR if short or share >= 1.0 else Mark.NOTE if share > ROUGH else Mark.GOOD,
             f"The {name} is known to {100.0 * share:.2g} %: {words}, {packings}; {found.reason}.",
         )
+    if known := result.conditions.replica_scatter if found.known and found.pooled_scatter is None else 0.0:
+        yield Statement(
+            Mark.NOTE,
+            f"the scatter of accuracy.replica_scatter ({per_cent(known)}) is not pooled: these replicas scatter "
+            "significantly more, or the run is shorter than time.end",
+        )
     if found.replicas == 1 and not found.steady_alone:
         yield Statement(Mark.POOR, f"It is of {ONE_REPLICA}.")
 
