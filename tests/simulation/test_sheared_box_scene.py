@@ -256,7 +256,10 @@ def test_a_resumed_run_is_the_same_bit_for_bit(base, method, tmp_path):
 
 
 def test_a_run_of_one_replica_ends_by_itself_once_its_own_error_is_small(tmp_path):
-    """Its stress does not count as known, since the scatter between replicas is unknown. Long before time.end, not before the shear that is needed; a run that was stopped and resumed ends there too."""
+    """Long before time.end, not before the shear that is needed; a run that was stopped and resumed ends there too.
+
+    Its stress does not count as known, since the scatter between replicas is unknown.
+    """
     case = scene(DRY, DENSE | {"contact.stiffness": "50 N/m", "geometry.shear_rate": 2000.0, "time.window": 5e-5,
                                "time.until": "stress 20 %", "time.end": "40 ms", "output.snapshots": 0})  # fmt: skip
     whole = run(case, out=tmp_path / "whole", threads=1)
