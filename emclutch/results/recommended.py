@@ -21,11 +21,12 @@ import numpy as np
 
 from emclutch.results.ladder import Basis, KnobLadder, Ladder, Rung, Total
 from emclutch.results.replicated_mean import DRIFT_CONFIDENCE, DRIFT_LIMIT
+from emclutch.results.setting_errors import PAIRS
 from emclutch.results.statistics import STOPPING_ALLOWANCE
 from emclutch.results.text import format_duration, per_cent
 from emclutch.results.torque_curves import NORMAL
 
-PACKINGS = (2, 3, 4, 6, 8, 12, 16, 24)
+PACKINGS = (2, 4, 6, 8, 12, 16, 24)
 OWN_PACKINGS = 4
 """Of the scene's own settings, where nothing is asked for."""
 """Numbers of packings that a run with `time.until` looks at (emclutch.simulation.stopping_rule)."""
@@ -176,11 +177,13 @@ class Combinations:
         self._chosen = np.zeros((1, 0), dtype=np.int8)
         self.cost, self.scatter = np.ones(1), np.full(1, ladder.scatter)
         self._variance, self._shared = np.zeros(1), np.zeros(1)
+        self._squares, self._fourth = np.zeros(1), np.zeros(1)  # sums of powers of the errors
         for knob, candidates in zip(self._knobs, found, strict=True):
             self._combine(candidates)
             if knob.basis is Basis.MOMENTS:
                 self._keep_frontier()
-        half = NORMAL * np.sqrt(self._variance + self._shared**2)
+        interaction = np.maximum(0.0, 0.5 * (self._squares**2 - self._fourth))
+        half = np.sqrt(NORMAL**2 * (self._variance + self._shared**2) + PAIRS**2 * interaction)
         own = ladder.total(ladder.told)
         place = int(np.argmin(np.abs(np.log(self.cost)) + np.abs(self._own_distance())))
         self.discretisation = half * (own.half_width / half[place] if half[place] > 0.0 else 1.0)
@@ -202,6 +205,8 @@ class Combinations:
         self.scatter = np.multiply.outer(self.scatter, [one.scatter for one in candidates]).ravel()
         self._variance = np.add.outer(self._variance, [one.variance for one in candidates]).ravel()
         self._shared = np.add.outer(self._shared, [one.shared for one in candidates]).ravel()
+        self._squares = np.add.outer(self._squares, [one.bias**2 for one in candidates]).ravel()
+        self._fourth = np.add.outer(self._fourth, [one.bias**4 for one in candidates]).ravel()
 
     def _keep_frontier(self) -> None:
         """Keep what no cheaper combination is as accurate as."""
@@ -212,6 +217,7 @@ class Combinations:
             kept = kept[np.linspace(0, len(kept) - 1, MAX_WITHOUT_NOISE).round().astype(int)]
         self._chosen, self.cost, self.scatter = self._chosen[kept], self.cost[kept], self.scatter[kept]
         self._variance, self._shared = self._variance[kept], self._shared[kept]
+        self._squares, self._fourth = self._squares[kept], self._fourth[kept]
 
     def statistical(self, packings: int) -> np.ndarray:
         """Return the half widths of the packings' mean (m,)."""
@@ -369,12 +375,13 @@ def _spent(ladder: Ladder) -> float:
 
 @dataclass(frozen=True, slots=True)
 class _Candidate:
-    """A setting: cost and scatter over those at the scene's own, variance of its error without the part by the mean at
-    the scene's own settings, and the standard deviation by that mean, with its sign."""
+    """A setting: cost and scatter over those at the scene's own, its error, the variance of that without the part by
+    the mean at the scene's own settings, and the standard deviation by that mean, with its sign."""
 
     rung: Rung
     cost: float
     scatter: float
+    bias: float
     variance: float
     shared: float
 
@@ -396,7 +403,8 @@ def _candidates(ladder: Ladder, knob: KnobLadder, most: int) -> list[_Candidate]
         draws, error = found_error
         shared = float(unit @ draws[0]) / len(unit) if knob.basis is Basis.TORQUE else 0.0
         variance = (error.half_width / NORMAL) ** 2 - shared**2  # tails count as in an interval
-        found.append(_Candidate(rung, rung.cost, _scatter_ratio(ladder, knob, rung), max(0.0, variance), shared))
+        ratio = _scatter_ratio(ladder, knob, rung)
+        found.append(_Candidate(rung, rung.cost, ratio, error.bias, max(0.0, variance), shared))
     own = next((one for one in found if knob.is_own(one.rung.setting)), None)
     here = ladder.error(knob.knob)
     if own is not None and here is not None and abs(here.bias) + here.half_width <= NEGLIGIBLE:

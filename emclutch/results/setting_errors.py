@@ -22,7 +22,9 @@ an m of its own.
 | d of settings without noise | the same, tau half-Cauchy of a tenth of the range of their values |
 | scatter between replicas | the measured one, chi^2 of its degrees of freedom |
 
-Besides, 5 % of each error is unknown (95 %), and the product of two errors may be added to them in either direction.
+Besides, 5 % of each error is unknown, and three times the product of two errors may be added to them in either
+direction (95 % each): the brake's torque at 4 grains per gap and an inertial number of 0.4 together lacks 3.0 times the
+product of both errors, -11 %.
 
 **Computation.** Given orders, scales and scatter, the model is linear and Gaussian. These are drawn from a Gaussian
 proposal in transformed coordinates that is fitted to a first set of draws, weighted by the marginal likelihood
@@ -53,6 +55,8 @@ DEVIATION = 0.007
 OF_RANGE = 0.1  # deviations of values without noise over their range
 MODEL = 0.05
 """Part of each error that is unknown, 95 %."""
+PAIRS = 3.0
+"""Times the product of two errors that may be added to them, 95 %."""
 NORMAL = 1.96
 LOWEST_EXCESS, LARGEST_EXCESS = -0.5, 10.0
 LARGEST = 1.0  # scale of an error or a deviation
@@ -276,10 +280,10 @@ class SettingErrors:
         return float(middle), float(low), float(high)
 
     def interaction(self, errors: Sequence[np.ndarray]) -> np.ndarray:
-        """Return what errors, (2, s) each, may do to each other (s,): products of all pairs, in either direction."""
+        """Return what errors, (2, s) each, may do to each other (s,), by the products of all pairs."""
         squares = np.sum([one[0] ** 2 for one in errors], axis=0)
         pairs = 0.5 * (squares**2 - np.sum([one[0] ** 4 for one in errors], axis=0))
-        return np.sqrt(np.maximum(pairs, 0.0)) / NORMAL * self._normal
+        return np.sqrt(np.maximum(pairs, 0.0)) * PAIRS / NORMAL * self._normal
 
 
 def own_place(knob: KnobLadder) -> int | None:
