@@ -108,8 +108,8 @@ def test_quickstart_at_toy_size(tmp_path):
 def test_the_torque_of_the_quickstart(tmp_path):
     """As it is shipped, but two packings: after their start-up within 12 % of what was measured.
 
-    The four packings of quickstart.torque have a standard deviation of 3.6 %, so that the bound is 4.7 standard errors
-    of a mean of two. How many packings a run takes, and when it ends, is the subject of test_replicas.
+    Four packings have had standard deviations of 1.7 and 3.6 %, so that the bound is at least 4.7 standard errors of a
+    mean of two. How many packings a run takes, and when it ends, is the subject of test_replicas.
     """
     command = [sys.executable, "-m", "emclutch.cli.main", "run", str(CASES / "quickstart.toml")]
     values = ("accuracy.replicas=2", "time.until=none", "output.snapshots=0", "output.pictures=false")

@@ -441,7 +441,11 @@ class _Study(ResumableStudy):
     # tasks ------------------------------------------------------------------------------------------------------
 
     def _packing(self, knob: str, setting: float, name: str) -> AccuracyTask:
-        """Return the task of a packing, whose seed follows from its number, the last part of its name."""
+        """Return the task of a packing, whose seed follows from its number, the last part of its name.
+
+        Packings with equal seeds at different settings have independent torques beyond a shear strain of 2 to 4
+        (docs/accuracy.md).
+        """
         number = int(Path(name).name)
         values: dict[str, Any] = {"scene.seed": replica_seed(self.case.scene.scene.seed, FIRST_SEED + number)}
         if knob != BASE:
