@@ -387,7 +387,14 @@ class Ladder:
             freedom = one.pop("freedom")
             one.setdefault("is_large", one["knob"] in LARGE)
             basis = Basis(one.pop("basis"))
-            knobs.append(KnobLadder(**one, basis=basis, rungs=rungs, freedom=math.inf if freedom is None else freedom))
+            freedom = math.inf if freedom is None else _positive("freedom", freedom)
+            knobs.append(KnobLadder(**one, basis=basis, rungs=rungs, freedom=freedom))
+        for name in ("freedom", "packings", "seconds"):
+            _positive(name, values[name])
+        if not 0.0 <= values["scatter"] < math.inf:
+            raise ValueError(f"scatter = {values['scatter']!r} is out of range; allowed: finite numbers from 0 on")
+        if not 0.0 < abs(values["torque"]) < math.inf:
+            raise ValueError(f"torque = {values['torque']!r} is out of range; allowed: any finite number but 0")
         return cls(**values, knobs=tuple(knobs))
 
 
@@ -415,6 +422,13 @@ def pooled_scatter(groups: Sequence[tuple[Sequence[float], float]]) -> tuple[flo
     if freedom == 0:
         raise ValueError("no rung has two packings: nothing says how much packings differ; run at least two of one")
     return math.sqrt(squares / freedom), float(freedom)
+
+
+def _positive(name: str, value: Any) -> float:
+    """Return a number above 0; ValueError for another one, TypeError for what is no number."""
+    if not 0.0 < value < math.inf:
+        raise ValueError(f"{name} = {value!r} is out of range; allowed: finite numbers above 0")
+    return float(value)
 
 
 def _rung_of(values: Mapping[str, Any]) -> Rung:

@@ -218,6 +218,16 @@ def test_a_ladder_of_another_version_is_refused_and_one_of_version_2_is_read():
     assert Ladder.from_json(json.dumps(values)) == whole
 
 
+@pytest.mark.parametrize(
+    "entries",
+    [{"freedom": 0}, {"freedom": math.nan}, {"scatter": -0.1}, {"torque": 0.0}, {"seconds": math.inf}, {"packings": 0}],
+)
+def test_a_ladder_with_a_number_that_no_study_has_is_refused_by_name(entries):
+    text = ladder_of(knob_of(FIVE, [1.2, 1.1, 1.08, 1.03, 1.0], [0.01] * 5, name="grains_across", **GRAINS)).to_json()
+    with pytest.raises(ValueError, match=f"{next(iter(entries))} = .* is out of range; allowed: "):
+        Ladder.from_json(json.dumps(json.loads(text) | entries))
+
+
 def test_a_ladder_is_read_as_it_was_written_and_gives_the_same_errors():
     h = np.array([1.0, 0.5, 0.25])
     knobs = (knob_of(h, (1.1, 1.02, 1.0), [0.01] * 3, freedom=5.0), knob_of(h, (1.1, 1.02, 1.0), name="b", order=None))
