@@ -7,6 +7,7 @@ import json
 import logging
 import os
 from collections.abc import Container, Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -82,5 +83,10 @@ def find_ladder(device: str) -> tuple[Ladder, Path] | None:
             why = f"{path} is no ladder of this version ({error}); measure again with emclutch accuracy, or remove it"
             if path == paths[-1]:
                 raise OutputError(why) from None
-            log.warning("%s: the one that comes with emclutch is used", why)
+            _warn_once(f"{why}: the one that comes with emclutch is used")
     return None
+
+
+@cache
+def _warn_once(message: str) -> None:
+    log.warning("%s", message)

@@ -27,6 +27,14 @@ def test_the_quickstart_has_one(monkeypatch, tmp_path):
     assert "largest part: " in accuracy_in_words(case, make_plan(case)[1])
 
 
+def test_an_old_file_is_named_once_and_the_shipped_one_used(monkeypatch, tmp_path, caplog):
+    monkeypatch.setenv(VARIABLE, str(tmp_path))
+    case = load_case(CASES / "quickstart.toml")
+    (old := tmp_path / f"{device_of(case)}.json").write_text('{"version": 1}')
+    assert ladder_of_device(case)[1] == ladder_of_device(case)[1] == SHIPPED / old.name
+    assert caplog.text.count(f"{old} is no ladder of this version (it is of version 1 of accuracy studies") == 1
+
+
 @pytest.mark.parametrize("path", LADDERS, ids=lambda path: path.stem)
 def test_the_page_has_the_answers_of_this_version(path, monkeypatch, tmp_path):
     monkeypatch.setenv(VARIABLE, str(tmp_path))
