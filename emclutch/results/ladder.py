@@ -337,7 +337,12 @@ class Ladder:
         Its replicas are also those that the errors are measured by.
         """
         errors = {name: found[0] for name, h in self.told.items() if (found := self.draws(name, h)) is not None}
-        torque = KnobError.of(self.posterior.level - self._total(errors)[2])
+        level = self.posterior.level
+        if not self._groups[0]:  # no setting has torques of its own: the mean at the scene's settings, and its scatter
+            noise = np.random.default_rng(0).standard_t(self.freedom, level.shape[1]) * self.scatter
+            noise /= math.sqrt(self.packings)
+            level = np.stack([math.log(abs(self.torque)) + noise, noise])
+        torque = KnobError.of(level - self._total(errors)[2])
         return math.copysign(1.0 + torque.bias, self.torque), torque.half_width
 
     def total(self, step_sizes: Mapping[str, float], limits: Mapping[str, float] | None = None) -> Total:

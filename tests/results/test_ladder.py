@@ -124,6 +124,15 @@ def test_the_errors_of_settings_that_share_one_mean_hold_their_sum(few_draws):
     assert np.mean(summed) > 0.9 and np.mean(corrected) > 0.9
 
 
+def test_without_torques_of_other_settings_the_corrected_torque_is_that_of_the_packings():
+    """A short study has measured standing grains only."""
+    whole = ladder_of(knob_of(np.array([1.0, 0.5, 0.25]), [1.02, 1.005, 1.0]), torque=-0.727, freedom=3.0)
+    torque, half = whole.corrected_torque()
+    assert torque == pytest.approx(-0.727 / (1.0 + whole.total(whole.told).bias), rel=0.003)
+    assert half == pytest.approx(math.hypot(whole.statistical, whole.total(whole.told).half_width), rel=0.1)
+    assert half > 0.95 * whole.statistical
+
+
 @pytest.mark.parametrize("order", [1.3, 2.0])
 def test_the_order_of_values_without_noise_is_found(order):
     h = np.array([2.0, 1.4, 1.0, 0.7, 0.5])
