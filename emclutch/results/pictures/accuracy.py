@@ -25,7 +25,6 @@ from emclutch.results.text import format_duration
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.text import Annotation
-    from matplotlib.transforms import Bbox
 
 NAMED = 3
 """Lines with a name at most; the colours of all stand in the panel beside."""
@@ -61,24 +60,23 @@ def accuracy_picture(
     }
     seconds, half = Combinations(ladder).frontier()
     cost.plot(seconds, 100.0 * half, color="black", lw=5.0, alpha=0.16, drawstyle="steps-post", solid_capstyle="round")
-    cost.annotate("best combination of settings and packings", (seconds[0], 100.0 * half[0]), xytext=(8, 6),
-                  textcoords="offset points", fontsize=9, color="0.35")  # fmt: skip
+    best = cost.annotate("best combination of settings and packings", (seconds[0], 100.0 * half[0]), xytext=(8, 6),
+                         textcoords="offset points", fontsize=9, color="0.35")  # fmt: skip
     lines = {knob.knob: _line(ladder, knob) for knob in ladder.knobs}
     named = sorted(lines, key=lambda name: _moves(lines[name]), reverse=True)[:NAMED]
-    labels: list[Annotation] = []
+    labels = [best]
     for knob in ladder.knobs:
         is_named = knob.knob in named and _moves(lines[knob.knob]) >= MOVES
         labels += _draw_knob(cost, ladder, knob, lines[knob.knob], looks[knob.knob], is_named)
     cost.plot(own.seconds, 100.0 * own.half_width, "*", ms=17, mfc="gold", mec="black", zorder=6, gid="this scene")
     cost.annotate("this scene", (own.seconds, 100.0 * own.half_width), xytext=(12, 5), textcoords="offset points",
                   fontsize=9, fontweight="bold")  # fmt: skip
-    for target, found in answers:
-        _draw_target(cost, target, found)
+    fixed = [_draw_target(cost, target, found) for target, found in answers]
     label_panel(cost, f"Error against cost (lines: one setting changed, {OWN_PACKINGS} packings)")
     _name_axes(cost)
     _draw_parts(parts, ladder, own, looks)
     figure.draw_without_rendering()  # the places of labels depend on the layout
-    _move_apart(labels)
+    _move_apart(labels, fixed)
     return save_picture(figure, path)
 
 
@@ -132,9 +130,9 @@ def _draw_knob(
     return labels
 
 
-def _move_apart(labels: list[Annotation]) -> None:
-    """Move labels that overlap others up, the lowest first."""
-    free: list[Bbox] = []
+def _move_apart(labels: Sequence[Annotation], fixed: Sequence[Annotation]) -> None:
+    """Move labels that overlap others or the fixed ones up, the lowest first."""
+    free = [one.get_window_extent() for one in fixed]
     for label in sorted(labels, key=lambda one: one.xy[1]):
         for _ in range(MOVES_UP):
             if not any(label.get_window_extent().overlaps(other) for other in free):
@@ -144,7 +142,7 @@ def _move_apart(labels: list[Annotation]) -> None:
         free.append(label.get_window_extent())
 
 
-def _draw_target(axis: Axes, target: float, found: Choice | Obstacle) -> None:
+def _draw_target(axis: Axes, target: float, found: Choice | Obstacle) -> Annotation:
     reached = isinstance(found, Choice)
     colour = REACHED if reached else NOT_REACHED
     axis.axhline(100.0 * target, color=colour, lw=0.9, ls="-" if reached else (0, (6, 4)), zorder=1)
@@ -155,8 +153,8 @@ def _draw_target(axis: Axes, target: float, found: Choice | Obstacle) -> None:
     else:
         words += f": not reached, to lower first: error of {_name(found.knob)}"
     side, place = ("right", 0.995) if reached else ("left", 0.005)
-    axis.annotate(words, (place, 100.0 * target), xycoords=axis.get_yaxis_transform(), ha=side, va="bottom",
-                  fontsize=9, color=colour, xytext=(0, 2), textcoords="offset points")  # fmt: skip
+    return axis.annotate(words, (place, 100.0 * target), xycoords=axis.get_yaxis_transform(), ha=side, va="bottom",
+                         fontsize=9, color=colour, xytext=(0, 2), textcoords="offset points")  # fmt: skip
 
 
 def _draw_parts(axis: Axes, ladder: Ladder, own: Choice, looks: dict[str, _Look]) -> None:
