@@ -78,7 +78,8 @@ def rise_times(
     if not _begins_low(current, final):
         return found
     if TORQUE_DISC in history:
-        found |= _torque_rise(*_equal_windows((history, *replicas)))
+        current_late = found["current_rise_time_90"] or _expected_late(float(time[-1]), float(current[-1]) / final)
+        found |= _torque_rise(*_equal_windows((history, *replicas)), current_late)
     with_current, with_torque = found["current_rise_time"], found.get("torque_rise_time")
     if isinstance(with_current, float) and isinstance(with_torque, float):
         found["torque_lag"] = with_torque / with_current
@@ -110,13 +111,22 @@ def _equal_windows(histories: Sequence[pandas.DataFrame]) -> tuple[float, np.nda
     return float(edges[1]), np.array(rows)
 
 
-def _torque_rise(width: float, torque: np.ndarray) -> dict[str, Any]:
+def _expected_late(end: float, share: float) -> float:
+    """Return when a current is expected at 90 % of its final value [s], by an exponential through its share at the end.
+
+    0 where the share is that of no such rise.
+    """
+    return end * math.log(1.0 - LATE) / math.log1p(-share) if 0.0 < share < LATE else 0.0
+
+
+def _torque_rise(width: float, torque: np.ndarray, current_late: float) -> dict[str, Any]:
     """Return times [s] of the torque, and what it goes to [N m], as far as it has come to rest.
 
     Parameters
     ----------
     width : length of a window [s]; the first begins at time 0.
     torque : (m, n) of m replicas over n windows [N m].
+    current_late : when the current reaches 90 % [s]; a torque that is not known to rest is not expected there before.
     """
     replicas, count = torque.shape
     end, middle = count * width, (np.arange(count) + 0.5) * width
@@ -128,6 +138,7 @@ def _torque_rise(width: float, torque: np.ndarray) -> dict[str, Any]:
     rough = _monotone(torque.mean(axis=0))
     late = _reached(middle, rough, LATE * final) or end
     too_short = not settled or end < LONG_ENOUGH * late
+    required = LONG_ENOUGH * max(late, current_late)
     found: dict[str, Any] = {
         "torque_rise_time": None,
         "torque_rise_time_interval": None,
@@ -135,12 +146,10 @@ def _torque_rise(width: float, torque: np.ndarray) -> dict[str, Any]:
         "torque_rise_time_90_interval": None,
         "torque_rise_replicas": replicas,
         "torque_rise_too_short": too_short,
-        "torque_rise_required_end": LONG_ENOUGH * late if too_short else None,
+        "torque_rise_required_end": required if too_short else None,
     }
     if not settled:
-        found["torque_rise_time_note"] = (
-            f"the torque still changes: time.end = {format_time(LONG_ENOUGH * late)} or later"
-        )
+        found["torque_rise_time_note"] = f"the torque still changes: time.end = {format_time(required)} or later"
         return found
     found["torque_after_rise"] = final
     length = max(width, SMOOTHING * (late - (_reached(middle, rough, EARLY * final) or 0.0)))

@@ -156,7 +156,8 @@ def coil_in_words(scene, coil: Excitation, resistance: float, field: MagneticFie
         text += f"; {inductance:.3g} H at that current (incremental {incremental_inductance(field, coil.turns):.3g} H)"
         text += f": time constant about {tau:.3g} s"
         if scene.time.end_time < 3.0 * tau:
-            return with_warnings(text, f"time.end = {scene.time.end_time:.3g} s is over before the current has risen")
+            short = f"time.end = {scene.time.end_time:.3g} s is over before the current has risen"
+            return with_warnings(text, f"{short}; for rise times take {10.0 * tau:.2g} s, ten time constants, or more")
     return text
 
 

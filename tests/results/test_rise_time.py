@@ -152,6 +152,15 @@ def test_a_run_that_ends_before_the_final_torque_is_too_short(length, too_short)
         assert not risen(np.random.default_rng(3), 4, noise=0.05, length=max(8.0, end / TAU))["torque_rise_too_short"]
 
 
+@pytest.mark.parametrize("length", [0.3, 0.6, 1.5, 2.5])
+def test_the_end_that_a_much_too_short_run_needs_comes_from_its_current(length):
+    """The torque of 0.6 time constants alone asked for 1.6 time constants; the rise needs 3 ln 10 = 6.9 of them."""
+    short = history(length * TAU).assign(torque_disc=lambda one: 2.0 * one["current"] / 0.9)
+    found = rise_times(short, 0.9, begins_off=True)
+    assert found["torque_rise_too_short"]
+    assert found["torque_rise_required_end"] == pytest.approx(3.0 * np.log(10.0) * TAU, rel=0.01)
+
+
 def test_the_torque_goes_to_the_mean_of_all_replicas():
     """Windows of unequal length, a replica that was stopped early, and a torque against the positive direction."""
     full = history(10.0 * TAU).assign(torque_disc=lambda one: -2.0 * one["current"] / 0.9)
