@@ -170,7 +170,7 @@ def _known(result: Result, name: str, found: Estimate, words: str) -> Iterator[S
             "significantly more, or the run is shorter than time.end",
         )
     if found.replicas == 1 and not found.steady_alone:
-        yield Statement(Mark.POOR, f"It is of {ONE_REPLICA}.")
+        yield Statement(Mark.POOR, f"It is of {ONE_REPLICA}; accuracy.replicas = {REPLICAS} includes it.")
 
 
 def _end(result: Result) -> Iterator[Statement]:
