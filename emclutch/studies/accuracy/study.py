@@ -542,7 +542,7 @@ class _Study(ResumableStudy):
 
     def _tell_packings(self, packings: Sequence[tuple[str, float]]) -> None:
         names = sorted({knob or "the scene's own settings" for knob, _ in packings})
-        words = f"{len(packings)} more packings, for {', '.join(names) or 'no knob'}"
+        words = f"{len(packings)} more packings, for {', '.join(names)}" if packings else "no more packings"
         if self._busy() > 1.3:
             words += f"; other programs are busy too: all takes {self._busy():.1f} times as long, or longer"
         if len(self.known["stages"]) > 1 and (without := self._measured().left_out):
