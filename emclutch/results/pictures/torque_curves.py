@@ -137,9 +137,9 @@ def torque_against_grain_size_picture(
             bar = [[real.value - real.low], [real.high - real.value]]
             axis.errorbar(law.real_across**-EXPONENT, real.value, bar, fmt="s", mfc="white", ms=6, capsize=4,
                           color=colour, label=f"the real powder: {law.real_torque.in_words('N m')}")  # fmt: skip
-    sizes = sorted({round(float(x), 1) for curve in curves for x in curve.x})
+    sizes = {f"{round(float(x), 1):g}": float(x) for curve in curves for x in curve.x}
     upper = axis.secondary_xaxis("top")
-    upper.set_xticks([n**-EXPONENT for n in sizes], [f"{n:g}" for n in sizes], fontsize=8)
+    upper.set_xticks([n**-EXPONENT for n in sizes.values()], list(sizes), fontsize=8)
     upper.set_xlabel("grains per gap, n", fontsize=9)
     axis.set_xlabel(f"1/n^{EXPONENT:g}")
     axis.set_xlim(left=0.0)
