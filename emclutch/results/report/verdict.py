@@ -136,7 +136,8 @@ def best_in_words(result: Result) -> str | None:
     if best == raw or not best.mean or not raw.mean:
         return None
     half, bias = best.half_width(), 100.0 * (raw.mean / best.mean - 1.0)
-    size = "" if half is None else f", ± {per_cent(half / abs(best.mean))} in all"
+    scope = "in all" if raw.replicas > 1 else "without the scatter between replicas"
+    size = "" if half is None else f", ± {per_cent(half / abs(best.mean))} {scope}"
     what = "numerical settings" if result.summary.get("discretisation_error") else "coarse grains"
     return (
         f"best estimate of the torque on the disc: {format_torque(best)}{size}; {what} change the raw torque of "
@@ -158,7 +159,8 @@ def _known(result: Result, name: str, found: Estimate, words: str) -> Iterator[S
         yield Statement(Mark.POOR, f"The {name} is not known: {words}.")
     else:
         share, short = half / abs(found.mean), until is not None and not until["reached"]
-        packings = f"of {found.replicas} packings"
+        pooled = "" if found.pooled_scatter is None else ", their scatter pooled with that of the accuracy study"
+        packings = f"of {found.replicas} packings{pooled}"
         yield Statement(
             Mark.POOR if short or share >= 1.0 else Mark.NOTE if share > ROUGH else Mark.GOOD,
             f"The {name} is known to {100.0 * share:.2g} %: {words}, {packings}; {found.reason}.",
