@@ -1,19 +1,17 @@
-"""A macroscopic field across an annulus between steel cylinders, changed by the layers that its grains stand in.
+"""A macroscopic field across a flat gap between steel faces, changed by the layers that its grains stand in.
 
-A field of one dimension is known from the magnetisation. Across coaxial faces div B = 0 makes r (H_r + M_r) the same at
-every radius, and the magnetomotive force between them is fixed by the circuit outside, the integral of H_r dr:
+A field of one dimension is known from the magnetisation. Across flat faces div B = 0 makes H_z + M_z the same at every
+height, and the magnetomotive force between them is fixed by the circuit outside:
 
-    h(r) + b(r) = C,      <h> = h_0,      h = r H_r,   b = r M_r,   < > = integral dr/r over that of the gap;
+    h(z) + b(z) = C,      <h> = h_0,      h = H_z,   b = M_z,   < > the mean over the gap.
 
-for a narrow gap H_n = H - (M_n - mean M_n). M_r is that of the grains' moments, each spread with the line integral of
-the kernel of `coupling.smeared_grains` over both directions along the faces,
+M_z is that of the grains' moments, each spread with the line integral of the kernel of `coupling.smeared_grains` over
+both directions along the faces,
 
-    K1(t) = 35/(32 a) (1 - t^2/a^2)^3,      b(r) = sum K1(r - r_i) m_r,i/(angle height),
+    K1(t) = 35/(32 a) (1 - t^2/a^2)^3,      b(z) = sum K1(z - z_i) m_z,i/area,
 
 folded back at the faces as its images in ideal steel are, so that nothing is lost. So near pairs without their smear
-(`coupling.pair_fields`) and this field count each pair once, as with a solved field. Dividing by r alone, where the
-section's kernel divides by sqrt(r r_i), leaves b of even powder even up to the faces; in both cases the field has no
-torque about the axis.
+(`coupling.pair_fields`) and this field count each pair once, as with a solved field.
 
 The plain iteration M -> H grows where a layer's susceptibility exceeds 1. With chi = b/h' of the field h' in which the
 moments were found, h = C/(1 + chi) has the same fixed point, is never reversed, and leaves (chi - s)/(1 + chi) of an
@@ -31,9 +29,6 @@ from typing import Any, ClassVar
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from field import RadialField
-from geometry import ShearCell
-
 NODES_A_WIDTH = 24
 """A grain is shared by two nodes before it is spread: that widens the kernel by 0.1 %."""
 MAX_CHI = 100.0
@@ -45,21 +40,21 @@ class LayeredField:
 
     Parameters
     ----------
-    imposed : RadialField
-        The field of even powder.
-    cell : ShearCell
-        With faces of steel.
-    angle : float
-        Of the simulated sector [rad].
+    given : float
+        The field of even powder along z [A/m].
+    gap : float
+        Height of the gap, whose lower face is at z = 0 [m].
+    area : float
+        Of a face [m^2].
     width : float
         a [m], at most the gap.
 
     Attributes
     ----------
-    radius, strength : (k,) float64
-        From face to face [m], H_r there [A/m].
+    height, strength : (k,) float64
+        From face to face [m], H_z there [A/m].
     magnetisation : (k,) float64
-        M_r there of the moments last taken [A/m].
+        M_z there of the moments last taken [A/m].
     """
 
     solution: ClassVar[None] = None
@@ -67,30 +62,23 @@ class LayeredField:
     carrier: ClassVar[None] = None
     feedback: ClassVar[None] = None
 
-    def __init__(self, imposed: RadialField, cell: ShearCell, angle: float, width: float) -> None:
-        inner, outer = cell.inner_radius, cell.outer_radius
-        if not 0.0 < width <= outer - inner:
-            raise ValueError(f"`width` = {width} m of the smear; allowed: above 0, at most the gap {outer - inner} m")
-        self.radius = r = np.linspace(inner, outer, ceil((outer - inner) / width * NODES_A_WIDTH) + 1)
-        step = np.full(len(r), r[1] - r[0])
+    def __init__(self, given: float, gap: float, area: float, width: float) -> None:
+        if not 0.0 < width <= gap:
+            raise ValueError(f"`width` = {width} m of the smear; allowed: above 0, at most the gap {gap} m")
+        self.given, self.height = given, np.linspace(0.0, gap, ceil(gap / width * NODES_A_WIDTH) + 1)
+        z, step = self.height, np.full(len(self.height), self.height[1])
         step[[0, -1]] *= 0.5
-        distances = (r - r[:, None], 2.0 * inner - r - r[:, None], 2.0 * outer - r - r[:, None])
+        distances = (z - z[:, None], -z - z[:, None], 2.0 * gap - z - z[:, None])
         spread = sum(35.0 / (32.0 * width) * np.maximum(1.0 - (t / width) ** 2, 0.0) ** 3 for t in distances)
-        self._spread = spread / (step @ spread) / (angle * cell.height)
-        self._weight = step / r / (step / r).sum()
-        self._given = imposed.H0 * imposed.R0
-        self._take(np.full(len(r), self._given))
-        self.magnetisation = np.zeros(len(r))
+        self._spread = spread / (step @ spread) / area
+        self._weight = step / gap
+        self._take(np.full(len(z), given))
+        self.magnetisation = np.zeros(len(z))
 
     @property
     def sampler(self) -> LayeredField:
         """Itself."""
         return self
-
-    @property
-    def strength(self) -> np.ndarray:
-        """H_r at the nodes [A/m]."""
-        return self._h / self.radius
 
     def refresh(self, time: float) -> bool:
         """Nothing to solve at a window's end: the field goes with the moments."""
@@ -98,13 +86,9 @@ class LayeredField:
 
     def sample(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """H (n, 3) [A/m] and grad H (n, 3, 3) [A/m^2] at positions (n, 3) [m]; beyond a face that of the face."""
-        r, e = _radii(position)
-        at = np.clip(r, self.radius[0], self.radius[-1])
-        H, slope = self._line(at) / r, self._line(at, 1) / r
-        field, gradient = np.zeros((len(r), 3)), np.zeros((len(r), 3, 3))
-        field[:, :2] = H[:, None] * e
-        around = (H / r)[:, None, None]
-        gradient[:, :2, :2] = around * np.eye(2) + (slope[:, None, None] - 2.0 * around) * e[:, :, None] * e[:, None, :]
+        at = np.clip(position[:, 2], 0.0, self.height[-1])
+        field, gradient = np.zeros((len(at), 3)), np.zeros((len(at), 3, 3))
+        field[:, 2], gradient[:, 2, 2] = self._line(at), self._line(at, 1)
         return field, gradient
 
     def follow(self, position: np.ndarray, moment: np.ndarray) -> float:
@@ -115,40 +99,32 @@ class LayeredField:
         float
             Root mean square of the change over that of the field [-].
         """
-        r, e = _radii(position)
-        radial = (e * moment[:, :2]).sum(axis=1)
-        last = len(self.radius) - 1
-        place = np.clip((r - self.radius[0]) / (self.radius[-1] - self.radius[0]) * last, 0.0, last)
+        last = len(self.height) - 1
+        place = np.clip(position[:, 2] / self.height[-1] * last, 0.0, last)
         node = np.minimum(place.astype(np.int64), last - 1)
-        far = place - node
-        b = self._spread @ (
-            np.bincount(node, radial * (1.0 - far), last + 1) + np.bincount(node + 1, radial * far, last + 1)
+        far, along = place - node, moment[:, 2]
+        self.magnetisation = b = self._spread @ (
+            np.bincount(node, along * (1.0 - far), last + 1) + np.bincount(node + 1, along * far, last + 1)
         )
-        self.magnetisation = b / self.radius
-        before = self._h
+        before = self.strength
         chi = np.clip(np.divide(b, before, out=np.zeros(last + 1), where=before != 0.0), 0.0, MAX_CHI)
         answer, rest = 1.0 / (1.0 + chi), b - chi * before
-        flux = (self._given + self._weight @ (answer * rest)) / (self._weight @ answer)
+        flux = (self.given + self._weight @ (answer * rest)) / (self._weight @ answer)
         self._take(answer * (flux - rest))
-        size = self._weight @ self._h**2
-        return 0.0 if size == 0.0 else float(np.sqrt(self._weight @ (self._h - before) ** 2 / size))  # a NaN stays one
+        size = self._weight @ self.strength**2
+        change = self._weight @ (self.strength - before) ** 2
+        return 0.0 if size == 0.0 else float(np.sqrt(change / size))  # a NaN stays one
 
     def window_part(self) -> None:
         """Return nothing: there is no coil."""
 
     def state(self) -> dict[str, Any]:
         """State for a bit-exact continuation."""
-        return {"h": self._h}
+        return {"h": self.strength}
 
     def restore(self, saved: dict[str, Any]) -> None:
         """Take up the state of a checkpoint."""
         self._take(saved["h"])
 
-    def _take(self, h: np.ndarray) -> None:
-        self._h, self._line = h, CubicSpline(self.radius, h)
-
-
-def _radii(position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """r (n,) [m] and the unit vectors e_r (n, 2)."""
-    r = np.hypot(position[:, 0], position[:, 1])
-    return r, position[:, :2] / r[:, None]
+    def _take(self, strength: np.ndarray) -> None:
+        self.strength, self._line = strength, CubicSpline(self.height, strength)

@@ -67,6 +67,38 @@ class BoxRow:
 
 
 @dataclass(frozen=True, slots=True)
+class GapRow:
+    """Powder between two faces in a window; stresses and contacts are means over it [Pa].
+
+    Attributes
+    ----------
+    shear_strain, solid_fraction : float
+        At the window's end [-].
+    shear_stress, shear_stress_lower, shear_stress_upper : float
+        Friction on the faces against their motion over their area: of both on average, and of each.
+    normal_stress_z : float
+        Pressure of the contacts on the faces, both on average. The field pulls on them besides.
+    contacts_per_grain : float
+        Twice the contacts over the grains, those with faces included [-].
+    """
+
+    shear_strain: float
+    solid_fraction: float
+    shear_stress: float
+    shear_stress_lower: float
+    shear_stress_upper: float
+    normal_stress_z: float
+    contacts_per_grain: float
+
+
+@dataclass(frozen=True, slots=True)
+class MagnetisedGapRow:
+    """Magnetised grains between two faces in a window: mean of 1 + phi M.H/H^2 [-]."""
+
+    relative_permeability: float
+
+
+@dataclass(frozen=True, slots=True)
 class MagnetisedBoxRow:
     """Magnetised grains of a sheared box in a window, means over it.
 
@@ -165,6 +197,51 @@ class ShearedMeans:
             relative_permeability=share * self._permeability,
             magnetisation_along_flow=share * self._along_flow,
         )
+
+
+class GapMeans:
+    """Integrals over one window of powder between two faces; `rows` are its means.
+
+    Parameters
+    ----------
+    motion : GrainMotion
+        In a `particles.GapBox`.
+    H : float or None
+        The macroscopic field along z [A/m]; None: the grains are not magnetised.
+    """
+
+    def __init__(self, motion: GrainMotion, H: float | None) -> None:
+        assert motion.gap_box is not None
+        self._motion, self._box, self._H = motion, motion.gap_box, H
+        self._force = {body.name: np.zeros(3) for body in motion.bodies}
+        self._duration = self._touching = self._moment = 0.0
+
+    def add_steps(self, totals: StepTotals) -> None:
+        """Add the totals of a sub-cycle."""
+        lasted, moment = totals.duration, self._motion.grains.magnetic_moment
+        self._duration += lasted
+        self._touching += lasted * 2.0 * totals.n_contacts / self._motion.grains.count
+        for name, force in self._force.items():
+            force += lasted * totals.force[name]
+        if self._H is not None and moment is not None:
+            self._moment += lasted * float(moment[:, 2].sum())
+
+    def rows(self) -> tuple[GapRow, MagnetisedGapRow | None]:
+        """Return the means over the window."""
+        box, share = self._box, 1.0 / self._duration
+        lower, upper = (share * self._force[name] / np.prod(box.lengths[:2]) for name in ("lower", "upper"))
+        row = GapRow(
+            shear_strain=box.rate * self._motion.time,
+            solid_fraction=solid_fraction(self._motion, box),
+            shear_stress=0.5 * float(lower[0] - upper[0]),
+            shear_stress_lower=float(lower[0]),
+            shear_stress_upper=-float(upper[0]),
+            normal_stress_z=0.5 * float(upper[2] - lower[2]),
+            contacts_per_grain=share * self._touching,
+        )
+        if not self._H:
+            return row, None
+        return row, MagnetisedGapRow(1.0 + share * self._moment / (box.volume * self._H))
 
 
 def solid_fraction(motion: GrainMotion, box: ShearedBox) -> float:

@@ -13,7 +13,7 @@ Torque about z, whole device:  torque on rotor + disc + housing + field + dL/dt 
 Energy of the grains:  work of walls + held forces + gravity - dissipated - d(kinetic + elastic) = residual,
 where every mechanism's loss is its own sum over contacts: the residual is the error of the grains' step, second order.
 A sheared box has no axis and no walls: no balance of torques, and the work of the shear in place of that of walls
-(`coupling.sheared_means`).
+(`coupling.sheared_means`). A gap that repeats has no axis either.
 The work of the magnetic forces, part of that of the held ones, is what the grains' energy W in the field falls by where
 that field stands still and moments follow at every step: nothing in the mean of a steady run. What is left of it comes
 from moments and drops held between their evaluations, and from the field that changes.
@@ -23,7 +23,8 @@ from __future__ import annotations
 
 from time import perf_counter, process_time
 
-from coupling.sheared_means import ShearedMeans
+from coupling.layered_field import LayeredField
+from coupling.sheared_means import GapMeans, ShearedMeans
 from coupling.window_row import BodyRow, EnergyRow, SolverRow, WallClock, WindowRow
 from geometry.kernels.cache import compile_seconds
 from particles import DviTotals
@@ -46,6 +47,10 @@ class WindowBudget:
         self._weight = _weight_torque(simulation.motion)
         motion = simulation.motion
         self._sheared = None if motion.box is None else ShearedMeans(motion, simulation.magnetised)
+        self._gap = None
+        if motion.gap_box is not None:
+            source = simulation.source
+            self._gap = GapMeans(motion, source.given if isinstance(source, LayeredField) else None)
         self._solves = 0 if simulation.source is None else simulation.source.solves
         self._magnetic: float | None = None
 
@@ -67,8 +72,9 @@ class WindowBudget:
     def add_steps(self, totals) -> None:
         """Add the totals of a sub-cycle of the grains."""
         self._steps.append(totals)
-        if self._sheared is not None:
-            self._sheared.add_steps(totals)
+        for means in (self._sheared, self._gap):
+            if means is not None:
+                means.add_steps(totals)
 
     def add_stretch(self, totals, change: float) -> None:
         """Add the stretch of a sheared box after a sub-cycle: the change of its volume [m^3]."""
@@ -88,7 +94,8 @@ class WindowBudget:
         duration = sum(s.duration for s in steps)
         residual = 0.0
         bodies: dict[str, BodyRow] = {}
-        for body in motion.bodies:
+        has_axis = self._sheared is None and self._gap is None
+        for body in motion.bodies if has_axis else ():
             parts = {
                 kind: sum(s.torque[body.name][kind] * s.duration for s in steps) / duration
                 for kind in ("normal", "damping", "tangential")
@@ -98,7 +105,7 @@ class WindowBudget:
                 # the field turns with this body: the grains' torque in it has its reaction here
                 row.field = -n * self._recorded.pop(body.name, 0.0) / duration
             residual += row.torque
-        if self._sheared is not None:  # no axis, and what the field turns is in the stress
+        if not has_axis:  # what the field turns is in the stress
             self._recorded.clear()
         field_torque = {name: n * total / duration for name, total in self._recorded.items()}
         residual -= sum(field_torque.values())
@@ -116,8 +123,8 @@ class WindowBudget:
             bodies=bodies,
             field_torque=field_torque,
             other_torque=other_torque,
-            angular_momentum=angular_momentum if self._sheared is None else None,
-            torque_residual=residual if self._sheared is None else None,
+            angular_momentum=angular_momentum if has_axis else None,
+            torque_residual=residual if has_axis else None,
             energy=energy,
             held_is_magnetic=self._held_is_magnetic,
             field_solves=source.solves - self._solves if is_solved else None,
@@ -135,8 +142,9 @@ class WindowBudget:
                 processor=process_time() - self._processor,
             ),
         )
-        if self._sheared is not None:
-            window.parts += [part for part in self._sheared.rows() if part is not None]
+        for means in (self._sheared, self._gap):
+            if means is not None:
+                window.parts += [part for part in means.rows() if part is not None]
         if magnetised is not None:
             window.add(magnetised.window_part())
         if source is not None:

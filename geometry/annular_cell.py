@@ -15,14 +15,12 @@ from geometry.walls import AnnularBox, RevolvedWall, annulus, cylinder
 class ShearCell(AnnularSpaces):
     """Annulus inner_radius < r < outer_radius, |z| < height/2 [m].
 
-    The inner cylinder belongs to body ``disc``, the outer one to ``rotor``, floor and ceiling to ``housing``; the
-    cylinders may be of ``steel``, in which grains see their images.
+    The inner cylinder belongs to body ``disc``, the outer one to ``rotor``, floor and ceiling to ``housing``.
     """
 
     inner_radius: float
     outer_radius: float
     height: float
-    steel: bool = False
 
     @property
     def largest_radius(self) -> float:
@@ -62,8 +60,8 @@ class ShearCell(AnnularSpaces):
         half = 0.5 * self.height
         inner, outer = self.inner_radius, self.outer_radius
         return [
-            cylinder("inner_cylinder", "disc", inner, -half, half, magnetic=self.steel),
-            cylinder("outer_cylinder", "rotor", outer, -half, half, magnetic=self.steel),
+            cylinder("inner_cylinder", "disc", inner, -half, half),
+            cylinder("outer_cylinder", "rotor", outer, -half, half),
             annulus("floor", "housing", -half, inner, outer),
             annulus("ceiling", "housing", half, inner, outer),
         ]

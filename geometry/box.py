@@ -8,7 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from geometry.fault import GeometryFault, millimetres
-from geometry.walls import AnnularBox, Plane
+from geometry.walls import AnnularBox, Plane, RevolvedWall
+
+FLAT = 1e5
+"""Distance of the axis from a flat gap over its longest edge: its faces then move evenly along x to 1e-5."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,3 +114,35 @@ class PeriodicBox(Box):
     def walls(self) -> list[Plane]:
         """None: beyond each face is the box again."""
         return []
+
+
+@dataclass(frozen=True, slots=True)
+class PeriodicGap(PeriodicBox):
+    """Gap 0 < z < Z between two flat faces of steel, repeated along x and y.
+
+    The faces are rings of the bodies ``lower`` and ``upper``. Bodies turn about z, so the box stands at y = -`axis`,
+    where a ring that turns moves along x.
+    """
+
+    @property
+    def axis(self) -> float:
+        """Distance of the axis about which the faces turn [m]."""
+        return FLAT * max(self.size)
+
+    @property
+    def lower(self) -> np.ndarray:
+        """Lowest corner [m], shape (3,)."""
+        return np.array([0.0, -self.axis, 0.0])
+
+    @property
+    def upper(self) -> np.ndarray:
+        """Highest corner [m], shape (3,)."""
+        return self.lower + self.size
+
+    def walls(self) -> list[RevolvedWall]:  # type: ignore[override]
+        """The two faces."""
+        ends = 0.5 * self.axis, 2.0 * self.axis
+        return [
+            RevolvedWall(f"{body}_face", body, (ends[0], z), (ends[1], z), magnetic=True)
+            for body, z in (("lower", 0.0), ("upper", self.size[2]))
+        ]

@@ -47,7 +47,7 @@ from particles.packing.sizes import (
 from particles.packing.space import Space
 from particles.periodicity import Periodicity
 from particles.sector import CyclicSector
-from particles.sheared_box import ShearedBox
+from particles.sheared_box import GapBox, ShearedBox
 from particles.step_totals import BoxStress, EnergyTotals, StepTotals
 
 __all__ = [
@@ -70,6 +70,7 @@ __all__ = [
     "EnergyTotals",
     "EqualSizes",
     "FreeShaft",
+    "GapBox",
     "GrainMotion",
     "Grains",
     "HertzContact",

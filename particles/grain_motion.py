@@ -20,7 +20,7 @@ from particles.neighbours.neighbour_list import PairList
 from particles.neighbours.slot_list import SlotList
 from particles.periodicity import Periodicity
 from particles.sector import CyclicSector
-from particles.sheared_box import ShearedBox
+from particles.sheared_box import GapBox, ShearedBox
 from particles.step_answers import DONE
 from particles.step_totals import StepTotals
 from particles.walls.device_walls import DeviceWalls
@@ -141,8 +141,14 @@ class GrainMotion(ABC):
 
     @property
     def box(self) -> ShearedBox | None:
-        """The sheared box that the grains are in, if it is one."""
-        return self.periodicity if isinstance(self.periodicity, ShearedBox) else None
+        """The sheared box that the grains are in, if it is one without walls."""
+        whole = isinstance(self.periodicity, ShearedBox) and self.gap_box is None
+        return self.periodicity if whole else None  # type: ignore[return-value]
+
+    @property
+    def gap_box(self) -> GapBox | None:
+        """The repeated gap between walls that the grains are in, if it is one."""
+        return self.periodicity if isinstance(self.periodicity, GapBox) else None
 
     @property
     def n_sectors(self) -> int:

@@ -23,6 +23,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 
@@ -70,6 +71,7 @@ class ShearedBox(Periodicity):
         Sum of |ln(Lz after/Lz before)| since then [-], see `stretch`.
     """
 
+    layers: ClassVar[int] = MOST_Z
     lengths: np.ndarray
     rate: float = 0.0
     strain: float = field(default=0.0, init=False)
@@ -89,6 +91,11 @@ class ShearedBox(Periodicity):
         """The cube in which ``count`` grains of ``diameter`` [m] take the fraction ``fill``."""
         edge = diameter * (count * math.pi / 6.0 / fill) ** (1.0 / 3.0)
         return cls(np.full(3, edge), rate)
+
+    @property
+    def _repeated(self) -> np.ndarray:
+        """Edges along which it repeats [m]."""
+        return self.lengths
 
     @property
     def volume(self) -> float:
@@ -141,7 +148,8 @@ class ShearedBox(Periodicity):
         above = np.maximum(position.max(axis=0, initial=0.0) - self.lengths, 0.0)
         low, high = below - margin, self.lengths + above + margin
         grain, numbers, x = np.arange(len(position)), np.zeros((len(position), 3), dtype=np.int64), position
-        for axis, most in ((1, MOST_Y), (2, MOST_Z), (0, MOST_X)):  # x last: layers above and below are offset along it
+        # x last: layers above and below are offset along it
+        for axis, most in ((1, MOST_Y), (2, self.layers), (0, MOST_X)):
             parts = []
             for s in range(-most, most + 1):
                 step = np.zeros(3, dtype=np.int64)
@@ -159,11 +167,11 @@ class ShearedBox(Periodicity):
 
     def widest_cutoff(self, position: np.ndarray) -> float:
         """Half of the shortest edge [m]."""
-        return 0.5 * float(self.lengths.min())
+        return 0.5 * float(self._repeated.min())
 
     def require_width(self, position: np.ndarray, cutoff: float) -> None:
         """See `Periodicity`."""
-        shortest = float(self.lengths.min())
+        shortest = float(self._repeated.min())
         if shortest < 2.0 * cutoff * (1.0 - 1e-12):
             raise ValueError(
                 f"the box has edges of {1e3 * shortest:.4g} mm, pairs reach {1e3 * cutoff:.4g} mm: a grain would meet "
@@ -212,6 +220,48 @@ class ShearedBox(Periodicity):
         """See `Periodicity`."""
         self.lengths = state["box"][:3].copy()
         self.rate, self.strain, self.offset, self.list_strain, self.stretched = (float(v) for v in state["box"][3:])
+
+
+@dataclass(slots=True, eq=False)
+class GapBox(ShearedBox):
+    """A gap between two walls across z, that repeats along x and y and is sheared by its walls at ``rate``.
+
+    No image of it moves: neither offset nor strain is advanced.
+
+    Parameters
+    ----------
+    corner : sequence of 3 floats
+        Where it begins [m], with z = 0.
+    """
+
+    layers: ClassVar[int] = 0
+    corner: np.ndarray = field(default_factory=lambda: np.zeros(3))
+
+    @property
+    def _repeated(self) -> np.ndarray:
+        return self.lengths[:2]
+
+    def wraps(self, position: np.ndarray) -> np.ndarray:
+        """See `Periodicity`."""
+        numbers = ShearedBox.wraps(self, position - self.corner)
+        numbers[:, 2] = 0
+        return numbers
+
+    def images_near(self, position: np.ndarray, margin: float) -> Images:
+        """See `Periodicity`."""
+        found = ShearedBox.images_near(self, position - self.corner, margin)
+        return found._replace(position=found.position + self.corner)
+
+    def at_strain(self, strain: float) -> GapBox:
+        """See `Periodicity`: it does not move."""
+        return self
+
+    def state(self) -> dict[str, np.ndarray]:
+        """See `Periodicity`: nothing changes."""
+        return {}
+
+    def restore(self, state: dict[str, np.ndarray]) -> None:
+        """See `Periodicity`."""
 
 
 def _numbers(shift: np.ndarray) -> np.ndarray:

@@ -60,7 +60,7 @@ class GeometrySection(Section):
     has_regions : bool
         Whether `particles.region` chooses where its powder is.
     is_periodic : bool
-        Whether it is a box of powder that repeats in all directions: without walls, its result a stress.
+        Whether it is a box of powder that repeats, in all directions or between two faces: its result is a stress.
     largest_fill : float
         Solid fraction up to which grains are packed in it, whatever the packing allows.
     measured : str
@@ -169,8 +169,12 @@ class GeometrySection(Section):
         return None
 
     def periodic_box(self, scene: Scene) -> ShearedBox | None:
-        """Return the box that the grains are in, sheared at its rate; None where they are between walls."""
+        """Return the box or repeated gap that the grains are in, sheared at its rate; None where space ends."""
         return None
+
+    def face_speeds(self, scene: Scene) -> dict[str, float]:
+        """Return the speeds [rad/s] of bodies that the kind drives itself; those of shafts are in [motion]."""
+        return {}
 
     def barostat(self, scene: Scene) -> Barostat | None:
         """Return what makes the box's height follow an imposed pressure; None where there is none."""

@@ -25,18 +25,12 @@ class ShearCellGeometry(GeometrySection):
     inner_radius: Length = Field(description="radius of the inner cylinder")
     outer_radius: Length = Field(description="radius of the outer cylinder")
     height: Length = Field(description="axial height")
-    steel: bool = Field(default=False, description="the cylinders are of steel: grains see their images in them")
-
-    @property
-    def may_have_steel_faces(self) -> bool:
-        """True if its cylinders are of steel."""
-        return self.steel
 
     def shape(self, own: Mapping[str, Material] = NO_MATERIALS) -> ShearCell:
         """Return the shape for walls and volumes."""
         from geometry.annular_cell import ShearCell
 
-        return ShearCell(self.inner_radius, self.outer_radius, self.height, self.steel)
+        return ShearCell(self.inner_radius, self.outer_radius, self.height)
 
     def gap_zone(self, shape: ShearCell, region: str) -> GapZone:
         """All of the annulus."""

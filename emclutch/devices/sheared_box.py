@@ -1,4 +1,7 @@
-"""geometry.kind = "sheared_box": a periodic box of powder that is sheared (`particles.sheared_box`)."""
+"""geometry.kind = "sheared_box": a periodic box of powder that is sheared, whole or between two faces of steel.
+
+See `particles.sheared_box`; the faces are `geometry.box.PeriodicGap`.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,7 @@ from emclutch.devices.geometry_section import NO_MATERIALS, GeometrySection
 from emclutch.scene.draft import Draft, size_key
 from emclutch.scene.errors import Fault
 from emclutch.scene.fill import fill_of, grains_volume
-from emclutch.scene.section import refuse
+from emclutch.scene.section import Choice, refuse
 from emclutch.scene.units import Length, Quantity, number, two_digits
 
 if TYPE_CHECKING:
@@ -38,6 +41,9 @@ DENSEST = 0.58
 
 LOADED = 4.0
 """Load on a contact of a force chain over pressure times diameter squared, the mean on a grain."""
+
+MIN_LAYERS = 3.0
+"""Grains between two faces, at least: fewer have no bulk."""
 
 DAMPING = 10.0
 """Damping of the barostat over stress/rate: a loose packing is pressed together within a strain of some units.
@@ -76,7 +82,15 @@ def _wide_enough(draft: Draft) -> Iterator[Fault]:
     if scene.shape().faults(None):
         return
     attraction, needed = scene.effects.attraction, _shortest_edge(scene)
-    shortest = min(scene.shape().size)
+    between_faces = scene.geometry.walls is not None
+    shortest = min(scene.shape().size[: 2 if between_faces else 3])
+    if between_faces and (height := scene.shape().size[2]) < MIN_LAYERS * scene.grains.largest_diameter:
+        least = MIN_LAYERS * scene.grains.largest_diameter
+        yield draft.fault(
+            "geometry.size" if scene.geometry.size is not None else "particles.count",
+            f"leaves {1e3 * height:.4g} mm between the faces; allowed: at least {1e3 * least:.4g} mm, "
+            f"{MIN_LAYERS:g} grains; raise it, or lower particles.{size_key(scene.particles)}",
+        )
     if shortest < needed * (1.0 - 1e-12):
         why = "" if attraction is None else f" effects.{attraction.name}.cutoff = {attraction.cutoff:g} or"
         cube = scene.geometry.size is None
@@ -107,6 +121,26 @@ def _gives_way_under_pressure(draft: Draft) -> Iterator[Fault]:
             "contact.dvi.springs",
             "= false cannot be combined with geometry.pressure: the box follows the stress of contacts on springs; "
             "take springs = true, or a given volume",
+        )
+
+
+def _faces(draft: Draft) -> Iterator[Fault]:
+    """Between faces the height is given, and magnetised grains see their images in the steel."""
+    scene = draft.scene
+    if scene.geometry.walls is None:
+        return
+    if scene.geometry.pressure is not None:
+        yield draft.fault(
+            "geometry.pressure",
+            "cannot be combined with geometry.walls = 'steel': the distance of the faces is given, and the pressure "
+            "on them is a result; remove one of the two",
+        )
+    if scene.effects.attraction is not None and scene.effects.images is None:
+        yield Fault(
+            "effects.wall_images",
+            "",
+            "is missing: magnetised grains see their images in the faces of geometry.walls = 'steel'; add the table "
+            "[effects.wall_images], or remove geometry.walls",
         )
 
 
@@ -172,7 +206,8 @@ def _stress_for_the_rate(draft: Draft) -> Iterator[Fault]:
 class ShearedBoxGeometry(GeometrySection):
     """A box that repeats in all directions and is sheared: flow along x, vorticity along y, gradient along z.
 
-    It has no walls. Its volume stays, or with `pressure` its height follows the normal stress along z. A field is
+    Its volume stays, or with `pressure` its height follows the normal stress along z. With `walls` it is the gap
+    between two flat faces of steel, of which the upper one moves along x, and repeats along x and y only. A field is
     uniform, along z, and means the macroscopic one of the powder.
     """
 
@@ -187,6 +222,7 @@ class ShearedBoxGeometry(GeometrySection):
         (_one_amount, ("geometry", "particles")),
         (_wide_enough, ("geometry", "particles", "effects")),
         (_gives_way_under_pressure, ("geometry", "contact")),
+        (_faces, ("geometry", "effects")),
         (_nothing_but_powder, ("effects", "surfaces")),
         (_no_profiles, ("output",)),
         (_field_across, ("field",)),
@@ -210,6 +246,11 @@ class ShearedBoxGeometry(GeometrySection):
     pressure: _Pressure | None = Field(
         default=None, description="imposed normal stress of the grains along z; default: the volume stays"
     )
+    walls: Annotated[str, Choice(("steel",))] | None = Field(
+        default=None,
+        description="steel: flat faces at z = 0 and at the box's height, in which grains see their images; default: "
+        "the box repeats along z too",
+    )
 
     @model_validator(mode="after")
     def _has_one_size(self) -> Self:
@@ -231,21 +272,27 @@ class ShearedBoxGeometry(GeometrySection):
 
     def shape(self, own: Mapping[str, Material] = NO_MATERIALS) -> PeriodicBox:
         """Return the shape for volumes where its size is given; see `shape_in`."""
-        from geometry.box import PeriodicBox
-
         assert self.size is not None  # else the grains have it
-        return PeriodicBox(self.size)
+        return self._of_size(self.size)
+
+    def _of_size(self, size: tuple[float, float, float]) -> PeriodicBox:
+        from geometry.box import PeriodicBox, PeriodicGap
+
+        return PeriodicBox(size) if self.walls is None else PeriodicGap(size)
+
+    @property
+    def may_have_steel_faces(self) -> bool:
+        """True between faces."""
+        return self.walls is not None
 
     def shape_in(self, scene: Any) -> PeriodicBox:
         """See `GeometrySection.shape_in`: the box of its size, or the cube that holds the scene's grains."""
-        from geometry.box import PeriodicBox
-
         particles = scene.particles
         if self.size is not None or particles is None or particles.count is None:
-            return PeriodicBox(self.size or 3 * (1.0,))  # what is missing is a fault of its own
+            return self._of_size(self.size or 3 * (1.0,))  # what is missing is a fault of its own
         assert self.solid_fraction is not None
         edge = (grains_volume(particles, _seed(scene)) / self.solid_fraction) ** (1.0 / 3.0)
-        return PeriodicBox((edge, edge, edge))
+        return self._of_size((edge, edge, edge))
 
     def expected_stress(self, scene: Scene) -> float | None:
         """Shear stress [Pa] that is expected in the field, within a factor of two; None where grains do not attract."""
@@ -271,9 +318,19 @@ class ShearedBoxGeometry(GeometrySection):
 
     def periodic_box(self, scene: Scene) -> ShearedBox:
         """See `GeometrySection.periodic_box`."""
-        from particles import ShearedBox
+        from particles import GapBox, ShearedBox
 
-        return ShearedBox(np.array(scene.shape().size), self.rate(scene))
+        shape, rate = scene.shape(), self.rate(scene)
+        if self.walls is None:
+            return ShearedBox(np.array(shape.size), rate)
+        return GapBox(np.array(shape.size), rate, shape.lower)
+
+    def face_speeds(self, scene: Scene) -> dict[str, float]:
+        """See `GeometrySection.face_speeds`: the lower face stands, the upper one moves along x."""
+        if self.walls is None:
+            return {}
+        shape = scene.shape()
+        return {"upper": self.rate(scene) * shape.size[2] / (shape.axis - 0.5 * shape.size[1])}
 
     def barostat(self, scene: Scene) -> Barostat | None:
         """See `GeometrySection.barostat`."""
@@ -310,7 +367,8 @@ class ShearedBoxGeometry(GeometrySection):
 
         d, density, rate = scene.grains.mean_diameter, scene.grains.density, self.rate(scene)
         edges = " x ".join(f"{edge / d:.3g}" for edge in scene.shape().size)
-        text = f"{edges} diameters, periodic; flow along x, gradient along z, "
+        repeats = "periodic" if self.walls is None else "between faces of steel, periodic along x and y"
+        text = f"{edges} diameters, {repeats}; flow along x, gradient along z, "
         if self.pressure is None:
             yield "box", f"{text}its volume stays"
         else:
@@ -348,7 +406,23 @@ class ShearedBoxGeometry(GeometrySection):
         from emclutch.results.steady_stress import steady_stress, stress_summary
 
         found = steady_stress(histories, conditions)
-        return stress_summary(found, histories, self.rate(scene), scene.grains.mean_diameter, scene.grains.density)
+        grains = scene.grains
+        summary = stress_summary(found, histories, self.rate(scene), grains.mean_diameter, grains.density)
+        permeability, field = summary.get("relative_permeability"), scene.prescribed_field
+        if self.walls is None or permeability is None or field is None:
+            return summary
+        return summary | self._magnetisation(scene, permeability, abs(field.field_strength))
+
+    def _magnetisation(self, scene: Scene, permeability: float, H: float) -> dict[str, float | None]:
+        """Flux density [T], magnetisation of the grains [A/m], and the demagnetising factor with which the law of
+        their material has it; None where contact flux takes it beyond saturation."""
+        from emclutch.device_model.materials import grain_law
+        from field.laws.reluctivity import MU_0
+
+        M = (permeability - 1.0) * H / fill_of(scene.shape(), scene.grains).solid_fraction
+        inside = float(grain_law(scene).field_inside(np.array([M]))[0])
+        factor = (H - inside) / M if np.isfinite(inside) and M > 0.0 else None
+        return {"flux_density": MU_0 * permeability * H, "magnetisation": M, "demagnetising_factor": factor}
 
     def friction_torque(self, scene: Any, device: Device) -> ExpectedTorque:
         """None: nothing turns; the stress and the magnetisation that are expected."""

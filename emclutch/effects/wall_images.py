@@ -50,8 +50,7 @@ class WallImagesSection(EffectSection):
         if prescribed is not None and prescribed.is_macroscopic and not layers_change_the_field(scene):
             yield (
                 "[effects.wall_images] with field.means = 'macroscopic': the mean field is taken as even up to the "
-                "steel; what layers of grains there change in it is followed with geometry.kind = 'shear_cell' and "
-                "field.direction = 'radial' only"
+                "steel; what layers of grains there change in it is followed with geometry.kind = 'sheared_box' only"
             )
 
     def neighbours(self, scene, device):

@@ -87,7 +87,11 @@ ENERGY_RESIDUAL = Column(
 )
 SHEAR_STRAIN = Column("shear_strain", "1", "of the periodic box", END)
 SOLID_FRACTION = Column("solid_fraction", "1", "of the periodic box", END)
-SHEAR_STRESS = Column("shear_stress", "Pa", "force along the flow on a plane across the gradient", MEAN)
+SHEAR_STRESS = Column(
+    "shear_stress", "Pa", "force along the flow on a plane across the gradient; between faces the mean of both", MEAN
+)
+SHEAR_STRESS_LOWER = Column("shear_stress_lower", "Pa", "friction on the lower face over its area", MEAN)
+SHEAR_STRESS_UPPER = Column("shear_stress_upper", "Pa", "friction on the upper face over its area", MEAN)
 SHEAR_STRESS_CONTACTS = Column("shear_stress_contacts", "Pa", "part of shear_stress from contacts", MEAN)
 SHEAR_STRESS_NEAR = Column(
     "shear_stress_near",
@@ -106,7 +110,12 @@ SHEAR_STRESS_ACROSS = Column(
 )
 NORMAL_STRESS_X = Column("normal_stress_x", "Pa", "along the flow, positive where grains push", MEAN)
 NORMAL_STRESS_Y = Column("normal_stress_y", "Pa", "along the vorticity, positive where grains push", MEAN)
-NORMAL_STRESS_Z = Column("normal_stress_z", "Pa", "along the gradient, positive where grains push", MEAN)
+NORMAL_STRESS_Z = Column(
+    "normal_stress_z",
+    "Pa",
+    "along the gradient, positive where grains push; between faces the pressure on them",
+    MEAN,
+)
 CONTACTS_PER_GRAIN = Column("contacts_per_grain", "1", "of the periodic box", MEAN)
 RELATIVE_PERMEABILITY = Column("relative_permeability", "1", "of the powder in the periodic box", MEAN)
 MAGNETISATION_ALONG_FLOW = Column(

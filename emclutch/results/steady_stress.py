@@ -19,6 +19,8 @@ from emclutch.results.columns import (
     RELATIVE_PERMEABILITY,
     SHEAR_STRAIN,
     SHEAR_STRESS,
+    SHEAR_STRESS_LOWER,
+    SHEAR_STRESS_UPPER,
     SOLID_FRACTION,
     TIME,
 )
@@ -134,7 +136,7 @@ def stress_summary(
         "inertial_number": inertial(normal),
         "inertial_number_of_shear_stress": inertial(tau),
     }
-    for name in (SOLID_FRACTION, CONTACTS_PER_GRAIN, RELATIVE_PERMEABILITY):
+    for name in (SHEAR_STRESS_LOWER, SHEAR_STRESS_UPPER, SOLID_FRACTION, CONTACTS_PER_GRAIN, RELATIVE_PERMEABILITY):
         if name in late[0] and all(len(each) for each in late):
             summary[name] = float(np.mean([np.average(each[name], weights=each[_LENGTH]) for each in late]))
     return summary

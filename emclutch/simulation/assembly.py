@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from emclutch.scene.motion import FreeShaftSection
 from emclutch.simulation.dvi_plan import RigidContacts
 from emclutch.simulation.initial_packing import grains_of, packed, packed_in_flow, settled, sheared_between
 from emclutch.simulation.plan import Plan
+from geometry.time_profile import TimeProfile
 from particles import DEM, DVI, Body, FreeShaft, GrainMotion, Grains
 
 log = logging.getLogger(__name__)
@@ -53,13 +55,14 @@ def simulation_of(device: Device, plan: Plan, grains: Grains) -> Simulation:
     scene, effects = plan.scene, plan.scene.effects
     walls = device.walls()
     gravity = None if effects.weight is None else np.asarray(effects.weight.vector, dtype=float)
-    bodies = shafts(scene, walls)
+    bodies = shafts(scene, walls, device.kind.face_speeds(scene))
     motion: GrainMotion
     box = device.kind.periodic_box(scene)
     if isinstance(plan.contact, RigidContacts):
         motion = rigid_grains(scene, plan, plan.contact, grains, walls, bodies, gravity, box or plan.sector)
     elif box is not None:
-        motion = dem_in_box(box, grains, plan.contact.laws, plan.dt, energy_budget=scene.output.energy_budget)
+        budget = scene.output.energy_budget
+        motion = dem_in_box(box, grains, plan.contact.laws, plan.dt, walls=walls, bodies=bodies, energy_budget=budget)
     else:
         motion = DEM(
             grains,
@@ -110,12 +113,14 @@ def rigid_grains(
     )
 
 
-def shafts(scene, walls) -> list[Body]:
-    """One body for every name that a wall belongs to; housing stands still."""
+def shafts(scene, walls, faces: Mapping[str, float]) -> list[Body]:
+    """One body for every name that a wall belongs to, `faces` at their speeds [rad/s]; housing stands still."""
     bodies = []
     for name in dict.fromkeys(wall.body for wall in walls):
         motion = getattr(scene.motion, name, None)
-        if motion is None:
+        if name in faces:
+            bodies.append(Body(name, TimeProfile.constant(faces[name])))
+        elif motion is None:
             bodies.append(Body(name))
         elif motion.free is not None:
             bodies.append(Body(name, free_shaft(motion.free), speed=motion.free.initial_speed))

@@ -24,7 +24,18 @@ from emclutch.simulation.kernel_compilation import ONCE
 from geometry.kernels.cache import ROOT, has_entries
 from geometry.kernels.threads import default_threads
 from geometry.walls import cylinder
-from particles import DEM, Body, CyclicSector, GrainMotion, Grains, PairLaws, RollingFriction, ShearedBox
+from particles import (
+    DEM,
+    Body,
+    CyclicSector,
+    GapBox,
+    GrainMotion,
+    Grains,
+    PairLaws,
+    Periodicity,
+    RollingFriction,
+    ShearedBox,
+)
 from particles.attraction import Attraction
 
 RADIUS, MASS = 1e-3, 1e-5
@@ -37,7 +48,8 @@ def kind_of(scene: Any) -> list[str]:
         "resistance": bool({"rolling", "twisting"} & set(effects.contact_terms())),
         "sizes": scene.particles.sizes is not None,
         "sector": scene.particles.sector is not None,
-        "box": scene.geometry.is_periodic,
+        "box": scene.geometry.is_periodic and not scene.geometry.may_have_steel_faces,
+        "gap": scene.geometry.is_periodic and scene.geometry.may_have_steel_faces,
         "energies": scene.output.energy_budget,
         "attraction": effects.attraction is not None and effects.attraction.has_necks,
     }
@@ -54,7 +66,9 @@ def grains_of_kind(law: str, *parts: str) -> DEM:
     if "box" in parts:
         dem = dem_in_box(ShearedBox(np.full(3, 30.0 * RADIUS), 1.0), grains, laws, 1e-7, energy_budget=energies)
     else:
-        sector = CyclicSector(2.0 * np.pi / 6.0) if "sector" in parts else None
+        sector: Periodicity | None = CyclicSector(2.0 * np.pi / 6.0) if "sector" in parts else None
+        if "gap" in parts:
+            sector = GapBox(np.full(3, 30.0 * RADIUS), 1.0)
         bore = cylinder("bore", "drum", 20.0 * RADIUS, -1.0, 1.0)
         dem = DEM(grains, [bore], [Body("drum")], laws, dt=1e-7, periodicity=sector, energy_budget=energies)
     if "attraction" in parts:

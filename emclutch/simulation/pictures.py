@@ -100,14 +100,16 @@ def draw_run(case, folder: RunFolder, device, simulation, profiles: ProfileAvera
     start, ends, force = contact_lines(motion)
     chains = start, ends, np.linalg.norm(force, axis=1)
     speed = np.linalg.norm(grains.velocity, axis=1)
-    if motion.box is not None:
+    box = motion.box or motion.gap_box
+    if box is not None:
         position, velocity = wrapped(motion)
         sheared_box_picture(
             folder.grains_picture,
             position,
             grains.radius,
             velocity,
-            lengths=motion.box.lengths,
+            lengths=box.lengths,
+            faces=motion.gap_box is not None,
             chains=chains,
             title=f"{title}\n{at}",
         )

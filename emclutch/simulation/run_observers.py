@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from coupling import Simulation, WindowRow, run_staggered
-from coupling.sheared_means import BoxRow
+from coupling.sheared_means import BoxRow, GapRow
 from coupling.staggered import Measure
 from emclutch.device_model.device import Device
 from emclutch.scene.model import Scene
@@ -139,7 +139,7 @@ class WindowProgress:
     def __call__(self, simulation: Simulation, row: WindowRow) -> None:
         if self.progress.listener is None:
             return
-        disc, box = row.bodies.get("disc"), row.part(BoxRow)
+        disc, box = row.bodies.get("disc"), row.part(BoxRow) or row.part(GapRow)
         measured = "" if disc is None else f"  torque on the disc {disc.torque:.3g} N m"
         if box is not None:
             measured = f"  strain {box.shear_strain:.3g}, shear stress {box.shear_stress:.3g} Pa"

@@ -129,7 +129,7 @@ class Snapshots:
         self._series["particles"].write_particles(motion.time, position, arrays)
         self._series["walls"].write_walls(
             motion.time,
-            self._walls,
+            [] if motion.gap_box is not None else self._walls,  # faces whose axis is far away
             angles={b.name: b.angle for b in motion.bodies},
             speeds={b.name: b.speed for b in motion.bodies},
             sector_angle=None if motion.sector is None else motion.sector.angle,
@@ -179,7 +179,7 @@ def contact_lines(motion: GrainMotion) -> tuple[np.ndarray, np.ndarray, np.ndarr
     if motion.periodicity is not None:
         partner = motion.periodicity.place(partner, table.shift)
     begin, end = x[table.i], np.where((table.j >= 0)[:, None], partner, table.point)
-    if motion.box is not None:  # from where the grain is drawn
+    if motion.box is not None or motion.gap_box is not None:  # from where the grain is drawn
         moved = wrapped(motion)[0][table.i] - begin
         begin, end = begin + moved, end + moved
     return begin, end, table.force
@@ -188,13 +188,15 @@ def contact_lines(motion: GrainMotion) -> tuple[np.ndarray, np.ndarray, np.ndarr
 def wrapped(motion: GrainMotion) -> tuple[np.ndarray, np.ndarray]:
     """Return positions (n, 3) [m] and velocities (n, 3) [m/s] of the grains, in a sheared box those inside of it.
 
-    Between two lists of neighbours grains go on freely beyond its faces.
+    Between two lists of neighbours grains go on freely beyond its faces. Positions in a gap count from its corner.
     """
-    position, velocity, box = motion.grains.position, motion.grains.velocity, motion.box
+    position, velocity, gap = motion.grains.position, motion.grains.velocity, motion.gap_box
+    box = motion.box if gap is None else gap
     if box is None:
         return position, velocity
     shift = box.wraps(position)
-    return box.place(position, shift), box.sweep(velocity, shift)
+    place = box.place(position, shift)
+    return place if gap is None else place - gap.corner, box.sweep(velocity, shift)
 
 
 class History:

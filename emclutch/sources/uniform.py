@@ -59,8 +59,8 @@ class UniformFieldSection(SourceSection):
     means: Annotated[str, Choice(("applied", "macroscopic"))] = Field(
         default="applied",
         description="applied: the field without grains; macroscopic: the mean field of an even powder, which holds "
-        "the grains spread out over the dipoles' cut-off (models mutual and near_field); across steel faces of a shear "
-        "cell (direction radial, effect wall_images) layers of grains change it",
+        "the grains spread out over the dipoles' cut-off (models mutual and near_field); between the steel faces of a "
+        "sheared_box (effect wall_images) layers of grains change it",
     )
 
     @property
@@ -91,4 +91,5 @@ class UniformFieldSection(SourceSection):
 
         if not layers_change_the_field(scene):
             return ImposedField(device.imposed)
-        return LayeredField(device.imposed, device.shape, scene.grains.sector or 2.0 * math.pi, smear_width(scene))
+        length, width, height = device.shape.size
+        return LayeredField(float(device.imposed.H[2]), height, length * width, smear_width(scene))

@@ -72,8 +72,8 @@ class DEM(ListedGrains):
         Acceleration [m/s^2]; a callable takes times (k,) [s] and returns (k, 3). None leaves it out of the compiled
         step.
     periodicity : Periodicity, optional
-        Simulate one copy of a space that repeats: one wedge of the ring, a sheared box. A box is taken over, its strain
-        is advanced; it has neither walls nor gravity.
+        Simulate one copy of a space that repeats: one wedge of the ring, a sheared box, a gap. A box is taken over, its
+        strain is advanced; it has neither walls nor gravity.
     rolling, twisting, cohesion : optional
         Resistance to rolling and to twisting, and pull, with a single law (`PairLaws` has its own); None leaves each
         out of the compiled step.
@@ -330,7 +330,7 @@ class DEM(ListedGrains):
         species = np.zeros(0, dtype=np.int64) if self._species is None else self._species
         drives, constants = tables.drives(self.step_count), tables.constants
         walls, shift, box = self._device, None if self.periodicity is None else c.pairs.shift, self.box
-        images = None if box is None else box.images
+        images = None if self.periodicity is None or self.sector is not None else self.periodicity.images
         virial = None if box is None else box_kernel.virial_scratch(n_chunks)
         flow = None if box is None else box_kernel.flow_of(box, self.skin, self._interaction)
         return StepArguments(

@@ -1,10 +1,13 @@
 """Runs of a sheared annulus of grains in a uniform field, and the states that they end in."""
 
+from dataclasses import replace
+
 import numpy as np
 
 import emclutch
 from emclutch.results.checkpoint import read_checkpoint
 from emclutch.scene.case import case_from
+from geometry.annular_cell import ShearCell
 
 CELL = {
     "scene": {"title": "sheared annulus", "seed": 3},
@@ -26,6 +29,14 @@ DRY = {name: CELL[name] for name in ("scene", "geometry", "motion", "time")} | {
 def run(folder, name, values=None, **options):
     """The annulus with other ``values`` of its keys, into the folder ``name``."""
     return emclutch.run(case_from(CELL, values), out=folder / name, **options)
+
+
+def make_cylinders_of_steel(monkeypatch):
+    """Let the cylinders of an annulus mirror dipoles, as poles do; the shape by itself is of no material."""
+    plain = ShearCell.walls
+    monkeypatch.setattr(
+        ShearCell, "walls", lambda cell: [replace(wall, magnetic=wall.body != "housing") for wall in plain(cell)]
+    )
 
 
 def state(folder, name):

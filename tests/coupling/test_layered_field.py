@@ -4,80 +4,68 @@ import numpy as np
 import pytest
 
 from coupling import LayeredField
-from field import RadialField
-from geometry import ShearCell
 
-GAP, ANGLE, HEIGHT, H0 = 2e-3, 0.1, 4e-3, 80e3
+GAP, AREA, H0 = 2e-3, 4e-6, 80e3
 WIDTH = 0.1 * GAP
 
 
-def layers_between(inner=10e-3, width=WIDTH):
-    cell = ShearCell(inner, inner + GAP, HEIGHT, steel=True)
-    return LayeredField(RadialField(H0, inner + 0.5 * GAP), cell, ANGLE, width)
+def layers_between(width=WIDTH):
+    return LayeredField(H0, GAP, AREA, width)
 
 
-def shells(layers, n=4000):
-    """Positions (n, 3) of thin shells that fill the gap, turned and moved along the axis, and their volumes."""
-    inner, outer = layers.radius[[0, -1]]
-    r = inner + (outer - inner) * (np.arange(n) + 0.5) / n
-    angle = ANGLE * np.modf(0.618 * np.arange(n))[0]
-    place = np.column_stack((r * np.cos(angle), r * np.sin(angle), np.zeros(n)))
-    return r, place, ANGLE * HEIGHT * r * (outer - inner) / n
+def sheets(n=4000):
+    """Positions (n, 3) of thin sheets that fill the gap, and the volume of each."""
+    z = GAP * (np.arange(n) + 0.5) / n
+    return np.outer(z, [0.0, 0.0, 1.0]), AREA * GAP / n
 
 
 def settle(layers, place, moment_of, most=200, tolerance=1e-10):
     """Steps until moments and field agree."""
     for step in range(1, most + 1):
-        H = (layers.sample(place)[0][:, :2] * place[:, :2]).sum(axis=1) / np.hypot(*place.T[:2])
-        e = place * [1.0, 1.0, 0.0] / np.hypot(*place.T[:2])[:, None]
-        if layers.follow(place, moment_of(H)[:, None] * e) <= tolerance:
+        H = layers.sample(place)[0][:, 2]
+        if layers.follow(place, np.outer(moment_of(H), [0.0, 0.0, 1.0])) <= tolerance:
             return step
     raise AssertionError("field and moments do not agree")
 
 
 def mean_is_kept(layers):
-    r = layers.radius
-    imposed = H0 * 0.5 * (r[0] + r[-1]) / r
-    return np.trapezoid(layers.strength, r) == pytest.approx(np.trapezoid(imposed, r), rel=1e-13)
+    return np.trapezoid(layers.strength, layers.height) == pytest.approx(H0 * GAP, rel=1e-13)
 
 
 def test_even_powder_leaves_the_field():
     layers = layers_between()
-    _, place, volume = shells(layers)
+    place, volume = sheets()
     assert settle(layers, place, lambda H: 3.0 * H * volume, tolerance=1e-6) <= 2
-    assert layers.strength == pytest.approx(H0 * 11e-3 / layers.radius, rel=1e-5)
+    assert layers.strength == pytest.approx(H0, rel=1e-5)
     assert layers.magnetisation == pytest.approx(3.0 * layers.strength, rel=1e-5)
 
 
 @pytest.mark.parametrize("chi", [0.5, 4.0, 10.0])
 def test_two_layers_of_a_linear_powder_are_in_series(chi):
-    """H r (1 + chi) is the same in both, and the drops of both add up to what stands between the faces."""
+    """H (1 + chi) is the same in both, and the drops of both add up to what stands between the faces."""
     layers = layers_between()
-    r, place, volume = shells(layers)
-    border = layers.radius.mean()
-    low = r < border
+    place, volume = sheets()
+    border = 0.5 * GAP
+    low = place[:, 2] < border
     settle(layers, place, lambda H: np.where(low, chi, 0.0) * H * volume, tolerance=1e-6)
-    flux = layers.strength * layers.radius * np.where(layers.radius < border, 1.0 + chi, 1.0)
-    away = abs(layers.radius - border) > 3.0 * WIDTH
+    flux = layers.strength * np.where(layers.height < border, 1.0 + chi, 1.0)
+    away = abs(layers.height - border) > 3.0 * WIDTH
     assert flux[away] == pytest.approx(flux[0], rel=3e-3)
-    inner, outer = layers.radius[[0, -1]]
-    drops = np.log(border / inner) / (1.0 + chi), np.log(outer / border)
     # the border is as wide as the kernel, a tenth of the gap, and the drop there is not that of either layer
-    assert flux[0] == pytest.approx(H0 * border * np.log(outer / inner) / sum(drops), rel=0.06)
+    assert flux[0] == pytest.approx(2.0 * H0 / (1.0 / (1.0 + chi) + 1.0), rel=0.06)
     assert mean_is_kept(layers)
 
 
 def test_a_saturated_layer_takes_its_magnetisation_from_the_field():
     layers = layers_between()
-    r, place, volume = shells(layers)
+    place, volume = sheets()
     M = 60e3
-    settle(layers, place, lambda H: np.where(r < layers.radius.mean(), M, 0.0) * volume)
-    nodes = layers.radius
-    flux = layers.strength * nodes
-    bare = nodes > nodes.mean() + 1.1 * WIDTH
-    filled = (nodes < nodes.mean() - 1.1 * WIDTH) & (nodes > nodes[0] + WIDTH)
+    settle(layers, place, lambda H: np.where(place[:, 2] < 0.5 * GAP, M, 0.0) * volume)
+    z, flux = layers.height, layers.strength
+    bare = z > 0.5 * GAP + 1.1 * WIDTH
+    filled = (z < 0.5 * GAP - 1.1 * WIDTH) & (z > WIDTH)
     assert flux[bare] == pytest.approx(flux[-1], rel=1e-9)
-    assert layers.strength[filled] == pytest.approx(flux[-1] / nodes[filled] - M, rel=1e-4)
+    assert layers.strength[filled] == pytest.approx(flux[-1] - M, rel=1e-4)
     assert mean_is_kept(layers)
 
 
@@ -85,14 +73,12 @@ def test_the_deposit_keeps_the_moments_and_the_field_its_mean():
     """Of grains anywhere, also nearer to a face than the width, and of moments of both signs."""
     layers = layers_between()
     random = np.random.default_rng(7)
-    r = layers.radius[0] + GAP * np.concatenate(([0.0, 1.0, 0.01, 0.99], random.uniform(size=200)))
-    angle = random.uniform(size=len(r))
-    e = np.column_stack((np.cos(angle), np.sin(angle), np.zeros(len(r))))
-    size = random.normal(1e-6, 2e-6, len(r))
+    z = GAP * np.concatenate(([0.0, 1.0, 0.01, 0.99], random.uniform(size=200)))
+    moment = np.outer(random.normal(1e-6, 2e-6, len(z)), [0.0, 0.0, 1.0])
     for _ in range(3):
-        layers.follow(r[:, None] * e, size[:, None] * e)
-        total = ANGLE * HEIGHT * np.trapezoid(layers.magnetisation * layers.radius, layers.radius)
-        assert total == pytest.approx(size.sum(), rel=1e-12)
+        layers.follow(np.outer(z, [0.0, 0.0, 1.0]), moment)
+        total = AREA * np.trapezoid(layers.magnetisation, layers.height)
+        assert total == pytest.approx(moment.sum(), rel=1e-12)
         assert mean_is_kept(layers)
 
 
@@ -121,16 +107,15 @@ def test_a_sheet_of_dipoles_has_the_field_of_all_its_images(share):
     whose field outside is 0: exp(-2 pi D/s).
     """
     width, spacing = 0.25 * GAP, 0.1 * GAP
-    layers = layers_between(inner=10.0, width=width)
+    layers = layers_between(width)
     h, area = share * width, spacing**2
-    r = layers.radius[0] + h
     m = 0.02 * H0 * area * GAP
-    place = np.array([[r, 0.0, 0.0]])
-    settle(layers, place, lambda H: np.full(1, m * ANGLE * HEIGHT * r / area))
+    place = np.array([[0.0, 0.0, h]])
+    settle(layers, place, lambda H: np.full(1, m * AREA / area))
     rho = lattice(spacing, width)
     near = 35.0 / (32.0 * np.pi * width**3) + normal_field(rho, 0.0, width).sum()
     near += normal_field(np.concatenate(([0.0], rho)), 2.0 * h, width).sum()
-    found = layers.sample(place)[0][0, 0] - H0 * (layers.radius.mean() / r) + m * near
+    found = layers.sample(place)[0][0, 2] - H0 + m * near
 
     far = 60.0 * spacing
     rho = np.concatenate(([0.0], lattice(spacing, far)))
@@ -143,10 +128,9 @@ def test_a_sheet_of_dipoles_has_the_field_of_all_its_images(share):
 def test_the_gradient_is_that_of_the_field():
     layers = layers_between()
     random = np.random.default_rng(3)
-    r, place, volume = shells(layers, 500)
-    settle(
-        layers, place, lambda H: random.uniform(0.5, 1.0) * np.minimum(2.0 * H, 90e3) * (r < r.mean()) * volume, 3, 1.0
-    )
+    place, volume = sheets(500)
+    low = place[:, 2] < 0.5 * GAP
+    settle(layers, place, lambda H: random.uniform(0.5, 1.0) * np.minimum(2.0 * H, 90e3) * low * volume, 3, 1.0)
     points = place[40:-40:37]
     found = layers.sample(points)[1]
     step = 1e-7
@@ -157,8 +141,8 @@ def test_the_gradient_is_that_of_the_field():
 
 
 def test_without_a_field_there_is_none():
-    layers = LayeredField(RadialField(0.0, 11e-3), ShearCell(10e-3, 12e-3, HEIGHT, steel=True), ANGLE, WIDTH)
-    _, place, _ = shells(layers, 10)
+    layers = LayeredField(0.0, GAP, AREA, WIDTH)
+    place, _ = sheets(10)
     assert layers.follow(place, np.zeros((10, 3))) == 0.0
     assert not layers.sample(place)[0].any()
 
@@ -166,4 +150,4 @@ def test_without_a_field_there_is_none():
 @pytest.mark.parametrize("width", [0.0, 1.01 * GAP])
 def test_a_width_that_folds_twice_is_refused(width):
     with pytest.raises(ValueError, match="at most the gap"):
-        layers_between(width=width)
+        layers_between(width)

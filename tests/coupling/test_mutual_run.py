@@ -4,13 +4,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from sheared_annulus import CELL, run, same, state
+from sheared_annulus import CELL, make_cylinders_of_steel, run, same, state
 
 import emclutch
-from coupling import ImposedField
 from coupling.wall_reflection import steel_walls
 from emclutch.device_model.device import build_device
-from emclutch.results.checkpoint import read_checkpoint
 from emclutch.results.errors import RunError
 from emclutch.scene.case import SceneError, case_from
 
@@ -65,60 +63,13 @@ def differing(a, b):
     return sorted((a.keys() | b.keys()) - alike)
 
 
-LAYERS = NEAR | {"geometry.steel": True, "effects.wall_images": {}, "field.means": "macroscopic"}
-
-
-def test_layers_between_steel_faces_change_the_mean_field(tmp_path):
-    """r (H_r + M_r) is the same at every radius, as far as moments and field agree; resumed it is so bit for bit.
-
-    Grains keep half a diameter from the faces: there is less powder, and more field.
-    """
-    found = {}
-    for name, ends in (("whole", ["40 us"]), ("part", ["20 us", "40 us"])):
-        for n, end in enumerate(ends):
-            values = {"effects.dipoles.tolerance": 1e-3, "time.window": 1e-5, "time.end": end}
-            history = run(tmp_path, name, LAYERS | values, resume=n > 0).history
-        found[name] = state(tmp_path, name)
-        source = read_checkpoint(tmp_path / name / "checkpoint.h5")["source"]
-        found[name]["h"] = source["h"]
-    assert same(found["whole"], found["part"]) and np.array_equal(found["whole"]["h"], found["part"]["h"])
-    assert 0.0 < history["moment_residual"].max() <= 1e-3
-    case = case_from(CELL, LAYERS | values)
-    device = build_device(case.scene)
-    layers = case.scene.field.build(case.scene, device, [], [], None)
-    layers.restore({"h": found["whole"]["h"]})
-    before = layers.strength
-    dem = found["whole"]
-    layers.follow(np.ascontiguousarray(dem["position_radius"][:, :3]), dem["magnetic_moment"])
-    flux = layers.radius * (before + layers.magnetisation)
-    assert np.ptp(flux) < 0.05 * np.ptp(layers.radius * layers.magnetisation)
-    assert before[0] > 1.1 * before.min() < before[-1] / 1.1
-
-
-def test_without_images_or_steel_the_macroscopic_field_is_even():
-    for off in ({"effects.wall_images": None}, {"geometry.steel": False}, {"field.means": "applied"}):
-        case = case_from(CELL, LAYERS | off)
-        assert isinstance(case.scene.field.build(case.scene, build_device(case.scene), [], [], None), ImposedField), off
-
-
-def test_layers_in_a_gap_too_narrow_for_the_charges_of_necks_are_reported():
-    narrow = {"geometry.outer_radius": 10.65e-3}  # 2.2 diameters
-    assert any("as much as the gap allows" in line for line in case_from(CELL, LAYERS | narrow).warnings)
-    assert not any("as much as the gap allows" in line for line in case_from(CELL, LAYERS).warnings)
-
-
-def test_where_layers_are_left_out_it_is_reported():
-    left_out = "what layers of grains there change in it"
-    assert not any(left_out in line for line in case_from(CELL, LAYERS).warnings)
-    assert any(left_out in line for line in case_from(CELL, LAYERS | {"field.direction": "axial"}).warnings)
-
-
 def test_the_pull_of_every_step_is_the_held_one_where_that_is_renewed_at_every_step(tmp_path, monkeypatch):
     """Handing the near pull over to the grains' own step moves none from pair to pair; steel walls included.
 
     Renewed at every tenth step instead, the speeds differ ten times more where the pull is held.
     """
-    steel = {"geometry.steel": True, "effects.wall_images": {}, "effects.dipoles.tolerance": 1e-8}
+    make_cylinders_of_steel(monkeypatch)
+    steel = {"effects.wall_images": {}, "effects.dipoles.tolerance": 1e-8}
     steel |= {"time.step": 2.5e-7, "time.end": "20 us"}  # eight windows of ten steps
     ends = {}
     for every in (1, 10):
@@ -142,7 +93,8 @@ def test_forces_of_rigid_grains_lag_by_the_interval_of_their_moments(tmp_path, m
     evaluations' lists it is the same run.
     """
     rigid = NEAR | {"contact.method": "dvi", "contact.dvi.step": 2e-6, "time.end": "32 us", "time.window": 16e-6}
-    rigid |= {"geometry.steel": True, "effects.wall_images": {}, "effects.dipoles.tolerance": 1e-8}
+    rigid |= {"effects.wall_images": {}, "effects.dipoles.tolerance": 1e-8}
+    make_cylinders_of_steel(monkeypatch)
     ends = {}
     for every in (1, 2, 4, 8):
         run(tmp_path, f"rigid-{every}", rigid | {"effects.dipoles.update_every": every})
@@ -214,9 +166,10 @@ def test_steel_mirrors_as_its_permeability_says():
     assert np.all(found["strong"] < 0.9) and np.all(found["strong"] >= 0.0)
 
 
-def test_near_contacts_carry_more_than_dipoles(tmp_path):
+def test_near_contacts_carry_more_than_dipoles(tmp_path, monkeypatch):
     """At 60 kA/m, steel cylinders: the torque of dipoles alone is several times too small."""
-    steel = {"geometry.steel": True, "effects.wall_images": {}, "time.end": "0.6 ms"}
+    make_cylinders_of_steel(monkeypatch)
+    steel = {"effects.wall_images": {}, "time.end": "0.6 ms"}
     torque = {}
     for model in ("mutual", "near_field"):
         history = run(tmp_path, model, NEAR | steel | {"effects.dipoles.model": model}).history
@@ -232,7 +185,6 @@ def test_near_contacts_carry_more_than_dipoles(tmp_path):
             {"effects.dipoles.model": "mutual", "field.means": "macroscopic", "effects.dipoles.cutoff": 1.8},
             "at least 2 diameters",
         ),
-        (LAYERS | {"geometry.outer_radius": 10.55e-3}, "at least 2 diameters between steel faces"),
         ({"particles.law": "thesis"}, "M = chi H has no material"),
         ({"effects.dipoles.surface_gap": 0.0}, "surface_gap"),
     ],

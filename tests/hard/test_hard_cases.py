@@ -1,6 +1,5 @@
 """Hard cases stay stable: bounded energy, finite numbers, or an explained stop, never a silent wrong answer."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +8,6 @@ import sheared_annulus
 
 import emclutch
 from emclutch.scene.case import case_from
-from geometry.annular_cell import ShearCell
 
 pytestmark = [pytest.mark.hard, pytest.mark.physics]
 
@@ -24,11 +22,7 @@ CELL = sheared_annulus.CELL | {
 
 @pytest.fixture
 def steel_cylinders(monkeypatch):
-    """A cell whose cylinders mirror dipoles, as poles do; the shape by itself is of no material."""
-    plain = ShearCell.walls
-    monkeypatch.setattr(
-        ShearCell, "walls", lambda cell: [replace(wall, magnetic=wall.body != "housing") for wall in plain(cell)]
-    )
+    sheared_annulus.make_cylinders_of_steel(monkeypatch)
 
 
 def run(tmp_path, name, values=None):

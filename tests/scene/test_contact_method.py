@@ -203,14 +203,14 @@ def test_grains_that_stick_by_both_methods(tmp_path):
 MAGNETISED = {
     "scene": {"title": "Magnetised powder in a sector of a sheared gap", "seed": 2},
     "geometry": {
-        "kind": "shear_cell", "inner_radius": "10 mm", "outer_radius": "11.2 mm", "height": "1.2 mm", "steel": True,
+        "kind": "shear_cell", "inner_radius": "10 mm", "outer_radius": "11.2 mm", "height": "1.2 mm",
     },
     "particles": {"diameter": "0.3 mm", "solid_fraction": 0.4, "sector": "12 deg", "initial_velocity": "sheared"},
     "contact": {"friction": 0.3, "restitution": 0.5},
     "motion": {"rotor": {"speed": "1000 rpm"}, "disc": {"speed": 0.0}},
     "field": {"source": "uniform", "field_strength": "80 kA/m", "direction": "radial"},
     "effects": {
-        "magnetic_force": {}, "dipoles": {"model": "near_field", "cutoff": 2.5}, "saturation": {}, "wall_images": {},
+        "magnetic_force": {}, "dipoles": {"model": "near_field", "cutoff": 2.5}, "saturation": {},
         "rolling_friction": {"coefficient": 0.2},
     },
     "time": {"end": "0.4 ms"},
@@ -219,7 +219,7 @@ MAGNETISED = {
 
 
 def test_magnetised_powder_in_a_sector_runs_by_both_methods(tmp_path):
-    """Necks, images in steel and rolling friction: torques of the ring balance, and the mean ones are alike."""
+    """Necks and rolling friction: torques of the ring balance, and the mean ones are alike."""
     torque, columns = {}, {}
     share = 1e-3  # of the largest torque: forces are held between updates of the moments, while the grains move on
     for method in ("dem", "dvi"):

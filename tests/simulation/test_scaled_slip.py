@@ -15,7 +15,7 @@ from particles.diagnostics.inertial_number import inertial_number
 
 CELL = {
     "scene": {"title": "sheared annulus"},
-    "geometry": {"kind": "shear_cell", "inner_radius": 10e-3, "outer_radius": 11.2e-3, "height": 2e-3, "steel": True},
+    "geometry": {"kind": "shear_cell", "inner_radius": 10e-3, "outer_radius": 11.2e-3, "height": 2e-3},
     "field": {"source": "uniform", "field_strength": 60e3, "direction": "radial"},
     "particles": {"diameter": "0.1 mm", "solid_fraction": 0.35, "sector": "6 diameters"},
     "motion": {"rotor": {"speed": "300 rpm"}, "disc": {"speed": "-30 rpm"}},

@@ -100,6 +100,7 @@ def sheared_box_picture(
     *,
     lengths: np.ndarray,
     chains: tuple[np.ndarray, np.ndarray, np.ndarray],
+    faces: bool = False,
     title: str | None = None,
 ) -> Path:
     """Draw a slice through the middle along flow and gradient, and one along vorticity and gradient.
@@ -109,6 +110,7 @@ def sheared_box_picture(
     path : PNG to write.
     position, radius, velocity : (n, 3) [m] inside the box, (n,) [m], (n, 3) [m/s].
     lengths : (3,) edges of the box [m].
+    faces : whether it ends at faces below and above, which are drawn.
     chains : start (k, 3), end (k, 3) [m] and force (k,) [N] of the contacts.
     """
     from matplotlib.patches import Rectangle
@@ -130,6 +132,8 @@ def sheared_box_picture(
             draw_chains(axis, start[inside][:, [along, 2]], end[inside][:, [along, 2]], force[inside])
         edges = MM * lengths
         axis.add_patch(Rectangle((0.0, 0.0), edges[along], edges[2], fill=False, ls="--", lw=1.0, color="black"))
+        if faces:
+            axis.hlines([0.0, edges[2]], 0.0, edges[along], color="black", lw=2.5)
         edge = 1.5 * MM * float(radius.max())
         axis.set(
             xlim=(-edge, edges[along] + edge), ylim=(-edge, edges[2] + edge),
