@@ -80,6 +80,8 @@ class GapRow:
         Pressure of the contacts on the faces, both on average. The field pulls on them besides.
     contacts_per_grain : float
         Twice the contacts over the grains, those with faces included [-].
+    relative_permeability : float
+        1 + phi M_z/H_z [-].
     """
 
     shear_strain: float
@@ -89,12 +91,6 @@ class GapRow:
     shear_stress_upper: float
     normal_stress_z: float
     contacts_per_grain: float
-
-
-@dataclass(frozen=True, slots=True)
-class MagnetisedGapRow:
-    """Magnetised grains between two faces in a window: mean of 1 + phi M.H/H^2 [-]."""
-
     relative_permeability: float
 
 
@@ -206,11 +202,11 @@ class GapMeans:
     ----------
     motion : GrainMotion
         In a `particles.GapBox`.
-    H : float or None
-        The macroscopic field along z [A/m]; None: the grains are not magnetised.
+    H : float
+        The macroscopic field along z [A/m]; 0: the grains are not magnetised.
     """
 
-    def __init__(self, motion: GrainMotion, H: float | None) -> None:
+    def __init__(self, motion: GrainMotion, H: float) -> None:
         assert motion.gap_box is not None
         self._motion, self._box, self._H = motion, motion.gap_box, H
         self._force = {body.name: np.zeros(3) for body in motion.bodies}
@@ -223,13 +219,14 @@ class GapMeans:
         self._touching += lasted * 2.0 * totals.n_contacts / self._motion.grains.count
         for name, force in self._force.items():
             force += lasted * totals.force[name]
-        if self._H is not None and moment is not None:
+        if moment is not None:
             self._moment += lasted * float(moment[:, 2].sum())
 
-    def rows(self) -> tuple[GapRow, MagnetisedGapRow | None]:
+    def rows(self) -> tuple[GapRow]:
         """Return the means over the window."""
         box, share = self._box, 1.0 / self._duration
         lower, upper = (share * self._force[name] / np.prod(box.lengths[:2]) for name in ("lower", "upper"))
+        magnetisation = share * self._moment / box.volume
         row = GapRow(
             shear_strain=box.rate * self._motion.time,
             solid_fraction=solid_fraction(self._motion, box),
@@ -238,10 +235,9 @@ class GapMeans:
             shear_stress_upper=-float(upper[0]),
             normal_stress_z=0.5 * float(upper[2] - lower[2]),
             contacts_per_grain=share * self._touching,
+            relative_permeability=1.0 + (magnetisation / self._H if self._H else 0.0),
         )
-        if not self._H:
-            return row, None
-        return row, MagnetisedGapRow(1.0 + share * self._moment / (box.volume * self._H))
+        return (row,)
 
 
 def solid_fraction(motion: GrainMotion, box: ShearedBox) -> float:

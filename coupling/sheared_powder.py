@@ -6,14 +6,12 @@ Shared by the cells of `coupling.powder_cell` and by scenes of a sheared box.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 
 from coupling.grain_law_table import FARTHEST_GAP
 from field.laws.reluctivity import MU_0
-from geometry.walls import Wall
-from particles import DEM, Body, Grains, PairLaws, ShearedBox
+from particles import DEM, Grains, PairLaws, ShearedBox
 
 SKIN = 0.3  # of the lists, in diameters
 NEAR = 1.0 + 0.5 * FARTHEST_GAP  # diameters: where two equal spheres become mutual dipoles
@@ -27,13 +25,10 @@ def grains_in_flow(box: ShearedBox, position: np.ndarray, radius: float | np.nda
     return Grains.create(position, radius, density, velocity=box.flow(position[:, 2]), angular_velocity=spin)
 
 
-def dem_in_box(
-    box: ShearedBox, grains: Grains, laws: PairLaws, dt: float, *, walls: Sequence[Wall] = (),
-    bodies: Sequence[Body] = (), energy_budget: bool = True,
-) -> DEM:  # fmt: skip
+def dem_in_box(box: ShearedBox, grains: Grains, laws: PairLaws, dt: float, *, energy_budget: bool = True) -> DEM:
     """The DEM of grains in a box, taken over, with a step [s] and lists of a skin that `list_reach` leaves room for."""
     skin = SKIN * 2.0 * float(grains.radius.max())
-    return DEM(grains, walls, bodies, laws, dt=dt, periodicity=box, skin=skin, energy_budget=energy_budget)
+    return DEM(grains, [], [], laws, dt=dt, periodicity=box, skin=skin, energy_budget=energy_budget)
 
 
 def list_reach(width: float | None) -> float:

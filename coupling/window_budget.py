@@ -47,10 +47,9 @@ class WindowBudget:
         self._weight = _weight_torque(simulation.motion)
         motion = simulation.motion
         self._sheared = None if motion.box is None else ShearedMeans(motion, simulation.magnetised)
-        self._gap = None
+        self._gap, source = None, simulation.source
         if motion.gap_box is not None:
-            source = simulation.source
-            self._gap = GapMeans(motion, source.given if isinstance(source, LayeredField) else None)
+            self._gap = GapMeans(motion, source.given if isinstance(source, LayeredField) else 0.0)
         self._solves = 0 if simulation.source is None else simulation.source.solves
         self._magnetic: float | None = None
 

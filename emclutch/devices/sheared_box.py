@@ -82,13 +82,12 @@ def _wide_enough(draft: Draft) -> Iterator[Fault]:
     if scene.shape().faults(None):
         return
     attraction, needed = scene.effects.attraction, _shortest_edge(scene)
-    between_faces = scene.geometry.walls is not None
-    shortest = min(scene.shape().size[: 2 if between_faces else 3])
-    if between_faces and (height := scene.shape().size[2]) < MIN_LAYERS * scene.grains.largest_diameter:
-        least = MIN_LAYERS * scene.grains.largest_diameter
+    size, least = scene.shape().size, MIN_LAYERS * scene.grains.largest_diameter
+    shortest = min(size if scene.geometry.walls is None else size[:2])
+    if scene.geometry.walls is not None and size[2] < least:  # of a cube the shortest edge is too short as well
         yield draft.fault(
-            "geometry.size" if scene.geometry.size is not None else "particles.count",
-            f"leaves {1e3 * height:.4g} mm between the faces; allowed: at least {1e3 * least:.4g} mm, "
+            "geometry.size",
+            f"leaves {1e3 * size[2]:.4g} mm between the faces; allowed: at least {1e3 * least:.4g} mm, "
             f"{MIN_LAYERS:g} grains; raise it, or lower particles.{size_key(scene.particles)}",
         )
     if shortest < needed * (1.0 - 1e-12):
@@ -298,13 +297,19 @@ class ShearedBoxGeometry(GeometrySection):
         """Shear stress [Pa] that is expected in the field, within a factor of two; None where grains do not attract."""
         from coupling.sheared_powder import chain_load, expected_stress
 
-        attraction, field = scene.effects.attraction, scene.prescribed_field
-        if attraction is None or field is None or field.field_strength == 0.0:
+        attraction, H = scene.effects.attraction, self._field_strength(scene)
+        if attraction is None or H is None:
             return None
         d, fill = scene.grains.mean_diameter, fill_of(scene.shape(), scene.grains).solid_fraction
         # of grains that do not saturate the load is in proportion to Ms^-0.2
-        load = chain_load(scene.grains.saturation, abs(field.field_strength), d, necks=attraction.has_necks)
+        load = chain_load(scene.grains.saturation, H, d, necks=attraction.has_necks)
         return expected_stress(load, fill, d)
+
+    @staticmethod
+    def _field_strength(scene: Scene) -> float | None:
+        """Strength [A/m] of the field along z; None without one."""
+        field = scene.prescribed_field
+        return abs(field.field_strength) or None if field is not None else None
 
     def rate(self, scene: Scene) -> float:
         """See `GeometrySection.rate`: as asked, or from the inertial number."""
@@ -408,21 +413,16 @@ class ShearedBoxGeometry(GeometrySection):
         found = steady_stress(histories, conditions)
         grains = scene.grains
         summary = stress_summary(found, histories, self.rate(scene), grains.mean_diameter, grains.density)
-        permeability, field = summary.get("relative_permeability"), scene.prescribed_field
-        if self.walls is None or permeability is None or field is None:
+        permeability, H = summary.get("relative_permeability"), self._field_strength(scene)
+        if self.walls is None or permeability is None or H is None:
             return summary
-        return summary | self._magnetisation(scene, permeability, abs(field.field_strength))
-
-    def _magnetisation(self, scene: Scene, permeability: float, H: float) -> dict[str, float | None]:
-        """Flux density [T], magnetisation of the grains [A/m], and the demagnetising factor with which the law of
-        their material has it; None where contact flux takes it beyond saturation."""
         from emclutch.device_model.materials import grain_law
         from field.laws.reluctivity import MU_0
 
         M = (permeability - 1.0) * H / fill_of(scene.shape(), scene.grains).solid_fraction
-        inside = float(grain_law(scene).field_inside(np.array([M]))[0])
+        inside = float(grain_law(scene).field_inside(np.array([M]))[0])  # infinite from saturation on
         factor = (H - inside) / M if np.isfinite(inside) and M > 0.0 else None
-        return {"flux_density": MU_0 * permeability * H, "magnetisation": M, "demagnetising_factor": factor}
+        return summary | {"flux_density": MU_0 * permeability * H, "magnetisation": M, "demagnetising_factor": factor}
 
     def friction_torque(self, scene: Any, device: Device) -> ExpectedTorque:
         """None: nothing turns; the stress and the magnetisation that are expected."""

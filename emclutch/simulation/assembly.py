@@ -60,9 +60,8 @@ def simulation_of(device: Device, plan: Plan, grains: Grains) -> Simulation:
     box = device.kind.periodic_box(scene)
     if isinstance(plan.contact, RigidContacts):
         motion = rigid_grains(scene, plan, plan.contact, grains, walls, bodies, gravity, box or plan.sector)
-    elif box is not None:
-        budget = scene.output.energy_budget
-        motion = dem_in_box(box, grains, plan.contact.laws, plan.dt, walls=walls, bodies=bodies, energy_budget=budget)
+    elif box is not None and not walls:
+        motion = dem_in_box(box, grains, plan.contact.laws, plan.dt, energy_budget=scene.output.energy_budget)
     else:
         motion = DEM(
             grains,
@@ -71,7 +70,7 @@ def simulation_of(device: Device, plan: Plan, grains: Grains) -> Simulation:
             plan.contact.laws,
             dt=plan.dt,
             gravity=gravity,
-            periodicity=plan.sector,
+            periodicity=box or plan.sector,
             energy_budget=scene.output.energy_budget,
         )
     source = None

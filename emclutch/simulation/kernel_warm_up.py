@@ -24,18 +24,7 @@ from emclutch.simulation.kernel_compilation import ONCE
 from geometry.kernels.cache import ROOT, has_entries
 from geometry.kernels.threads import default_threads
 from geometry.walls import cylinder
-from particles import (
-    DEM,
-    Body,
-    CyclicSector,
-    GapBox,
-    GrainMotion,
-    Grains,
-    PairLaws,
-    Periodicity,
-    RollingFriction,
-    ShearedBox,
-)
+from particles import DEM, Body, CyclicSector, GapBox, GrainMotion, Grains, PairLaws, RollingFriction, ShearedBox
 from particles.attraction import Attraction
 
 RADIUS, MASS = 1e-3, 1e-5
@@ -66,11 +55,10 @@ def grains_of_kind(law: str, *parts: str) -> DEM:
     if "box" in parts:
         dem = dem_in_box(ShearedBox(np.full(3, 30.0 * RADIUS), 1.0), grains, laws, 1e-7, energy_budget=energies)
     else:
-        sector: Periodicity | None = CyclicSector(2.0 * np.pi / 6.0) if "sector" in parts else None
-        if "gap" in parts:
-            sector = GapBox(np.full(3, 30.0 * RADIUS), 1.0)
+        sector = CyclicSector(2.0 * np.pi / 6.0) if "sector" in parts else None
+        gap = GapBox(np.full(3, 30.0 * RADIUS)) if "gap" in parts else None
         bore = cylinder("bore", "drum", 20.0 * RADIUS, -1.0, 1.0)
-        dem = DEM(grains, [bore], [Body("drum")], laws, dt=1e-7, periodicity=sector, energy_budget=energies)
+        dem = DEM(grains, [bore], [Body("drum")], laws, dt=1e-7, periodicity=gap or sector, energy_budget=energies)
     if "attraction" in parts:
         dem.attraction = Attraction(0.0, 1.0, np.zeros((2, 2)), np.zeros(2), 1.0, _no_drives)
     return dem

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from particles import ShearedBox, find_pairs
+from particles import GapBox, ShearedBox, find_pairs
+from particles.packing.periodic_packing import random_in_box
 from particles.sheared_box import MOST, NUMBERS, whole_numbers
 
 D = 1e-3
@@ -43,6 +44,25 @@ def test_pairs_are_those_of_all_images(strain, outside):
     apart = box.place(x[pairs.other], pairs.shift) - x[pairs.rows()]
     assert np.linalg.norm(apart, axis=1).max() < 1.9 * D
     assert apart == pytest.approx(x[pairs.other] + box.images[pairs.shift + MOST, 2:5] - x[pairs.rows()], abs=1e-12 * D)
+
+
+def test_in_a_gap_pairs_are_those_of_images_along_its_walls():
+    """None across them, also far from the origin; grains are packed between the walls, and wrapped into the cell."""
+    corner, lengths = np.array([0.0, -500.0, 0.0]), np.array([5.0, 4.2, 3.6]) * D
+    box, radius = GapBox(lengths, 3.0, corner), np.full(45, 0.5 * D)
+    x = random_in_box(box, radius, seed=2)
+    inside = x - corner
+    assert (inside >= 0.0).all() and (inside <= lengths).all()
+    assert inside[:, 2].min() >= 0.5 * D and (lengths[2] - inside[:, 2]).min() >= 0.5 * D
+    pairs = find_pairs(x, 1.9 * D, box)
+    shift = whole_numbers(pairs.shift)
+    found = {(int(i), int(j), *s) for i, j, s in zip(pairs.rows(), pairs.other, shift.tolist(), strict=True)}
+    assert len(found) == pairs.count and not shift[:, 2].any()
+    still = ShearedBox(lengths)
+    assert found == {one for one in all_pairs(inside, 1.9 * D, still) if one[4] == 0}
+    moved = x + np.outer(np.arange(-22, 23), [lengths[0], 2.0 * lengths[1], 0.0])
+    assert box.place(moved, box.wraps(moved)) == pytest.approx(x, abs=1e-6 * D)
+    assert box.sweep(np.ones((45, 3)), box.wraps(moved)) == pytest.approx(np.ones((45, 3)))
 
 
 @pytest.mark.parametrize("strain", [0.17, -0.17])
