@@ -16,7 +16,7 @@ from emclutch.simulation.assembly import assemble
 from emclutch.simulation.check import check
 from emclutch.simulation.plan import make_plan
 from emclutch.simulation.run import run
-from field import MU_0
+from field import MU_0, GrainLaw
 
 pytestmark = pytest.mark.physics
 
@@ -173,6 +173,27 @@ def test_it_resumes_bit_for_bit(tmp_path, method):
     with h5py.File(tmp_path / "whole" / "run.h5") as record:
         position = record["particles/grains/position/value"][-1]
     assert (position >= 0.0).all() and (position <= np.array(GAP["geometry"]["size"])).all()
+
+
+def test_a_run_tells_of_faces_and_flux_and_how_well_the_stress_is_known(tmp_path):
+    """Mean stress of both faces, B and M of the permeability; the demagnetising factor gives M back from B."""
+    changes = {
+        "time.end": "1.1 ms", "time.until": "stress 5 %", "field.field_strength": 60e3,
+        "output.pictures": True, "output.formats": ["hdf5", "vtk"], "geometry.inertial_number": 0.6,
+    }  # fmt: skip
+    result = run(scene(changes), out=tmp_path / "run", threads=1)
+    found, steady = result.summary, result.stress
+    assert not found["until"]["reached"] and steady.mean > 0.0 and found["shear_strain"] > 6.0
+    faces = 0.5 * (found["shear_stress_lower"] + found["shear_stress_upper"])
+    assert faces == pytest.approx(found["shear_stress"], rel=0.02)
+    assert found["effective_friction"]["mean"] == pytest.approx(steady.mean / found["normal_stress"]["mean"], rel=1e-6)
+    phi, B = found["solid_fraction"], found["flux_density"]
+    assert B == pytest.approx(MU_0 * (60e3 + phi * found["magnetisation"]), rel=1e-9)
+    law = GrainLaw(273.0, MS)
+    M, _ = law.from_flux(np.array([B]), phi, np.array([found["demagnetising_factor"]]))
+    assert M[0] == pytest.approx(found["magnetisation"], rel=1e-6)
+    for name in ("stress.png", "grains.png", "particles.pvd", "contacts.pvd"):
+        assert (tmp_path / "run" / name).stat().st_size > 0
 
 
 def test_stress_is_the_same_by_both_methods():
