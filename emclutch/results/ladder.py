@@ -25,6 +25,8 @@ CONFIDENCE = 0.95
 VERSION = 3
 """Of the file: settings, units and step sizes of the knobs are those of this version; since 2 sectors of finer grains
 are as wide as those of the scene; since 3 it says which errors are large."""
+LARGEST = 300.0
+"""Logarithm of a torque over that without error, that is told: far beyond the settings that were measured."""
 LARGE = ("grains_across",)
 """Knobs whose errors are large in most scenes, in files of version 2."""
 INTERACTION = "interaction"
@@ -93,8 +95,8 @@ class KnobError:
     @classmethod
     def of(cls, draws: np.ndarray) -> KnobError:
         """Return the error of draws of ln(T/T_0) and of their noise, (2, s): the median, and what 95 % lie within."""
-        middle = float(np.median(draws[0]))
-        half = float(np.quantile(np.abs(draws[0] - middle), CONFIDENCE))
+        middle = min(float(np.median(draws[0])), LARGEST)
+        half = min(float(np.quantile(np.abs(draws[0] - middle), CONFIDENCE)), LARGEST)
         return cls(math.expm1(middle), half, min(NORMAL * float(draws[1].std()), half))
 
     @property
@@ -337,12 +339,10 @@ class Ladder:
         Its replicas are also those that the errors are measured by.
         """
         errors = {name: found[0] for name, h in self.told.items() if (found := self.draws(name, h)) is not None}
-        level = self.posterior.level
-        if not self._groups[0]:  # no setting has torques of its own: the mean at the scene's settings, and its scatter
-            noise = np.random.default_rng(0).standard_t(self.freedom, level.shape[1]) * self.scatter
-            noise /= math.sqrt(self.packings)
-            level = np.stack([math.log(abs(self.torque)) + noise, noise])
-        torque = KnobError.of(level - self._total(errors)[2])
+        whole, _, draws = self._total(errors)
+        if not self._groups[0]:  # of the mean at the scene's own settings the errors say nothing
+            return self.torque / (1.0 + whole.bias), math.hypot(self.statistical, whole.half_width)
+        torque = KnobError.of(self.posterior.level - draws)
         return math.copysign(1.0 + torque.bias, self.torque), torque.half_width
 
     def total(self, step_sizes: Mapping[str, float], limits: Mapping[str, float] | None = None) -> Total:

@@ -26,12 +26,14 @@ Besides, 5 % of each error is unknown, and three times the product of two errors
 direction (95 % each): the brake's torque at 4 grains per gap and an inertial number of 0.4 together lacks 3.0 times the
 product of both errors, -11 %.
 
-**Computation.** Given orders, scales and scatter, the model is linear and Gaussian. These are drawn from a Gaussian
-proposal in transformed coordinates that is fitted to a first set of draws, weighted by the marginal likelihood
-(importance sampling) and resampled; m, b and d follow from conditioning joint draws of themselves and of the data
-(Matheron's rule; A. G. Journel, C. J. Huijbregts, Mining Geostatistics, 1978, section VII.A). The generator has a fixed
-seed: equal input gives equal output. Hierarchical shrinkage: A. Gelman, Bayesian Analysis 1 (2006) 515-533 (half-Cauchy
-scales).
+**Computation.** Given orders, scales and scatter, the model is linear and Gaussian. These are drawn in transformed
+coordinates from a Gaussian proposal, weighted by the marginal likelihood (importance sampling) and resampled. The
+proposal is fitted to pilot draws. The first ones come from the prior, and are weighted by a power of the likelihood
+that leaves a tenth of them effective; the power rises from fit to fit up to 1 (O. Cappé et al., J. Comput. Graph. Stat.
+13 (2004) 907-929; R. M. Neal, Stat. Comput. 11 (2001) 125-139). m, b and d follow from conditioning joint draws of
+themselves and of the data (Matheron's rule; A. G. Journel, C. J. Huijbregts, Mining Geostatistics, 1978, section
+VII.A). The generator has a fixed seed: equal input gives equal output. Hierarchical shrinkage: A. Gelman, Bayesian
+Analysis 1 (2006) 515-533 (half-Cauchy scales).
 """
 
 from __future__ import annotations
@@ -46,7 +48,9 @@ import numpy as np
 if TYPE_CHECKING:
     from emclutch.results.ladder import KnobLadder
 
-DRAWS, PILOT = 8192, 4096
+DRAWS, PILOT = 8192, 2048
+MAX_PILOTS = 60  # fits of the proposal
+EFFECTIVE = 0.1  # of the pilot draws, that a power of the likelihood leaves
 ORDER_SPREAD, FREE_ORDER, FREE_SPREAD = 0.35, 2.0, 0.7  # of ln p
 SMALL_ERROR = 0.007
 """Scale of the errors of small settings, relative to the torque."""
@@ -60,8 +64,11 @@ PAIRS = 3.0
 NORMAL = 1.96
 LOWEST_EXCESS, LARGEST_EXCESS = -0.5, 10.0
 LARGEST = 1.0  # scale of an error or a deviation
+HIGHEST_ORDER = 10.0
 RESOLVED, MIN_NOISE = 1e-3, 1e-6  # of the range of values without noise; relative
+ROUND_OFF = 1e-12  # of the prior variance of each value: without it covariances of far values are singular
 WIDER = 1.1  # proposal over the draws that it is fitted to
+DIAGONAL = 0.1  # of the proposal's covariance: coordinates are as if they did not correlate
 SAME = 1e-6
 
 
@@ -107,22 +114,33 @@ class SharedMean:
         self._floor = MIN_NOISE if self._is_noisy else max(RESOLVED * extent, MIN_NOISE)
         large = np.array([one.is_large for one in knobs])
         self._is_flat = large | (not has_prior)
-        self._deviation = DEVIATION * large if self._is_noisy else np.array([OF_RANGE * extent])
+        self._deviation = DEVIATION * large if self._is_noisy else np.full(len(knobs), OF_RANGE * extent)
         self._excess = [_excess(knob) if knob.is_large else None for knob in knobs]
         counts = [len(some) if scale else 0 for some, scale in zip(self._values, self._deviation, strict=True)]
         self._first = np.cumsum([1 + len(knobs), *counts])  # latent d of each setting's first value, where it has any
+        has_factor = self._is_noisy and math.isfinite(knobs[0].freedom)
+        self._is_used = np.r_[np.ones(len(knobs), dtype=bool), ~self._is_flat, self._deviation > 0.0, has_factor]
 
     def posterior(self, random: np.random.Generator) -> Posterior:
         """Return `DRAWS` draws."""
-        size = 3 * len(self.knobs) + 1
-        middle, wide, weight, u = np.zeros(size), np.ones(size), np.ones(1), np.zeros((1, size))
-        for draws in (PILOT, PILOT, DRAWS):
+        size = self._is_used.size
+        middle, factor, power = np.zeros(size), np.eye(size), 0.0
+
+        def propose(draws: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+            """Return draws of the proposal, their log-likelihoods, and the logarithms of prior over proposal."""
             z = random.standard_normal((draws, size))
-            u = middle + wide * z
-            log_weight = self.log_evidence(u) + 0.5 * (z**2 - u**2).sum(axis=1)
-            weight = np.exp(log_weight - log_weight.max())
-            middle = np.average(u, axis=0, weights=weight)
-            wide = WIDER * np.sqrt(np.average((u - middle) ** 2, axis=0, weights=weight))
+            u = middle + z @ factor.T
+            return u, self.log_evidence(u), 0.5 * (z**2 - u**2).sum(axis=1)
+
+        for _ in range(MAX_PILOTS):
+            is_last = power == 1.0
+            u, evidence, ratio = propose(PILOT)
+            power = _power(evidence, ratio, power)
+            middle, factor = _fitted(u, _weights(power * evidence + ratio), self._is_used)
+            if is_last:
+                break
+        u, evidence, ratio = propose(DRAWS)
+        weight = _weights(evidence + ratio)
         share = np.cumsum(weight) / weight.sum()
         u = u[np.searchsorted(share, (np.arange(DRAWS) + 0.5) / DRAWS).clip(max=DRAWS - 1)]
         terms, prior, noise, covariance = self._linear(u)
@@ -164,7 +182,7 @@ class SharedMean:
         """Return the standard deviation (s,) of d of a value; 0 of those that were measured."""
         k = next(n for n, one in enumerate(self.knobs) if one.knob == knob)
         known = self._place(k, step_size) is not None
-        return np.zeros(len(u)) if known else self._scales(u, 2)[:, k] * self._deviation[k]
+        return np.zeros(len(u)) if known else np.minimum(self._scales(u, 2)[:, k] * self._deviation[k], LARGEST)
 
     def _place(self, k: int, step_size: float) -> int | None:
         h = [one.step_size for one in self._values[k]]
@@ -173,7 +191,8 @@ class SharedMean:
     def _orders(self, u: np.ndarray) -> np.ndarray:
         known = np.array([one.order or 0.0 for one in self.knobs])
         spread = np.where(known > 0.0, ORDER_SPREAD, FREE_SPREAD)
-        return np.where(known > 0.0, known, FREE_ORDER) * np.exp(spread * u[:, : known.size])
+        orders = np.where(known > 0.0, known, FREE_ORDER) * np.exp(spread * u[:, : known.size])
+        return np.minimum(orders, HIGHEST_ORDER)
 
     def _scales(self, u: np.ndarray, block: int) -> np.ndarray:
         """Return half-Cauchy scales (s, k) from a block of coordinates."""
@@ -183,10 +202,13 @@ class SharedMean:
         return np.tan(0.5 * math.pi * ndtr(u[:, block * count : (block + 1) * count]))
 
     def _unit(self, k: int, p: np.ndarray) -> np.ndarray:
-        """Return x of the value whose error is b: the scene's own, of a large error the coarsest."""
+        """Return x of the value whose error is b: the scene's own, of a large error the farthest from the limit."""
         h, limit = [one.step_size for one in self._values[k]], self.knobs[k].limit
-        at_limit = math.isclose(h[self._own[k]], limit, rel_tol=1e-3)
-        reference = max(h) if self.knobs[k].is_large or at_limit else h[self._own[k]]
+        reference = h[self._own[k]]
+        if self.knobs[k].is_large or math.isclose(reference, limit, rel_tol=1e-3):
+            reference = max(h, key=lambda one: abs(one - limit))
+        if math.isclose(reference, limit, rel_tol=SAME):  # no other value was measured
+            return np.ones_like(p)
         return self._law(k, reference, p) - self._law(k, limit, p)
 
     def _law(self, k: int, step_size: float, p: np.ndarray) -> np.ndarray:
@@ -220,7 +242,8 @@ class SharedMean:
         factor = np.ones(s) if math.isinf(freedom) else freedom / chdtri(freedom, ndtr(u[:, -1]))
         noise = factor[:, None] * self._error**2 + self._floor**2
         covariance = (terms * prior[:, None]) @ terms.transpose(0, 2, 1)
-        covariance[:, range(len(self._rows)), range(len(self._rows))] += noise
+        diagonal = range(len(self._rows))
+        covariance[:, diagonal, diagonal] += noise + ROUND_OFF * covariance[:, diagonal, diagonal]
         return terms, prior, noise, covariance
 
 
@@ -300,6 +323,36 @@ def _excess(knob: KnobLadder) -> float | None:
     h, torque = np.array([one.step_size for one in values]), np.abs([float(one.value or 0.0) for one in values])
     if len(values) < 2:
         return None
-    slope, intercept = np.polyfit((h / h.max()) ** (knob.order or FREE_ORDER), torque, 1)
+    slope, intercept = np.polyfit((h / h.max()) ** (knob.order or FREE_ORDER), torque / torque.mean(), 1)
     excess = min(max(slope / max(intercept, MIN_NOISE), LOWEST_EXCESS), LARGEST_EXCESS)
     return excess if abs(excess) > MIN_NOISE else None
+
+
+def _weights(log_weight: np.ndarray) -> np.ndarray:
+    """Return weights up to a factor (s,), the largest being 1."""
+    return np.exp(log_weight - log_weight.max())
+
+
+def _power(evidence: np.ndarray, ratio: np.ndarray, before: float) -> float:
+    """Return the largest power of the likelihood, above the one before and up to 1, that leaves enough draws."""
+
+    def is_enough(power: float) -> bool:
+        weight = _weights(power * evidence + ratio)
+        return bool(weight.sum() ** 2 >= EFFECTIVE * weight.size * (weight @ weight))
+
+    if is_enough(1.0):
+        return 1.0
+    low, high = before, 1.0
+    for _ in range(20):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if is_enough(middle) else (low, middle)
+    return max(low, min(1.0, 1.1 * before))
+
+
+def _fitted(u: np.ndarray, weight: np.ndarray, is_used: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return mean (c,) and factor (c, c) of a proposal from weighted draws; what is not used keeps its prior."""
+    middle = np.where(is_used, np.average(u, axis=0, weights=weight), 0.0)
+    covariance = np.cov(u.T, aweights=weight, ddof=0)
+    covariance = (1.0 - DIAGONAL) * covariance + np.diag(DIAGONAL * np.diag(covariance) + MIN_NOISE)
+    factor = WIDER * np.linalg.cholesky(np.where(np.outer(is_used, is_used), covariance, np.eye(len(middle))))
+    return middle, np.where(is_used[:, None], factor, np.eye(len(middle)))

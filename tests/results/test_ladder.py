@@ -251,3 +251,93 @@ if __name__ == "__main__":
         found = np.array([held(generator, sizes, truth, **options) for _ in range(150)])
         wide, miss = np.median(found[:, 1]), np.median(found[:, 2])
         print(f"{row:36} {found[:, 0].mean():.3f}, half width {100 * wide:.1f} %, {wide / miss:.1f}", flush=True)
+
+
+def study_of_seven(noise=0.01):
+    """Seven settings of five values each: an error of 20 %, one of 10 %, and five of some 1 %, with orders off."""
+    random, knobs = np.random.default_rng(0), []
+    steps = np.array([3.0, 2.0, 1.5, 1.0, 0.5])
+    for number, error in enumerate((0.2, 0.1, 0.01, 0.01, 0.01, 0.01, 0.01)):
+        order = 2.0 * math.exp(0.35 * random.standard_normal())
+        values = np.exp(error * (steps**order - 1.0) + noise * random.standard_normal(5))
+        values[3] = 1.0
+        knobs.append(
+            knob_of(steps, values, np.full(5, noise), name=f"knob {number}", own=3, order=2.0, is_large=number == 0)
+        )
+    return knobs
+
+
+def test_draws_of_decided_errors_do_not_collapse_to_a_few():
+    """With a proposal fitted to draws of the prior, 10 of 8192 draws were left, and half widths were by chance."""
+    knobs = study_of_seven()
+    halves = []
+    for seed in range(3):
+        model = setting_errors.SharedMean(knobs)
+        found = model.posterior(np.random.default_rng(seed))
+        assert len(np.unique(found.u[:, 0])) > 1000
+        direction = sum(model.direction(found.u, one.knob, 1.0) for one in knobs)
+        halves.append(KnobError.of(np.stack([np.einsum("sl,sl->s", direction, found.latent)] * 2)).half_width)
+    assert max(halves) < 1.2 * min(halves)
+
+
+@pytest.mark.parametrize("is_large", [False, True])
+@pytest.mark.parametrize("place", [0, 2])
+def test_a_limit_at_one_of_the_values_gives_finite_errors(place, is_large, few_draws):
+    """Of the value at the limit there is no error; without another value the law has no unit."""
+    values, errors = [1.2, 1.05, 1.02], [0.02, 0.02, 0.02]
+    for own in (0, 1, 2):
+        ladder = ladder_of(knob_of(THREE, values, errors, own=own, limit=THREE[place], is_large=is_large))
+        found = [ladder.error("knob", h) for h in THREE]
+        assert all(math.isfinite(one.bias) and math.isfinite(one.half_width) for one in found)
+        assert found[place].half_width == 0.0
+    alone = setting_errors.SharedMean([knob_of(THREE[:1], values[:1], errors[:1], limit=THREE[0])])
+    u = np.zeros((1, 4))
+    assert np.isfinite(alone.direction(u, "knob", THREE[2])).all()
+
+
+def test_torques_without_scatter_have_errors_like_values_without_noise(few_draws):
+    knobs = [
+        KnobLadder(
+            name, "key", Basis.TORQUE, 1.0 / THREE[1], 2.0, 0.0,
+            tuple(Rung(1.0 / h, h, value, 0.0, 2, 1.0) for h, value in zip(THREE, values, strict=True)), 16.0,
+        )
+        for name, values in (("a", (1.2, 1.05, 1.02)), ("b", (1.02, 1.05, 1.06)))
+    ]  # fmt: skip
+    found = ladder_of(*knobs).total({"a": THREE[1], "b": THREE[1]})
+    assert 0.0 < found.half_width < 0.2
+
+
+@pytest.mark.parametrize("finest", [1.0 / 64.0, 1e-4, 1e-12])
+def test_values_far_apart_have_finite_errors(finest, few_draws):
+    """At high orders the coarsest value has many powers of ten the error of the finest: covariances were singular."""
+    h = np.array([1.0, math.sqrt(finest), finest])
+    for errors in (None, [0.02, 0.02, 0.02]):
+        found = ladder_of(knob_of(h, [1.2, 1.05, 1.02], errors, own=2, order=None)).error("knob")
+        assert math.isfinite(found.bias)
+        assert 0.0 <= found.half_width < 0.2
+
+
+def test_far_beyond_all_values_the_error_is_a_finite_number(few_draws):
+    found = ladder_of(knob_of(THREE, [1.2, 1.05, 1.02], [0.02] * 3, own=1)).error("knob", 1e6)
+    assert np.isfinite([found.bias, found.half_width, *found.interval]).all()
+
+
+def test_errors_do_not_depend_on_the_unit_or_the_sign_of_the_torque(few_draws):
+    values = np.array([1.2, 1.05, 1.02])
+    one, *others = (
+        ladder_of(knob_of(THREE, factor * values, [0.02] * 3, own=1, **GRAINS)).error("knob")
+        for factor in (1.0, 1e-9, -1e6)
+    )
+    for other in others:
+        assert (other.bias, other.half_width) == pytest.approx((one.bias, one.half_width))
+
+
+def test_the_corrected_torque_is_that_of_the_study_where_no_setting_was_measured_by_torques(few_draws):
+    """It was 1 N m of any torque, with the half width of the errors alone."""
+    solved = knob_of(THREE, [1.2, 1.05, 1.02], own=1)
+    for knobs in ((), (solved,)):
+        ladder = ladder_of(*knobs, torque=-3.0)
+        error = ladder.total(ladder.told)
+        torque, half = ladder.corrected_torque()
+        assert torque == pytest.approx(-3.0 / (1.0 + error.bias))
+        assert half == pytest.approx(math.hypot(ladder.statistical, error.half_width))
