@@ -82,7 +82,8 @@ class GrainSizeLaw:
     def torque(self, across: Any) -> tuple[np.ndarray, np.ndarray]:
         """Return T(n) (k,) and the ends of its 95 % interval (2, k) [N m] for `across` (k,), infinity included."""
         sizes = np.where(np.isinf(across), FARTHEST, 1.0 / np.asarray(across, dtype=np.float64))
-        rows = [np.quantile(_torques(self._errors, self.finest, h), [0.025, 0.5, 0.975]) for h in sizes]
+        sign = math.copysign(1.0, self.limit.value)
+        rows = [np.quantile(sign * _torques(self._errors, self.finest, h), [0.025, 0.5, 0.975]) for h in sizes]
         low, middle, high = np.array(rows).T
         return middle, np.array([low, high])
 
