@@ -1,5 +1,6 @@
 """Packings go where they lower the half widths of the knobs' errors most for their time, and stay within the budget."""
 
+import dataclasses
 import math
 
 import pytest
@@ -134,3 +135,20 @@ def test_packings_for_a_difference():
     """1.96 s sqrt(2/n) = difference."""
     assert packings_for(0.05, 0.08) == math.ceil(2 * (1.96 * 0.08 / 0.05) ** 2) == 20
     assert packings_for(1.0, 0.01) == 1
+
+
+@pytest.mark.parametrize("is_large", [False, True])
+def test_a_scene_at_the_limit_of_a_setting_is_planned(is_large):
+    """Without another value of that setting its law has no unit: it was a division by zero."""
+    at_limit = dataclasses.replace(knob("b", 10.0, 12.0), limit=OWN_RUNG.step_size, is_large=is_large)
+    count, found = measured([knob("a", 10.0, 12.0)], [("a", 10.0)])
+    more = more_packings([knob("a", 10.0, 12.0), at_limit], count, found, 10.0, 200.0, 1, [Aim()])
+    assert more and set(more) <= {OWN, ("a", 10.0), ("a", 20.0 / 3.0), ("b", 10.0), ("b", 20.0 / 3.0)}
+
+
+def test_torques_of_different_signs_are_no_use_and_alike_ones_need_no_other():
+    knobs = [knob("a", 10.0, 12.0), knob("b", 10.0, 12.0)]
+    count, found = measured(knobs, [("a", 10.0), ("b", 10.0)])
+    opposite = dataclasses.replace(found, means=found.means | {("a", 10.0): -1.0})
+    assert "a" not in {name for name, _ in more_packings(knobs, count, opposite, 10.0, 200.0, 1, [Aim()])}
+    assert len(more_packings(knobs, count, dataclasses.replace(found, scatter=0.0), 10.0, 200.0, 1, [Aim()])) < 8

@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from emclutch.results.ladder import Basis, KnobLadder, Rung
-from emclutch.results.setting_errors import NORMAL, SharedMean
+from emclutch.results.setting_errors import NORMAL, SharedMean, own_place
 from emclutch.studies.task_queue import makespan
 
 MAX_PACKINGS = 64
@@ -172,7 +172,9 @@ def more_packings(
     `aims`: settings whose error is to be lowered.
     """
     seconds, count = _seconds_of(knobs, base_seconds), dict(count)
-    knobs = [one for one in knobs if one.rungs]
+    knobs = [
+        one for one in knobs if one.rungs and own_place(one.ladder(found.means, count, found.scatter, 1.0)) is not None
+    ]
     chosen: list[Key] = []
     open_to = set(seconds) if knobs else set()
 
