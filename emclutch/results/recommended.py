@@ -26,9 +26,9 @@ from emclutch.results.statistics import STOPPING_ALLOWANCE
 from emclutch.results.text import format_duration, per_cent
 from emclutch.results.torque_curves import NORMAL
 
-PACKINGS = (2, 4, 6, 8, 12, 16, 24)
 OWN_PACKINGS = 4
 """Of the scene's own settings, where nothing is asked for."""
+PACKINGS = (2, 4, 6, 8, 12, 16, 24)
 """Numbers of packings that a run with `time.until` looks at (emclutch.simulation.stopping_rule)."""
 STATISTICS = "statistics"
 """Name of the part that is no knob's: of the packings' mean."""
@@ -315,7 +315,7 @@ def unknown_of(ladder: Ladder) -> dict[str, str]:
     """Return the knobs whose error at the scene's own setting is not known: why."""
     failed = {
         one.knob: "; ".join(f"{rung.setting:.4g}: {rung.failure}" for rung in one.rungs if rung.failure)
-        or "no other setting"
+        or ("torques of different signs" if sum(bool(rung.value) for rung in one.rungs) > 1 else "no other setting")
         for one in ladder.knobs
         if one.own_step_size is None
     }

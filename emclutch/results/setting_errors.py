@@ -65,7 +65,9 @@ NORMAL = 1.96
 LOWEST_EXCESS, LARGEST_EXCESS = -0.5, 10.0
 LARGEST = 1.0  # scale of an error or a deviation
 HIGHEST_ORDER = 10.0
+MOST = 8.0  # standard deviations of the scatter's coordinate
 RESOLVED, MIN_NOISE = 1e-3, 1e-6  # of the range of values without noise; relative
+NO_NOISE = 1e-6  # of the variance of the noise, that is as good as none
 ROUND_OFF = 1e-12  # of the prior variance of each value: without it covariances of far values are singular
 WIDER = 1.1  # proposal over the draws that it is fitted to
 DIAGONAL = 0.1  # of the proposal's covariance: coordinates are as if they did not correlate
@@ -80,14 +82,16 @@ class Posterior:
     ----------
     u : (s, c) array
         Coordinates of orders, scales and scatter, standard normal a priori.
-    latent, expected : (s, l) arrays
-        m less the mean of all values, b and d; and their expectation at the same coordinates, which is all that is left
-        of them without noise.
+    latent : (s, l) array
+        m less the mean of all values, b and d.
+    noise : (s, l) array
+        The part of them by the scatter between replicas: what values without noise, at the same coordinates, would
+        remove. Its mean is 0.
     """
 
     u: np.ndarray
     latent: np.ndarray
-    expected: np.ndarray
+    noise: np.ndarray
 
 
 class SharedMean:
@@ -145,10 +149,20 @@ class SharedMean:
         u = u[np.searchsorted(share, (np.arange(DRAWS) + 0.5) / DRAWS).clip(max=DRAWS - 1)]
         terms, prior, noise, covariance = self._linear(u)
         latent = np.sqrt(prior) * random.standard_normal(prior.shape)
-        data = np.einsum("snl,sl->sn", terms, latent) + np.sqrt(noise) * random.standard_normal(noise.shape)
-        both = np.stack([self._y - data, np.broadcast_to(self._y, data.shape)], axis=-1)
-        update, expected = np.moveaxis(terms.transpose(0, 2, 1) @ np.linalg.solve(covariance, both), -1, 0) * prior
-        return Posterior(u, latent + update, expected)
+        exact = np.einsum("snl,sl->sn", terms, latent)
+        data = exact + np.sqrt(noise) * random.standard_normal(noise.shape)
+
+        def answer(covariance: np.ndarray, values: np.ndarray) -> np.ndarray:
+            """Return the expectations of the latent quantities (s, l) for some values (s, n)."""
+            return (terms.transpose(0, 2, 1) @ np.linalg.solve(covariance, values[..., None]))[..., 0] * prior
+
+        found = latent + answer(covariance, self._y - data)
+        if not self._is_noisy:
+            return Posterior(u, found, np.zeros_like(found))
+        diagonal = range(noise.shape[1])
+        without = covariance.copy()
+        without[:, diagonal, diagonal] -= (1.0 - NO_NOISE) * noise
+        return Posterior(u, found, answer(without, exact) - answer(covariance, data))
 
     def log_evidence(self, u: np.ndarray) -> np.ndarray:
         """Return the logarithm of the marginal likelihood of the values (s,) at some coordinates (s, c)."""
@@ -221,7 +235,7 @@ class SharedMean:
     def _linear(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Return what multiplies the latent quantities (s, n, l), their prior variances (s, l), the variances of the
         values' noise and the covariances of the values (s, n, n)."""
-        from scipy.special import chdtri, ndtr
+        from scipy.special import gammaincinv, ndtr
 
         s, count, orders = len(u), len(self.knobs), self._orders(u)
         prior = np.ones((s, self._first[-1]))
@@ -239,7 +253,9 @@ class SharedMean:
             if self._deviation[k]:
                 terms[:, n, self._first[k] + i], terms[:, n, self._first[k] + own] = 1.0, -1.0
         freedom = self.knobs[0].freedom
-        factor = np.ones(s) if math.isinf(freedom) else freedom / chdtri(freedom, ndtr(u[:, -1]))
+        factor = np.ones(s)
+        if math.isfinite(freedom):  # chi^2 from its lower tail, which is exact where the scatter is far too small
+            factor = 0.5 * freedom / gammaincinv(0.5 * freedom, ndtr(-u[:, -1].clip(-MOST, MOST)))
         noise = factor[:, None] * self._error**2 + self._floor**2
         covariance = (terms * prior[:, None]) @ terms.transpose(0, 2, 1)
         diagonal = range(len(self._rows))
@@ -269,7 +285,7 @@ class SettingErrors:
                 draws = model.posterior(self._random)
                 self._of |= {one.knob: (model, draws) for one in group}
                 if number == 0:
-                    self.level = np.stack([model.level + draws.latent[:, 0], (draws.latent - draws.expected)[:, 0]])
+                    self.level = np.stack([model.level + draws.latent[:, 0], draws.noise[:, 0]])
         self._normal = self._random.standard_normal(DRAWS)
         self._model = {name: self._random.standard_normal(DRAWS) for name in self._of}
         self._new = {name: self._random.standard_normal(DRAWS) for name in self._of}
@@ -284,7 +300,7 @@ class SettingErrors:
         if not direction.any():
             return np.zeros((2, DRAWS))
         found = np.einsum("sl,sl->s", direction, draws.latent)
-        noise = found - np.einsum("sl,sl->s", direction, draws.expected)
+        noise = np.einsum("sl,sl->s", direction, draws.noise)
         more = model.new_deviation(draws.u, knob, step_size) * self._new[knob]
         return np.stack([found * (1.0 + MODEL / NORMAL * self._model[knob]) + more, noise])
 

@@ -341,3 +341,26 @@ def test_the_corrected_torque_is_that_of_the_study_where_no_setting_was_measured
         torque, half = ladder.corrected_torque()
         assert torque == pytest.approx(-3.0 / (1.0 + error.bias))
         assert half == pytest.approx(math.hypot(ladder.statistical, error.half_width))
+
+
+@pytest.mark.parametrize("freedom", [1.0, 3.0, 1000.0])
+def test_a_scatter_that_is_far_too_small_gives_finite_errors(freedom, few_draws):
+    """The values are 1e5 of their standard errors off any law: a coordinate of 8 was a division by zero."""
+    random = np.random.default_rng(0)
+    values = 1.0 + 0.1 * random.standard_normal(5)
+    found = ladder_of(knob_of(FIVE, values, [1e-6] * 5, freedom=freedom)).error("knob")
+    assert math.isfinite(found.bias)
+    assert 0.0 < found.half_width < 10.0
+
+
+def test_the_part_by_noise_is_what_exact_values_would_remove():
+    """Deviations from the law, unknown orders and noise-free values had been counted as noise that replicas lower."""
+    values, halves = power_law(FIVE, 0.2, 2.0, 0, LIMIT), []
+    for noise in (1e-2, 5e-3, 1e-5):
+        found = ladder_of(knob_of(FIVE, np.exp(values), [noise] * 5, freedom=math.inf, **GRAINS)).error("knob")
+        halves.append(found.noise)
+        assert found.noise <= found.half_width
+    assert halves[1] == pytest.approx(0.5 * halves[0], rel=0.25)
+    assert halves[2] < 1e-4
+    exact = ladder_of(knob_of(FIVE, [1.2, 1.1, 1.12, 1.05, 1.02])).error("knob")
+    assert exact.noise == 0.0 < exact.half_width
