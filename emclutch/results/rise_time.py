@@ -38,6 +38,7 @@ NEAR_ZERO = 0.2  # of the final value: what is above it in the first window was 
 SETTLED = 0.05  # of the final value: then 63 % of the last value is reached within a tenth of the right time
 EARLY = 0.4  # of the final value
 SMOOTHING = 1.0 / 3.0  # of the time between 40 and 90 %: delays the 63 % of an exponential rise by 1.5 %
+FEWEST = 5  # windows: the last fifth of the run, and the one before, have one each
 LONG_ENOUGH = 3.0
 """Least length of a run over its 90 % time. Then the mean of the last fifth of an exponential rise is 0.2 % below its
 final value, and the 90 % time is not too small; a run of 5 time constants is 2.2 times as long, and loses 4 %."""
@@ -79,7 +80,8 @@ def rise_times(
         return found
     if TORQUE_DISC in history:
         current_late = found["current_rise_time_90"] or _expected_late(float(time[-1]), float(current[-1]) / final)
-        found |= _torque_rise(*_equal_windows((history, *replicas)), current_late)
+        torques = _equal_windows([history, *(one for one in replicas if len(one))])
+        found |= _torque_rise(*torques, current_late)
     with_current, with_torque = found["current_rise_time"], found.get("torque_rise_time")
     if isinstance(with_current, float) and isinstance(with_torque, float):
         found["torque_lag"] = with_torque / with_current
@@ -100,9 +102,12 @@ def rise_times(
 
 
 def _equal_windows(histories: Sequence[pandas.DataFrame]) -> tuple[float, np.ndarray]:
-    """Return length [s] of equal windows from time 0 to the earliest end, and the torques over them (m, n) [N m]."""
+    """Return length [s] of equal windows from time 0 to the earliest end, and the torques over them (m, n) [N m].
+
+    There are as many as the first history has until then, and `FEWEST` at the least.
+    """
     end = min(float(one[TIME].iloc[-1]) for one in histories)
-    edges = np.linspace(0.0, end, max(1, int(np.count_nonzero(histories[0][TIME] <= end))) + 1)
+    edges = np.linspace(0.0, end, max(FEWEST, int(np.count_nonzero(histories[0][TIME] <= end))) + 1)
     rows = []
     for one in histories:
         time, torque = one[TIME].to_numpy(), one[TORQUE_DISC].to_numpy()
@@ -136,8 +141,9 @@ def _torque_rise(width: float, torque: np.ndarray, current_late: float) -> dict[
     final = float(finals.mean())
     settled = before.any() and abs(final - torque[:, before].mean()) <= 2.0 * SETTLED * final
     rough = _monotone(torque.mean(axis=0))
-    late = _reached(middle, rough, LATE * final) or end
-    too_short = not settled or end < LONG_ENOUGH * late
+    reached = _reached(middle, rough, LATE * final)
+    late = end if reached is None else reached
+    too_short = not settled or (_begins_low(rough, final) and end < LONG_ENOUGH * late)
     required = LONG_ENOUGH * max(late, current_late)
     found: dict[str, Any] = {
         "torque_rise_time": None,

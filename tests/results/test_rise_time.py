@@ -168,3 +168,22 @@ def test_the_torque_goes_to_the_mean_of_all_replicas():
     found = rise_times(full, 0.9, begins_off=True, replicas=[other])
     assert found["torque_rise_replicas"] == 2 and found["torque_after_rise"] == pytest.approx(2.5, rel=1e-3)
     assert found["torque_rise_time"] == pytest.approx(TAU, rel=0.03)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 5])
+def test_a_run_of_few_windows_has_no_number_that_is_none(count):
+    """With two windows the required end was nan. A replica that has not begun does not count."""
+    time = np.linspace(0.0, 8.0 * TAU, count + 1)[1:]
+    rise = 1.0 - np.exp(-time / TAU)
+    few = pd.DataFrame({"time": time, "current": rise, "gap_flux_density": rise, "torque_disc": rise})
+    found = rise_times(few, 1.0, begins_off=True, replicas=[few.iloc[:0]])
+    assert all(np.isfinite(value) for value in found.values() if isinstance(value, float))
+    assert found["torque_rise_replicas"] == 1
+
+
+@pytest.mark.parametrize("torque", [0.0, 1.0])
+def test_a_torque_that_is_not_switched_on_needs_no_longer_run(torque):
+    """Of a constant torque it was said that the run is too short."""
+    found = rise_times(history(8.0 * TAU).assign(torque_disc=torque), 0.9, begins_off=True)
+    assert found["torque_rise_time"] is None
+    assert not found["torque_rise_too_short"] and found["torque_rise_required_end"] is None
