@@ -47,6 +47,8 @@ PROFILE = 33
 LEVEL = 0.95
 POOR = 0.01
 """Probability of a sum of squares this large, below which no parameters fit."""
+WIDEST = 20.0
+"""Half width of ln T that is told: linear propagation has no bound where no parameters fit."""
 STEP = 1e-3
 """Of a parameter's range, for differences."""
 SMALLEST_SCATTER = 1e-3
@@ -341,7 +343,8 @@ def fit_torque(
         low, high = _crossing(at, sums, allowed, inside[0], -1), _crossing(at, sums, allowed, inside[-1], 1)
         bounded = bool(inside[0] > 0), bool(inside[-1] < len(at) - 1)
         found.append(FittedParameter(name, float(best[a]), low, high, bounded))
-    fitted, half = curve.weights @ surface.log_torques(best), np.sqrt(threshold) * errors
+    fitted = curve.weights @ surface.log_torques(best)
+    half = np.minimum(np.sqrt(threshold) * errors, WIDEST)
     return TorqueFit(
         parameters=tuple(found),
         valley=valley,

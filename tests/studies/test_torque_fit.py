@@ -155,3 +155,20 @@ def test_a_curve_of_another_shape_is_not_fitted():
 def test_what_cannot_be_fitted_is_refused(points, curve, says):
     with pytest.raises(ValueError, match=says):
         fit_torque(points, curve)
+
+
+@pytest.mark.parametrize("seed", [7, 31])
+def test_the_band_of_a_curve_that_nothing_fits_has_a_bound(seed):
+    """Measured torques four times too large, with errors of 1 %: the band by linear propagation went up to 1e57 N m."""
+    p, x = (one.ravel() for one in np.meshgrid([0.2, 0.45, 0.7], [0.2, 0.45, 1.0]))
+    random, at = np.random.default_rng(seed), np.geomspace(0.2, 1.0, 30)
+
+    def truth(p, x):
+        return 10.0 * x**1.3 * np.exp(0.9 * p - 0.3 * p**2)
+
+    torque = truth(p, x) * (1.0 + 0.03 * random.standard_normal(9))
+    curve = 4.0 * truth(0.35, at) * (1.0 + 0.01 * random.standard_normal(30))
+    points = SimulatedTorques(("friction",), p[:, None], x, torque, 0.03 * torque)
+    found = fit_torque(points, MeasuredTorques(at, curve, 0.01 * curve))
+    assert found.is_poor
+    assert (found.high < 1e10 * found.torque).all()
