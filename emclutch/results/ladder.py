@@ -287,19 +287,21 @@ class Ladder:
         return [of_torque, *([one] for one in told if one.basis is not Basis.TORQUE)]
 
     @cached_property
+    def _without_prior(self) -> SettingErrors:
+        return SettingErrors(self._groups, has_prior=False)
+
+    @property
     def without_prior(self) -> float:
         """Half width of the error of the scene's own settings if nothing is assumed of the size of small errors."""
-        flat = SettingErrors(self._groups, has_prior=False)
-        return self._total({name: flat.error(name, h) for name, h in self.told.items()})[0].half_width
+        return self._total({name: self._without_prior.error(name, h) for name, h in self.told.items()})[0].half_width
 
     def prior_check(self) -> tuple[float, int]:
         """Return chi^2 of the errors of small settings under their prior, and how many there are.
 
         Each is its estimate without the prior over that one's standard deviation and the scale of the prior.
         """
-        flat = SettingErrors(self._groups, has_prior=False)
         small = [one.knob for one in self.knobs if one.knob in self.told and not one.is_large]
-        found = [KnobError.of(flat.error(name, self.told[name])) for name in small]
+        found = [KnobError.of(self._without_prior.error(name, self.told[name])) for name in small]
         return sum(one.bias**2 / ((one.half_width / NORMAL) ** 2 + SMALL_ERROR**2) for one in found), len(found)
 
     @cached_property

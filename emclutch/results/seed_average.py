@@ -47,8 +47,8 @@ def _average(group: Sequence[Mapping[str, Any]], seed: str, others: Sequence[str
     first = group[0]
     torques = [row["torque"] for row in group]
     found = {key: first[key] for key in others} | {"seeds": len(group)} | _spread(torques)
-    alone = len(group) > 1
-    found["converged"] = all(row["converged"] or (alone and row.get("steady_alone") is True) for row in group)
+    is_several = len(group) > 1
+    found["converged"] = all(row["converged"] or (is_several and row.get("steady_alone") is True) for row in group)
     for name in first:
         if name not in (seed, *others, *found, *OF_A_RUN):
             values: list[Any] = [row.get(name) for row in group]
