@@ -33,6 +33,9 @@ if TYPE_CHECKING:
     from emclutch.simulation.plan import Plan
     from field.three_d import Field3D
 
+MIN_RISE = 7.0
+"""Time constants of a coil that rise times need: an exponential is at 90 % after 2.3, and a run lasts three times that."""
+
 UPDATE_RULES = {
     UpdateRule.ASKED: " as asked",
     UpdateRule.EVERY_STEP: "",
@@ -155,9 +158,9 @@ def coil_in_words(scene, coil: Excitation, resistance: float, field: MagneticFie
         tau = inductance / resistance
         text += f"; {inductance:.3g} H at that current (incremental {incremental_inductance(field, coil.turns):.3g} H)"
         text += f": time constant about {tau:.3g} s"
-        if scene.time.end_time < 3.0 * tau:
-            short = f"time.end = {scene.time.end_time:.3g} s is over before the current has risen"
-            return with_warnings(text, f"{short}; for rise times take {10.0 * tau:.2g} s, ten time constants, or more")
+        if scene.time.end_time < MIN_RISE * tau:
+            short = f"time.end = {scene.time.end_time:.3g} s is below {MIN_RISE:g} time constants of the coil"
+            return with_warnings(text, f"{short}; for rise times take {10.0 * tau:.2g} s, ten of them, or more")
     return text
 
 
