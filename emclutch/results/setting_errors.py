@@ -38,6 +38,7 @@ Analysis 1 (2006) 515-533 (half-Cauchy scales).
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -48,9 +49,11 @@ import numpy as np
 if TYPE_CHECKING:
     from emclutch.results.ladder import KnobLadder
 
+log = logging.getLogger(__name__)
 DRAWS, PILOT = 8192, 2048
 MAX_PILOTS = 60  # fits of the proposal
 EFFECTIVE = 0.1  # of the pilot draws, that a power of the likelihood leaves
+FEWEST = 100  # effective draws, below which half widths are uncertain by more than a tenth
 ORDER_SPREAD, FREE_ORDER, FREE_SPREAD = 0.35, 2.0, 0.7  # of ln p
 SMALL_ERROR = 0.007
 """Scale of the errors of small settings, relative to the torque."""
@@ -145,6 +148,9 @@ class SharedMean:
                 break
         u, evidence, ratio = propose(DRAWS)
         weight = _weights(evidence + ratio)
+        if (effective := weight.sum() ** 2 / (weight @ weight)) < FEWEST:
+            names = ", ".join(one.knob for one in self.knobs)
+            log.warning("errors of %s: %.0f effective draws only, half widths are rough", names, effective)
         share = np.cumsum(weight) / weight.sum()
         u = u[np.searchsorted(share, (np.arange(DRAWS) + 0.5) / DRAWS).clip(max=DRAWS - 1)]
         terms, prior, noise, covariance = self._linear(u)
