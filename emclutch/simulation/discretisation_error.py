@@ -182,8 +182,8 @@ def accuracy_in_words(case: Case, plan: Plan) -> str:
         words = answer.in_words() if isinstance(answer, Obstacle) else answer[0].in_words()
         return f"{target}: {words}; by {_shown(path)}"
     total = total_at(ladder, settings_of(case, plan), plan)
-    size = "large" if total.bias >= 0.0 else "small"
-    text = f"the settings make the torque {per_cent(abs(total.bias))} too {size}, +- {per_cent(total.half_width)}"
+    low, high = (100.0 * end for end in total.whole.interval)
+    text = f"numerical settings change the torque by {100.0 * total.bias:+.2g} % (95 %: {low:+.2g} to {high:+.2g} %)"
     if total.largest is not None:
         size = per_cent(total.widths[total.largest])
         text += f"; largest part: {total.largest.replace('_', ' ')}, {size}"

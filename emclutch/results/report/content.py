@@ -30,6 +30,7 @@ from emclutch.results.columns import (
     WORK_WALLS,
 )
 from emclutch.results.grain_profiles import profile_column, read_profiles
+from emclutch.results.ladder import KnobError
 from emclutch.results.replicated_mean import drift_in_words
 from emclutch.results.report.verdict import RPM, Mark, Statement, best_in_words, in_words, sentence, verdict
 from emclutch.results.rise_time import in_words as in_words_of_rise
@@ -511,13 +512,10 @@ def _torques(result: Result) -> list[tuple[str, str]]:
         if summary.get(key, {}).get("mean") is not None:
             rows.append((f"torque {label}", f"{summary[key]['mean']:.5g} N m"))
     found = summary.get("discretisation_error") or {}
-    rows += [
-        (
-            f"error by the setting of {in_words(name)}",
-            f"{100.0 * part['bias']:+.2g} % +- {per_cent(part['half_width'])}, at {part['setting']:.4g}",
-        )
-        for name, part in found.get("parts", {}).items()
-    ]
+    for name, part in found.get("parts", {}).items():
+        low, high = KnobError(part["bias"], part["half_width"]).interval
+        error = f"{100.0 * part['bias']:+.2g} % (95 %: {100.0 * low:+.2g} to {100.0 * high:+.2g} %)"
+        rows.append((f"error by the setting of {in_words(name)}", f"{error}, at {part['setting']:.4g}"))
     if found:
         rows.append(("ladder of the settings' errors", f"{found['ladder']['file']} ({found['ladder']['date']})"))
     return rows
