@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from field.three_d import Field3D
 
 MIN_RISE = 7.0
-"""Time constants of a coil that rise times need: an exponential is at 90 % after 2.3, and a run lasts three times that."""
+"""Time constants of a coil that rise times need: three times the 2.3 after which an exponential is at 90 %."""
 
 UPDATE_RULES = {
     UpdateRule.ASKED: " as asked",
