@@ -1,0 +1,289 @@
+"""Measures the table of gap cells: shear stress, pressure and flux of powder that is sheared between two steel faces.
+
+    python tests/benchmarks/gap_cells.py docs/gap_cells.csv [--processes 2]
+    python tests/benchmarks/gap_cells.py docs/gap_cells.csv --fits
+
+A line of the table is one run of a `sheared_box` with `walls = "steel"` (docs/how_to/sheared_box.md), on one core, a
+minute for 370 grains. The cells of `CELLS` are measured in their order; lines that are in the file already are kept
+and not run again, so that what was interrupted goes on. `--fits` measures nothing and prints the laws of the table.
+
+The powder is that of cases/powder_clutch.toml: friction 0.3, rolling friction 0.2, susceptibility 273, saturation
+1.3 MA/m. Columns: field strength between the faces [A/m]; solid fraction as asked for (`grains` gives the exact one);
+height of the gap and edge of the cell along both faces in diameters; seed; shear stress, mean of both faces, and its
+standard error within the run [Pa]; pressure of the grains on the faces [Pa]; flux density [T]; magnetisation of the
+grains [A/m]; demagnetising factor with which the grains' material has this magnetisation; inertial number of the shear
+stress; shear strain averaged from and to; number of grains; processor time [s].
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import tempfile
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.stats import chi2, t
+
+from emclutch.scene.case import case_from
+from emclutch.simulation.run import run
+from field import MU_0
+
+DIAMETER, SUSCEPTIBILITY, SATURATION = 0.125e-3, 273.0, 1.3e6  # m, 1, A/m
+KEY = ("field_strength", "fill", "height", "edge", "seed")
+SCENE: dict[str, Any] = {
+    "scene": {"title": "Powder between two faces of steel"},
+    "geometry": {"kind": "sheared_box", "inertial_number": 0.1, "walls": "steel"},
+    "field": {"source": "uniform", "direction": "z", "means": "macroscopic"},
+    "particles": {
+        "diameter": DIAMETER, "density": 7700.0, "susceptibility": SUSCEPTIBILITY, "saturation": SATURATION,
+    },
+    "contact": {"friction": 0.3, "restitution": 0.5},
+    "effects": {
+        "magnetic_force": {}, "dipoles": {"cutoff": 2.5}, "saturation": {}, "wall_images": {},
+        "rolling_friction": {"coefficient": 0.2},
+    },
+    "accuracy": {"replicas": 1},
+    "output": {"pictures": False, "snapshots": 1, "formats": ["hdf5"], "energy_budget": False, "checkpoint": False},
+}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """One cell of the table.
+
+    Attributes
+    ----------
+    field_strength : of the mean field between the faces [A/m].
+    fill : solid fraction.
+    height, edge : of the gap, and of the cell along both faces [diameters].
+    seed : of the initial packing.
+    start, end : shear strain from which is averaged, and at which the run ends.
+    """
+
+    field_strength: float
+    fill: float
+    height: int = 8
+    edge: int = 8
+    seed: int = 1
+    start: float = 5.0
+    end: float = 15.0
+
+    @property
+    def key(self) -> tuple[float, ...]:
+        """Values of the columns `KEY`."""
+        return tuple(float(getattr(self, name)) for name in KEY)
+
+    def row(self) -> dict[str, object]:
+        """Run it and return its line."""
+        changes = {
+            "scene.seed": self.seed, "field.field_strength": self.field_strength, "particles.solid_fraction": self.fill,
+            "geometry.size": [edge * DIAMETER for edge in (self.edge, self.edge, self.height)],
+            "time.average_from": f"strain {self.start:g}", "time.end": f"strain {self.end:g}",
+        }  # fmt: skip
+        with tempfile.TemporaryDirectory() as folder:
+            found = run(case_from(SCENE, changes), out=Path(folder) / "run", threads=1).summary
+        return dict(zip(KEY, (f"{value:g}" for value in self.key), strict=True)) | {
+            "shear_stress": f"{found['shear_stress']:.5g}", "standard_error": f"{found['shear_stress_error']:.3g}",
+            "wall_pressure": f"{found['normal_stress']['mean']:.5g}", "flux_density": f"{found['flux_density']:.6g}",
+            "magnetisation": f"{found['magnetisation']:.6g}",
+            "demagnetising_factor": f"{found['demagnetising_factor']:.5g}",
+            "inertial_number": f"{found['inertial_number_of_shear_stress']:.3g}",
+            "from_strain": f"{self.start:g}", "to_strain": f"{found['shear_strain']:.3g}",
+            "grains": found["grains"], "processor_seconds": f"{found['seconds']['processor']:.0f}",
+        }  # fmt: skip
+
+
+GRID = [(H, fill) for H in (150e3, 60e3, 30e3, 220e3, 100e3) for fill in (0.38, 0.45, 0.30)]
+SLOW = (220e3, 0.30)  # whose stress is steady from a strain of 12 to 25 on, by seed
+OTHERS = ((150e3, 0.38), (60e3, 0.38), (150e3, 0.45))  # with other numbers of grains per gap
+CELLS = (
+    *(Cell(H, fill) for H, fill in GRID if (H, fill) != SLOW),
+    *(Cell(150e3, 0.38, seed=seed) for seed in (2, 3)),
+    *(Cell(*SLOW, seed=seed, start=25.0, end=35.0) for seed in (1, 2)),
+    *(Cell(H, fill, height=4) for H, fill in OTHERS),
+    Cell(150e3, 0.38, seed=4),
+    Cell(150e3, 0.38, height=12, edge=12, end=13.0),
+    *(Cell(H, fill, seed=2, start=15.0, end=25.0) for H, fill in ((150e3, 0.30), (220e3, 0.38))),
+    Cell(150e3, 0.38, edge=12, end=13.0),
+    Cell(60e3, 0.38, height=12, edge=12, end=13.0),
+    Cell(150e3, 0.38, edge=16, end=13.0),
+    Cell(150e3, 0.45, height=12, edge=12, end=13.0),
+    *(
+        Cell(H, fill, seed=2)
+        for H, fill in GRID
+        if (H, fill) not in (SLOW, (150e3, 0.38), (150e3, 0.30), (220e3, 0.38))
+    ),
+    *(Cell(H, fill, height=4, seed=2) for H, fill in OTHERS),
+)
+
+
+Table = dict[str, np.ndarray]
+BASE, SIDES = 0.38, (0.30, 0.45)  # fill at which the factor of the fill is 1, and fills at which it is a coefficient
+UNSATURATED = 0.9  # of the saturation: near it the demagnetising factor has no meaning
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """Least squares of y over columns.
+
+    Attributes
+    ----------
+    values, half_widths : coefficients and half of their 95 % intervals, of the residuals' scatter (Student's t).
+    residuals : of y.
+    """
+
+    values: np.ndarray
+    half_widths: np.ndarray
+    residuals: np.ndarray
+
+    @classmethod
+    def of(cls, y: np.ndarray, *columns: np.ndarray) -> Fit:
+        """Fit y = a_0 + a_1 column_1 + ..."""
+        A = np.column_stack([np.ones_like(y), *columns])
+        values = np.linalg.lstsq(A, y, rcond=None)[0]
+        residuals, free = y - A @ values, len(y) - A.shape[1]
+        variance = (residuals @ residuals) / free * np.diag(np.linalg.inv(A.T @ A))
+        return cls(values, t.ppf(0.975, free) * np.sqrt(variance), residuals)
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the residuals."""
+        return float(np.sqrt((self.residuals**2).mean()))
+
+    @property
+    def largest(self) -> float:
+        """Largest residual by magnitude."""
+        return float(np.abs(self.residuals).max())
+
+
+def read_table(path: Path) -> Table:
+    """Columns of the table; `solid_fraction` is the exact one, of the number of grains."""
+    with path.open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    table = {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}
+    return table | {"solid_fraction": table["grains"] * np.pi / 6.0 / (table["height"] * table["edge"] ** 2)}
+
+
+def cells_of(table: Table, **values: float) -> Table:
+    """Lines with these values of some columns."""
+    chosen = np.all([table[name] == value for name, value in values.items()], axis=0)
+    return {name: column[chosen] for name, column in table.items()}
+
+
+def means_over_seeds(table: Table) -> Table:
+    """One line for all seeds of a cell."""
+    cells = np.column_stack([table[name] for name in KEY if name != "seed"])
+    _, which, count = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
+    return {name: np.bincount(which.ravel(), column) / count for name, column in table.items()}
+
+
+def stress_law(table: Table) -> Fit:
+    """Fit ln(tau/(mu_0 Ms^2)) = ln A + p ln(B/(mu_0 Ms)) + ln g(fill); coefficients ln A, p, ln g(0.30), ln g(0.45).
+
+    ln g is of second order in ln(fill/0.38), with g(0.38) = 1.
+    """
+    return Fit.of(np.log(table["shear_stress"] / (MU_0 * SATURATION**2)), *_columns(table))
+
+
+def _columns(table: Table) -> tuple[np.ndarray, ...]:
+    """Columns of the law of the stress; the last two are 1 at one fill of `SIDES`, 0 at the other and at `BASE`."""
+    f, (low, high) = np.log(table["solid_fraction"] / BASE), np.log(np.array(SIDES) / BASE)
+    flux = np.log(table["flux_density"] / (MU_0 * SATURATION))
+    return flux, f * (f - high) / (low * (low - high)), f * (f - low) / (high * (high - low))
+
+
+def over_law(law: Fit, table: Table) -> np.ndarray:
+    """Stress of cells over that of the law at their own flux density and fill."""
+    logarithm = law.values[0] + np.column_stack(_columns(table)) @ law.values[1:]
+    return table["shear_stress"] / (MU_0 * SATURATION**2 * np.exp(logarithm))
+
+
+def demagnetising_law(table: Table) -> Fit:
+    """Fit N = a + b H/Ms to the cells whose grains are not saturated."""
+    N, ratio = table["demagnetising_factor"], table["field_strength"] / SATURATION
+    below = table["magnetisation"] < UNSATURATED * SATURATION
+    return Fit.of(N[below], ratio[below])
+
+
+def print_fits(table: Table) -> None:
+    """Print the laws of the table, each number with half of its 95 % interval."""
+    eight = means_over_seeds(cells_of(table, height=8, edge=8))
+    law, P = stress_law(eight), eight["wall_pressure"]
+    print(f"8 grains per gap: {len(P)} cells, mean over seeds")
+    print(f"tau = A mu_0 Ms^2 (B/(mu_0 Ms))^p g(fill): p {law.values[1]:.3f} +- {law.half_widths[1]:.3f}", end="")
+    for name, k in (("A", 0), *((f"g({fill})", 2 + k) for k, fill in enumerate(SIDES))):
+        value = np.exp(law.values[k])
+        print(f", {name} {value:.4f} +- {value * law.half_widths[k]:.4f}", end="")
+    print(f"; rms {law.rms:.2%}, largest {law.largest:.2%}")
+    friction = Fit.of(np.log(eight["shear_stress"] / P), np.log(P / 1e5))
+    (c, q), dq = friction.values, friction.half_widths[1]
+    print(f"tau/P = {np.exp(c):.4f} (P/100 kPa)^({q:.3f} +- {dq:.3f}); ", end="")
+    print(f"rms {friction.rms:.2%}, largest {friction.largest:.2%}")
+    factor = demagnetising_law(eight)
+    (a, b), (da, db) = factor.values, factor.half_widths
+    print(f"N = {a:.4f} +- {da:.4f} + ({b:.3f} +- {db:.3f}) H/Ms, {len(factor.residuals)} cells; ", end="")
+    print(f"rms {factor.rms:.4f}, largest {factor.largest:.4f}")
+    print_seeds(table)
+    others = means_over_seeds(table)
+    for k in range(len(others["fill"])):
+        one = {name: column[k : k + 1] for name, column in others.items()}
+        H, fill, stress = (one[name][0] for name in ("field_strength", "fill", "shear_stress"))
+        base = cells_of(eight, field_strength=H, fill=fill)["shear_stress"][0]
+        print(
+            f"{H:g} A/m, fill {fill}, height {one['height'][0]:g}, edge {one['edge'][0]:g}: {stress:.4g} Pa, ", end=""
+        )
+        print(f"{stress / base:.3f} of 8 and 8, {over_law(law, one)[0]:.3f} of the law at its own B")
+    print(f"{len(table['fill'])} cells, {table['processor_seconds'].sum():.0f} s of processor time")
+
+
+def print_seeds(table: Table) -> None:
+    """Print the scatter between seeds of each cell, and of all cells together."""
+    squares, free = 0.0, 0
+    names = [name for name in KEY if name != "seed"]
+    for values in np.unique(np.column_stack([table[name] for name in names]), axis=0):
+        stress = cells_of(table, **dict(zip(names, values, strict=True)))["shear_stress"]
+        if len(stress) > 1:
+            scatter, freedom = stress.std(ddof=1) / stress.mean(), len(stress) - 1
+            squares, free = squares + scatter**2 * freedom, free + freedom
+            print(*(f"{name} {value:g}" for name, value in zip(names, values, strict=True)), sep=", ", end=": ")
+            print(f"{freedom + 1} seeds, {stress.mean():.4g} Pa, standard deviation {scatter:.2%}")
+    if free:
+        low, high = np.sqrt(squares / chi2.ppf([0.975, 0.025], free))
+        within = np.sqrt(((table["standard_error"] / table["shear_stress"]) ** 2).mean())
+        print(
+            f"scatter between seeds {np.sqrt(squares / free):.2%} ({low:.2%} to {high:.2%}, {free} degrees of ", end=""
+        )
+        print(f"freedom); standard error within a run {within:.2%}")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("table", type=Path, help="the file (.csv)")
+    parser.add_argument("--processes", type=int, default=2, help="cells at a time, one core each")
+    parser.add_argument("--fits", action="store_true", help="print the laws of the table")
+    asked = parser.parse_args()
+    if asked.fits:
+        print_fits(read_table(asked.table))
+        return
+    known = set()
+    if asked.table.exists():
+        with asked.table.open(newline="") as file:
+            known = {tuple(float(row[name]) for name in KEY) for row in csv.DictReader(file)}
+    with ProcessPoolExecutor(asked.processes) as pool:
+        running = [pool.submit(cell.row) for cell in CELLS if cell.key not in known]
+        for one in as_completed(running):
+            row, begins = one.result(), not asked.table.exists()
+            with asked.table.open("a", newline="") as file:
+                writer = csv.DictWriter(file, row, lineterminator="\n")
+                if begins:
+                    writer.writeheader()
+                writer.writerow(row)
+            print(",".join(str(entry) for entry in row.values()), flush=True)
+
+
+if __name__ == "__main__":
+    main()
