@@ -175,10 +175,11 @@ def cells_of(table: Table, **values: float) -> Table:
 
 
 def means_over_seeds(table: Table) -> Table:
-    """One line for all seeds of a cell."""
+    """One line for all seeds of a cell; its standard error is that of the mean."""
     cells = np.column_stack([table[name] for name in KEY if name != "seed"])
     _, which, count = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
-    return {name: np.bincount(which.ravel(), column) / count for name, column in table.items()}
+    means = {name: np.bincount(which.ravel(), column) / count for name, column in table.items()}
+    return means | {"standard_error": np.sqrt(np.bincount(which.ravel(), table["standard_error"] ** 2)) / count}
 
 
 def stress_law(table: Table) -> Fit:
@@ -231,13 +232,26 @@ def print_fits(table: Table) -> None:
     others = means_over_seeds(table)
     for k in range(len(others["fill"])):
         one = {name: column[k : k + 1] for name, column in others.items()}
-        H, fill, stress = (one[name][0] for name in ("field_strength", "fill", "shear_stress"))
-        base = cells_of(eight, field_strength=H, fill=fill)["shear_stress"][0]
-        print(
-            f"{H:g} A/m, fill {fill}, height {one['height'][0]:g}, edge {one['edge'][0]:g}: {stress:.4g} Pa, ", end=""
-        )
-        print(f"{stress / base:.3f} of 8 and 8, {over_law(law, one)[0]:.3f} of the law at its own B")
+        H, fill, n, edge = (one[name][0] for name in ("field_strength", "fill", "height", "edge"))
+        print(f"{H:g} A/m, fill {fill}, height {n:g}, edge {edge:g}: {one['shear_stress'][0]:.4g} Pa, ", end="")
+        print(f"{over_law(law, one)[0]:.3f} of the law at its own B", end="")
+        base = cells_of(eight, field_strength=H, fill=fill)
+        ratio, half = ratio_of(one, base)
+        if (n, edge) != (8, 8):
+            print(f", {ratio:.3f} +- {half:.3f} of 8 and 8", end="")
+        if n != 8:  # r = (1 + a/n^2)/(1 + a/8^2)
+            change = 1.0 / n**2 - ratio / 8**2
+            a, da = (ratio - 1.0) / change, abs(half * (1.0 / n**2 - 1.0 / 8**2)) / change**2
+            print(f", a {a:.1f} +- {da:.1f} in 1 + a/n^2", end="")
+        print()
     print(f"{len(table['fill'])} cells, {table['processor_seconds'].sum():.0f} s of processor time")
+
+
+def ratio_of(one: Table, other: Table) -> tuple[float, float]:
+    """Stress of a cell over that of another, and half of its 95 % interval by the errors within runs."""
+    ratio = float(one["shear_stress"][0] / other["shear_stress"][0])
+    relative = [cell["standard_error"][0] / cell["shear_stress"][0] for cell in (one, other)]
+    return ratio, 1.96 * ratio * float(np.hypot(*relative))
 
 
 def print_seeds(table: Table) -> None:
