@@ -1,5 +1,6 @@
 """plot: runs and studies over one another, each with its band; pictures that a killed run owes are drawn."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -131,7 +132,9 @@ def test_runs_of_several_grain_sizes_are_extrapolated(tmp_path):
         runs.append(folder.path)
     done = CliRunner().invoke(app, ["plot", *map(str, runs), "--grain-size", "--out", str(tmp_path / "o.png")])
     assert done.exit_code == 0, done.output
-    assert "3 grain sizes, 4 to 16 across" in done.output and "at the 20 across of the real powder: 2.03" in done.output
+    assert "3 grain sizes, 4 to 16 grains per gap: T = " in done.output
+    found = re.search(r"at the 20 grains per gap of the real powder: ([0-9.]+) N m", done.output)
+    assert float(found[1]) == pytest.approx(2.03, rel=0.01)
     assert (tmp_path / "o.png").stat().st_size > 10_000
     with pytest.raises(OutputError, match="study has no grains across a gap"):
         plot_runs([written_study(tmp_path / "study", [1.0, 2.0])], GRAIN_SIZE)

@@ -14,7 +14,7 @@ def test_compiling_is_booked_for_no_part(monkeypatch):
     monkeypatch.setattr(window_budget, "compile_seconds", lambda: compiled[0])
     monkeypatch.setattr(window_budget, "perf_counter", lambda: now[0])
     grains = SimpleNamespace(angular_momentum_z=lambda: 0.0, position=np.zeros((1, 3)))
-    motion = SimpleNamespace(grains=grains, gravity=None, gravity_now=None, box=None)
+    motion = SimpleNamespace(grains=grains, gravity=None, gravity_now=None, box=None, gap_box=None)
     budget = WindowBudget(SimpleNamespace(motion=motion, effects=(), source=None))
     budget.clock("field")
     now[0], compiled[0] = 50.0, 40.0
