@@ -81,7 +81,8 @@ def test_quickstart_at_toy_size(tmp_path):
     assert result.folder.read_plan()["steady_torque"] == {
         "average_from": None, "shear_gap": pytest.approx(1e-3), "shear_radius": pytest.approx(20.5e-3),
         "negligible": 0.0, "share": 0.1, "start_up_strain": 9.0, "exclude_drift": True, "several_looks": False,
-        "replica_scatter": 0.0, "replica_scatter_freedom": 0.0, "replica_scatter_from": pytest.approx(4.85e-5, rel=0.01),
+        "replica_scatter": 0.0, "replica_scatter_freedom": 0.0,
+        "replica_scatter_from": pytest.approx(4.85e-5, rel=0.01),
     }  # fmt: skip
     result.folder.summary.rename(tmp_path / "summary.json")
     assert emclutch.load_result(tmp_path / "run").torque == result.torque
