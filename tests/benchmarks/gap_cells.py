@@ -112,12 +112,13 @@ CELLS = (
     Cell(60e3, 0.38, height=12, edge=12, end=13.0),
     Cell(150e3, 0.38, edge=16, end=13.0),
     Cell(150e3, 0.45, height=12, edge=12, end=13.0),
+    *(Cell(H, fill, height=4, seed=2) for H, fill in OTHERS),
+    Cell(150e3, 0.30, edge=16, start=20.0, end=30.0),
     *(
         Cell(H, fill, seed=2)
         for H, fill in GRID
         if (H, fill) not in (SLOW, (150e3, 0.38), (150e3, 0.30), (220e3, 0.38))
     ),
-    *(Cell(H, fill, height=4, seed=2) for H, fill in OTHERS),
 )
 
 
