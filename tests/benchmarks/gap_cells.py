@@ -27,24 +27,23 @@ from typing import Any
 
 import numpy as np
 from scipy.stats import chi2, t
+from scipy.stats.qmc import Halton
 
 from emclutch.scene.case import case_from
 from emclutch.simulation.run import run
 from field import MU_0
 
-DIAMETER, SUSCEPTIBILITY, SATURATION = 0.125e-3, 273.0, 1.3e6  # m, 1, A/m
-KEY = ("field_strength", "fill", "height", "edge", "seed")
+DIAMETER, SUSCEPTIBILITY, SATURATION = 0.125e-3, 273.0, 1.3e6  # m, 1, A/m; of the powder of the first table
+POWDER = ("friction", "rolling_friction", "susceptibility", "spread")
+KEY = (*POWDER, "set_inertial_number", "field_strength", "fill", "height", "edge", "seed")
 SCENE: dict[str, Any] = {
     "scene": {"title": "Powder between two faces of steel"},
-    "geometry": {"kind": "sheared_box", "inertial_number": 0.1, "walls": "steel"},
+    "geometry": {"kind": "sheared_box", "walls": "steel"},
     "field": {"source": "uniform", "direction": "z", "means": "macroscopic"},
-    "particles": {
-        "diameter": DIAMETER, "density": 7700.0, "susceptibility": SUSCEPTIBILITY, "saturation": SATURATION,
-    },
-    "contact": {"friction": 0.3, "restitution": 0.5},
+    "particles": {"density": 7700.0, "saturation": SATURATION},
+    "contact": {"restitution": 0.5},
     "effects": {
         "magnetic_force": {}, "dipoles": {"cutoff": 2.5}, "saturation": {}, "wall_images": {},
-        "rolling_friction": {"coefficient": 0.2},
     },
     "accuracy": {"replicas": 1},
     "output": {"pictures": False, "snapshots": 1, "formats": ["hdf5"], "energy_budget": False, "checkpoint": False},
@@ -62,6 +61,9 @@ class Cell:
     height, edge : of the gap, and of the cell along both faces [diameters].
     seed : of the initial packing.
     start, end : shear strain from which is averaged, and at which the run ends.
+    friction, rolling_friction, susceptibility : of the grains.
+    spread : of the diameters, the largest over the smallest, all alike by number; 1: equal grains.
+    set_inertial_number : by which the shear rate is found.
     """
 
     field_strength: float
@@ -71,6 +73,11 @@ class Cell:
     seed: int = 1
     start: float = 5.0
     end: float = 15.0
+    friction: float = 0.3
+    rolling_friction: float = 0.2
+    susceptibility: float = SUSCEPTIBILITY
+    spread: float = 1.0
+    set_inertial_number: float = 0.1
 
     @property
     def key(self) -> tuple[float, ...]:
@@ -80,10 +87,19 @@ class Cell:
     def row(self) -> dict[str, object]:
         """Run it and return its line."""
         changes = {
-            "scene.seed": self.seed, "field.field_strength": self.field_strength, "particles.solid_fraction": self.fill,
+            "scene.seed": self.seed, "contact.friction": self.friction,
+            "particles.susceptibility": self.susceptibility,
+            "geometry.inertial_number": self.set_inertial_number, "field.field_strength": self.field_strength, "particles.solid_fraction": self.fill,
             "geometry.size": [edge * DIAMETER for edge in (self.edge, self.edge, self.height)],
             "time.average_from": f"strain {self.start:g}", "time.end": f"strain {self.end:g}",
         }  # fmt: skip
+        if self.rolling_friction:
+            changes["effects.rolling_friction.coefficient"] = self.rolling_friction
+        if self.spread == 1.0:
+            changes["particles.diameter"] = DIAMETER
+        else:
+            ends = 2.0 * DIAMETER / (1.0 + self.spread) * np.array([1.0, self.spread])
+            changes["particles.sizes"] = {"kind": "uniform", "min": float(ends[0]), "max": float(ends[1])}
         with tempfile.TemporaryDirectory() as folder:
             found = run(case_from(SCENE, changes), out=Path(folder) / "run", threads=1).summary
         return dict(zip(KEY, (f"{value:g}" for value in self.key), strict=True)) | {
@@ -99,6 +115,11 @@ class Cell:
 
 GRID = [(H, fill) for H in (150e3, 60e3, 30e3, 220e3, 100e3) for fill in (0.38, 0.45, 0.30)]
 SLOW = (220e3, 0.30)  # whose stress is steady from a strain of 12 to 25 on, by seed
+FIVE = ((150e3, 0.38), (150e3, 0.45), (150e3, 0.30), (60e3, 0.38), (220e3, 0.38))  # for another powder
+OF_REPOSE = (0.053, 0.228, 0.540)  # rolling friction that has an angle of repose of 25, 30, 34 degrees at friction 0.6
+DRAWN = [  # friction and rolling friction of other powders, evenly spread
+    (round(0.2 + 0.5 * float(x), 2), round(0.6 * float(y), 2)) for x, y in Halton(2, scramble=False).random(13)[1:]
+]
 OTHERS = ((150e3, 0.38), (60e3, 0.38), (150e3, 0.45))  # with other numbers of grains per gap
 CELLS = (
     *(Cell(H, fill) for H, fill in GRID if (H, fill) != SLOW),
@@ -119,6 +140,27 @@ CELLS = (
         for H, fill in GRID
         if (H, fill) not in (SLOW, (150e3, 0.38), (150e3, 0.30), (220e3, 0.38))
     ),
+    *(Cell(H, fill, susceptibility=chi) for chi in (200.0, 999.0) for H, fill in FIVE),
+    *(Cell(H, fill, friction=0.6, rolling_friction=rolling) for rolling in OF_REPOSE for H, fill in FIVE),
+    *(Cell(150e3, 0.38, set_inertial_number=value) for value in (0.03, 0.3, 0.5)),
+    *(Cell(150e3, fill, height=6, end=20.0) for fill in (0.30, 0.38, 0.45)),
+    *(Cell(H, fill, height=4, end=25.0) for H, fill in ((150e3, 0.30), (60e3, 0.45), (220e3, 0.38))),
+    *(
+        Cell(150e3, fill, friction=friction, rolling_friction=rolling)
+        for friction, rolling in DRAWN
+        for fill in (0.31, 0.38, 0.45)
+    ),
+    *(Cell(150e3, fill, susceptibility=chi) for chi in (100.0, 500.0) for fill in (0.31, 0.38, 0.45)),
+    *(Cell(150e3, fill, height=16, edge=12, end=13.0) for fill in (0.38, 0.45)),
+    Cell(150e3, 0.30, height=12, edge=12, start=12.0, end=20.0),
+    *(Cell(150e3, fill, friction=0.6, rolling_friction=OF_REPOSE[1], height=4, end=25.0) for fill in (0.38, 0.45)),
+    *(Cell(150e3, fill, susceptibility=999.0, height=4, end=25.0) for fill in (0.38, 0.45)),
+    *(Cell(150e3, fill, set_inertial_number=0.5) for fill in (0.30, 0.45)),
+    *(Cell(H, 0.25) for H in (150e3, 60e3)),
+    *(Cell(H, 0.50) for H in (150e3, 60e3)),
+    *(Cell(H, fill, seed=2, friction=0.6, rolling_friction=rolling) for rolling in OF_REPOSE for H, fill in FIVE[:3]),
+    *(Cell(H, fill, seed=2, susceptibility=chi) for chi in (200.0, 999.0) for H, fill in FIVE[:3]),
+    *(Cell(150e3, fill, edge=12, spread=spread) for spread in (1.0, 2.0, 3.0) for fill in (0.38, 0.45)),
 )
 
 
