@@ -89,7 +89,8 @@ class Cell:
         changes = {
             "scene.seed": self.seed, "contact.friction": self.friction,
             "particles.susceptibility": self.susceptibility,
-            "geometry.inertial_number": self.set_inertial_number, "field.field_strength": self.field_strength, "particles.solid_fraction": self.fill,
+            "geometry.inertial_number": self.set_inertial_number,
+            "field.field_strength": self.field_strength, "particles.solid_fraction": self.fill,
             "geometry.size": [edge * DIAMETER for edge in (self.edge, self.edge, self.height)],
             "time.average_from": f"strain {self.start:g}", "time.end": f"strain {self.end:g}",
         }  # fmt: skip

@@ -1,0 +1,206 @@
+"""Runs of the grains in whole devices, with which torques of the powder's law are compared.
+
+    python tests/benchmarks/two_scales.py docs/two_scales.csv [--processes 2]
+
+Each line of the table is one run of one replica on one core, two to five minutes. Lines that are in the file already
+are kept and not run again. Twenty devices, held out, are drawn by a seed over the ranges of the law, ten drums and
+ten disc clutches: no law is fitted to them, and all are in the table. Columns: what the device is; the torque, mean of
+both shafts from one shear strain to another, and its standard error within the run [N m]; mean H [A/m], B [T],
+solid fraction and inertial number between the poles; number of grains; processor time [s].
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import tempfile
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from math import ceil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from emclutch.scene.case import Case, case_from, load_case
+from emclutch.simulation.run import run
+
+CASES = Path(__file__).parents[2] / "cases"
+SEED = 20261129  # of the devices that are drawn
+Row = dict[str, Any]
+DEVICE = (
+    "name", "use", "base", "gap", "radius", "pole", "across", "current", "friction", "rolling_friction",
+    "susceptibility", "saturation", "spread", "fill", "sector", "inertial_number", "seed", "from_strain", "to_strain",
+)  # fmt: skip
+COMMON: Row = {
+    "field": {"source": "coil"},
+    "motion": {"rotor": {"speed": "100 rpm"}, "disc": {"speed": 0.0}},
+    "effects": {
+        "magnetic_force": {}, "dipoles": {"model": "near_field", "cutoff": 2.5}, "saturation": {}, "wall_images": {},
+        "back_reaction": {},
+    },
+    "contact": {"restitution": 0.5},
+}  # fmt: skip
+OUTPUT: Row = {
+    "accuracy.replicas": 1, "output.pictures": False, "output.snapshots": 1, "output.formats": ["hdf5"],
+    "output.energy_budget": False, "output.checkpoint": False,
+}  # fmt: skip
+
+
+def drawn(seed: int, use: str, count: int) -> list[Row]:
+    """Devices over the ranges of the law: [mm], [A], [MA/m], else without unit; drums and discs in turn."""
+    random = np.random.default_rng(seed)
+    rows = []
+    for k in range(count):
+        across, gap = round(float(random.uniform(6.0, 10.0)), 1), round(float(random.uniform(0.6, 1.4)), 2)
+        width = float(random.uniform(20.0, 28.0))  # of a pole, in grains
+        field = float(np.exp(random.uniform(np.log(40e3), np.log(200e3))))  # about, between the poles [A/m]
+        radius = round(float(random.uniform(12.0, 40.0)), 1)
+        powder = {
+            "friction": round(float(random.uniform(0.2, 0.7)), 2),
+            "rolling_friction": round(float(random.uniform(0.0, 0.5)), 2),
+            "susceptibility": round(float(np.exp(random.uniform(np.log(150.0), np.log(1000.0))))),
+            "saturation": round(float(random.uniform(1.2, 1.8)), 2),
+            "fill": round(float(random.uniform(0.32, 0.46)), 3),
+        }  # fmt: skip
+        base = ("drum", "disc")[k % 2]
+        rows.append(device(f"{use} {k + 1}", use, base, across, width, field, gap, radius, seed=100 + k, **powder))
+    return rows
+
+
+def device(
+    name: str, use: str, base: str, across: float, width: float, field: float, gap: float = 1.0, radius: float = 20.0,
+    **values: float,
+) -> Row:  # fmt: skip
+    """A line of a device with a pole `width` grains wide, at about the field [A/m]; values of other columns."""
+    row: Row = {
+        "name": name, "use": use, "base": base, "gap": gap, "radius": radius, "pole": round(width * gap / across, 2),
+        "across": across, "current": round(field * 2.2e-3 * gap / 500.0, 3), "friction": 0.3, "rolling_friction": 0.2,
+        "susceptibility": 273.0, "saturation": 1.3, "spread": 1.0, "fill": 0.40, "sector": max(8, ceil(across)),
+        "inertial_number": 0.1, "seed": 1, "from_strain": 4, "to_strain": 14,
+    }  # fmt: skip
+    return row | values
+
+
+def planned() -> list[Row]:
+    """All lines, in the order in which they are run."""
+    rows = drawn(1, "fit", 12)
+    rows += [
+        device(f"sector {sector}, seed {seed}", "sector", "drum", 6.0, 20.0, 120e3, sector=sector, seed=seed)
+        for sector in (6, 12, 18)
+        for seed in (1, 2, 3, 4)
+    ]
+    rows += drawn(SEED, "held out", 20)
+    rows += [
+        device(f"pole of {width} grains, {across} across, seed {seed}", "edge", "drum", across, width, 120e3, seed=seed)
+        for across in (6.0, 4.0)
+        for width in (5, 10, 20, 40)
+        for seed in (1, 2)
+    ]
+    limits: list[Row] = [
+        {"friction": 0.5, "rolling_friction": 0.6}, {"friction": 0.5, "rolling_friction": 0.9}, {"fill": 0.22},
+        {"fill": 0.28}, {"susceptibility": 100.0}, {"susceptibility": 2000.0}, {"spread": 3.0},
+        {"inertial_number": 0.02, "to_strain": 9}, {"inertial_number": 0.5},
+    ]  # fmt: skip
+    for changes in limits:
+        name = ", ".join(f"{key.replace('_', ' ')} {value:g}" for key, value in changes.items())
+        rows += [device(f"{name}; {base}", "limit", base, 6.0, 20.0, 120e3, **changes) for base in ("drum", "disc")]
+    for base, across, currents in (("quickstart", 8, (0.6, 1.0)), ("powder_clutch", 6, (0.2, 0.6, 0.94, 1.2))):
+        rows += [
+            dict.fromkeys(DEVICE, "") | {
+                "name": f"{base}, {current} A, {across} across", "use": "shipped", "base": base, "gap": 1.0,
+                "across": across, "current": current, "sector": 8, "seed": 1, "inertial_number": 0.1, "from_strain": 4,
+                "to_strain": 12,
+            }
+            for current in currents
+        ]  # fmt: skip
+    return rows
+
+
+def case_of(row: Row) -> Case:
+    """The scene of a line; an empty value is that of its case."""
+    given = {
+        key: value if key in ("name", "use", "base") or value == "" else float(value) for key, value in row.items()
+    }
+    diameter = f"{given['gap'] / given['across']:.6g} mm" if given["gap"] else ""
+    if diameter and given["spread"] and given["spread"] > 1.0:
+        middle = 2.0 * given["gap"] / given["across"] / (1.0 + given["spread"])
+        ends = {"min": f"{middle:.6g} mm", "max": f"{given['spread'] * middle:.6g} mm"}
+        sizes: Row = {"particles.sizes": {"kind": "uniform"} | ends, "particles.diameter": None}
+    else:
+        sizes = {"particles.diameter": diameter}
+    values = {
+        "scene.seed": int(given["seed"]), "coil.current": given["current"],
+        "contact.friction": given["friction"], "effects.rolling_friction.coefficient": given["rolling_friction"],
+        "particles.susceptibility": given["susceptibility"],
+        "particles.saturation": given["saturation"] and 1e6 * given["saturation"],
+        "particles.solid_fraction": given["fill"], "particles.sector": f"{given['sector']:g} diameters",
+        "accuracy.inertial_number": given["inertial_number"], "time.average_from": f"strain {given['from_strain']:g}",
+        "time.end": f"strain {given['to_strain']:g}",
+    } | sizes  # fmt: skip
+    values = {key: value for key, value in values.items() if value != ""} | OUTPUT
+    if given["base"] not in ("drum", "disc"):
+        case = load_case(CASES / f"{given['base']}.toml")
+        return case.with_values(values | {"time.until": None, "particles.initial_velocity": "sheared"})
+    if not given["rolling_friction"]:
+        del values["effects.rolling_friction.coefficient"]
+    return case_from(COMMON | {"scene": {"title": row["name"]}} | _device(given), values)
+
+
+def _device(row: Row) -> Row:
+    """Tables of a small drum, or of a disc between two faces, around a gap and poles [mm]."""
+    gap, radius, pole, drum = row["gap"], row["radius"], row["pole"], row["base"] == "drum"
+    steel = 3.0 + 0.1 * radius
+    thickness = 2.0 * pole + 3.0 * gap if drum else 1.5 * steel
+    ring = 3.0 * gap if drum else 0.5 * thickness
+    sizes = {
+        "disc_radius": radius, "disc_thickness": thickness, "gap": gap if drum else 1.0,
+        "face_gap": 1.0 if drum else gap,
+        "seal_radius": radius - 1.0 if drum else radius - pole, "rotor_wall": steel, "ring_width": ring,
+        "cover_thickness": 2.0 if drum else 1.5 * steel, "clearance": 0.3, "coil_width": 0.7 * thickness + 1.0,
+        "coil_height": 8.0, "yoke": 1.5 * steel, "shaft_radius": 0.2 * radius,
+    }  # fmt: skip
+    return {
+        "geometry": {"kind": "drum" if drum else "clutch"} | {key: f"{value:.6g} mm" for key, value in sizes.items()},
+        "coil": {"turns": 500, "current": 0.0},
+        "particles": {"region": "poles" if drum else "faces", "initial_velocity": "sheared", "diameter": "1 mm"},
+    }
+
+
+def measured(row: Row) -> Row:
+    """Run a line's device and return the line with what the run has."""
+    with tempfile.TemporaryDirectory() as folder:
+        found = run(case_of(row), out=Path(folder) / "run", threads=1).summary
+    return row | {
+        "torque": f"{found['torque']['mean']:.5g}", "standard_error": f"{found['torque']['standard_error']:.3g}",
+        "field_strength": f"{found['field_strength_powder']:.5g}", "flux_density": f"{found['gap_flux_density']:.5g}",
+        "zone_fill": f"{found['fill_powder']:.5g}", "zone_inertial_number": f"{found['inertial_number']:.3g}",
+        "grains": found["grains"], "processor_seconds": f"{found['seconds']['processor']:.0f}",
+    }  # fmt: skip
+
+
+def read_rows(path: Path) -> list[Row]:
+    """Lines of a table."""
+    with path.open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("table", type=Path, help="the file (.csv)")
+    parser.add_argument("--processes", type=int, default=2, help="runs at a time, one core each")
+    asked = parser.parse_args()
+    done = {row["name"] for row in read_rows(asked.table)} if asked.table.exists() else set()
+    with ProcessPoolExecutor(asked.processes) as pool:
+        running = [pool.submit(measured, row) for row in planned() if row["name"] not in done]
+        for one in as_completed(running):
+            row, begins = one.result(), not asked.table.exists()
+            with asked.table.open("a", newline="") as file:
+                writer = csv.DictWriter(file, row, lineterminator="\n")
+                if begins:
+                    writer.writeheader()
+                writer.writerow(row)
+            print(",".join(str(entry) for entry in row.values()), flush=True)
+
+
+if __name__ == "__main__":
+    main()
