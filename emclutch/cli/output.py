@@ -35,8 +35,11 @@ def print_plan(case: Case, as_json: bool, threads: int | None = None, details: b
 
     checked = check(case, threads)
     if as_json:
-        print_json({"title": checked.title, "effects": checked.effects, "warnings": checked.warnings,
-                     "plan": checked.decisions, "left_out": [line.as_dict() for line in checked.left_out]})  # fmt: skip
+        found = {
+            "title": checked.title, "effects": checked.effects, "warnings": checked.warnings,
+            "plan": checked.decisions, "left_out": [line.as_dict() for line in checked.left_out],
+        }  # fmt: skip
+        print_json(found | checked.expected.as_dict())
         return
     Console().print(f"{checked.title}: OK", highlight=False, markup=False)
     first = {name: words for name, words in checked.decisions.items() if name in FIRST or "WARNING" in words}

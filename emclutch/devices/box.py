@@ -37,4 +37,4 @@ class BoxGeometry(GeometrySection):
         """None: nothing turns."""
         from emclutch.simulation.forecast.expected_torque import ExpectedTorque
 
-        return ExpectedTorque(None, law="a box has no shaft")
+        return ExpectedTorque(None, "a box has no shaft")

@@ -66,7 +66,7 @@ class CentrifugalGeometry(GeometrySection):
 
     def friction_torque(self, scene: Any, device: Device) -> ExpectedTorque:
         """A ring of shot rubs on a smooth drum, pressed by its centrifugal force and its weight."""
-        from emclutch.simulation.forecast.expected_torque import BULK_FILL, ORDER, ExpectedTorque
+        from emclutch.simulation.forecast.expected_torque import BULK_FILL, ExpectedTorque, Interval
         from emclutch.simulation.forecast.shot_clutch import shot_clutch_torque, shot_ring_radius
 
         shape: CentrifugalClutch = device.shape
@@ -81,8 +81,6 @@ class CentrifugalGeometry(GeometrySection):
             drum_radius=shape.drum_radius,
             ring_radius=shot_ring_radius(mass / bulk, shape.width, shape.drum_radius),
         )
-        return ExpectedTorque(
-            torque + friction * weight * shape.drum_radius,
-            trust=ORDER,
-            law="a ring of shot rubs on a smooth drum, pressed by its centrifugal force; ribs give up to thrice that",
-        )
+        law = "a ring of shot rubs on a smooth drum, pressed by its centrifugal force; ribs give up to thrice that"
+        torque += friction * weight * shape.drum_radius
+        return ExpectedTorque(Interval(torque, torque / 10.0, 10.0 * torque), law)

@@ -434,7 +434,9 @@ class ShearedBoxGeometry(GeometrySection):
         if self.pressure is not None:
             pressure, of = self.pressure, "imposed pressure"
         if stress is None:
-            return ExpectedTorque(None, pressure=pressure, pressure_of=of, law=law)
+            return ExpectedTorque(None, law, pressure=pressure, pressure_of=of)
         H = abs(scene.prescribed_field.field_strength)
         M = float(grain_law(scene).magnetisation(np.array([H]), np.zeros(1))[0])
-        return ExpectedTorque(None, stress, H, M, magnetic=True, pressure=pressure, pressure_of=of, law=law)
+        return ExpectedTorque(
+            None, law, stress=stress, H=H, M=M, magnetic=True, pressure=pressure, pressure_of=of
+        )

@@ -82,8 +82,8 @@ class EffectSection(Section):
         Processor time of one of a grain's `neighbours` in an evaluation of the magnetic forces [ns].
     size_note : str
         How its stress depends on the size of the grains, where it does.
-    torque_note : str
-        What the estimate of the torque says of it.
+    changes_stress : bool
+        Whether powder has another shear stress with it than that of its law (`forecast.powder_law`).
     columns : tuple of Column
         Those that it adds to the history.
     """
@@ -103,7 +103,7 @@ class EffectSection(Section):
     window_solves: ClassVar[float] = 0.0
     neighbour_ns: ClassVar[float] = 0.0
     size_note: ClassVar[str] = ""
-    torque_note: ClassVar[str] = ""
+    changes_stress: ClassVar[bool] = False
     columns: ClassVar[tuple[Column, ...]] = ()
 
     @classmethod

@@ -41,6 +41,7 @@ class FluidDragSection(EffectSection):
     """Stokes drag of the grains, -3 pi eta d (v - u), in a carrier fluid with the flow u."""
 
     name = "fluid_drag"
+    changes_stress = True
     summary = "Stokes drag in a carrier fluid"
     role = "drag"
     size_note = "the drag on a volume of powder scales as 1/d^2"

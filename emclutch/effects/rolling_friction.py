@@ -27,7 +27,6 @@ class RollingFrictionSection(EffectSection):
     role = "rolling"
     columns = (DISSIPATED_ROLLING,)
     USUAL: ClassVar = {"coefficient": _USUAL, "wall_coefficient": _USUAL}
-    torque_note = "rolling friction may double it"
 
     coefficient: Annotated[float, number("0.2", 0.0, 10.0)] = Field(
         default=0.2, description="torque over (effective radius times normal force), between grains"

@@ -18,6 +18,7 @@ class TwistingFrictionSection(EffectSection):
     """Resistance of rough, flattened contacts to the spin of two grains about their common normal."""
 
     name = "twisting_friction"
+    changes_stress = True
     summary = "grains resist twisting"
     columns = (DISSIPATED_TWISTING,)
 

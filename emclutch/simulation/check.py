@@ -18,10 +18,10 @@ from emclutch.scene.grain_smear import moments_are_fed_back
 from emclutch.scene.usual_ranges import FLUX_DENSITY
 from emclutch.simulation.discretisation_error import accuracy_in_words, has_accuracy_study
 from emclutch.simulation.forecast.expected_field import (
-    chains_in_words,
-    field_in_chains,
+    field_of_sheared_powder,
     mean_field_strength,
     powder_in_words,
+    sheared_in_words,
 )
 from emclutch.simulation.plan import make_plan
 from emclutch.simulation.plan_in_words import paths_in_words, plan_in_words
@@ -95,7 +95,7 @@ def _check(case: Case, threads: int | None) -> Checked:
 
     scene = case.scene
     if scene.particles is None:
-        none = ExpectedTorque(None, law="the scene has no grains")
+        none = ExpectedTorque(None, "the scene has no grains")
         return Checked(scene.scene.title, scene.effects.active, case.warnings, field_plan(case), (), none)
     device, made = make_plan(case, threads=threads)
     words, B_max = plan_in_words(device, made), 0.0
@@ -111,8 +111,8 @@ def _check(case: Case, threads: int | None) -> Checked:
         B_max = largest(even)
         words["field"] = f"|B| in the {'face' if faces else 'rim'} gap up to {B_max:.3g} T"
         if moments_are_fed_back(scene) and coil.largest_current > 0.0:
-            chains = field_in_chains(coil, phi, coil.largest_current, even)
-            words["field"] += chains_in_words(coil, even, chains, largest(chains), faces)
+            sheared = field_of_sheared_powder(coil, coil.uniform_fill(phi), scene, coil.largest_current, even)
+            words["field"] += sheared_in_words(coil, even, sheared, largest(sheared), faces)
         words["field"] += f"; {magnetised}"
         words |= {"powder in that field": powder_in_words(scene, phi)} | ampere_turns_row(coil, even)
     elif device.coil is not None and made.peak_field is not None:

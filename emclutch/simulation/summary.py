@@ -122,8 +122,7 @@ def summarise(
             summary["torque_against_current"] = ramp.summary()
     if torque is not None:
         summary |= slip_summary(history, torque, 1.0 if plan.scaled is None else plan.scaled.factor)
-        if (expected := expected_torque(case.scene, device, plan.peak_field)).torque is not None:
-            summary["expected_torque"] = expected.as_dict()
+        summary |= expected_torque(case.scene, device, plan.peak_field).as_dict()
     error = discretisation_error(case, plan, torque, device)
     size = grain_size(case.scene, device) if torque is not None else None
     if size is not None:

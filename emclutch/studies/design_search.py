@@ -1,16 +1,16 @@
 """Design search: the value of one quantity that gives a wanted torque, by root finding over the expected torque.
 
-The expectation T(x) is the law tau(H, phi) of `emclutch.simulation.forecast.expected_torque`, integrated over the
-sheared gap in the field that is solved again for each x (`emclutch.simulation.forecast.expected_field`). Brent's method
+The expectation T(x) is the torque of the real powder by `emclutch.simulation.forecast.expected_torque`, its law
+integrated over the sheared gap in the field that is solved again for each x (`emclutch.simulation.forecast.expected_field`). Brent's method
 (R. P. Brent, Algorithms for Minimization without Derivatives, 1973, chapter 4; `scipy.optimize.brentq`) finds
 T(x) = T_wanted between two values of x that give less and more; T need not be monotone between them, and where the
 values that were tried show that it is not, there may be other answers, and it is said.
 
-The law holds within a stated factor f: T_wanted/f <= T(x) <= f T_wanted is the range of x in which the answer lies.
-The torque is known by running the scene that was found. That run over its expectation is a ratio, and x of
+T has a 95 % interval, in proportion to itself: the values of x where one of its ends is the wanted torque bracket the
+answer. The torque is known by running the scene that was found. The best estimate of that run over T is a ratio, and x of
 T(x) = T_wanted/ratio is the next scene to try (`like`), with the run's 95 % interval as its bracket. It is the answer
 where the ratio is one of the device, and a step of a fixed-point iteration where it changes with x, as it does with the
-field (0.5 at 0.2 A, 1.3 at 0.94 A in docs/explanation/expected_torque.md). With several runs the logarithm of the ratio
+field where the law is a guess. With several runs the logarithm of the ratio
 is linear in x between the two of them that are nearest to the wanted torque, one on each side as soon as there is one
 (the regula falsi, of the ratio in place of the torque), and runs end when a torque is within a tolerance of the wanted.
 """
@@ -64,7 +64,7 @@ def correction_by(folder: str | Path) -> Correction:
     """Return the correction of the law by a finished run; OutputError where it has no torque."""
     run = load_result(folder)
     expected = expectation_of(load_case(run.folder.case)).torque
-    mean, interval = run.torque.mean, run.torque.interval()
+    mean, interval = run.best.mean, run.best.interval()
     if not mean or not expected:
         raise OutputError(f"{folder} has no torque that could be compared with an expectation; name another run")
     if interval[0] * interval[1] <= 0.0:  # an unknown one is infinite
@@ -92,8 +92,8 @@ class Trial:
 
     @property
     def torque(self) -> float | None:
-        """Magnitude of the run's mean torque [N m]; None where it has none."""
-        mean = self.run.torque.mean
+        """Magnitude of the run's best estimate [N m]; None where it has none."""
+        mean = self.run.best.mean
         return abs(mean) if mean else None
 
 
@@ -161,7 +161,7 @@ class DesignResult:
     def is_certain(self) -> bool:
         """True if the whole 95 % interval of that torque is within the tolerance; False where it is not known."""
         return self.nearest is not None and all(
-            self._is_within(abs(end)) for end in self.nearest.run.torque.interval()
+            self._is_within(abs(end)) for end in self.nearest.run.best.interval()
         )
 
     def _repr_html_(self) -> str:
@@ -365,12 +365,13 @@ def _torques_at_the_ends(
 ) -> tuple[float, float]:
     """Return the least and the largest expectation [N m] that may mean the wanted torque.
 
-    They follow from the 95 % interval of the run that corrects the law, where it is known, else from the law's factor.
+    They follow from the 95 % interval of the run that corrects the law, where it is known, else from that of the law.
     """
     if correction is not None and correction.interval is not None:
         return search.torque / correction.interval[1], search.torque / correction.interval[0]
-    wanted = search.torque / (1.0 if correction is None else correction.ratio)
-    return wanted / expected.trust.too_small, wanted * expected.trust.too_large
+    wanted, known = search.torque / (1.0 if correction is None else correction.ratio), expected.real
+    assert known is not None  # by `_Expectation.at`
+    return wanted * known.mean / known.high, wanted * known.mean / known.low if known.low else inf
 
 
 def _write(result: DesignResult) -> None:
@@ -398,7 +399,7 @@ def as_data(result: DesignResult) -> dict[str, Any]:
         "bracket_is_cut": result.is_cut,
         "is_monotone": result.is_monotone,
         "runs": [
-            {"value": one.value, "folder": str(one.run.folder.path), "torque": one.run.torque.as_dict()}
+            {"value": one.value, "folder": str(one.run.folder.path), "torque": one.run.best.as_dict()}
             for one in result.trials
         ],
         "tolerance": result.tolerance,
@@ -441,7 +442,7 @@ def run_in_words(result: DesignResult) -> list[str]:
     """Return what the runs gave, and what follows from them."""
     search, lines = result.search, []
     for trial in result.trials:
-        torque, found = trial.torque, trial.run.torque
+        torque, found = trial.torque, trial.run.best
         known = "no torque" if torque is None else f"{torque:.4g} N m"
         if torque is not None and found.known:
             low, high = sorted(map(abs, found.interval()))

@@ -30,7 +30,7 @@ from emclutch.results.vtk.series import PvdSeries
 from emclutch.scene.case import Case
 from emclutch.scene.fill import fill_of
 from emclutch.scene.grain_smear import moments_are_fed_back
-from emclutch.simulation.forecast.expected_field import field_in_chains, powder_in_words
+from emclutch.simulation.forecast.expected_field import field_of_sheared_powder, powder_in_words
 from emclutch.studies.field_3d import field_study_3d
 from field import ConvergenceError, MagneticField, PowderLaw
 from field.coil.inductance import apparent_inductance, incremental_inductance
@@ -68,8 +68,8 @@ DETAIL_UNITS = {
     "wire_diameter": "m",
     "copper_mass": "kg",
     "largest_flux_density": "T",
-    "gap_flux_density_in_chains": "T",
-    "flux_linkage_in_chains": "Wb",
+    "gap_flux_density_sheared": "T",
+    "flux_linkage_sheared": "Wb",
     "axial_force": "N",
     "ampere_turns_by_part": "A",
 }
@@ -301,7 +301,7 @@ def _at_the_faces(case: Case, coil: CoilDevice) -> bool:
 
 
 def _details(case: Case, coil: CoilDevice, solution: MagneticField, phi: float | None) -> dict:
-    """Results at the last current only: powder in chains, error estimate, forces, winding, solver."""
+    """Results at the last current only: sheared powder, error estimate, forces, winding, solver."""
     details: dict = {
         "powder": powder_in_words(case.scene, phi),
         "unknowns": solution.problem.n_dofs,
@@ -324,11 +324,12 @@ def _details(case: Case, coil: CoilDevice, solution: MagneticField, phi: float |
         return details
     details["ampere_turns_by_part"] = ampere_turns_by_part(solution, coil.shape.air_gaps())
     if phi is not None and moments_are_fed_back(case.scene):
-        chains = field_in_chains(coil, phi, solution.ampere_turns / coil.turns, solution)
+        current = solution.ampere_turns / coil.turns
+        sheared = field_of_sheared_powder(coil, coil.uniform_fill(phi), case.scene, current, solution)
         if coil.has_poles:
-            B = coil.gap_flux_density(chains, faces=_at_the_faces(case, coil))
-            details["gap_flux_density_in_chains"] = B
-        details["flux_linkage_in_chains"] = coil.turns * chains.flux_linkage_per_turn
+            B = coil.gap_flux_density(sheared, faces=_at_the_faces(case, coil))
+            details["gap_flux_density_sheared"] = B
+        details["flux_linkage_sheared"] = coil.turns * sheared.flux_linkage_per_turn
     estimate = estimate_error(solution, field_goals(coil.mesh))
     details["estimated_relative_error"] = {goal.goal: goal.relative for goal in estimate.goals}
     coil_alone = {"coil (J x B)": {"lorentz": lorentz_force(solution), "error": "not known"}}

@@ -2,10 +2,12 @@
 
     python tests/benchmarks/gap_cells.py docs/gap_cells.csv [--processes 2]
     python tests/benchmarks/gap_cells.py docs/gap_cells.csv --fits
+    python tests/benchmarks/gap_cells.py docs/gap_cells.csv --law emclutch/simulation/forecast/powder_laws.json
 
 A line of the table is one run of a `sheared_box` with `walls = "steel"` (docs/how_to/sheared_box.md), on one core, a
 minute for 370 grains. The cells of `CELLS` are measured in their order; lines that are in the file already are kept
-and not run again, so that what was interrupted goes on. `--fits` measures nothing and prints the laws of the table.
+and not run again, so that what was interrupted goes on. `--fits` measures nothing and prints the laws of the table;
+`--law` writes those that `emclutch check` uses (`emclutch.simulation.forecast.powder_law`).
 
 The powder is that of cases/powder_clutch.toml: friction 0.3, rolling friction 0.2, susceptibility 273, saturation
 1.3 MA/m. Columns: field strength between the faces [A/m]; solid fraction as asked for (`grains` gives the exact one);
@@ -19,9 +21,12 @@ from __future__ import annotations
 
 import argparse
 import csv
+import hashlib
 import tempfile
+from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -30,8 +35,10 @@ from scipy.stats import chi2, t
 from scipy.stats.qmc import Halton
 
 from emclutch.scene.case import case_from
+from emclutch.simulation.forecast.powder_law import POWDERS, PowderLaws
 from emclutch.simulation.run import run
 from field import MU_0
+from particles.bulk_friction.friction_table import measured_table
 
 DIAMETER, SUSCEPTIBILITY, SATURATION = 0.125e-3, 273.0, 1.3e6  # m, 1, A/m; of the powder of the first table
 POWDER = ("friction", "rolling_friction", "susceptibility", "spread")
@@ -107,7 +114,7 @@ class Cell:
             "shear_stress": f"{found['shear_stress']:.5g}", "standard_error": f"{found['shear_stress_error']:.3g}",
             "wall_pressure": f"{found['normal_stress']['mean']:.5g}", "flux_density": f"{found['flux_density']:.6g}",
             "magnetisation": f"{found['magnetisation']:.6g}",
-            "demagnetising_factor": f"{found['demagnetising_factor']:.5g}",
+            "demagnetising_factor": f"{found['demagnetising_factor'] or np.nan:.5g}",  # none of saturated grains
             "inertial_number": f"{found['inertial_number_of_shear_stress']:.3g}",
             "from_strain": f"{self.start:g}", "to_strain": f"{found['shear_strain']:.3g}",
             "grains": found["grains"], "processor_seconds": f"{found['seconds']['processor']:.0f}",
@@ -157,6 +164,7 @@ CELLS = (
     *(Cell(150e3, fill, friction=0.6, rolling_friction=OF_REPOSE[1], height=4, end=25.0) for fill in (0.38, 0.45)),
     *(Cell(150e3, fill, susceptibility=999.0, height=4, end=25.0) for fill in (0.38, 0.45)),
     *(Cell(150e3, fill, set_inertial_number=0.5) for fill in (0.30, 0.45)),
+    *(Cell(150e3, fill, set_inertial_number=1.0) for fill in (0.38, 0.45)),
     *(Cell(H, 0.25) for H in (150e3, 60e3)),
     *(Cell(H, 0.50) for H in (150e3, 60e3)),
     *(Cell(H, fill, seed=2, friction=0.6, rolling_friction=rolling) for rolling in OF_REPOSE for H, fill in FIVE[:3]),
@@ -291,6 +299,32 @@ def print_fits(table: Table) -> None:
     print(f"{len(table['fill'])} cells, {table['processor_seconds'].sum():.0f} s of processor time")
 
 
+def powder_laws(table: Table, path: Path) -> PowderLaws:
+    """Laws of the table's cells of equal grains."""
+    cells = cells_of(table, spread=1.0)
+    names = {"height": "grains_per_gap"}
+    columns = {names.get(name, name): column for name, column in cells.items()}
+    columns["saturation"] = np.full(len(cells["height"]), SATURATION)
+    made = {
+        "cells": path.name, "cells_sha256": hashlib.sha256(path.read_bytes()).hexdigest(),
+        "processor_seconds": round(float(cells["processor_seconds"].sum())), "emclutch": version("emclutch"),
+    }  # fmt: skip
+    return PowderLaws.fit(columns, np.array(list(free_flowing())), made)
+
+
+def free_flowing() -> Iterator[tuple[float, float]]:
+    """Friction and rolling friction of powders with an angle of repose of 25 to 34 degrees, all as likely.
+
+    That is an «excellent» to «good» flow in R. L. Carr, Chem. Eng. 72 (1965) 163.
+    """
+    measured = measured_table()
+    for angle in np.linspace(25.0, 34.0, 7):
+        for friction in np.linspace(0.3, 0.7, 5):
+            rolling = measured.rolling_for(np.sin(np.radians(angle)), friction)
+            if rolling is not None:
+                yield round(float(friction), 3), round(min(rolling, POWDERS["rolling friction"][1]), 3)
+
+
 def ratio_of(one: Table, other: Table) -> tuple[float, float]:
     """Stress of a cell over that of another, and half of its 95 % interval by the errors within runs."""
     ratio = float(one["shear_stress"][0] / other["shear_stress"][0])
@@ -323,7 +357,11 @@ def main() -> None:
     parser.add_argument("table", type=Path, help="the file (.csv)")
     parser.add_argument("--processes", type=int, default=2, help="cells at a time, one core each")
     parser.add_argument("--fits", action="store_true", help="print the laws of the table")
+    parser.add_argument("--law", type=Path, help="write the laws of the powders to this file (.json)")
     asked = parser.parse_args()
+    if asked.law is not None:
+        powder_laws(read_table(asked.table), asked.table).write(asked.law)
+        return
     if asked.fits:
         print_fits(read_table(asked.table))
         return

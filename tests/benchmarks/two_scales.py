@@ -84,6 +84,18 @@ def device(
 def planned() -> list[Row]:
     """All lines, in the order in which they are run."""
     rows = drawn(1, "fit", 12)
+    spills = [(0.3, 0.2), (0.6, 0.05), (0.6, 0.54)]  # friction and rolling friction
+    rows += [
+        device(f"friction {mu}, rolling {rolling}, fill {fill}; {base}", "spill", base, 6.0, 20.0, 120e3, fill=fill,
+               friction=mu, rolling_friction=rolling)
+        for base, fills in (("drum", (0.44, 0.36, 0.48)), ("disc", (0.44,)))
+        for fill in fills
+        for mu, rolling in spills
+    ]  # fmt: skip
+    rows += [
+        device("fill 0.44, weak field; drum", "spill", "drum", 6.0, 20.0, 40e3, fill=0.44),
+        device("fill 0.44, 10 grains per gap; drum", "spill", "drum", 10.0, 33.0, 120e3, fill=0.44),
+    ]
     rows += [
         device(f"sector {sector}, seed {seed}", "sector", "drum", 6.0, 20.0, 120e3, sector=sector, seed=seed)
         for sector in (6, 12, 18)

@@ -46,10 +46,10 @@ def test_the_found_value_is_that_at_which_the_wanted_torque_is_expected(tmp_path
 
 
 def test_ends_of_the_bracket_are_where_the_law_is_off_by_its_factor(tmp_path):
-    """Three times less at the one, three times more at the other; or where the range ends."""
+    """Half at the one, twice at the other; or where the range ends."""
     case = case_from(CELL)
     result = design(case, 0.005, tmp_path / "found")
-    for end, factor in zip(result.bracket, (1 / 3, 3), strict=True):
+    for end, factor in zip(result.bracket, (1 / 2, 2), strict=True):
         assert expected(case, FIELD, end) == pytest.approx(factor * 0.005, rel=0.1)
     assert result.is_cut == (False, False)
     highest = 1.5 * result.value

@@ -371,7 +371,8 @@ def _operating_point(result: Result) -> list[tuple[str, str]]:
     if not _current_is_steady(result):
         rows = [(f"{name}, at the run's end" if name.startswith(AT_THE_END) else name, value) for name, value in rows]
     elif expected := summary.get("expected_torque"):
-        rows.append(("expected before the run", expected["law"]))
+        low, mean, high = (f"{expected[name]:.2g}" for name in ("low", "mean", "high"))
+        rows.append(("estimate before the run", f"{mean} N m ({low} to {high}), {expected['law']}"))
     return rows
 
 

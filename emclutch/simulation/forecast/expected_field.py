@@ -1,14 +1,8 @@
 """The field of even powder, before a grain has moved, and how strongly it will magnetise the grains.
 
-Even powder has the permeability of grains without order (Maxwell Garnett's, `field.laws.powder_law`). Where a run feeds
-back the moments of its grains, each element's demagnetising factor N follows from them instead: a random packing has
-nearly the N = (1 - phi)/3 of that rule, a sheared one that of its chains. A grain in a straight chain of touching
-dipoles along the field has the field zeta(3) M/6 of the others,
-
-    H_in = H + zeta(3) M/6 - M/3,        N = 1/3 - zeta(3)/6 = 0.133        (2 m/(4 pi r^3) of each, on both sides),
-
-whatever the fill, as long as chains are many diameters apart: their mean field is H. What the run
-finds lies between both, or beyond chains where necks are strong (weak fields, high susceptibility).
+Even powder has the permeability of grains without order (Maxwell Garnett's, `field.laws.powder_law`), with which a run
+begins. Sheared powder carries more flux: `field_of_sheared_powder` has the demagnetising factor N of the law that gap
+cells gave (`emclutch.simulation.forecast.powder_law`), in each element at its own H.
 """
 
 from __future__ import annotations
@@ -20,12 +14,17 @@ from emclutch.device_model.materials import grain_law
 from emclutch.device_model.pole_zone import AROUND, Zone
 from emclutch.scene.case import Case
 from emclutch.scene.grain_smear import moments_are_fed_back
-from field import MagneticField, PowderState
+from emclutch.scene.model import Scene
+from emclutch.simulation.forecast.powder_law import powder_of, shipped_laws
+from field import MU_0, MagneticField, PowderState
+from field.newton import ConvergenceError
 from field.three_d import Field3D
 from geometry import AnnularBox
 
-CHAIN_FACTOR = 1.0 / 3.0 - 1.2020569 / 6.0
-"""N of grains in straight chains."""
+SETTLED = 1e-3
+"""Change of N between two solves at which it counts as found."""
+
+ROUNDS = 8
 
 
 def expected_magnetisation(case: Case, device: Device) -> tuple[MagneticField | Field3D | None, float]:
@@ -63,11 +62,33 @@ def mean_field_strength(device: Device, field: MagneticField | Field3D | None) -
     return zone.field_strength(sampler, angles)
 
 
-def field_in_chains(coil: CoilDevice, phi: float, current: float, guess: MagneticField | None = None) -> MagneticField:
-    """The field at a current [A] of powder spread evenly to the fill `phi`, its grains in straight chains along it."""
-    fill = coil.uniform_fill(phi)
-    powder = PowderState(fill, np.full(len(fill), CHAIN_FACTOR))
-    return coil.problem.solve(coil.turns * current, powder, guess, tolerance=coil.newton_tolerance)
+def field_of_sheared_powder(
+    coil: CoilDevice, fill: np.ndarray, scene: Scene, current: float, guess: MagneticField | None
+) -> MagneticField:
+    """The field at a current [A] of powder with the fill (n powder elements,) and the permeability of its law.
+
+    Of powder that no law covers it is that of the nearest one.
+
+    Raises
+    ------
+    ConvergenceError
+        A solve, or N after `ROUNDS` of them.
+    """
+    grains, Ms, law = grain_law(scene), scene.grains.saturation, shipped_laws().nearest(*powder_of(scene))
+    problem, own = coil.problem, coil.problem.powder_elements
+    elements, filled, phi = problem.elements, fill > 0.0, fill[:, None]
+    weight = elements.weight[own] * elements.radius[own]
+    N = law.factor(np.zeros(len(fill)), fill, Ms)
+    for _ in range(ROUNDS):
+        found = problem.solve(coil.turns * current, PowderState(fill, N), guess, tolerance=coil.newton_tolerance)
+        B = np.hypot(*np.moveaxis(elements.gradient(found.psi)[own], 1, 0)) / elements.radius[own]
+        H = B / MU_0 - phi * grains.from_flux(B, phi, N[:, None])[0]
+        before, N = N, law.factor((H * weight).sum(axis=1) / weight.sum(axis=1), fill, Ms)
+        if np.abs(N - before)[filled].max(initial=0.0) < SETTLED:
+            return found
+        guess = found
+    message = f"the permeability of the sheared powder did not settle within {ROUNDS} solves"
+    raise ConvergenceError(found.newton, "lower coil.current", message)
 
 
 def powder_in_words(scene, phi: float | None) -> str:
@@ -80,16 +101,16 @@ def powder_in_words(scene, phi: float | None) -> str:
     if not moments_are_fed_back(scene):
         return f"{even} (so has the run, with the fill of its grains)"
     return (
-        f"{even} (the run feeds back their own moments, which chains make larger); estimates for an even fill, no "
+        f"{even} (the run feeds back their own moments, which shear makes larger); estimates for an even fill, no "
         "bounds: runs gather powder under the poles, where the field is stronger then"
     )
 
 
-def chains_in_words(coil: CoilDevice, even: MagneticField, chains: MagneticField, B_max: float, faces: bool) -> str:
-    """Return the largest |B| [T] in the gap with grains in chains, and both means under the poles."""
-    text = f" ({B_max:.3g} T with grains in straight chains)"
+def sheared_in_words(coil: CoilDevice, even: MagneticField, sheared: MagneticField, B_max: float, faces: bool) -> str:
+    """Return the largest |B| [T] in the gap with sheared powder, and both means under the poles."""
+    text = f" ({B_max:.3g} T with the permeability of sheared powder)"
     if coil.has_poles:
-        means = [coil.gap_flux_density(field, faces=faces) for field in (even, chains)]
+        means = [coil.gap_flux_density(field, faces=faces) for field in (even, sheared)]
         text += f", mean under the poles {means[0]:.3g} T ({means[1]:.3g} T)"
     return text
 

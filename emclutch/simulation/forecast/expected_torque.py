@@ -1,79 +1,64 @@
-"""The torque's order of magnitude, before a grain has moved.
+"""The expected torque of a device, before a grain has moved: its powder's law on the field of its coil.
 
-Magnetised powder that is sheared across a field yields at a stress tau(H, phi); the torque of a gap of width g is the
+Magnetised powder that is sheared across a field yields at a stress tau(B, phi). The torque of a gap of width g is the
 mean over the cylinders (or planes) that it may be sheared on,
 
-    T = (1/g) integral of tau(H_n, phi) r dV,
+    T = (1/g) integral of tau(B_n, phi) r dV,
 
-H_n the component of the macroscopic field across the gap, at the largest current and in the powder spread evenly, as
-the plan has solved it. Two laws:
+B_n the flux density across the gap at the largest current, from a solve in which the powder has the permeability of its
+law (`emclutch.simulation.forecast.powder_law`). Powder that was filled between pole faces to phi_0 stands out beyond
+their edges and has phi there (`fill_between_poles`). The torque is that of the real powder, with its grains per gap and
+its inertial number; that of the scene's own grains is found beside it, which a run has without a correction.
 
-- `neck_stress`: suspensions of carbonyl iron as measured (J. D. Carlson, Int. J. Mod. Phys. B 19 (2005) 1463; fill 0.1
-  to 0.5, chi of iron, some hundreds and more), tau = 271.7 kPa phi^1.5239 tanh(H/158 kA/m), with fields over the
-  saturation Ms of the grains and stresses over mu_0 Ms^2, iron having 1.7 MA/m.
-- `chain_stress`: straight chains of touching point dipoles m = M V along the field, strained by gamma (Jolly, Carlson
-  and Munoz, Smart Mater. Struct. 5 (1996) 607), tau = phi mu_0 M^2 max of gamma (4 - gamma^2)/(8 (1 + gamma^2)^(7/2))
-  = 0.114 phi mu_0 M^2; at most `neck_stress`, since chains are not straight. In sheared cells
-  (docs/explanation/expected_torque.md) mutual dipoles have this stress.
-
-Not in it: rolling friction, which doubled the torque of the shipped clutches; powder that gathers at the poles; the
-mutual magnetisation by which the powder carries more flux than an even one. Without magnetism there is Coulomb friction
-of weight and centrifugal force.
+Runs of whole devices have `RUNS_OVER_LAW` times this torque, and differ from it by `DEVICES` (standard deviation),
+measured by devices and powders that no law was fitted to (docs/explanation/two_scales.md). Where a scene is outside of
+what the law was measured for, the same formula is a guess within a factor of `GUESS`, and says why. Dipoles without
+necks (`model = "mutual"`) have at most the stress of straight chains of touching point dipoles m = M V along the field,
+strained by gamma (Jolly, Carlson and Munoz, Smart Mater. Struct. 5 (1996) 607), tau = phi mu_0 M^2 max of
+gamma (4 - gamma^2)/(8 (1 + gamma^2)^(7/2)) = 0.114 phi mu_0 M^2. Without magnetism there is Coulomb friction of weight
+and centrifugal force.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from dataclasses import field as dataclass_field
+from math import exp, log
+from typing import Any
 
 import numpy as np
 
 from coupling.expected_load import chain_magnetisation
 from coupling.powder_pressure import magnetic_pressure
-from emclutch.device_model.device import Device
+from emclutch.device_model.device import CoilDevice, Device
 from emclutch.device_model.materials import grain_law
 from emclutch.device_model.pole_zone import ACROSS, ALONG
 from emclutch.scene.units import two_digits
-from emclutch.simulation.forecast.sheared_points import carlson_stress
+from emclutch.simulation.forecast.expected_field import field_of_sheared_powder
+from emclutch.simulation.forecast.powder_law import BASE_FILL, OWN, RANGES, powder_of, shipped_laws
 from field import MU_0, MagneticField, ParticleLaw
 from field.three_d import Field3D
-from particles.diagnostics.inertial_number import MAGNETIC
-
-IRON = 1.7e6
-"""Saturation [A/m] of the carbonyl iron of Carlson's fit."""
+from particles.diagnostics.inertial_number import MAGNETIC, inertial_number, shear_rate_of
 
 CHAIN = 0.114
 """Largest stress over phi mu_0 M^2 of a chain of touching dipoles, at a strain of 0.39."""
 
+RUNS_OVER_LAW, DEVICES = 1.0, 0.06
+"""Torque of runs over that by the law, geometric mean, and the standard deviation of its logarithm over devices and
+powders without the runs' own errors (tests/benchmarks/two_scales.py)."""
 
-@dataclass(frozen=True, slots=True)
-class Trust:
-    """How far an expected torque holds: it may be `too_large` or `too_small` by these factors."""
-
-    before: str
-    after: str
-    too_large: float
-    too_small: float
-
-    def in_words(self, torque: str) -> str:
-        """Return a torque with this in words."""
-        return f"{self.before}{torque}{self.after}"
-
-
-THREEFOLD = Trust("", " within a factor of three", 3.0, 3.0)
-ORDER = Trust("of the order of ", "", 10.0, 10.0)
-BOUND = Trust("at most of the order of ", "", np.inf, 1.0)
+GUESS = 2.0
+"""Factor within which the formula holds outside of what it was measured for."""
 
 FEW = 3.0
-"""Grains across a gap, below which they are no continuum."""
+"""Grains per gap below which they are no continuum: the formula gives no more than the order of magnitude."""
+
+UNKNOWN_FILL = (0.8, 0.9, 1.0)
+"""Parts of the powder that may be between the poles where it is not known."""
 
 BULK_FILL = 0.6
 """Of settled shot [-]."""
-
-
-def neck_stress(phi: float, H: np.ndarray, Ms: float) -> np.ndarray:
-    """Carlson's yield stress [Pa] at H [A/m] for grains of saturation Ms [A/m]."""
-    scale = Ms / IRON
-    return scale**2 * np.asarray(carlson_stress(phi, np.abs(H) / scale))
 
 
 def chain_stress(phi: float, M: np.ndarray) -> np.ndarray:
@@ -137,13 +122,52 @@ def sheared_zone(device: Device, angles: np.ndarray | None = None) -> ShearedZon
 
 
 @dataclass(frozen=True, slots=True)
+class Interval:
+    """A torque [N m] with the ends of its 95 % interval."""
+
+    mean: float
+    low: float
+    high: float
+
+    @classmethod
+    def within(cls, mean: float, error: float) -> Interval:
+        """Of a torque whose logarithm has a standard error."""
+        factor = exp(1.96 * error)
+        return cls(mean, mean / factor, mean * factor)
+
+    def as_dict(self) -> dict[str, float]:
+        """Return the three for a summary."""
+        return {"mean": self.mean, "low": self.low, "high": self.high}
+
+    def in_words(self) -> str:
+        """Return the torque with its half width, its factor, or as a bound."""
+        mean = f"{two_digits(self.mean)} N m"
+        if self.low == 0.0:
+            return f"at most of the order of {mean}"
+        factor = self.high / self.mean
+        if factor > 5.0:
+            return f"of the order of {mean}"
+        if factor > 1.5:
+            return f"{mean} within a factor of {factor:.2g}"
+        return f"{mean} +- {100.0 * (factor - 1.0):.2g} %"
+
+
+@dataclass(frozen=True, slots=True)
 class ExpectedTorque:
     """Expected torque on the output, and its law.
 
     Attributes
     ----------
-    torque : float or None
-        [N m], of magnetised powder or of friction alone; None where no gap is sheared.
+    real : Interval or None
+        Of the powder that the grains stand for; None where no gap is sheared.
+    scene : Interval or None
+        Of the scene's own grains, as a run has it without a correction.
+    unknown_powder : tuple of float or None
+        Torque [N m] that 5 % and 95 % of free-flowing powders have less than, with 80 to 100 % of them in place.
+    parts : dict of str to float
+        Half widths of the 95 % interval of `real` [-] by their causes; empty of a guess.
+    law : str
+        How it was found, and why it is a guess.
     stress : float
         Torque over area and lever [Pa]; 0 without a gap.
     H, M : float
@@ -155,13 +179,13 @@ class ExpectedTorque:
     pressure, pressure_of : float, str
         The pressure of the inertial number [Pa] and what it is of; 0 where it is that of friction. Magnetised powder
         has it between the poles, or in the whole gap.
-    trust : Trust
-        How far the law holds: `THREEFOLD`, `ORDER` or `BOUND`.
-    law : str
-        In words.
     """
 
-    torque: float | None
+    real: Interval | None
+    law: str
+    scene: Interval | None = None
+    unknown_powder: tuple[float, float] | None = None
+    parts: dict[str, float] = dataclass_field(default_factory=dict)
     stress: float = 0.0
     H: float = 0.0
     M: float = 0.0
@@ -169,30 +193,39 @@ class ExpectedTorque:
     magnetic: bool = False
     pressure: float = 0.0
     pressure_of: str = f"{MAGNETIC} pressure"
-    trust: Trust = BOUND
-    law: str = ""
 
-    def as_dict(self) -> dict[str, float | str | None]:
-        """Return the torque and the ends of what a run may give [N m], for a summary."""
-        torque = self.torque or 0.0
-        low, high = torque / self.trust.too_large, torque * self.trust.too_small
-        return {"mean": self.torque, "low": low, "high": high, "law": self.in_words()}
+    @property
+    def torque(self) -> float | None:
+        """Of the real powder [N m]."""
+        return None if self.real is None else self.real.mean
+
+    def as_dict(self) -> dict[str, dict[str, float | str | None]]:
+        """Return the entries of a summary."""
+        if self.real is None:
+            return {}
+        found: dict[str, dict[str, float | str | None]] = {"expected_torque": self.real.as_dict() | {"law": self.law}}
+        found["expected_torque_scene"] = dict((self.scene or self.real).as_dict())
+        if self.parts:
+            found["expected_torque"]["parts"] = self.parts  # type: ignore[assignment]
+        if self.unknown_powder is not None:
+            found["expected_torque_unknown_powder"] = dict(zip(("low", "high"), self.unknown_powder, strict=True))
+        return found
 
     def in_words(self) -> str:
-        """One line for the plan."""
-        if self.torque is None:
+        """Return the torque, that of the scene's own grains, the range of unknown powder, and the law."""
+        if self.real is None:
             return f"unknown: {self.law}"
-        order = self.trust.in_words(f"{two_digits(self.torque)} N m")
-        if not self.magnetic:
-            return f"{order}: {self.law}"
-        return (
-            f"{order}: {self.stress / 1e3:.2g} kPa at {self.H / 1e3:.3g} kA/m across the gap in "
-            f"even powder, by {self.law}"
-        )
+        text = self.real.in_words()
+        if self.scene is not None and self.scene != self.real:
+            text += f"; {self.scene.in_words()} with grains of the scene's size"
+        if self.unknown_powder is not None:
+            low, high = map(two_digits, self.unknown_powder)
+            text += f"; {low} to {high} N m if friction and fill of the powder are unknown"
+        return f"{text}. {self.law[:1].upper()}{self.law[1:]}"
 
 
 def expected_torque(scene, device: Device, field: MagneticField | Field3D | None) -> ExpectedTorque:
-    """The torque's order of magnitude at the largest current, from the solution `field` of the plan at that current."""
+    """The torque at the largest current, `field` being the solution of the plan at that current."""
     sampled = _sampled(device, field)
     if sampled is None:
         return _friction(scene, device)
@@ -201,33 +234,138 @@ def expected_torque(scene, device: Device, field: MagneticField | Field3D | None
     if across.max() == 0.0:
         return _friction(scene, device)
     strength = np.linalg.norm(H, axis=1)
-    phi = device.fill.solid_fraction
-    in_powder = phi if scene.effects.feedback is not None else 0.0  # as `plan.expected_magnetisation`
-    law = grain_law(scene)
-    M = law.magnetisation(strength, np.full(len(strength), in_powder))
+    in_powder = device.fill.solid_fraction if scene.effects.feedback is not None else 0.0
+    grains = grain_law(scene)
+    M = grains.magnetisation(strength, np.full(len(strength), in_powder))
     slope = np.linalg.norm(np.einsum("ni,nij->nj", H, grad_H), axis=1) / np.maximum(strength, np.finfo(float).tiny)
     H_mean, M_mean, force = (float(np.average(v, weights=zone.lever)) for v in (across, M, MU_0 * M * slope))
     if scene.effects.attraction is None:
         return replace(_friction(scene, device), H=H_mean, M=M_mean, gradient_force=force)
-    tau, words = neck_stress(phi, across, scene.particles.saturation), "Carlson's law of iron suspensions"
-    if not scene.effects.attraction.has_necks:
-        tau, words = np.minimum(tau, chain_stress(phi, M)), "straight chains of point dipoles"
-    torque = float((tau * zone.lever).sum())
-    layers = device.narrowest_gap / scene.particles.largest_diameter
-    if layers < FEW:
-        words += f"; the gap holds {layers:.2g} grains, no powder"
-    words = "; ".join((words, *(one.torque_note for one in scene.effects.present if one.torque_note)))
-    return ExpectedTorque(
-        torque,
-        torque / float(zone.lever.sum()),
+    pressure = _pressure(device, grains, zone, strength)
+    found = _Sheared(scene, device, field, zone, across, pressure).torque()
+    return replace(
+        found,
+        stress=(found.torque or 0.0) / float(zone.lever.sum()),
         H=H_mean,
         M=M_mean,
         gradient_force=force,
         magnetic=True,
-        pressure=_pressure(device, law, zone, strength),
-        trust=ORDER if layers < FEW else THREEFOLD,
-        law=words,
+        pressure=pressure,
     )
+
+
+SPILL = 0.0
+"""How far powder stands out beyond each open edge of the poles [diameters]."""
+
+SPILL_ERROR = 0.25
+"""Its standard deviation over devices."""
+
+
+def open_edges(device: Device) -> float:
+    """Edges over which powder leaves the space between a pair of poles, over the length of that space [1/m]; 0: none.
+
+    At the rim two of each pole; of the faces of a disc the outer one, since the seal closes the inner one.
+    """
+    zone = device.pole_zone
+    if zone is None:
+        return 0.0
+    box = zone.boxes[0]
+    return 1.0 / (box.r1 - box.r0) if device.shears_faces else 2.0 / (box.z1 - box.z0)
+
+
+def fill_between_poles(device: Device, diameter: float) -> float:
+    """Solid fraction between the poles, of powder of a diameter [m] that stands out beyond their edges."""
+    return device.fill.solid_fraction / (1.0 + open_edges(device) * SPILL * diameter)
+
+
+class _Sheared:
+    """The magnetised powder of a device between its poles, or in its gap; `doubts` say why its torque is a guess."""
+
+    def __init__(self, scene, device: Device, field: Any, zone: ShearedZone, H: np.ndarray, pressure: float) -> None:
+        self._scene, self._device, self._zone, self._H, self._pressure = scene, device, zone, H, pressure
+        self._grains, self._Ms = grain_law(scene), scene.particles.saturation
+        self._solved: MagneticField | None = field if isinstance(field, MagneticField) else None
+        self.doubts = list(_outside_of_cells(scene, device))
+        self._law = shipped_laws().nearest(*powder_of(scene))
+        try:
+            shipped_laws().of(*powder_of(scene))
+        except ValueError as error:
+            self.doubts.append(str(error))
+
+    def torque(self) -> ExpectedTorque:
+        """The torque, with what is known of its error."""
+        grains = self._scene.grains
+        own, real = grains.mean_diameter, grains.real_diameter or grains.mean_diameter
+        scene, scene_parts = self._of(own, scene=True)
+        mean, parts = self._of(real)
+        if not self._scene.effects.attraction.has_necks:
+            law = "straight chains of point dipoles"
+        else:
+            law = "the powder's law on the field of its coil"
+            if self._law.cells == 0:
+                law += ", interpolated between powders"
+        if (layers := self._device.narrowest_gap / self._scene.grains.largest_diameter) < FEW:
+            self.doubts.insert(0, f"its gap holds {layers:.2g} grains, which are no continuum")
+        if self.doubts:
+            guess = log(GUESS if layers >= FEW else 10.0) / 1.96
+            law = f"guess by {law}: {'; '.join(self.doubts)}"
+            return ExpectedTorque(Interval.within(mean, guess), law, Interval.within(scene, guess))
+        error, scene_error = (float(np.linalg.norm(list(each.values()))) for each in (parts, scene_parts))
+        return ExpectedTorque(
+            Interval.within(mean, error),
+            law,
+            Interval.within(scene, scene_error),
+            self._of_unknown_powder(real),
+            {name: 1.96 * part for name, part in parts.items()},
+        )
+
+    def _of(self, diameter: float, scene: bool = False, part: float = 1.0) -> tuple[float, dict[str, float]]:
+        """Torque [N m] of grains of a diameter [m] with a part of the powder in place; its errors [-]."""
+        scaled = self._scene.accuracy.inertial_number if scene else None  # of the magnetic pressure, the law's of tau
+        fill = part * fill_between_poles(self._device, diameter)
+        B, law, zone = self._flux_density(fill), self._law, self._zone
+        gap = self._device.shear_gap
+        across, density = gap / diameter, self._scene.grains.density
+        rate = self._scene.motion.largest_slip * self._device.shear_radius / gap
+        if scaled is not None:
+            rate = shear_rate_of(scaled, diameter, density, self._pressure)
+        tau, inertia = law.stress(B, self._Ms, fill, across), 0.0
+        for _ in range(3):
+            stress = float(np.average(tau, weights=zone.lever))
+            inertia = float(inertial_number(rate, diameter, density, stress))
+            tau = law.stress(B, self._Ms, fill, across, min(inertia, RANGES["inertial number"][1]))
+        if not self._scene.effects.attraction.has_necks:
+            tau = np.minimum(tau, chain_stress(fill, self._grains.from_flux(B, fill)[0]))
+        b = float(np.average(B, weights=zone.lever)) / (MU_0 * self._Ms)
+        for (name, (low, high)), value in zip(RANGES.items(), (fill, b, across, inertia), strict=True):
+            if part == 1.0 and not low <= value <= high:
+                doubt = f"its {name} is {value:.3g}, and the cells have {low:g} to {high:g}"
+                self.doubts += [] if doubt in self.doubts else [doubt]
+        parts = law.errors_at(b, fill, across, min(inertia, RANGES["inertial number"][1]))
+        edges = law.rise_with_fill(fill) * open_edges(self._device) * SPILL_ERROR * diameter
+        return RUNS_OVER_LAW * float(tau @ zone.lever), parts | {"edges": edges, "devices": DEVICES}
+
+    def _flux_density(self, fill: float) -> np.ndarray:
+        """B [T] across the gap at the points of the zone, of powder of a fill."""
+        device, coil, law = self._device, self._device.coil, self._law
+        if not isinstance(coil, CoilDevice) or self._scene.effects.feedback is None:
+            return law.flux_density(self._H, fill, self._grains, self._Ms)
+        at = coil.uniform_fill(device.fill.solid_fraction) * (fill / device.fill.solid_fraction)
+        self._solved = field_of_sheared_powder(coil, at, self._scene, coil.largest_current, self._solved)
+        points, across = self._zone.points, self._zone.across
+        return np.abs((self._solved.B_along(points[:, [0, 2]]) * across[:, [0, 2]]).sum(axis=1))
+
+    def _of_unknown_powder(self, diameter: float) -> tuple[float, float]:
+        """Torques [N m] that 5 and 95 % of free-flowing powders have less than."""
+        laws, chi = shipped_laws(), self._law.powder[2]
+        others = laws.between(np.column_stack([laws.unknown, np.full(len(laws.unknown), chi)]))
+        torques = []
+        for part in UNKNOWN_FILL:
+            x = log(part * fill_between_poles(self._device, diameter) / BASE_FILL)
+            change = others[:, :OWN] - self._law.coefficients[:OWN]
+            torques.append(self._of(diameter, part=part)[0] * np.exp(change @ np.array([1.0, x])))
+        low, high = np.quantile(np.concatenate(torques), [0.05, 0.95])
+        return float(low), float(high)
 
 
 def _sampled(device: Device, field) -> tuple[ShearedZone, np.ndarray, np.ndarray] | None:
@@ -242,6 +380,28 @@ def _sampled(device: Device, field) -> tuple[ShearedZone, np.ndarray, np.ndarray
         return None
     H, grad_H = sampler.sample(zone.points)
     return zone, H, grad_H
+
+
+def _outside_of_cells(scene, device: Device) -> Iterator[str]:
+    """What a device has that no gap cell has."""
+    effects, attraction = scene.effects, scene.effects.attraction
+    if not attraction.has_necks:
+        yield "grains have no necks (effects.dipoles.model)"
+    if effects.images is None:
+        yield "its walls mirror no dipoles ([effects.wall_images])"
+    if not effects.saturate:
+        yield "its grains do not saturate"
+    if device.coil is not None and device.section_coil is None:
+        yield "it has slots"
+    if device.pole_zone is None:
+        yield "it has no pole faces"
+    elif device.region not in ("poles", "faces"):
+        yield "its powder is not between the poles alone (particles.region)"
+    if device.surfaces:
+        yield "it has surfaces from files"
+    for one in effects.present:
+        if one.changes_stress:
+            yield f"it has [effects.{one.name}]"
 
 
 def expected_pressure(scene, device: Device, field: MagneticField | Field3D | None) -> float:
@@ -280,4 +440,5 @@ def _friction(scene, device: Device) -> ExpectedTorque:
     torque = friction * radius * (weight + mass * speed**2 * radius)
     stress = torque / float(zone.lever.sum()) if zone is not None else 0.0
     without = "no field across the gap" if scene.effects.attraction is not None else "no attraction"
-    return ExpectedTorque(torque, stress, law=f"{without}, so no more than friction of weight and centrifugal force")
+    law = f"{without}, so no more than friction of weight and centrifugal force"
+    return ExpectedTorque(Interval(torque, 0.0, torque), law, stress=stress)

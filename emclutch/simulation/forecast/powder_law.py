@@ -1,0 +1,301 @@
+"""Law of a powder between two faces of steel: its shear stress and permeability, fitted to gap cells.
+
+A gap cell is a `sheared_box` with `walls = "steel"` (`particles.GapBox`): some hundred grains in a given field. With B
+the flux density across the gap, phi the solid fraction, n the grains per gap and I the inertial number of the shear
+stress, the cells' stress is
+
+    tau = mu_0 Ms^2 A (b/0.4)^p exp(s x + c x^2) u^(k + l x) exp(q (I^2 - 0.1^2)),
+    b = B/(mu_0 Ms),   x = ln(phi/0.38),   u = (1 + 5/n^2)/(1 + 5/8^2),
+
+A and s being those of the powder (friction, rolling friction, susceptibility) and p, c, k, l, q those of all powders.
+Diameter, density and saturation Ms drop out by similarity. The demagnetising factor with which the grains' material has
+the magnetisation of the grains is
+
+    N = N_0 + N_1 H/Ms + N_2 x
+
+below saturation (`field.laws.powder_law`, N against the macroscopic field H), N_0 being the powder's. A, s and N_0 of
+other powders follow from a regression over those that were measured, with a larger error. Measured cells:
+docs/explanation/gap_cells.md.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from math import exp
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from emclutch.results.atomic_file import replace_json
+from emclutch.scene.model import Scene
+from field import MU_0, ParticleLaw
+
+VERSION = 1
+"""Of the physics of cells: raised with each change that moves their stress."""
+
+FILE = Path(__file__).with_name("powder_laws.json")
+BASE_FILL, BASE_FLUX, BASE_SIZE, BASE_INERTIA, SIZE = 0.38, 0.4, 8.0, 0.1, 5.0
+"""phi, b, n and I at which the stress is mu_0 Ms^2 A, and the 5 of u."""
+
+OWN = 2
+"""Coefficients that are the powder's own, ln A and s; the others are those of all powders."""
+
+COEFFICIENTS = ("ln_A", "fill", "flux", "fill_squared", "size", "size_fill", "inertia")
+"""ln A, s, p, c, k, l, q."""
+
+OF_POWDER = (*COEFFICIENTS[:OWN], "demagnetising_factor")
+"""ln A, s, N_0."""
+
+RANGES = {"fill": (0.25, 0.50), "flux": (0.09, 0.70), "grains per gap": (4.0, np.inf), "inertial number": (0.0, 1.0)}
+"""Of the cells: phi, b, n, I. From 16 grains per gap on u is within 2 % of its end; below I = 0.03 nothing changes."""
+
+POWDERS = {"friction": (0.2, 0.7), "rolling friction": (0.0, 0.6), "susceptibility": (100.0, 1000.0)}
+"""Of the powders that were measured."""
+
+UNSATURATED = 0.13
+"""H/Ms up to which grains are not saturated, so that N has a meaning: they have less than 0.9 Ms."""
+
+Table = Mapping[str, np.ndarray]
+
+
+@dataclass(frozen=True, slots=True)
+class PowderLaw:
+    """Law of one powder.
+
+    Attributes
+    ----------
+    powder : tuple of float
+        Friction, rolling friction and susceptibility [-].
+    coefficients : ndarray (7,)
+        `COEFFICIENTS`.
+    errors : ndarray (7,)
+        Standard errors of them, by the scatter of the cells.
+    deviation : float
+        Of a cell's logarithm from the law, standard deviation [-].
+    permeability : tuple of float
+        N_0, N_1, N_2.
+    cells : int
+        Of this powder; 0: by the regression over other powders.
+    """
+
+    powder: tuple[float, float, float]
+    coefficients: np.ndarray
+    errors: np.ndarray
+    deviation: float
+    permeability: tuple[float, float, float]
+    cells: int
+
+    def stress(
+        self, B: np.ndarray, Ms: float, fill: float, grains_per_gap: float, inertial_number: float = BASE_INERTIA
+    ) -> np.ndarray:
+        """Shear stress [Pa] at the flux density B [T] across the gap of grains that saturate at Ms [A/m]."""
+        unit = MU_0 * Ms
+        at = _columns(np.abs(B) / unit, fill, grains_per_gap, inertial_number)
+        return np.where(B == 0.0, 0.0, unit * Ms * np.exp(at @ self.coefficients))
+
+    def errors_at(self, b: float, fill: float, grains_per_gap: float, inertial_number: float) -> dict[str, float]:
+        """Standard errors of the logarithm of the stress at b = B/(mu_0 Ms), by their causes."""
+        at = _columns(np.array(b), fill, grains_per_gap, inertial_number) * self.errors
+        size = np.isin(COEFFICIENTS, ("size", "size_fill"))
+        cells, of_size = (float(np.linalg.norm(at[which])) for which in (~size, size))
+        return {"cells": cells, "form": self.deviation, "size": of_size}
+
+    def rise_with_fill(self, fill: float, grains_per_gap: float = BASE_SIZE) -> float:
+        """d ln(tau)/d ln(phi) at a fixed flux density."""
+        above, below = (_columns(np.array(BASE_FLUX), fill * exp(h), grains_per_gap, 0.0) for h in (0.01, -0.01))
+        return float((above - below) @ self.coefficients) / 0.02
+
+    def factor(self, H: np.ndarray, fill: np.ndarray | float, Ms: float) -> np.ndarray:
+        """Demagnetising factor N of the grains [-] at the macroscopic field H [A/m]; constant from saturation on."""
+        start, slope, of_fill = self.permeability
+        x = np.log(np.maximum(fill, 0.5 * BASE_FILL) / BASE_FILL)
+        return start + slope * np.minimum(np.abs(H) / Ms, UNSATURATED) + of_fill * x
+
+    def flux_density(self, H: np.ndarray, fill: float, grains: ParticleLaw, Ms: float) -> np.ndarray:
+        """B [T] of powder in a macroscopic field H [A/m]."""
+        H = np.abs(np.asarray(H, dtype=float))
+        # with H in the place of B/mu_0 a grain's factor against it is N - phi
+        return MU_0 * (H + fill * grains.from_flux(MU_0 * H, fill, self.factor(H, fill, Ms) - fill)[0])
+
+
+def powder_of(scene: Scene) -> tuple[float, float, float]:
+    """Friction, rolling friction and susceptibility of a scene's grains."""
+    rolling = scene.effects.rolling
+    return scene.contact.friction, 0.0 if rolling is None else rolling.coefficient, scene.grains.susceptibility
+
+
+def _columns(b: np.ndarray, fill: Any, grains_per_gap: Any, inertial_number: Any) -> np.ndarray:
+    """What the coefficients multiply, (..., 7)."""
+    with np.errstate(divide="ignore"):
+        flux = np.log(np.asarray(b, dtype=float) / BASE_FLUX)
+    x = np.log(np.asarray(fill) / BASE_FILL)
+    n = np.maximum(grains_per_gap, RANGES["grains per gap"][0])
+    u = np.log((1.0 + SIZE / n**2) / (1.0 + SIZE / BASE_SIZE**2))
+    inertia = np.square(inertial_number) - BASE_INERTIA**2
+    return np.stack(np.broadcast_arrays(1.0, x, flux, x**2, u, u * x, inertia), axis=-1)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PowderLaws:
+    """Laws of all powders that were measured, and of powders between them.
+
+    Attributes
+    ----------
+    powders : ndarray (m, 3)
+        Friction, rolling friction, susceptibility.
+    cells : ndarray (m,)
+        Number of cells of each.
+    own, own_errors : ndarray (m, 3)
+        ln A, s and N_0 of each powder, with standard errors.
+    common, common_errors : ndarray (5,)
+        The other coefficients.
+    deviation : float
+        See `PowderLaw`.
+    permeability : tuple of float
+        N_1, N_2.
+    unknown : ndarray (k, 2)
+        Friction and rolling friction of powders that are as likely as one another where only a free flow is known.
+    provenance : dict
+        Where the cells came from.
+    """
+
+    powders: np.ndarray
+    cells: np.ndarray
+    own: np.ndarray
+    own_errors: np.ndarray
+    common: np.ndarray
+    common_errors: np.ndarray
+    deviation: float
+    permeability: tuple[float, float]
+    unknown: np.ndarray
+    provenance: dict[str, Any]
+
+    def of(self, friction: float, rolling_friction: float, susceptibility: float) -> PowderLaw:
+        """The law of a powder; ValueError where the powder is outside of `POWDERS`."""
+        powder = (friction, rolling_friction, susceptibility)
+        for (name, (low, high)), value in zip(POWDERS.items(), powder, strict=True):
+            if not low <= value <= high:
+                raise ValueError(f"{name} is {value:g}, and the powders that were measured have {low:g} to {high:g}")
+        same = np.flatnonzero(np.isclose(self.powders, powder, rtol=0.005).all(axis=1))
+        if len(same):
+            own, errors, cells = self.own[same[0]], self.own_errors[same[0]], int(self.cells[same[0]])
+        else:
+            (own,), errors, cells = self.between(np.array([powder])), self.between_errors, 0
+        values, all_errors = np.append(own[:OWN], self.common), np.append(errors[:OWN], self.common_errors)
+        permeability = (float(own[OWN]), *self.permeability)
+        return PowderLaw(powder, values, all_errors, self.deviation, permeability, cells)
+
+    def nearest(self, friction: float, rolling_friction: float, susceptibility: float) -> PowderLaw:
+        """The law of a powder, or of the nearest one within `POWDERS`."""
+        powder = zip((friction, rolling_friction, susceptibility), POWDERS.values(), strict=True)
+        return self.of(*(float(np.clip(value, *ends)) for value, ends in powder))
+
+    def between(self, powders: np.ndarray) -> np.ndarray:
+        """ln A, s and N_0 of powders (k, 3) by the regression over those that were measured, (k, 3)."""
+        return _features(powders) @ np.linalg.lstsq(_features(self.powders), self.own, rcond=None)[0]
+
+    @property
+    def between_errors(self) -> np.ndarray:
+        """Standard deviations (3,) of ln A, s and N_0 of a powder that the regression leaves out."""
+        X = _features(self.powders)
+        hat = X @ np.linalg.pinv(X)
+        left_out = (self.own - hat @ self.own) / (1.0 - np.diag(hat))[:, None]
+        return np.sqrt((left_out**2).mean(axis=0))
+
+    @classmethod
+    def fit(cls, cells: Table, unknown: np.ndarray, provenance: dict[str, Any]) -> PowderLaws:
+        """Fit cells: columns `friction`, `rolling_friction`, `susceptibility`, `saturation`, `field_strength`,
+        `solid_fraction`, `grains_per_gap`, `inertial_number`, `shear_stress`, `flux_density`, `demagnetising_factor`.
+
+        Least squares of the logarithm of the stress with equal weights: seeds differ by as much as cells from the law.
+        """
+        unit = MU_0 * cells["saturation"]
+        X = _columns(
+            cells["flux_density"] / unit, cells["solid_fraction"], cells["grains_per_gap"], cells["inertial_number"]
+        )
+        y = np.log(cells["shear_stress"] / (unit * cells["saturation"]))
+        named = np.column_stack([cells[name] for name in ("friction", "rolling_friction", "susceptibility")])
+        powders, which, count = np.unique(named, axis=0, return_inverse=True, return_counts=True)
+        of = np.equal.outer(which.ravel(), np.arange(len(powders)))
+        own = (of[:, :, None] * X[:, None, :OWN]).reshape(len(y), -1)
+        stress, errors, deviation = _least_squares(np.column_stack([own, X[:, OWN:]]), y)
+        ratio = cells["field_strength"] / cells["saturation"]
+        below = ratio <= UNSATURATED
+        factor, factor_errors, _ = _least_squares(
+            np.column_stack([of, ratio, X[:, 1]])[below].astype(float), cells["demagnetising_factor"][below]
+        )
+        split, count_of = OWN * len(powders), len(powders)
+        own, own_errors = (
+            np.column_stack([values[:split].reshape(-1, OWN), N[:count_of]])
+            for values, N in ((stress, factor), (errors, factor_errors))
+        )
+        permeability = float(factor[-2]), float(factor[-1])
+        common = stress[split:], errors[split:]
+        return cls(powders, count, own, own_errors, *common, deviation, permeability, unknown, provenance)
+
+    def write(self, path: Path) -> None:
+        """Write the laws as JSON."""
+        common = zip(COEFFICIENTS[OWN:], self.common.tolist(), self.common_errors.tolist(), strict=True)
+        rows = zip(self.powders.tolist(), self.own.tolist(), self.own_errors.tolist(), self.cells.tolist(), strict=True)
+        named = {
+            "version": VERSION, "provenance": self.provenance,
+            "common": {name: {"value": value, "error": error} for name, value, error in common},
+            "deviation": self.deviation, "permeability": list(self.permeability),
+            "powders": [
+                dict(zip(("friction", "rolling_friction", "susceptibility"), powder, strict=True)) | {
+                    name: {"value": value, "error": error}
+                    for name, value, error in zip(OF_POWDER, own, errors, strict=True)
+                } | {"cells": count}
+                for powder, own, errors, count in rows
+            ],
+            "unknown": self.unknown.tolist(),
+        }  # fmt: skip
+        replace_json(path, named)
+
+    @classmethod
+    def read(cls, path: Path) -> PowderLaws:
+        """Read laws; ValueError for a file of another version, or that is none."""
+        try:
+            found = json.loads(path.read_text(encoding="utf-8"))
+            if found["version"] != VERSION:
+                raise ValueError(
+                    f"{path} has powder laws of version {found['version']}, and the cells' physics is at {VERSION}; "
+                    "measure the powder again"
+                )
+            rows = found["powders"]
+            own = np.array([[[row[name][key] for name in OF_POWDER] for row in rows]
+                            for key in ("value", "error")])  # fmt: skip
+            common = np.array([[found["common"][name][key] for name in COEFFICIENTS[OWN:]]
+                               for key in ("value", "error")])  # fmt: skip
+            powders = np.array([[row["friction"], row["rolling_friction"], row["susceptibility"]] for row in rows])
+            of_field, of_fill = found["permeability"]
+            return cls(
+                powders, np.array([row["cells"] for row in rows]), own[0], own[1], common[0], common[1],
+                float(found["deviation"]), (float(of_field), float(of_fill)), np.array(found["unknown"]),
+                found["provenance"],
+            )  # fmt: skip
+        except (KeyError, TypeError) as error:
+            raise ValueError(f"{path} has no powder laws: {error} is missing or of another kind") from None
+
+
+@lru_cache(maxsize=1)
+def shipped_laws() -> PowderLaws:
+    """The laws that come with the program."""
+    return PowderLaws.read(FILE)
+
+
+def _least_squares(A: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    """Coefficients, their standard errors, and the standard deviation of y about them."""
+    values = np.linalg.lstsq(A, y, rcond=None)[0]
+    variance = float(((y - A @ values) ** 2).sum()) / (len(y) - A.shape[1])
+    return values, np.sqrt(variance * np.diag(np.linalg.inv(A.T @ A))), float(np.sqrt(variance))
+
+
+def _features(powders: np.ndarray) -> np.ndarray:
+    """What ln A and s are regressed on, (k, f)."""
+    friction, rolling, chi = powders.T
+    return np.column_stack([np.ones(len(powders)), friction, rolling, np.log(chi / 273.0)])
