@@ -1,18 +1,18 @@
 """Design search: the value of one quantity that gives a wanted torque, by root finding over the expected torque.
 
-The expectation T(x) is the torque of the real powder by `emclutch.simulation.forecast.expected_torque`, its law
-integrated over the sheared gap in the field that is solved again for each x (`emclutch.simulation.forecast.expected_field`). Brent's method
-(R. P. Brent, Algorithms for Minimization without Derivatives, 1973, chapter 4; `scipy.optimize.brentq`) finds
-T(x) = T_wanted between two values of x that give less and more; T need not be monotone between them, and where the
-values that were tried show that it is not, there may be other answers, and it is said.
+The expectation T(x) is the torque of the real powder by `emclutch.simulation.forecast.expected_torque`: its law,
+integrated over the sheared gap in a field that is solved again for each x. Brent's method (R. P. Brent, Algorithms for
+Minimization without Derivatives, 1973, chapter 4; `scipy.optimize.brentq`) finds T(x) = T_wanted between two values of
+x that give less and more; T need not be monotone between them, and where the values that were tried show that it is
+not, there may be other answers, and it is said.
 
 T has a 95 % interval, in proportion to itself: the values of x where one of its ends is the wanted torque bracket the
-answer. The torque is known by running the scene that was found. The best estimate of that run over T is a ratio, and x of
-T(x) = T_wanted/ratio is the next scene to try (`like`), with the run's 95 % interval as its bracket. It is the answer
-where the ratio is one of the device, and a step of a fixed-point iteration where it changes with x, as it does with the
-field where the law is a guess. With several runs the logarithm of the ratio
-is linear in x between the two of them that are nearest to the wanted torque, one on each side as soon as there is one
-(the regula falsi, of the ratio in place of the torque), and runs end when a torque is within a tolerance of the wanted.
+answer. The torque is known by running the scene that was found. The best estimate of that run over T is a ratio, and x
+of T(x) = T_wanted/ratio is the next scene to try (`like`), with the run's 95 % interval as its bracket. It is the
+answer where the ratio is one of the device, and a step of a fixed-point iteration where it changes with x, as it may
+where the law is a guess. With several runs the logarithm of the ratio is linear in x between the two of them that are
+nearest to the wanted torque, one on each side as soon as there is one (the regula falsi, of the ratio in place of the
+torque), and runs end when a torque is within a tolerance of the wanted.
 """
 
 from __future__ import annotations

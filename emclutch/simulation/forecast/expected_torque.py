@@ -36,7 +36,7 @@ from emclutch.device_model.materials import grain_law
 from emclutch.device_model.pole_zone import ACROSS, ALONG
 from emclutch.scene.units import two_digits
 from emclutch.simulation.forecast.expected_field import field_of_sheared_powder
-from emclutch.simulation.forecast.powder_law import BASE_FILL, OWN, RANGES, powder_of, shipped_laws
+from emclutch.simulation.forecast.powder_law import RANGES, powder_of, shipped_laws
 from field import MU_0, MagneticField, ParticleLaw
 from field.three_d import Field3D
 from particles.diagnostics.inertial_number import MAGNETIC, inertial_number, shear_rate_of
@@ -342,7 +342,7 @@ class _Sheared:
                 doubt = f"its {name} is {value:.3g}, and the cells have {low:g} to {high:g}"
                 self.doubts += [] if doubt in self.doubts else [doubt]
         parts = law.errors_at(b, fill, across, min(inertia, RANGES["inertial number"][1]))
-        edges = law.rise_with_fill(fill) * open_edges(self._device) * SPILL_ERROR * diameter
+        edges = law.rise_with_fill(fill, across) * open_edges(self._device) * SPILL_ERROR * diameter
         return RUNS_OVER_LAW * float(tau @ zone.lever), parts | {"edges": edges, "devices": DEVICES}
 
     def _flux_density(self, fill: float) -> np.ndarray:
@@ -357,13 +357,10 @@ class _Sheared:
 
     def _of_unknown_powder(self, diameter: float) -> tuple[float, float]:
         """Torques [N m] that 5 and 95 % of free-flowing powders have less than."""
-        laws, chi = shipped_laws(), self._law.powder[2]
-        others = laws.between(np.column_stack([laws.unknown, np.full(len(laws.unknown), chi)]))
-        torques = []
+        torques, across = [], self._device.shear_gap / diameter
         for part in UNKNOWN_FILL:
-            x = log(part * fill_between_poles(self._device, diameter) / BASE_FILL)
-            change = others[:, :OWN] - self._law.coefficients[:OWN]
-            torques.append(self._of(diameter, part=part)[0] * np.exp(change @ np.array([1.0, x])))
+            fill = part * fill_between_poles(self._device, diameter)
+            torques.append(self._of(diameter, part=part)[0] * shipped_laws().unknown_over(self._law, fill, across))
         low, high = np.quantile(np.concatenate(torques), [0.05, 0.95])
         return float(low), float(high)
 

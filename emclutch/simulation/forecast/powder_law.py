@@ -4,16 +4,18 @@ A gap cell is a `sheared_box` with `walls = "steel"` (`particles.GapBox`): some 
 the flux density across the gap, phi the solid fraction, n the grains per gap and I the inertial number of the shear
 stress, the cells' stress is
 
-    tau = mu_0 Ms^2 A (b/0.4)^p exp(s x + c x^2) u^(k + l x) exp(q (I^2 - 0.1^2)),
-    b = B/(mu_0 Ms),   x = ln(phi/0.38),   u = (1 + 5/n^2)/(1 + 5/8^2),
+    tau = mu_0 Ms^2 A (b/0.4)^p [1 + (phi/phi_n)^m] exp(k w + q (I^2 - 0.1^2)),
+    b = B/(mu_0 Ms),   w = 1/n^2 - 1/8^2,   ln phi_n = ln phi_1 - l w,
 
-A and s being those of the powder (friction, rolling friction, susceptibility) and p, c, k, l, q those of all powders.
+A and phi_1 being those of the powder (friction, rolling friction, susceptibility) and p, m, k, l, q those of all
+powders. Dilute powder has a stress in proportion to A; from about 0.8 phi_1 on grains jam between the faces.
 Diameter, density and saturation Ms drop out by similarity. The demagnetising factor with which the grains' material has
 the magnetisation of the grains is
 
     N = N_0 + N_1 H/Ms + N_2 x
 
-below saturation (`field.laws.powder_law`, N against the macroscopic field H), N_0 being the powder's. A, s and N_0 of
+with x = ln(phi/0.38), below saturation (`field.laws.powder_law`, N against the macroscopic field H), N_0 being the
+powder's. A, phi_1 and N_0 of
 other powders follow from a regression over those that were measured, with a larger error. Measured cells:
 docs/explanation/gap_cells.md.
 """
@@ -21,14 +23,15 @@ docs/explanation/gap_cells.md.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from math import exp
+from math import exp, sqrt
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from emclutch.results.atomic_file import replace_json
 from emclutch.scene.model import Scene
@@ -38,20 +41,23 @@ VERSION = 1
 """Of the physics of cells: raised with each change that moves their stress."""
 
 FILE = Path(__file__).with_name("powder_laws.json")
-BASE_FILL, BASE_FLUX, BASE_SIZE, BASE_INERTIA, SIZE = 0.38, 0.4, 8.0, 0.1, 5.0
-"""phi, b, n and I at which the stress is mu_0 Ms^2 A, and the 5 of u."""
+BASE_FILL, BASE_FLUX, BASE_SIZE, BASE_INERTIA = 0.38, 0.4, 8.0, 0.1
+"""phi, b, n and I at which the logarithms of the law are 0."""
+
+COEFFICIENTS = ("ln_A", "ln_fill", "flux", "power", "size", "size_fill", "inertia")
+"""ln A, ln phi_1, p, m, k, l, q."""
+
+START = (-4.0, -0.7, 1.5, 9.0, 1.0, 1.0, 0.0)
+"""From which a fit begins."""
 
 OWN = 2
-"""Coefficients that are the powder's own, ln A and s; the others are those of all powders."""
-
-COEFFICIENTS = ("ln_A", "fill", "flux", "fill_squared", "size", "size_fill", "inertia")
-"""ln A, s, p, c, k, l, q."""
+"""Of them the first are the powder's own."""
 
 OF_POWDER = (*COEFFICIENTS[:OWN], "demagnetising_factor")
-"""ln A, s, N_0."""
+"""ln A, ln phi_1, N_0."""
 
 RANGES = {"fill": (0.25, 0.50), "flux": (0.09, 0.70), "grains per gap": (4.0, np.inf), "inertial number": (0.0, 1.0)}
-"""Of the cells: phi, b, n, I. From 16 grains per gap on u is within 2 % of its end; below I = 0.03 nothing changes."""
+"""Of the cells: phi, b, n, I. Beyond 16 grains per gap w is near its end; below I = 0.03 nothing changes."""
 
 POWDERS = {"friction": (0.2, 0.7), "rolling friction": (0.0, 0.6), "susceptibility": (100.0, 1000.0)}
 """Of the powders that were measured."""
@@ -70,10 +76,10 @@ class PowderLaw:
     ----------
     powder : tuple of float
         Friction, rolling friction and susceptibility [-].
-    coefficients : ndarray (7,)
-        `COEFFICIENTS`.
-    errors : ndarray (7,)
-        Standard errors of them, by the scatter of the cells.
+    coefficients, errors : ndarray (7,)
+        `COEFFICIENTS` and their standard errors, by the scatter of the cells.
+    correlation : float
+        Of the errors of the powder's own two.
     deviation : float
         Of a cell's logarithm from the law, standard deviation [-].
     permeability : tuple of float
@@ -85,6 +91,7 @@ class PowderLaw:
     powder: tuple[float, float, float]
     coefficients: np.ndarray
     errors: np.ndarray
+    correlation: float
     deviation: float
     permeability: tuple[float, float, float]
     cells: int
@@ -94,20 +101,26 @@ class PowderLaw:
     ) -> np.ndarray:
         """Shear stress [Pa] at the flux density B [T] across the gap of grains that saturate at Ms [A/m]."""
         unit = MU_0 * Ms
-        at = _columns(np.abs(B) / unit, fill, grains_per_gap, inertial_number)
-        return np.where(B == 0.0, 0.0, unit * Ms * np.exp(at @ self.coefficients))
+        logarithm = _logarithm(self.coefficients, np.abs(B) / unit, fill, grains_per_gap, inertial_number)
+        return unit * Ms * np.exp(logarithm)
 
     def errors_at(self, b: float, fill: float, grains_per_gap: float, inertial_number: float) -> dict[str, float]:
         """Standard errors of the logarithm of the stress at b = B/(mu_0 Ms), by their causes."""
-        at = _columns(np.array(b), fill, grains_per_gap, inertial_number) * self.errors
+        at = (b, fill, grains_per_gap, inertial_number)
+        change = np.array([
+            _logarithm(self.coefficients + h, *at) - _logarithm(self.coefficients - h, *at)
+            for h in np.diag(0.5 * self.errors)
+        ]).ravel()  # fmt: skip
         size = np.isin(COEFFICIENTS, ("size", "size_fill"))
-        cells, of_size = (float(np.linalg.norm(at[which])) for which in (~size, size))
-        return {"cells": cells, "form": self.deviation, "size": of_size}
+        square = float((change[~size] ** 2).sum() + 2.0 * self.correlation * change[0] * change[1])
+        return {"cells": sqrt(square), "form": self.deviation, "size": float(np.linalg.norm(change[size]))}
 
-    def rise_with_fill(self, fill: float, grains_per_gap: float = BASE_SIZE) -> float:
+    def rise_with_fill(self, fill: float, grains_per_gap: float) -> float:
         """d ln(tau)/d ln(phi) at a fixed flux density."""
-        above, below = (_columns(np.array(BASE_FLUX), fill * exp(h), grains_per_gap, 0.0) for h in (0.01, -0.01))
-        return float((above - below) @ self.coefficients) / 0.02
+        above, below = (
+            _logarithm(self.coefficients, BASE_FLUX, fill * exp(h), grains_per_gap, 0.0) for h in (0.01, -0.01)
+        )
+        return float(above - below) / 0.02
 
     def factor(self, H: np.ndarray, fill: np.ndarray | float, Ms: float) -> np.ndarray:
         """Demagnetising factor N of the grains [-] at the macroscopic field H [A/m]; constant from saturation on."""
@@ -128,15 +141,14 @@ def powder_of(scene: Scene) -> tuple[float, float, float]:
     return scene.contact.friction, 0.0 if rolling is None else rolling.coefficient, scene.grains.susceptibility
 
 
-def _columns(b: np.ndarray, fill: Any, grains_per_gap: Any, inertial_number: Any) -> np.ndarray:
-    """What the coefficients multiply, (..., 7)."""
-    with np.errstate(divide="ignore"):
-        flux = np.log(np.asarray(b, dtype=float) / BASE_FLUX)
-    x = np.log(np.asarray(fill) / BASE_FILL)
-    n = np.maximum(grains_per_gap, RANGES["grains per gap"][0])
-    u = np.log((1.0 + SIZE / n**2) / (1.0 + SIZE / BASE_SIZE**2))
-    inertia = np.square(inertial_number) - BASE_INERTIA**2
-    return np.stack(np.broadcast_arrays(1.0, x, flux, x**2, u, u * x, inertia), axis=-1)
+def _logarithm(coefficients: Iterable[Any], b: Any, fill: Any, grains_per_gap: Any, inertial_number: Any) -> np.ndarray:
+    """ln(tau/(mu_0 Ms^2)) for `COEFFICIENTS`, numbers or arrays."""
+    ln_A, ln_fill, flux, power, size, size_fill, inertia = coefficients
+    w = np.maximum(grains_per_gap, RANGES["grains per gap"][0]) ** -2.0 - BASE_SIZE**-2.0
+    with np.errstate(divide="ignore"):  # no flux, no stress
+        of_flux = flux * np.log(np.asarray(b, dtype=float) / BASE_FLUX)
+    jamming = np.logaddexp(0.0, power * (np.log(fill) - ln_fill + size_fill * w))
+    return ln_A + of_flux + jamming + size * w + inertia * (np.square(inertial_number) - BASE_INERTIA**2)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -150,7 +162,9 @@ class PowderLaws:
     cells : ndarray (m,)
         Number of cells of each.
     own, own_errors : ndarray (m, 3)
-        ln A, s and N_0 of each powder, with standard errors.
+        ln A, ln phi_1 and N_0 of each powder, with standard errors.
+    correlation : ndarray (m,)
+        Of the errors of the first two.
     common, common_errors : ndarray (5,)
         The other coefficients.
     deviation : float
@@ -167,6 +181,7 @@ class PowderLaws:
     cells: np.ndarray
     own: np.ndarray
     own_errors: np.ndarray
+    correlation: np.ndarray
     common: np.ndarray
     common_errors: np.ndarray
     deviation: float
@@ -182,29 +197,38 @@ class PowderLaws:
                 raise ValueError(f"{name} is {value:g}, and the powders that were measured have {low:g} to {high:g}")
         same = np.flatnonzero(np.isclose(self.powders, powder, rtol=0.005).all(axis=1))
         if len(same):
-            own, errors, cells = self.own[same[0]], self.own_errors[same[0]], int(self.cells[same[0]])
+            k = same[0]
+            own, errors, correlation, cells = self.own[k], self.own_errors[k], self.correlation[k], int(self.cells[k])
         else:
-            (own,), errors, cells = self.between(np.array([powder])), self.between_errors, 0
+            (own,), left_out, cells = self.between(np.array([powder])), self.left_out, 0
+            errors = np.sqrt((left_out**2).mean(axis=0))
+            correlation = (left_out[:, 0] * left_out[:, 1]).mean() / (errors[0] * errors[1])
         values, all_errors = np.append(own[:OWN], self.common), np.append(errors[:OWN], self.common_errors)
         permeability = (float(own[OWN]), *self.permeability)
-        return PowderLaw(powder, values, all_errors, self.deviation, permeability, cells)
+        return PowderLaw(powder, values, all_errors, float(correlation), self.deviation, permeability, cells)
 
     def nearest(self, friction: float, rolling_friction: float, susceptibility: float) -> PowderLaw:
         """The law of a powder, or of the nearest one within `POWDERS`."""
         powder = zip((friction, rolling_friction, susceptibility), POWDERS.values(), strict=True)
         return self.of(*(float(np.clip(value, *ends)) for value, ends in powder))
 
+    def unknown_over(self, law: PowderLaw, fill: float, grains_per_gap: float) -> np.ndarray:
+        """Stress of the `unknown` powders over that of a powder with the same susceptibility and flux density, (k,)."""
+        powders = np.column_stack([self.unknown, np.full(len(self.unknown), law.powder[2])])
+        at = (BASE_FLUX, fill, grains_per_gap, 0.0)
+        theirs = _logarithm((*self.between(powders)[:, :OWN].T, *self.common), *at)
+        return np.exp(theirs - _logarithm(law.coefficients, *at))
+
     def between(self, powders: np.ndarray) -> np.ndarray:
-        """ln A, s and N_0 of powders (k, 3) by the regression over those that were measured, (k, 3)."""
+        """ln A, ln phi_1 and N_0 of powders (k, 3) by the regression over those that were measured, (k, 3)."""
         return _features(powders) @ np.linalg.lstsq(_features(self.powders), self.own, rcond=None)[0]
 
     @property
-    def between_errors(self) -> np.ndarray:
-        """Standard deviations (3,) of ln A, s and N_0 of a powder that the regression leaves out."""
+    def left_out(self) -> np.ndarray:
+        """Own coefficients of each powder less those of the regression over the others, (m, 3)."""
         X = _features(self.powders)
         hat = X @ np.linalg.pinv(X)
-        left_out = (self.own - hat @ self.own) / (1.0 - np.diag(hat))[:, None]
-        return np.sqrt((left_out**2).mean(axis=0))
+        return (self.own - hat @ self.own) / (1.0 - np.diag(hat))[:, None]
 
     @classmethod
     def fit(cls, cells: Table, unknown: np.ndarray, provenance: dict[str, Any]) -> PowderLaws:
@@ -214,33 +238,41 @@ class PowderLaws:
         Least squares of the logarithm of the stress with equal weights: seeds differ by as much as cells from the law.
         """
         unit = MU_0 * cells["saturation"]
-        X = _columns(
-            cells["flux_density"] / unit, cells["solid_fraction"], cells["grains_per_gap"], cells["inertial_number"]
-        )
         y = np.log(cells["shear_stress"] / (unit * cells["saturation"]))
+        at = (cells["flux_density"] / unit, cells["solid_fraction"], cells["grains_per_gap"], cells["inertial_number"])
         named = np.column_stack([cells[name] for name in ("friction", "rolling_friction", "susceptibility")])
         powders, which, count = np.unique(named, axis=0, return_inverse=True, return_counts=True)
-        of = np.equal.outer(which.ravel(), np.arange(len(powders)))
-        own = (of[:, :, None] * X[:, None, :OWN]).reshape(len(y), -1)
-        stress, errors, deviation = _least_squares(np.column_stack([own, X[:, OWN:]]), y)
+        which, m = which.ravel(), len(powders)
+
+        def misfit(values: np.ndarray) -> np.ndarray:
+            own, common = values[: OWN * m].reshape(m, OWN), values[OWN * m :]
+            return _logarithm((*own[which].T, *common), *at) - y
+
+        found = least_squares(misfit, np.append(np.tile(START[:OWN], m), START[OWN:]), x_scale="jac")
+        variance = float(found.fun @ found.fun) / (len(y) - len(found.x))
+        covariance = variance * np.linalg.inv(found.jac.T @ found.jac)
+        errors, first, second = np.sqrt(np.diag(covariance)), np.arange(0, OWN * m, OWN), np.arange(1, OWN * m, OWN)
         ratio = cells["field_strength"] / cells["saturation"]
         below = ratio <= UNSATURATED
-        factor, factor_errors, _ = _least_squares(
-            np.column_stack([of, ratio, X[:, 1]])[below].astype(float), cells["demagnetising_factor"][below]
-        )
-        split, count_of = OWN * len(powders), len(powders)
-        own, own_errors = (
-            np.column_stack([values[:split].reshape(-1, OWN), N[:count_of]])
-            for values, N in ((stress, factor), (errors, factor_errors))
-        )
-        permeability = float(factor[-2]), float(factor[-1])
-        common = stress[split:], errors[split:]
-        return cls(powders, count, own, own_errors, *common, deviation, permeability, unknown, provenance)
+        columns = [np.equal.outer(which, np.arange(m)), ratio, np.log(cells["solid_fraction"] / BASE_FILL)]
+        A, N = np.column_stack(columns)[below].astype(float), cells["demagnetising_factor"][below]
+        factor = np.linalg.lstsq(A, N, rcond=None)[0]
+        scatter = sqrt(float(((N - A @ factor) ** 2).sum()) / (len(N) - len(factor)))
+        factor_errors = scatter * np.sqrt(np.diag(np.linalg.inv(A.T @ A)))
+        return cls(
+            powders, count,
+            np.column_stack([found.x[: OWN * m].reshape(m, OWN), factor[:m]]),
+            np.column_stack([errors[: OWN * m].reshape(m, OWN), factor_errors[:m]]),
+            covariance[first, second] / (errors[first] * errors[second]),
+            found.x[OWN * m :], errors[OWN * m :], sqrt(variance),
+            (float(factor[-2]), float(factor[-1])), unknown, provenance,
+        )  # fmt: skip
 
     def write(self, path: Path) -> None:
         """Write the laws as JSON."""
         common = zip(COEFFICIENTS[OWN:], self.common.tolist(), self.common_errors.tolist(), strict=True)
-        rows = zip(self.powders.tolist(), self.own.tolist(), self.own_errors.tolist(), self.cells.tolist(), strict=True)
+        rows = zip(self.powders.tolist(), self.own.tolist(), self.own_errors.tolist(), self.correlation.tolist(),
+                   self.cells.tolist(), strict=True)  # fmt: skip
         named = {
             "version": VERSION, "provenance": self.provenance,
             "common": {name: {"value": value, "error": error} for name, value, error in common},
@@ -249,8 +281,8 @@ class PowderLaws:
                 dict(zip(("friction", "rolling_friction", "susceptibility"), powder, strict=True)) | {
                     name: {"value": value, "error": error}
                     for name, value, error in zip(OF_POWDER, own, errors, strict=True)
-                } | {"cells": count}
-                for powder, own, errors, count in rows
+                } | {"correlation": correlation, "cells": count}
+                for powder, own, errors, correlation, count in rows
             ],
             "unknown": self.unknown.tolist(),
         }  # fmt: skip
@@ -274,7 +306,8 @@ class PowderLaws:
             powders = np.array([[row["friction"], row["rolling_friction"], row["susceptibility"]] for row in rows])
             of_field, of_fill = found["permeability"]
             return cls(
-                powders, np.array([row["cells"] for row in rows]), own[0], own[1], common[0], common[1],
+                powders, np.array([row["cells"] for row in rows]), own[0], own[1],
+                np.array([row["correlation"] for row in rows]), common[0], common[1],
                 float(found["deviation"]), (float(of_field), float(of_fill)), np.array(found["unknown"]),
                 found["provenance"],
             )  # fmt: skip
@@ -288,14 +321,8 @@ def shipped_laws() -> PowderLaws:
     return PowderLaws.read(FILE)
 
 
-def _least_squares(A: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-    """Coefficients, their standard errors, and the standard deviation of y about them."""
-    values = np.linalg.lstsq(A, y, rcond=None)[0]
-    variance = float(((y - A @ values) ** 2).sum()) / (len(y) - A.shape[1])
-    return values, np.sqrt(variance * np.diag(np.linalg.inv(A.T @ A))), float(np.sqrt(variance))
-
-
 def _features(powders: np.ndarray) -> np.ndarray:
     """What ln A and s are regressed on, (k, f)."""
     friction, rolling, chi = powders.T
-    return np.column_stack([np.ones(len(powders)), friction, rolling, np.log(chi / 273.0)])
+    root = np.sqrt(rolling)
+    return np.column_stack([np.ones(len(powders)), friction, root, friction * root, np.log(chi / 273.0)])
