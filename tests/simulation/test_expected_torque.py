@@ -13,7 +13,9 @@ from emclutch.simulation.check import check
 from emclutch.simulation.forecast.expected_field import expected_magnetisation, field_of_sheared_powder
 from emclutch.simulation.forecast.expected_torque import (
     CHAIN,
+    ONSET,
     RUNS_OVER_LAW,
+    SPILL,
     Interval,
     chain_stress,
     expected_torque,
@@ -166,7 +168,7 @@ def test_the_torque_of_a_device_has_an_interval_by_parts_and_a_range_of_unknown_
     found = of_device(quickstart())
     half = np.log(found.real.high / found.real.mean)
     assert np.linalg.norm(list(found.parts.values())) == pytest.approx(half, rel=1e-6)
-    assert set(found.parts) == {"cells", "form", "size", "edges", "devices"}
+    assert set(found.parts) == {"cells", "form", "size", "edges", "jams", "devices"}
     assert found.unknown_powder[0] < found.real.mean < found.unknown_powder[1]
     written = found.as_dict()
     for name, one in (("expected_torque", found.real), ("expected_torque_scene", found.scene)):
@@ -190,14 +192,28 @@ def test_a_device_twice_as_large_with_twice_the_current_has_eight_times_the_torq
     assert of_device(large).torque == pytest.approx(8.0 * of_device(small).torque, rel=0.01)
 
 
+def test_powder_that_nearly_jams_stands_out_beyond_the_edges():
+    """Volume is conserved: phi (1 + s g E) = phi_0 with the length s g on both edges, and E = 2 over the length."""
+    law = shipped_laws().of(0.3, 0.2, 200.0)
+    for fill in (0.2, 0.3, 0.42, 0.5):
+        device = build_device(quickstart(**{"particles.solid_fraction": fill}).scene)
+        phi, jammed = fill_between_poles(device, law, 0.25e-3), law.jamming_fill(4.0)
+        out = SPILL * max(0.0, phi / jammed - ONSET) * device.shear_gap
+        box = device.pole_zone.boxes[0]
+        length = box.z1 - box.z0
+        assert phi * (length + 2.0 * out) == pytest.approx(device.fill.solid_fraction * length, rel=1e-9)
+        assert (phi < device.fill.solid_fraction) == (device.fill.solid_fraction > ONSET * jammed)
+
+
 def test_permeability_of_the_solve_is_that_of_the_law_at_its_own_field():
     """In an element between the poles B = mu_0 (H + phi M), M that of the material in H - N(H) M."""
     case = quickstart()
     device, scene = build_device(case.scene), case.scene
-    coil, phi = device.coil, fill_between_poles(build_device(case.scene), scene.grains.mean_diameter)
+    coil, law = device.coil, shipped_laws().of(0.3, 0.2, 200.0)
+    phi = fill_between_poles(device, law, scene.grains.mean_diameter)
     fill = coil.uniform_fill(device.fill.solid_fraction) * (phi / device.fill.solid_fraction)
     field = field_of_sheared_powder(coil, fill, scene, coil.largest_current, None)
-    law, Ms = shipped_laws().of(0.3, 0.2, 200.0), scene.grains.saturation
+    Ms = scene.grains.saturation
     middle = fill > 0.99 * phi
     centroid = coil.mesh.centroid()[coil.problem.powder_elements][middle]
     B = np.linalg.norm(field.flux_density(centroid), axis=1)

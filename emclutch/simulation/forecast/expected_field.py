@@ -21,8 +21,8 @@ from field.newton import ConvergenceError
 from field.three_d import Field3D
 from geometry import AnnularBox
 
-SETTLED = 1e-3
-"""Change of N between two solves at which it counts as found."""
+SETTLED, TOLERANCE = 1e-3, 1e-5
+"""Change of N between two solves at which it counts as found, and residual of a solve: both 1e-4 of the field."""
 
 ROUNDS = 8
 
@@ -80,7 +80,7 @@ def field_of_sheared_powder(
     weight = elements.weight[own] * elements.radius[own]
     N = law.factor(np.zeros(len(fill)), fill, Ms)
     for _ in range(ROUNDS):
-        found = problem.solve(coil.turns * current, PowderState(fill, N), guess, tolerance=coil.newton_tolerance)
+        found = problem.solve(coil.turns * current, PowderState(fill, N), guess, tolerance=TOLERANCE)
         B = np.hypot(*np.moveaxis(elements.gradient(found.psi)[own], 1, 0)) / elements.radius[own]
         H = B / MU_0 - phi * grains.from_flux(B, phi, N[:, None])[0]
         before, N = N, law.factor((H * weight).sum(axis=1) / weight.sum(axis=1), fill, Ms)

@@ -24,7 +24,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from dataclasses import field as dataclass_field
-from math import exp, log
+from math import exp, log, sqrt
 from typing import Any
 
 import numpy as np
@@ -34,9 +34,8 @@ from coupling.powder_pressure import magnetic_pressure
 from emclutch.device_model.device import CoilDevice, Device
 from emclutch.device_model.materials import grain_law
 from emclutch.device_model.pole_zone import ACROSS, ALONG
-from emclutch.scene.units import two_digits
 from emclutch.simulation.forecast.expected_field import field_of_sheared_powder
-from emclutch.simulation.forecast.powder_law import RANGES, powder_of, shipped_laws
+from emclutch.simulation.forecast.powder_law import RANGES, PowderLaw, powder_of, shipped_laws
 from field import MU_0, MagneticField, ParticleLaw
 from field.three_d import Field3D
 from particles.diagnostics.inertial_number import MAGNETIC, inertial_number, shear_rate_of
@@ -44,7 +43,7 @@ from particles.diagnostics.inertial_number import MAGNETIC, inertial_number, she
 CHAIN = 0.114
 """Largest stress over phi mu_0 M^2 of a chain of touching dipoles, at a strain of 0.39."""
 
-RUNS_OVER_LAW, DEVICES = 1.0, 0.06
+RUNS_OVER_LAW, DEVICES = 1.0, 0.05
 """Torque of runs over that by the law, geometric mean, and the standard deviation of its logarithm over devices and
 powders without the runs' own errors (tests/benchmarks/two_scales.py)."""
 
@@ -141,7 +140,7 @@ class Interval:
 
     def in_words(self) -> str:
         """Return the torque with its half width, its factor, or as a bound."""
-        mean = f"{two_digits(self.mean)} N m"
+        mean = f"{self.mean:.3g} N m"
         if self.low == 0.0:
             return f"at most of the order of {mean}"
         factor = self.high / self.mean
@@ -219,7 +218,7 @@ class ExpectedTorque:
         if self.scene is not None and self.scene != self.real:
             text += f"; {self.scene.in_words()} with grains of the scene's size"
         if self.unknown_powder is not None:
-            low, high = map(two_digits, self.unknown_powder)
+            low, high = (f"{torque:.3g}" for torque in self.unknown_powder)
             text += f"; {low} to {high} N m if friction and fill of the powder are unknown"
         return f"{text}. {self.law[:1].upper()}{self.law[1:]}"
 
@@ -254,28 +253,45 @@ def expected_torque(scene, device: Device, field: MagneticField | Field3D | None
     )
 
 
-SPILL = 0.0
-"""How far powder stands out beyond each open edge of the poles [diameters]."""
+SPILL, ONSET, ONSET_ERROR = 3.2, 0.82, 0.03
+"""Length that powder stands out beyond an edge of a pole, over the gap, is `SPILL` (phi/phi_n - `ONSET`), with the phi_n
+of `PowderLaw.jamming_fill`, and 0 below; and the standard deviation of ln(`ONSET`) over powders."""
 
-SPILL_ERROR = 0.25
-"""Its standard deviation over devices."""
+JAMS = 1.5
+"""Standard error of the logarithm of the torque over phi/phi_n - `ONSET`: jams depend on size and history."""
+
+BEYOND = 0.6
+"""Torque of the powder beyond the edges, over that of the same volume between the poles."""
 
 
 def open_edges(device: Device) -> float:
-    """Edges over which powder leaves the space between a pair of poles, over the length of that space [1/m]; 0: none.
+    """Length of the edges of a pole over its area [1/m]: of those over which powder leaves; 0 without poles.
 
-    At the rim two of each pole; of the faces of a disc the outer one, since the seal closes the inner one.
+    At the rim both edges of each pole; of the faces of a disc the outer one, since the seal closes the inner one.
     """
     zone = device.pole_zone
     if zone is None:
         return 0.0
     box = zone.boxes[0]
-    return 1.0 / (box.r1 - box.r0) if device.shears_faces else 2.0 / (box.z1 - box.z0)
+    if device.shears_faces:
+        return 2.0 * box.r1 / (box.r1**2 - box.r0**2)
+    return 2.0 / (box.z1 - box.z0)
 
 
-def fill_between_poles(device: Device, diameter: float) -> float:
-    """Solid fraction between the poles, of powder of a diameter [m] that stands out beyond their edges."""
-    return device.fill.solid_fraction / (1.0 + open_edges(device) * SPILL * diameter)
+def fill_between_poles(
+    device: Device, law: PowderLaw, diameter: float, part: float = 1.0, onset: float = ONSET
+) -> float:
+    """Solid fraction between the poles of a part of the powder, with grains of a diameter [m].
+
+    Powder that nearly jams between the faces stands out beyond the edges: phi_0/phi - 1 = s(phi) g E, with s g the
+    length by which it does and E that of the edges over the area; the equation is of second order in phi.
+    """
+    phi, gap = part * device.fill.solid_fraction, device.shear_gap
+    jammed, rate = law.jamming_fill(gap / diameter), SPILL * gap * open_edges(device)
+    if phi <= onset * jammed or rate == 0.0:
+        return phi
+    linear = 1.0 - rate * onset
+    return 2.0 * phi / (linear + sqrt(linear**2 + 4.0 * rate * phi / jammed))
 
 
 class _Sheared:
@@ -285,6 +301,7 @@ class _Sheared:
         self._scene, self._device, self._zone, self._H, self._pressure = scene, device, zone, H, pressure
         self._grains, self._Ms = grain_law(scene), scene.particles.saturation
         self._solved: MagneticField | None = field if isinstance(field, MagneticField) else None
+        self._known: dict[float, np.ndarray] = {}
         self.doubts = list(_outside_of_cells(scene, device))
         self._law = shipped_laws().nearest(*powder_of(scene))
         try:
@@ -322,11 +339,12 @@ class _Sheared:
     def _of(self, diameter: float, scene: bool = False, part: float = 1.0) -> tuple[float, dict[str, float]]:
         """Torque [N m] of grains of a diameter [m] with a part of the powder in place; its errors [-]."""
         scaled = self._scene.accuracy.inertial_number if scene else None  # of the magnetic pressure, the law's of tau
-        fill = part * fill_between_poles(self._device, diameter)
+        device = self._device
+        fill, whole = fill_between_poles(device, self._law, diameter, part), part * device.fill.solid_fraction
         B, law, zone = self._flux_density(fill), self._law, self._zone
-        gap = self._device.shear_gap
+        gap = device.shear_gap
         across, density = gap / diameter, self._scene.grains.density
-        rate = self._scene.motion.largest_slip * self._device.shear_radius / gap
+        rate = self._scene.motion.largest_slip * device.shear_radius / gap
         if scaled is not None:
             rate = shear_rate_of(scaled, diameter, density, self._pressure)
         tau, inertia = law.stress(B, self._Ms, fill, across), 0.0
@@ -342,24 +360,31 @@ class _Sheared:
                 doubt = f"its {name} is {value:.3g}, and the cells have {low:g} to {high:g}"
                 self.doubts += [] if doubt in self.doubts else [doubt]
         parts = law.errors_at(b, fill, across, min(inertia, RANGES["inertial number"][1]))
-        edges = law.rise_with_fill(fill, across) * open_edges(self._device) * SPILL_ERROR * diameter
-        return RUNS_OVER_LAW * float(tau @ zone.lever), parts | {"edges": edges, "devices": DEVICES}
+        beyond = whole / fill - 1.0
+        later = fill_between_poles(device, law, diameter, part, ONSET * (1.0 + ONSET_ERROR))
+        edges = law.rise_with_fill(fill, across) * log(later / fill)
+        torque = RUNS_OVER_LAW * float(tau @ zone.lever) * (1.0 + BEYOND * beyond)
+        jams = JAMS * max(0.0, fill / law.jamming_fill(across) - ONSET)
+        return torque, parts | {"edges": edges, "jams": jams, "devices": DEVICES}
 
     def _flux_density(self, fill: float) -> np.ndarray:
         """B [T] across the gap at the points of the zone, of powder of a fill."""
         device, coil, law = self._device, self._device.coil, self._law
         if not isinstance(coil, CoilDevice) or self._scene.effects.feedback is None:
             return law.flux_density(self._H, fill, self._grains, self._Ms)
-        at = coil.uniform_fill(device.fill.solid_fraction) * (fill / device.fill.solid_fraction)
-        self._solved = field_of_sheared_powder(coil, at, self._scene, coil.largest_current, self._solved)
-        points, across = self._zone.points, self._zone.across
-        return np.abs((self._solved.B_along(points[:, [0, 2]]) * across[:, [0, 2]]).sum(axis=1))
+        if fill not in self._known:
+            at = coil.uniform_fill(device.fill.solid_fraction) * (fill / device.fill.solid_fraction)
+            self._solved = field_of_sheared_powder(coil, at, self._scene, coil.largest_current, self._solved)
+            points, across = self._zone.points, self._zone.across
+            B = self._solved.B_along(points[:, [0, 2]])
+            self._known[fill] = np.abs((B * across[:, [0, 2]]).sum(axis=1))
+        return self._known[fill]
 
     def _of_unknown_powder(self, diameter: float) -> tuple[float, float]:
         """Torques [N m] that 5 and 95 % of free-flowing powders have less than."""
         torques, across = [], self._device.shear_gap / diameter
         for part in UNKNOWN_FILL:
-            fill = part * fill_between_poles(self._device, diameter)
+            fill = fill_between_poles(self._device, self._law, diameter, part)
             torques.append(self._of(diameter, part=part)[0] * shipped_laws().unknown_over(self._law, fill, across))
         low, high = np.quantile(np.concatenate(torques), [0.05, 0.95])
         return float(low), float(high)

@@ -36,6 +36,7 @@ from scipy.optimize import least_squares
 from emclutch.results.atomic_file import replace_json
 from emclutch.scene.model import Scene
 from field import MU_0, ParticleLaw
+from particles.bulk_friction.friction_table import measured_table
 
 VERSION = 1
 """Of the physics of cells: raised with each change that moves their stress."""
@@ -115,6 +116,10 @@ class PowderLaw:
         square = float((change[~size] ** 2).sum() + 2.0 * self.correlation * change[0] * change[1])
         return {"cells": sqrt(square), "form": self.deviation, "size": float(np.linalg.norm(change[size]))}
 
+    def jamming_fill(self, grains_per_gap: float) -> float:
+        """phi_n [-]."""
+        return exp(self.coefficients[1] - self.coefficients[5] * float(_excess(grains_per_gap)))
+
     def rise_with_fill(self, fill: float, grains_per_gap: float) -> float:
         """d ln(tau)/d ln(phi) at a fixed flux density."""
         above, below = (
@@ -141,10 +146,15 @@ def powder_of(scene: Scene) -> tuple[float, float, float]:
     return scene.contact.friction, 0.0 if rolling is None else rolling.coefficient, scene.grains.susceptibility
 
 
+def _excess(grains_per_gap: Any) -> np.ndarray:
+    """w."""
+    return np.maximum(grains_per_gap, RANGES["grains per gap"][0]) ** -2.0 - BASE_SIZE**-2.0
+
+
 def _logarithm(coefficients: Iterable[Any], b: Any, fill: Any, grains_per_gap: Any, inertial_number: Any) -> np.ndarray:
     """ln(tau/(mu_0 Ms^2)) for `COEFFICIENTS`, numbers or arrays."""
     ln_A, ln_fill, flux, power, size, size_fill, inertia = coefficients
-    w = np.maximum(grains_per_gap, RANGES["grains per gap"][0]) ** -2.0 - BASE_SIZE**-2.0
+    w = _excess(grains_per_gap)
     with np.errstate(divide="ignore"):  # no flux, no stress
         of_flux = flux * np.log(np.asarray(b, dtype=float) / BASE_FLUX)
     jamming = np.logaddexp(0.0, power * (np.log(fill) - ln_fill + size_fill * w))
@@ -322,7 +332,7 @@ def shipped_laws() -> PowderLaws:
 
 
 def _features(powders: np.ndarray) -> np.ndarray:
-    """What ln A and s are regressed on, (k, f)."""
-    friction, rolling, chi = powders.T
-    root = np.sqrt(rolling)
-    return np.column_stack([np.ones(len(powders)), friction, root, friction * root, np.log(chi / 273.0)])
+    """What own coefficients are regressed on, (k, 4): bulk friction, friction and susceptibility."""
+    measured = measured_table()
+    bulk = np.array([measured.bulk_friction(friction, rolling)[0] for friction, rolling, _ in powders])
+    return np.column_stack([np.ones(len(powders)), bulk, powders[:, 0], np.log(powders[:, 2])])
