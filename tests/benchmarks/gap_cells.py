@@ -31,13 +31,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.stats import chi2, t
+from scipy.stats import chi2
 from scipy.stats.qmc import Halton
 
 from emclutch.scene.case import case_from
 from emclutch.simulation.forecast.powder_law import POWDERS, PowderLaws
 from emclutch.simulation.run import run
-from field import MU_0
 from particles.bulk_friction.friction_table import measured_table
 
 DIAMETER, SUSCEPTIBILITY, SATURATION = 0.125e-3, 273.0, 1.3e6  # m, 1, A/m; of the powder of the first table
@@ -170,47 +169,11 @@ CELLS = (
     *(Cell(H, 0.50) for H in (150e3, 60e3)),
     *(Cell(H, fill, seed=2, friction=0.6, rolling_friction=rolling) for rolling in OF_REPOSE for H, fill in FIVE[:3]),
     *(Cell(H, fill, seed=2, susceptibility=chi) for chi in (200.0, 999.0) for H, fill in FIVE[:3]),
-    *(Cell(150e3, fill, edge=12, spread=spread) for spread in (1.0, 2.0, 3.0) for fill in (0.38, 0.45)),
+    *(Cell(150e3, fill, edge=12, spread=spread) for spread in (1.0, 3.0) for fill in (0.38, 0.45)),
 )
 
 
 Table = dict[str, np.ndarray]
-BASE, SIDES = 0.38, (0.30, 0.45)  # fill at which the factor of the fill is 1, and fills at which it is a coefficient
-UNSATURATED = 0.9  # of the saturation: near it the demagnetising factor has no meaning
-
-
-@dataclass(frozen=True, slots=True)
-class Fit:
-    """Least squares of y over columns.
-
-    Attributes
-    ----------
-    values, half_widths : coefficients and half of their 95 % intervals, of the residuals' scatter (Student's t).
-    residuals : of y.
-    """
-
-    values: np.ndarray
-    half_widths: np.ndarray
-    residuals: np.ndarray
-
-    @classmethod
-    def of(cls, y: np.ndarray, *columns: np.ndarray) -> Fit:
-        """Fit y = a_0 + a_1 column_1 + ..."""
-        A = np.column_stack([np.ones_like(y), *columns])
-        values = np.linalg.lstsq(A, y, rcond=None)[0]
-        residuals, free = y - A @ values, len(y) - A.shape[1]
-        variance = (residuals @ residuals) / free * np.diag(np.linalg.inv(A.T @ A))
-        return cls(values, t.ppf(0.975, free) * np.sqrt(variance), residuals)
-
-    @property
-    def rms(self) -> float:
-        """Root mean square of the residuals."""
-        return float(np.sqrt((self.residuals**2).mean()))
-
-    @property
-    def largest(self) -> float:
-        """Largest residual by magnitude."""
-        return float(np.abs(self.residuals).max())
 
 
 def read_table(path: Path) -> Table:
@@ -235,69 +198,39 @@ def means_over_seeds(table: Table) -> Table:
     return means | {"standard_error": np.sqrt(np.bincount(which.ravel(), table["standard_error"] ** 2)) / count}
 
 
-def stress_law(table: Table) -> Fit:
-    """Fit ln(tau/(mu_0 Ms^2)) = ln A + p ln(B/(mu_0 Ms)) + ln g(fill); coefficients ln A, p, ln g(0.30), ln g(0.45).
-
-    ln g is of second order in ln(fill/0.38), with g(0.38) = 1.
-    """
-    return Fit.of(np.log(table["shear_stress"] / (MU_0 * SATURATION**2)), *_columns(table))
-
-
-def _columns(table: Table) -> tuple[np.ndarray, ...]:
-    """Columns of the law of the stress; the last two are 1 at one fill of `SIDES`, 0 at the other and at `BASE`."""
-    f, (low, high) = np.log(table["solid_fraction"] / BASE), np.log(np.array(SIDES) / BASE)
-    flux = np.log(table["flux_density"] / (MU_0 * SATURATION))
-    return flux, f * (f - high) / (low * (low - high)), f * (f - low) / (high * (high - low))
-
-
-def over_law(law: Fit, table: Table) -> np.ndarray:
-    """Stress of cells over that of the law at their own flux density and fill."""
-    logarithm = law.values[0] + np.column_stack(_columns(table)) @ law.values[1:]
-    return table["shear_stress"] / (MU_0 * SATURATION**2 * np.exp(logarithm))
-
-
-def demagnetising_law(table: Table) -> Fit:
-    """Fit N = a + b H/Ms to the cells whose grains are not saturated."""
-    N, ratio = table["demagnetising_factor"], table["field_strength"] / SATURATION
-    below = table["magnetisation"] < UNSATURATED * SATURATION
-    return Fit.of(N[below], ratio[below])
-
-
-def print_fits(table: Table) -> None:
+def print_fits(table: Table, path: Path) -> None:
     """Print the laws of the table, each number with half of its 95 % interval."""
-    eight = means_over_seeds(cells_of(table, height=8, edge=8))
-    law, P = stress_law(eight), eight["wall_pressure"]
-    print(f"8 grains per gap: {len(P)} cells, mean over seeds")
-    print(f"tau = A mu_0 Ms^2 (B/(mu_0 Ms))^p g(fill): p {law.values[1]:.3f} +- {law.half_widths[1]:.3f}", end="")
-    for name, k in (("A", 0), *((f"g({fill})", 2 + k) for k, fill in enumerate(SIDES))):
-        value = np.exp(law.values[k])
-        print(f", {name} {value:.4f} +- {value * law.half_widths[k]:.4f}", end="")
-    print(f"; rms {law.rms:.2%}, largest {law.largest:.2%}")
-    friction = Fit.of(np.log(eight["shear_stress"] / P), np.log(P / 1e5))
-    (c, q), dq = friction.values, friction.half_widths[1]
-    print(f"tau/P = {np.exp(c):.4f} (P/100 kPa)^({q:.3f} +- {dq:.3f}); ", end="")
-    print(f"rms {friction.rms:.2%}, largest {friction.largest:.2%}")
-    factor = demagnetising_law(eight)
-    (a, b), (da, db) = factor.values, factor.half_widths
-    print(f"N = {a:.4f} +- {da:.4f} + ({b:.3f} +- {db:.3f}) H/Ms, {len(factor.residuals)} cells; ", end="")
-    print(f"rms {factor.rms:.4f}, largest {factor.largest:.4f}")
+    laws = powder_laws(table, path)
+    names = ("p", "m", "k", "l", "q")
+    pairs = zip(names, laws.common, 1.96 * laws.common_errors, strict=True)
+    print(", ".join(f"{name} {value:.3f} ± {half:.3f}" for name, value, half in pairs), end="")
+    print(f"; deviation of a cell {laws.deviation:.2%}; N_1 {laws.permeability[0]:.3f}, N_2 {laws.permeability[1]:.4f}")
+    print("| friction | rolling friction | chi | cells | 100 A | phi_1 | N_0 |\n|---|---|---|---|---|---|---|")
+    for (friction, rolling, chi), cells, own, error in zip(
+        laws.powders, laws.cells, laws.own, 1.96 * laws.own_errors, strict=True
+    ):
+        A, fill = np.exp(own[:2])
+        print(f"| {friction:g} | {rolling:g} | {chi:g} | {cells} | {100 * A:.2f} ± {100 * A * error[0]:.2f} | ", end="")
+        print(f"{fill:.3f} ± {fill * error[1]:.3f} | {own[2]:.4f} |")
+    left_out = np.sqrt((laws.left_out**2).mean(axis=0))
+    print(f"a powder that is left out: A {left_out[0]:.1%}, phi_1 {left_out[1]:.1%}, N_0 {left_out[2]:.4f}")
     print_seeds(table)
-    others = means_over_seeds(table)
-    for k in range(len(others["fill"])):
-        one = {name: column[k : k + 1] for name, column in others.items()}
+    cells = means_over_seeds(of_brake(table))
+    for k in range(len(cells["fill"])):
+        one = {name: column[k : k + 1] for name, column in cells.items()}
         H, fill, n, edge = (one[name][0] for name in ("field_strength", "fill", "height", "edge"))
-        print(f"{H:g} A/m, fill {fill}, height {n:g}, edge {edge:g}: {one['shear_stress'][0]:.4g} Pa, ", end="")
-        print(f"{over_law(law, one)[0]:.3f} of the law at its own B", end="")
-        base = cells_of(eight, field_strength=H, fill=fill)
-        ratio, half = ratio_of(one, base)
-        if (n, edge) != (8, 8):
-            print(f", {ratio:.3f} +- {half:.3f} of 8 and 8", end="")
-        if n != 8:  # r = (1 + a/n^2)/(1 + a/8^2)
-            change = 1.0 / n**2 - ratio / 8**2
-            a, da = (ratio - 1.0) / change, abs(half * (1.0 / n**2 - 1.0 / 8**2)) / change**2
-            print(f", a {a:.1f} +- {da:.1f} in 1 + a/n^2", end="")
-        print()
+        base = cells_of(cells, field_strength=H, fill=fill, height=8, edge=8)
+        if (n, edge) != (8, 8) and len(base["fill"]):
+            ratio, half = ratio_of(one, base)
+            print(f"{H:g} A/m, fill {fill}, height {n:g}, edge {edge:g}: {one['shear_stress'][0]:.4g} Pa, ", end="")
+            print(f"{ratio:.3f} ± {half:.3f} of 8 and 8")
     print(f"{len(table['fill'])} cells, {table['processor_seconds'].sum():.0f} s of processor time")
+
+
+def of_brake(table: Table) -> Table:
+    """Cells of equal grains of the first powder at an inertial number of 0.1."""
+    return cells_of(table, friction=0.3, rolling_friction=0.2, susceptibility=SUSCEPTIBILITY, spread=1.0,
+                    set_inertial_number=0.1)  # fmt: skip
 
 
 def powder_laws(table: Table, path: Path) -> PowderLaws:
@@ -364,7 +297,7 @@ def main() -> None:
         powder_laws(read_table(asked.table), asked.table).write(asked.law)
         return
     if asked.fits:
-        print_fits(read_table(asked.table))
+        print_fits(read_table(asked.table), asked.table)
         return
     known = set()
     if asked.table.exists():

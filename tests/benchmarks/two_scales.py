@@ -1,12 +1,18 @@
 """Runs of the grains in whole devices, with which torques of the powder's law are compared.
 
     python tests/benchmarks/two_scales.py docs/two_scales.csv [--processes 2]
+    python tests/benchmarks/two_scales.py docs/two_scales.csv --predict
+    python tests/benchmarks/two_scales.py docs/two_scales.csv --table
+    python tests/benchmarks/two_scales.py docs/two_scales.csv --picture docs/two_scales.png
 
 Each line of the table is one run of one replica on one core, two to five minutes. Lines that are in the file already
 are kept and not run again. Twenty devices, held out, are drawn by a seed over the ranges of the law, ten drums and
 ten disc clutches: no law is fitted to them, and all are in the table. Columns: what the device is; the torque, mean of
 both shafts from one shear strain to another, and its standard error within the run [N m]; mean H [A/m], B [T],
-solid fraction and inertial number between the poles; number of grains; processor time [s].
+solid fraction and inertial number between the poles; number of grains; processor time [s]. `--predict` writes beside
+them what `emclutch check` expects of the scene's own grains, with its 95 % interval, its solid fraction between the
+poles and the errors of which the interval consists; `--table` prints the lines for the documentation, and what they
+have together.
 """
 
 from __future__ import annotations
@@ -20,8 +26,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 
+from emclutch.device_model.device import Device, build_device
 from emclutch.scene.case import Case, case_from, load_case
+from emclutch.simulation.forecast.expected_field import expected_magnetisation
+from emclutch.simulation.forecast.expected_torque import ExpectedTorque, expected_torque
 from emclutch.simulation.run import run
 
 CASES = Path(__file__).parents[2] / "cases"
@@ -99,8 +110,8 @@ def planned() -> list[Row]:
     rows += drawn(SEED, "held out", 20)
     limits: list[Row] = [
         {"friction": 0.5, "rolling_friction": 0.6}, {"friction": 0.5, "rolling_friction": 0.9}, {"fill": 0.22},
-        {"fill": 0.28}, {"susceptibility": 100.0}, {"susceptibility": 2000.0}, {"spread": 3.0},
-        {"inertial_number": 0.02, "to_strain": 9}, {"inertial_number": 0.5},
+        {"fill": 0.28}, {"susceptibility": 100.0}, {"susceptibility": 2000.0},
+        {"inertial_number": 0.02, "to_strain": 9}, {"inertial_number": 0.5}, {"spread": 3.0},
     ]  # fmt: skip
     for k, changes in enumerate(limits):
         name = ", ".join(f"{key.replace('_', ' ')} {value:g}" for key, value in changes.items())
@@ -193,6 +204,82 @@ def measured(row: Row) -> Row:
     }  # fmt: skip
 
 
+def expected(row: Row) -> tuple[ExpectedTorque, Device]:
+    """What is expected of a line's device."""
+    case = case_of(row)
+    device = build_device(case.scene)
+    return expected_torque(case.scene, device, expected_magnetisation(case, device)[0]), device
+
+
+def predicted(row: Row) -> Row:
+    """Return a line with what is expected of it."""
+    found, device = expected(row)
+    assert found.scene is not None
+    error = np.log(found.scene.high / found.scene.mean) / 1.96
+    return row | {
+        "predicted": f"{found.scene.mean:.5g}", "predicted_error": f"{error:.3g}",
+        "nominal_fill": f"{device.fill.solid_fraction:.4g}", "guess": "" if found.parts else found.law,
+    }  # fmt: skip
+
+
+def misfit(rows: list[Row]) -> np.ndarray:
+    """ln(torque of the run / predicted), with the error of both and that of the prediction alone, (3, n)."""
+    torque, error, law, law_error = (
+        np.array([float(row[name]) for row in rows])
+        for name in ("torque", "standard_error", "predicted", "predicted_error")
+    )
+    return np.array([np.log(torque / law), np.hypot(error / torque, law_error), law_error])
+
+
+def print_table(rows: list[Row]) -> None:
+    """Print the lines as Markdown, and how many lie in their interval."""
+    print("| device | friction, rolling, chi | n | fill, between the poles | run [N m] | predicted | run/predicted |")
+    print("|---|---|---|---|---|---|---|")
+    for row, miss, _, half in zip(rows, *misfit(rows), strict=True):
+        powder = ", ".join(f"{row[name]}" for name in ("friction", "rolling_friction", "susceptibility") if row[name])
+        run, error, law = (float(row[name]) for name in ("torque", "standard_error", "predicted"))
+        outside = " **outside**" if abs(miss) > 1.96 * half else ""
+        print(f"| {row['name']}, {row['base']} | {powder} | {float(row['across']):.3g} | ", end="")
+        print(
+            f"{float(row['nominal_fill']):.3f}, {float(row['zone_fill']):.3f} | {run:.4g} ± {1.96 * error:.1g} | ",
+            end="",
+        )
+        print(f"{law:.4g} ± {100.0 * np.expm1(1.96 * half):.0f} % | {np.exp(miss):.3f}{outside} |")
+    for use in dict.fromkeys(row["use"] for row in rows):
+        miss, _, half = misfit([row for row in rows if row["use"] == use])
+        within, scatter = int((np.abs(miss) < 1.96 * half).sum()), miss.std(ddof=1) if len(miss) > 1 else 0.0
+        print(f"{use}: {within} of {len(miss)} in their interval, run/predicted {np.exp(miss.mean()):.3f}", end="")
+        print(f", standard deviation {scatter:.1%}")
+
+
+def draw(rows: list[Row], path: Path) -> None:
+    """Draw torque of runs over the predicted one, against the predicted one."""
+    figure = Figure(figsize=(8.0, 4.2), layout="constrained")
+    axes = figure.add_subplot()
+    looks = {"fit": ("C0", "o"), "held out": ("C3", "s"), "shipped": ("C2", "^")}
+    for use, (color, marker) in looks.items():
+        own = [row for row in rows if row["use"] == use]
+        if own:
+            miss, _, half = misfit(own)
+            law = np.array([float(row["predicted"]) for row in own])
+            axes.errorbar(law, np.exp(miss), np.exp(miss) * np.sinh(1.96 * half), fmt=marker, color=color, ms=5, lw=1,
+                          capsize=2, label=f"{use}, {len(own)} devices")  # fmt: skip
+    axes.axhline(1.0, color="k", lw=0.8)
+    axes.set(xscale="log", xlabel="torque by the powder's law [N m]", ylabel="torque of the run / by the law",
+             title="Runs of devices over the law, bars: 95 % interval of the law")  # fmt: skip
+    axes.legend(frameon=False, ncols=3, loc="upper center")
+    axes.set_ylim(0.5, 1.6)
+    FigureCanvasAgg(figure).print_png(path)
+
+
+def write_rows(path: Path, rows: list[Row]) -> None:
+    """Write a table."""
+    with path.open("w", newline="") as file:
+        writer = csv.DictWriter(file, rows[0], lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+
+
 def read_rows(path: Path) -> list[Row]:
     """Lines of a table."""
     with path.open(newline="") as file:
@@ -201,15 +288,28 @@ def read_rows(path: Path) -> list[Row]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("table", type=Path, help="the file (.csv)")
+    parser.add_argument("table_file", metavar="table", type=Path, help="the file (.csv)")
     parser.add_argument("--processes", type=int, default=2, help="runs at a time, one core each")
+    parser.add_argument("--predict", action="store_true", help="write what is expected beside the runs")
+    parser.add_argument("--table", action="store_true", help="print the table for the documentation")
+    parser.add_argument("--picture", type=Path, help="draw the runs over the law (.png)")
     asked = parser.parse_args()
-    done = {row["name"] for row in read_rows(asked.table)} if asked.table.exists() else set()
+    if asked.predict:
+        write_rows(asked.table_file, [predicted(row) for row in read_rows(asked.table_file)])
+        return
+    if asked.table or asked.picture:
+        rows = read_rows(asked.table_file)
+        if asked.table:
+            print_table(rows)
+        if asked.picture:
+            draw(rows, asked.picture)
+        return
+    done = {row["name"] for row in read_rows(asked.table_file)} if asked.table_file.exists() else set()
     with ProcessPoolExecutor(asked.processes) as pool:
         running = [pool.submit(measured, row) for row in planned() if row["name"] not in done]
         for one in as_completed(running):
-            row, begins = one.result(), not asked.table.exists()
-            with asked.table.open("a", newline="") as file:
+            row, begins = one.result(), not asked.table_file.exists()
+            with asked.table_file.open("a", newline="") as file:
                 writer = csv.DictWriter(file, row, lineterminator="\n")
                 if begins:
                     writer.writeheader()

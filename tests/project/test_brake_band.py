@@ -51,6 +51,7 @@ def test_the_fill_alone_decides_where_the_law_says_so():
 
 def test_two_inputs_share_the_variance_as_their_own_variances_say():
     """T = f(angle) g(fill): f's share is var(f) E[g]^2 over var(f g); at one angle T does not depend on the pair."""
+
     def law(bulk, fill, current):
         return 12.0 * np.exp(4.0 * (bulk - 0.5)) * fill / 0.02 * (current / RATED) ** 1.4
 

@@ -254,7 +254,7 @@ def expected_torque(scene, device: Device, field: MagneticField | Field3D | None
 
 
 SPILL, ONSET, ONSET_ERROR = 3.2, 0.82, 0.03
-"""Length that powder stands out beyond an edge of a pole, over the gap, is `SPILL` (phi/phi_n - `ONSET`), with the phi_n
+"""Length that powder stands out beyond an edge of a pole, over the gap, is `SPILL` (phi/phi_n - `ONSET`), with phi_n
 of `PowderLaw.jamming_fill`, and 0 below; and the standard deviation of ln(`ONSET`) over powders."""
 
 JAMS = 1.5
