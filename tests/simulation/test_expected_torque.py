@@ -228,3 +228,12 @@ def test_permeability_of_the_solve_is_that_of_the_law_at_its_own_field():
 def test_check_tells_the_torque_in_a_line():
     words = check(quickstart(), threads=1).decisions["expected torque"]
     assert "N m +- " in words and "with grains of the scene's size" in words and "are unknown" in words
+
+
+def test_a_field_that_does_not_settle_makes_the_torque_a_guess_and_no_run_fails(monkeypatch):
+    settled = of_device(quickstart()).torque
+    monkeypatch.setattr("emclutch.simulation.forecast.expected_field.ROUNDS", 1)
+    found = check(quickstart(), threads=1)
+    assert "did not settle within 1 solves" in found.expected.law and not found.expected.parts
+    assert found.expected.torque == pytest.approx(settled, rel=0.3)
+    assert "sheared powder" not in found.decisions["field"]

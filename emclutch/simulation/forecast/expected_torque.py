@@ -36,7 +36,7 @@ from emclutch.device_model.materials import grain_law
 from emclutch.device_model.pole_zone import ACROSS, ALONG
 from emclutch.simulation.forecast.expected_field import field_of_sheared_powder
 from emclutch.simulation.forecast.powder_law import RANGES, PowderLaw, powder_of, shipped_laws
-from field import MU_0, MagneticField, ParticleLaw
+from field import MU_0, ConvergenceError, MagneticField, ParticleLaw
 from field.three_d import Field3D
 from particles.diagnostics.inertial_number import MAGNETIC, inertial_number, shear_rate_of
 
@@ -374,7 +374,12 @@ class _Sheared:
             return law.flux_density(self._H, fill, self._grains, self._Ms)
         if fill not in self._known:
             at = coil.uniform_fill(device.fill.solid_fraction) * (fill / device.fill.solid_fraction)
-            self._solved = field_of_sheared_powder(coil, at, self._scene, coil.largest_current, self._solved)
+            try:
+                self._solved = field_of_sheared_powder(coil, at, self._scene, coil.largest_current, self._solved)
+            except ConvergenceError as error:
+                doubt = f"its field was not found with the permeability of sheared powder ({error})"
+                self.doubts += [] if doubt in self.doubts else [doubt]
+                return law.flux_density(self._H, fill, self._grains, self._Ms)
             points, across = self._zone.points, self._zone.across
             B = self._solved.B_along(points[:, [0, 2]])
             self._known[fill] = np.abs((B * across[:, [0, 2]]).sum(axis=1))
