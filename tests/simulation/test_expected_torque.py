@@ -139,6 +139,8 @@ def test_intervals_say_what_they_are():
         ({"particles.solid_fraction": 0.15}, "its fill is 0.15"),
         ({"contact.friction": 0.9}, "friction is 0.9"),
         ({"effects.cohesion": {"force": "1 uN"}}, "[effects.cohesion]"),
+        ({"contact.wall_friction": 0.1}, "walls have a friction of 0.1"),
+        ({"effects.rolling_friction.wall_coefficient": 0.0}, "walls have a rolling friction of 0"),
     ],
 )
 def test_what_no_cell_has_makes_the_torque_a_guess_and_is_said(values, reason):

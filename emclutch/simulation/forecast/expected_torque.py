@@ -426,6 +426,11 @@ def _outside_of_cells(scene, device: Device) -> Iterator[str]:
         yield "its powder is not between the poles alone (particles.region)"
     if device.surfaces:
         yield "it has surfaces from files"
+    contact, rolling = scene.contact, effects.rolling
+    if contact.friction_at_walls != contact.friction:
+        yield f"its walls have a friction of {contact.friction_at_walls:g}, and its grains {contact.friction:g}"
+    if rolling is not None and rolling.wall_coefficient not in (None, rolling.coefficient):
+        yield f"its walls have a rolling friction of {rolling.wall_coefficient:g}, and its grains {rolling.coefficient:g}"
     for one in effects.present:
         if one.changes_stress:
             yield f"it has [effects.{one.name}]"
