@@ -146,6 +146,7 @@ def test_intervals_say_what_they_are():
 def test_what_no_cell_has_makes_the_torque_a_guess_and_is_said(values, reason):
     found = expected(**values)
     assert "within a factor of 2" in found.in_words() and reason in found.in_words()
+    assert "its coil" not in found.law  # the field is given
     assert found.unknown_powder is None and not found.parts and found.real.high == pytest.approx(2.0 * found.real.mean)
 
 

@@ -318,7 +318,7 @@ class _Sheared:
         if not self._scene.effects.attraction.has_necks:
             law = "straight chains of point dipoles"
         else:
-            law = "the powder's law on the field of its coil"
+            law = f"the powder's law on the {'given field' if self._device.coil is None else 'field of its coil'}"
             if self._law.cells == 0:
                 law += ", interpolated between powders"
         if (layers := self._device.narrowest_gap / self._scene.grains.largest_diameter) < FEW:
@@ -430,7 +430,8 @@ def _outside_of_cells(scene, device: Device) -> Iterator[str]:
     if contact.friction_at_walls != contact.friction:
         yield f"its walls have a friction of {contact.friction_at_walls:g}, and its grains {contact.friction:g}"
     if rolling is not None and rolling.wall_coefficient not in (None, rolling.coefficient):
-        yield f"its walls have a rolling friction of {rolling.wall_coefficient:g}, and its grains {rolling.coefficient:g}"
+        walls, between = rolling.wall_coefficient, rolling.coefficient
+        yield f"its walls have a rolling friction of {walls:g}, and its grains {between:g}"
     for one in effects.present:
         if one.changes_stress:
             yield f"it has [effects.{one.name}]"
