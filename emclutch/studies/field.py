@@ -1,8 +1,8 @@
 """`emclutch field`: the field alone, at one current or along a sweep, with every quantity that it gives.
 
 The powder, where `back_reaction` is on, is spread evenly over the space that it fills, with the permeability of grains
-without order; no grain is moved. Where a run feeds back the moments of its grains, the gap field and the linkage of
-grains in straight chains are given as well at the last current (`emclutch.simulation.forecast.expected_field`).
+without order; no grain is moved. Where a run feeds back the moments of its grains, the gap field and the linkage with
+sheared powder are given as well at the last current (`emclutch.simulation.forecast.expected_field`).
 """
 
 from __future__ import annotations

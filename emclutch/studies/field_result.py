@@ -26,7 +26,7 @@ class FieldResult:
         With field.csv, field.json, field.pvd, pictures and line-<n>.csv.
     summary : dict
         field.json: `units`, `currents` (a row a current), `at_last_current` (error estimate, forces [N], winding,
-        solver, powder in chains) and `warnings` (regions that are driven beyond the end of their steel's table).
+        solver, sheared powder) and `warnings` (regions that are driven beyond the end of their steel's table).
     """
 
     folder: Path
