@@ -11,7 +11,7 @@ from emclutch.results.steady_torque import SteadyConditions
 from emclutch.scene.input_files import hashed_input_files
 from emclutch.scene.model import Scene
 from emclutch.scene.start_up import start_up_strain
-from emclutch.simulation.forecast.expected_torque import expected_torque
+from emclutch.simulation.forecast.expected_torque import ExpectedTorque, expected_torque
 from emclutch.simulation.forecast.regime import left_out
 from emclutch.simulation.forecast.space import refuse_full_disk, refuse_too_much
 from emclutch.simulation.plan import Plan, make_plan
@@ -36,12 +36,14 @@ class PlannedRun:
         When its torque counts as steady.
     decisions : dict of str to str
         The plan in words, as it was when this process took the run up.
+    expected : ExpectedTorque
     """
 
     device: Device
     plan: Plan
     conditions: SteadyConditions
     decisions: dict[str, str]
+    expected: ExpectedTorque
 
 
 def plan_run(request: RunRequest) -> PlannedRun:
@@ -71,7 +73,8 @@ def plan_run(request: RunRequest) -> PlannedRun:
     if request.target is not None:
         folder.add_to_provenance(accuracy_target=float(request.target))
     conditions = steady_conditions(plan.scene, device, plan.end)
-    missing = left_out(plan.scene, device, plan, expected_torque(plan.scene, device, plan.peak_field))
+    expected = expected_torque(scene, device, plan.peak_field)  # at the scene's speeds, not those of the run
+    missing = left_out(plan.scene, device, plan, expected)
     folder.write_plan(
         {
             "contact": plan.contact_data,
@@ -81,7 +84,7 @@ def plan_run(request: RunRequest) -> PlannedRun:
             "may_matter": {line.effect: line.in_words() for line in missing if line.is_reservation},
         }
     )
-    return PlannedRun(device, plan, conditions, decisions)
+    return PlannedRun(device, plan, conditions, decisions, expected)
 
 
 def steady_conditions(scene: Scene, device: Device, end: float) -> SteadyConditions:

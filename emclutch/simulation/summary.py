@@ -50,7 +50,6 @@ from emclutch.results.steady_torque import steady_mean_of, steady_torque
 from emclutch.results.text import per_cent
 from emclutch.scene.replica_count import replica_seed
 from emclutch.simulation.discretisation_error import discretisation_error, is_reached
-from emclutch.simulation.forecast.expected_torque import expected_torque
 from emclutch.simulation.observables import Observables
 from emclutch.simulation.planned_run import PlannedRun
 from emclutch.simulation.torque_trigger import how_it_ended
@@ -122,7 +121,7 @@ def summarise(
             summary["torque_against_current"] = ramp.summary()
     if torque is not None:
         summary |= slip_summary(history, torque, 1.0 if plan.scaled is None else plan.scaled.factor)
-        summary |= expected_torque(case.scene, device, plan.peak_field).as_dict()
+        summary |= planned.expected.as_dict()
     error = discretisation_error(case, plan, torque, device)
     size = grain_size(case.scene, device) if torque is not None else None
     if size is not None:

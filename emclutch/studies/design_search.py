@@ -79,7 +79,7 @@ def expectation_of(case: Case) -> ExpectedTorque:
     with bad_input_for(case.path):
         device = build_device(case.scene)
         solved, _ = expected_magnetisation(case, device)
-        return expected_torque(case.scene, device, solved)
+        return expected_torque(case.scene, device, solved, unknown_powder=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -393,7 +393,7 @@ def as_data(result: DesignResult) -> dict[str, Any]:
         "value": result.value,
         "expected_torque": result.expected.torque,
         "law": result.expected.law,
-        "trust": result.expected.in_words(),
+        "estimate": result.expected.in_words(),
         "like": None if result.correction is None else asdict(result.correction) | {"folder": str(search.like)},
         "bracket": result.bracket,
         "bracket_is_cut": result.is_cut,

@@ -207,7 +207,7 @@ def row_of(values: dict[str, Any], result: Result) -> dict[str, Any]:
         row |= dict(zip(BEST_ESTIMATE, (best.mean, *ends), strict=True))
     if (start := result.folder.read_provenance().get("grains_from")) is not None:
         row["started_from"] = Path(start["folder"]).name  # a study's point
-    if expected := summary.get("expected_torque"):
+    if expected := summary.get("expected_torque_scene"):  # as the torque of this row, of the scene's own grains
         row |= {"expected_low": expected["low"], "expected_torque": expected["mean"], "expected_high": expected["high"]}
     for name in ("shear_stress", "shear_stress_error", "field_strength_powder", "fill_powder", "solid_fraction",
                  "relative_permeability"):  # fmt: skip

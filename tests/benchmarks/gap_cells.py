@@ -165,6 +165,11 @@ CELLS = (
     *(Cell(150e3, fill, set_inertial_number=0.5) for fill in (0.30, 0.45)),
     *(Cell(150e3, fill, set_inertial_number=1.0) for fill in (0.38, 0.45)),
     *(Cell(15e3, fill) for fill in (0.38, 0.45)),
+    *(
+        Cell(150e3, fill, friction=friction, rolling_friction=0.0)
+        for friction in (0.3, 0.6, 0.45)
+        for fill in (0.31, 0.38, 0.45)
+    ),
     *(Cell(H, 0.25) for H in (150e3, 60e3)),
     *(Cell(H, 0.50) for H in (150e3, 60e3)),
     *(Cell(H, fill, seed=2, friction=0.6, rolling_friction=rolling) for rolling in OF_REPOSE for H, fill in FIVE[:3]),

@@ -58,13 +58,10 @@ def history(*, driven=2.0, speed=10.0):
 
 
 CONTACT = SimpleNamespace(tolerance=1e-3, springs=None)  # of the plan, as the verdict on the solver reads it
-NO_TORQUE = ExpectedTorque(torque=None, stress=0.0)
+NO_TORQUE = ExpectedTorque(None, "no gap")
 NO_FIELD = SimpleNamespace(  # a device without a gap: nothing is expected of it
     coil=None,
     imposed=None,
-    filled_boxes=[],
-    shape=SimpleNamespace(gap_parts=lambda boxes: []),
-    kind=SimpleNamespace(friction_torque=lambda scene, device: NO_TORQUE),
 )
 
 
@@ -89,7 +86,8 @@ def three_ways(path, rows, conditions):
         scaled=None, count=10, dt=1e-3, division=SimpleNamespace(length=1e-3), contact_data={}, contact=CONTACT,
         cost=cost, peak_field=None,
     )  # fmt: skip
-    summarise(CASE, folder, PlannedRun(NO_FIELD, plan, conditions, {}), simulation, {"whole_run": 1.0})
+    planned = PlannedRun(NO_FIELD, plan, conditions, {}, NO_TORQUE)
+    summarise(CASE, folder, planned, simulation, {"whole_run": 1.0})
     written = Estimate.from_dict(folder.read_summary()["torque"])
     result = load_result(path)
     (row,) = compare_methods([({"contact.method": method}, result) for method in ("dem", "dvi")])

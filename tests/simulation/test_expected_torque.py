@@ -137,6 +137,7 @@ def test_intervals_say_what_they_are():
         ({"effects.dipoles.model": "mutual"}, "no necks"),
         ({"effects.wall_images": None}, "mirror no dipoles"),
         ({"particles.solid_fraction": 0.15}, "its fill is 0.15"),
+        ({"particles.susceptibility": 2.0}, "susceptibility is 2"),
         ({"contact.friction": 0.9}, "friction is 0.9"),
         ({"effects.cohesion": {"force": "1 uN"}}, "[effects.cohesion]"),
         ({"contact.wall_friction": 0.1}, "walls have a friction of 0.1"),
@@ -147,12 +148,13 @@ def test_what_no_cell_has_makes_the_torque_a_guess_and_is_said(values, reason):
     found = expected(**values)
     assert "within a factor of 2" in found.in_words() and reason in found.in_words()
     assert "its coil" not in found.law  # the field is given
-    assert found.unknown_powder is None and not found.parts and found.real.high == pytest.approx(2.0 * found.real.mean)
+    assert found.unknown_powder is None and not found.parts
+    assert found.real.high == pytest.approx(2.0 * found.real.mean, rel=0.01)  # and friction of the centrifugal force
 
 
 def test_few_grains_are_no_continuum():
     coarse = expected(**{"particles.diameter": "0.5 mm", "particles.sector": None}).in_words()
-    assert coarse.startswith("of the order of") and "holds 2.4 grains" in coarse
+    assert coarse.startswith("of the order of") and "less than three grains" in coarse
     box = case_from(CELL, {"geometry": {"kind": "box", "size": ["2 mm", "2 mm", "2 mm"]}, "motion": None,
                            "field.direction": "z", "particles.sector": None}).scene  # fmt: skip
     assert expected_torque(box, build_device(box), None).torque is None

@@ -50,7 +50,7 @@ def test_ends_of_the_bracket_are_where_the_law_is_off_by_its_factor(tmp_path):
     case = case_from(CELL)
     result = design(case, 0.005, tmp_path / "found")
     for end, factor in zip(result.bracket, (1 / 2, 2), strict=True):
-        assert expected(case, FIELD, end) == pytest.approx(factor * 0.005, rel=0.1)
+        assert expected(case, FIELD, end) == pytest.approx(factor * 0.005, rel=0.15)
     assert result.is_cut == (False, False)
     highest = 1.3 * result.value  # torque goes with less than the square of the field
     cut = design(case, 0.005, tmp_path / "cut", between=("1 kA/m", f"{highest} A/m"))

@@ -74,7 +74,7 @@ def field_of_sheared_powder(
     ConvergenceError
         A solve, or N after `ROUNDS` of them.
     """
-    grains, Ms, law = grain_law(scene), scene.grains.saturation, shipped_laws().nearest(*powder_of(scene))
+    grains, Ms, law = grain_law(scene), scene.grains.saturation, shipped_laws().nearest(*powder_of(scene))[0]
     problem, own = coil.problem, coil.problem.powder_elements
     elements, filled, phi = problem.elements, fill > 0.0, fill[:, None]
     weight = elements.weight[own] * elements.radius[own]

@@ -50,8 +50,8 @@ powders without the runs' own errors (tests/benchmarks/two_scales.py)."""
 GUESS = 2.0
 """Factor within which the formula holds outside of what it was measured for."""
 
-FEW = 3.0
-"""Grains per gap below which they are no continuum: the formula gives no more than the order of magnitude."""
+FEW, NO_POWDER, FAR = 3.0, "the gap holds less than three grains, which are no continuum", 10.0
+"""Grains per gap below which the formula gives no more than the order of magnitude, within the factor `FAR`."""
 
 UNKNOWN_FILL = (0.8, 0.9, 1.0)
 """Parts of the powder that may be between the poles where it is not known."""
@@ -223,8 +223,13 @@ class ExpectedTorque:
         return f"{text}. {self.law[:1].upper()}{self.law[1:]}"
 
 
-def expected_torque(scene, device: Device, field: MagneticField | Field3D | None) -> ExpectedTorque:
-    """The torque at the largest current, `field` being the solution of the plan at that current."""
+def expected_torque(
+    scene, device: Device, field: MagneticField | Field3D | None, unknown_powder: bool = True
+) -> ExpectedTorque:
+    """The torque at the largest current, `field` being the solution of the plan at that current.
+
+    Without `unknown_powder` its range, which takes two more solves of the field, is left out.
+    """
     sampled = _sampled(device, field)
     if sampled is None:
         return _friction(scene, device)
@@ -241,7 +246,7 @@ def expected_torque(scene, device: Device, field: MagneticField | Field3D | None
     if scene.effects.attraction is None:
         return replace(_friction(scene, device), H=H_mean, M=M_mean, gradient_force=force)
     pressure = _pressure(device, grains, zone, strength)
-    found = _Sheared(scene, device, field, zone, across, pressure).torque()
+    found = _Sheared(scene, device, field, zone, across, pressure).torque(unknown_powder)
     return replace(
         found,
         stress=(found.torque or 0.0) / float(zone.lever.sum()),
@@ -284,14 +289,39 @@ def fill_between_poles(
     """Solid fraction between the poles of a part of the powder, with grains of a diameter [m].
 
     Powder that nearly jams between the faces stands out beyond the edges: phi_0/phi - 1 = s(phi) g E, with s g the
-    length by which it does and E that of the edges over the area; the equation is of second order in phi.
+    length by which it does and E that of the edges over the area; the equation is of second order in phi. Powder that
+    is not between the poles alone gathers there until it nearly jams.
     """
     phi, gap = part * device.fill.solid_fraction, device.shear_gap
     jammed, rate = law.jamming_fill(gap / diameter), SPILL * gap * open_edges(device)
+    if not between_poles(device):
+        room = 0.0 if device.pole_zone is None else device.pole_zone.volume
+        return min(phi * device.fill.volume / room, max(phi, onset * jammed)) if room else phi
     if phi <= onset * jammed or rate == 0.0:
         return phi
     linear = 1.0 - rate * onset
     return 2.0 * phi / (linear + sqrt(linear**2 + 4.0 * rate * phi / jammed))
+
+
+def between_poles(device: Device) -> bool:
+    """Whether all of the powder begins between pole faces."""
+    return device.pole_zone is not None and device.region in ("poles", "faces")
+
+
+@dataclass(frozen=True, slots=True)
+class _Grains:
+    """Torque [N m] of grains of one size; its errors by their causes [-], and what makes it a guess."""
+
+    torque: float
+    parts: dict[str, float]
+    doubts: list[str]
+
+    def interval(self, doubts: list[str], most: float) -> Interval:
+        """The 95 % interval, with the doubts of the device and a torque [N m] that a guess may have besides."""
+        if not (doubts or self.doubts):
+            return Interval.within(self.torque, float(np.linalg.norm(list(self.parts.values()))))
+        found = Interval.within(self.torque, log(FAR if NO_POWDER in self.doubts else GUESS) / 1.96)
+        return replace(found, high=found.high + most)
 
 
 class _Sheared:
@@ -302,49 +332,39 @@ class _Sheared:
         self._grains, self._Ms = grain_law(scene), scene.particles.saturation
         self._solved: MagneticField | None = field if isinstance(field, MagneticField) else None
         self._known: dict[float, np.ndarray] = {}
-        self.doubts = list(_outside_of_cells(scene, device))
-        self._law = shipped_laws().nearest(*powder_of(scene))
-        try:
-            shipped_laws().of(*powder_of(scene))
-        except ValueError as error:
-            self.doubts.append(str(error))
+        self._law, doubt = shipped_laws().nearest(*powder_of(scene))
+        self.doubts = [*_outside_of_cells(scene, device), *([doubt] if doubt else [])]
 
-    def torque(self) -> ExpectedTorque:
+    def torque(self, unknown_powder: bool) -> ExpectedTorque:
         """The torque, with what is known of its error."""
         grains = self._scene.grains
         own, real = grains.mean_diameter, grains.real_diameter or grains.mean_diameter
-        scene, scene_parts = self._of(own, scene=True)
-        mean, parts = self._of(real)
+        scene, found = self._of(own, scene=True), self._of(real)
+        law = f"the powder's law on the {'given field' if self._device.coil is None else 'field of its coil'}"
         if not self._scene.effects.attraction.has_necks:
             law = "straight chains of point dipoles"
-        else:
-            law = f"the powder's law on the {'given field' if self._device.coil is None else 'field of its coil'}"
-            if self._law.cells == 0:
-                law += ", interpolated between powders"
-        if (layers := self._device.narrowest_gap / self._scene.grains.largest_diameter) < FEW:
-            self.doubts.insert(0, f"its gap holds {layers:.2g} grains, which are no continuum")
-        if self.doubts:
-            guess = log(GUESS if layers >= FEW else 10.0) / 1.96
-            law = f"guess by {law}: {'; '.join(self.doubts)}"
-            return ExpectedTorque(Interval.within(mean, guess), law, Interval.within(scene, guess))
-        error, scene_error = (float(np.linalg.norm(list(each.values()))) for each in (parts, scene_parts))
+        elif self._law.cells == 0:
+            law += ", by a regression over measured powders"
+        doubts = [*self.doubts, *found.doubts]
+        if doubts:
+            law = f"guess by {law}: {'; '.join(doubts)}"
+        most = _friction(self._scene, self._device).torque or 0.0
         return ExpectedTorque(
-            Interval.within(mean, error),
+            found.interval(self.doubts, most),
             law,
-            Interval.within(scene, scene_error),
-            self._of_unknown_powder(real),
-            {name: 1.96 * part for name, part in parts.items()},
+            scene.interval(self.doubts, most),
+            self._of_unknown_powder(real) if unknown_powder and not doubts else None,
+            {} if doubts else {name: 1.96 * part for name, part in found.parts.items()},
         )
 
-    def _of(self, diameter: float, scene: bool = False, part: float = 1.0) -> tuple[float, dict[str, float]]:
-        """Torque [N m] of grains of a diameter [m] with a part of the powder in place; its errors [-]."""
+    def _of(self, diameter: float, scene: bool = False, part: float = 1.0) -> _Grains:
+        """Torque of grains of a diameter [m], of the scene or real ones, with a part of the powder in place."""
+        device, law, zone, density = self._device, self._law, self._zone, self._scene.grains.density
+        whole, across = part * device.fill.solid_fraction, device.shear_gap / diameter
+        fill = fill_between_poles(device, law, diameter, part)
+        B = self._flux_density(fill)
+        rate = self._scene.motion.largest_slip * device.shear_radius / device.shear_gap
         scaled = self._scene.accuracy.inertial_number if scene else None  # of the magnetic pressure, the law's of tau
-        device = self._device
-        fill, whole = fill_between_poles(device, self._law, diameter, part), part * device.fill.solid_fraction
-        B, law, zone = self._flux_density(fill), self._law, self._zone
-        gap = device.shear_gap
-        across, density = gap / diameter, self._scene.grains.density
-        rate = self._scene.motion.largest_slip * device.shear_radius / gap
         if scaled is not None:
             rate = shear_rate_of(scaled, diameter, density, self._pressure)
         tau, inertia = law.stress(B, self._Ms, fill, across), 0.0
@@ -352,20 +372,30 @@ class _Sheared:
             stress = float(np.average(tau, weights=zone.lever))
             inertia = float(inertial_number(rate, diameter, density, stress))
             tau = law.stress(B, self._Ms, fill, across, min(inertia, RANGES["inertial number"][1]))
-        if not self._scene.effects.attraction.has_necks:
-            tau = np.minimum(tau, chain_stress(fill, self._grains.from_flux(B, fill)[0]))
+        if not self._scene.effects.attraction.has_necks or self._law.powder[2] > self._scene.particles.susceptibility:
+            chains = chain_stress(fill, self._grains.from_flux(B, fill, law.factor(self._H, fill, self._Ms))[0])
+            tau = np.minimum(tau, chains)  # weak magnets have weak necks
         b = float(np.average(B, weights=zone.lever)) / (MU_0 * self._Ms)
-        for (name, (low, high)), value in zip(RANGES.items(), (fill, b, across, inertia), strict=True):
-            if part == 1.0 and not low <= value <= high:
-                doubt = f"its {name} is {value:.3g}, and the cells have {low:g} to {high:g}"
-                self.doubts += [] if doubt in self.doubts else [doubt]
+        doubts = [
+            f"its {name} is {value:.3g}, and cells have {low:g} to {high:g}"
+            for (name, (low, high)), value in zip(RANGES.items(), (fill, b, across, inertia), strict=True)
+            if not low <= value <= high and name != "grains per gap"
+        ]
+        if whole > RANGES["fill"][1] >= fill:
+            doubts.append(f"its fill is {whole:.3g} before the powder stands out beyond the poles")
+        if across < FEW:
+            doubts.append(NO_POWDER)
+        elif across < RANGES["grains per gap"][0]:
+            doubts.append(f"the gap holds {across:.2g} grains, and that of cells 4 or more")
         parts = law.errors_at(b, fill, across, min(inertia, RANGES["inertial number"][1]))
-        beyond = whole / fill - 1.0
-        later = fill_between_poles(device, law, diameter, part, ONSET * (1.0 + ONSET_ERROR))
-        edges = law.rise_with_fill(fill, across) * log(later / fill)
-        torque = RUNS_OVER_LAW * float(tau @ zone.lever) * (1.0 + BEYOND * beyond)
-        jams = JAMS * max(0.0, fill / law.jamming_fill(across) - ONSET)
-        return torque, parts | {"edges": edges, "jams": jams, "devices": DEVICES}
+        early, late = (
+            fill_between_poles(device, law, diameter, part, ONSET * (1.0 + sign * ONSET_ERROR)) for sign in (-1, 1)
+        )
+        parts["edges"] = 0.5 * law.rise_with_fill(fill, across) * log(late / early)
+        parts["jams"] = JAMS * max(0.0, fill / law.jamming_fill(across) - ONSET)
+        parts["devices"] = DEVICES
+        beyond = max(0.0, whole / fill - 1.0)
+        return _Grains(RUNS_OVER_LAW * float(tau @ zone.lever) * (1.0 + BEYOND * beyond), parts, doubts)
 
     def _flux_density(self, fill: float) -> np.ndarray:
         """B [T] across the gap at the points of the zone, of powder of a fill."""
@@ -386,11 +416,20 @@ class _Sheared:
         return self._known[fill]
 
     def _of_unknown_powder(self, diameter: float) -> tuple[float, float]:
-        """Torques [N m] that 5 and 95 % of free-flowing powders have less than."""
-        torques, across = [], self._device.shear_gap / diameter
+        """Torques [N m] that 5 and 95 % of free-flowing powders have less than, each with its own fill.
+
+        The flux density is that of the scene's powder with the same part in place.
+        """
+        device, torques, across = self._device, [], self._device.shear_gap / diameter
+        others = shipped_laws().free_flowing(self._law.powder[2])
         for part in UNKNOWN_FILL:
-            fill = fill_between_poles(self._device, self._law, diameter, part)
-            torques.append(self._of(diameter, part=part)[0] * shipped_laws().unknown_over(self._law, fill, across))
+            one = [fill_between_poles(device, law, diameter, part) for law in (self._law, *others)]
+            whole = part * device.fill.solid_fraction
+            stress = [
+                float(law.stress(np.array(MU_0), 1.0, fill, across)) * (1.0 + BEYOND * (whole / fill - 1.0))
+                for law, fill in zip((self._law, *others), one, strict=True)
+            ]
+            torques.append(self._of(diameter, part=part).torque * np.array(stress[1:]) / stress[0])
         low, high = np.quantile(np.concatenate(torques), [0.05, 0.95])
         return float(low), float(high)
 
@@ -418,11 +457,13 @@ def _outside_of_cells(scene, device: Device) -> Iterator[str]:
         yield "its walls mirror no dipoles ([effects.wall_images])"
     if not effects.saturate:
         yield "its grains do not saturate"
+    if device.coil is not None and effects.feedback is None:
+        yield "its field has no powder ([effects.back_reaction])"
     if device.coil is not None and device.section_coil is None:
         yield "it has slots"
     if device.pole_zone is None:
         yield "it has no pole faces"
-    elif device.region not in ("poles", "faces"):
+    elif not between_poles(device):
         yield "its powder is not between the poles alone (particles.region)"
     if device.surfaces:
         yield "it has surfaces from files"

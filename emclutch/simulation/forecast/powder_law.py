@@ -4,20 +4,20 @@ A gap cell is a `sheared_box` with `walls = "steel"` (`particles.GapBox`): some 
 the flux density across the gap, phi the solid fraction, n the grains per gap and I the inertial number of the shear
 stress, the cells' stress is
 
-    tau = mu_0 Ms^2 A (b/0.4)^p [1 + (phi/phi_n)^m] exp(k w + q (I^2 - 0.1^2)),
-    b = B/(mu_0 Ms),   w = 1/n^2 - 1/8^2,   ln phi_n = ln phi_1 - l w,
+    tau = mu_0 Ms^2 A (b/0.4)^p [1 + (phi/phi_n)^m] exp(k w),
+    b = B/(mu_0 Ms),   w = 1/n^2 - 1/8^2,   ln phi_n = ln phi_1 - l w - q (I^2 - 0.1^2),
 
 A and phi_1 being those of the powder (friction, rolling friction, susceptibility) and p, m, k, l, q those of all
-powders. Dilute powder has a stress in proportion to A; from about 0.8 phi_1 on grains jam between the faces.
-Diameter, density and saturation Ms drop out by similarity. The demagnetising factor with which the grains' material has
-the magnetisation of the grains is
+powders. Beyond the cells b counts as 0.7 at most, and the stress goes with b^2 below 0.06 and with phi^1.5 below 0.25.
+Dilute powder has a stress in proportion to A; from about 0.8 phi_1 on grains jam between the faces. Diameter, density
+and saturation Ms drop out by similarity. The demagnetising factor with which the grains' material has the
+magnetisation of the grains is
 
     N = N_0 + N_1 H/Ms + N_2 x
 
 with x = ln(phi/0.38), below saturation (`field.laws.powder_law`, N against the macroscopic field H), N_0 being the
-powder's. A, phi_1 and N_0 of
-other powders follow from a regression over those that were measured, with a larger error. Measured cells:
-docs/explanation/gap_cells.md.
+powder's. A, phi_1 and N_0 of other powders follow from a regression over those that were measured, with a larger error.
+Measured cells: docs/explanation/gap_cells.md.
 """
 
 from __future__ import annotations
@@ -57,11 +57,23 @@ OWN = 2
 OF_POWDER = (*COEFFICIENTS[:OWN], "demagnetising_factor")
 """ln A, ln phi_1, N_0."""
 
-RANGES = {"fill": (0.25, 0.50), "flux": (0.09, 0.70), "grains per gap": (4.0, np.inf), "inertial number": (0.0, 1.0)}
+RANGES = {
+    "fill": (0.25, 0.50),
+    "flux density over mu_0 Ms": (0.06, 0.70),
+    "grains per gap": (4.0, np.inf),
+    "inertial number": (0.0, 0.9),
+}
 """Of the cells: phi, b, n, I. Beyond 16 grains per gap w is near its end; below I = 0.03 nothing changes."""
+
+DILUTE = 1.5
+"""Power of the fill below that of the cells; suspensions of iron have 1.52 (J. D. Carlson, Int. J. Mod. Phys. B 19
+(2005) 1463)."""
 
 POWDERS = {"friction": (0.2, 0.7), "rolling friction": (0.0, 0.6), "susceptibility": (100.0, 1000.0)}
 """Of the powders that were measured."""
+
+FARTHEST = 1.0
+"""Leverage of a powder in the regression, up to which its own coefficients follow from the others."""
 
 UNSATURATED = 0.13
 """H/Ms up to which grains are not saturated, so that N has a meaning: they have less than 0.9 Ms."""
@@ -107,7 +119,7 @@ class PowderLaw:
 
     def errors_at(self, b: float, fill: float, grains_per_gap: float, inertial_number: float) -> dict[str, float]:
         """Standard errors of the logarithm of the stress at b = B/(mu_0 Ms), by their causes."""
-        at = (b, fill, grains_per_gap, inertial_number)
+        at = (max(b, 1e-6), fill, grains_per_gap, inertial_number)
         change = np.array([
             _logarithm(self.coefficients + h, *at) - _logarithm(self.coefficients - h, *at)
             for h in np.diag(0.5 * self.errors)
@@ -117,7 +129,7 @@ class PowderLaw:
         return {"cells": sqrt(square), "form": self.deviation, "size": float(np.linalg.norm(change[size]))}
 
     def jamming_fill(self, grains_per_gap: float) -> float:
-        """phi_n [-]."""
+        """phi_n at an inertial number of 0.1 [-]."""
         return exp(self.coefficients[1] - self.coefficients[5] * float(_excess(grains_per_gap)))
 
     def rise_with_fill(self, fill: float, grains_per_gap: float) -> float:
@@ -154,11 +166,14 @@ def _excess(grains_per_gap: Any) -> np.ndarray:
 def _logarithm(coefficients: Iterable[Any], b: Any, fill: Any, grains_per_gap: Any, inertial_number: Any) -> np.ndarray:
     """ln(tau/(mu_0 Ms^2)) for `COEFFICIENTS`, numbers or arrays."""
     ln_A, ln_fill, flux, power, size, size_fill, inertia = coefficients
-    w = _excess(grains_per_gap)
+    w, (low, high) = _excess(grains_per_gap), np.log(RANGES["flux density over mu_0 Ms"])
     with np.errstate(divide="ignore"):  # no flux, no stress
-        of_flux = flux * np.log(np.asarray(b, dtype=float) / BASE_FLUX)
-    jamming = np.logaddexp(0.0, power * (np.log(fill) - ln_fill + size_fill * w))
-    return ln_A + of_flux + jamming + size * w + inertia * (np.square(inertial_number) - BASE_INERTIA**2)
+        ln_b = np.minimum(np.log(np.asarray(b, dtype=float)), high)
+    of_flux = flux * (ln_b - np.log(BASE_FLUX)) + (2.0 - flux) * np.minimum(ln_b - low, 0.0)
+    dilute = DILUTE * np.minimum(np.log(np.asarray(fill) / RANGES["fill"][0]), 0.0)
+    excess = inertia * (np.square(inertial_number) - BASE_INERTIA**2)
+    jamming = np.logaddexp(0.0, power * (np.log(fill) - ln_fill + size_fill * w + excess))
+    return ln_A + of_flux + dilute + jamming + size * w
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -211,23 +226,36 @@ class PowderLaws:
             own, errors, correlation, cells = self.own[k], self.own_errors[k], self.correlation[k], int(self.cells[k])
         else:
             (own,), left_out, cells = self.between(np.array([powder])), self.left_out, 0
-            errors = np.sqrt((left_out**2).mean(axis=0))
+            X, at = _features(self.powders), _features(np.array([powder]))[0]
+            leverage = float(at @ np.linalg.solve(X.T @ X, at))
+            if leverage > FARTHEST:
+                raise ValueError(f"friction {friction:g} with rolling friction {rolling_friction:g} and susceptibility "
+                                 f"{susceptibility:g} is too far from the powders that were measured")  # fmt: skip
+            errors = np.sqrt((left_out**2).mean(axis=0) * (1.0 + leverage))
             correlation = (left_out[:, 0] * left_out[:, 1]).mean() / (errors[0] * errors[1])
         values, all_errors = np.append(own[:OWN], self.common), np.append(errors[:OWN], self.common_errors)
         permeability = (float(own[OWN]), *self.permeability)
         return PowderLaw(powder, values, all_errors, float(correlation), self.deviation, permeability, cells)
 
-    def nearest(self, friction: float, rolling_friction: float, susceptibility: float) -> PowderLaw:
-        """The law of a powder, or of the nearest one within `POWDERS`."""
-        powder = zip((friction, rolling_friction, susceptibility), POWDERS.values(), strict=True)
-        return self.of(*(float(np.clip(value, *ends)) for value, ends in powder))
+    def nearest(self, friction: float, rolling_friction: float, susceptibility: float) -> tuple[PowderLaw, str]:
+        """The law of a powder with an empty text, or of the nearest powder within `POWDERS` with why it is another."""
+        try:
+            return self.of(friction, rolling_friction, susceptibility), ""
+        except ValueError as error:
+            powder = zip((friction, rolling_friction, susceptibility), POWDERS.values(), strict=True)
+            inside = np.array([float(np.clip(value, *ends)) for value, ends in powder])
+            scale = [high - low for low, high in POWDERS.values()]
+            near = int(np.argmin(np.square((self.powders - inside) / scale).sum(axis=1)))
+            return self.of(*map(float, self.powders[near])), str(error)
 
-    def unknown_over(self, law: PowderLaw, fill: float, grains_per_gap: float) -> np.ndarray:
-        """Stress of the `unknown` powders over that of a powder with the same susceptibility and flux density, (k,)."""
-        powders = np.column_stack([self.unknown, np.full(len(self.unknown), law.powder[2])])
-        at = (BASE_FLUX, fill, grains_per_gap, 0.0)
-        theirs = _logarithm((*self.between(powders)[:, :OWN].T, *self.common), *at)
-        return np.exp(theirs - _logarithm(law.coefficients, *at))
+    def free_flowing(self, susceptibility: float) -> list[PowderLaw]:
+        """Laws of the `unknown` powders with a susceptibility."""
+        powders = np.column_stack([self.unknown, np.full(len(self.unknown), susceptibility)])
+        return [
+            PowderLaw((*pair, susceptibility), np.append(own[:OWN], self.common), np.zeros(len(COEFFICIENTS)), 0.0,
+                      self.deviation, (float(own[OWN]), *self.permeability), 0)
+            for pair, own in zip(self.unknown.tolist(), self.between(powders), strict=True)
+        ]  # fmt: skip
 
     def between(self, powders: np.ndarray) -> np.ndarray:
         """ln A, ln phi_1 and N_0 of powders (k, 3) by the regression over those that were measured, (k, 3)."""
@@ -303,26 +331,29 @@ class PowderLaws:
         """Read laws; ValueError for a file of another version, or that is none."""
         try:
             found = json.loads(path.read_text(encoding="utf-8"))
-            if found["version"] != VERSION:
-                raise ValueError(
-                    f"{path} has powder laws of version {found['version']}, and the cells' physics is at {VERSION}; "
-                    "measure the powder again"
-                )
-            rows = found["powders"]
-            own = np.array([[[row[name][key] for name in OF_POWDER] for row in rows]
-                            for key in ("value", "error")])  # fmt: skip
+            version, rows = found["version"], found["powders"]
+            own = np.array([[[row[name][key] for name in OF_POWDER] for row in rows] for key in ("value", "error")])
             common = np.array([[found["common"][name][key] for name in COEFFICIENTS[OWN:]]
                                for key in ("value", "error")])  # fmt: skip
             powders = np.array([[row["friction"], row["rolling_friction"], row["susceptibility"]] for row in rows])
             of_field, of_fill = found["permeability"]
-            return cls(
-                powders, np.array([row["cells"] for row in rows]), own[0], own[1],
-                np.array([row["correlation"] for row in rows]), common[0], common[1],
+            laws = cls(
+                powders, np.array([int(row["cells"]) for row in rows]), own[0], own[1],
+                np.array([float(row["correlation"]) for row in rows]), common[0], common[1],
                 float(found["deviation"]), (float(of_field), float(of_fill)), np.array(found["unknown"]),
                 found["provenance"],
             )  # fmt: skip
-        except (KeyError, TypeError) as error:
-            raise ValueError(f"{path} has no powder laws: {error} is missing or of another kind") from None
+            finite = [np.isfinite(part).all() for part in (own, common, powders, laws.correlation, laws.deviation)]
+        except (KeyError, TypeError, ValueError) as error:
+            raise ValueError(f"{path} has no powder laws: {error!r}; measure the powders again") from None
+        if version != VERSION:
+            raise ValueError(
+                f"{path} has powder laws of version {version!r}, and the physics of cells is at {VERSION}; measure the "
+                "powders again"
+            )
+        if not (all(finite) and len(powders)):
+            raise ValueError(f"{path} has powder laws that are no finite numbers; measure the powders again")
+        return laws
 
 
 @lru_cache(maxsize=1)
