@@ -51,6 +51,9 @@ COEFFICIENTS = ("ln_A", "ln_fill", "flux", "power", "size", "size_fill", "inerti
 START = (-4.0, -0.7, 1.5, 9.0, 1.0, 1.0, 0.0)
 """From which a fit begins."""
 
+CLOSE_PACKING = 0.64
+"""Of random spheres, phi_1 at most: that of powder whose cells show no jams is not known better."""
+
 OWN = 2
 """Of them the first are the powder's own."""
 
@@ -286,7 +289,9 @@ class PowderLaws:
             own, common = values[: OWN * m].reshape(m, OWN), values[OWN * m :]
             return _logarithm((*own[which].T, *common), *at) - y
 
-        found = least_squares(misfit, np.append(np.tile(START[:OWN], m), START[OWN:]), x_scale="jac")
+        most = np.append(np.tile((np.inf, np.log(CLOSE_PACKING)), m), np.full(len(START) - OWN, np.inf))
+        start = np.append(np.tile(START[:OWN], m), START[OWN:])
+        found = least_squares(misfit, start, bounds=(-np.inf, most), x_scale="jac")
         variance = float(found.fun @ found.fun) / (len(y) - len(found.x))
         covariance = variance * np.linalg.inv(found.jac.T @ found.jac)
         errors, first, second = np.sqrt(np.diag(covariance)), np.arange(0, OWN * m, OWN), np.arange(1, OWN * m, OWN)
