@@ -70,8 +70,8 @@ def test_the_demagnetising_factor_is_linear_in_the_field_and_below_that_of_a_sph
 
 
 def test_fewer_grains_per_gap_have_more_stress():
-    """At equal field and fill: 4 more than 8, and 8 more than 16."""
-    cells = means_over_seeds(of_brake(TABLE))
+    """At equal field and fill: 4 more than 8, and 8 more than 16; at a fill of 0.30 nothing jams."""
+    cells = means_over_seeds(of_brake({name: column[TABLE["fill"] > 0.35] for name, column in TABLE.items()}))
     eight = cells_of(cells, height=8, edge=8)
     for n, edge, sign in ((4, 8, 1.0), (16, 12, -1.0)):
         other = cells_of(cells, height=n, edge=edge)

@@ -14,6 +14,7 @@ from emclutch.simulation.forecast.expected_field import expected_magnetisation, 
 from emclutch.simulation.forecast.expected_torque import (
     CHAIN,
     ONSET,
+    ONSET_SLOPE,
     RUNS_OVER_LAW,
     SPILL,
     Interval,
@@ -202,12 +203,12 @@ def test_powder_that_nearly_jams_stands_out_beyond_the_edges():
     law = shipped_laws().of(0.3, 0.2, 200.0)
     for fill in (0.2, 0.3, 0.42, 0.5):
         device = build_device(quickstart(**{"particles.solid_fraction": fill}).scene)
-        phi, jammed = fill_between_poles(device, law, 0.25e-3), law.jamming_fill(4.0)
-        out = SPILL * max(0.0, phi / jammed - ONSET) * device.shear_gap
+        phi, full = fill_between_poles(device, law, 0.25e-3), ONSET + ONSET_SLOPE * (law.jamming_fill(4.0) - 0.5)
+        out = SPILL * max(0.0, phi - full) * device.shear_gap
         box = device.pole_zone.boxes[0]
         length = box.z1 - box.z0
         assert phi * (length + 2.0 * out) == pytest.approx(device.fill.solid_fraction * length, rel=1e-9)
-        assert (phi < device.fill.solid_fraction) == (device.fill.solid_fraction > ONSET * jammed)
+        assert (phi < device.fill.solid_fraction) == (device.fill.solid_fraction > full)
 
 
 def test_permeability_of_the_solve_is_that_of_the_law_at_its_own_field():

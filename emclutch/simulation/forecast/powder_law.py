@@ -8,7 +8,7 @@ stress, the cells' stress is
     b = B/(mu_0 Ms),   w = 1/n^2 - 1/8^2,   ln phi_n = ln phi_1 - l w - q (I^2 - 0.1^2),
 
 A and phi_1 being those of the powder (friction, rolling friction, susceptibility) and p, m, k, l, q those of all
-powders. Beyond the cells b counts as 0.7 at most, and the stress goes with b^2 below 0.06 and with phi^1.5 below 0.25.
+powders. Beyond the cells b counts as 0.7 at most, and the stress goes with b^2 below 0.06 and with phi^1.5 below 0.22.
 Dilute powder has a stress in proportion to A; from about 0.8 phi_1 on grains jam between the faces. Diameter, density
 and saturation Ms drop out by similarity. The demagnetising factor with which the grains' material has the
 magnetisation of the grains is
@@ -61,7 +61,7 @@ OF_POWDER = (*COEFFICIENTS[:OWN], "demagnetising_factor")
 """ln A, ln phi_1, N_0."""
 
 RANGES = {
-    "fill": (0.25, 0.50),
+    "fill": (0.22, 0.50),
     "flux density over mu_0 Ms": (0.06, 0.70),
     "grains per gap": (4.0, np.inf),
     "inertial number": (0.0, 0.9),
