@@ -170,6 +170,11 @@ CELLS = (
         for friction in (0.3, 0.6, 0.45)
         for fill in (0.31, 0.38, 0.45)
     ),
+    *(
+        Cell(H, 0.38, susceptibility=chi)
+        for H, chi in ((60e3, 100.0), (30e3, 100.0), (30e3, 999.0), (30e3, 200.0), (30e3, 500.0))
+    ),
+    Cell(30e3, 0.45, susceptibility=999.0),
     *(Cell(H, 0.25) for H in (150e3, 60e3)),
     *(Cell(H, 0.50) for H in (150e3, 60e3)),
     *(Cell(H, fill, seed=2, friction=0.6, rolling_friction=rolling) for rolling in OF_REPOSE for H, fill in FIVE[:3]),
@@ -206,7 +211,7 @@ def means_over_seeds(table: Table) -> Table:
 def print_fits(table: Table, path: Path) -> None:
     """Print the laws of the table, each number with half of its 95 % interval."""
     laws = powder_laws(table, path)
-    names = ("p", "m", "k", "l", "q")
+    names = ("p", "m", "k", "l", "q", "r")
     pairs = zip(names, laws.common, 1.96 * laws.common_errors, strict=True)
     print(", ".join(f"{name} {value:.3f} ± {half:.3f}" for name, value, half in pairs), end="")
     print(f"; deviation of a cell {laws.deviation:.2%}; N_1 {laws.permeability[0]:.3f}, N_2 {laws.permeability[1]:.4f}")

@@ -12,6 +12,17 @@ from field import MU_0, GrainLaw
 pytestmark = pytest.mark.physics
 BRAKE = (0.3, 0.2, 273.0)
 MADE = {"ln_A": -4.0, "ln_fill": -0.8, "flux": 1.5, "power": 8.0, "size": 3.0, "size_fill": 2.0, "inertia": 0.1}
+CHANGE = -0.1  # of the exponent of the flux with ln chi
+
+
+POWDERS_MADE = [
+    (0.3, 0.2, 300.0),
+    (0.5, 0.4, 300.0),
+    (0.6, 0.1, 900.0),
+    (0.4, 0.0, 300.0),
+    (0.2, 0.5, 150.0),
+    (0.35, 0.3, 300.0),
+]
 
 
 def made_cells(noise=0.0, seed=0):
@@ -20,9 +31,7 @@ def made_cells(noise=0.0, seed=0):
     cells = {name: [] for name in ("friction", "rolling_friction", "susceptibility", "saturation", "field_strength",
                                    "solid_fraction", "grains_per_gap", "inertial_number", "flux_density",
                                    "demagnetising_factor", "shear_stress")}  # fmt: skip
-    for powder, (friction, rolling) in enumerate(
-        [(0.3, 0.2), (0.5, 0.4), (0.6, 0.1), (0.4, 0.0), (0.2, 0.5), (0.35, 0.3)]
-    ):
+    for powder, (friction, rolling, chi) in enumerate(POWDERS_MADE):
         for _ in range(24):
             Ms, H, fill = random.uniform(1.0e6, 2.0e6), random.uniform(20e3, 150e3), random.uniform(0.3, 0.46)
             n, inertia = random.choice([4.0, 8.0, 16.0]), random.uniform(0.02, 0.8)
@@ -30,9 +39,10 @@ def made_cells(noise=0.0, seed=0):
             w = n**-2.0 - 1.0 / 64.0
             excess = MADE["inertia"] * (inertia**2 - 0.01)
             jamming = fill / np.exp(MADE["ln_fill"] - 0.02 * powder - MADE["size_fill"] * w - excess)
-            y = (MADE["ln_A"] + 0.1 * powder + MADE["flux"] * np.log(b / 0.4) + np.log(1.0 + jamming ** MADE["power"])
+            flux = MADE["flux"] + CHANGE * np.log(chi / 273.0)
+            y = (MADE["ln_A"] + 0.1 * powder + flux * np.log(b / 0.4) + np.log(1.0 + jamming ** MADE["power"])
                  + MADE["size"] * w)  # fmt: skip
-            values = (friction, rolling, 300.0, Ms, H, fill, n, inertia, b * MU_0 * Ms,
+            values = (friction, rolling, chi, Ms, H, fill, n, inertia, b * MU_0 * Ms,
                       0.08 + 0.01 * powder + 0.3 * H / Ms - 0.02 * x,
                       MU_0 * Ms**2 * np.exp(y + noise * random.standard_normal()))  # fmt: skip
             for name, value in zip(cells, values, strict=True):
@@ -42,9 +52,13 @@ def made_cells(noise=0.0, seed=0):
 
 def test_the_law_that_made_the_cells_is_found_again():
     laws = PowderLaws.fit(made_cells(), np.array([[0.4, 0.2]]), {})
-    for powder, (friction, rolling) in enumerate([(0.3, 0.2), (0.5, 0.4), (0.6, 0.1)]):
-        law = laws.of(friction, rolling, 300.0)
-        wanted = MADE | {"ln_A": -4.0 + 0.1 * powder, "ln_fill": -0.8 - 0.02 * powder}
+    for powder, (friction, rolling, chi) in enumerate(POWDERS_MADE):
+        law = laws.of(friction, rolling, chi)
+        wanted = (
+            MADE
+            | {"flux": MADE["flux"] + CHANGE * np.log(chi / 273.0)}
+            | {"ln_A": -4.0 + 0.1 * powder, "ln_fill": -0.8 - 0.02 * powder}
+        )
         assert dict(zip(COEFFICIENTS, law.coefficients, strict=True)) == pytest.approx(wanted, abs=1e-6)
         assert law.permeability == pytest.approx((0.08 + 0.01 * powder, 0.3, -0.02), abs=1e-9)
         assert law.deviation < 1e-7 and law.cells == 24

@@ -4,10 +4,10 @@ A gap cell is a `sheared_box` with `walls = "steel"` (`particles.GapBox`): some 
 the flux density across the gap, phi the solid fraction, n the grains per gap and I the inertial number of the shear
 stress, the cells' stress is
 
-    tau = mu_0 Ms^2 A (b/0.4)^p [1 + (phi/phi_n)^m] exp(k w),
+    tau = mu_0 Ms^2 A (b/0.4)^P [1 + (phi/phi_n)^m] exp(k w),   P = p + r ln(chi/273),
     b = B/(mu_0 Ms),   w = 1/n^2 - 1/8^2,   ln phi_n = ln phi_1 - l w - q (I^2 - 0.1^2),
 
-A and phi_1 being those of the powder (friction, rolling friction, susceptibility) and p, m, k, l, q those of all
+A and phi_1 being those of the powder (friction, rolling friction, susceptibility chi) and p, r, m, k, l, q those of all
 powders. Beyond the cells b counts as 0.7 at most, and the stress goes with b^2 below 0.06 and with phi^1.5 below 0.22.
 Dilute powder has a stress in proportion to A; from about 0.8 phi_1 on grains jam between the faces. Diameter, density
 and saturation Ms drop out by similarity. The demagnetising factor with which the grains' material has the
@@ -46,9 +46,14 @@ BASE_FILL, BASE_FLUX, BASE_SIZE, BASE_INERTIA = 0.38, 0.4, 8.0, 0.1
 """phi, b, n and I at which the logarithms of the law are 0."""
 
 COEFFICIENTS = ("ln_A", "ln_fill", "flux", "power", "size", "size_fill", "inertia")
-"""ln A, ln phi_1, p, m, k, l, q."""
+"""ln A, ln phi_1, P, m, k, l, q."""
 
-START = (-4.0, -0.7, 1.5, 9.0, 1.0, 1.0, 0.0)
+COMMON = (*COEFFICIENTS[2:], "flux_susceptibility")
+"""p, m, k, l, q, r."""
+
+BASE_SUSCEPTIBILITY = 273.0
+
+START = (-4.0, -0.7, 1.5, 9.0, 1.0, 1.0, 0.0, 0.0)
 """From which a fit begins."""
 
 CLOSE_PACKING = 0.64
@@ -64,7 +69,7 @@ RANGES = {
     "fill": (0.22, 0.50),
     "flux density over mu_0 Ms": (0.06, 0.70),
     "grains per gap": (4.0, np.inf),
-    "inertial number": (0.0, 0.9),
+    "inertial number": (0.0, 0.4),
 }
 """Of the cells: phi, b, n, I. Beyond 16 grains per gap w is near its end; below I = 0.03 nothing changes."""
 
@@ -72,7 +77,7 @@ DILUTE = 1.5
 """Power of the fill below that of the cells; suspensions of iron have 1.52 (J. D. Carlson, Int. J. Mod. Phys. B 19
 (2005) 1463)."""
 
-POWDERS = {"friction": (0.2, 0.7), "rolling friction": (0.0, 0.6), "susceptibility": (100.0, 1000.0)}
+POWDERS = {"friction": (0.2, 0.7), "rolling friction": (0.0, 0.6), "susceptibility": (100.0, 2000.0)}
 """Of the powders that were measured."""
 
 FARTHEST = 1.0
@@ -161,6 +166,12 @@ def powder_of(scene: Scene) -> tuple[float, float, float]:
     return scene.contact.friction, 0.0 if rolling is None else rolling.coefficient, scene.grains.susceptibility
 
 
+def _of_susceptibility(common: np.ndarray, susceptibility: Any) -> list[Any]:
+    """Coefficients of all powders with the exponent of the flux of a susceptibility."""
+    flux, *others, change = common
+    return [flux + change * np.log(np.asarray(susceptibility) / BASE_SUSCEPTIBILITY), *others]
+
+
 def _excess(grains_per_gap: Any) -> np.ndarray:
     """w."""
     return np.maximum(grains_per_gap, RANGES["grains per gap"][0]) ** -2.0 - BASE_SIZE**-2.0
@@ -193,8 +204,8 @@ class PowderLaws:
         ln A, ln phi_1 and N_0 of each powder, with standard errors.
     correlation : ndarray (m,)
         Of the errors of the first two.
-    common, common_errors : ndarray (5,)
-        The other coefficients.
+    common, common_errors : ndarray (6,)
+        `COMMON`.
     deviation : float
         See `PowderLaw`.
     permeability : tuple of float
@@ -236,7 +247,7 @@ class PowderLaws:
                                  f"{susceptibility:g} is too far from the powders that were measured")  # fmt: skip
             errors = np.sqrt((left_out**2).mean(axis=0) * (1.0 + leverage))
             correlation = (left_out[:, 0] * left_out[:, 1]).mean() / (errors[0] * errors[1])
-        values, all_errors = np.append(own[:OWN], self.common), np.append(errors[:OWN], self.common_errors)
+        values, all_errors = self._values(own, susceptibility), np.append(errors[:OWN], self.common_errors[:-1])
         permeability = (float(own[OWN]), *self.permeability)
         return PowderLaw(powder, values, all_errors, float(correlation), self.deviation, permeability, cells)
 
@@ -251,11 +262,15 @@ class PowderLaws:
             near = int(np.argmin(np.square((self.powders - inside) / scale).sum(axis=1)))
             return self.of(*map(float, self.powders[near])), str(error)
 
+    def _values(self, own: np.ndarray, susceptibility: float) -> np.ndarray:
+        """`COEFFICIENTS` of a powder with its own ones."""
+        return np.append(own[:OWN], _of_susceptibility(self.common, susceptibility))
+
     def free_flowing(self, susceptibility: float) -> list[PowderLaw]:
         """Laws of the `unknown` powders with a susceptibility."""
         powders = np.column_stack([self.unknown, np.full(len(self.unknown), susceptibility)])
         return [
-            PowderLaw((*pair, susceptibility), np.append(own[:OWN], self.common), np.zeros(len(COEFFICIENTS)), 0.0,
+            PowderLaw((*pair, susceptibility), self._values(own, susceptibility), np.zeros(len(COEFFICIENTS)), 0.0,
                       self.deviation, (float(own[OWN]), *self.permeability), 0)
             for pair, own in zip(self.unknown.tolist(), self.between(powders), strict=True)
         ]  # fmt: skip
@@ -287,7 +302,7 @@ class PowderLaws:
 
         def misfit(values: np.ndarray) -> np.ndarray:
             own, common = values[: OWN * m].reshape(m, OWN), values[OWN * m :]
-            return _logarithm((*own[which].T, *common), *at) - y
+            return _logarithm((*own[which].T, *_of_susceptibility(common, powders[which, 2])), *at) - y
 
         most = np.append(np.tile((np.inf, np.log(CLOSE_PACKING)), m), np.full(len(START) - OWN, np.inf))
         start = np.append(np.tile(START[:OWN], m), START[OWN:])
@@ -313,7 +328,7 @@ class PowderLaws:
 
     def write(self, path: Path) -> None:
         """Write the laws as JSON."""
-        common = zip(COEFFICIENTS[OWN:], self.common.tolist(), self.common_errors.tolist(), strict=True)
+        common = zip(COMMON, self.common.tolist(), self.common_errors.tolist(), strict=True)
         rows = zip(self.powders.tolist(), self.own.tolist(), self.own_errors.tolist(), self.correlation.tolist(),
                    self.cells.tolist(), strict=True)  # fmt: skip
         named = {
@@ -338,7 +353,7 @@ class PowderLaws:
             found = json.loads(path.read_text(encoding="utf-8"))
             version, rows = found["version"], found["powders"]
             own = np.array([[[row[name][key] for name in OF_POWDER] for row in rows] for key in ("value", "error")])
-            common = np.array([[found["common"][name][key] for name in COEFFICIENTS[OWN:]]
+            common = np.array([[found["common"][name][key] for name in COMMON]
                                for key in ("value", "error")])  # fmt: skip
             powders = np.array([[row["friction"], row["rolling_friction"], row["susceptibility"]] for row in rows])
             of_field, of_fill = found["permeability"]
