@@ -174,7 +174,7 @@ def test_the_torque_of_a_device_has_an_interval_by_parts_and_a_range_of_unknown_
     found = of_device(quickstart())
     half = np.log(found.real.high / found.real.mean)
     assert np.linalg.norm(list(found.parts.values())) == pytest.approx(half, rel=1e-6)
-    assert set(found.parts) == {"cells", "form", "size", "edges", "jams", "devices"}
+    assert set(found.parts) == {"cells", "form", "size", "edges", "jams", "sizes", "devices"}
     assert found.unknown_powder[0] < found.real.mean < found.unknown_powder[1]
     written = found.as_dict()
     for name, one in (("expected_torque", found.real), ("expected_torque_scene", found.scene)):

@@ -77,7 +77,7 @@ DILUTE = 1.5
 """Power of the fill below that of the cells; suspensions of iron have 1.52 (J. D. Carlson, Int. J. Mod. Phys. B 19
 (2005) 1463)."""
 
-POWDERS = {"friction": (0.2, 0.7), "rolling friction": (0.0, 0.6), "susceptibility": (100.0, 2000.0)}
+POWDERS = {"friction": (0.2, 0.7), "rolling friction": (0.0, 0.6), "susceptibility": (100.0, 1000.0)}
 """Of the powders that were measured."""
 
 FARTHEST = 1.0
