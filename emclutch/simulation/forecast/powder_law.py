@@ -306,7 +306,7 @@ class PowderLaws:
 
         most = np.append(np.tile((np.inf, np.log(CLOSE_PACKING)), m), np.full(len(START) - OWN, np.inf))
         start = np.append(np.tile(START[:OWN], m), START[OWN:])
-        found = least_squares(misfit, start, bounds=(-np.inf, most), x_scale="jac")
+        found = least_squares(misfit, start, bounds=(-np.inf, most), x_scale="jac", xtol=1e-12, ftol=1e-12)
         variance = float(found.fun @ found.fun) / (len(y) - len(found.x))
         covariance = variance * np.linalg.inv(found.jac.T @ found.jac)
         errors, first, second = np.sqrt(np.diag(covariance)), np.arange(0, OWN * m, OWN), np.arange(1, OWN * m, OWN)
