@@ -11,6 +11,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from emclutch.cli.input import warn
+
 if TYPE_CHECKING:
     from emclutch.scene.case import Case
     from emclutch.scene.study import StudySection
@@ -41,6 +43,7 @@ def print_plan(case: Case, as_json: bool, threads: int | None = None, details: b
         }  # fmt: skip
         print_json(found | checked.expected.as_dict())
         return
+    warn([text for text in checked.warnings if text not in case.warnings])  # those were printed with the scene
     Console().print(f"{checked.title}: OK", highlight=False, markup=False)
     first = {name: words for name, words in checked.decisions.items() if name in FIRST or "WARNING" in words}
     if first and not details:

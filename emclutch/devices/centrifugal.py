@@ -83,4 +83,4 @@ class CentrifugalGeometry(GeometrySection):
         )
         law = "a ring of shot rubs on a smooth drum, pressed by its centrifugal force; ribs give up to thrice that"
         torque += friction * weight * shape.drum_radius
-        return ExpectedTorque(Interval(torque, torque / 10.0, 10.0 * torque), law)
+        return ExpectedTorque(Interval(torque, torque / 10.0, 10.0 * torque, is_guess=True), law)

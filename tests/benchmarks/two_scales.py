@@ -144,9 +144,7 @@ def planned() -> list[Row]:
 
 def case_of(row: Row) -> Case:
     """The scene of a line; an empty value is that of its case."""
-    given = {
-        key: value if key in ("name", "use", "base") or value == "" else float(value) for key, value in row.items()
-    }
+    given = {key: row[key] if key in ("name", "use", "base") or row[key] == "" else float(row[key]) for key in DEVICE}
     diameter = f"{given['gap'] / given['across']:.6g} mm" if given["gap"] else ""
     if diameter and given["spread"] and given["spread"] > 1.0:
         middle = 2.0 * given["gap"] / given["across"] / (1.0 + given["spread"])

@@ -123,9 +123,10 @@ def test_a_shot_clutch_has_its_closed_form():
 
 
 def test_intervals_say_what_they_are():
-    assert Interval.within(2.0, 0.05).in_words() == "2 N m +- 10 %"
-    assert Interval(2.0, 1.0, 4.0).in_words() == "2 N m within a factor of 2"
-    assert Interval(2.0, 0.2, 20.0).in_words() == "of the order of 2 N m"
+    assert Interval.within(2.0, 0.05).in_words() == "2 N m +- 10 % (95 %)"
+    assert Interval(2.0, 1.0, 4.0).in_words() == "2 N m (95 %: 1 to 4)"
+    assert Interval(2.0, 1.0, 4.0, is_guess=True).in_words() == "2 N m within a factor of 2"
+    assert Interval(2.0, 0.2, 20.0, is_guess=True).in_words() == "of the order of 2 N m"
     assert Interval(2.0, 0.0, 2.0).in_words() == "at most of the order of 2 N m"
     one = Interval.within(3.0, 0.1)
     assert one.low * one.high == pytest.approx(9.0) and one.as_dict() == {"mean": 3.0, "low": one.low, "high": one.high}
@@ -181,6 +182,16 @@ def test_the_torque_of_a_device_has_an_interval_by_parts_and_a_range_of_unknown_
         assert {key: written[name][key] for key in ("mean", "low", "high")} == one.as_dict()
 
 
+def test_the_range_of_unknown_powder_does_not_depend_on_that_of_the_scene():
+    """Within what the start of the solve leaves."""
+    weak, strong = (
+        of_device(quickstart(**{"contact.friction": 0.6, "effects.rolling_friction.coefficient": rolling}))
+        for rolling in (0.053, 0.54)
+    )
+    assert weak.torque < 0.7 * strong.torque
+    assert weak.unknown_powder == pytest.approx(strong.unknown_powder, rel=0.01)
+
+
 def test_real_grains_have_less_torque_than_coarse_ones_and_are_alike_where_the_scene_has_them():
     coarse, real = of_device(quickstart()), of_device(quickstart(**{"particles.stands_for": None}))
     assert coarse.real.mean < coarse.scene.mean == pytest.approx(real.scene.mean, rel=1e-9)
@@ -233,7 +244,7 @@ def test_permeability_of_the_solve_is_that_of_the_law_at_its_own_field():
 
 def test_check_tells_the_torque_in_a_line():
     words = check(quickstart(), threads=1).decisions["expected torque"]
-    assert "N m +- " in words and "with grains of the scene's size" in words and "are unknown" in words
+    assert "N m +- " in words and "with grains of the scene's size" in words and "unknown friction" in words
 
 
 def test_a_field_that_does_not_settle_makes_the_torque_a_guess_and_no_run_fails(monkeypatch):

@@ -15,7 +15,7 @@ from emclutch.device_model.pole_zone import AROUND, Zone
 from emclutch.scene.case import Case
 from emclutch.scene.grain_smear import moments_are_fed_back
 from emclutch.scene.model import Scene
-from emclutch.simulation.forecast.powder_law import powder_of, shipped_laws
+from emclutch.simulation.forecast.powder_law import PowderLaw, powder_of, shipped_laws
 from field import MU_0, MagneticField, PowderState
 from field.newton import ConvergenceError
 from field.three_d import Field3D
@@ -63,18 +63,23 @@ def mean_field_strength(device: Device, field: MagneticField | Field3D | None) -
 
 
 def field_of_sheared_powder(
-    coil: CoilDevice, fill: np.ndarray, scene: Scene, current: float, guess: MagneticField | None
+    coil: CoilDevice,
+    fill: np.ndarray,
+    scene: Scene,
+    current: float,
+    guess: MagneticField | None,
+    law: PowderLaw | None = None,
 ) -> MagneticField:
-    """The field at a current [A] of powder with the fill (n powder elements,) and the permeability of its law.
+    """The field at a current [A] of powder with the fill (n powder elements,) and the permeability of a law.
 
-    Of powder that no law covers it is that of the nearest one.
+    Without a law it is that of the scene's powder, or of the nearest one.
 
     Raises
     ------
     ConvergenceError
         A solve, or N after `ROUNDS` of them.
     """
-    grains, Ms, law = grain_law(scene), scene.grains.saturation, shipped_laws().nearest(*powder_of(scene))[0]
+    grains, Ms, law = grain_law(scene), scene.grains.saturation, law or shipped_laws().nearest(*powder_of(scene))[0]
     problem, own = coil.problem, coil.problem.powder_elements
     elements, filled, phi = problem.elements, fill > 0.0, fill[:, None]
     weight = elements.weight[own] * elements.radius[own]

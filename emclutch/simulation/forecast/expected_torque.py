@@ -122,11 +122,12 @@ def sheared_zone(device: Device, angles: np.ndarray | None = None) -> ShearedZon
 
 @dataclass(frozen=True, slots=True)
 class Interval:
-    """A torque [N m] with the ends of its 95 % interval."""
+    """A torque [N m] with the ends of its 95 % interval, or of what a guess may be off by."""
 
     mean: float
     low: float
     high: float
+    is_guess: bool = False
 
     @classmethod
     def within(cls, mean: float, error: float) -> Interval:
@@ -144,11 +145,11 @@ class Interval:
         if self.low == 0.0:
             return f"at most of the order of {mean}"
         factor = self.high / self.mean
-        if factor > 5.0:
-            return f"of the order of {mean}"
+        if self.is_guess:
+            return f"of the order of {mean}" if factor > 5.0 else f"{mean} within a factor of {factor:.2g}"
         if factor > 1.5:
-            return f"{mean} within a factor of {factor:.2g}"
-        return f"{mean} +- {100.0 * (factor - 1.0):.2g} %"
+            return f"{mean} (95 %: {self.low:.3g} to {self.high:.3g})"
+        return f"{mean} +- {100.0 * (factor - 1.0):.2g} % (95 %)"
 
 
 @dataclass(frozen=True, slots=True)
@@ -219,7 +220,7 @@ class ExpectedTorque:
             text += f"; {self.scene.in_words()} with grains of the scene's size"
         if self.unknown_powder is not None:
             low, high = (f"{torque:.3g}" for torque in self.unknown_powder)
-            text += f"; {low} to {high} N m if friction and fill of the powder are unknown"
+            text += f"; {low} to {high} N m: 90 % range for unknown friction and powder position"
         return f"{text}. {self.law[:1].upper()}{self.law[1:]}"
 
 
@@ -327,7 +328,7 @@ class _Grains:
         if not (doubts or self.doubts):
             return Interval.within(self.torque, float(np.linalg.norm(list(self.parts.values()))))
         found = Interval.within(self.torque, log(FAR if NO_POWDER in self.doubts else GUESS) / 1.96)
-        return replace(found, high=found.high + most)
+        return replace(found, high=found.high + most, is_guess=True)
 
 
 class _Sheared:
@@ -337,7 +338,7 @@ class _Sheared:
         self._scene, self._device, self._zone, self._H, self._pressure = scene, device, zone, H, pressure
         self._grains, self._Ms = grain_law(scene), scene.particles.saturation
         self._solved: MagneticField | None = field if isinstance(field, MagneticField) else None
-        self._known: dict[float, np.ndarray] = {}
+        self._known: dict[Any, np.ndarray] = {}
         self._law, doubt = shipped_laws().nearest(*powder_of(scene))
         self.doubts = [*_outside_of_cells(scene, device), *([doubt] if doubt else [])]
 
@@ -350,7 +351,7 @@ class _Sheared:
         if not self._scene.effects.attraction.has_necks:
             law = "straight chains of point dipoles"
         elif self._law.cells == 0:
-            law += ", by a regression over measured powders"
+            law += ", interpolated between simulated powders"
         doubts = [*self.doubts, *found.doubts]
         if doubts:
             law = f"guess by {law}: {'; '.join(doubts)}"
@@ -363,12 +364,14 @@ class _Sheared:
             {} if doubts else {name: 1.96 * part for name, part in found.parts.items()},
         )
 
-    def _of(self, diameter: float, scene: bool = False, part: float = 1.0) -> _Grains:
+    def _of(
+        self, diameter: float, scene: bool = False, part: float = 1.0, law: PowderLaw | None = None
+    ) -> _Grains:
         """Torque of grains of a diameter [m], of the scene or real ones, with a part of the powder in place."""
-        device, law, zone, density = self._device, self._law, self._zone, self._scene.grains.density
+        device, law, zone, density = self._device, law or self._law, self._zone, self._scene.grains.density
         whole, across = part * device.fill.solid_fraction, device.shear_gap / diameter
         fill = fill_between_poles(device, law, diameter, part)
-        B = self._flux_density(fill)
+        B = self._flux_density(fill, law)
         rate = self._scene.motion.largest_slip * device.shear_radius / device.shear_gap
         scaled = self._scene.accuracy.inertial_number if scene else None  # of the magnetic pressure, the law's of tau
         if scaled is not None:
@@ -383,16 +386,16 @@ class _Sheared:
             tau = np.minimum(tau, chains)  # weak magnets have weak necks
         b = float(np.average(B, weights=zone.lever)) / (MU_0 * self._Ms)
         doubts = [
-            f"its {name} is {value:.3g}, and cells have {low:g} to {high:g}"
+            f"its {name} is {value:.3g}, and the law holds from {low:g} to {high:g}"
             for (name, (low, high)), value in zip(RANGES.items(), (fill, b, across, inertia), strict=True)
             if not low <= value <= high and name != "grains per gap"
         ]
         if whole > RANGES["fill"][1] >= fill:
-            doubts.append(f"its fill is {whole:.3g} before the powder stands out beyond the poles")
+            doubts.append(f"its fill is {whole:.3g} before it spills, and the law holds up to {RANGES['fill'][1]:g}")
         if across < FEW:
             doubts.append(NO_POWDER)
         elif across < RANGES["grains per gap"][0]:
-            doubts.append(f"the gap holds {across:.2g} grains, and that of cells 4 or more")
+            doubts.append(f"the gap holds {across:.2g} grains, and the law holds from 4 on")
         parts = law.errors_at(b, fill, across, min(inertia, RANGES["inertial number"][1]))
         early, late = (
             fill_between_poles(device, law, diameter, part, ONSET * (1.0 + sign * ONSET_ERROR)) for sign in (-1, 1)
@@ -404,39 +407,42 @@ class _Sheared:
         beyond = max(0.0, whole / fill - 1.0)
         return _Grains(RUNS_OVER_LAW * float(tau @ zone.lever) * (1.0 + BEYOND * beyond), parts, doubts)
 
-    def _flux_density(self, fill: float) -> np.ndarray:
+    def _flux_density(self, fill: float, law: PowderLaw) -> np.ndarray:
         """B [T] across the gap at the points of the zone, of powder of a fill."""
-        device, coil, law = self._device, self._device.coil, self._law
+        device, coil, key = self._device, self._device.coil, (fill, law.permeability)
         if not isinstance(coil, CoilDevice) or self._scene.effects.feedback is None:
             return law.flux_density(self._H, fill, self._grains, self._Ms)
-        if fill not in self._known:
+        if key not in self._known:
             at = coil.uniform_fill(device.fill.solid_fraction) * (fill / device.fill.solid_fraction)
             try:
-                self._solved = field_of_sheared_powder(coil, at, self._scene, coil.largest_current, self._solved)
+                self._solved = field_of_sheared_powder(
+                    coil, at, self._scene, coil.largest_current, self._solved, law
+                )
             except ConvergenceError as error:
                 doubt = f"its field was not found with the permeability of sheared powder ({error})"
                 self.doubts += [] if doubt in self.doubts else [doubt]
                 return law.flux_density(self._H, fill, self._grains, self._Ms)
             points, across = self._zone.points, self._zone.across
             B = self._solved.B_along(points[:, [0, 2]])
-            self._known[fill] = np.abs((B * across[:, [0, 2]]).sum(axis=1))
-        return self._known[fill]
+            self._known[key] = np.abs((B * across[:, [0, 2]]).sum(axis=1))
+        return self._known[key]
 
     def _of_unknown_powder(self, diameter: float) -> tuple[float, float]:
         """Torques [N m] that 5 and 95 % of free-flowing powders have less than, each with its own fill.
 
-        The flux density is that of the scene's powder with the same part in place.
+        The flux density is that of the one of them with the middle permeability, with the same part in place.
         """
         device, torques, across = self._device, [], self._device.shear_gap / diameter
         others = shipped_laws().free_flowing(self._law.powder[2])
+        middle = sorted(others, key=lambda law: law.permeability)[len(others) // 2]
         for part in UNKNOWN_FILL:
-            one = [fill_between_poles(device, law, diameter, part) for law in (self._law, *others)]
+            one = [fill_between_poles(device, law, diameter, part) for law in (middle, *others)]
             whole = part * device.fill.solid_fraction
             stress = [
                 float(law.stress(np.array(MU_0), 1.0, fill, across)) * (1.0 + BEYOND * (whole / fill - 1.0))
-                for law, fill in zip((self._law, *others), one, strict=True)
+                for law, fill in zip((middle, *others), one, strict=True)
             ]
-            torques.append(self._of(diameter, part=part).torque * np.array(stress[1:]) / stress[0])
+            torques.append(self._of(diameter, part=part, law=middle).torque * np.array(stress[1:]) / stress[0])
         low, high = np.quantile(np.concatenate(torques), [0.05, 0.95])
         return float(low), float(high)
 
@@ -471,7 +477,7 @@ def _outside_of_cells(scene, device: Device) -> Iterator[str]:
     if device.pole_zone is None:
         yield "it has no pole faces"
     elif not between_poles(device):
-        yield "its powder is not between the poles alone (particles.region)"
+        yield 'its powder does not begin between the poles (particles.region = "poles", or "faces")'
     if device.surfaces:
         yield "it has surfaces from files"
     contact, rolling = scene.contact, effects.rolling
