@@ -88,19 +88,17 @@ class GrainSize:
 
         `measured`: an accuracy study of the device knows the error of the size, and the general law is not told.
         """
-        text = f"{self.across:.2g} grains across the gap"
         if not self.is_coarser or self.real_diameter is None:
-            return f"{text}, of real size: {self.count:.2g} in the whole device"
-        size = self.coarse_graining
-        text += (
-            f" stand for {self.gap / self.real_diameter:.2g} of {1e6 * self.real_diameter:.3g} um, "
-            f"{self.count:.2g} grains in the whole device for {self.real_count:.2g}, at an inertial number {size:.2g} "
-            "times that of the real powder at the same speed"
+            return f"the gap holds {self.across:.2g} grains of real size, the device {self.count:.2g}"
+        text = (
+            f"the gap holds {self.across:.2g} simulated grains, really {self.gap / self.real_diameter:.2g} of "
+            f"{1e6 * self.real_diameter:.3g} um; the device {self.count:.2g}, really {self.real_count:.2g}; at the "
+            f"same speed inertia of the grains counts {self.coarse_graining:.2g} times as much as in reality"
         )
         excess = self.torque_excess()
         if measured or excess is None or excess[0] > MAX_EXCESS:  # a warning has it
             return text
-        return f"{text}; by the general law of grain size they add {excess_in_words(excess)} to the torque"
+        return f"{text}; so coarse grains typically raise the torque by {excess_in_words(excess)}"
 
     def warnings(self, measured: bool = False) -> list[str]:
         """Return what makes the torque doubtful: few grains without a word on the real ones, effects with a size.
@@ -110,14 +108,14 @@ class GrainSize:
         found = []
         if self.real_diameter is None and self.across < FINE:
             found.append(
-                f"only {self.across:.2g} grains across the gap: right for shot of this size; where they stand for a "
+                f"the gap holds only {self.across:.2g} grains: right for shot of this size; where they stand for a "
                 "finer powder, set particles.stands_for to its diameter"
             )
         excess = self.torque_excess()
         if not measured and excess is not None and excess[0] > MAX_EXCESS:
             found.append(
-                f"grains this coarse add {excess_in_words(excess)} to the torque by the general law of grain size; "
-                "take a smaller particles.diameter, or a study over several, which extrapolates to the real size"
+                f"grains {self.coarse_graining:.2g} times coarser than real typically raise the torque by "
+                f"{excess_in_words(excess)}; take a smaller particles.diameter, or run a grain-size study"
             )
         if self.is_coarser:
             found += [f"{note}: give values for the coarse grains, not those of the real powder" for note in self.notes]
@@ -130,8 +128,8 @@ class GrainSize:
         """
         note, excess = self.in_words(measured=True), self.torque_excess()
         if not measured and excess is not None:
-            note += f"; by the general law of grain size they add {excess_in_words(excess)} to the raw torque, for "
-            note += "which the best estimate is corrected"
+            note += f"; so coarse grains typically raise the raw torque by {excess_in_words(excess)}, for which the "
+            note += "best estimate is corrected"
         found = {"across": self.across, "grains": self.count, "note": note}
         if self.real_diameter is not None:
             found |= {

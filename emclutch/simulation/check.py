@@ -134,7 +134,7 @@ def _check(case: Case, threads: int | None) -> Checked:
     words["expected torque"] = expected.in_words()
     size = grain_size(scene, device)
     if size is not None:
-        measured = has_accuracy_study(case)
+        measured = has_accuracy_study(case) or bool(expected.parts)  # the powder's law has told the torque of both
         words["grain size"] = with_warnings(size.in_words(measured), *size.warnings(measured))
     if scene.geometry.measured == "torque" and scene.geometry.has_axis:
         words["accuracy"] = accuracy_in_words(case, made)

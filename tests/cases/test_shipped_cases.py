@@ -123,7 +123,7 @@ def test_the_torque_of_the_quickstart(tmp_path):
         assert result.torque.mean == pytest.approx(float(table()[name]["value"]), rel=0.12)
     assert result.torque.replicas == 2 and result.torque.start > 4e-3
     assert format_torque(result.torque) in done.stdout
-    assert "4 grains across the gap" in done.stdout and result.summary["grain_size"]["across"] == pytest.approx(4.0)
+    assert "4 simulated grains" in done.stdout and result.summary["grain_size"]["across"] == pytest.approx(4.0)
 
 
 def test_powder_clutch_at_toy_size(tmp_path):

@@ -33,7 +33,7 @@ def test_numbers_of_real_grains():
     summary = size.as_dict()
     assert summary["coarse_graining"] == pytest.approx(1.0 / 0.3)
     assert summary["real_across"] == pytest.approx(1.0 / 0.06)
-    assert "5 grains across the gap stand for 17 of 60 um" in summary["note"]
+    assert "the gap holds 5 simulated grains, really 17 of 60 um" in summary["note"]
 
 
 def test_coarse_grains_add_what_the_law_of_their_size_says():
@@ -46,7 +46,7 @@ def test_coarse_grains_add_what_the_law_of_their_size_says():
             assert (1.0 + one) * (1.0 + a / n**EXPONENT) == pytest.approx(1.0 + a / 5.0**EXPONENT)
         assert 0.0 < low < value < high and size.as_dict()["torque_excess"] == value
         assert f"{100.0 * value:.2g} % (95 %" in " ".join([size.in_words(), *size.warnings()])
-        assert [f"add {100.0 * value:.2g} %" in text for text in size.warnings()] == [True] * (value > 0.1)
+        assert [f"the torque by {100.0 * value:.2g} %" in text for text in size.warnings()] == [True] * (value > 0.1)
         excess.append(value)
     assert excess[0] < 0.1 < excess[1] < excess[2] < COEFFICIENT[0] / 5.0**EXPONENT
     real = size_of(stands_for="0.2 mm")
