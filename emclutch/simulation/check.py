@@ -51,7 +51,7 @@ class Checked:
     left_out : tuple of LeftOut
         Of each effect left out the number that says when it matters.
     expected : ExpectedTorque
-        The torque's order of magnitude.
+        The torque with its interval.
     """
 
     title: str

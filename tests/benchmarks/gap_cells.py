@@ -23,7 +23,7 @@ import argparse
 import csv
 import hashlib
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -296,6 +296,19 @@ def print_seeds(table: Table) -> None:
         print(f"freedom); standard error within a run {within:.2%}")
 
 
+def append_rows(table: Path, runs: Sequence[Callable[[], dict[str, Any]]], processes: int) -> None:
+    """Append the line of each run to a table as soon as it is done."""
+    with ProcessPoolExecutor(processes) as pool:
+        for one in as_completed([pool.submit(run) for run in runs]):
+            row, begins = one.result(), not table.exists()
+            with table.open("a", newline="") as file:
+                writer = csv.DictWriter(file, row, lineterminator="\n")
+                if begins:
+                    writer.writeheader()
+                writer.writerow(row)
+            print(",".join(str(entry) for entry in row.values()), flush=True)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("table", type=Path, help="the file (.csv)")
@@ -313,16 +326,7 @@ def main() -> None:
     if asked.table.exists():
         with asked.table.open(newline="") as file:
             known = {tuple(float(row[name]) for name in KEY) for row in csv.DictReader(file)}
-    with ProcessPoolExecutor(asked.processes) as pool:
-        running = [pool.submit(cell.row) for cell in CELLS if cell.key not in known]
-        for one in as_completed(running):
-            row, begins = one.result(), not asked.table.exists()
-            with asked.table.open("a", newline="") as file:
-                writer = csv.DictWriter(file, row, lineterminator="\n")
-                if begins:
-                    writer.writeheader()
-                writer.writerow(row)
-            print(",".join(str(entry) for entry in row.values()), flush=True)
+    append_rows(asked.table, [cell.row for cell in CELLS if cell.key not in known], asked.processes)
 
 
 if __name__ == "__main__":

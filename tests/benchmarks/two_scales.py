@@ -20,12 +20,13 @@ from __future__ import annotations
 import argparse
 import csv
 import tempfile
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from functools import partial
 from math import ceil
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from gap_cells import append_rows
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
@@ -303,16 +304,8 @@ def main() -> None:
             draw(rows, asked.picture)
         return
     done = {row["name"] for row in read_rows(asked.table_file)} if asked.table_file.exists() else set()
-    with ProcessPoolExecutor(asked.processes) as pool:
-        running = [pool.submit(measured, row) for row in planned() if row["name"] not in done]
-        for one in as_completed(running):
-            row, begins = one.result(), not asked.table_file.exists()
-            with asked.table_file.open("a", newline="") as file:
-                writer = csv.DictWriter(file, row, lineterminator="\n")
-                if begins:
-                    writer.writeheader()
-                writer.writerow(row)
-            print(",".join(str(entry) for entry in row.values()), flush=True)
+    waiting = [partial(measured, row) for row in planned() if row["name"] not in done]
+    append_rows(asked.table_file, waiting, asked.processes)
 
 
 if __name__ == "__main__":

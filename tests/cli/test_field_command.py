@@ -80,8 +80,8 @@ def test_points_for_paraview_belong_to_one_region_each_and_agree_with_its_cells(
     assert np.unique(data.points, axis=0).shape[0] < data.n_points, "points on faces stand once for each region"
 
 
-def test_powder_that_is_fed_back_is_reported_beside_its_chains(studied):
-    """The rows have grains without order; in chains they carry more flux, at most in proportion to their mu_r."""
+def test_powder_that_is_fed_back_is_reported_beside_sheared_powder(studied):
+    """The rows have grains without order; sheared powder carries more flux, at most in proportion to their mu_r."""
     last = json.loads((studied / "field.json").read_text())["at_last_current"]
     row = pandas.read_csv(studied / "field.csv").iloc[-1]
     assert "Maxwell Garnett" in last["powder"] and "feeds back" in last["powder"]

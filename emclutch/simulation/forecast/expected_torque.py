@@ -50,7 +50,7 @@ powders without the runs' own errors (tests/benchmarks/two_scales.py)."""
 GUESS = 2.0
 """Factor within which the formula holds outside of what it was measured for."""
 
-FEW, NO_POWDER, FAR = 3.0, "the gap holds less than three grains, which are no continuum", 10.0
+FEW, FAR = 3.0, 10.0
 """Grains per gap below which the formula gives no more than the order of magnitude, within the factor `FAR`."""
 
 UNKNOWN_FILL = (0.8, 0.9, 1.0)
@@ -229,7 +229,7 @@ def expected_torque(
 ) -> ExpectedTorque:
     """The torque at the largest current, `field` being the solution of the plan at that current.
 
-    Without `unknown_powder` its range, which takes two more solves of the field, is left out.
+    Without `unknown_powder` its range, which takes three more solves of the field, is left out.
     """
     sampled = _sampled(device, field)
     if sampled is None:
@@ -317,17 +317,18 @@ def between_poles(device: Device) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class _Grains:
-    """Torque [N m] of grains of one size; its errors by their causes [-], and what makes it a guess."""
+    """Torque [N m] of grains of one size, its errors by causes [-], what makes it a guess, and within which factor."""
 
     torque: float
     parts: dict[str, float]
     doubts: list[str]
+    factor: float
 
     def interval(self, doubts: list[str], most: float) -> Interval:
         """The 95 % interval, with the doubts of the device and a torque [N m] that a guess may have besides."""
         if not (doubts or self.doubts):
             return Interval.within(self.torque, float(np.linalg.norm(list(self.parts.values()))))
-        found = Interval.within(self.torque, log(FAR if NO_POWDER in self.doubts else GUESS) / 1.96)
+        found = Interval.within(self.torque, log(self.factor) / 1.96)
         return replace(found, high=found.high + most, is_guess=True)
 
 
@@ -393,7 +394,7 @@ class _Sheared:
         if whole > RANGES["fill"][1] >= fill:
             doubts.append(f"its fill is {whole:.3g} before it spills, and the law holds up to {RANGES['fill'][1]:g}")
         if across < FEW:
-            doubts.append(NO_POWDER)
+            doubts.append("the gap holds less than three grains, which are no continuum")
         elif across < RANGES["grains per gap"][0]:
             doubts.append(f"the gap holds {across:.2g} grains, and the law holds from 4 on")
         parts = law.errors_at(b, fill, across, min(inertia, RANGES["inertial number"][1]))
@@ -405,7 +406,8 @@ class _Sheared:
         parts["sizes"] = 0.0 if self._scene.particles.sizes is None else SPREAD
         parts["devices"] = DEVICES
         beyond = max(0.0, whole / fill - 1.0)
-        return _Grains(RUNS_OVER_LAW * float(tau @ zone.lever) * (1.0 + BEYOND * beyond), parts, doubts)
+        torque = RUNS_OVER_LAW * float(tau @ zone.lever) * (1.0 + BEYOND * beyond)
+        return _Grains(torque, parts, doubts, FAR if across < FEW else GUESS)
 
     def _flux_density(self, fill: float, law: PowderLaw) -> np.ndarray:
         """B [T] across the gap at the points of the zone, of powder of a fill."""

@@ -20,8 +20,8 @@ material has the magnetisation of the grains is
     N = N_0 + N_1 H/Ms + N_2 x
 
 with x = ln(phi/0.38), below saturation (`field.laws.powder_law`, N against the macroscopic field H), N_0 being the
-powder's. A, phi_1 and N_0 of other powders follow from a regression over those that were measured, with a larger error.
-Measured cells: docs/explanation/gap_cells.md.
+powder's. A, phi_1 and N_0 of other powders follow from a regression over those that were simulated, with a larger
+error. Cells: docs/explanation/gap_cells.md.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
-from emclutch.results.atomic_file import replace_json
+from emclutch.results.atomic_file import replace_text
 from emclutch.scene.model import Scene
 from field import MU_0, ParticleLaw
 from particles.bulk_friction.friction_table import measured_table
@@ -207,7 +207,7 @@ def _logarithm(coefficients: Iterable[Any], b: Any, fill: Any, grains_per_gap: A
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PowderLaws:
-    """Laws of all powders that were measured, and of powders between them.
+    """Laws of all powders that were simulated in cells, and of powders between them.
 
     Attributes
     ----------
@@ -291,7 +291,7 @@ class PowderLaws:
         ]  # fmt: skip
 
     def between(self, powders: np.ndarray) -> np.ndarray:
-        """ln A, ln phi_1 and N_0 of powders (k, 3) by the regression over those that were measured, (k, 3)."""
+        """ln A, ln phi_1 and N_0 of powders (k, 3) by the regression over those that were simulated, (k, 3)."""
         return _features(powders) @ np.linalg.lstsq(_features(self.powders), self.own, rcond=None)[0]
 
     @property
@@ -346,20 +346,21 @@ class PowderLaws:
         common = zip(COMMON, self.common.tolist(), self.common_errors.tolist(), strict=True)
         rows = zip(self.powders.tolist(), self.own.tolist(), self.own_errors.tolist(), self.correlation.tolist(),
                    self.cells.tolist(), strict=True)  # fmt: skip
+        powders = [
+            dict(zip(("friction", "rolling_friction", "susceptibility"), powder, strict=True)) | {
+                name: {"value": value, "error": error}
+                for name, value, error in zip(OF_POWDER, own, errors, strict=True)
+            } | {"correlation": correlation, "cells": count}
+            for powder, own, errors, correlation, count in rows
+        ]  # fmt: skip
         named = {
             "version": VERSION, "provenance": self.provenance,
             "common": {name: {"value": value, "error": error} for name, value, error in common},
-            "deviation": self.deviation, "permeability": list(self.permeability),
-            "powders": [
-                dict(zip(("friction", "rolling_friction", "susceptibility"), powder, strict=True)) | {
-                    name: {"value": value, "error": error}
-                    for name, value, error in zip(OF_POWDER, own, errors, strict=True)
-                } | {"correlation": correlation, "cells": count}
-                for powder, own, errors, correlation, count in rows
-            ],
-            "unknown": self.unknown.tolist(),
+            "deviation": self.deviation, "permeability": list(self.permeability), "unknown": self.unknown.tolist(),
         }  # fmt: skip
-        replace_json(path, named)
+        lines = [f'"{name}": {json.dumps(value)}' for name, value in named.items()]
+        lines.append('"powders": [\n  ' + ",\n  ".join(map(json.dumps, powders)) + "\n ]")  # a powder a line
+        replace_text(path, "{\n " + ",\n ".join(lines) + "\n}\n")
 
     @classmethod
     def read(cls, path: Path) -> PowderLaws:
