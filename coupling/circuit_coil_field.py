@@ -47,7 +47,7 @@ class CircuitCoilField(SolvedCoilField):
     largest_linkage: float = field(default=0.0, init=False)
     stride: float = field(default=np.inf, init=False)
     _began: float = field(default=-np.inf, init=False)
-    _booked: CircuitState | None = field(default=None, init=False)
+    _at_last_window: CircuitState | None = field(default=None, init=False)
     _into_field_at_solve: float = field(default=0.0, init=False)
 
     def __post_init__(self) -> None:
@@ -58,7 +58,7 @@ class CircuitCoilField(SolvedCoilField):
         """See `SolvedCoilField.refresh`."""
         begin = perf_counter()
         if self.circuit is None or self.coil is None or time == self._began:
-            # at the first instant it is the current that is given; later the linkage, whatever the moments answer
+            # at the first instant it is the current that is given; later the linkage, whatever the moments do
             current = self.voltage(time) / self.resistance if self.begin_steady else 0.0
             if not self.is_stale(current):
                 return False
@@ -68,12 +68,12 @@ class CircuitCoilField(SolvedCoilField):
             )
             self.solves += 1
             self.circuit = CircuitState(time, self.turns * solution.flux_linkage_per_turn, current)
-            self._began, self._booked = time, self.circuit
+            self._began, self._at_last_window = time, self.circuit
         else:
-            found = self._followed(time)
-            if found is None:
+            followed = self._followed(time)
+            if followed is None:
                 return False
-            solution = found
+            solution = followed
         self._linearise(solution)
         self._into_field_at_solve = self.circuit.into_field
         self.set_solution(solution, self.circuit.current)
@@ -163,9 +163,9 @@ class CircuitCoilField(SolvedCoilField):
 
         Linkage and energy of the field go on from its last solve as those of the circuit do.
         """
-        assert self.circuit is not None and self._booked is not None, "refresh(time) comes first"
-        now, before, energy = self.circuit, self._booked, self.linkage_and_energy()[1]
-        self._booked = now
+        assert self.circuit is not None and self._at_last_window is not None, "refresh(time) comes first"
+        now, before, energy = self.circuit, self._at_last_window, self.linkage_and_energy()[1]
+        self._at_last_window = now
         return CircuitRow(
             current=now.current,
             flux_linkage=now.linkage,
@@ -199,7 +199,7 @@ class CircuitCoilField(SolvedCoilField):
         super().restore(saved)
         self.largest_linkage, self.stride = float(saved["largest_linkage"]), float(saved["stride"])
         self.circuit = CircuitState(**{name: float(value) for name, value in saved["circuit"].items()})
-        self._booked = self.circuit
+        self._at_last_window = self.circuit
         self._into_field_at_solve = float(saved.get("into_field_at_solve", self.circuit.into_field))
         self.coil = LinearisedCoil(
             **{name: float(value) for name, value in saved["coil"].items()}, resistance=self.resistance

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from coupling.grain_law_table import grain_table
-from coupling.mutual_moments import MIN_GAP, HeldForces, Magnetisation, MutualMoments
+from coupling.mutual_moments import MIN_GAP, LaggedForces, Magnetisation, MutualMoments
 from coupling.neighbour_rows import neighbour_rows
 from field import MU_0
 from field.laws.powder_law import GrainLaw
@@ -100,11 +100,11 @@ def magnetised_cluster(
     span = float(np.linalg.norm(np.ptp(x, axis=0))) if len(x) > 1 else 0.0
     reach = 2.0 * span + 8.0 * float(a.max(initial=1.0))
     solver = MutualMoments(grain_table(law, model), near=model == "near_field", reach=reach, smallest_gap=smallest_gap)
-    found, held = _solve(solver, x, a, H, None, tolerance, max_sweeps)
-    moment = found.moment
+    state, lagged = _solve(solver, x, a, H, None, tolerance, max_sweeps)
+    moment = state.moment
     volume = 4.0 / 3.0 * np.pi * a**3
-    energy = solver.energy(x, a, found)
-    return Cluster(moment, moment / volume[:, None], held.force, energy, found.residual, found.sweeps)
+    energy = solver.energy(x, a, state)
+    return Cluster(moment, moment / volume[:, None], lagged.force, energy, state.residual, state.sweeps)
 
 
 def magnetised_cell(
@@ -159,15 +159,15 @@ def magnetised_cell(
         grain_table(law, model), near=model == "near_field", reach=far, smear=True, smallest_gap=smallest_gap
     )
     radii = np.tile(a, many)
-    found, held = _solve(
+    state, lagged = _solve(
         solver, everywhere, radii, np.tile(H, (many, 1)), ShearedBox(edges * times), tolerance, max_sweeps
     )
-    moment, volume = found.moment[:n], 4.0 / 3.0 * np.pi * a**3
+    moment, volume = state.moment[:n], 4.0 / 3.0 * np.pi * a**3
     mean = moment.sum(axis=0) / np.prod(edges)
-    assert held.virial is not None
-    stress = -held.virial / (many * np.prod(edges)) - 0.5 * MU_0 * np.diag(mean**2)
-    energy = solver.energy(everywhere, radii, found) / many
-    return Cell(moment, moment / volume[:, None], held.force[:n], energy, found.residual, found.sweeps, stress)
+    assert lagged.virial is not None
+    stress = -lagged.virial / (many * np.prod(edges)) - 0.5 * MU_0 * np.diag(mean**2)
+    energy = solver.energy(everywhere, radii, state) / many
+    return Cell(moment, moment / volume[:, None], lagged.force[:n], energy, state.residual, state.sweeps, stress)
 
 
 def _spheres(centre, radius, field) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -182,12 +182,12 @@ def _spheres(centre, radius, field) -> tuple[np.ndarray, np.ndarray, np.ndarray]
 def _solve(
     solver: MutualMoments, x: np.ndarray, a: np.ndarray, H: np.ndarray, box: ShearedBox | None, tolerance: float,
     max_sweeps: int,
-) -> tuple[Magnetisation, HeldForces]:  # fmt: skip
+) -> tuple[Magnetisation, LaggedForces]:  # fmt: skip
     rows = neighbour_rows(x, solver.reach, box)
-    found = solver.solve(x, a, H, rows, tolerance=tolerance, max_sweeps=max_sweeps)
-    if found.residual > tolerance:
+    state = solver.solve(x, a, H, rows, tolerance=tolerance, max_sweeps=max_sweeps)
+    if state.residual > tolerance:
         raise RuntimeError(
-            f"the moments of {len(x)} spheres did not converge: residual {found.residual:.2g} after {found.sweeps} "
-            f"sweeps, asked for {tolerance:g}; raise `tolerance` or `max_sweeps`"
+            f"the moments of {len(x)} spheres did not converge: residual {state.residual:.2g} after {state.sweeps} "
+            f"sweeps, above `tolerance` = {tolerance:g}; raise `tolerance` or `max_sweeps`"
         )
-    return found, solver.forces(x, a, rows, found, virial=box is not None)
+    return state, solver.forces(x, a, rows, state, virial=box is not None)

@@ -21,8 +21,8 @@ class EddyCoilField(SolvedCoilField):
     """The coil's field with eddy currents in solid parts (effect `eddy_currents`), at a current or at a voltage.
 
     The field takes steps of its own, of one or several windows: as long as field and current are expected to change by
-    `change_tolerance` of their size. They are held between, as by every field of the staggered loop. A step whose local
-    error is larger than that is repeated as several.
+    `change_tolerance` of their size. They stay constant between, as by every field of the staggered loop. A step whose
+    local error is larger than that is repeated as several.
 
     Attributes
     ----------

@@ -76,10 +76,10 @@ def chain_magnetisation(law, M: float) -> float:
         scale = max(M, 1.0)
     fields = np.geomspace(1e-5, 1e3, 4001) * scale
     lone = sphere_magnetisation(law, fields)
-    H = found = float(np.interp(M, lone, fields))
+    H = M_chain = float(np.interp(M, lone, fields))
     for _ in range(60):  # contracts by 3 zeta(3)/6 = 0.6 a turn at most
-        found = float(np.interp(H + 1.2020569 / 6.0 * found, fields, lone))
-    return found
+        M_chain = float(np.interp(H + 1.2020569 / 6.0 * M_chain, fields, lone))
+    return M_chain
 
 
 def pair_work(M: float, diameter: float) -> float:

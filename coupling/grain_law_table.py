@@ -3,16 +3,16 @@
 All grids are even in the logarithms. Fields and magnetisations are in `scale` [A/m] (the saturation of the material;
 infinite for a linear one). Of the lone sphere in a field h, over ln h: M/h and its slope, and the coenergy integral of
 M dh over h^2. Over M, evenly: the contrast c = (beta_s beta_d)^0.6 with beta = M/(3 h) by secant and by tangent, what
-saturation leaves of the answer across the line of centres of a near pair (1 for a high permeability, 0 in saturation).
+saturation leaves of a near pair's response across its line of centres (1 for a high permeability, 0 in saturation).
 
-The neck of two spheres over which the potential drops by D [A], with a gap of g radii between their surfaces, has the
+The neck of two spheres with the magnetomotive force (mmf) D [A], with a gap of g radii between their surfaces, has the
 energy
 
     w = mu_0 a D^2 y(ln g, ln z),    z = |D|/(s Ms a),
 
 with s the capacity that the magnetisation of both leaves (`coupling.mutual_moments`) and a the radius, of unequal
 spheres 2 a_i a_j/(a_i + a_j). ``neck`` holds y and its derivatives at the nodes (`field.spheres.neck_energy`), read as
-bicubic Hermite polynomials, so that the flux, the answer of the capacity and the force,
+bicubic Hermite polynomials, so that the flux, the response of the capacity and the force,
 
     q = -(dw/dD)/mu_0 = -a D (2 y + y'),    (dw/ds)/mu_0 = -a D^2 y'/s,    F = dw/d(g a) = mu_0 D^2 dy/dg,
 
@@ -38,7 +38,7 @@ from field.laws.reluctivity import MU_0, Law
 from field.spheres.lone_sphere import bulk_law, saturation, sphere_magnetisation
 from field.spheres.neck_energy import NeckEnergy, neck_energy
 from field.spheres.pair_table import FADE_TO, fade, fade_slope
-from field.spheres.transverse_pair import transverse_response, transverse_share
+from field.spheres.transverse_pair import transverse_fraction, transverse_response
 from geometry.kernels.device_functions import device_function
 from geometry.kernels.simd import from_integers, maximum, select, to_integers
 from geometry.kernels.simd_math import log
@@ -46,7 +46,7 @@ from geometry.kernels.simd_tables import gather_columns
 
 FARTHEST_GAP = FADE_TO  # radii: beyond it two spheres are mutual dipoles
 MODELS = ("mutual", "near_field")
-SMALLEST_DROP = 1e-200  # A: of a logarithm
+SMALLEST_MMF = 1e-200  # A: of a logarithm
 SMALLEST_CAPACITY = 1e-6
 RATIO, RATIO_SLOPE, COENERGY, COENERGY_SLOPE, N_SPHERE = range(5)
 CONTRASTS = 1024  # intervals of the contrast's grid, over M up to the saturation
@@ -65,14 +65,14 @@ class GrainLawTable(NamedTuple):
         M/h and coenergy over h^2, each with its derivative over the index.
     contrast : ndarray, shape (CONTRASTS + 1, 3)
         c, its derivative over the index, and dM/dh, at even steps of M from 0 to the saturation.
-    gap_start, gap_step, drop_start, drop_step : float
+    gap_start, gap_step, mmf_start, mmf_step : float
         Grids of the neck in ln g and ln z.
-    drop_end : float
+    mmf_end : float
         The last z.
-    n_gap, n_drop : int
-    neck : ndarray, shape (n_gap n_drop, 4)
-        y, dy/di, dy/dj, d2y/didj by the indices i of the gap and j of the drop.
-    drive, pull, work : ndarray, shape (n_gap, n_drop)
+    n_gap, n_mmf : int
+    neck : ndarray, shape (n_gap n_mmf, 4)
+        y, dy/di, dy/dj, d2y/didj by the indices i of the gap and j of the mmf.
+    drive, pull, work : ndarray, shape (n_gap, n_mmf)
         Of an isolated pair, see `coupling.isolated_pair`.
     across : ndarray, shape (n_gap, 2)
         kappa and its derivative over the index.
@@ -85,11 +85,11 @@ class GrainLawTable(NamedTuple):
     contrast: np.ndarray
     gap_start: float
     gap_step: float
-    drop_start: float
-    drop_step: float
-    drop_end: float
+    mmf_start: float
+    mmf_step: float
+    mmf_end: float
     n_gap: int
-    n_drop: int
+    n_mmf: int
     neck: np.ndarray
     drive: np.ndarray
     pull: np.ndarray
@@ -115,9 +115,9 @@ def _tabulate(law: Law | GrainLaw, Ms: float | None, necks: NeckEnergy | None) -
         return GrainLawTable(
             scale, *start, sphere, contrast, 0.0, 1.0, 0.0, 1.0, 1.0, 2, 2, np.zeros((4, 4)), none, none, none, none
         )
-    x, z = necks.log_gap, necks.log_drop
+    x, z = necks.log_gap, necks.log_mmf
     gap, per_index = np.exp(x), float(x[1] - x[0]) * np.exp(x)
-    kappa, slope = transverse_share(gap)
+    kappa, slope = transverse_fraction(gap)
     patch = _faded(necks.patch, fade(gap), fade_slope(gap) * per_index)
     y, rise, slope_z = patch[:, :, 0], patch[:, :, 1] / per_index[:, None], patch[:, :, 2] / (z[1] - z[0])
     pair = isolated_pull(np.exp(log_h), np.exp(log_h) * ratio, x, z, y, slope_z, rise)
@@ -291,16 +291,16 @@ def gap_place(table, gap, smallest_gap):
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def drop_place(table, drop, capacity, radius):
-    """Place of z on the grid of a drop [A], a capacity [-] and a radius [m]; and the last z over z, 1 within the grid.
+def mmf_place(table, mmf, capacity, radius):
+    """Place of z on the grid of an mmf [A], a capacity [-] and a radius [m]; and the last z over z, 1 within the grid.
 
     Scalars or SIMD vectors.
     """
-    z = maximum(abs(drop), SMALLEST_DROP) / (maximum(capacity, SMALLEST_CAPACITY) * radius * table.scale)
-    last = table.n_drop - 1.0
-    place = maximum((log(z) - table.drop_start) * (1.0 / table.drop_step), 0.0)
+    z = maximum(abs(mmf), SMALLEST_MMF) / (maximum(capacity, SMALLEST_CAPACITY) * radius * table.scale)
+    last = table.n_mmf - 1.0
+    place = maximum((log(z) - table.mmf_start) * (1.0 / table.mmf_step), 0.0)
     beyond = place > last
-    return select(beyond, last, place), select(beyond, table.drop_end / z, 1.0)
+    return select(beyond, last, place), select(beyond, table.mmf_end / z, 1.0)
 
 
 @device_function(error_model="numpy", fastmath={"contract"}, forceinline=True)
@@ -333,13 +333,13 @@ def _between_gaps(low, high, x, below):
 
 
 @device_function(error_model="numpy", fastmath={"contract"}, forceinline=True)
-def _between_drops(table, low, high, t, fraction, within):
+def _between_mmfs(table, low, high, t, fraction, within):
     """y, dy/dln z, d2y/d(ln z)2 and dy/di of what `_between_gaps` gives at two columns, at t between them.
 
     ``fraction``: the last z over z beyond the grid, 1.0 within it; ``within``: 0.0 from the farthest gap on.
     """
     h0, h1, g0, g1, d0, d1, e0, e1 = _hermite(t)
-    per_step = 1.0 / table.drop_step
+    per_step = 1.0 / table.mmf_step
     y = h0 * low[0] + h1 * high[0] + g0 * low[1] + g1 * high[1]
     y_i = h0 * low[2] + h1 * high[2] + g0 * low[3] + g1 * high[3]
     first = (d0 * low[0] + d1 * high[0] + e0 * low[1] + e1 * high[1]) * per_step
@@ -351,40 +351,40 @@ def _between_drops(table, low, high, t, fraction, within):
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def necks_of_eight(table, x, below, place, fraction):
-    """y, its first and second derivative over ln z, and dy/di, of eight necks at their `gap_place` and `drop_place`."""
-    last_row, last_column = table.n_gap - 2.0, table.n_drop - 2.0
+def neck_simd(table, x, below, place, fraction):
+    """y, its first and second derivative over ln z, and dy/di, of eight necks at their `gap_place` and `mmf_place`."""
+    last_row, last_column = table.n_gap - 2.0, table.n_mmf - 2.0
     row = from_integers(to_integers(select(x < last_row, x, last_row)))
     column = from_integers(to_integers(select(place < last_column, place, last_column)))
-    at = row * float(table.n_drop) + column
-    here, above = to_integers(at), to_integers(at + float(table.n_drop))
-    after, beyond = to_integers(at + 1.0), to_integers(at + (table.n_drop + 1.0))
+    at = row * float(table.n_mmf) + column
+    here, above = to_integers(at), to_integers(at + float(table.n_mmf))
+    after, beyond = to_integers(at + 1.0), to_integers(at + (table.n_mmf + 1.0))
     x, t, within = x - row, place - column, select(x < last_row + 1.0, 1.0, 0.0)
     x = select(x < 1.0, x, 1.0)
     neck = table.neck
     low = _between_gaps(gather_columns(neck, here, 0), gather_columns(neck, above, 0), x, below)
     high = _between_gaps(gather_columns(neck, after, 0), gather_columns(neck, beyond, 0), x, below)
-    return _between_drops(table, low, high, t, fraction, within)
+    return _between_mmfs(table, low, high, t, fraction, within)
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def _node(table, i, j):
-    k = i * table.n_drop + j
+    k = i * table.n_mmf + j
     return table.neck[k, 0], table.neck[k, 1], table.neck[k, 2], table.neck[k, 3]
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
-def neck_of_one(table, x, below, place, fraction):
-    """As `necks_of_eight`, of one neck."""
+def neck_scalar(table, x, below, place, fraction):
+    """As `neck_simd`, of one neck."""
     if not x < table.n_gap - 1.0:  # also of NaN, which is no index
         return 0.0 * x, 0.0 * x, 0.0 * x, 0.0 * x
     if not place >= 0.0:
         return place, place, place, place
-    i, j = np.int64(x), min(np.int64(place), np.int64(table.n_drop - 2))
+    i, j = np.int64(x), min(np.int64(place), np.int64(table.n_mmf - 2))
     x, t = x - i, place - j
     low = _between_gaps(_node(table, i, j), _node(table, i + 1, j), x, below)
     high = _between_gaps(_node(table, i, j + 1), _node(table, i + 1, j + 1), x, below)
-    return _between_drops(table, low, high, t, fraction, 1.0)
+    return _between_mmfs(table, low, high, t, fraction, 1.0)
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
@@ -396,13 +396,13 @@ def bilinear(values, i, x, j, y):
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
-def mean_pull(table, gap, end, smallest_gap, place, fraction):
+def mean_neck_pull(table, gap, end, smallest_gap, place, fraction):
     """Mean of the pull D^2 dy/dg over a step that takes the gap to ``end`` [radii], over D^2 at its start.
 
     The drive is constant meanwhile (`coupling.isolated_pair`).
     """
     x, below = gap_place(table, gap, smallest_gap)
-    rise = neck_of_one(table, x, below, place, fraction)[3] / (table.gap_step * max(gap, smallest_gap))
+    rise = neck_scalar(table, x, below, place, fraction)[3] / (table.gap_step * max(gap, smallest_gap))
     way = max(end, -smallest_gap) - max(gap, -smallest_gap)
     if not (abs(way) > 1e-6 * max(gap, smallest_gap) and rise > 0.0):  # also of NaN, which is no index
         return rise
@@ -414,10 +414,10 @@ def mean_pull(table, gap, end, smallest_gap, place, fraction):
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def drive_column(table, x, place):
-    """Column of ``pull`` for a neck at the place of its gap and of its drop."""
+    """Column of ``pull`` for a neck at the place of its gap and of its mmf."""
     place = place if place >= 0.0 else 0.0  # NaN is no index
-    i, j = min(np.int64(x), table.n_gap - 2), min(np.int64(place), table.n_drop - 2)
-    return min(max(bilinear(table.drive, i, x - i, j, place - j), 0.0), table.n_drop - 1.0)
+    i, j = min(np.int64(x), table.n_gap - 2), min(np.int64(place), table.n_mmf - 2)
+    return min(max(bilinear(table.drive, i, x - i, j, place - j), 0.0), table.n_mmf - 1.0)
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
@@ -425,7 +425,7 @@ def work_and_pull(table, gap, smallest_gap, column):
     """Work and pull of an isolated pair, see `coupling.isolated_pair`, at a gap [radii]."""
     x, _ = gap_place(table, gap, smallest_gap)
     last = table.n_gap - 1
-    j = min(np.int64(column), table.n_drop - 2)
+    j = min(np.int64(column), table.n_mmf - 2)
     y = column - j
     if not x < last:
         return table.work[last, j] + y * (table.work[last, j + 1] - table.work[last, j]), 0.0

@@ -1,11 +1,11 @@
 """An isolated near pair in a field h along its axis: how the pull of its neck follows the gap.
 
-The pull of a neck changes within a few hundredths of a radius, and moments and drops are found every some steps of the
-grains only. In between the drop is not known: what passes through a closing neck lowers it, and at a constant drop the
-pull would grow up to twice too much. So what is held is the drive: the field h in which an isolated pair at the gap of
-the last evaluation has the neck's drop, over its capacity. From there on the pull varies with the gap as that of the
+The pull of a neck changes within a few hundredths of a radius, and moments and mmfs are solved only every few steps of
+the grains. In between the mmf is not known: the flux through a closing neck lowers it, and at a constant mmf the
+pull would grow up to twice too much. So the drive is frozen: the field h in which an isolated pair at the gap of
+the last evaluation has the neck's mmf, over its capacity. From there on the pull varies with the gap as that of the
 isolated pair in this field. Measured where an evaluation's gap of 0.1 radii closes to 0.003: the force of a pair, of
-pairs in chains and beside side grains is within 7 % at 18 to 200 kA/m (1.1 to 2.1 times at a constant drop).
+pairs in chains and beside side grains is within 7 % at 18 to 200 kA/m (1.1 to 2.1 times at a constant mmf).
 
 The pair is the stationary point of the functional of `coupling.mutual_moments`. In units of radius, saturation and
 mu_0, with R = 2 + g, z = D/(1 - M) and the neck's energy w = D^2 y(g, z),
@@ -32,11 +32,11 @@ class IsolatedPull(NamedTuple):
 
     Attributes
     ----------
-    drive : ndarray, shape (n_gap, n_drop)
-        The column of ``pull`` for h, at the nodes of gap and drop.
-    pull : ndarray, shape (n_gap, n_drop)
+    drive : ndarray, shape (n_gap, n_mmf)
+        The column of ``pull`` for h, at the nodes of gap and mmf.
+    pull : ndarray, shape (n_gap, n_mmf)
         Of the neck over h^2, in columns that are even in ln h; 0 at the last gap.
-    work : ndarray, shape (n_gap, n_drop)
+    work : ndarray, shape (n_gap, n_mmf)
         Its integral over the gap from the first one, ``pull`` linear in ln g between the nodes.
     """
 
@@ -45,7 +45,7 @@ class IsolatedPull(NamedTuple):
     work: np.ndarray
 
 
-def isolated_pull(H: np.ndarray, M: np.ndarray, log_gap: np.ndarray, log_drop: np.ndarray, y: np.ndarray,
+def isolated_pull(H: np.ndarray, M: np.ndarray, log_gap: np.ndarray, log_mmf: np.ndarray, y: np.ndarray,
                   y_slope: np.ndarray, y_rise: np.ndarray) -> IsolatedPull:  # fmt: skip
     """Pull of the isolated pair.
 
@@ -53,19 +53,19 @@ def isolated_pull(H: np.ndarray, M: np.ndarray, log_gap: np.ndarray, log_drop: n
     ----------
     H, M : ndarray, shape (s,)
         Field and magnetisation of a lone sphere, both rising [saturation].
-    log_gap, log_drop : ndarray, shapes (n_gap,), (n_drop,)
+    log_gap, log_mmf : ndarray, shapes (n_gap,), (n_mmf,)
         ln g and ln z at the nodes.
-    y, y_slope, y_rise : ndarray, shape (n_gap, n_drop)
+    y, y_slope, y_rise : ndarray, shape (n_gap, n_mmf)
         y, dy/d ln z and dy/dg there.
     """
-    z, R = np.exp(log_drop), 2.0 + np.exp(log_gap)[:, None]
+    z, R = np.exp(log_mmf), 2.0 + np.exp(log_gap)[:, None]
     low, high = np.zeros(y.shape), np.ones(y.shape)
     for _ in range(HALVINGS):
         m = 0.5 * (low + high)
-        drop = z * (1.0 - m)
-        q = -drop * (2.0 * y + y_slope)
-        h = (drop + 2.0 * m / (3.0 * R**2) + (1.0 - 1.0 / R) * q / (2.0 * np.pi)) / R
-        inside = h + 2.0 * m / (3.0 * R**3) - q / (4.0 * np.pi * R**2) - drop * z * y_slope / (2.0 * VOLUME)
+        mmf = z * (1.0 - m)
+        q = -mmf * (2.0 * y + y_slope)
+        h = (mmf + 2.0 * m / (3.0 * R**2) + (1.0 - 1.0 / R) * q / (2.0 * np.pi)) / R
+        inside = h + 2.0 * m / (3.0 * R**3) - q / (4.0 * np.pi * R**2) - mmf * z * y_slope / (2.0 * VOLUME)
         less = np.interp(m, M, H) < inside
         low, high = np.where(less, m, low), np.where(less, high, m)
     log_h = np.maximum.accumulate(np.log(h), axis=1)
@@ -81,7 +81,7 @@ def isolated_pull(H: np.ndarray, M: np.ndarray, log_gap: np.ndarray, log_drop: n
 
 
 def _integral(log_gap: np.ndarray, pull: np.ndarray) -> np.ndarray:
-    """Integral over the gap from the first one at the nodes (n_gap, n_drop), ``pull`` linear in ln g between them."""
+    """Integral over the gap from the first one at the nodes (n_gap, n_mmf), ``pull`` linear in ln g between them."""
     gap, step = np.exp(log_gap[:-1])[:, None], log_gap[1] - log_gap[0]
     rise = (pull[1:] - pull[:-1]) / step
     part = gap * (pull[:-1] * np.expm1(step) + rise * (np.exp(step) * (step - 1.0) + 1.0))

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-FIRST, SECOND, IMAGE, ENTRY, TWIN, N_PAIR = range(6)  # of a pair: its grains, and see `Chosen`
+FIRST, SECOND, IMAGE, ENTRY, TWIN, N_PAIR = range(6)  # of a pair: its grains, and see `PairSubset`
 
 
 class PairModel(NamedTuple):
@@ -63,7 +63,7 @@ class MagneticGrains(NamedTuple):
     potential : ndarray, shape (n,)
         Of all grains, at the centre [A].
     contrast : ndarray, shape (n, 3)
-        c [-] and dc/dM [m/A], what saturation leaves of the answer across, and dM/dh [-] of a lone sphere
+        c [-] and dc/dM [m/A], what saturation leaves of the response across, and dM/dh [-] of a lone sphere
         (`coupling.grain_law_table`).
     height : ndarray, shape (n, w)
         Over the walls [m] (`coupling.mirror`).
@@ -82,7 +82,7 @@ class MagneticGrains(NamedTuple):
     height: np.ndarray
 
 
-class Chosen(NamedTuple):
+class PairSubset(NamedTuple):
     """Entries of the rows that are of one kind, in their order, and the pairs that they are of.
 
     Attributes
@@ -91,7 +91,7 @@ class Chosen(NamedTuple):
         Those of grain i are start[i] to start[i + 1].
     entry, twin : ndarray of int32, shape (k,)
         Of the rows; and where the pair stands here seen from the other grain (-1: nowhere).
-    once : ndarray of int32, shape (blocks, N_PAIR, 8)
+    unique : ndarray of int32, shape (blocks, N_PAIR, 8)
         Every pair once, eight in a block: both grains, the image of the second, where it stands here, and its twin;
         the last pair fills the last block.
     pairs : int
@@ -101,39 +101,39 @@ class Chosen(NamedTuple):
     start: np.ndarray
     entry: np.ndarray
     twin: np.ndarray
-    once: np.ndarray
+    unique: np.ndarray
     pairs: int
 
 
 class Influence(NamedTuple):
     """Results of `coupling.influence_kernels` from positions alone, and the applied field in near pairs.
 
-    Numba takes no tuple within a tuple into a loop over `numba.prange`: both `Chosen` stand here by their fields.
+    Numba takes no tuple within a tuple into a loop over `numba.prange`: both `PairSubset` stand here by their fields.
 
     Attributes
     ----------
     itself : ndarray, shape (n, 4, 4), of dipoles alone (n, 3, 4)
         Field (3) [A/m] and potential [A] at a grain of its own moment (3) [A m^2] and charge [A m], by its spread
         contribution to the mean field and by its images.
-    image_start, image_entry, image_twin, image_once, image_pairs
-        Entries that also see their partner's images, see `Chosen`.
+    image_start, image_entry, image_twin, image_unique, image_pairs
+        Entries that also see their partner's images, see `PairSubset`.
     image : ndarray, shape (those or more, 4 or 3, 4)
         Those images, as `itself`.
-    near_start, near_entry, near_twin, near_once, near_pairs
-        Near pairs, see `Chosen`.
-    near_pair : ndarray, shape (blocks of ``near_once`` or more, N_NEAR, 8)
+    near_start, near_entry, near_twin, near_unique, near_pairs
+        Near pairs, see `PairSubset`.
+    near_pair : ndarray, shape (blocks of ``near_unique`` or more, N_NEAR, 8)
     """
 
     itself: np.ndarray
     image_start: np.ndarray
     image_entry: np.ndarray
     image_twin: np.ndarray
-    image_once: np.ndarray
+    image_unique: np.ndarray
     image_pairs: int
     image: np.ndarray
     near_start: np.ndarray
     near_entry: np.ndarray
     near_twin: np.ndarray
-    near_once: np.ndarray
+    near_unique: np.ndarray
     near_pairs: int
     near_pair: np.ndarray

@@ -14,7 +14,7 @@ folded back at the faces as its images in ideal steel are, so that nothing is lo
 (`coupling.pair_fields`) and this field count each pair once, as with a solved field.
 
 The plain iteration M -> H grows where a layer's susceptibility exceeds 1. With chi = b/h' of the field h' in which the
-moments were found, h = C/(1 + chi) has the same fixed point, is never reversed, and leaves (chi - s)/(1 + chi) of an
+moments were solved, h = C/(1 + chi) has the same fixed point, is never reversed, and leaves (chi - s)/(1 + chi) of an
 error, s = db/dh: nothing where a layer is linear and far wider than the kernel, chi/(1 + chi) where it is saturated.
 Where chi is at its bounds h = (C - (b - chi h'))/(1 + chi): the fixed point is that of the moments, whatever chi is.
 
@@ -36,7 +36,7 @@ MAX_CHI = 100.0
 
 
 class LayeredField:
-    """Source of the field, which is its own sampler; even until the first moments are taken.
+    """Source of the field, which is its own sampler; even until the first moments are given.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ class LayeredField:
     height, strength : (k,) float64
         From face to face [m], H_z there [A/m].
     magnetisation : (k,) float64
-        M_z there of the moments last taken [A/m].
+        M_z there of the last moments [A/m].
     """
 
     solution: ClassVar[None] = None
@@ -72,7 +72,7 @@ class LayeredField:
         spread = sum(35.0 / (32.0 * width) * np.maximum(1.0 - (t / width) ** 2, 0.0) ** 3 for t in distances)
         self._spread = spread / (step @ spread) / area
         self._weight = step / gap
-        self._take(np.full(len(z), given))
+        self._set_strength(np.full(len(z), given))
         self.magnetisation = np.zeros(len(z))
 
     @property
@@ -92,7 +92,7 @@ class LayeredField:
         return field, gradient
 
     def follow(self, position: np.ndarray, moment: np.ndarray) -> float:
-        """Take the field of moments (n, 3) [A m^2] that were found in the present one, at positions (n, 3) [m].
+        """Set the field of moments (n, 3) [A m^2] that were solved in the present one, at positions (n, 3) [m].
 
         Returns
         -------
@@ -108,9 +108,9 @@ class LayeredField:
         )
         before = self.strength
         chi = np.clip(np.divide(b, before, out=np.zeros(last + 1), where=before != 0.0), 0.0, MAX_CHI)
-        answer, rest = 1.0 / (1.0 + chi), b - chi * before
-        flux = (self.given + self._weight @ (answer * rest)) / (self._weight @ answer)
-        self._take(answer * (flux - rest))
+        response, rest = 1.0 / (1.0 + chi), b - chi * before
+        flux = (self.given + self._weight @ (response * rest)) / (self._weight @ response)
+        self._set_strength(response * (flux - rest))
         size = self._weight @ self.strength**2
         change = self._weight @ (self.strength - before) ** 2
         return 0.0 if size == 0.0 else float(np.sqrt(change / size))  # a NaN stays one
@@ -123,8 +123,8 @@ class LayeredField:
         return {"h": self.strength}
 
     def restore(self, saved: dict[str, Any]) -> None:
-        """Take up the state of a checkpoint."""
-        self._take(saved["h"])
+        """Restore the state of a checkpoint."""
+        self._set_strength(saved["h"])
 
-    def _take(self, strength: np.ndarray) -> None:
+    def _set_strength(self, strength: np.ndarray) -> None:
         self.strength, self._line = strength, CubicSpline(self.height, strength)

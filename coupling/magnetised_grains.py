@@ -41,15 +41,15 @@ class MagnetisedGrains:
     sampler : FieldSampler
         None until the first solve.
     law : ParticleLaw
-    held_stress : ndarray, shape (3, 3)
-        In a sheared box the stress [Pa] of the forces that are held, as `particles.BoxStress` counts it.
+    lagged_stress : ndarray, shape (3, 3)
+        In a sheared box the stress [Pa] of the lagged forces, as `particles.BoxStress` counts it.
     """
 
     sampler: FieldSampler | None
     law: ParticleLaw
     H: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
     grad_H: np.ndarray = field(default_factory=lambda: np.zeros((0, 3, 3)))
-    held_stress: np.ndarray = field(default_factory=lambda: np.zeros((3, 3)))
+    lagged_stress: np.ndarray = field(default_factory=lambda: np.zeros((3, 3)))
 
     def update(self, simulation) -> None:
         """Sample the field at the simulation's grains and set their `magnetic_moment` [A m^2]."""
@@ -59,8 +59,8 @@ class MagnetisedGrains:
         refuse_not_finite(grains.position, self.H, grains.particle_id)
         grains.magnetic_moment = moments(self.law, self.H, grains.volume)
 
-    def hold(self, simulation, force: np.ndarray) -> None:
-        """Take the sum of all held forces (n, 3) [N] of this update: there is nothing to add to it."""
+    def freeze(self, simulation, force: np.ndarray) -> None:
+        """Keep the sum of all lagged forces (n, 3) [N] of this update: there is nothing to add to it."""
 
     def resume(self, motion: GrainMotion) -> None:
         """Give the motion what the state of a checkpoint refers to, before it is restored: nothing."""

@@ -3,7 +3,7 @@
 A wall is a line in the (r, z) section: row (r0, z0, tangent r, tangent z, length, k). Its normal n is the tangent
 turned by +90 degrees; a grain at the signed height h over it has its image at x* = x - 2 h n, in a cylinder at r -> 2 R
 - r, n in the grain's own half plane. The image of a moment m [A m^2] is P m = k (2 (m.n) n - m), that of a charge Q
-[A m] is -k Q (J. D. Jackson, Classical Electrodynamics, 4.4). `coupling.image_lanes` sums them.
+[A m] is -k Q (J. D. Jackson, Classical Electrodynamics, 4.4). `coupling.image_kernels` sums them.
 
 Between two grains and a wall there is one energy, whichever of the two is mirrored. With
 E(a, b) = mu_0 [Q_a phi_b(x_a) - m_a . H_b(x_a)], phi_b and H_b of moment and charge of b (`coupling.pair_fields`),

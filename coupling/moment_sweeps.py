@@ -1,4 +1,4 @@
-"""Sweeps that find dipoles and drops of grains which magnetise one another, a fixed point of `coupling.moment_kernels`.
+"""Sweeps that find dipoles and mmfs of grains which magnetise one another, a fixed point of `coupling.moment_kernels`.
 
 The map is neither linear nor symmetric. Damped sweeps are mixed with those before (`AndersonMixing`); where they stall,
 plain ones of less damping follow, and at last Newton's method. Every sweep updates all from the same state, so no bit
@@ -16,20 +16,14 @@ from scipy.sparse.linalg import LinearOperator
 from coupling.finite_grains import NotFiniteGrains
 from coupling.grain_law_table import GrainLawTable
 from coupling.kernel_state import MagneticGrains, PairModel, Rows
-from coupling.moment_kernels import (
-    N_ANSWER,
-    ask_dipoles,
-    ask_drops,
-    find_fluxes,
-    gather_fields,
-)
+from coupling.moment_kernels import N_RESPONSE, dipole_residual, find_fluxes, gather_fields, mmf_residual
 from geometry.kernels.simd import LANES
 
 if TYPE_CHECKING:
     from coupling.mutual_moments import Magnetisation
 
 FIRST_DAMPING, MIN_DAMPING = 0.7, 0.04  # of an undamped step; near saturation the map may repel those of 0.1
-WARM_DIPOLES, WARM_DROPS = 0.8, 1.0  # of the first step from an earlier solve: what is asked of drops is near Newton's
+WARM_DIPOLES, WARM_MMF = 0.8, 1.0  # of the first step from an earlier solve: the residual of mmfs is near Newton's
 PATIENCE = 20  # sweeps in which the residual has not fallen by a tenth: less damping, at last Newton's method
 NEWTON_ROUNDS, NEWTON_STEPS = 3, 20
 KRYLOV = 30  # vectors of a step of Newton's
@@ -37,18 +31,18 @@ DEPTH = 5  # sweeps that are remembered
 
 
 class MomentSweeps:
-    """Sweeps of one solve; the state of `found` is advanced, and always belongs together when a call returns.
+    """Sweeps of one solve; the state of `magnetisation` is advanced, and always belongs together when a call returns.
 
     Parameters
     ----------
     table, model, walls : GrainLawTable, PairModel, (w, 6) float64
         Of `coupling.mutual_moments.MutualMoments`.
     grains : MagneticGrains
-        Whose arrays, but for `dipole`, are those of `found`.
+        Whose arrays, but for `dipole`, are those of `magnetisation`.
     rows : Rows
-    found : Magnetisation
-        With `known`, the drops to begin with, and room for the rest.
-    extra : (k, 8) float64
+    magnetisation : Magnetisation
+        With `known`, the mmfs to begin with, and room for the rest.
+    near_field : (k, 8) float64
         Scratch, with room for all near entries.
     """
 
@@ -59,41 +53,41 @@ class MomentSweeps:
         walls: np.ndarray,
         grains: MagneticGrains,
         rows: Rows,
-        found: Magnetisation,
-        extra: np.ndarray,
+        magnetisation: Magnetisation,
+        near_field: np.ndarray,
     ) -> None:
         self.table, self.model, self.walls = table, model, walls
-        self.grains, self.rows, self.found, self.extra = grains, rows, found, extra
-        assert found.known is not None
-        self.known = found.known
-        n, w, blocks = len(found.dipole), found.wall_drop.shape[1], len(found.drop)
-        self.step, self.drop_step, self.wall_step = np.empty((n, 3)), np.zeros((blocks, LANES)), np.zeros((n, w))
-        self.answer, self.squares = np.zeros((n, N_ANSWER)), np.zeros((n, 2))
-        self.drop_squares, self.wall_squares = np.zeros((blocks, 2)), np.zeros((n, 2))
+        self.grains, self.rows, self.magnetisation, self.near_field = grains, rows, magnetisation, near_field
+        assert magnetisation.known is not None
+        self.known = magnetisation.known
+        n, w, blocks = len(magnetisation.dipole), magnetisation.wall_mmf.shape[1], len(magnetisation.neck_mmf)
+        self.step, self.mmf_step, self.wall_step = np.empty((n, 3)), np.zeros((blocks, LANES)), np.zeros((n, w))
+        self.response, self.squares = np.zeros((n, N_RESPONSE)), np.zeros((n, 2))
+        self.mmf_squares, self.wall_squares = np.zeros((blocks, 2)), np.zeros((n, 2))
         self.sums = np.ones(4)
 
     def evaluate(self) -> float:
-        """Fluxes, fields and the steps asked at the present dipoles and drops; their residual."""
-        f = self.found
+        """Find fluxes, fields and residual steps at the present dipoles and mmfs; returns the relative residual."""
+        f = self.magnetisation
         grains = self.grains = self.grains._replace(dipole=f.dipole)
         if self.model.near:
             find_fluxes(
-                self.table, self.model, grains, self.rows, self.walls, self.known, f.drop, f.wall_drop, f.contrast,
-                f.neck, f.wall_neck, f.charge, self.answer, self.extra,
+                self.table, self.model, grains, self.rows, self.walls, self.known, f.neck_mmf, f.wall_mmf, f.contrast,
+                f.neck, f.wall_neck, f.charge, self.response, self.near_field,
             )  # fmt: skip
         gather_fields(self.model, grains, self.rows, self.known, f.field, f.potential)
-        ask_dipoles(self.table, grains, self.answer, self.step, self.squares)
+        dipole_residual(self.table, grains, self.response, self.step, self.squares)
         sums = self.squares.sum(axis=0)
         residual = 0.0 if sums[1] == 0.0 else np.sqrt(sums[0] / sums[1])  # a NaN stays one
         if self.model.near:
-            ask_drops(
-                self.model, grains, self.walls, self.known, self.answer, f.drop, f.wall_drop, self.drop_step,
-                self.wall_step, self.drop_squares, self.wall_squares,
+            mmf_residual(
+                self.model, grains, self.walls, self.known, self.response, f.neck_mmf, f.wall_mmf, self.mmf_step,
+                self.wall_step, self.mmf_squares, self.wall_squares,
             )  # fmt: skip
-            drops = self.drop_squares.sum(axis=0) + self.wall_squares.sum(axis=0)
-            more = 0.0 if drops[0] == 0.0 else np.sqrt(drops[0] / max(drops[1], 1e-30 * drops[0]))
+            mmf_sums = self.mmf_squares.sum(axis=0) + self.wall_squares.sum(axis=0)
+            more = 0.0 if mmf_sums[0] == 0.0 else np.sqrt(mmf_sums[0] / max(mmf_sums[1], 1e-30 * mmf_sums[0]))
             residual = max(residual, more) if np.isfinite(more) else more
-            self.sums = np.array([sums[0], sums[1], drops[0], drops[1]])
+            self.sums = np.array([sums[0], sums[1], mmf_sums[0], mmf_sums[1]])
         else:
             self.sums = np.array([sums[0], sums[1], 0.0, 1.0])
         if not np.isfinite(residual):
@@ -110,7 +104,7 @@ class MomentSweeps:
         damping, before, mixing = (1.0 if cold else FIRST_DAMPING), np.inf, AndersonMixing()
         self.scale = np.ones(2)
         best, best_at = np.inf, 0
-        lowest, lowest_state = np.inf, self.found.dipole
+        lowest, lowest_state = np.inf, self.magnetisation.dipole
         for sweep in range(1, max_sweeps + 1):
             residual = self.evaluate()
             if residual <= tolerance:
@@ -129,19 +123,19 @@ class MomentSweeps:
             state = self._state()
             if residual < lowest:
                 lowest, lowest_state = residual, state
-            asked = self._asked()
-            step = np.full(asked.shape, damping)
+            residual_steps = self._residual_steps()
+            step = np.full(residual_steps.shape, damping)
             if sweep == 1 and not cold:
-                step[:] = WARM_DROPS
-                step[: self.found.dipole.size] = WARM_DIPOLES
-            self._take(mixing.next(state, asked, step))
+                step[:] = WARM_MMF
+                step[: self.magnetisation.dipole.size] = WARM_DIPOLES
+            self._set_state(mixing.next(state, residual_steps, step))
             if sweep > 1 and residual > 1.5 * before:
                 mixing.forget()
             elif sweep == 1 and cold:
                 damping = FIRST_DAMPING
             before = residual
-        if self.found.residual > lowest:
-            self._take(lowest_state)
+        if self.magnetisation.residual > lowest:
+            self._set_state(lowest_state)
             self.evaluate()
 
     def newton(self, tolerance: float, max_sweeps: int) -> None:
@@ -149,74 +143,74 @@ class MomentSweeps:
 
         Where it fails the state is that of the smallest residual.
         """
-        best = self.found.residual, self._state()
+        best = self.magnetisation.residual, self._state()
 
-        def asked(state: np.ndarray) -> np.ndarray:
-            if self.found.sweeps >= max_sweeps:
+        def residual_steps(state: np.ndarray) -> np.ndarray:
+            if self.magnetisation.sweeps >= max_sweeps:
                 raise NoConvergence(best[1])
-            self._take(state)
+            self._set_state(state)
             self.evaluate()
-            return self._asked()
+            return self._residual_steps()
 
         for _ in range(NEWTON_ROUNDS):
             try:
-                found = newton_krylov(
-                    asked, self._state(), f_tol=0.1 * tolerance, maxiter=NEWTON_STEPS, method=_gmres,
+                root = newton_krylov(
+                    residual_steps, self._state(), f_tol=0.1 * tolerance, maxiter=NEWTON_STEPS, method=_gmres,
                     inner_maxiter=KRYLOV, tol_norm=lambda x: float(np.sqrt((x**2).sum())),
                 )  # fmt: skip
-                self._take(np.asarray(found))
+                self._set_state(np.asarray(root))
                 self.evaluate()
             except NoConvergence as failed:
-                self._take(np.asarray(failed.args[0]))
+                self._set_state(np.asarray(failed.args[0]))
                 self.evaluate()
             except (NotFiniteGrains, ValueError, np.linalg.LinAlgError):
                 break
-            slow = self.found.residual > 0.1 * best[0]
-            if self.found.residual < best[0]:
-                best = self.found.residual, self._state()
-            if self.found.residual <= tolerance:
+            slow = self.magnetisation.residual > 0.1 * best[0]
+            if self.magnetisation.residual < best[0]:
+                best = self.magnetisation.residual, self._state()
+            if self.magnetisation.residual <= tolerance:
                 return
             if slow:  # a minimum of the residual that is no solution: another round ends there too
                 break
-        self._take(best[1])
+        self._set_state(best[1])
         self.evaluate()
 
     def _scales(self) -> np.ndarray:
-        """Factors of dipoles and drops with which both parts of the state count alike in the mixing.
+        """Factors of dipoles and mmfs with which both parts of the state count alike in the mixing.
 
-        Across the field drops may begin at 0, of which no scale is had: not less than a hundredth of M a.
+        Across the field mmfs may begin at 0, of which no scale is had: not less than a hundredth of M a.
         """
         size, volume = float((self.grains.radius**2).mean()), float(np.sqrt((self.grains.volume**2).mean()))
         squares = np.maximum(self.sums[[1, 3]], [1e-300, 1e-4 * size * self.sums[1] + 1e-300])
         return 1.0 / np.sqrt(squares) * [1.0 / volume, 1.0]
 
-    def _join(self, dipole: np.ndarray, drop: np.ndarray, wall_drop: np.ndarray) -> np.ndarray:
+    def _join(self, dipole: np.ndarray, neck_mmf: np.ndarray, wall_mmf: np.ndarray) -> np.ndarray:
         per_m, per_D = self.scale
         if not self.model.near:
             return per_m * dipole.reshape(-1)
-        return np.concatenate((per_m * dipole.reshape(-1), per_D * drop.reshape(-1), per_D * wall_drop.reshape(-1)))
+        return np.concatenate((per_m * dipole.reshape(-1), per_D * neck_mmf.reshape(-1), per_D * wall_mmf.reshape(-1)))
 
     def _state(self) -> np.ndarray:
-        return self._join(self.found.dipole, self.found.drop, self.found.wall_drop)
+        return self._join(self.magnetisation.dipole, self.magnetisation.neck_mmf, self.magnetisation.wall_mmf)
 
-    def _asked(self) -> np.ndarray:
-        return self._join(self.step, self.drop_step, self.wall_step)
+    def _residual_steps(self) -> np.ndarray:
+        return self._join(self.step, self.mmf_step, self.wall_step)
 
-    def _take(self, state: np.ndarray) -> None:
-        """Set dipoles and drops."""
-        f = self.found
+    def _set_state(self, state: np.ndarray) -> None:
+        """Set dipoles and mmfs."""
+        f = self.magnetisation
         a = f.dipole.size
-        b = a + f.drop.size
+        b = a + f.neck_mmf.size
         f.dipole = (state[:a] / self.scale[0]).reshape(f.dipole.shape)
         if self.model.near:
-            f.drop = (state[a:b] / self.scale[1]).reshape(f.drop.shape)
-            f.wall_drop = (state[b:] / self.scale[1]).reshape(f.wall_drop.shape)
+            f.neck_mmf = (state[a:b] / self.scale[1]).reshape(f.neck_mmf.shape)
+            f.wall_mmf = (state[b:] / self.scale[1]).reshape(f.wall_mmf.shape)
 
 
 class AndersonMixing:
     """The next state (k,) of a damped fixed-point iteration that remembers the last sweeps.
 
-    Of all states in the plane through the sweeps that it remembers that one is taken for which the step asked is
+    Of all states in the plane through the sweeps that it remembers that one is taken whose residual step is
     smallest, and the damped step is made from there (D. G. Anderson, J. ACM 12 (1965) 547; H. F. Walker, P. Ni, SIAM J.
     Numer. Anal. 49 (2011) 1715). It follows an iteration that alternates as well as one that creeps.
 
@@ -237,20 +231,20 @@ class AndersonMixing:
         self._changed: list[np.ndarray] = []
         self._products = np.zeros((0, 0))
 
-    def next(self, state: np.ndarray, asked: np.ndarray, damping: float | np.ndarray) -> np.ndarray:
-        """The next state, of a `state` (k,) and what an undamped step would change, `asked` (k,)."""
+    def next(self, state: np.ndarray, residual_steps: np.ndarray, damping: float | np.ndarray) -> np.ndarray:
+        """The next state, of a `state` (k,) and the change of an undamped step, `residual_steps` (k,)."""
         if self._last is not None and self.depth:
-            self._remember(state - self._last[0], asked - self._last[1])
-        self._last = state, asked
-        found = state + damping * asked
+            self._remember(state - self._last[0], residual_steps - self._last[1])
+        self._last = state, residual_steps
+        after = state + damping * residual_steps
         if not self._changed:
-            return found
-        right = np.array([_product(part, asked) for part in self._changed])
+            return after
+        right = np.array([_product(part, residual_steps) for part in self._changed])
         size = np.sqrt(np.maximum(np.diag(self._products), 1e-300))
         back = np.linalg.lstsq(self._products / np.outer(size, size), right / size, rcond=1e-10)[0] / size
         for part, moved, changed in zip(back, self._moved, self._changed, strict=True):
-            found -= part * (moved + damping * changed)
-        return found
+            after -= part * (moved + damping * changed)
+        return after
 
     def _remember(self, moved: np.ndarray, changed: np.ndarray) -> None:
         if len(self._changed) == self.depth:
@@ -286,10 +280,10 @@ def _gmres(
         if np.sqrt(_product(left, left)) <= rtol * size or matrix[k + 1, k] <= 1e-14 * np.abs(matrix).max():
             break
         basis.append(new / matrix[k + 1, k])
-    found = np.zeros_like(right)
-    for share, vector in zip(part, basis, strict=False):
-        found += share * vector
-    return found, 0
+    solution = np.zeros_like(right)
+    for factor, vector in zip(part, basis, strict=False):
+        solution += factor * vector
+    return solution, 0
 
 
 def _product(a: np.ndarray, b: np.ndarray) -> float:

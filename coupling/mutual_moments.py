@@ -5,9 +5,9 @@ applied field and that of the others (and, where the applied field is the mean o
 contribution; `coupling.pair_fields`).
 
 **near_field** adds the excess flux through the necks of near pairs, whose gap g is less than 1.2 radii. Unknown are, of
-every grain, the dipole part M_i of its magnetisation and, of every near pair k = (i, j), the drop D_k of the potential
-over the neck, from j to i along n; the flux q_k follows from the drop. It leaves grain i and enters grain j as charges
-+q_k and -q_k at their centres, Q_i = sum of +-q_k. The state is the stationary point of
+every grain, the dipole part M_i of its magnetisation and, of every near pair k = (i, j), the magnetomotive
+force (mmf) D_k over the neck, from j to i along n; the flux q_k follows from it. It leaves grain i and enters grain j
+as charges +q_k and -q_k at their centres, Q_i = sum of +-q_k. The state is the stationary point of
 
     W/mu_0 = sum_i [V_i u(M_i) - m_i.H_i + Q_i^2/(8 pi a_i)] + W_dd + W_qd + W_qq
              + sum_k [w(g_k, D_k, s_k) + q_k D_k - q_k r_k n_k.H_k] + W_t
@@ -41,8 +41,8 @@ of a grain and up to 200 kA/m in iron; beyond 200 kA/m it is too strong where co
 moments are 1.14 to 1.33 times too large, and what necks add to the stress is off by up to a third to 120 kA/m and by
 more beyond (docs/explanation/grains_that_magnetise.md).
 
-Dipoles and drops are the fixed point of a map that is neither linear nor symmetric, and a saddle of W
-(`coupling.moment_sweeps`). The step of a drop is divided by 1 + (k_i + k_j)/2, k = sum over a grain's necks of
+Dipoles and mmfs are the fixed point of a map that is neither linear nor symmetric, and a saddle of W
+(`coupling.moment_sweeps`). The step of an mmf is divided by 1 + (k_i + k_j)/2, k = sum over a grain's necks of
 (dq/dD)/(4 pi a), that of a dipole by 1 + (dM/dh) times the sum of |d2w/ds2|/(2 mu_0 Ms^2 V).
 """
 
@@ -55,21 +55,21 @@ import numpy as np
 
 from coupling.finite_grains import refuse_not_finite
 from coupling.grain_law_table import GrainLawTable
-from coupling.image_lanes import MAX_WALLS
+from coupling.image_kernels import MAX_WALLS
 from coupling.influence import find_influence, reuse_or_allocate
 from coupling.influence_kernels import APPLIED
 from coupling.kernel_state import FIRST, SECOND, Influence, MagneticGrains, PairModel
 from coupling.moment_kernels import (
     add_charge_moments,
-    begin_drops,
+    begin_mmf,
     contact_forces,
     grain_energies,
     wall_drives,
     wall_heights,
 )
 from coupling.moment_sweeps import MomentSweeps
+from coupling.neck_kernels import ENERGY, FLUX, N_NECK
 from coupling.neighbour_rows import NeighbourRows
-from coupling.pair_lanes import ENERGY, FLUX, N_NECK
 from geometry.kernels.simd import LANES
 
 MIN_GAP = 3e-3
@@ -83,25 +83,25 @@ MU_0 = 4e-7 * np.pi
 
 @dataclass(slots=True)
 class Necks:
-    """Drops and potentials of a solve, to begin the next one with.
+    """Mmfs and potentials of a solve, to begin the next one with.
 
     Attributes
     ----------
     pair : (k, 2) int64
         Numbers of the grains of near pairs.
-    drop : (k,) float64
+    neck_mmf : (k,) float64
         From the second to the first [A].
-    wall_number, wall, wall_drop : (l,) int64, int64, float64
-        Number of the grain, wall, and drop from its image to it [A].
+    wall_number, wall, wall_mmf : (l,) int64, int64, float64
+        Number of the grain, wall, and mmf from its image to it [A].
     number, potential : (n,) int64, float64
         Numbers of all grains, and their potentials [A]: pairs that have become near ones begin with these.
     """
 
     pair: np.ndarray
-    drop: np.ndarray
+    neck_mmf: np.ndarray
     wall_number: np.ndarray
     wall: np.ndarray
-    wall_drop: np.ndarray
+    wall_mmf: np.ndarray
     number: np.ndarray
     potential: np.ndarray
 
@@ -127,16 +127,16 @@ class Magnetisation:
     height : (n, w) float64
         Over the walls [m], see `coupling.mirror`.
     contrast : (n, 3) float64
-        What saturation leaves of a grain's answer across [-], its derivative over M [m/A], and dM/dh of a lone sphere.
-    drop, neck : (blocks, 8), (blocks, N_NECK, 8) float64
-        Of near pairs as `known` lists them: drops [A], fluxes [A m] and energies.
-    wall_drop, wall_neck : (n, w), (n, w, 2) float64
+        What saturation leaves of a grain's response across [-], its slope over M [m/A], and dM/dh of a lone sphere.
+    neck_mmf, neck : (blocks, 8), (blocks, N_NECK, 8) float64
+        Of near pairs as `known` lists them: mmfs [A], fluxes [A m] and energies.
+    wall_mmf, wall_neck : (n, w), (n, w, 2) float64
         The same at walls.
     residual : float
-        Root mean square of an undamped step over that of the magnetisation, or of the drops where that is more [-].
+        Root mean square of an undamped step over that of the magnetisation, or of the mmfs where that is more [-].
     sweeps : int
     known : Influence or None
-        With which they were found, until the next solve; None: without a field, nothing pulls.
+        With which they were solved, until the next solve; None: without a field, nothing pulls.
     """
 
     moment: np.ndarray
@@ -148,9 +148,9 @@ class Magnetisation:
     potential: np.ndarray
     height: np.ndarray
     contrast: np.ndarray
-    drop: np.ndarray
+    neck_mmf: np.ndarray
     neck: np.ndarray
-    wall_drop: np.ndarray
+    wall_mmf: np.ndarray
     wall_neck: np.ndarray
     residual: float = np.inf
     sweeps: int = 0
@@ -158,7 +158,7 @@ class Magnetisation:
 
 
 @dataclass(slots=True)
-class HeldForces:
+class LaggedForces:
     """Forces of one evaluation.
 
     Attributes
@@ -218,7 +218,7 @@ class MutualMoments:
         self.walls = np.zeros((0, 6)) if walls is None else np.ascontiguousarray(walls, dtype=float).reshape(-1, 6)
         self.model = PairModel(self.reach, self.smear, self.near, self.smallest_gap)
         self._room: Influence | None = None
-        self._extra: np.ndarray | None = None
+        self._near_room: np.ndarray | None = None
 
     def solve(
         self,
@@ -250,13 +250,13 @@ class MutualMoments:
         start : (n, 3) float64, optional
             Dipole parts to begin with [A m^2]; default: those of lone spheres.
         necks : Necks, optional
-            Drops to begin with, of `necks_of` the last solve; pairs that are not among them begin with what the
+            Mmfs to begin with, of `necks_of` the last solve; pairs that are not among them begin with what the
             applied field and its potentials say.
         number : (n,) int64, optional
             Numbers by which grains are known in `necks`, from 0 and not many more than there are grains; default: their
             rows.
         tolerance : float
-            Residual that is asked for; 0: continue for `max_sweeps`.
+            Largest residual; 0: continue for `max_sweeps`.
 
         Returns
         -------
@@ -281,100 +281,100 @@ class MutualMoments:
         slope = np.zeros((n, 4)) if gradient is None else field_slope(position, gradient)
         height = np.empty((n, w))
         wall_heights(position, self.walls, self.reach, height)
-        found = Magnetisation(
+        state = Magnetisation(
             dipole, dipole, np.zeros(n), applied, slope, np.zeros((n, 3)), np.zeros(n), height, np.ones((n, 3)),
             np.zeros((0, LANES)), np.zeros((0, N_NECK, LANES)), np.zeros((n, w)), np.zeros((n, w, 2)), 0.0,
         )  # fmt: skip
         if n == 0 or not applied.any():  # without a field soft grains have no moment
             dipole[:] = 0.0
-            return found
+            return state
         if start is not None and self._is_far(dipole, volume, applied):
             dipole[:] = 0.0
             start = necks = None
-        grains = self._grains(position, radius, volume, found)
-        found.known = known = find_influence(
+        grains = self._grains(position, radius, volume, state)
+        state.known = known = find_influence(
             self.table, self.model, grains, rows.arrays, self.walls, room=self._room, twin=rows.twin
         )
         self._room = known
         number = np.arange(n) if number is None else number
-        found.drop, found.wall_drop = self._first_drops(grains, known, necks, number, found.wall_drop)
-        found.neck = np.zeros((len(found.drop), N_NECK, LANES))
+        state.neck_mmf, state.wall_mmf = self._first_mmf(grains, known, necks, number, state.wall_mmf)
+        state.neck = np.zeros((len(state.neck_mmf), N_NECK, LANES))
         sweeps = MomentSweeps(
-            self.table, self.model, self.walls, grains, rows.arrays, found, self._scratch(known)
+            self.table, self.model, self.walls, grains, rows.arrays, state, self._scratch(known)
         )
         sweeps.run(tolerance, max_sweeps, start is None)
         for _ in range(RESTARTS):
-            if not tolerance < found.residual or found.sweeps >= max_sweeps:
+            if not tolerance < state.residual or state.sweeps >= max_sweeps:
                 break
             sweeps.newton(tolerance, max_sweeps)
-            if tolerance < found.residual and found.sweeps < max_sweeps:
-                sweeps.run(tolerance, max_sweeps - found.sweeps, False)
-        found.moment = found.dipole.copy()
+            if tolerance < state.residual and state.sweeps < max_sweeps:
+                sweeps.run(tolerance, max_sweeps - state.sweeps, False)
+        state.moment = state.dipole.copy()
         if self.near:
-            grains = self._grains(position, radius, volume, found)
+            grains = self._grains(position, radius, volume, state)
             add_charge_moments(
-                rows.arrays, grains, self.walls, known, found.neck, found.wall_neck, found.moment, self._scratch(known)
+                rows.arrays, grains, self.walls, known, state.neck, state.wall_neck, state.moment, self._scratch(known)
             )
-        return found
+        return state
 
-    def necks_of(self, found: Magnetisation, number: np.ndarray | None = None) -> Necks:
-        """Drops of a solve, by the grains' `number` (n,); default: their rows."""
-        known = found.known
+    def necks_of(self, state: Magnetisation, number: np.ndarray | None = None) -> Necks:
+        """Mmfs of a solve, by the grains' `number` (n,); default: their rows."""
+        known = state.known
         none, nothing = np.zeros(0, dtype=np.int64), np.zeros(0)
         if known is None or not self.near:
             return Necks(np.zeros((0, 2), dtype=np.int64), nothing, none, none, nothing, none, nothing)
-        number = np.arange(len(found.moment)) if number is None else number.astype(np.int64)
-        row, wall = np.nonzero(found.wall_drop)
+        number = np.arange(len(state.moment)) if number is None else number.astype(np.int64)
+        row, wall = np.nonzero(state.wall_mmf)
         return Necks(
-            number[np.stack((_once(known, FIRST), _once(known, SECOND)), axis=1)],
-            found.drop.reshape(-1)[: known.near_pairs].copy(), number[row], wall, found.wall_drop[row, wall], number,
-            found.potential.copy(),
+            number[np.stack((_unique(known, FIRST), _unique(known, SECOND)), axis=1)],
+            state.neck_mmf.reshape(-1)[: known.near_pairs].copy(), number[row], wall, state.wall_mmf[row, wall], number,
+            state.potential.copy(),
         )  # fmt: skip
 
-    def _first_drops(
+    def _first_mmf(
         self,
         grains: MagneticGrains,
         known: Influence,
         necks: Necks | None,
         number: np.ndarray,
-        wall_drop: np.ndarray,
+        wall_mmf: np.ndarray,
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Drops to begin with: of `necks`, else those of the applied field and of the potentials there."""
-        drop = known.near_pair[: len(known.near_once), APPLIED].copy()
+        """Mmfs to begin with: of `necks`, else those of the applied field and of the potentials there."""
+        neck_mmf = known.near_pair[: len(known.near_unique), APPLIED].copy()
         if not self.near:
-            return drop, wall_drop
-        wall_drives(self.model, grains, self.walls, wall_drop)
+            return neck_mmf, wall_mmf
+        wall_drives(self.model, grains, self.walls, wall_mmf)
         if necks is None:
-            return drop, wall_drop
+            return neck_mmf, wall_mmf
         number = number.astype(np.int64)
         count = 1 + int(max(number.max(initial=0), necks.number.max(initial=0)))
         potential = np.zeros(count)
         potential[necks.number] = necks.potential
-        begin_drops(known.near_once, number, potential, necks.pair, necks.drop, drop)
-        row, wall = np.nonzero(wall_drop)
-        wall_drop[row, wall] -= 2.0 * potential[number[row]]
+        begin_mmf(known.near_unique, number, potential, necks.pair, necks.neck_mmf, neck_mmf)
+        row, wall = np.nonzero(wall_mmf)
+        wall_mmf[row, wall] -= 2.0 * potential[number[row]]
         row_of = np.full(count, -1)
         row_of[number] = np.arange(len(number))
         row, wall = row_of[necks.wall_number], necks.wall
-        here = (row >= 0) & (wall < wall_drop.shape[1])
-        row, wall, before = row[here], wall[here], necks.wall_drop[here]
-        still = wall_drop[row, wall] != 0.0
-        wall_drop[row[still], wall[still]] = before[still]
-        return drop, wall_drop
+        here = (row >= 0) & (wall < wall_mmf.shape[1])
+        row, wall, before = row[here], wall[here], necks.wall_mmf[here]
+        still = wall_mmf[row, wall] != 0.0
+        wall_mmf[row[still], wall[still]] = before[still]
+        return neck_mmf, wall_mmf
 
     def _grains(
-        self, position: np.ndarray, radius: np.ndarray, volume: np.ndarray, found: Magnetisation
+        self, position: np.ndarray, radius: np.ndarray, volume: np.ndarray, state: Magnetisation
     ) -> MagneticGrains:
         # those of `Grains` are columns of wider rows: one layout for all callers, or each kernel is compiled for two
         return MagneticGrains(
-            np.ascontiguousarray(position), np.ascontiguousarray(radius), volume, found.dipole, found.charge,
-            found.applied, found.slope, found.field, found.potential, found.contrast, found.height,
+            np.ascontiguousarray(position), np.ascontiguousarray(radius), volume, state.dipole, state.charge,
+            state.applied, state.slope, state.field, state.potential, state.contrast, state.height,
         )  # fmt: skip
 
     def _scratch(self, known: Influence) -> np.ndarray:
         many = len(known.near_entry) + len(known.image_entry)
-        self._extra = reuse_or_allocate(many, (8,), self._extra)
-        return self._extra
+        self._near_room = reuse_or_allocate(many, (8,), self._near_room)
+        return self._near_room
 
     def _is_far(self, moment: np.ndarray, volume: np.ndarray, applied: np.ndarray) -> bool:
         """True if the initial moments are of another scale than the field, as after its fast fall."""
@@ -387,58 +387,58 @@ class MutualMoments:
         position: np.ndarray,
         radius: np.ndarray,
         rows: NeighbourRows,
-        found: Magnetisation,
+        state: Magnetisation,
         *,
         attraction: bool = True,
         velocity: np.ndarray | None = None,
         ahead: float = 0.0,
         virial: bool = False,
-    ) -> HeldForces:
-        """Forces at the solved dipoles and drops.
+    ) -> LaggedForces:
+        """Forces at the solved dipoles and mmfs.
 
-        Without `attraction` the pull of the necks along their lines of centres is left out, for those who take it from
-        the gap of every step; with `ahead` > 0 [s] it is its mean over that time at the present `velocity` (n, 3)
-        [m/s]. With `virial` the sum over pairs of r_a F_b is found too.
+        Without `attraction` the pull of the necks along their lines of centres is left out, for callers that
+        evaluate it at the gap of every step; with `ahead` > 0 [s] it is its mean over that time at the present
+        `velocity` (n, 3) [m/s]. With `virial` the sum over pairs of r_a F_b is computed too.
         """
         n = len(position)
         force, torque = np.zeros((n, 3)), np.zeros((n, 2))
-        if found.known is None:
-            return HeldForces(force, 0.0, 0.0, np.zeros((3, 3)) if virial else None)
-        known = found.known
+        if state.known is None:
+            return LaggedForces(force, 0.0, 0.0, np.zeros((3, 3)) if virial else None)
+        known = state.known
         moving = np.zeros((n, 3)) if velocity is None else velocity
-        grains = self._grains(position, radius, 4.0 / 3.0 * np.pi * radius**3, found)
+        grains = self._grains(position, radius, 4.0 / 3.0 * np.pi * radius**3, state)
         sums = np.zeros((n, 9)) if virial else None
-        necks = np.zeros((len(known.near_once), 9, LANES)) if virial else None
+        necks = np.zeros((len(known.near_unique), 9, LANES)) if virial else None
         contact_forces(
-            self.table, self.model, grains, rows.arrays, self.walls, known, found.drop, found.wall_drop, attraction,
+            self.table, self.model, grains, rows.arrays, self.walls, known, state.neck_mmf, state.wall_mmf, attraction,
             moving, float(ahead), force, torque, self._scratch(known), sums, necks,
         )  # fmt: skip
         total = None
         if sums is not None and necks is not None:
             each = necks.transpose(1, 0, 2).reshape(9, -1)[:, : known.near_pairs]
             total = (sums.sum(axis=0) + each.sum(axis=1)).reshape(3, 3)
-            total += MU_0 * (found.moment - found.dipole).T @ found.applied
-        return HeldForces(force, float(torque[:, 0].sum()), float(torque[:, 1].sum()), total)
+            total += MU_0 * (state.moment - state.dipole).T @ state.applied
+        return LaggedForces(force, float(torque[:, 0].sum()), float(torque[:, 1].sum()), total)
 
-    def energy(self, position: np.ndarray, radius: np.ndarray, found: Magnetisation) -> float:
+    def energy(self, position: np.ndarray, radius: np.ndarray, state: Magnetisation) -> float:
         """W [J] of the solved state, see the module."""
-        if found.known is None:
+        if state.known is None:
             return 0.0
-        grains, known = self._grains(position, radius, 4.0 / 3.0 * np.pi * radius**3, found), found.known
+        grains, known = self._grains(position, radius, 4.0 / 3.0 * np.pi * radius**3, state), state.known
         each = np.empty(len(position))
         grain_energies(self.table, grains, each)
-        near = found.neck[:, ENERGY] - found.neck[:, FLUX] * known.near_pair[: len(found.neck), APPLIED]
+        near = state.neck[:, ENERGY] - state.neck[:, FLUX] * known.near_pair[: len(state.neck), APPLIED]
         total = each.sum() + near.reshape(-1)[: known.near_pairs].sum()
         if self.near:
-            drive = np.empty_like(found.wall_drop)
+            drive = np.empty_like(state.wall_mmf)
             wall_drives(self.model, grains, self.walls, drive)
-            total += found.wall_neck[:, :, 1].sum() - 0.5 * (found.wall_neck[:, :, 0] * drive).sum()
+            total += state.wall_neck[:, :, 1].sum() - 0.5 * (state.wall_neck[:, :, 0] * drive).sum()
         return MU_0 * float(total)
 
 
-def _once(known: Influence, column: int) -> np.ndarray:
+def _unique(known: Influence, column: int) -> np.ndarray:
     """A column of the near pairs (near_pairs,), each once."""
-    return known.near_once[:, column].reshape(-1)[: known.near_pairs]
+    return known.near_unique[:, column].reshape(-1)[: known.near_pairs]
 
 
 def field_slope(position: np.ndarray, gradient: np.ndarray) -> np.ndarray:

@@ -1,9 +1,9 @@
 """The grains' moments where they magnetise one another: models `mutual` and `near_field` of the effect `dipoles`.
 
-Dipoles and drops of the last evaluation are the start of the next one: a few sweeps follow the powder while it is
-sheared. The dipoles are sorted and turned with the grains, the drops known by the numbers of the grains.
+Dipoles and mmfs of the last evaluation are the start of the next one: a few sweeps follow the powder while it is
+sheared. The dipoles are sorted and turned with the grains, the mmfs known by the numbers of the grains.
 A field of layers (`coupling.layered_field`) is that of the last moments; where these have left it by more than the
-moments' tolerance, both are found again.
+moments' tolerance, both are solved again.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 from coupling.finite_grains import refuse_not_finite
 from coupling.layered_field import LayeredField
 from coupling.magnetised_grains import MagnetisedGrains, MomentRow
-from coupling.mutual_moments import HeldForces, Magnetisation, MutualMoments, Necks
+from coupling.mutual_moments import LaggedForces, Magnetisation, MutualMoments, Necks
 from coupling.near_attraction import NearAttraction
 from coupling.wall_reflection import steel_walls
 from field import ConvergenceError, MagneticField
@@ -37,15 +37,15 @@ class MutuallyMagnetisedGrains(MagnetisedGrains):
     ----------
     solver : MutualMoments
     tolerance : float
-        Residual of the moments that is asked for.
+        Largest residual of the moments.
     max_sweeps : int
         Sweeps of an evaluation at most.
     mirrors : sequence of walls, or None
         Walls whose steel mirrors the grains, as strongly as the field's solution says; None: none does.
     near : NearAttraction or None
-        Hands the near pull to the grains' own step; None: it is held like the rest.
+        Transfers the near pull to the grains' own step; None: it lags like the rest.
     necks : Necks or None
-        Drops of the last evaluation; None before the first one, and in model `mutual`.
+        Mmfs of the last evaluation; None before the first one, and in model `mutual`.
     field_strength : float or None
         Root mean square of the field without the grains' own [A/m] at the last evaluation; None before the first one.
     """
@@ -55,7 +55,7 @@ class MutuallyMagnetisedGrains(MagnetisedGrains):
     max_sweeps: int = MAX_SWEEPS
     mirrors: Sequence | None = None
     near: NearAttraction | None = None
-    found: Magnetisation | None = None
+    magnetisation: Magnetisation | None = None
     necks: Necks | None = None
     field_strength: float | None = None
     _walls_of: object = None
@@ -73,57 +73,58 @@ class MutuallyMagnetisedGrains(MagnetisedGrains):
         for _ in range(MAX_ROUNDS):
             self.H, self.grad_H = self.sampler.sample(grains.position)
             refuse_not_finite(grains.position, self.H, grains.particle_id)
-            found = self.solver.solve(
+            magnetisation = self.solver.solve(
                 grains.position, grains.radius, self.H, rows, gradient=self.grad_H if self.solver.smear else None,
                 start=grains.magnetic_moment if grains.dipole is None else grains.dipole, necks=self.necks,
                 number=grains.particle_id, tolerance=self.tolerance, max_sweeps=self.max_sweeps,
             )  # fmt: skip
-            if found.residual > LOST:
-                raise MomentError(found.residual, found.sweeps)
-            self.found, grains.magnetic_moment = found, found.moment
+            if magnetisation.residual > LOST:
+                raise MomentError(magnetisation.residual, magnetisation.sweeps)
+            self.magnetisation, grains.magnetic_moment = magnetisation, magnetisation.moment
             if self.solver.near:
                 # a copy: the grains turn theirs where they cross a face
-                grains.dipole, self.necks = found.dipole.copy(), self.solver.necks_of(found, grains.particle_id)
-            self._sweeps += found.sweeps
-            left = 0.0 if layers is None else layers.follow(grains.position, found.moment)
+                grains.dipole = magnetisation.dipole.copy()
+                self.necks = self.solver.necks_of(magnetisation, grains.particle_id)
+            self._sweeps += magnetisation.sweeps
+            left = 0.0 if layers is None else layers.follow(grains.position, magnetisation.moment)
             if left <= self.tolerance:
                 break
         if left > LOST:
             raise MomentError(left, self._sweeps)
-        self._worst = max(self._worst, found.residual, left)
+        self._worst = max(self._worst, magnetisation.residual, left)
         self.field_strength = float(np.sqrt((self.H**2).sum(axis=1).mean())) if len(self.H) else 0.0
         budget = simulation.motion.energy_budget
         self._stood = (np.array(grains.position), np.array(grains.radius)) if budget else None
 
     def pulls_follow_gaps(self, simulation) -> bool:
-        """True if the grains' step takes the near pulls at its own gaps; DVI does where they are not found every step.
+        """True if the grains' step has the near pulls at its own gaps; DVI does where they are not updated every step.
 
-        Else a step of DVI holds their mean over its way, from the moments of its beginning.
+        Else a step of DVI has their mean over its way, from the moments of its beginning.
         """
         each_step = isinstance(simulation.motion, DVI) and simulation.steps_per_update == 1
         return self.near is not None and not each_step
 
-    def all_is_held(self, simulation) -> bool:
-        """True if the stress of a sheared box is that of the very forces that are held: no pull follows the gaps."""
+    def all_is_lagged(self, simulation) -> bool:
+        """True if the stress of a sheared box is that of the lagged forces alone: no pull follows the gaps."""
         return simulation.motion.box is not None and not self.pulls_follow_gaps(simulation)
 
-    def take_virial(self, held: HeldForces, motion: GrainMotion) -> None:
-        """Keep the stress of forces whose virial has been found; others change nothing."""
-        if held.virial is not None and motion.box is not None:
-            self.held_stress = held.virial.T / motion.box.volume
+    def set_lagged_stress(self, lagged: LaggedForces, motion: GrainMotion) -> None:
+        """Keep the stress of the lagged forces where their virial was computed; others change nothing."""
+        if lagged.virial is not None and motion.box is not None:
+            self.lagged_stress = lagged.virial.T / motion.box.volume
 
-    def hold(self, simulation, force: np.ndarray) -> None:
-        """Take the sum of all held forces (n, 3) [N] of this update, and let the grains' step follow the near gaps."""
-        motion, grains, found = simulation.motion, simulation.motion.grains, self.found
+    def freeze(self, simulation, force: np.ndarray) -> None:
+        """Freeze all lagged forces (n, 3) [N] of this update, and let the grains' step follow the near gaps."""
+        motion, grains, magnetisation = simulation.motion, simulation.motion.grains, self.magnetisation
         follow = self.pulls_follow_gaps(simulation)
-        if found is not None and motion.box is not None and follow:
+        if magnetisation is not None and motion.box is not None and follow:
             # the pulls of near pairs have their stress from each step
             rows = simulation.rows(self.solver.reach)
-            self.take_virial(
-                self.solver.forces(grains.position, grains.radius, rows, found, attraction=False, virial=True), motion
-            )
-        if follow and self.near is not None and found is not None:
-            self.near.hold(motion, found, force)
+            place = grains.position, grains.radius, rows
+            without_pulls = self.solver.forces(*place, magnetisation, attraction=False, virial=True)
+            self.set_lagged_stress(without_pulls, motion)
+        if follow and self.near is not None and magnetisation is not None:
+            self.near.freeze(motion, magnetisation, force)
 
     def resume(self, motion: GrainMotion) -> None:
         """Give the motion the attraction that its saved drives belong to."""
@@ -131,21 +132,22 @@ class MutuallyMagnetisedGrains(MagnetisedGrains):
             motion.attraction = self.near.attraction
 
     def state(self) -> dict[str, Any] | None:
-        """Return the drops and the field's strength for a checkpoint."""
+        """Return the mmfs of the necks and the field's strength for a checkpoint."""
         if self.field_strength is None:
             return None
-        drops = {} if self.necks is None else asdict(self.necks)
-        return {"field_strength": self.field_strength} | drops
+        saved_necks = {} if self.necks is None else asdict(self.necks)
+        return {"field_strength": self.field_strength} | saved_necks
 
     def restore(self, saved: dict[str, Any] | None) -> None:
-        """Take up the drops and the field's strength of a checkpoint."""
-        drops = dict(saved or {})
-        self.field_strength = drops.pop("field_strength", None)
-        self.necks = Necks(**drops) if drops else None
+        """Restore the mmfs of the necks and the field's strength of a checkpoint."""
+        saved_necks = dict(saved or {})
+        self.field_strength = saved_necks.pop("field_strength", None)
+        self.necks = Necks(**saved_necks) if saved_necks else None
 
     def energy(self) -> float | None:
         """Return W of `coupling.mutual_moments` at the last evaluation [J]; None without a budget of energy."""
-        return None if self._stood is None or self.found is None else self.solver.energy(*self._stood, self.found)
+        stood, state = self._stood, self.magnetisation
+        return None if stood is None or state is None else self.solver.energy(*stood, state)
 
     def window_part(self) -> MomentRow:
         """Return the worst residual and the sweeps since the last call."""

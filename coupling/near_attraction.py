@@ -1,9 +1,9 @@
 """Attraction of near grains in their engine's own step: fields and moments of the last update, the gap of each step.
 
-The held forces of an update hold every pair's near pull at the places of that update. Of the pairs in the list it is
-taken out again and handed over as a drive (`particles.attraction`); the others, farther apart, stay constant.
-When the list is rebuilt between two updates both are found again, from the same places, images, fields and moments: the
-engine sorts and turns them with its grains.
+The lagged forces of an update contain every pair's near pull at the places of that update. Of the pairs in the list it
+is subtracted and transferred as a drive (`particles.attraction`); the others, farther apart, stay constant.
+When the list is rebuilt between two updates both are computed again, from the same places, images, fields and moments:
+the engine sorts and turns them with its grains.
 """
 
 from __future__ import annotations
@@ -15,18 +15,18 @@ import numpy as np
 from coupling.grain_law_table import GrainLawTable
 from coupling.kernel_state import MagneticGrains, Rows
 from coupling.mutual_moments import Magnetisation, MutualMoments
-from coupling.near_drive_kernels import drive_pairs, drive_walls, take_out
+from coupling.near_drive_kernels import drive_pairs, drive_walls, subtract_pulls
 from geometry import RevolvedWall
 from particles import GrainMotion
 from particles.attraction import Attraction
 from particles.periodicity import images_of
 
 NEAR_GAP = 0.3
-"""Gap [radii] beyond which the pull changes slowly and may be held."""
+"""Gap [radii] beyond which the pull changes slowly and may lag."""
 
 
 class NearAttraction:
-    """Hands the near pull of `MutualMoments` over to `DEM` or `DVI`.
+    """Transfers the near pull of `MutualMoments` to `DEM` or `DVI`.
 
     Parameters
     ----------
@@ -35,8 +35,8 @@ class NearAttraction:
     walls : sequence of walls
         Those of the engine, in its order.
     near_gap : float
-        Gap [radii] up to which every pair follows its gap of each step. From `FARTHEST_GAP` on nothing of the pulls is
-        held, as the stress of a sheared box needs it.
+        Gap [radii] up to which every pair follows its gap of each step. From `FARTHEST_GAP` on no pull lags,
+        as the stress of a sheared box needs it.
     """
 
     def __init__(self, solver: MutualMoments, walls: Sequence, near_gap: float = NEAR_GAP) -> None:
@@ -50,31 +50,31 @@ class NearAttraction:
             table.gap_start, table.gap_step, table.pull, self._across, solver.smallest_gap, self.drives, near_gap
         )
 
-    def hold(self, motion: GrainMotion, found: Magnetisation, whole: np.ndarray) -> None:
-        """Take an update: moments and fields `found` and all forces of it, `whole` (n, 3) [N]."""
+    def freeze(self, motion: GrainMotion, magnetisation: Magnetisation, total_force: np.ndarray) -> None:
+        """Freeze the moments and fields of an update, and the sum of its forces `total_force` (n, 3) [N]."""
         own = self.attraction
         own.per_grain = {
             "position": np.array(motion.grains.position),
-            "dipole": np.array(found.dipole),
-            "applied": np.array(found.applied),
+            "dipole": np.array(magnetisation.dipole),
+            "applied": np.array(magnetisation.applied),
             # of three dimensions: no vectors to be turned
-            "slope": np.array(found.slope)[:, :, None],
-            "whole": np.array(whole),
-            "potential": np.array(found.potential),
-            "contrast": np.array(found.contrast)[:, :, None],
-            "height": np.array(found.height)[:, :, None],
+            "slope": np.array(magnetisation.slope)[:, :, None],
+            "total_force": np.array(total_force),
+            "potential": np.array(magnetisation.potential),
+            "contrast": np.array(magnetisation.contrast)[:, :, None],
+            "height": np.array(magnetisation.height)[:, :, None],
         }
         own.strain = 0.0 if motion.box is None else motion.box.strain
         own.renew()
         motion.attraction = own
 
     def drives(self, motion: GrainMotion) -> tuple[np.ndarray, np.ndarray]:
-        """See `Attraction.drives`; sets the held forces to what the list does not hold."""
+        """See `Attraction.drives`; sets the lagged forces to those of pairs outside the list."""
         of, solver, pairs, slots = self.attraction.per_grain, self.solver, motion.listed_pairs, motion.listed_walls
         images = images_of(None if motion.periodicity is None else motion.periodicity.at_strain(self.attraction.strain))
         none = len(images) // 2
-        pair, held, wall = np.zeros((pairs.count, 3)), np.zeros((pairs.count, 3)), np.zeros((len(slots.wall), 2))
-        rest = of["whole"].copy()
+        pair, lagged, wall = np.zeros((pairs.count, 3)), np.zeros((pairs.count, 3)), np.zeros((len(slots.wall), 2))
+        rest = of["total_force"].copy()
         image = np.full(pairs.count, none, dtype=np.uint8)
         if pairs.shift is not None:
             image += pairs.shift.astype(np.uint8)
@@ -84,8 +84,8 @@ class NearAttraction:
             of["applied"], slope, np.zeros((0, 3)), of["potential"], contrast, height,
         )  # fmt: skip
         rows = Rows(pairs.start, pairs.other, image, images)
-        drive_pairs(solver.table, self._across, solver.model, grains, rows, pair, held)
-        take_out(rows, held, rest)
+        drive_pairs(solver.table, self._across, solver.model, grains, rows, pair, lagged)
+        subtract_pulls(rows, lagged, rest)
         if len(solver.walls):
             steel = np.where(slots.smooth, self._steel[slots.wall], -1)
             drive_walls(solver.table, solver.model, grains, slots.start, steel, solver.walls, wall, rest)

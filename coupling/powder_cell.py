@@ -10,7 +10,7 @@ what the stress is made of, and what does not come on top of it. A scene of a sh
 (`coupling.sheared_powder`) with its own contact law.
 
 **Power.** In the steady state tau rate V is what contacts dissipate, `Series.power`; the difference is the error of the
-held forces, of the lagging moments and of the step, and what chains that have not yet broken hold.
+lagged forces, of the lagged moments and of the step, and what chains that have not yet broken hold.
 
 **What follows from what.** Stiffness of contacts: an overlap of 0.5 % of a diameter under the load of a chain along the
 field, min(2 pi H/Ms, 0.7) mu_0 Ms^2 a^2, and ten times the negative stiffness (pi/2) mu_0 Ms^2 a of a saturated neck.
@@ -109,8 +109,8 @@ class Series:
     Attributes
     ----------
     strain : at the windows' ends [-].
-    tau, tau_contacts, tau_held, tau_near : the stress that a wall feels and its parts: contacts, held magnetic forces,
-        near pairs' attraction [Pa].
+    tau, tau_contacts, tau_lagged, tau_near : the stress that a wall feels and its parts: contacts, lagged magnetic
+        forces, near pairs' attraction [Pa].
     tau_across : force along z on a plane across x, without the macroscopic field's [Pa].
     pressure : a third of the trace of the same stress, positive where grains push [Pa].
     power : dissipated by contacts, over rate and volume [Pa].
@@ -121,7 +121,7 @@ class Series:
     strain: list[float] = field(default_factory=list)
     tau: list[float] = field(default_factory=list)
     tau_contacts: list[float] = field(default_factory=list)
-    tau_held: list[float] = field(default_factory=list)
+    tau_lagged: list[float] = field(default_factory=list)
     tau_near: list[float] = field(default_factory=list)
     tau_across: list[float] = field(default_factory=list)
     pressure: list[float] = field(default_factory=list)
@@ -230,7 +230,7 @@ class PowderCell:
         s.tau.append(means.shear_stress)
         s.tau_contacts.append(means.shear_stress_contacts)
         s.tau_near.append(0.0 if magnetised is None else magnetised.shear_stress_near)
-        s.tau_held.append(0.0 if magnetised is None else magnetised.shear_stress_held)
+        s.tau_lagged.append(0.0 if magnetised is None else magnetised.shear_stress_lagged)
         s.tau_across.append(means.shear_stress_across)
         s.pressure.append(means.pressure)
         s.power.append(row.energy.dissipated / (row.steps * self.dem.dt * self.rate * self.box.volume))

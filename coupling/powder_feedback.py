@@ -4,13 +4,13 @@ The field is that of the moments themselves. They stand in it, spread out (`coup
 
     M = phi M_grain(|B|; N) B/|B| + source,        N = (H - h(M))/M of each element,
 
-with h(M) the field inside a grain by its own law. The first part answers to B inside the Newton iteration as the powder
-there does, whatever its structure; the source is what it misses of the deposited moments at the field of the last
-solve. So at the fixed point the magnetisation is the deposited one, whatever N is; N only makes the iteration converge
-faster. N is limited to 0.03 to 0.4, relaxed by half at each solve, and kept where it is undefined: H, phi or M almost
-zero, grains at saturation, M against H.
+with h(M) the field inside a grain by its own law. The first part responds to B inside the Newton iteration as the
+powder there does, whatever its structure; the source is what it misses of the deposited moments at the field of the
+last solve. So at the fixed point the magnetisation is the deposited one, whatever N is; N only makes the iteration
+converge faster. N is limited to 0.03 to 0.4, relaxed by half at each solve, and kept where it is undefined: H, phi or M
+almost zero, grains at saturation, M against H.
 
-In dense powder, whose necks answer more strongly than the law with such an N can say, the iteration may swing and grow.
+In dense powder, whose necks respond more strongly than the law with such an N says, the iteration may swing and grow.
 Where a solve has not brought field and moments nearer by a tenth, moments are deposited that go half of the way from
 the last deposited ones, until the grains have moved.
 
@@ -53,7 +53,7 @@ class FeedbackResidual:
     Attributes
     ----------
     total : float
-        Of the moments now against those that the present field holds.
+        Of the present moments against those in the present field.
     across, factor, lag : float
         Parts of the last solve's source, which it took from the moments before it: across H, where no N can stand for
         it; along H where N is at a limit; and the rest, the relaxation of N and what changes within an element.
@@ -117,7 +117,7 @@ class PowderFeedback:
         self.residual = FeedbackResidual()
 
     def _place(self) -> np.ndarray:
-        """Note where the smear is taken; the volumes (m, q) of the quadrature points."""
+        """Note where the smear is evaluated; returns the volumes (m, q) of the quadrature points."""
         problem, rows = self.problem, self._steel
         elements, own = problem.elements, problem.powder_elements
         points = np.stack((elements.radius[own], elements.height[own]), axis=2)
@@ -132,14 +132,14 @@ class PowderFeedback:
 
     def _spread(self, position: np.ndarray, volume: np.ndarray, moment: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Solid fraction (m, q) and magnetisation (m, 2, q) of the smeared grains at the quadrature points."""
-        self._take_smear(position, volume, moment)
+        self._set_smear(position, volume, moment)
         assert self._smear is not None
-        found = self._smear.at(self._points, self._folds, slopes=False)
-        M = np.ascontiguousarray(found[1:3].reshape(2, *self._shape).transpose(1, 0, 2))
-        return found[0].reshape(self._shape), M
+        smeared = self._smear.at(self._points, self._folds, slopes=False)
+        M = np.ascontiguousarray(smeared[1:3].reshape(2, *self._shape).transpose(1, 0, 2))
+        return smeared[0].reshape(self._shape), M
 
-    def _take_smear(self, position: np.ndarray, volume: np.ndarray, moment: np.ndarray) -> None:
-        """Keep the smear of which `sampler_after_solve` takes M at the nodes."""
+    def _set_smear(self, position: np.ndarray, volume: np.ndarray, moment: np.ndarray) -> None:
+        """Keep the smear, which gives `sampler_after_solve` M at the nodes."""
         self._smear = ring_smear(position, volume, moment, self.width, self.angle, self._steel)
 
     def deposit(
@@ -162,7 +162,7 @@ class PowderFeedback:
             self._damping = HALF_WAY
         if self._damping < 1.0:
             moment = self._given + self._damping * (moment - self._given)
-            self._take_smear(position, volume, moment)
+            self._set_smear(position, volume, moment)
             self._M = before + self._damping * (self._M - before)
         self._judged, self._given = field, moment.copy()
         self.residual = FeedbackResidual(total, self.residual.across, self.residual.factor, self.residual.lag)
@@ -180,8 +180,8 @@ class PowderFeedback:
         B, size = self._flux(field)
         if powder is None:
             return np.zeros_like(B)
-        found = self._of_flux(powder, B, size)
-        return found if powder.source is None else found + powder.source
+        by_law = self._of_flux(powder, B, size)
+        return by_law if powder.source is None else by_law + powder.source
 
     def _of_flux(self, powder: PowderState, B: np.ndarray, size: np.ndarray) -> np.ndarray:
         M, _ = self.law.from_flux(size, *powder.arguments)
@@ -217,12 +217,12 @@ class PowderFeedback:
         says &= M < SATURATED * self._scale
         before = self.law.demagnetising_factors(self._fill)[0] if self._factor is None else self._factor
         M = np.where(says, M, 1.0)
-        wanted = np.where(says, (strength - self.law.field_inside(M)) / M, before)
-        target = np.clip(wanted, MIN_FACTOR, MAX_FACTOR)
+        unbounded = np.where(says, (strength - self.law.field_inside(M)) / M, before)
+        target = np.clip(unbounded, MIN_FACTOR, MAX_FACTOR)
         factor = target if self._factor is None else before + 0.5 * (target - before)
         state = PowderState(self._fill, factor)
         source = self._M - self._law_part(state, H)
-        self._note(source, H, (target != wanted) | ~says)
+        self._note(source, H, (target != unbounded) | ~says)
         self._factor = factor
         return PowderState(self._fill, factor, np.ascontiguousarray(source))
 
@@ -306,5 +306,5 @@ class FeedbackError(ConvergenceError):
             [(residual, 1.0)],
             remedy,
             f"the field and the moments of the grains do not agree: they differ by {residual:.2g} of the magnetisation "
-            f"after {solves} solves of one window (asked for {tolerance:g}, effects.back_reaction.tolerance); {remedy}",
+            f"after {solves} solves of one window (effects.back_reaction.tolerance: {tolerance:g}); {remedy}",
         )

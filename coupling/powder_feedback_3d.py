@@ -58,10 +58,10 @@ class PowderFeedback3D(PowderFeedback):
         turn = turn_of(self.carrier)
         copies = 2.0 * np.pi / self.angle / self.problem.mesh.n_sectors
         amounts = copies * np.column_stack((volume, moment @ turn))
-        found = smear_3d(self._every, position @ turn, amounts, self.width, self.problem.fold)
-        total, begin = found[:, : len(self._points)].copy(), len(self._points)
+        smeared = smear_3d(self._every, position @ turn, amounts, self.width, self.problem.fold)
+        total, begin = smeared[:, : len(self._points)].copy(), len(self._points)
         for (own, mirror, ratio, normal), row in zip(self._mirrored, self._steel, strict=True):
-            there = ratio * found[:, begin : begin + len(mirror)]
+            there = ratio * smeared[:, begin : begin + len(mirror)]
             begin += len(mirror)
             across = (there[1:] * normal.T).sum(axis=0)
             total[0, own] += there[0]
@@ -89,8 +89,8 @@ class PowderFeedback3D(PowderFeedback):
         powder = field.powder
         if powder is None:
             return np.zeros_like(self._M)
-        found = self._law_part(powder, self._strength(field))
-        return found if powder.source is None else found + powder.source
+        by_law = self._law_part(powder, self._strength(field))
+        return by_law if powder.source is None else by_law + powder.source
 
     def _is_on(self, field: Field3D) -> bool:
         return bool(field.phi.any())

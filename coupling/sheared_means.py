@@ -5,11 +5,11 @@ pairs whose line crosses the plane, and of the momentum that grains carry throug
 
     sigma_ab = (1/V) [sum over pairs F_a r_b + sum over grains m p_a p_b],      tau = -sigma_xz,
 
-F on the grain at r from its partner, p the velocity less the flow's, compression positive: contacts, the attraction of
-near pairs that follows the gap of each step, and what is held of the magnetic forces between two evaluations. Contacts
-alone do not have this stress, and pairs with torques do not have F_x r_z = F_z r_x: the field's torque mu_0 M x H
-stands between tau_zx and tau_xz (`BoxRow.shear_stress` and `BoxRow.shear_stress_across`). With the macroscopic field H
-along z two things do *not* come on top:
+F on the grain at r from its partner, p the peculiar velocity (less the flow's), compression positive: contacts, the
+attraction of near pairs that follows the gap of each step, and the magnetic forces that lag between two evaluations.
+Contacts alone do not have this stress, and pairs with torques do not have F_x r_z = F_z r_x: the field's torque
+mu_0 M x H stands between tau_zx and tau_xz (`BoxRow.shear_stress` and `BoxRow.shear_stress_across`). With the
+macroscopic field H along z two things do *not* come on top:
 
 - the macroscopic Maxwell stress across z, B_z H_x, is 0 (H_x is continuous, and 0 at the steel). Its partner
   B_x H_z = mu_0 M_x H_z is the force along z on a plane across x; no wall stands there;
@@ -19,7 +19,7 @@ along z two things do *not* come on top:
 The normal stress across z has the pull of B_z^2 - (mu_0 H_z)^2 on the steel besides, which is not in it.
 
 **Work.** The shear works V tau on the grains for each unit of strain. Of the part through the magnetic forces,
-dW/dgamma = V tau_magnetic, what does not stay in the grains' energy W is their work on the motion beside the flow.
+dW/dgamma = V tau_magnetic, what does not stay in the grains' energy W is their work on the peculiar motion.
 """
 
 from __future__ import annotations
@@ -100,8 +100,8 @@ class MagnetisedBoxRow:
 
     Attributes
     ----------
-    shear_stress_near, shear_stress_held : float
-        Parts of `BoxRow.shear_stress` [Pa]: the attraction of near pairs, and the magnetic forces that are held.
+    shear_stress_near, shear_stress_lagged : float
+        Parts of `BoxRow.shear_stress` [Pa]: the attraction of near pairs, and the lagged magnetic forces.
     relative_permeability : float
         1 + phi M.H/H^2 [-].
     magnetisation_along_flow : float
@@ -109,7 +109,7 @@ class MagnetisedBoxRow:
     """
 
     shear_stress_near: float
-    shear_stress_held: float
+    shear_stress_lagged: float
     relative_permeability: float
     magnetisation_along_flow: float
 
@@ -127,7 +127,7 @@ class ShearedMeans:
     def __init__(self, motion: GrainMotion, magnetised: MagnetisedGrains | None) -> None:
         assert motion.box is not None
         self._motion, self._magnetised, self._box = motion, magnetised, motion.box
-        self._contacts, self._near, self._held, self._carried = (np.zeros((3, 3)) for _ in range(4))
+        self._contacts, self._near, self._lagged, self._carried = (np.zeros((3, 3)) for _ in range(4))
         self._permeability = self._along_flow = self._touching = 0.0
         self._duration = 0.0
         self.shear_work_magnetic = self.stretch_work = self.stretch_work_magnetic = 0.0
@@ -135,7 +135,7 @@ class ShearedMeans:
         """
 
     def add_steps(self, totals: StepTotals) -> None:
-        """Add the totals of a sub-cycle, during which the forces stood that are held now."""
+        """Add the totals of a sub-cycle, during which the present lagged forces acted."""
         assert totals.stress is not None
         lasted = totals.duration
         self._duration += lasted
@@ -149,20 +149,20 @@ class ShearedMeans:
     def add_stretch(self, totals: StepTotals, change: float) -> None:
         """Add the work of a change of the volume [m^3] that follows steps: -sigma_zz of all forces for each unit of it.
 
-        Velocities beside the flow stay, so what grains carry by their motion has no part in it.
+        Peculiar velocities stay, so the momentum that grains carry by their motion has no part in it.
         """
         assert totals.stress is not None
         magnetic = float(totals.stress.attraction[2, 2])
         if self._magnetised is not None:
-            magnetic += float(self._magnetised.held_stress[2, 2])
+            magnetic += float(self._magnetised.lagged_stress[2, 2])
         self.stretch_work_magnetic -= magnetic * change
         self.stretch_work -= (float(totals.stress.contacts[2, 2]) + magnetic) * change
 
     def _add_moments(self, magnetised: MagnetisedGrains, totals: StepTotals) -> None:
         assert totals.stress is not None
-        grains, box, held = self._motion.grains, self._box, magnetised.held_stress
-        self._held += totals.duration * held
-        tau = -float(held[0, 2] + totals.stress.attraction[0, 2])
+        grains, box, lagged = self._motion.grains, self._box, magnetised.lagged_stress
+        self._lagged += totals.duration * lagged
+        tau = -float(lagged[0, 2] + totals.stress.attraction[0, 2])
         self.shear_work_magnetic += box.rate * box.volume * totals.duration * tau
         assert grains.magnetic_moment is not None  # of the evaluation before the steps
         moment, H = grains.magnetic_moment.sum(axis=0), magnetised.H.mean(axis=0)
@@ -172,26 +172,26 @@ class ShearedMeans:
 
     def rows(self) -> tuple[BoxRow, MagnetisedBoxRow | None]:
         """Return the means over the window."""
-        share, box = 1.0 / self._duration, self._box
-        whole = share * (self._contacts + self._near + self._held + self._carried)
+        per_time, box = 1.0 / self._duration, self._box
+        stress = per_time * (self._contacts + self._near + self._lagged + self._carried)
         row = BoxRow(
             shear_strain=box.strain,
             solid_fraction=solid_fraction(self._motion, box),
-            shear_stress=-float(whole[0, 2]),
-            shear_stress_contacts=-share * float(self._contacts[0, 2]),
-            shear_stress_across=-float(whole[2, 0]),
-            normal_stress_x=float(whole[0, 0]),
-            normal_stress_y=float(whole[1, 1]),
-            normal_stress_z=float(whole[2, 2]),
-            contacts_per_grain=share * self._touching,
+            shear_stress=-float(stress[0, 2]),
+            shear_stress_contacts=-per_time * float(self._contacts[0, 2]),
+            shear_stress_across=-float(stress[2, 0]),
+            normal_stress_x=float(stress[0, 0]),
+            normal_stress_y=float(stress[1, 1]),
+            normal_stress_z=float(stress[2, 2]),
+            contacts_per_grain=per_time * self._touching,
         )
         if self._magnetised is None:
             return row, None
         return row, MagnetisedBoxRow(
-            shear_stress_near=-share * float(self._near[0, 2]),
-            shear_stress_held=-share * float(self._held[0, 2]),
-            relative_permeability=share * self._permeability,
-            magnetisation_along_flow=share * self._along_flow,
+            shear_stress_near=-per_time * float(self._near[0, 2]),
+            shear_stress_lagged=-per_time * float(self._lagged[0, 2]),
+            relative_permeability=per_time * self._permeability,
+            magnetisation_along_flow=per_time * self._along_flow,
         )
 
 
@@ -224,9 +224,9 @@ class GapMeans:
 
     def rows(self) -> tuple[GapRow]:
         """Return the means over the window."""
-        box, share = self._box, 1.0 / self._duration
-        lower, upper = (share * self._force[name] / np.prod(box.lengths[:2]) for name in ("lower", "upper"))
-        magnetisation = share * self._moment / box.volume
+        box, per_time = self._box, 1.0 / self._duration
+        lower, upper = (per_time * self._force[name] / np.prod(box.lengths[:2]) for name in ("lower", "upper"))
+        magnetisation = per_time * self._moment / box.volume
         row = GapRow(
             shear_strain=box.rate * self._motion.time,
             solid_fraction=solid_fraction(self._motion, box),
@@ -234,7 +234,7 @@ class GapMeans:
             shear_stress_lower=float(lower[0]),
             shear_stress_upper=-float(upper[0]),
             normal_stress_z=0.5 * float(upper[2] - lower[2]),
-            contacts_per_grain=share * self._touching,
+            contacts_per_grain=per_time * self._touching,
             relative_permeability=1.0 + (magnetisation / self._H if self._H else 0.0),
         )
         return (row,)

@@ -15,7 +15,7 @@ def mirror_points_in_steel(
     points: np.ndarray, walls: np.ndarray, problem: AxisymmetricProblem, reach: float
 ) -> np.ndarray:
     """True where a wall (w, 6) of `coupling.mirror` mirrors each point (p, 2) [m] within reach into steel; (p, w)."""
-    found = np.zeros((len(points), len(walls)), dtype=bool)
+    in_steel = np.zeros((len(points), len(walls)), dtype=bool)
     steel = np.zeros(len(problem.mesh.triangles), dtype=bool)
     for region in magnetic_regions(problem.laws):
         steel[problem.mesh.regions[region]] = True
@@ -25,8 +25,8 @@ def mirror_points_in_steel(
         mirrored = np.ascontiguousarray(points - 2.0 * h[:, None] * np.array([-t_z, t_r]))
         near = (along >= 0.0) & (along <= length) & (np.abs(h) < reach) & (mirrored[:, 0] > 0.0)
         element, _ = problem.locator.find(mirrored[near])
-        found[near, w] = (element >= 0) & steel[element]
-    return found
+        in_steel[near, w] = (element >= 0) & steel[element]
+    return in_steel
 
 
 def magnetic_regions(laws: Mapping[str, Law]) -> list[str]:
@@ -52,10 +52,10 @@ def elements_within(
     # from the powder outwards, over common corners: not through steel
     reached = np.zeros(len(mesh.points), dtype=bool)
     reached[nodes[own]] = True
-    taken = np.zeros(len(nodes), dtype=bool)
+    reachable = np.zeros(len(nodes), dtype=bool)
     while True:
-        new = open_to & ~taken & reached[nodes].any(axis=1)
+        new = open_to & ~reachable & reached[nodes].any(axis=1)
         if not new.any():
-            return np.flatnonzero(taken)
-        taken |= new
+            return np.flatnonzero(reachable)
+        reachable |= new
         reached[nodes[new]] = True

@@ -20,7 +20,7 @@ from numba import njit, prange
 
 from geometry.kernels.device_functions import device_function
 
-CELLS = 2  # of the grid in which grains are found, along the width
+CELLS = 2  # of the grid in which grains are searched, along the width
 
 
 class SectionSmear:

@@ -13,7 +13,7 @@ from numba import njit, prange
 
 from field.three_d import SectorFold
 
-CELLS = 2  # of the grid in which grains are found, along the width
+CELLS = 2  # of the grid in which grains are searched, along the width
 
 
 def smear_3d(

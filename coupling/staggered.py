@@ -2,7 +2,7 @@
 
 The field is constant during a coupling window; inside it the effects' forces are evaluated every `steps_per_update`
 steps of the grains and constant in between. What couples back are the grains' moments, spread into the field solve
-(`coupling.powder_feedback`); they answer inside the same Newton iteration, so that the loop is stable for any
+(`coupling.powder_feedback`); they respond inside the same Newton iteration, so that the loop is stable for any
 susceptibility of the powder (an explicit magnetisation source alone would diverge above chi of about 1.3).
 """
 
@@ -41,7 +41,7 @@ class Simulation:
         None when no effect needs the field.
     source : FieldSource or None
     steps_per_update, steps : int
-        Grain steps between evaluations of the held forces, and of a window, whose last interval may be shorter.
+        Grain steps between evaluations of the lagged forces, and of a window, whose last interval may be shorter.
     barostat : Barostat or None
         What makes the height of a sheared box follow its pressure, after every sub-cycle; None: it stays.
     """
@@ -55,13 +55,13 @@ class Simulation:
     n_sectors: int = 1
     barostat: Barostat | None = None
     window: int = 0
-    held_steps: int = field(init=False)
-    """Grain steps for which the forces are held that are evaluated next."""
+    lagged_steps: int = field(init=False)
+    """Grain steps for which the next evaluated forces stay constant."""
     _rows: NeighbourRows | None = None
     _rows_key: tuple = ()
 
     def __post_init__(self) -> None:
-        self.held_steps = self.steps_per_update
+        self.lagged_steps = self.steps_per_update
 
     @property
     def field_carrier(self) -> Body | None:
@@ -69,9 +69,9 @@ class Simulation:
         return None if self.source is None else self.source.carrier
 
     @property
-    def holds_forces(self) -> bool:
+    def has_lagged_forces(self) -> bool:
         """True if anything acts on the grains between contacts and gravity: a field, or another effect."""
-        return self.magnetised is not None or any(effect.holds_forces for effect in self.effects)
+        return self.magnetised is not None or any(effect.has_lagged_forces for effect in self.effects)
 
     def rows(self, cutoff: float) -> NeighbourRows:
         """Return neighbour rows out to `cutoff` [m], one list's skin wider where repeated space leaves room for it.
@@ -86,7 +86,7 @@ class Simulation:
         if fits and self._rows is not None and self._rows.is_complete(position, cutoff, periodicity):
             self._rows = self._rows.at_present(periodicity)
             return self._rows
-        if fits and motion.box is not None:  # the flow has taken grains far out of the box
+        if fits and motion.box is not None:  # the flow has carried grains far out of the box
             motion.invalidate()
             motion.renew_list()
             position = motion.grains.position
@@ -115,7 +115,7 @@ class Simulation:
         }
 
     def restore_rows(self, state: dict | None) -> None:
-        """Take the rows of a checkpoint; rows without the positions of the grains are rebuilt."""
+        """Restore the rows of a checkpoint; rows without the positions of the grains are rebuilt."""
         if state is not None and "position" in state:
             state = dict(state)
             self._rows_key = (state.pop("cutoff"), self.motion.list_version)
@@ -159,18 +159,18 @@ def run_staggered(
 
         window_end = min(motion.step_count + simulation.steps, last_step)
         while motion.step_count < window_end:
-            simulation.held_steps = min(simulation.steps_per_update, window_end - motion.step_count)
+            simulation.lagged_steps = min(simulation.steps_per_update, window_end - motion.step_count)
 
-            # 2. field -> moments -> held forces
+            # 2. field -> moments -> lagged forces
             budget.clock("magnetic")
-            if simulation.holds_forces:
-                motion.external_force = force = held_forces(simulation, budget)
+            if simulation.has_lagged_forces:
+                motion.external_force = force = lagged_forces(simulation, budget)
                 if simulation.magnetised is not None:
-                    simulation.magnetised.hold(simulation, force)
+                    simulation.magnetised.freeze(simulation, force)
 
             # 3. grains and shafts, many steps
             budget.clock("contact")
-            budget.add_steps(totals := motion.run(simulation.held_steps))
+            budget.add_steps(totals := motion.run(simulation.lagged_steps))
             if simulation.barostat is not None:
                 budget.add_stretch(totals, follow_pressure(simulation, totals))
 
@@ -196,9 +196,9 @@ def follow_pressure(simulation: Simulation, totals: StepTotals) -> float:
     """
     motion = simulation.motion
     assert simulation.barostat is not None and motion.box is not None
-    held = 0.0 if simulation.magnetised is None else float(simulation.magnetised.held_stress[2, 2])
+    lagged_stress = 0.0 if simulation.magnetised is None else float(simulation.magnetised.lagged_stress[2, 2])
     before = motion.box.volume
-    simulation.barostat.follow(motion, totals, held)
+    simulation.barostat.follow(motion, totals, lagged_stress)
     return motion.box.volume - before
 
 
@@ -232,10 +232,10 @@ def refresh_field(simulation: Simulation) -> None:
         magnetised.update(simulation)
 
 
-def held_forces(simulation: Simulation, budget: WindowBudget) -> np.ndarray:
+def lagged_forces(simulation: Simulation, budget: WindowBudget) -> np.ndarray:
     """Return the sum of all effects' forces (n, 3) [N] at the present positions, with the present moments.
 
-    A body that carries the field round takes the reaction of the torques that are booked under its name.
+    A body that carries the field round takes the reaction of the torques under its name.
     """
     carrier, on_carrier = simulation.field_carrier, 0.0
     if simulation.magnetised is not None:
@@ -243,7 +243,7 @@ def held_forces(simulation: Simulation, budget: WindowBudget) -> np.ndarray:
     force = np.zeros_like(simulation.motion.grains.position)
     for effect in simulation.effects:
         torques = effect.add_forces(simulation, force)
-        budget.record(torques, effect.of_the_field)
+        budget.add_torques(torques, effect.of_the_field)
         if carrier is not None:
             on_carrier += torques.get(carrier.name, 0.0)
     if carrier is not None:
@@ -252,14 +252,14 @@ def held_forces(simulation: Simulation, budget: WindowBudget) -> np.ndarray:
 
 
 def forces_of_the_field(simulation: Simulation) -> np.ndarray | None:
-    """Return the field's forces (n, 3) [N] that the grains held at the last update; None before the first one.
+    """Return the field's forces (n, 3) [N] on the grains at the last update; None before the first one.
 
     Near pulls are in them, which follow the gap in each step, and forces of other effects are not: the drag that is
-    taken out is that of the present velocities.
+    subtracted is that of the present velocities.
     """
     motion = simulation.motion
-    force = motion.external_force if motion.attraction is None else motion.attraction.per_grain["whole"]
-    others = [effect for effect in simulation.effects if effect.holds_forces and not effect.of_the_field]
+    force = motion.external_force if motion.attraction is None else motion.attraction.per_grain["total_force"]
+    others = [effect for effect in simulation.effects if effect.has_lagged_forces and not effect.of_the_field]
     if force is None or not others:
         return force
     of_others = np.zeros_like(force)

@@ -3,7 +3,7 @@
 The slotted body is the only part that is not a body of revolution: seen from it, the field of the coil stands still
 while the rest turns. So one solve per current is enough; grains sample it in the frame that turns with that body. The
 torque that this field exerts on the grains has its reaction on the slotted body alone, because an isotropic body of
-revolution without hysteresis takes no torque about its axis: it is booked there, and drives a free shaft.
+revolution without hysteresis takes no torque about its axis: it acts there, and drives a free shaft.
 """
 
 from __future__ import annotations

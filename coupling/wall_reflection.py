@@ -50,7 +50,7 @@ def _reflection(
     normal = np.array([-tangent[1], tangent[0]])
     powder = [problem.mesh.regions["powder"]] if problem.powder_law is not None else []
     magnetic = magnetic_regions(problem.laws)
-    best = share = 0.0
+    best = fraction = 0.0
     for side in (1.0, -1.0):
         points = along + side * INSIDE * length * normal
         points, count = np.ascontiguousarray(points[points[:, 0] >= 0.0]), POINTS
@@ -73,8 +73,8 @@ def _reflection(
             mu = np.sqrt(np.maximum(secant / (MU_0 * slope), 1.0))
             k[here] = (mu - 1.0) / (mu + 1.0)
         if k.sum() > best * count:
-            best, share = float(k.sum()) / count, np.count_nonzero(np.isin(region, magnetic)) / count
-    return best / share if steel_only and share > 0.0 else best
+            best, fraction = float(k.sum()) / count, np.count_nonzero(np.isin(region, magnetic)) / count
+    return best / fraction if steel_only and fraction > 0.0 else best
 
 
 def _around(solution: Field3D, points: np.ndarray) -> np.ndarray:

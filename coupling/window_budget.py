@@ -5,18 +5,18 @@ Torque about z, whole device:  torque on rotor + disc + housing + field + dL/dt 
 - on the bodies: contact forces times levers, accumulated step by step as the grains move;
 - on the field (poles and coil): minus the magnetic torque on the grains, x x F of the gradient force on dipoles, of the
   field on charges, of the pairs and of the images (`coupling.mutual_moments`); where the field turns with a slotted
-  body, all of it is booked on that body;
-- on what else holds forces (a fluid, say): minus the torque that its effect books, each in its own column;
+  body, all of it acts on that body;
+- on the sources of other lagged forces (a fluid, say): minus the torque of its effect, each in its own column;
 - dL/dt: from positions and velocities at the window's ends, spins included;
 - gravity: weight times lever of the centre of mass, mean of the window's ends: the only term that is not an exact sum.
 
-Energy of the grains:  work of walls + held forces + gravity - dissipated - d(kinetic + elastic) = residual,
+Energy of the grains:  work of walls + lagged forces + gravity - dissipated - d(kinetic + elastic) = residual,
 where every mechanism's loss is its own sum over contacts: the residual is the error of the grains' step, second order.
 A sheared box has no axis and no walls: no balance of torques, and the work of the shear in place of that of walls
 (`coupling.sheared_means`). A gap that repeats has no axis either.
-The work of the magnetic forces, part of that of the held ones, is what the grains' energy W in the field falls by where
-that field stands still and moments follow at every step: nothing in the mean of a steady run. What is left of it comes
-from moments and drops held between their evaluations, and from the field that changes.
+The work of the magnetic forces, part of that of the lagged ones, is what the grains' energy W in the field falls by
+where that field stands still and moments follow at every step: nothing in the mean of a steady run. What is left of it
+comes from moments and mmfs that lag between their evaluations, and from the field that changes.
 """
 
 from __future__ import annotations
@@ -38,10 +38,10 @@ class WindowBudget:
         self._begin, self._processor = perf_counter(), process_time()
         self._part: tuple[str, float, float] | None = None
         self._seconds = dict.fromkeys(("field", "magnetic", "contact"), 0.0)
-        self._recorded: dict[str, float] = {}  # of the field, times the time that it is held [N m s]
-        self._beside: dict[str, float] = {}  # of other effects
-        holding = [effect for effect in simulation.effects if effect.holds_forces]
-        self._held_is_magnetic = all(effect.of_the_field for effect in holding)
+        self._field_impulse: dict[str, float] = {}  # torques of the field times their duration [N m s]
+        self._other_impulse: dict[str, float] = {}  # of other effects
+        lagged = [effect for effect in simulation.effects if effect.has_lagged_forces]
+        self._lagged_is_magnetic = all(effect.of_the_field for effect in lagged)
         self._steps: list = []
         self._momentum = simulation.motion.grains.angular_momentum_z()
         self._weight = _weight_torque(simulation.motion)
@@ -61,12 +61,12 @@ class WindowBudget:
             self._seconds[name] += max(0.0, now - since - (compiled - before))
         self._part = None if part is None else (part, now, compiled)
 
-    def record(self, torques: dict[str, float], of_the_field: bool) -> None:
-        """Book torques of held forces on the sector's grains [N m], which hold during the next sub-cycle."""
-        booked = self._recorded if of_the_field else self._beside
-        held = self._simulation.held_steps * self._simulation.motion.dt
+    def add_torques(self, torques: dict[str, float], of_the_field: bool) -> None:
+        """Add torques of lagged forces on the sector's grains [N m], which are constant during the next sub-cycle."""
+        impulse = self._field_impulse if of_the_field else self._other_impulse
+        duration = self._simulation.lagged_steps * self._simulation.motion.dt
         for name, torque in torques.items():
-            booked[name] = booked.get(name, 0.0) + torque * held
+            impulse[name] = impulse.get(name, 0.0) + torque * duration
 
     def add_steps(self, totals) -> None:
         """Add the totals of a sub-cycle of the grains."""
@@ -102,13 +102,13 @@ class WindowBudget:
             bodies[body.name] = row = BodyRow(speed=body.speed, **parts)
             if body is simulation.field_carrier:
                 # the field turns with this body: the grains' torque in it has its reaction here
-                row.field = -n * self._recorded.pop(body.name, 0.0) / duration
+                row.field = -n * self._field_impulse.pop(body.name, 0.0) / duration
             residual += row.torque
         if not has_axis:  # what the field turns is in the stress
-            self._recorded.clear()
-        field_torque = {name: n * total / duration for name, total in self._recorded.items()}
+            self._field_impulse.clear()
+        field_torque = {name: n * total / duration for name, total in self._field_impulse.items()}
         residual -= sum(field_torque.values())
-        other_torque = {name: n * total / duration for name, total in self._beside.items()}
+        other_torque = {name: n * total / duration for name, total in self._other_impulse.items()}
         for torque in other_torque.values():
             residual -= torque
         angular_momentum = n * motion.grains.angular_momentum_z()
@@ -125,7 +125,7 @@ class WindowBudget:
             angular_momentum=angular_momentum if has_axis else None,
             torque_residual=residual if has_axis else None,
             energy=energy,
-            held_is_magnetic=self._held_is_magnetic,
+            lagged_is_magnetic=self._lagged_is_magnetic,
             field_solves=source.solves - self._solves if is_solved else None,
             n_contacts=steps[-1].n_contacts,
             max_overlap=max(s.max_overlap for s in steps),
@@ -135,7 +135,7 @@ class WindowBudget:
             steps=sum(s.steps for s in steps),
             seconds=WallClock(
                 field=None if magnetised is None else self._seconds["field"],
-                magnetic=self._seconds["magnetic"] if simulation.holds_forces else None,
+                magnetic=self._seconds["magnetic"] if simulation.has_lagged_forces else None,
                 contact=self._seconds["contact"],
                 total=perf_counter() - self._begin,
                 processor=process_time() - self._processor,
@@ -177,7 +177,7 @@ class WindowBudget:
             work_shear=work_shear,
             work_pressure=work_pressure,
             work_box_magnetic=through_field,
-            work_held=sum(each.external_work for each in budgets) if simulation.holds_forces else None,
+            work_lagged=sum(each.external_work for each in budgets) if simulation.has_lagged_forces else None,
             work_gravity=sum(each.gravity_work for each in budgets) if has_weight else None,
             losses={kind: sum(each.dissipation[kind] for each in budgets) for kind in budgets[-1].dissipation},
             dissipated=sum(sum(each.dissipation.values()) for each in budgets),

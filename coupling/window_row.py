@@ -49,8 +49,8 @@ class EnergyRow:
         Of the grains in the field, at the window's last evaluation of it; None where it is not known.
     work_walls : float or None
         None in a sheared box, which has no walls.
-    work_held : float or None
-        Of the held forces; None: there are none.
+    work_lagged : float or None
+        Of the lagged forces; None: there are none.
     work_gravity : float or None
     losses : dict of str to float
         By mechanism.
@@ -68,7 +68,7 @@ class EnergyRow:
     elastic_energy: float
     magnetic_energy: float | None
     work_walls: float | None
-    work_held: float | None
+    work_lagged: float | None
     work_gravity: float | None
     losses: dict[str, float]
     dissipated: float
@@ -81,9 +81,9 @@ class EnergyRow:
     def residual(self) -> float:
         """Residual of the balance: the error of the grains' step.
 
-        Magnetic forces put into the grains' motion `work_held`, and not what shear and stretch work through them.
+        Magnetic forces put into the grains' motion `work_lagged`, and not what shear and stretch work through them.
         """
-        work = (self.work_walls or 0.0) + (self.work_held or 0.0) + (self.work_gravity or 0.0)
+        work = (self.work_walls or 0.0) + (self.work_lagged or 0.0) + (self.work_gravity or 0.0)
         work += (self.work_shear or 0.0) + (self.work_pressure or 0.0) - (self.work_box_magnetic or 0.0)
         return work - self.dissipated - self.stored
 
@@ -103,7 +103,7 @@ class SolverRow:
     warm_hits : float
         Fraction of the loaded contacts that began from the impulse of the step before.
     stabilisation_work : float
-        Of the held forces on displacements that removed overlap [J].
+        Of the lagged forces on displacements that removed overlap [J].
     """
 
     sweeps: float
@@ -139,7 +139,7 @@ class WindowRow:
     bodies : dict of str to BodyRow
         By name: rotor, disc, housing.
     field_torque, other_torque : dict of str to float
-        Torque [N m] of the field's forces on the grains and of those of other effects, by booking; that of a field
+        Torque [N m] of the field's forces on the grains and of those of other effects, by name; that of a field
         which a body carries round is the body's.
     angular_momentum : float or None
         Of the grains about z at the window's end, spin included [N m s]; None in a sheared box, as the next one.
@@ -147,8 +147,8 @@ class WindowRow:
         Of the balance of torques [N m].
     energy : EnergyRow or None
         None in a run without a budget of energy.
-    held_is_magnetic : bool
-        Whether all forces that do `work_held` are those of the field.
+    lagged_is_magnetic : bool
+        Whether all forces that do `work_lagged` are those of the field.
     field_solves : int or None
         In the window; None: no field is solved.
     n_contacts : int
@@ -172,7 +172,7 @@ class WindowRow:
     angular_momentum: float | None
     torque_residual: float | None
     energy: EnergyRow | None
-    held_is_magnetic: bool
+    lagged_is_magnetic: bool
     field_solves: int | None
     n_contacts: int
     max_overlap: float

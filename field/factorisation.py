@@ -1,4 +1,4 @@
-"""Sparse symmetric positive definite systems by a direct factorisation whose ordering is found once.
+"""Sparse symmetric positive definite systems by a direct factorisation whose ordering is computed once.
 
 Two backends solve the same system to round-off:
 

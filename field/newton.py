@@ -72,7 +72,7 @@ class LinearSolver(Protocol):
 class Energy(Protocol):
     """A convex functional of the free unknowns.
 
-    A method `cautious_hessian(x)` is taken where there is one, after a step that had to be cut: a matrix that is
+    A method `chord_hessian(x)` is used where there is one, after a step that had to be cut: a matrix that is
     stiffer than the tangent where the material gets softer with the step (the toe of a magnetisation curve).
     """
 
@@ -134,18 +134,18 @@ def _length_to_level(energy: Energy, x: np.ndarray, step: np.ndarray, slope: flo
         return scalar_product(energy.gradient(x + length * step), step)
 
     low, high, slope_low, slope_high = 0.0, 1.0, slope, slope_at(1.0)
-    length, found = high, slope_high
+    length, here = high, slope_high
     for _ in range(_MAX_FALSE_POSITIONS):
-        if found <= -fraction * slope and (length == 1.0 or found >= fraction * slope):
+        if here <= -fraction * slope and (length == 1.0 or here >= fraction * slope):
             break
-        if found > 0.0:
-            high, slope_high = length, found
+        if here > 0.0:
+            high, slope_high = length, here
         else:
-            low, slope_low = length, found
+            low, slope_low = length, here
         wide = high - low
         length = low - slope_low * wide / (slope_high - slope_low)
         length = min(max(length, low + 0.1 * wide), high - 0.1 * wide)
-        found = slope_at(length)
+        here = slope_at(length)
     return length
 
 
@@ -211,7 +211,7 @@ def minimise(
         if use_first and first_matrix is not None:
             matrix = first_matrix()
         elif iteration > 0 and history[-1][1] < 1.0:
-            matrix = getattr(energy, "cautious_hessian", energy.hessian)(x)
+            matrix = getattr(energy, "chord_hessian", energy.hessian)(x)
         else:
             matrix = energy.hessian(x)
         try:

@@ -1,4 +1,4 @@
-"""The sparsity pattern of a symmetric finite element matrix, found once: element matrices go straight to CSC."""
+"""The sparsity pattern of a symmetric finite element matrix, computed once: element matrices go straight to CSC."""
 
 from __future__ import annotations
 

@@ -53,7 +53,7 @@ class ShearCell(AnnularSpaces):
             it.refuse(self.height < grain_diameter, "height",
                       f"the cell is lower than one grain ({grain}): no grain fits", f"at least {grain}",
                       "raise `height` or lower `grain_diameter`")  # fmt: skip
-        return it.found
+        return it.faults
 
     def walls(self) -> list[RevolvedWall]:
         """The four walls; all corners are concave, so that no edge is owned."""

@@ -71,7 +71,7 @@ class Box:
 
     def faults(self, grain_diameter: float | None = None) -> list[GeometryFault]:
         """Every inconsistency; with a grain diameter [m], also a side that is shorter than one grain."""
-        found = []
+        faults = []
         for axis, length in zip("xyz", self.size, strict=True):
             if not 0.0 < length < math.inf:
                 reason, allowed = f"the {axis} side must be positive", "more than 0 mm"
@@ -83,8 +83,8 @@ class Box:
                 remedy = "raise `size` or lower `grain_diameter`"
             else:
                 continue
-            found.append(GeometryFault("size", millimetres(length), reason, allowed, remedy))
-        return found
+            faults.append(GeometryFault("size", millimetres(length), reason, allowed, remedy))
+        return faults
 
     def walls(self) -> list[Plane]:
         """The six planes, normals inward."""

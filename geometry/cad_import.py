@@ -108,15 +108,15 @@ def _read(gmsh: Any, path: Path) -> _Shapes:
         else:
             gmsh.model.occ.importShapes(str(path), highestDimOnly=False, format=SHAPE_FORMATS[suffix])
             gmsh.model.occ.synchronize()
-            found = gmsh.model.getEntities(3)
+            parts = gmsh.model.getEntities(3)
             loose = [face for face in gmsh.model.getEntities(2) if len(gmsh.model.getAdjacencies(*face)[0]) == 0]
-            if found and loose:
+            if parts and loose:
                 raise CadError(
-                    f"{path} holds {len(loose)} faces that belong to no solid, besides {len(found)} solids: a part "
+                    f"{path} holds {len(loose)} faces that belong to no solid, besides {len(parts)} solids: a part "
                     "that is not closed is no solid; close it in the CAD program, or export the solids alone"
                 )
-            found = found or loose
-            shapes = _numbered(found, [gmsh.model.getEntityName(*shape) for shape in found], path)
+            parts = parts or loose
+            shapes = _numbered(parts, [gmsh.model.getEntityName(*shape) for shape in parts], path)
     except CadError:
         raise
     except Exception as error:  # gmsh raises plain Exception, with its own last message
@@ -126,9 +126,9 @@ def _read(gmsh: Any, path: Path) -> _Shapes:
     return shapes
 
 
-def _numbered(found: list[tuple[int, int]], labels: list[str], path: Path) -> _Shapes:
+def _numbered(parts: list[tuple[int, int]], labels: list[str], path: Path) -> _Shapes:
     """Label each part that has no name by its number, from 1."""
-    numbers = [f"part{number}" for number in range(1, len(found) + 1)]
+    numbers = [f"part{number}" for number in range(1, len(parts) + 1)]
     named = {plain_name(own_name(label)) for label in labels}
     twice = next((n for n, label in zip(numbers, labels, strict=True) if not own_name(label) and n in named), None)
     if twice:
@@ -136,7 +136,7 @@ def _numbered(found: list[tuple[int, int]], labels: list[str], path: Path) -> _S
             f"{path}: {twice!r} is the name of one part and the number of another, which has no name; rename it in the "
             "CAD program"
         )
-    return {shape: label if own_name(label) else n for shape, label, n in zip(found, labels, numbers, strict=True)}
+    return {shape: label if own_name(label) else n for shape, label, n in zip(parts, labels, numbers, strict=True)}
 
 
 def _of_groups(gmsh: Any, path: Path) -> _Shapes:

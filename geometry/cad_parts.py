@@ -56,8 +56,8 @@ class CadPart:
         turned = "" if solid else f", turned {2e6 * math.pi * self.radius * self.size:.4g} cm3"
         place = ", ".join(f"{axis} {1e3 * a:.4g} to {1e3 * b:.4g}{'' if solid else ' mm'}" for axis, a, b in sides)
         size = f"{1e9 * self.size:.4g} mm3" if solid else f"{1e6 * self.size:.4g} mm2"
-        taken = "no name in the file" if is_number(self.region) else f"taken for {self.region!r}"
-        return f"{self.name}: {size}, {place}{' mm' if solid else ''}{turned}, {taken}"
+        region_text = "no name in the file" if is_number(self.region) else f"taken for {self.region!r}"
+        return f"{self.name}: {size}, {place}{' mm' if solid else ''}{turned}, {region_text}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,13 +124,13 @@ class CadFile:
 
     def check_parts(self, parts: Sequence[CadPart]) -> None:
         """Refuse parts without a name or beyond the axis, and regions that are missing or mean nothing."""
-        found = list_of(parts)
+        part_list = list_of(parts)
         unnamed = [part.name for part in parts if is_number(part.region) and not self.expects(part.region)]
         if unnamed:
             raise CadError(
                 f"{self.path}: {len(unnamed)} of {len(parts)} parts have no name; name them in the CAD program as the "
                 "regions are called, and export STEP, or translate their numbers with `names`, as in "
-                f'{{ {unnamed[0]} = "disc" }}\n{found}'
+                f'{{ {unnamed[0]} = "disc" }}\n{part_list}'
             )
         there = {part.region for part in parts}
         missing = [name for name in self.needed if name not in there]
@@ -139,19 +139,19 @@ class CadFile:
             hints = "".join(f"is {near[0]!r} the {name}? " for name, near in close.items() if near)
             raise CadError(
                 f"{self.path} has no part named {', '.join(map(repr, missing))}; {hints}rename the part, or translate "
-                f"its name with `names`\n{found}"
+                f"its name with `names`\n{part_list}"
             )
         strange = [] if self.known is None else sorted(repr(name) for name in there if not self.expects(name))
         if strange:
             raise CadError(
                 f"{self.path} has parts whose name means nothing here: {', '.join(strange)}; give each a material "
-                f"(known: {', '.join(self.known or ())}), or translate the name with `names`\n{found}"
+                f"(known: {', '.join(self.known or ())}), or translate the name with `names`\n{part_list}"
             )
         beyond = [part for part in parts if len(part.lower) == 2 and part.lower[0] < -_ROUNDED]
         if beyond:
             raise CadError(
                 f"{self.path}: {', '.join(part.region for part in beyond)} reach to r = {1e3 * beyond[0].lower[0]:.4g} "
-                f"mm, beyond the axis; keep the half with x > 0 of the section\n{found}"
+                f"mm, beyond the axis; keep the half with x > 0 of the section\n{part_list}"
             )
 
 

@@ -131,18 +131,18 @@ class CadShape(AnnularSpaces):
         if not self.section.powder_outline:
             return [_fault("no part of the file is the powder: grains have no space", "a part named powder",
                            "draw the space of the grains as a part of its own, named powder")]  # fmt: skip
-        found = []
+        faults = []
         for edge in self.section.powder_outline:
             if not _same(edge.start[0], edge.end[0]) and not _same(edge.start[1], edge.end[1]):
                 place = f"r = {millimetres(edge.start[0])}, z = {millimetres(edge.start[1])}"
-                found.append(_fault(f"the powder's outline runs obliquely at {place}", "edges along r or z",
+                faults.append(_fault(f"the powder's outline runs obliquely at {place}", "edges along r or z",
                                     "draw the space of the grains of rectangles"))  # fmt: skip
                 break
         if grain_diameter is not None and self.gap < grain_diameter:
             grain = millimetres(grain_diameter)
             reason = f"the powder's gap of {millimetres(self.gap)} is smaller than one grain ({grain}): no grain fits"
-            found.append(_fault(reason, f"at least {grain}", "widen it, or lower `grain_diameter`"))
-        return found
+            faults.append(_fault(reason, f"at least {grain}", "widen it, or lower `grain_diameter`"))
+        return faults
 
     def walls(self) -> list[RevolvedWall]:
         """The walls around the powder, each belonging to its region's body."""
@@ -201,10 +201,10 @@ def _chains(edges: Sequence[OutlineEdge]) -> Iterator[tuple[list[str], list[Pair
 
     def corner_at(point: Pair) -> Pair:
         """Return one pair of numbers for a corner: neighbours must agree to the last digit."""
-        found = next((c for c in corners if math.dist(c, point) < _CLOSE), None)
-        if found is None:
+        corner = next((c for c in corners if math.dist(c, point) < _CLOSE), None)
+        if corner is None:
             corners.append(point)
-        return found or point
+        return corner or point
 
     ends = {k: (corner_at(edge.start), corner_at(edge.end)) for k, edge in enumerate(edges)}
     while ends:

@@ -161,11 +161,11 @@ class CentrifugalClutch(AnnularSpaces):
         slot_sizes = ("slot_width", "slot_depth") if self.slots else ()
         rib_sizes = ("rib_height", "rib_width") if self.ribs else ()
         it.check_lengths(*_SIZES, *slot_sizes, *rib_sizes)
-        if not it.found:
+        if not it.faults:
             self._judge_relations(it)
-        if not it.found and grain_diameter is not None:
+        if not it.faults and grain_diameter is not None:
             self._judge_grains(it, grain_diameter)
-        return it.found
+        return it.faults
 
     def _judge_relations(self, it: FaultFinder) -> None:
         mm, vanes = millimetres, max(self.vanes, 2)

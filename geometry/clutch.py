@@ -347,9 +347,9 @@ class Clutch(AnnularSpaces):
                       f"raise `{name}`, and check the units of the sizes", *sizes)  # fmt: skip
         if self.disc_slots is not None and it.are_right("disc_radius", "shaft_radius"):
             room = self.disc_radius - self.shaft_radius
-            it.found += slot_faults(self.disc_slots, "disc_slots", "the disc", room, "the shaft")
+            it.faults += slot_faults(self.disc_slots, "disc_slots", "the disc", room, "the shaft")
         if self.rotor_slots is not None and it.are_right("rotor_wall"):
-            it.found += slot_faults(
+            it.faults += slot_faults(
                 self.rotor_slots, "rotor_slots", "the rotor's shell", self.rotor_wall, "the clearance"
             )
 
@@ -363,7 +363,7 @@ class Clutch(AnnularSpaces):
                       f"the chamber is lower than one grain ({grain})",
                       f"at most {mm(self.disc_radius - grain_diameter)}", "lower `seal_radius` or `grain_diameter`",
                       "disc_radius")  # fmt: skip
-        return it.found
+        return it.faults
 
     def walls(self) -> list[RevolvedWall]:
         """Walls of the grains: the rotor's chamber, from seal rim to seal rim, and the disc in it.

@@ -88,9 +88,9 @@ class CurvedEdges:
         own = np.sort(self.nodes, axis=1)
         order = np.argsort(own[:, 0] * most + own[:, 1])
         key = (own[:, 0] * most + own[:, 1])[order]
-        wanted = sides[..., 0] * most + sides[..., 1]
-        at = np.minimum(np.searchsorted(key, wanted), key.size - 1)
-        is_curved = key[at] == wanted
+        side_key = sides[..., 0] * most + sides[..., 1]
+        at = np.minimum(np.searchsorted(key, side_key), key.size - 1)
+        is_curved = key[at] == side_key
         element = np.flatnonzero(is_curved.any(axis=1))
         bulge = np.where(is_curved[element, :, None], self.bulge()[order[at[element]]], 0.0)
         return element, bulge

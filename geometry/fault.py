@@ -56,11 +56,11 @@ class FaultFinder:
 
     Attributes
     ----------
-    found : list of GeometryFault
+    faults : list of GeometryFault
     """
 
     def __init__(self, shape: object, defaults: Mapping[str, float] = MappingProxyType({})) -> None:
-        self.found: list[GeometryFault] = []
+        self.faults: list[GeometryFault] = []
         self._shape, self._defaults = shape, defaults
         self._broken: frozenset[str] = frozenset()
 
@@ -74,7 +74,7 @@ class FaultFinder:
 
     def judge_relations(self) -> None:
         """From here on, refuse a size only where it and those that it is judged with have no fault so far."""
-        self._broken = frozenset(fault.what for fault in self.found)
+        self._broken = frozenset(fault.what for fault in self.faults)
 
     def are_right(self, *names: str) -> bool:
         """True if sizes had no fault when relations began to be judged."""
@@ -92,7 +92,7 @@ class FaultFinder:
         if not value:
             length = getattr(self._shape, name)
             value = millimetres(self._defaults[name] if length is None else length)
-        self.found.append(GeometryFault(name, value, reason, allowed, remedy))
+        self.faults.append(GeometryFault(name, value, reason, allowed, remedy))
         return True
 
 
@@ -107,4 +107,4 @@ def with_keys(text: str, key_of: Callable[[str], str]) -> str:
     A package that does not know the scene names what is wrong by its own arguments: "raise `gap` or lower
     `grain_diameter`". Whoever knows them under other names puts those in.
     """
-    return re.sub(r"`([^`]*)`", lambda found: key_of(found[1]), text)
+    return re.sub(r"`([^`]*)`", lambda match: key_of(match[1]), text)

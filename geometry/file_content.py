@@ -32,7 +32,7 @@ _IGES_COLUMN = 72  # from 0: the letter of a line's section, S(tart) or C(ompres
 
 
 class CadError(ValueError):
-    """A CAD or mesh file that cannot be taken as a device or a wall; says what was found in it and what to do."""
+    """A CAD or mesh file that cannot be taken as a device or a wall; says what is in it and what to do."""
 
 
 def check_file(path: Path, kind: str, suffixes: Sequence[str], scale: float = 1.0, *, trusted: bool = False) -> None:

@@ -50,7 +50,7 @@ SECTION_OPTIONS = {
 
 @contextmanager
 def gmsh_model(options: Mapping[str, float]) -> Iterator[Any]:
-    """Open a model of our own in gmsh, which is left as it was found, after an error as well."""
+    """Open a model of our own in gmsh, which is left as it was before, after an error as well."""
     import gmsh
 
     name = "emclutch cross-section"
@@ -255,8 +255,8 @@ def _curve(gmsh: Any, tag: int, n_edges: int) -> CubicHermiteSpline:
     low, high = gmsh.model.getParametrizationBounds(1, tag)
     knots = np.linspace(low[0], high[0], max(_SAMPLES, 8 * n_edges) + 1)
     point, slope = (
-        MILLIMETRE * np.reshape(found, (-1, 3))[:, :2]
-        for found in (gmsh.model.getValue(1, tag, knots), gmsh.model.getDerivative(1, tag, knots))
+        MILLIMETRE * np.reshape(values, (-1, 3))[:, :2]
+        for values in (gmsh.model.getValue(1, tag, knots), gmsh.model.getDerivative(1, tag, knots))
     )
     return CubicHermiteSpline(knots, point, slope)
 
@@ -283,11 +283,11 @@ def region_ranges(counts: Mapping[str, int]) -> dict[str, np.ndarray]:
 
 def _elements_by_name(gmsh: Any, dim: int) -> dict[str, np.ndarray]:
     """Node tags of the elements of every physical group, shape (k, dim + 1), sorted by the group's name."""
-    found = {}
+    groups = {}
     for _, group in gmsh.model.getPhysicalGroups(dim):
         nodes = []
         for entity in gmsh.model.getEntitiesForPhysicalGroup(dim, group):
             _, _, tags = gmsh.model.mesh.getElements(dim, entity)
             nodes += [block.reshape(-1, dim + 1) for block in tags]
-        found[gmsh.model.getPhysicalName(dim, group)] = np.concatenate(nodes).astype(np.int64)
-    return dict(sorted(found.items()))
+        groups[gmsh.model.getPhysicalName(dim, group)] = np.concatenate(nodes).astype(np.int64)
+    return dict(sorted(groups.items()))

@@ -86,8 +86,8 @@ def _fragments(gmsh: Any, clutch: Clutch) -> dict[str, list[int]]:
     surfaces: dict[str, list[int]] = {}
     for (name, _), piece in zip(parts, pieces[1:], strict=True):
         surfaces.setdefault(name, []).extend(tag for _, tag in piece)
-    taken = {tag for tags in surfaces.values() for tag in tags}
-    surfaces["air"] = [tag for _, tag in pieces[0] if tag not in taken]
+    used = {tag for tags in surfaces.values() for tag in tags}
+    surfaces["air"] = [tag for _, tag in pieces[0] if tag not in used]
     return surfaces
 
 

@@ -91,16 +91,16 @@ class SectionMesh(NamedMesh):
     def fraction_in_boxes(self, region: str, boxes: Sequence[AnnularBox]) -> np.ndarray:
         """Fraction of each triangle's volume of revolution inside boxes that do not overlap, shape (k,), 0 to 1."""
         corners = self.points[self.triangles[self.elements_of(region)]]
-        share = np.zeros(len(corners))
+        fraction = np.zeros(len(corners))
         for box in boxes:
             low, high = np.array([box.r0, box.z0]), np.array([box.r1, box.z1])
             slack = 1e-9 * (high - low)
             inside = np.all((corners >= low - slack) & (corners <= high + slack), axis=(1, 2))
             apart = np.any((corners.max(axis=1) <= low + slack) | (corners.min(axis=1) >= high - slack), axis=1)
-            share[inside] += 1.0
+            fraction[inside] += 1.0
             for k in np.flatnonzero(~inside & ~apart):
-                share[k] += _moment(_clip(corners[k], low, high)) / _moment(corners[k])
-        return np.minimum(share, 1.0)
+                fraction[k] += _moment(_clip(corners[k], low, high)) / _moment(corners[k])
+        return np.minimum(fraction, 1.0)
 
     def write(self, path: str | Path) -> None:
         """Write the mesh as .msh of gmsh (format 2.2, metres), with regions and boundaries as physical groups.

@@ -2,8 +2,8 @@
 
 x is the radius and y (or z, where the mesh lies in the plane y = 0) the axis. Regions are the names that a file gives
 its triangles: gmsh's physical groups, cell sets, or a column of tags, of which tag 3 is the name ``tag3``. The mesh has
-its air with it; where it does not name `axis` and `outer`, they are found: the outline on r = 0, and the rest of it.
-gmsh's own .msh is read by gmsh, all others by meshio.
+its air with it; where it does not name `axis` and `outer`, they are determined: the outline on r = 0, and the rest of
+it. gmsh's own .msh is read by gmsh, all others by meshio.
 
 The powder's outline are the edges between its triangles and all others; edges of one line with one region behind are
 joined, so that the mesher's subdivision leaves no trace. The gap is the smallest distance of two pieces of it that face
@@ -118,10 +118,10 @@ def _read(file: CadFile) -> _Content:
     if len(triangles) == 0:
         raise CadError(f"{path} holds no triangles; {_ONE_ORDER}")
     if unnamed := np.count_nonzero(labels == ""):
-        found = ", ".join(sorted(set(labels) - {""})) or "no group"
+        named = ", ".join(sorted(set(labels) - {""})) or "no group"
         raise CadError(
             f"{path}: {unnamed} triangle(s) have no name, or more than one; put every surface into one physical "
-            f"group or cell set; found: {found}"
+            f"group or cell set; found: {named}"
         )
     return nodes, triangles, labels, edges
 
@@ -153,7 +153,7 @@ def _by_entity(gmsh: Any, dim: int) -> list[tuple[str, np.ndarray]]:
 
     A surface has the name of its one group, "" for none or several.
     """
-    found = []
+    named = []
     for _, tag in gmsh.model.getEntities(dim):
         groups = gmsh.model.getPhysicalGroupsForEntity(dim, tag)
         names = [gmsh.model.getPhysicalName(dim, group) or f"tag{group}" for group in groups]
@@ -161,8 +161,8 @@ def _by_entity(gmsh: Any, dim: int) -> list[tuple[str, np.ndarray]]:
             names = [""]
         nodes = gmsh.model.mesh.getElementsByType(dim, tag)[1]  # types 1 and 2: straight lines and triangles
         if len(nodes):
-            found += [(name, nodes.reshape(-1, dim + 1).astype(np.int64)) for name in names]
-    return found
+            named += [(name, nodes.reshape(-1, dim + 1).astype(np.int64)) for name in names]
+    return named
 
 
 def _read_by_meshio(file: CadFile) -> _Content:
@@ -292,8 +292,8 @@ def _directed_outline(mesh: SectionMesh, powder: str) -> tuple[np.ndarray, list[
     pairs = mesh.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
     owner = np.repeat(mesh.region_of_element(), 3)
     opposite = {(int(a), int(b)): str(name) for (a, b), name in zip(pairs, owner, strict=True) if name != powder}
-    found = [(edge, opposite.get((int(edge[1]), int(edge[0])))) for edge in pairs[owner == powder]]
-    kept = [(edge, name) for edge, name in found if name is not None]
+    named = [(edge, opposite.get((int(edge[1]), int(edge[0])))) for edge in pairs[owner == powder]]
+    kept = [(edge, name) for edge, name in named if name is not None]
     return np.array([edge for edge, _ in kept], dtype=np.int64).reshape(-1, 2), [name for _, name in kept]
 
 
@@ -351,8 +351,8 @@ def _gap(pieces: Sequence[OutlineEdge]) -> float:
     smallest = float("inf")
     for end_of_one in (start, end):
         arm = end_of_one[:, None] - start
-        share = np.clip(np.einsum("ija,ja->ij", arm, along) / (along**2).sum(axis=1), 0.0, 1.0)
-        to_nearest = start + share[..., None] * along - end_of_one[:, None]
+        fraction = np.clip(np.einsum("ija,ja->ij", arm, along) / (along**2).sum(axis=1), 0.0, 1.0)
+        to_nearest = start + fraction[..., None] * along - end_of_one[:, None]
         length = np.linalg.norm(to_nearest, axis=2)
         across = np.einsum("ija,ia->ij", to_nearest, normal) > 0.5 * length
         smallest = min(smallest, float(length[opposed & across & (length > 0.0)].min(initial=np.inf)))

@@ -51,9 +51,9 @@ class ShearedGap:
         x, y, z = position.T
         r = np.hypot(x, y)
         depth = np.abs(z) - self.half_thickness if self.at_faces else r - self.radius + 0.5 * self.width
-        share = np.clip(depth / self.width, 0.0, 1.0)
-        omega = disc + share * (rotor - disc)
-        slope = np.where((share > 0.0) & (share < 1.0), (rotor - disc) / self.width, 0.0)
+        fraction = np.clip(depth / self.width, 0.0, 1.0)
+        omega = disc + fraction * (rotor - disc)
+        slope = np.where((fraction > 0.0) & (fraction < 1.0), (rotor - disc) / self.width, 0.0)
         if self.at_faces:
             slope = np.copysign(slope, z * slope)
             return omega, np.column_stack([-slope * x, -slope * y, 2.0 * omega])

@@ -26,8 +26,8 @@ class Slots:
     ----------
     count : int
         Slots (as many teeth) around.
-    share : float
-        Part of the pitch 2 pi/count that a slot takes, more than 0 and less than 1.
+    fraction : float
+        Width of a slot over the pitch 2 pi/count, more than 0 and less than 1.
     depth : float
         Radial depth [m].
     angle : float
@@ -35,7 +35,7 @@ class Slots:
     """
 
     count: int
-    share: float
+    fraction: float
     depth: float
     angle: float = 0.0
 
@@ -53,14 +53,14 @@ class Slots:
     def cuts(self, angle: float) -> bool:
         """True if the direction ``angle`` [rad] lies in a slot."""
         offset = (angle - self.angle) / self.pitch
-        return abs(offset - round(offset)) < 0.5 * self.share
+        return abs(offset - round(offset)) < 0.5 * self.fraction
 
     def edges(self, start: float, end: float) -> np.ndarray:
         """Angles of the slots' sides strictly between start and end [rad], ascending."""
         first = math.floor((start - self.angle) / self.pitch) - 1
         last = math.ceil((end - self.angle) / self.pitch) + 1
         middle = self.angle + self.pitch * np.arange(first, last + 1)
-        half = 0.5 * self.share * self.pitch
+        half = 0.5 * self.fraction * self.pitch
         sides = np.sort(np.concatenate((middle - half, middle + half)))
         margin = 1e-9 * self.pitch
         return sides[(sides > start + margin) & (sides < end - margin)]
@@ -80,32 +80,33 @@ def slot_faults(slots: Slots, key: str, body: str, room: float, limit: str) -> l
     limit : str
         What ends that room, in words.
     """
-    found = []
+    faults = []
     if not 2 <= slots.count <= MAX_SLOTS or slots.count != int(slots.count):
-        found.append(
+        faults.append(
             GeometryFault(f"{key}.count", f"{slots.count:g}", "it is not a number of slots around a body",
                   f"a whole number from 2 to {MAX_SLOTS}", f"correct `{key}.count`, or leave out `{key}`")
         )  # fmt: skip
-    if not 0.0 < slots.share < 1.0:
-        found.append(
-            GeometryFault(f"{key}.share", f"{slots.share:g}",
-                  "a slot is wider than the pitch" if slots.share >= 1.0 else "the slot has no width",
+    if not 0.0 < slots.fraction < 1.0:
+        faults.append(
+            GeometryFault(f"{key}.fraction", f"{slots.fraction:g}",
+                  "a slot is wider than the pitch" if slots.fraction >= 1.0 else "the slot has no width",
                   "more than 0 and less than 1",
-                  f"lower `{key}.share`" if slots.share >= 1.0 else f"raise `{key}.share` or leave out `{key}`")
+                  f"lower `{key}.fraction`" if slots.fraction >= 1.0
+                  else f"raise `{key}.fraction` or leave out `{key}`")
         )  # fmt: skip
     if not 0.0 < slots.depth < math.inf:
-        found.append(
+        faults.append(
             GeometryFault(f"{key}.depth", millimetres(slots.depth), "it is not a positive length", "more than 0 mm",
                   f"correct `{key}.depth`, or leave out `{key}`")
         )  # fmt: skip
     elif slots.depth >= room:
-        found.append(
+        faults.append(
             GeometryFault(f"{key}.depth", millimetres(slots.depth), f"the slots cut through {body} down to {limit}",
                   f"less than {millimetres(room)}", f"lower `{key}.depth`")
         )  # fmt: skip
     if not math.isfinite(slots.angle):
-        found.append(
+        faults.append(
             GeometryFault(f"{key}.angle", f"{slots.angle:g}", "it is not an angle", "any finite angle",
                   f"correct `{key}.angle`")
         )  # fmt: skip
-    return found
+    return faults

@@ -158,15 +158,15 @@ def _layers(clutch: Clutch, layers: int, factor: float, start: float, end: float
     sides = sides[np.append(True, np.diff(sides) > 1e-9)] if sides.size else sides
     least = _BESIDE_SLOT * gap_size(clutch.gap, layers, factor) / clutch.mean_gap_radius
     widest = min(factor * _WIDEST_LAYER, 2.0 * _WIDEST_LAYER, arc / clutch.mean_gap_radius)
-    found = [start]
+    angles = [start]
     for low, high in pairwise([start, *sides.tolist(), end]):
         s = np.linspace(low, high, 513)
         distance = np.abs(s[:, None] - sides).min(axis=1) if sides.size else np.full(s.size, np.inf)
         density = 1.0 / np.minimum(least + _LAYER_GROWTH * distance, widest)
         count = np.concatenate(([0.0], np.cumsum(0.5 * (density[1:] + density[:-1]) * np.diff(s))))
         n = max(math.ceil(count[-1] - 1e-6), 1 if sides.size else _FEWEST_LAYERS)
-        found += [*np.interp(np.arange(1, n) / n, count / count[-1], s).tolist(), high]
-    return np.array(found)
+        angles += [*np.interp(np.arange(1, n) / n, count / count[-1], s).tolist(), high]
+    return np.array(angles)
 
 
 def _sweep(
@@ -260,7 +260,7 @@ def _boundaries(
     def at_angle(angle: float) -> Any:
         return lambda p: np.abs(p[:, 1] * math.cos(angle) - p[:, 0] * math.sin(angle)) < close
 
-    found = {
+    boundaries = {
         "low_side": faces_where(points, outline, at_angle(start)),
         "high_side": faces_where(points, outline, at_angle(end)),
         "outer": faces_where(points, outline, lambda p: np.linalg.norm(p, axis=1) > clutch.air_radius - close),
@@ -269,8 +269,8 @@ def _boundaries(
     powder[regions["powder"]] = True
     skin = faces[(neighbours[:, 1] >= 0) & (powder[neighbours[:, 0]] != powder[neighbours[:, 1]])]
     for name, passed in powder_faces(clutch, radius, points[:, 2]).items():
-        found[name] = skin[passed[skin].all(axis=1)]
-    return {name: np.ascontiguousarray(found[name]) for name in sorted(found)}
+        boundaries[name] = skin[passed[skin].all(axis=1)]
+    return {name: np.ascontiguousarray(boundaries[name]) for name in sorted(boundaries)}
 
 
 def _matching(points: np.ndarray, boundaries: dict[str, np.ndarray]) -> np.ndarray:

@@ -84,15 +84,15 @@ def _section_faces(gmsh: Any, clutch: Clutch) -> tuple[list[str], list[int]]:
 
 def _slot_polygons(clutch: Clutch) -> list[tuple[str, np.ndarray]]:
     """Position of the slots in the section, (r, z) [m]."""
-    found = []
+    polygons = []
     if clutch.disc_slots is not None:
         rim, half = clutch.disc_radius, 0.5 * clutch.disc_thickness
-        found.append(("disc_slots", _rectangle(rim - clutch.disc_slots.depth, rim, -half, half)))
+        polygons.append(("disc_slots", _rectangle(rim - clutch.disc_slots.depth, rim, -half, half)))
     if clutch.rotor_slots is not None:
         bore, half, ring = clutch.bore_radius, 0.5 * clutch.rotor_length, 0.5 * clutch.ring_width
         bottom = bore + clutch.rotor_slots.depth
-        found += [("rotor_slots", _rectangle(bore, bottom, *z)) for z in ((-half, -ring), (ring, half))]
-    return found
+        polygons += [("rotor_slots", _rectangle(bore, bottom, *z)) for z in ((-half, -ring), (ring, half))]
+    return polygons
 
 
 def _rectangle(r0: float, r1: float, z0: float, z1: float) -> np.ndarray:
@@ -122,7 +122,7 @@ def section_sizes(clutch: Clutch, layers: int, factor: float) -> list[tuple[floa
         (clutch.rotor_slots, clutch.bore_radius, 1.0, 0.5 * clutch.rotor_length),
     ):
         if slots is not None:
-            width = slots.pitch * min(slots.share, 1.0 - slots.share) * surface
+            width = slots.pitch * min(slots.fraction, 1.0 - slots.fraction) * surface
             low, high = sorted((surface, surface + inwards * slots.depth))
             # of a slot shallower than the gap no more is seen in the gap than its own triangles resolve
             sizes.append((max(factor * min(width, slots.depth) / 3.0, rim), (low, high, -reach, reach)))

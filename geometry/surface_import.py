@@ -110,10 +110,10 @@ def _read_mesh(path: Path) -> tuple[np.ndarray, np.ndarray]:
     if len(beyond):
         raise CadError(f"{path}: a face names vertex {beyond[0]}, from 0, of {len(vertices)}; export it again")
     try:
-        found = [fans(vertices, block) for block in faces]
+        fanned = [fans(vertices, block) for block in faces]
     except FaceFault as fault:
         raise CadError(f"{path}: {fault}") from None
-    return vertices, np.vstack([np.zeros((0, 3), dtype=np.int64), *found])
+    return vertices, np.vstack([np.zeros((0, 3), dtype=np.int64), *fanned])
 
 
 def _read_cells(path: Path, is_stl: bool) -> tuple[np.ndarray, list[np.ndarray]]:
@@ -191,8 +191,8 @@ def _refuse_unmeshed(path: Path, gmsh: Any) -> None:
     """Refuse a shape that the mesher passed over a face of, which would be a hole."""
     faces = [tag for _, tag in gmsh.model.getEntities(2)]
     bare = [tag for tag in faces if len(gmsh.model.mesh.getElementsByType(2, tag)[1]) == 0]
-    whole = sum(gmsh.model.occ.getMass(2, tag) for tag in faces)
-    bare = [tag for tag in bare if gmsh.model.occ.getMass(2, tag) > _NEEDLE * whole]
+    total_area = sum(gmsh.model.occ.getMass(2, tag) for tag in faces)
+    bare = [tag for tag in bare if gmsh.model.occ.getMass(2, tag) > _NEEDLE * total_area]
     if bare:
         raise CadError(
             f"{path}: {len(bare)} of {len(faces)} faces cannot be meshed, the first is number {bare[0]}; repair the "

@@ -25,7 +25,7 @@ from pathlib import Path
 import numpy as np
 
 MAX_FILE = 50_000_000
-"""Bytes: half a million grains; a larger table is refused before it is read, of which each byte takes twenty."""
+"""Bytes: half a million grains; a larger table is refused before it is read, of which each byte needs twenty."""
 
 _FORCES = {"N": 1.0, "mN": 1e-3, "kN": 1e3, **dict.fromkeys(("kg", "kgf", "kp"), 9.80665),
            **dict.fromkeys(("lb", "lbs", "lbf"), 4.4482216152605),
@@ -82,7 +82,7 @@ class TableFile:
     names, units : list of str
         Of each column; the unit is the one in the file, empty where there is none.
     values : ndarray, shape (n, columns)
-        In the units that were wanted; nan where a cell is empty.
+        In the units of `unit_of`; nan where a cell is empty.
     lines : list of int
         Place of each row in the file, from 1.
     unused : list of (str, str)
@@ -107,12 +107,12 @@ def warn_of_unused(path: Path, names: Iterable[str]) -> None:
     warnings.warn(f"{path}: not used: {', '.join(names)}", UserWarning, stacklevel=2)
 
 
-def read_table(path: str | Path, wanted: Callable[[int, str, str], str | None], *, gaps: bool = False) -> TableFile:
-    """Read the columns that are wanted.
+def read_table(path: str | Path, unit_of: Callable[[int, str, str], str | None], *, gaps: bool = False) -> TableFile:
+    """Read the columns that `unit_of` names.
 
     Parameters
     ----------
-    wanted : function
+    unit_of : function
         Of a column's place, name and unit: the unit to return it in, "1" for a pure number, "" for one whose unit may
         be missing, None for a column that is not used. A column whose name begins with "error" and that has no unit has
         the unit of the column before it.
@@ -136,7 +136,7 @@ def read_table(path: str | Path, wanted: Callable[[int, str, str], str | None], 
         if not text and all(place >= len(row) or not row[place] for _, row in body):
             continue  # a spreadsheet's empty column, or a separator at the end of each line
         name, unit = split_heading(text)
-        goal = wanted(place, name, unit)
+        goal = unit_of(place, name, unit)
         if goal is None:
             unused.append((name, unit))
             continue
@@ -184,12 +184,12 @@ def read_table(path: str | Path, wanted: Callable[[int, str, str], str | None], 
 
 def split_heading(text: str) -> tuple[str, str]:
     """Return name and unit of "x [mm]", "x (mm)", "x / mm", "x in mm", "x mm" or "x_mm"; the unit is "" if missing."""
-    if found := re.fullmatch(r"(.*?)\s*\[([^\]]*)\]", text):
-        return found[1], found[2].strip()
-    for found in re.finditer(r"\s*(?:/|\(|\bin\s|[\s_])\s*", text):
-        unit = text[found.end() :].strip(" )")
+    if match := re.fullmatch(r"(.*?)\s*\[([^\]]*)\]", text):
+        return match[1], match[2].strip()
+    for match in re.finditer(r"\s*(?:/|\(|\bin\s|[\s_])\s*", text):
+        unit = text[match.end() :].strip(" )")
         if _plain(unit).casefold() in _SUFFIXES:
-            return text[: found.start()], unit
+            return text[: match.start()], unit
     return text, ""
 
 
@@ -251,25 +251,25 @@ def _decimal_mark(path: Path, rows: list[tuple[int, list[str]]]) -> str:
     """Return the decimal mark, a point or a comma, that the numbers of a table agree on."""
     if not any("," in cell or cell.count(".") > 1 for _, row in rows for cell in row):
         return "."
-    found: dict[str, tuple[int, str]] = {}
+    marked: dict[str, tuple[int, str]] = {}
     for line, cell in ((line, cell) for line, row in rows for cell in row):
         marks = [mark for mark in cell if mark in ",."]
         if marks and not re.fullmatch(r"[+-]?[1-9]\d{0,2}[.,]\d{3}", cell):
             thousands = len(marks) > 1 and len(set(marks)) == 1
-            found.setdefault({",": ".", ".": ","}[marks[0]] if thousands else marks[-1], (line, cell))
+            marked.setdefault({",": ".", ".": ","}[marks[0]] if thousands else marks[-1], (line, cell))
         elif "," in marks:
-            found.setdefault("?", (line, cell))
-    if len(found.keys() & {",", "."}) == 2:
-        (first, one), (second, other) = found[","], found["."]
+            marked.setdefault("?", (line, cell))
+    if len(marked.keys() & {",", "."}) == 2:
+        (first, one), (second, other) = marked[","], marked["."]
         raise FileFault(
             path,
             f"line {first} has {one!r}, line {second} {other!r}; write all decimals with a point, or all with a comma",
         )
-    if found.keys() == {"?"}:
-        line, cell = found["?"]
+    if marked.keys() == {"?"}:
+        line, cell = marked["?"]
         choices = f"{cell.replace(',', '')} or {cell.replace(',', '.')}"
         raise FileFault(path, f"line {line}: {cell!r} may be {choices}; write one of them")
-    return "," if "," in found else "."
+    return "," if "," in marked else "."
 
 
 def _number(cell: str, mark: str) -> float | None:

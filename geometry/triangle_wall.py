@@ -232,7 +232,7 @@ def _ears(polygon: np.ndarray) -> np.ndarray:
     is cut; corners in the middle of a straight side are kept for a triangle that has area.
     """
     left = list(range(len(polygon)))
-    found = []
+    ears = []
     while len(left) > 3:
         best, fatness = -1, 0.0
         for n in range(len(left)):
@@ -246,6 +246,6 @@ def _ears(polygon: np.ndarray) -> np.ndarray:
                 best, fatness = n, shape
         if best < 0:
             raise ValueError("a polygon is too thin to be cut into triangles; give its corners more exactly")
-        found.append([left[best - 1], left[best], left[(best + 1) % len(left)]])
+        ears.append([left[best - 1], left[best], left[(best + 1) % len(left)]])
         del left[best]
-    return np.array([*found, left])
+    return np.array([*ears, left])

@@ -1,7 +1,7 @@
 """Grains: state, neighbours, contact, walls and shafts, DEM, packing."""
 
 import geometry.kernels.cache  # noqa: F401 (before the first kernel is defined)
-from particles.attraction import Attraction, contact_share, depth_warning
+from particles.attraction import Attraction, depth_warning, pull_stiffness_ratio
 from particles.barostat import Barostat
 from particles.bodies import Body, FreeShaft
 from particles.dem.dem import DEM
@@ -100,7 +100,6 @@ __all__ = [
     "before_the_start",
     "choose_dvi_step",
     "choose_time_step",
-    "contact_share",
     "damping_ratio",
     "depth_warning",
     "find_pairs",
@@ -109,6 +108,7 @@ __all__ = [
     "pack",
     "periodic_packing",
     "poured_packing",
+    "pull_stiffness_ratio",
     "random_packing",
     "read_packing",
     "read_sizes",

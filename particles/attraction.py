@@ -1,7 +1,7 @@
-"""A tabulated attraction of near grains, its drive held: the step takes its own gap, and the drive of a slot.
+"""A tabulated attraction of near grains, its drive lagged: the step takes its own gap, and the drive of a slot.
 
 For forces that change within a few hundredths of a radius, such as that of two magnetised grains whose flux gathers in
-their neck: held over some steps, as `DEM.external_force` is, they would follow the gap too late, and pump energy into
+their neck: lagged by some steps, as `DEM.external_force` is, they would follow the gap too late, and pump energy into
 whatever swings in it. The pull of a pair along its line of centres is
 
     F = amplitude T(ln g, column) + across_amplitude A(ln g),   g = max((r - r_i - r_j)/a, smallest_gap),
@@ -11,17 +11,17 @@ from the last gap on. At a smooth wall, towards its nearest point at the distanc
 g = max(2 (h - r_i)/r_i, smallest_gap): that of a grain and its mirror image. `DEM` takes the pull at the gap of each
 step, `DVI`, whose steps are longer, its mean over the way that the gap goes in a step at the present velocities.
 
-**What is held.** Amplitudes and columns belong to the slots of the engine's list: every pair nearer than touching and a
+**Lagged:** amplitudes and columns. They belong to the slots of the engine's list: every pair nearer than touching and a
 skin when it was made. Grains may come nearer to each other by a skin before the next one is made; so the list reaches
 further by ``near_gap``, and up to that gap it holds every pair at every step. It is rebuilt, and the grains sorted
 and wrapped, inside a run: the engine asks for the drives by a callable that finds them from arrays of the grains, and
 it keeps these arrays in the present order.
 
-**Each pair once.** Pairs that the list does not hold are the caller's, as held forces. A list rebuilt inside a run
+**Each pair once.** Pairs that the list does not hold are the caller's, as lagged forces. A list rebuilt inside a run
 holds others than the last one: `drives` may then set `GrainMotion.external_force`, it is read afterwards.
 
 **Energy budget.** Pulls are no contact forces: friction is limited by the contact's repulsion alone, which they raise
-by pressing the grains together. Their work is booked as external work. Action and reaction are equal, bit for bit, and
+by pressing the grains together. Their work counts as external work. Action and reaction are equal, bit for bit, and
 central, so momentum and angular momentum are conserved to round-off. A wall's body gets nothing: a pull along the
 normal of a coaxial wall, or of a plane that cannot swing, has no torque about the axis and does no work on a turning
 body; the force along the axis is not reported.
@@ -35,7 +35,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from particles.dem.attraction_kernel import ACROSS, AMPLITUDE, COLUMN, HeldAttraction
+from particles.dem.attraction_kernel import ACROSS, AMPLITUDE, COLUMN, LaggedAttraction
 from particles.laws.contact_law import ContactLaw
 from particles.laws.pair_table import PairLaws
 
@@ -93,7 +93,7 @@ class Attraction:
     pair_drive: np.ndarray | None = field(default=None, init=False)
     wall_drive: np.ndarray | None = field(default=None, init=False)
     listed: bool = field(default=False, init=False)
-    _seen: tuple[PairList, np.ndarray, np.ndarray] | None = field(default=None, init=False)
+    _checked: tuple[PairList, np.ndarray, np.ndarray] | None = field(default=None, init=False)
 
     def __post_init__(self) -> None:
         self.values = np.ascontiguousarray(self.values, dtype=float)
@@ -140,9 +140,9 @@ class Attraction:
 
     def _largest(self, values: np.ndarray, across: np.ndarray, by_length: bool) -> float:
         """Largest over slots of amplitude times the extremes over gaps (k, nh), (k,); over a length where asked."""
-        if self.pair_drive is None or self.wall_drive is None or self._seen is None or not len(values):
+        if self.pair_drive is None or self.wall_drive is None or self._checked is None or not len(values):
             return 0.0
-        pairs, wall_start, radius = self._seen
+        pairs, wall_start, radius = self._checked
         own, others = np.repeat(radius, np.diff(pairs.start)), radius[pairs.other]
         lengths = 2.0 * own * others / (own + others), 0.5 * np.repeat(radius, np.diff(wall_start))
 
@@ -150,7 +150,7 @@ class Attraction:
             return np.maximum(amplitude * np.where(amplitude > 0.0, most, least), 0.0)
 
         places, most, least = np.arange(values.shape[1]), values.max(axis=0), values.min(axis=0)
-        found = 0.0
+        largest = 0.0
         for drive, length in zip((self.pair_drive, self.wall_drive), lengths, strict=True):
             at = drive[:, COLUMN]
             pull = part(drive[:, AMPLITUDE], np.interp(at, places, most), np.interp(at, places, least))
@@ -158,8 +158,8 @@ class Attraction:
                 pull += part(drive[:, ACROSS], float(across.max()), float(across.min()))
             if by_length:
                 pull /= length
-            found = max(found, float(pull.max(initial=0.0)))
-        return found
+            largest = max(largest, float(pull.max(initial=0.0)))
+        return largest
 
     def renew(self) -> None:
         """Say that what the drives follow from has changed: they are asked for before the next step."""
@@ -196,9 +196,9 @@ class Attraction:
             if wall[~slots.smooth, AMPLITUDE].any():
                 raise ValueError("a triangle is driven; only planes and walls of revolution attract grains")
             self.pair_drive, self.wall_drive = pair, wall
-            self._seen = None
-        if self._seen is None:
-            self._seen = motion.listed_pairs, motion.listed_walls.start, motion.grains.radius
+            self._checked = None
+        if self._checked is None:
+            self._checked = motion.listed_pairs, motion.listed_walls.start, motion.grains.radius
 
     def permute(self, order: np.ndarray) -> None:
         """Put row ``order[k]`` of `per_grain` into place k."""
@@ -213,33 +213,33 @@ class Attraction:
                 to_image = place if name == "position" else periodicity.turn
                 array[rows] = to_image(array[rows], wraps)
 
-    def held(self, contacts: ContactList, n: int, driven: bool = True) -> HeldAttraction:
+    def lagged(self, contacts: ContactList, n: int, driven: bool = True) -> LaggedAttraction:
         """The argument of a step for ``n`` grains; not ``driven``: all amplitudes 0."""
         pair, wall = self.pair_drive, self.wall_drive
         if not driven or pair is None or wall is None:
             pair, wall = np.zeros((contacts.pairs.count, 3)), np.zeros((len(contacts.wall_other), 2))
-        return HeldAttraction(
+        return LaggedAttraction(
             float(self.gap_start), 1.0 / self.gap_step, float(self.smallest_gap), self.last_gap, self.values,
             self.across, pair, wall, np.zeros((n, 4)), np.zeros((len(contacts.chunks.reaction), 4)),
         )  # fmt: skip
 
     def state(self) -> dict[str, np.ndarray]:
         """Drives and arrays of the grains, for the engine's state; the table and the callable are the caller's."""
-        found = {f"{PREFIX}of_{name}": array.copy() for name, array in self.per_grain.items()}
+        arrays = {f"{PREFIX}of_{name}": array.copy() for name, array in self.per_grain.items()}
         if self.pair_drive is not None and self.wall_drive is not None:
-            found |= {f"{PREFIX}pair_drive": self.pair_drive.copy(), f"{PREFIX}wall_drive": self.wall_drive.copy()}
-        return found | {f"{PREFIX}listed": np.array([self.listed]), f"{PREFIX}strain": np.array([self.strain])}
+            arrays |= {f"{PREFIX}pair_drive": self.pair_drive.copy(), f"{PREFIX}wall_drive": self.wall_drive.copy()}
+        return arrays | {f"{PREFIX}listed": np.array([self.listed]), f"{PREFIX}strain": np.array([self.strain])}
 
     def restore(self, state: dict[str, np.ndarray]) -> None:
         """The inverse of `state`."""
-        first, self._seen = f"{PREFIX}of_", None
+        first, self._checked = f"{PREFIX}of_", None
         self.per_grain = {name.removeprefix(first): state[name].copy() for name in state if name.startswith(first)}
         self.listed, self.strain = bool(state[f"{PREFIX}listed"][0]), float(state[f"{PREFIX}strain"][0])
         pair, wall = state.get(f"{PREFIX}pair_drive"), state.get(f"{PREFIX}wall_drive")
         self.pair_drive, self.wall_drive = None if pair is None else pair.copy(), None if wall is None else wall.copy()
 
 
-def contact_share(attraction: Attraction, contact: ContactLaw | PairLaws, radius: float | np.ndarray) -> float:
+def pull_stiffness_ratio(attraction: Attraction, contact: ContactLaw | PairLaws, radius: float | np.ndarray) -> float:
     """Negative stiffness of the present pulls over the contacts' own, of grains of ``radius`` [m], the smallest count.
 
     Own is that at the depth to which the strongest pull presses the softest contact. 0 without pulls.
@@ -263,9 +263,9 @@ def depth_warning(
     depth, stiffness = _softest(attraction, contact, smallest)
     if depth <= limit * smallest:
         return None
-    share = 100.0 * depth / smallest
+    percent = 100.0 * depth / smallest
     return (
-        f"near grains attract each other with up to {pull:.3g} N, which presses a contact by {share:.2g} % of the "
+        f"near grains attract each other with up to {pull:.3g} N, which presses a contact by {percent:.2g} % of the "
         f"radius (k_n = {stiffness:.3g} N/m); at most {100.0 * limit:g} % is usual: raise the stiffness"
     )
 
@@ -273,9 +273,9 @@ def depth_warning(
 def _softest(attraction: Attraction, contact: ContactLaw | PairLaws, radius: float) -> tuple[float, float]:
     """Depth [m] of the softest contact under the strongest pull, and its stiffness there [N/m]."""
     table = contact if isinstance(contact, PairLaws) else PairLaws.of_one(contact)
-    found = []
+    pressed = []
     for rows, r_eff in ((table.pair, 0.5 * radius), (table.wall, radius)):
         for law in (table.laws[k] for k in np.unique(rows)):
             depth = law.overlap_under(attraction.strongest, 1.0, 0.0, r_eff)
-            found.append((depth, law.stiffness_at(depth, r_eff)))
-    return max(depth for depth, _ in found), min(stiffness for _, stiffness in found)
+            pressed.append((depth, law.stiffness_at(depth, r_eff)))
+    return max(depth for depth, _ in pressed), min(stiffness for _, stiffness in pressed)

@@ -4,7 +4,7 @@
 
 with a damping g [Pa s] that sets how fast: much slower than the grains' collisions, much faster than the shear (da Cruz
 et al., Phys. Rev. E 72 (2005) 021309, with the wall's equation for a box). Centres move with the box; grains keep their
-size and their velocity beside the flow. Its work is that of a wall that yields, and not in the budget of a run.
+size and their peculiar velocity. Its work is that of a wall that yields, and not in the budget of a run.
 """
 
 from __future__ import annotations
@@ -46,10 +46,10 @@ class Barostat:
                 f"pressure = {self.pressure} Pa, damping = {self.damping} Pa s; allowed: finite, and more than 0"
             )
 
-    def follow(self, motion: GrainMotion, totals: StepTotals, held: float = 0.0) -> float:
+    def follow(self, motion: GrainMotion, totals: StepTotals, lagged: float = 0.0) -> float:
         """Stretch the box of ``motion`` by what the mean stress of its last run asks for; the factor.
 
-        ``held`` is sigma_zz of forces that the grains' engine does not know [Pa], such as held magnetic ones.
+        ``lagged`` is sigma_zz of forces that the grains' engine does not know [Pa], such as lagged magnetic ones.
 
         Raises
         ------
@@ -58,7 +58,7 @@ class Barostat:
         """
         if totals.stress is None:
             raise ValueError("the grains are in no sheared box; a barostat needs one")
-        excess = float(totals.stress.total[2, 2]) + held - self.pressure
+        excess = float(totals.stress.total[2, 2]) + lagged - self.pressure
         rate = 0.0 if motion.box is None else abs(motion.box.rate)
         most = max(MOST, SLOWER * rate * totals.duration)
         factor = math.exp(min(max(totals.duration * excess / self.damping, -most), most))

@@ -21,7 +21,7 @@ from particles.neighbours.slot_list import SlotList
 from particles.periodicity import Periodicity
 from particles.sector import CyclicSector
 from particles.sheared_box import GapBox, ShearedBox
-from particles.step_answers import DONE
+from particles.step_status import DONE
 from particles.step_totals import StepTotals
 from particles.walls.device_walls import DeviceWalls
 from particles.walls.wall_table import Enclosure
@@ -39,14 +39,14 @@ def gravity_at(gravity: Gravity | None, times: np.ndarray) -> np.ndarray:
     return np.array(gravity, dtype=float).reshape(1, 3)
 
 
-def held_force(force: np.ndarray | None, count: int) -> np.ndarray:
-    """The held force [N] of so many grains as the kernels take it: (n, 3), or (0, 3) without; else a ValueError."""
+def lagged_force(force: np.ndarray | None, count: int) -> np.ndarray:
+    """The lagged force [N] of so many grains as the kernels take it: (n, 3), or (0, 3) without; else a ValueError."""
     if force is None:
         return np.zeros((0, 3))
-    held = np.ascontiguousarray(force, dtype=float)
-    if held.shape != (count, 3):
-        raise ValueError(f"external_force has shape {held.shape}; it must be ({count}, 3)")
-    return held
+    lagged = np.ascontiguousarray(force, dtype=float)
+    if lagged.shape != (count, 3):
+        raise ValueError(f"external_force has shape {lagged.shape}; it must be ({count}, 3)")
+    return lagged
 
 
 def array_of(state: dict[str, np.ndarray], name: str) -> np.ndarray | None:
@@ -80,9 +80,9 @@ class GrainMotion(ABC):
     Attributes
     ----------
     external_force : ndarray, shape (n, 3), or None
-        Force on each grain [N] in the present order, held until it is set again; sorted along with the grains.
+        Force on each grain [N] in the present order, constant until it is set again (lagged); sorted with the grains.
     attraction : Attraction or None
-        Pull of near grains and walls from the gap of every step, its drive held (`particles.attraction`).
+        Pull of near grains and walls from the gap of every step, its drive lagged (`particles.attraction`).
     step_count : int
         Steps done.
     order_version, list_version : int
@@ -181,8 +181,8 @@ class GrainMotion(ABC):
         return ListedWalls(self._list.wall_start, self._device.wall[number], number < len(self._device.rows))
 
     @property
-    def _beside_flow(self) -> np.ndarray:
-        """Velocities less the flow's of a sheared box [m/s], (n, 3)."""
+    def _peculiar_velocity(self) -> np.ndarray:
+        """Velocities less the flow of a sheared box [m/s], (n, 3)."""
         g = self.grains
         return g.velocity if self.box is None else g.velocity - self.box.flow(g.position[:, 2])
 
@@ -219,7 +219,7 @@ class GrainMotion(ABC):
         return True
 
     def stretch(self, factor: float) -> None:
-        """Make the sheared box higher by ``factor``: centres move with it, velocities beside its flow stay.
+        """Make the sheared box higher by ``factor``: centres move with it, peculiar velocities stay.
 
         Raises
         ------
@@ -243,9 +243,9 @@ class GrainMotion(ABC):
     def state(self) -> dict[str, np.ndarray]:
         """Everything that `restore` needs to continue bit for bit."""
         arrays = {name: getattr(self.grains, name).copy() for name in RECORDS}
-        held = {name.lstrip("_"): getattr(self, name) for name in self.PER_GRAIN}
+        own = {name.lstrip("_"): getattr(self, name) for name in self.PER_GRAIN}
         moments = {name: getattr(self.grains, name) for name in MOMENTS}
-        for name, value in (moments | held).items():
+        for name, value in (moments | own).items():
             if value is not None:
                 arrays[name] = value.copy()
         arrays |= {f"{LIST}{name}": value.copy() for name, value in self._list.arrays().items()}
@@ -323,8 +323,8 @@ class GrainMotion(ABC):
         """Take over the list of a state, by its ``arrays``."""
 
     @abstractmethod
-    def _raise_stopped(self, answer: int, totals: np.ndarray) -> None:
-        """Raise the error that explains the ``answer`` of a step, or what its ``totals`` show."""
+    def _raise_stopped(self, status: int, totals: np.ndarray) -> None:
+        """Raise the error that explains the ``status`` of a step, or what its ``totals`` show."""
 
     def _body_state(self) -> tuple[np.ndarray, np.ndarray]:
         """Angles [rad] and speeds [rad/s] of the bodies, shapes (n_bodies,)."""
@@ -334,7 +334,7 @@ class GrainMotion(ABC):
         """Advance by ``n_steps``, list by list; returns how many lists were made.
 
         ``call(steps left, angle, speed)`` does some of the steps and brings the bodies' arrays forward; it returns the
-        step's answer and how many it has done.
+        step's status and how many it has done.
         """
         rebuilds, left = 0, n_steps
         angle, speed = self._body_state()
@@ -342,13 +342,13 @@ class GrainMotion(ABC):
             if self._outdated:
                 self._rebuild()
                 rebuilds += 1
-            answer, done = call(left, angle, speed)
+            status, done = call(left, angle, speed)
             left -= done
             self.step_count += done
             for body, a, w in zip(self.bodies, angle, speed, strict=True):
                 body.angle, body.speed = float(a), float(w)
-            self._stale = answer != DONE
-            self._raise_stopped(answer, totals)
+            self._stale = status != DONE
+            self._raise_stopped(status, totals)
         return rebuilds
 
     def _wrap(self, periodicity: Periodicity) -> np.ndarray:
@@ -359,8 +359,8 @@ class GrainMotion(ABC):
         shift = wraps[moved]
         g.position[moved] = periodicity.place(g.position[moved], shift)
         g.velocity[moved] = periodicity.sweep(g.velocity[moved], shift)
-        held = [getattr(self, name) for name, turns in self.PER_GRAIN.items() if turns]
-        for array in (g.angular_velocity, g.magnetic_moment, g.dipole, *held):
+        own = [getattr(self, name) for name, turns in self.PER_GRAIN.items() if turns]
+        for array in (g.angular_velocity, g.magnetic_moment, g.dipole, *own):
             if array is not None:
                 array[moved] = periodicity.turn(array[moved], shift)
         if self.attraction is not None:
@@ -384,7 +384,7 @@ class GrainMotion(ABC):
             self.attraction.permute(order)
         self.order_version += 1
 
-    def _take_list(self) -> None:
+    def _note_list(self) -> None:
         """Note that a list has been made."""
         self.list_version += 1
         self._stale = False

@@ -1,4 +1,4 @@
-"""Compiled vectors of grains as their periodic images have them, by the table of images of `particles.periodicity`.
+"""Compiled vectors of the periodic images of grains, by the table of images of `particles.periodicity`.
 
 A grain meets the image of its partner in row s + m of the table (2 m + 1, 6), with s the shift of their pair; the table
 has one row where space does not repeat. Functions of a pair of a list take the number k of its shift (of eight pairs:
@@ -15,35 +15,35 @@ from particles.periodicity import COS, DU, DX, DY, DZ, SIN
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def images_of_partners(images, row):
-    """How eight partners stand to the grains that see them: cosine and sine of a turn about z, translation (3) [m]."""
+    """Images of eight partners: cosine and sine of a turn about z, translation (3) [m]."""
     c, s, dx, dy = gather_columns(images, row, COS)
     return c, s, dx, dy, gather_column(images, row, DZ)
 
 
 @device_function(error_model="numpy", fastmath={"contract"}, forceinline=True)
-def place_of_partner(image, x, y, z):
-    """Place [m] at which a grain sees its partner, which stands at x, y, z."""
+def place_to_image(image, x, y, z):
+    """Place [m] of the image of a partner at x, y, z."""
     c, s, dx, dy, dz = image
     return c * x - s * y + dx, s * x + c * y + dy, z + dz
 
 
 @device_function(error_model="numpy", fastmath={"contract"}, forceinline=True)
-def vector_of_partner(image, x, y, z):
-    """Vector that a grain sees at its partner, which has x, y, z itself."""
+def vector_to_image(image, x, y, z):
+    """Vector of the image of a partner whose own vector is x, y, z."""
     c, s, _, _, _ = image
     return c * x - s * y, s * x + c * y, z
 
 
 @device_function(error_model="numpy", fastmath={"contract"}, forceinline=True)
-def vector_to_partner(image, x, y, z):
-    """Vector that the partner has itself, of what a grain sees there; and components on it as on columns."""
+def vector_from_image(image, x, y, z):
+    """The inverse of `vector_to_image`."""
     c, s, _, _, _ = image
     return c * x + s * y, c * y - s * x, z
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def place_as_seen(images, shift, k, x, y, z):
-    """Place [m] at which a grain sees the partner of pair k, which stands at x, y, z."""
+def pair_place_to_image(images, shift, k, x, y, z):
+    """Place [m] of the image of the partner of pair k, which stands at x, y, z."""
     if images.shape[0] > 1:
         row = images.shape[0] // 2 + shift[k]
         c, s = images[row, COS], images[row, SIN]
@@ -53,8 +53,8 @@ def place_as_seen(images, shift, k, x, y, z):
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def vector_as_seen(images, shift, k, x, y):
-    """Components across the axis of a vector that the partner of pair k has, as the grain sees them."""
+def pair_vector_to_image(images, shift, k, x, y):
+    """Components across the axis of a vector of the partner of pair k, at its image."""
     if images.shape[0] > 1:
         row = images.shape[0] // 2 + shift[k]
         c, s = images[row, COS], images[row, SIN]
@@ -63,8 +63,8 @@ def vector_as_seen(images, shift, k, x, y):
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def velocity_as_seen(images, shift, k, x, y):
-    """`vector_as_seen` of a velocity [m/s], which jumps besides where images move on."""
+def pair_velocity_to_image(images, shift, k, x, y):
+    """`pair_vector_to_image` of a velocity [m/s]; moving images add their own."""
     if images.shape[0] > 1:
         row = images.shape[0] // 2 + shift[k]
         c, s = images[row, COS], images[row, SIN]
@@ -73,8 +73,8 @@ def velocity_as_seen(images, shift, k, x, y):
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def vector_as_own(images, shift, k, x, y):
-    """The inverse of `vector_as_seen`."""
+def pair_vector_from_image(images, shift, k, x, y):
+    """The inverse of `pair_vector_to_image`."""
     if images.shape[0] > 1:
         row = images.shape[0] // 2 + shift[k]
         c, s = images[row, COS], images[row, SIN]
@@ -99,8 +99,8 @@ def _any_across(across):
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def eight_as_seen(images, shift, k, ax, ay, bx, by):
-    """`velocity_as_seen` of the velocity a and `vector_as_seen` of the vector b of each of eight partners."""
+def pairs_to_images(images, shift, k, ax, ay, bx, by):
+    """`pair_velocity_to_image` of a and `pair_vector_to_image` of b, for the partners of eight pairs."""
     if images.shape[0] > 1:
         across = gather(shift, k)
         if _any_across(across):
@@ -112,8 +112,8 @@ def eight_as_seen(images, shift, k, ax, ay, bx, by):
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def eight_as_own(images, shift, k, ax, ay, bx, by):
-    """`vector_as_own` of two vectors of each of eight partners."""
+def pairs_from_images(images, shift, k, ax, ay, bx, by):
+    """`pair_vector_from_image` of two vectors, for the partners of eight pairs."""
     if images.shape[0] > 1:
         across = gather(shift, k)
         if _any_across(across):

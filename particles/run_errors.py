@@ -21,7 +21,7 @@ def escaped(grains: Grains, rows: np.ndarray, time: float, remedy: str) -> DemEr
 
 
 def too_deep(grains: Grains, row: int, overlap: float, limit: float, time: float, remedy: str) -> DemError:
-    """Return the error for grain ``row`` with an ``overlap`` beyond the ``limit``, shares of the diameter."""
+    """Return the error for grain ``row`` with an ``overlap`` beyond the ``limit``, fractions of the diameter."""
     fault = (
         f"it overlaps a neighbour or a wall by {100.0 * overlap:.3g} % of the "
         f"diameter (the limit is {100.0 * limit:.3g} %)"
@@ -32,7 +32,7 @@ def too_deep(grains: Grains, row: int, overlap: float, limit: float, time: float
 def too_fast(grains: Grains, velocity: np.ndarray, dt: float, limit: float, time: float) -> DemError:
     """Return the error for the fastest grain: in ``dt`` [s] it moves more than ``limit`` radii of the smallest one.
 
-    ``velocity`` (n, 3) [m/s] is that beside the flow of a sheared box.
+    ``velocity`` (n, 3) [m/s] is peculiar in a sheared box.
     """
     row = int(np.argmax(np.einsum("ij,ij->i", velocity, velocity)))
     speed = float(np.linalg.norm(velocity[row]))
@@ -49,7 +49,7 @@ def refuse_shot_off(
 ) -> None:
     """Raise DemError where impulses that missed their tolerance by far have shot a grain off.
 
-    ``fastest`` [m/s] is the largest speed of a grain, ``velocity`` (n, 3) [m/s] that of all beside the flow of a
+    ``fastest`` [m/s] is the largest speed of a grain, ``velocity`` (n, 3) [m/s] the peculiar one of all in a
     sheared box, ``tolerance`` [m/s] that of the natural map.
     """
     if fastest * dt <= SHOT_OFF * float(grains.radius.min()):

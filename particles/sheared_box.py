@@ -12,7 +12,7 @@ Grains are wrapped, and whole boxes taken out of the offset, only where their ne
 on freely and the images of a pair keep their numbers while the offset grows. So a wrap changes no distance and no
 relative velocity, and springs of contacts continue as they are.
 
-**What a list may miss.** Displacements u_i beside the flow, of the midpoint rule u_x = dx - gamma (z + dz/2) with gamma
+**What a list may miss.** Peculiar displacements u_i, of the midpoint rule u_x = dx - gamma (z + dz/2) with gamma
 the strain since the list was made, change a distance r by at most u_i + u_j, and the flow by gamma |r_z|. A list with a
 skin s beyond the largest interaction c holds every pair as long as 2 max u + gamma (c + s/2) < s.
 
@@ -186,7 +186,7 @@ class ShearedBox(Periodicity):
     def approach(
         self, position: np.ndarray, before: np.ndarray, strain: float, height: float, reach: float
     ) -> float:
-        """See `Periodicity`: 2 max u + (gamma + |ln(Lz/height)|) reach, with displacements u beside flow and stretch.
+        """See `Periodicity`: 2 max u + (gamma + |ln(Lz/height)|) reach, with displacements u less flow and stretch.
 
         The images of a stretched box move with it: a grain that stands still in it comes nearer to those above.
         """
@@ -249,8 +249,8 @@ class GapBox(ShearedBox):
 
     def images_near(self, position: np.ndarray, margin: float) -> Images:
         """See `Periodicity`."""
-        found = ShearedBox.images_near(self, position - self.corner, margin)
-        return found._replace(position=found.position + self.corner)
+        images = ShearedBox.images_near(self, position - self.corner, margin)
+        return images._replace(position=images.position + self.corner)
 
     def at_strain(self, strain: float) -> GapBox:
         """See `Periodicity`: it does not move."""

@@ -11,9 +11,9 @@ sum(wall_work); what is neither passed on nor stored is lost: `EnergyTotals.diss
 at the contact by the same rule; its sum converges to `dissipated` with the step, and the difference is what the
 integration has lost or won.
 
-In a sheared box velocities and energies are those beside its flow. The shear works on the grains through contacts, held
-attraction and their own motion, -rate V sigma_xz each; then kinetic_change also has the work through motion, and
-`EnergyTotals.dissipated` the work through contacts.
+In a sheared box velocities and energies are peculiar: less its flow. The shear works on the grains through contacts,
+lagged attraction and their own motion, -rate V sigma_xz each; then kinetic_change also has the work through motion,
+and `EnergyTotals.dissipated` the work through contacts.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ class BoxStress:
     Attributes
     ----------
     contacts, attraction, motion : ndarray, shape (3, 3)
-        [Pa]; `attraction` is the held one (`particles.attraction`), other held forces are not known here.
+        [Pa]; `attraction` is the lagged one (`particles.attraction`), other lagged forces are not known here.
     """
 
     contacts: np.ndarray

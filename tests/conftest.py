@@ -17,7 +17,9 @@ from resource import RUSAGE_CHILDREN, RUSAGE_SELF, getrusage
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy and numba are loaded; two workers share two cores
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # tests of threads: the other worker has the other core
-os.environ["EMCLUTCH_LADDERS"] = os.path.join(__file__, "none")  # a test that needs a ladder names a folder of its own
+os.environ["EMCLUTCH_ACCURACY_STUDIES"] = os.path.join(
+    __file__, "none"
+)  # a test of accuracy studies has its own folder
 
 import compile_counts
 import compile_in_child

@@ -1,7 +1,7 @@
 """The physics of a scene as a list of small objects; what is not in the list does not exist.
 
-An effect has a `name`, may act at the start of a coupling window (`begin_window`) and may add to the held forces
-of a sub-cycle (`add_forces`, which returns its bookings for the balances). To add one: a new file here, and its table
+An effect has a `name`, may act at the start of a coupling window (`begin_window`) and may add to the lagged forces
+of a sub-cycle (`add_forces`, which returns its torques for the balances). To add one: a new file here, and its table
 in `emclutch.effects`, see docs/how_to/extend.md.
 """
 

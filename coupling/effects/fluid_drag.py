@@ -4,7 +4,7 @@ F = -k (v - u) with k = 3 pi eta d: a sphere of diameter d at v in a fluid of vi
 (Stokes 1851; Re = rho_f |v - u| d/eta well below 1, a grain alone in the fluid). Neighbours, walls, added mass, lift
 and the drag on spins are left out, and the grains do not change the flow.
 
-The force is held over a sub-cycle of duration h. What is held is the mean force of the exact decay of a free grain,
+The force is lagged: constant over a sub-cycle of duration h. It is the mean force of the exact decay of a free grain,
 
     F = -m (v - u) (1 - exp(-h k/m))/h,
 
@@ -71,10 +71,10 @@ class FluidDrag(Effect):
 
     def add_forces(self, simulation, force):
         motion = simulation.motion
-        grains, held = motion.grains, motion.dt * simulation.held_steps
+        grains, duration = motion.grains, motion.dt * simulation.lagged_steps
         rate = 6.0 * np.pi * self.viscosity * grains.radius / grains.mass
         slip = grains.velocity - self.flow(grains.position)
-        drag = (grains.mass * np.expm1(-held * rate) / held)[:, None] * slip
+        drag = (grains.mass * np.expm1(-duration * rate) / duration)[:, None] * slip
         force += drag
         x = grains.position
         return {self.name: float((x[:, 0] * drag[:, 1] - x[:, 1] * drag[:, 0]).sum())}

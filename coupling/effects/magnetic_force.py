@@ -3,9 +3,9 @@
 Where flux leaves a grain through its contacts m is the dipole part of its moment alone; the field's force on the
 charges of that flux belongs to effect `dipoles` (`coupling.mutual_moments`). Jackson §5.7 with B = mu_0 H outside the
 grain; (m . grad) H equals grad(m . H) at fixed m because curl H = 0 in the powder. The sampler's gradient is Cartesian
-and holds the hoop terms of an axisymmetric field (-M_phi H_phi/r in F_r, M_phi H_r/r in F_phi).
+and has the hoop terms of an axisymmetric field (-M_phi H_phi/r in F_r, M_phi H_r/r in F_phi).
 
-With moments that are fed back (`coupling.powder_feedback`) H holds every grain spread out over a width, and the pair
+With moments that are fed back (`coupling.powder_feedback`) H contains every grain spread out over a width, and the pair
 forces are those of dipoles less their smear: each pair counts once, and H is smooth over that width whatever the mesh.
 """
 

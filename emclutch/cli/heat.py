@@ -27,10 +27,11 @@ def tables_of(found: HeatResult) -> list[Table]:
     keys = ("coil_hottest", "powder_hottest", "surface")
     if "surface" in steady:
         temperatures.add_row("steady, on all the time", *(f"{steady[key]:.1f}" for key in keys))
-    temperatures.add_row("largest in the duty", *(f"{duty[f'largest_{key}']:.1f}" for key in keys))
+    temperatures.add_row("maximum over the duty cycle", *(f"{duty[f'largest_{key}']:.1f}" for key in keys))
     if duty.get("steady"):
-        temperatures.add_row("largest, duty repeated for ever", *(f"{duty['steady'][key]:.1f}" for key in keys))
-    permitted = Table("slip [1/min]", "by surface [W]", "by coil [W]", "slip power [W]", "torque [N m]")
+        temperatures.add_row("maximum, duty cycle repeated for ever", *(f"{duty['steady'][key]:.1f}" for key in keys))
+    limits = "limit by surface [W]", "limit by coil [W]", "permitted slip power [W]"
+    permitted = Table("slip [1/min]", *limits, "torque [N m]")
     for row in found.permitted.to_dict("records"):
         shown = (row["by_surface"], row["by_coil"], row["slip_power"], row["torque"])
         permitted.add_row(f"{RPM * row['speed']:.0f}", *(f"{value:.3g}" for value in shown))
@@ -57,8 +58,8 @@ def in_words(found: HeatResult) -> list[str]:
     else:
         limit = summary["largest_current"]["at_a_mean_of_250_degrees"]
         lines.append(
-            f"steady: {steady['state']} (thermal runaway, or above the range of copper's linear law); "
-            f"without slip it stays below up to {limit:.3g} A: lower the current or the slip power, cool "
+            f"{steady['state']} (thermal runaway, or above the range of copper's linear law); "
+            f"without slip it stays below that up to {limit:.3g} A: lower the current or the slip power, cool "
             "better, or shorten the duty"
         )
     lines.append(

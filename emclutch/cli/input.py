@@ -169,12 +169,12 @@ def read_budget(text: str | None) -> float | None:
 
 def read_shares(text: str, option: str) -> list[float]:
     """Return the shares of ``10 %, 5 %, 3 %``; SceneError with every entry that is none."""
-    from emclutch.scene.share import ShareEntry
+    from emclutch.scene.fraction import FractionEntry
 
     found, faults = [], []
     for entry in text.split(","):
         try:
-            found.append(float(ShareEntry().read(entry.strip())))
+            found.append(float(FractionEntry().read(entry.strip())))
         except ValueError as error:
             faults.append(Fault(option, shown(entry.strip()), str(error)))
     if faults:
@@ -243,13 +243,13 @@ def part_asked(text: str | None, out: Path | None, jobs: int) -> tuple[int, int]
 
 
 def refuse_beside(option: str, others: dict[str, bool]) -> None:
-    """SceneError with every option that was given and has no meaning beside another one."""
-    _refuse(others, f"has no meaning beside {option}; remove one of them")
+    """SceneError with every given option that cannot be combined with another one."""
+    _refuse(others, f"cannot be combined with {option}; remove one of them")
 
 
 def refuse_without(option: str, others: dict[str, bool]) -> None:
-    """SceneError with every option that was given and has a meaning only beside another one."""
-    _refuse(others, f"has no meaning without {option}; add that, or remove this")
+    """SceneError with every given option that needs another one."""
+    _refuse(others, f"needs {option}; add that, or remove this")
 
 
 def _refuse(options: dict[str, bool], why: str) -> None:

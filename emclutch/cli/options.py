@@ -74,7 +74,7 @@ Band = Annotated[
     ),
 ]  # fmt: skip
 GrainSizeAsked = Annotated[
-    bool, flag("--grain-size", help="torque over the grains across the gap, extrapolated to the real powder")
+    bool, flag("--grain-size", help="torque over the grains per gap, extrapolated to the real powder")
 ]
 Look = Annotated[
     str | None,
@@ -156,7 +156,7 @@ GatherAsked = Annotated[
 JobsOfCores = Annotated[
     int | None,
     typer.Option(
-        "--jobs", callback=_within(1), help="packings at a time, each in a process of its own; default: the cores"
+        "--jobs", callback=_within(1), help="replicas at a time, each in a process of its own; default: the cores"
     ),
 ]
 Budget = Annotated[
@@ -190,7 +190,7 @@ CurvePicture = Annotated[Path | None, typer.Option("--plot", metavar="FILE", hel
 PairForceAsked = Annotated[
     bool, flag("--pair-force", help="force between two grains of a powder against their gap (powder_iron)")
 ]
-DryRunOfAccuracy = Annotated[bool, flag("--dry-run", help="print settings, packings and cost; run and write nothing")]
+DryRunOfAccuracy = Annotated[bool, flag("--dry-run", help="print settings, replicas and cost; run and write nothing")]
 Details = Annotated[bool, flag("--details", help="print all that follows: grains, steps, mesh, what is left out")]
 AsJson = Annotated[bool, flag("--json", help="print JSON and nothing else")]
 PowderName = Annotated[str | None, typer.Argument(metavar="[MATERIAL]", help="a powder by its name, as powder_iron")]

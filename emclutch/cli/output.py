@@ -39,7 +39,7 @@ def print_plan(case: Case, as_json: bool, threads: int | None = None, details: b
     if as_json:
         found = {
             "title": checked.title, "effects": checked.effects, "warnings": checked.warnings,
-            "plan": checked.decisions, "left_out": [line.as_dict() for line in checked.left_out],
+            "plan": checked.decisions, "omitted_effects": [line.as_dict() for line in checked.omitted_effects],
         }  # fmt: skip
         print_json(found | checked.expected.as_dict())
         return
@@ -49,9 +49,11 @@ def print_plan(case: Case, as_json: bool, threads: int | None = None, details: b
     if first and not details:
         Console().print(f"effects: {', '.join(checked.effects) or 'none'}", highlight=False, markup=False)
         print_table(("estimate", ""), sorted(first.items(), key=lambda row: (*FIRST, row[0]).index(row[0])))
-        missing = [(line.effect.replace("_", " "), line.in_words()) for line in checked.left_out if line.is_reservation]
+        missing = [
+            (line.effect.replace("_", " "), line.in_words()) for line in checked.omitted_effects if line.is_reservation
+        ]
         if missing:
-            print_table(("left out, although it may matter", "by this number (limit)"), missing)
+            print_table(("omitted, may be relevant", "criterion (limit)"), missing)
         typer.echo("grains, steps, mesh and all that is left out: emclutch check CASE --details")
         return
     effects = case.scene.effects.names()
@@ -71,7 +73,7 @@ def print_study(study: StudySection, jobs: int, as_json: bool) -> None:
         return
     Console().print(f"{found.title}: OK", highlight=False, markup=False)
     print_table(
-        ("point", "steps", "grains", "packings", "takes", "memory", "disk"),
+        ("point", "steps", "grains", "replicas", "takes", "memory", "disk"),
         (
             (
                 point.label, str(point.steps), str(point.grains), str(point.replicas),

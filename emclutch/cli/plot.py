@@ -17,7 +17,7 @@ from emclutch.results.columns import SHEAR_STRESS
 from emclutch.results.measured_table import OVER_RATED, read_band, read_measured
 from emclutch.results.seed_average import averaged_over_seeds
 from emclutch.results.study_folder import is_study, read_study, refresh_in_words
-from emclutch.results.torque_curves import ACROSS, TorqueCurve, band_over_rated, row_of_run, torque_curves
+from emclutch.results.torque_curves import PER_GAP, TorqueCurve, band_over_rated, row_of_run, torque_curves
 from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.units import Quantity
 from emclutch.simulation.pictures import draw_missing
@@ -25,7 +25,7 @@ from emclutch.studies.tables import CURRENT, SEED, SIZES, VOLTAGE
 
 TORQUE, SPEEDS, TORQUE_SPEED, TORQUE_CURRENT = "torque", "speeds", "torque_speed", "torque_current"
 GRAIN_SIZE = "grain_size"
-_AXES = {TORQUE_CURRENT: ("current", (CURRENT, VOLTAGE)), GRAIN_SIZE: (ACROSS, SIZES)}
+_AXES = {TORQUE_CURRENT: ("current", (CURRENT, VOLTAGE)), GRAIN_SIZE: (PER_GAP, SIZES)}
 _MEASURED = {SPEEDS: ("time [s]", "speed [rpm]"), TORQUE_CURRENT: ("current [A]", "torque [N m]")}
 _RATED = Quantity("a current", "A", "0.94 A", 0.0, open_minimum=True)
 
@@ -152,7 +152,7 @@ def curves_of(folders: Sequence[Path], kind: str) -> list[TorqueCurve]:
     Parameters
     ----------
     folders : of runs and studies.
-    kind : TORQUE_CURRENT, or GRAIN_SIZE over the grains across the gap.
+    kind : TORQUE_CURRENT, or GRAIN_SIZE over the grains per gap.
 
     Raises
     ------
@@ -183,7 +183,7 @@ def _require(x: str, rows: Sequence[Mapping[str, Any]], name: str) -> None:
         reason = (
             "has no coil current: no effect of its scene needs the field"
             if x == "current"
-            else "has no grains across a gap: its scene has no sheared gap, no attraction of grains, or is of an older "
+            else "has no grains per gap: its scene has no sheared gap, no attraction of grains, or is of an older "
             "version"
         )
         raise OutputError(f"{name} {reason}")

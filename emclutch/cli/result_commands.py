@@ -78,9 +78,9 @@ def report(
     with explained():
         from emclutch.results.report.content import page_of
         from emclutch.results.report.render import markdown, write_new, write_page
-        from emclutch.simulation.check import left_out_of
+        from emclutch.simulation.check import omitted_effects_of
 
-        page = page_of(folder, left_out_of)
+        page = page_of(folder, omitted_effects_of)
         if measured is not None:
             from emclutch.cli import plot as drawn
             from emclutch.results.report.content import Picture

@@ -147,14 +147,14 @@ def shear_cell(
         for number, point in enumerate(sorted(points, key=lambda one: kept_point(one) is None)):
             text = f"{name}: fill {point.fill:g}, {point.H / 1e3:g} kA/m, seed {point.seed}"
             progress.update(number / len(points), text)
-            done.append(sheared_point(point, partial(_tell, progress, number, len(points))))
+            done.append(sheared_point(point, partial(_update, progress, number, len(points))))
             rows = _write(folder, name, done, points[0])
         progress.update(1.0, f"{name}: {len(points)} points")
     _draw(folder / "tau_of_field.png", name, rows)
     return folder, rows
 
 
-def _tell(progress: Progress, number: int, of: int, part: float) -> None:
+def _update(progress: Progress, number: int, of: int, part: float) -> None:
     progress.update((number + part) / of)
 
 

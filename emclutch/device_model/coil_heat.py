@@ -18,7 +18,7 @@ from math import inf
 
 from emclutch.device_model.excitation import Excitation
 from emclutch.device_model.warning_text import with_warnings
-from emclutch.scene.units import two_digits
+from emclutch.scene.units import format_number
 from field.coil.winding import ROOM, resistance_ratio
 
 COOLING = 12.0
@@ -98,13 +98,13 @@ def coil_heat_in_words(scene, coil: Excitation, shape) -> str:
     text = f"{1e-6 * winding.current_density(current):.3g} A/mm^2, {loss:.3g} W"
     surface = scene.geometry.cooled_surface(shape)
     if surface is None:
-        return f"{text}; the copper alone warms by {two_digits(rate)} K/s"
+        return f"{text}; the copper alone warms by {format_number(rate)} K/s"
     rise = loss / (COOLING * surface)
-    text += f": without slip in the end {two_digits(rise)} K above the room, if {COOLING:g} W/(m^2 K) cool the "
+    text += f": without slip in the end {format_number(rise)} K above the room, if {COOLING:g} W/(m^2 K) cool the "
     text += "housing's "
     text += f"{1e4 * surface:.3g} cm^2"
     if rise > ABSURD:
         return with_warnings(text, "copper melts; are current, turns and window in the units that were meant?")
     if rise > WARM:
-        text += f"; for short duty only: the copper warms by {two_digits(rate)} K/s at first"
+        text += f"; for short duty only: the copper warms by {format_number(rate)} K/s at first"
     return text

@@ -1,15 +1,15 @@
-"""Grains across the sheared gap: those of the scene, those of the powder that they stand for, and what differs.
+"""Grains per gap: those of the scene, those of the powder that they stand for, and what differs.
 
 Where grains stand for finer ones (`particles.stands_for`), their diameter is a numerical setting. At equal fill, field,
 friction and shear rate nothing in the laws of dry magnetised grains has a length of its own: forces between dipoles and
 in necks go with d^2, areas too, so that stresses do not depend on d; the smallest gap of necks is counted in radii, and
 is that of the real grains. What does is
 
-- the grains across the gap: walls order the layers next to them, and a gap of few layers dilates as a whole;
+- the grains per gap: walls order the layers next to them, and a gap of few layers dilates as a whole;
 - the inertial number I = gamma d sqrt(rho/p), which is smaller in the real powder by the ratio of the diameters;
 - cohesion and fluid drag (`EffectSection.size_note`).
 
-Of the first two the torque over n grains across the gap holds the sum: T(n) = T_inf (1 + a/n^p), measured and
+Of the first two the torque over n grains per gap holds the sum: T(n) = T_inf (1 + a/n^p), measured and
 extrapolated by studies over the diameter (`emclutch.results.grain_size_law`, with the sources).
 
 Diameters are means over the volume of the powder, to which each grain counts by its own.
@@ -32,7 +32,7 @@ MAX_EXCESS = 0.10
 """Torque of coarse grains over that of the real ones, less 1, from which on results warn."""
 
 FINE = 16.0
-"""Grains across the gap of real powders at the least: 1 mm over some 60 um."""
+"""Grains per gap of real powders at the least: 1 mm over some 60 um."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +86,7 @@ class GrainSize:
     def in_words(self, measured: bool = False) -> str:
         """Return one line for people, without the warnings.
 
-        `measured`: an accuracy study of the device knows the error of the size, and the general law is not told.
+        `measured`: an accuracy study of the device knows the error of the size, and the general law is not printed.
         """
         if not self.is_coarser or self.real_diameter is None:
             return f"the gap holds {self.across:.2g} grains of real size, the device {self.count:.2g}"

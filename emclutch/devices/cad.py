@@ -12,10 +12,10 @@ import numpy as np
 from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_validator
 
 from emclutch.devices.geometry_section import NO_MATERIALS, ONE_CARRIER, GeometrySection
-from emclutch.scene.draft import Draft
 from emclutch.scene.errors import Fault
 from emclutch.scene.grain_smear import ELEMENTS_A_WIDTH, moments_are_fed_back, smear_width
 from emclutch.scene.magnetic_regions import magnetic_regions
+from emclutch.scene.partial_scene import PartialScene
 from emclutch.scene.section import Choice, refuse
 from emclutch.scene.units import number
 
@@ -34,14 +34,14 @@ _ENOUGH = 0.75
 _KEYS = {"open_boundary": "field.open_boundary", "air_factor": "geometry.air_factor"}
 
 
-def _finished_mesh(draft: Draft) -> Iterator[Fault]:
+def _finished_mesh(partial: PartialScene) -> Iterator[Fault]:
     """Keys that would size a mesh that is taken as it is, and whether its air can be continued."""
-    geometry, source = draft.scene.geometry, draft.scene.coil_field
+    geometry, source = partial.scene.geometry, partial.scene.coil_field
     if not geometry.is_meshed or source is None:
         return
     for key in ("gap_layers", "size_factor"):
         if getattr(source, key) != type(source).model_fields[key].default:
-            yield draft.fault(
+            yield partial.fault(
                 f"field.{key}",
                 "sizes a mesh that is made here, but geometry.file is a finished one; remove it, mesh the file more "
                 "finely, or refine it by field.tolerance",
@@ -51,15 +51,15 @@ def _finished_mesh(draft: Draft) -> Iterator[Fault]:
         from geometry.fault import with_keys
 
         try:
-            check_reach(geometry.mesh(draft.scene.shape(), source.gap_layers, source.size_factor))
+            check_reach(geometry.mesh(partial.scene.shape(), source.gap_layers, source.size_factor))
         except ValueError as error:
             reason = with_keys(str(error), lambda name: _KEYS.get(name, f"`{name}`"))
-            yield draft.fault("geometry.file", f"has too little air, or air of a wrong outline: {reason}")
+            yield partial.fault("geometry.file", f"has too little air, or air of a wrong outline: {reason}")
 
 
-def _fine_enough_for_moments(draft: Draft) -> Iterator[Fault]:
+def _fine_enough_for_moments(partial: PartialScene) -> Iterator[Fault]:
     """Rows of triangles across the width over which back_reaction spreads a grain."""
-    scene = draft.scene
+    scene = partial.scene
     geometry, source = scene.geometry, scene.coil_field
     if geometry.is_solved_in_3d and source is not None and scene.effects.feedback is not None:
         yield Fault(
@@ -78,7 +78,7 @@ def _fine_enough_for_moments(draft: Draft) -> Iterator[Fault]:
     row = 3.0**0.25 * float(np.sqrt(np.median(mesh.element_area()[mesh.regions["powder"]])))
     width = smear_width(scene)
     if width < _ENOUGH * ELEMENTS_A_WIDTH * row:
-        yield draft.fault(
+        yield partial.fault(
             "geometry.file",
             f"is too coarse for effects.{scene.effects.feedback.name}, which spreads a grain over {1e3 * width:.3g} "
             f"mm: the powder's triangles are {1e3 * row:.3g} mm high, allowed are "
@@ -87,11 +87,11 @@ def _fine_enough_for_moments(draft: Draft) -> Iterator[Fault]:
         )
 
 
-def _one_carrier(draft: Draft) -> Iterator[Fault]:
+def _one_carrier(partial: PartialScene) -> Iterator[Fault]:
     """The field stands still in the frame of one body: no other may have parts that are not of revolution."""
-    if draft.scene.coil_field is None or not draft.scene.geometry.is_solved_in_3d or "geometry" in draft.broken:
+    if partial.scene.coil_field is None or not partial.scene.geometry.is_solved_in_3d or "geometry" in partial.broken:
         return
-    shape = draft.scene.shape()
+    shape = partial.scene.shape()
     if len(shape.carriers) > 1:
         parts = ", ".join(f"{region} ({shape.body(region)})" for region in sorted(shape.section.odd))
         yield Fault(
@@ -101,12 +101,12 @@ def _one_carrier(draft: Draft) -> Iterator[Fault]:
         )
 
 
-def _no_sector_of_solids(draft: Draft) -> Iterator[Fault]:
+def _no_sector_of_solids(partial: PartialScene) -> Iterator[Fault]:
     """Where the field of solids of any shape repeats, if it does, is not known."""
-    if draft.scene.particles.sector is None or draft.scene.coil_field is None:
+    if partial.scene.particles.sector is None or partial.scene.coil_field is None:
         return
-    if draft.scene.geometry.is_solved_in_3d:
-        yield draft.fault(
+    if partial.scene.geometry.is_solved_in_3d:
+        yield partial.fault(
             "particles.sector",
             "needs a field that repeats from sector to sector, and the periodicity of the solids of "
             "geometry.three_dimensional is unknown; remove it: the full ring is simulated",

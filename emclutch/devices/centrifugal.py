@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import Field
 
 from emclutch.devices.geometry_section import NO_MATERIALS, GeometrySection
-from emclutch.scene.section import Whole
+from emclutch.scene.section import Integer
 from emclutch.scene.units import Length, LengthOrNone
 
 if TYPE_CHECKING:
@@ -41,16 +41,16 @@ class CentrifugalGeometry(GeometrySection):
     drum_radius: Length = Field(description="inner radius of the drum")
     width: Length = Field(description="axial distance of the drum's covers")
     hub_radius: Length = Field(description="radius of the hub that carries the vanes")
-    vanes: Annotated[int, Whole(1, 60, "6")] = Field(description="straight radial vanes on the hub")
+    vanes: Annotated[int, Integer(1, 60, "6")] = Field(description="straight radial vanes on the hub")
     vane_thickness: Length = Field(description="thickness of a vane")
     tip_clearance: Length = Field(description="radial clearance between the vanes' tips and the ribs")
     side_clearance: Length = Field(description="axial clearance between a vane and the cover, on both sides")
-    slots: Annotated[int, Whole(0, 20, "2")] = Field(
+    slots: Annotated[int, Integer(0, 20, "2")] = Field(
         default=0, description="slots in each vane, open at its tip, through which shot slips under overload"
     )
     slot_width: LengthOrNone = Field(default=0.0, description="axial width of a slot")
     slot_depth: LengthOrNone = Field(default=0.0, description="radial depth of a slot, from the tip")
-    ribs: Annotated[int, Whole(0, 360, "20")] = Field(default=0, description="ribs along the drum's inner face")
+    ribs: Annotated[int, Integer(0, 360, "20")] = Field(default=0, description="ribs along the drum's inner face")
     rib_height: LengthOrNone = Field(default=0.0, description="radial height of a rib")
     rib_width: LengthOrNone = Field(default=0.0, description="tangential width of a rib")
 

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 from pydantic import Field
 
 from emclutch.devices.geometry_section import NO_MATERIALS, ONE_CARRIER, GeometrySection
-from emclutch.scene.draft import Draft
 from emclutch.scene.errors import Fault
 from emclutch.scene.magnetic_regions import magnetic_regions
-from emclutch.scene.section import Section, Whole
+from emclutch.scene.partial_scene import PartialScene
+from emclutch.scene.section import Integer, Section
 from emclutch.scene.units import Length, LengthOrNone, number
 
 if TYPE_CHECKING:
@@ -46,28 +46,28 @@ class SlotsSection(Section):
     Grains meet smooth walls; the field is solved in 3D instead of in the section.
     """
 
-    count: Annotated[int, Whole(2, 500, "24")] = Field(description="slots around the body")
-    share: Annotated[float, number("0.5", 0.0, 1.0, above=True)] = Field(
+    count: Annotated[int, Integer(2, 500, "24")] = Field(description="slots around the body")
+    fraction: Annotated[float, number("0.5", 0.0, 1.0, above=True)] = Field(
         default=0.5, description="part of the pitch that a slot takes"
     )
     depth: Length = Field(description="radial depth")
 
 
-def _one_slotted_body(draft: Draft) -> Iterator[Fault]:
+def _one_slotted_body(partial: PartialScene) -> Iterator[Fault]:
     """The field stands still in the frame of one body: no other may have slots."""
-    if draft.scene.coil_field is not None and len(draft.scene.geometry.slotted) == 2:
+    if partial.scene.coil_field is not None and len(partial.scene.geometry.slotted) == 2:
         yield Fault("geometry.rotor_slots", "", f"conflicts with geometry.disc_slots: {ONE_CARRIER}; keep one of them")
 
 
-def _sector_of_whole_pitches(draft: Draft) -> Iterator[Fault]:
+def _sector_of_whole_pitches(partial: PartialScene) -> Iterator[Fault]:
     """The field of a body with slots repeats every pitch only."""
-    sector, slotted = draft.scene.particles.sector, draft.scene.geometry.slotted
-    if sector is None or draft.scene.coil_field is None or len(slotted) != 1:
+    sector, slotted = partial.scene.particles.sector, partial.scene.geometry.slotted
+    if sector is None or partial.scene.coil_field is None or len(slotted) != 1:
         return
     ((key, slots),) = slotted.items()
     pitches = sector * slots.count / (2.0 * math.pi)
     if abs(pitches - round(pitches)) > 1e-6 or round(pitches) < 1:
-        yield draft.fault(
+        yield partial.fault(
             "particles.sector",
             f"is {pitches:.4g} pitches of geometry.{key}; the field repeats every pitch only: take "
             f"'{360.0 / slots.count:.10g} deg' or a multiple, or another count of slots",
@@ -156,16 +156,16 @@ class ClutchGeometry(GeometrySection):
 
         given = self.model_dump(exclude={"kind", "materials", "disc_slots", "rotor_slots"}, exclude_none=True)
         disc, rotor = (
-            None if section is None else Slots(section.count, section.share, section.depth)
+            None if section is None else Slots(section.count, section.fraction, section.depth)
             for section in (self.disc_slots, self.rotor_slots)
         )
         magnetic = magnetic_regions(self.materials.model_dump(), own)
         return Clutch(**given, disc_slots=disc, rotor_slots=rotor, magnetic=magnetic)
 
-    def faults_of_the_others(
+    def check_valid_dimensions(
         self, unknown: set[str], own: Mapping[str, Material], diameter: float | None
     ) -> list[GeometryFault]:
-        """See `GeometrySection.faults_of_the_others`."""
+        """See `GeometrySection.check_valid_dimensions`."""
         lengths = unknown & set(type(self).model_fields) - {"materials", "disc_slots", "rotor_slots"}
         # not a number: whatever is compared with it is judged neither right nor wrong, but for itself, reported already
         shape = self.model_copy(update=dict.fromkeys(lengths, math.nan)).shape(own)

@@ -13,8 +13,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, get_args
 
-from emclutch.scene.draft import Draft
 from emclutch.scene.errors import Fault
+from emclutch.scene.partial_scene import PartialScene
 from emclutch.scene.section import Section
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from geometry.walls import AnnularBox
     from particles import Barostat, ShearedBox
 
-Check = Callable[[Draft], Iterator[Fault]]
+Check = Callable[[PartialScene], Iterator[Fault]]
 
 NO_MATERIALS: Mapping[str, Material] = MappingProxyType({})
 
@@ -134,10 +134,10 @@ class GeometrySection(Section):
         """Where images of dipoles in its walls are mirrored in what is no steel; empty where nowhere."""
         return ""
 
-    def faults_of_the_others(
+    def check_valid_dimensions(
         self, unknown: set[str], own: Mapping[str, Material], diameter: float | None
     ) -> list[GeometryFault]:
-        """Faults between its sizes and the largest grain [m] where the keys `unknown` have faults of their own."""
+        """Check the valid dimensions against the largest grain [m] where those at the keys `unknown` are invalid."""
         return []
 
     # what it is built of
@@ -193,7 +193,7 @@ class GeometrySection(Section):
     def summarise(
         self, histories: Sequence[pandas.DataFrame], conditions: SteadyConditions, scene: Scene
     ) -> dict[str, Any]:
-        """Return entries of ``summary.json`` from the histories of all packings."""
+        """Return entries of ``summary.json`` from the histories of all replicas."""
         return {}
 
     def pole_zone(self, shape: Any, region: str) -> PoleZone | None:

@@ -12,11 +12,11 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from emclutch.devices.geometry_section import NO_MATERIALS, GeometrySection
-from emclutch.scene.draft import Draft, size_key
 from emclutch.scene.errors import Fault
 from emclutch.scene.fill import fill_of, grains_volume
+from emclutch.scene.partial_scene import PartialScene, size_key
 from emclutch.scene.section import Choice, refuse
-from emclutch.scene.units import Length, Quantity, number, two_digits
+from emclutch.scene.units import Length, Quantity, format_number, number
 
 if TYPE_CHECKING:
     import pandas
@@ -58,13 +58,13 @@ def _seed(scene: Scene) -> int | None:
     return None if scene.scene is None else scene.scene.seed
 
 
-def _packed_at_random(draft: Draft) -> Iterator[Fault]:
+def _packed_at_random(partial: PartialScene) -> Iterator[Fault]:
     """Grains are thrown into the box, whose copies have no room for anything else."""
-    particles = draft.scene.particles
+    particles = partial.scene.particles
     if particles.packing != "random":
-        yield draft.fault("particles.packing", "is not available in a periodic box; take packing = 'random'")
+        yield partial.fault("particles.packing", "is not available in a periodic box; take packing = 'random'")
     if particles.settle:
-        yield draft.fault("particles.settle", "has no meaning in a periodic box, whose grains start with the flow; "
+        yield partial.fault("particles.settle", "has no meaning in a periodic box, whose grains start with the flow; "
                           "remove it")  # fmt: skip
 
 
@@ -76,16 +76,16 @@ def _shortest_edge(scene: Scene) -> float:
     return min_edge(None if attraction is None else attraction.cutoff) * scene.grains.largest_diameter
 
 
-def _wide_enough(draft: Draft) -> Iterator[Fault]:
+def _wide_enough(partial: PartialScene) -> Iterator[Fault]:
     """No grain may meet a neighbour twice, or itself."""
-    scene = draft.scene
+    scene = partial.scene
     if scene.shape().faults(None):
         return
     attraction, needed = scene.effects.attraction, _shortest_edge(scene)
     size, least = scene.shape().size, MIN_LAYERS * scene.grains.largest_diameter
     shortest = min(size if scene.geometry.walls is None else size[:2])
     if scene.geometry.walls is not None and size[2] < least:  # of a cube the shortest edge is too short as well
-        yield draft.fault(
+        yield partial.fault(
             "geometry.size",
             f"leaves {1e3 * size[2]:.4g} mm between the faces; allowed: at least {1e3 * least:.4g} mm, "
             f"{MIN_LAYERS:g} grains; raise it, or lower particles.{size_key(scene.particles)}",
@@ -93,7 +93,7 @@ def _wide_enough(draft: Draft) -> Iterator[Fault]:
     if shortest < needed * (1.0 - 1e-12):
         why = "" if attraction is None else f" effects.{attraction.name}.cutoff = {attraction.cutoff:g} or"
         cube = scene.geometry.size is None
-        yield draft.fault(
+        yield partial.fault(
             "particles.count" if cube else "geometry.size",
             f"{'makes' if cube else 'has'} an edge of {1e3 * shortest:.4g} mm, in which a grain would meet a neighbour "
             f"twice; allowed: at least {1e3 * needed:.4g} mm; raise it, or lower{why} "
@@ -101,35 +101,35 @@ def _wide_enough(draft: Draft) -> Iterator[Fault]:
         )
 
 
-def _one_amount(draft: Draft) -> Iterator[Fault]:
+def _one_amount(partial: PartialScene) -> Iterator[Fault]:
     """A cube that holds a number of grains needs that number; a box of a given size no second fill."""
-    geometry, particles = draft.scene.geometry, draft.scene.particles
+    geometry, particles = partial.scene.geometry, partial.scene.particles
     if geometry.size is None and particles.count is None:
-        yield draft.fault(
+        yield partial.fault(
             "geometry.solid_fraction",
             "makes the cube that holds particles.count grains; give that in place of the amount in [particles], or "
             "geometry.size in place of this",
         )
 
 
-def _gives_way_under_pressure(draft: Draft) -> Iterator[Fault]:
-    """A box that is pressed together does work on its contacts, which perfectly rigid ones cannot take up."""
-    geometry, contact = draft.scene.geometry, draft.scene.contact
+def _check_compliant_contacts(partial: PartialScene) -> Iterator[Fault]:
+    """Check that contacts are compliant: a box under pressure does work on them, which rigid ones cannot store."""
+    geometry, contact = partial.scene.geometry, partial.scene.contact
     if contact.method == "dvi" and geometry.pressure is not None and not contact.dvi.springs:
-        yield draft.fault(
+        yield partial.fault(
             "contact.dvi.springs",
             "= false cannot be combined with geometry.pressure: the box follows the stress of contacts on springs; "
             "take springs = true, or a given volume",
         )
 
 
-def _faces(draft: Draft) -> Iterator[Fault]:
+def _faces(partial: PartialScene) -> Iterator[Fault]:
     """Between faces the height is given, and magnetised grains see their images in the steel."""
-    scene = draft.scene
+    scene = partial.scene
     if scene.geometry.walls is None:
         return
     if scene.geometry.pressure is not None:
-        yield draft.fault(
+        yield partial.fault(
             "geometry.pressure",
             "cannot be combined with geometry.walls = 'steel': the distance of the faces is given, and the pressure "
             "on them is a result; remove one of the two",
@@ -143,9 +143,9 @@ def _faces(draft: Draft) -> Iterator[Fault]:
         )
 
 
-def _nothing_but_powder(draft: Draft) -> Iterator[Fault]:
-    """Weight would let grains fall for ever, a fluid at rest stop them, a surface would be met in every copy."""
-    scene = draft.scene
+def _check_excluded_effects(partial: PartialScene) -> Iterator[Fault]:
+    """Check that no effect needs an origin or an end: weight, a fluid at rest, surfaces."""
+    scene = partial.scene
     weight = scene.effects.weight
     if weight is not None:
         yield Fault(
@@ -165,37 +165,37 @@ def _nothing_but_powder(draft: Draft) -> Iterator[Fault]:
         yield Fault(f"surfaces.{name}", "", "cannot be in a periodic box, which has no walls; remove the table")
 
 
-def _no_profiles(draft: Draft) -> Iterator[Fault]:
+def _no_profiles(partial: PartialScene) -> Iterator[Fault]:
     """All heights of the box are alike."""
-    if draft.scene.output.profiles:
-        yield draft.fault("output.profiles", "has no meaning in a periodic box, all heights of which are alike; "
+    if partial.scene.output.profiles:
+        yield partial.fault("output.profiles", "has no meaning in a periodic box, all heights of which are alike; "
                           "remove it")  # fmt: skip
 
 
-def _field_across(draft: Draft) -> Iterator[Fault]:
+def _field_across(partial: PartialScene) -> Iterator[Fault]:
     """The macroscopic field stands across the flow."""
-    field = draft.scene.prescribed_field
+    field = partial.scene.prescribed_field
     if field is None:
         return
     if not field.is_macroscopic:
-        yield draft.fault(
+        yield partial.fault(
             "field.means",
-            "is the field without grains, which powder that goes on for ever has not; take means = 'macroscopic'",
+            "is the applied field, which is undefined for unbounded powder; take means = 'macroscopic'",
         )
     if field.direction not in ("z", "axial", "radial"):  # radial has its own fault
-        yield draft.fault(
+        yield partial.fault(
             "field.direction", "is not across the flow, whose gradient is along z; take direction = 'z'"
         )
 
 
-def _stress_for_the_rate(draft: Draft) -> Iterator[Fault]:
+def _stress_for_the_rate(partial: PartialScene) -> Iterator[Fault]:
     """A rate follows from an inertial number and a stress only."""
-    geometry, scene = draft.scene.geometry, draft.scene
+    geometry, scene = partial.scene.geometry, partial.scene
     if geometry.inertial_number is None or geometry.pressure is not None:
         return
     field = scene.prescribed_field
     if scene.effects.attraction is None or field is None or field.field_strength == 0.0:
-        yield draft.fault(
+        yield partial.fault(
             "geometry.inertial_number",
             "needs a stress: without geometry.pressure, and without a field in which grains attract one another, it "
             "follows from the solid fraction alone; give geometry.shear_rate or geometry.pressure",
@@ -220,9 +220,9 @@ class ShearedBoxGeometry(GeometrySection):
         (_packed_at_random, ("particles",)),
         (_one_amount, ("geometry", "particles")),
         (_wide_enough, ("geometry", "particles", "effects")),
-        (_gives_way_under_pressure, ("geometry", "contact")),
+        (_check_compliant_contacts, ("geometry", "contact")),
         (_faces, ("geometry", "effects")),
-        (_nothing_but_powder, ("effects", "surfaces")),
+        (_check_excluded_effects, ("effects", "surfaces")),
         (_no_profiles, ("output",)),
         (_field_across, ("field",)),
         (_stress_for_the_rate, ("geometry", "effects", "field")),
@@ -361,7 +361,7 @@ class ShearedBoxGeometry(GeometrySection):
 
         if self.pressure is not None:
             force = LOADED * self.pressure * scene.grains.largest_diameter**2
-            yield Load("pressure", force, f"force chains under the imposed {two_digits(self.pressure)} Pa")
+            yield Load("pressure", force, f"force chains under the imposed {format_number(self.pressure)} Pa")
 
     def words(self, scene: Scene, end: float) -> Iterator[tuple[str, str]]:
         """Yield the box, its rate with the inertial number, the strain and the stress that is expected."""
@@ -382,7 +382,7 @@ class ShearedBoxGeometry(GeometrySection):
                 f"at a fill of {COMPACTED:g} it would be {1e3 * low:.3g} mm high, and a run stops below "
                 f"{1e3 * needed:.3g} mm, where a grain would meet a neighbour twice: make it higher, or fill it more"
             )
-            text += f"its height follows {two_digits(self.pressure)} Pa"
+            text += f"its height follows {format_number(self.pressure)} Pa"
             yield "box", with_warnings(text, too_low if low < needed else "")
         stress, text = self.expected_stress(scene), f"rate {rate:.4g} 1/s, strain {rate * end:.3g} at the end"
         if self.pressure is not None:
@@ -396,13 +396,13 @@ class ShearedBoxGeometry(GeometrySection):
         short = f"no stress counts as known below a strain of {needed:g}: raise time.end to {1.2 * needed / rate:.2g} s"
         flight = self._stress_of_flight(scene)
         apart = (
-            f"grains fly apart, and the box grows with them, below a pressure of {two_digits(flight)} Pa, an inertial "
-            "number of 1: raise geometry.pressure, or lower geometry.shear_rate"
+            f"grains fly apart, and the box grows with them, below a pressure of {format_number(flight)} Pa, an "
+            "inertial number of 1: raise geometry.pressure, or lower geometry.shear_rate"
         )
         flies = self.pressure is not None and self.pressure < flight
         yield "shear", with_warnings(text, short if rate * end < needed else "", apart if flies else "")
         if stress is not None:
-            yield "expected stress", f"{two_digits(stress)} Pa within a factor of two, of chains along the field"
+            yield "expected stress", f"{format_number(stress)} Pa within a factor of two, of chains along the field"
 
     def summarise(
         self, histories: Sequence[pandas.DataFrame], conditions: SteadyConditions, scene: Scene
@@ -437,6 +437,4 @@ class ShearedBoxGeometry(GeometrySection):
             return ExpectedTorque(None, law, pressure=pressure, pressure_of=of)
         H = abs(scene.prescribed_field.field_strength)
         M = float(grain_law(scene).magnetisation(np.array([H]), np.zeros(1))[0])
-        return ExpectedTorque(
-            None, law, stress=stress, H=H, M=M, magnetic=True, pressure=pressure, pressure_of=of
-        )
+        return ExpectedTorque(None, law, stress=stress, H=H, M=M, magnetic=True, pressure=pressure, pressure_of=of)

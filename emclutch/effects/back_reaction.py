@@ -10,11 +10,11 @@ from pydantic import Field
 
 from emclutch.effects.column import Column, When
 from emclutch.effects.effect import EffectSection
-from emclutch.effects.left_out import OFF, LeftOut
-from emclutch.scene.draft import Draft, size_key
+from emclutch.effects.omitted_effect import OFF, OmittedEffect
 from emclutch.scene.errors import Fault
 from emclutch.scene.fill import fill_of
 from emclutch.scene.grain_smear import MIN_WIDTH, TRUE_WIDTH, moments_are_fed_back, narrowest_gap, smear_width
+from emclutch.scene.partial_scene import PartialScene, size_key
 from emclutch.scene.units import number
 
 if TYPE_CHECKING:
@@ -25,10 +25,10 @@ if TYPE_CHECKING:
     from particles import Body
 
 
-def _solved_field_and_moments(draft: Draft) -> Iterator[Fault]:
+def _solved_field_and_moments(partial: PartialScene) -> Iterator[Fault]:
     """Feedback needs moments, and a field that is solved."""
-    scene = draft.scene
-    if scene.effects.feedback is None or draft.is_of_the_field_alone:
+    scene = partial.scene
+    if scene.effects.feedback is None or partial.is_of_the_field_alone:
         return
     prescribed, needed = scene.prescribed_field is not None, scene.effects.tables(role="attraction")
     if scene.effects.attraction is None and not prescribed:
@@ -47,15 +47,15 @@ def _solved_field_and_moments(draft: Draft) -> Iterator[Fault]:
         )
 
 
-def _all_parts_of_the_feedback(draft: Draft) -> Iterator[Fault]:
+def _all_parts_of_the_feedback(partial: PartialScene) -> Iterator[Fault]:
     """Effects that hold a part of the attraction between grains whose moments are fed back to the field.
 
     The solved field then has every grain in it, spread out over the cut-off and mirrored in steel. Pairs within the
     cut-off add what that smear misses; what it has itself acts as `magnetic_force`, and its mirror images are taken
     out for those of the grains by `wall_images`. Without one of them a part is missing or counts twice.
     """
-    effects = draft.scene.effects
-    if not moments_are_fed_back(draft.scene):
+    effects = partial.scene.effects
+    if not moments_are_fed_back(partial.scene):
         return
     stands = f"is missing with [effects.back_reaction] and effects.dipoles.model = '{effects.attraction.model}'"
     if "magnetic_force" not in effects.active:
@@ -66,7 +66,7 @@ def _all_parts_of_the_feedback(draft: Draft) -> Iterator[Fault]:
             "each other; without it axial forces of pairs are 4 to 41 % too strong. Add [effects.magnetic_force], or "
             "remove [effects.back_reaction]",
         )
-    if effects.images is None and draft.scene.geometry.may_have_steel_faces:
+    if effects.images is None and partial.scene.geometry.may_have_steel_faces:
         yield Fault(
             "effects.wall_images",
             "",
@@ -75,9 +75,9 @@ def _all_parts_of_the_feedback(draft: Draft) -> Iterator[Fault]:
         )
 
 
-def _room_for_the_smear(draft: Draft) -> Iterator[Fault]:
+def _room_for_the_smear(partial: PartialScene) -> Iterator[Fault]:
     """Room that spreading the grains' moments over the section needs: two diameters of gap, and about the axis."""
-    scene = draft.scene
+    scene = partial.scene
     if not (moments_are_fed_back(scene) and scene.geometry.has_coil):
         return
     shape = scene.shape()
@@ -85,7 +85,7 @@ def _room_for_the_smear(draft: Draft) -> Iterator[Fault]:
         return
     largest, gap = scene.particles.largest_diameter, narrowest_gap(scene)
     if gap < MIN_WIDTH * largest:
-        yield draft.fault(
+        yield partial.fault(
             "effects.back_reaction",
             f"spreads each grain over at least {MIN_WIDTH:g} diameters, and the gap of {1e3 * gap:.3g} mm has "
             f"{gap / largest:.3g}; remove its table (the field then holds no grain), or lower "
@@ -94,14 +94,14 @@ def _room_for_the_smear(draft: Draft) -> Iterator[Fault]:
         return
     width = max(smear_width(scene), MIN_WIDTH * largest)
     if scene.effects.attraction.cutoff < MIN_WIDTH:
-        yield draft.fault(
+        yield partial.fault(
             "effects.dipoles.cutoff",
             f"is the width over which back_reaction spreads a grain; allowed: at least {MIN_WIDTH:g} diameters (2.5 "
             "to 3 are usual)",
         )
     radius = fill_of(shape, scene.particles).inner_radius
     if radius < 4.0 * width:
-        yield draft.fault(
+        yield partial.fault(
             "effects.back_reaction",
             f"cannot spread grains so near the axis: powder begins at {1e3 * radius:.3g} mm, allowed are 4 widths, "
             f"{4e3 * width:.3g} mm; remove its table, or lower effects.dipoles.cutoff",
@@ -111,9 +111,7 @@ def _room_for_the_smear(draft: Draft) -> Iterator[Fault]:
 FEEDBACK_RESIDUAL = Column(
     "feedback_residual", "1", "the grains' magnetisation against that of the field's solve, root mean square", When.END
 )
-FEEDBACK_ACROSS = Column(
-    "feedback_across", "1", "part that the last solve took as given: across the field", When.FIELD
-)
+FEEDBACK_ACROSS = Column("feedback_across", "1", "part that the last solve took as given: across the field", When.FIELD)
 FEEDBACK_CLIPPED = Column(
     "feedback_clipped", "1", "part that it took as given: demagnetising factor at its bounds", When.FIELD
 )
@@ -190,7 +188,7 @@ class BackReactionSection(EffectSection):
         }
 
     @classmethod
-    def left_out(cls, at):
+    def omitted_effects(cls, at):
         """Yield the powder's magnetisation over H."""
         if at.M > 0.0 and at.solved:
-            yield LeftOut(cls.name, OFF, "powder's magnetisation over H", at.powder_susceptibility, 0.1)
+            yield OmittedEffect(cls.name, OFF, "powder's magnetisation over H", at.powder_susceptibility, 0.1)

@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar, Self
 from pydantic import Field, model_validator
 
 from emclutch.effects.effect import EffectSection, Load
-from emclutch.effects.left_out import OFF, LeftOut
+from emclutch.effects.omitted_effect import OFF, OmittedEffect
 from emclutch.scene.section import Choice, refuse
 from emclutch.scene.units import Force, WorkOfAdhesion
 from emclutch.scene.usual_ranges import WORK_OF_ADHESION
@@ -65,6 +65,6 @@ class CohesionSection(EffectSection):
         yield Load(self.name, float(max(pull[0] @ (1.0, 0.25 * d), pull[1] @ (1.0, 0.5 * d))), "cohesion")
 
     @classmethod
-    def left_out(cls, at):
+    def omitted_effects(cls, at):
         """Yield the van der Waals force of rough grains over the largest other force."""
-        yield LeftOut(cls.name, OFF, "van der Waals force of rough grains over pull and weight", at.bond, 0.1)
+        yield OmittedEffect(cls.name, OFF, "van der Waals force of rough grains over pull and weight", at.bond, 0.1)

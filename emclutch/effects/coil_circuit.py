@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 from pydantic import Field
 
 from emclutch.effects.column import Column, When
-from emclutch.effects.drive import BEGINNING, ENERGY_COLUMNS, need_of_a_coil, switching_left_out
+from emclutch.effects.drive import BEGINNING, ENERGY_COLUMNS, need_of_a_coil, switching_omitted
 from emclutch.effects.effect import EffectSection
-from emclutch.scene.draft import Draft
 from emclutch.scene.errors import Fault
+from emclutch.scene.partial_scene import PartialScene
 from emclutch.scene.section import Choice
 from emclutch.scene.units import number
 
@@ -23,21 +23,21 @@ if TYPE_CHECKING:
     from particles import Body
 
 
-def _has_a_voltage(draft: Draft) -> Iterator[Fault]:
+def _has_a_voltage(partial: PartialScene) -> Iterator[Fault]:
     """A circuit needs a coil with a voltage, and computes the current."""
-    coil = draft.scene.coil
-    yield from need_of_a_coil(draft, CoilCircuitSection)
-    circuit, eddy = draft.scene.effects.circuit, draft.scene.effects.eddy
+    coil = partial.scene.coil
+    yield from need_of_a_coil(partial, CoilCircuitSection)
+    circuit, eddy = partial.scene.effects.circuit, partial.scene.effects.eddy
     if circuit is None or coil is None:
         return
     if eddy is not None and circuit.begin != eddy.begin:
-        yield draft.fault(
+        yield partial.fault(
             "effects.coil_circuit.begin",
             f"differs from effects.eddy_currents.begin = '{eddy.begin}': current and field begin together; give both "
             "the same",
         )
     if coil.current is not None and coil.voltage is not None:
-        yield draft.fault(
+        yield partial.fault(
             "coil.current",
             "conflicts with coil.voltage: [effects.coil_circuit] computes it; remove it, or the effect's table",
         )
@@ -102,6 +102,6 @@ class CoilCircuitSection(EffectSection):
         )
 
     @classmethod
-    def left_out(cls, at):
+    def omitted_effects(cls, at):
         """Yield the time constant of the coil over the time of switching."""
-        yield from switching_left_out(at, cls.name, "time constant L/R of the coil", at.coil_time)
+        yield from switching_omitted(at, cls.name, "time constant L/R of the coil", at.coil_time)

@@ -11,8 +11,7 @@ from pydantic import Field
 
 from emclutch.effects.column import Column, When
 from emclutch.effects.effect import EffectSection, Load
-from emclutch.effects.left_out import OFF, LeftOut
-from emclutch.scene.draft import Draft, size_key
+from emclutch.effects.omitted_effect import OFF, OmittedEffect
 from emclutch.scene.errors import Fault
 from emclutch.scene.grain_smear import (
     MIN_WIDTH,
@@ -22,7 +21,8 @@ from emclutch.scene.grain_smear import (
     narrowest_gap,
     smear_width,
 )
-from emclutch.scene.section import Automatic, Choice, Whole
+from emclutch.scene.partial_scene import PartialScene, size_key
+from emclutch.scene.section import Automatic, Choice, Integer
 from emclutch.scene.units import number
 
 if TYPE_CHECKING:
@@ -43,13 +43,13 @@ SKIN = 0.25
 """Grain diameters beyond the cut-off: how far rows of neighbours reach."""
 
 
-def _valid_moments(draft: Draft) -> Iterator[Fault]:
+def _valid_moments(partial: PartialScene) -> Iterator[Fault]:
     """Check the requirements of mutual magnetisation, and what it excludes."""
-    effects, particles = draft.scene.effects, draft.scene.particles
+    effects, particles = partial.scene.effects, partial.scene.particles
     attraction = effects.attraction
     if attraction is None:
         return
-    prescribed = draft.scene.prescribed_field
+    prescribed = partial.scene.prescribed_field
     if particles.law == "thesis":
         yield Fault(
             "effects.dipoles",
@@ -58,33 +58,33 @@ def _valid_moments(draft: Draft) -> Iterator[Fault]:
             "magnetise one another; remove [effects.dipoles] and keep [effects.magnetic_force], or take law = 'sphere'",
         )
     if attraction.has_necks and not effects.saturate:
-        yield draft.fault(
+        yield partial.fault(
             "effects.dipoles.model",
             f"needs grains that saturate, their necks do so first; add {effects.tables(saturates=True)}, or take "
             "model = 'mutual'",
         )
     if attraction.has_necks and attraction.cutoff < TRUE_WIDTH:
-        yield draft.fault(
+        yield partial.fault(
             "effects.dipoles.cutoff",
             "ends where the charges of necks still act, whose field falls more slowly than that of dipoles; allowed "
             f"with model = 'near_field': at least {TRUE_WIDTH:g} diameters",
         )
     elif prescribed is not None and prescribed.is_macroscopic and attraction.cutoff < MIN_WIDTH:
-        yield draft.fault(
+        yield partial.fault(
             "effects.dipoles.cutoff",
             f"is the width over which field.means = 'macroscopic' spreads a grain; allowed: at least {MIN_WIDTH:g} "
             "diameters (2.5 to 3 are usual)",
         )
 
 
-def _room_for_the_layers(draft: Draft) -> Iterator[Fault]:
+def _room_for_the_layers(partial: PartialScene) -> Iterator[Fault]:
     """Between steel faces grains are spread over no more than the gap, and over no less than two diameters."""
-    scene = draft.scene
+    scene = partial.scene
     if scene.effects.attraction is None or not layers_change_the_field(scene) or scene.shape().faults(None):
         return
     largest, gap = scene.particles.largest_diameter, narrowest_gap(scene)
     if gap < MIN_WIDTH * largest:
-        yield draft.fault(
+        yield partial.fault(
             "field.means",
             f"spreads each grain over at least {MIN_WIDTH:g} diameters between steel faces, and the gap of "
             f"{1e3 * gap:.3g} mm has {gap / largest:.3g}; take means = 'applied', or lower "
@@ -113,7 +113,7 @@ class DipolesSection(EffectSection):
     columns = (TORQUE_FIELD_DIPOLES, MOMENT_RESIDUAL, MOMENT_SWEEPS)
     needs_field = True
     needs_moments = True
-    holds_forces = True
+    has_lagged_forces = True
     neighbour_ns = 100.0  # quickstart, powder_clutch, lock_up (tests/benchmarks/moment_cost.py)
     CHECKS: ClassVar = (
         (_room_for_the_layers, ("geometry", "particles", "effects", "field")),
@@ -126,7 +126,7 @@ class DipolesSection(EffectSection):
         "the necks of grains that nearly touch, without which contacts are too weak",
     )
     cutoff: Annotated[float, number("3", 1.1, 10.0)] = Field(default=3.0, description="reach, in grain diameters")
-    update_every: Annotated[Annotated[int, Whole(1, 10_000, "10")] | None, Automatic()] = Field(
+    update_every: Annotated[Annotated[int, Integer(1, 10_000, "10")] | None, Automatic()] = Field(
         default=None, description="steps between evaluations of the magnetic forces, which are constant in between"
     )
     tolerance: Annotated[float, number("1e-3", 1e-12, 0.05)] = Field(
@@ -265,7 +265,7 @@ class DipolesSection(EffectSection):
         """Convergence of the moments, and strength of necks relative to the contact's stiffness."""
         from coupling import MutuallyMagnetisedGrains
         from emclutch.results.columns import FIELD_STRENGTH_POWDER, STEPS
-        from particles import DEM, contact_share, depth_warning
+        from particles import DEM, depth_warning, pull_stiffness_ratio
 
         if MOMENT_RESIDUAL not in history:
             return {}
@@ -280,7 +280,7 @@ class DipolesSection(EffectSection):
         motion = simulation.motion
         if isinstance(motion, DEM) and motion.attraction is not None:
             moments["strongest_near_pull"] = motion.attraction.strongest
-            moments["necks_over_contact_stiffness"] = contact_share(
+            moments["necks_over_contact_stiffness"] = pull_stiffness_ratio(
                 motion.attraction, motion.laws, motion.grains.radius
             )
             warnings += [depth_warning(motion.attraction, motion.laws, motion.grains.radius)]
@@ -297,10 +297,10 @@ class DipolesSection(EffectSection):
         return {"moments": moments}
 
     @classmethod
-    def left_out(cls, at):
+    def omitted_effects(cls, at):
         """Yield the pull of touching grains over their weight."""
         if at.M > 0.0:
-            yield LeftOut(cls.name, OFF, "pull of touching grains over weight", at.pull / at.weight, 0.1)
+            yield OmittedEffect(cls.name, OFF, "pull of touching grains over weight", at.pull / at.weight, 0.1)
 
 
 def _extremes(motion: GrainMotion, saturation: float) -> dict[str, float]:

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 from emclutch.effects.column import Column, When
 from emclutch.effects.effect import EffectSection
-from emclutch.effects.left_out import OFF, LeftOut
-from emclutch.scene.draft import Draft
+from emclutch.effects.omitted_effect import OFF, OmittedEffect
 from emclutch.scene.errors import Fault
-from emclutch.scene.units import two_digits
+from emclutch.scene.partial_scene import PartialScene
+from emclutch.scene.units import format_number
 
 if TYPE_CHECKING:
     from emclutch.simulation.forecast.regime import Regime
@@ -22,12 +22,12 @@ COPPER_LOSS = Column("copper_loss", "J", "part of coil_supplied that heats the w
 ENERGY_COLUMNS = (COIL_SUPPLIED, COPPER_LOSS)
 
 
-def need_of_a_coil(draft: Draft, effect: type[EffectSection]) -> Iterator[Fault]:
+def need_of_a_coil(partial: PartialScene, effect: type[EffectSection]) -> Iterator[Fault]:
     """Yield a fault where the effect has no field of a coil to act on, or nothing feels that field."""
-    effects = draft.scene.effects
-    if effect.name not in effects.active or draft.is_of_the_field_alone:
+    effects = partial.scene.effects
+    if effect.name not in effects.active or partial.is_of_the_field_alone:
         return
-    if draft.scene.coil_field is None or not effects.magnetise:
+    if partial.scene.coil_field is None or not effects.magnetise:
         yield Fault(
             f"effects.{effect.name}",
             "",
@@ -36,14 +36,14 @@ def need_of_a_coil(draft: Draft, effect: type[EffectSection]) -> Iterator[Fault]
         )
 
 
-def switching_left_out(at: Regime, name: str, number: str, time: float | None) -> Iterator[LeftOut]:
+def switching_omitted(at: Regime, name: str, number: str, time: float | None) -> Iterator[OmittedEffect]:
     """Yield a time constant [s] over the shortest time in which the drive changes."""
     if not at.solved or at.M == 0.0:
         return
-    text = number if time is None else f"{number}, {two_digits(time)} s,"
+    text = number if time is None else f"{number}, {format_number(time)} s,"
     if at.switching_time is None:
         note = "the current is constant"
-        yield LeftOut(name, OFF, f"{text} over that of switching", 0.0, 0.1, note=note, change=None)
+        yield OmittedEffect(name, OFF, f"{text} over that of switching", 0.0, 0.1, note=note, change=None)
     else:
         ratio = None if time is None else time / at.switching_time
-        yield LeftOut(name, OFF, f"{text} over that of switching", ratio, 0.1, change=None)
+        yield OmittedEffect(name, OFF, f"{text} over that of switching", ratio, 0.1, change=None)

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 from pydantic import Field
 
 from emclutch.effects.column import Column, When
-from emclutch.effects.drive import BEGINNING, ENERGY_COLUMNS, need_of_a_coil, switching_left_out
+from emclutch.effects.drive import BEGINNING, ENERGY_COLUMNS, need_of_a_coil, switching_omitted
 from emclutch.effects.effect import EffectSection
-from emclutch.scene.draft import Draft
 from emclutch.scene.errors import Fault
+from emclutch.scene.partial_scene import PartialScene
 from emclutch.scene.section import Choice
 from emclutch.scene.units import Quantity, number
 
@@ -23,17 +23,17 @@ if TYPE_CHECKING:
 _Conductivity = Annotated[float, Quantity("a conductivity", "S/m", "5 MS/m", 0.0, 1e9)]
 
 
-def _known_conductors(draft: Draft) -> Iterator[Fault]:
+def _known_conductors(partial: PartialScene) -> Iterator[Fault]:
     """Eddy currents need a coil's field, and conductivities of materials that the device has."""
-    yield from need_of_a_coil(draft, EddyCurrentsSection)
-    eddy = draft.scene.effects.eddy
-    if eddy is None or "geometry.materials" in draft.of_geometry:
+    yield from need_of_a_coil(partial, EddyCurrentsSection)
+    eddy = partial.scene.effects.eddy
+    if eddy is None or "geometry.materials" in partial.of_geometry:
         return
-    in_use = dict(getattr(draft.scene.geometry, "materials", None) or {}).values()
-    known = {*(draft.scene.materials or {}), *in_use}
+    in_use = dict(getattr(partial.scene.geometry, "materials", None) or {}).values()
+    known = {*(partial.scene.materials or {}), *in_use}
     for name in eddy.conductivity:
         if name not in known:
-            yield draft.fault(
+            yield partial.fault(
                 f"effects.eddy_currents.conductivity.{name}",
                 f"is for no material of this device; it has {', '.join(sorted(known))}",
             )
@@ -87,6 +87,6 @@ class EddyCurrentsSection(EffectSection):
         )
 
     @classmethod
-    def left_out(cls, at):
+    def omitted_effects(cls, at):
         """Yield the diffusion time of the steel over the time of switching."""
-        yield from switching_left_out(at, cls.name, "diffusion time of the steel", at.diffusion_time)
+        yield from switching_omitted(at, cls.name, "diffusion time of the steel", at.diffusion_time)

@@ -20,13 +20,13 @@ if TYPE_CHECKING:
 
     from coupling import Effect, Simulation
     from emclutch.device_model.device import Device
-    from emclutch.effects.left_out import LeftOut
-    from emclutch.scene.draft import Draft
+    from emclutch.effects.omitted_effect import OmittedEffect
     from emclutch.scene.model import Scene
+    from emclutch.scene.partial_scene import PartialScene
     from emclutch.simulation.forecast.regime import Regime
     from particles import Body
 
-Check = Callable[["Draft"], Iterator[Fault]]
+Check = Callable[["PartialScene"], Iterator[Fault]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,8 +66,8 @@ class EffectSection(Section):
         Whether the scene must have a [field].
     needs_moments : bool
         Whether it acts on magnetised grains: the field is sampled at them.
-    holds_forces : bool
-        Whether it adds to the forces that are held over several steps.
+    has_lagged_forces : bool
+        Whether it adds to the lagged forces, which are constant over several steps.
     saturates : bool
         Whether the grains' law saturates.
     of_the_field_alone : bool
@@ -95,7 +95,7 @@ class EffectSection(Section):
     USUAL: ClassVar[dict[str, UsualRange]] = {}
     needs_field: ClassVar[bool] = False
     needs_moments: ClassVar[bool] = False
-    holds_forces: ClassVar[bool] = False
+    has_lagged_forces: ClassVar[bool] = False
     saturates: ClassVar[bool] = False
     of_the_field_alone: ClassVar[bool] = False
     acts_on_grains: ClassVar[bool] = True
@@ -107,8 +107,8 @@ class EffectSection(Section):
     columns: ClassVar[tuple[Column, ...]] = ()
 
     @classmethod
-    def left_out(cls, at: Regime) -> Iterator[LeftOut]:
-        """Yield what a scene without the effect leaves out, with the number that says whether it matters."""
+    def omitted_effects(cls, at: Regime) -> Iterator[OmittedEffect]:
+        """Yield the omitted effect of a scene without it, with the criterion of its significance."""
         yield from ()
 
     def limits(self, scene: Scene, field_strength: float) -> Iterator[str]:

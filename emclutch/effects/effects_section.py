@@ -88,9 +88,9 @@ class BaseEffectsSection(Section):
         return any(one.needs_moments for one in self.present)
 
     @property
-    def hold_forces(self) -> bool:
-        """True if an effect adds to the forces that are held over several steps."""
-        return any(one.holds_forces for one in self.present)
+    def have_lagged_forces(self) -> bool:
+        """True if an effect adds to the lagged forces, which are constant over several steps."""
+        return any(one.has_lagged_forces for one in self.present)
 
     @property
     def saturate(self) -> bool:

@@ -9,23 +9,23 @@ from pydantic import Field
 
 from emclutch.effects.column import Column, When
 from emclutch.effects.effect import EffectSection
-from emclutch.effects.left_out import OFF, LeftOut
-from emclutch.scene.draft import Draft
+from emclutch.effects.omitted_effect import OFF, OmittedEffect
 from emclutch.scene.errors import Fault
+from emclutch.scene.partial_scene import PartialScene
 from emclutch.scene.section import Choice
 from emclutch.scene.units import Quantity
 
 
-def _is_between_cylinders(draft: Draft) -> bool:
-    scene = draft.scene
+def _is_between_cylinders(partial: PartialScene) -> bool:
+    scene = partial.scene
     return scene.geometry.is_annulus or (scene.geometry.has_regions and scene.particles.region in ("rim", "poles"))
 
 
-def _flow_has_its_gap(draft: Draft) -> Iterator[Fault]:
+def _flow_has_its_gap(partial: PartialScene) -> Iterator[Fault]:
     """Couette flow is that between two coaxial cylinders."""
-    drag = draft.scene.effects.get("fluid_drag")
-    if drag is not None and drag.flow == "couette" and not _is_between_cylinders(draft):
-        yield draft.fault(
+    drag = partial.scene.effects.get("fluid_drag")
+    if drag is not None and drag.flow == "couette" and not _is_between_cylinders(partial):
+        yield partial.fault(
             "effects.fluid_drag.flow",
             "needs a gap between two coaxial cylinders: geometry.kind = 'shear_cell', or 'clutch' and 'drum' with "
             "particles.region = 'rim' or 'poles'; take one of them, or flow = 'rest'",
@@ -46,7 +46,7 @@ class FluidDragSection(EffectSection):
     role = "drag"
     size_note = "the drag on a volume of powder scales as 1/d^2"
     columns = (TORQUE_FLUID_DRAG,)
-    holds_forces = True
+    has_lagged_forces = True
     CHECKS: ClassVar = ((_flow_has_its_gap, ("effects", "particles", "geometry.kind")),)
 
     viscosity: Annotated[float, Quantity("a viscosity", "Pa s", "0.1 Pa s", 1e-7, 1e4)] = Field(
@@ -70,6 +70,6 @@ class FluidDragSection(EffectSection):
         yield FluidDrag(self.viscosity, CouetteFlow(inner, outer, named["disc"], named["rotor"]))
 
     @classmethod
-    def left_out(cls, at):
+    def omitted_effects(cls, at):
         """Yield the Stokes number in air."""
-        yield LeftOut(cls.name, OFF, "Stokes number in air", at.stokes, 10.0, below=True)
+        yield OmittedEffect(cls.name, OFF, "Stokes number in air", at.stokes, 10.0, below=True)

@@ -10,9 +10,9 @@ from pydantic import Field, model_validator
 
 from emclutch.effects.column import Column, When
 from emclutch.effects.effect import EffectSection, Load
-from emclutch.effects.left_out import OFF, LeftOut
-from emclutch.scene.draft import Draft
+from emclutch.effects.omitted_effect import OFF, OmittedEffect
 from emclutch.scene.errors import Fault, shown
+from emclutch.scene.partial_scene import PartialScene
 from emclutch.scene.section import refuse
 from emclutch.scene.units import Acceleration, number
 from emclutch.scene.usual_ranges import ACCELERATION
@@ -20,10 +20,10 @@ from emclutch.scene.usual_ranges import ACCELERATION
 _Component = Annotated[float, number("-1", -1e6, 1e6)]
 
 
-def _in_a_sector(draft: Draft) -> Iterator[Fault]:
+def _in_a_sector(partial: PartialScene) -> Iterator[Fault]:
     """Weight may act along the axis of a sector only."""
-    gravity = draft.scene.effects.weight
-    if draft.scene.particles.sector is not None and gravity is not None and any(gravity.direction[:2]):
+    gravity = partial.scene.effects.weight
+    if partial.scene.particles.sector is not None and gravity is not None and any(gravity.direction[:2]):
         yield Fault(
             "effects.gravity.direction",
             shown(list(gravity.direction)),
@@ -72,9 +72,10 @@ class GravitySection(EffectSection):
         yield Load(self.name, force, "the weight of the bed")
 
     @classmethod
-    def left_out(cls, at):
+    def omitted_effects(cls, at):
         """Yield the pull of touching grains, or the centrifugal force, over the weight."""
         if at.pull > 0.0:
-            yield LeftOut(cls.name, OFF, "pull of touching grains over weight", at.pull / at.weight, 10.0, below=True)
+            what, ratio = "pull of touching grains over weight", at.pull / at.weight
         else:
-            yield LeftOut(cls.name, OFF, "centrifugal force over weight", at.centrifugal / at.weight, 10.0, below=True)
+            what, ratio = "centrifugal force over weight", at.centrifugal / at.weight
+        yield OmittedEffect(cls.name, OFF, what, ratio, 10.0, below=True)

@@ -16,15 +16,15 @@ from pydantic import Field, StrictBool, model_validator
 
 from emclutch.device_model.coil_heat import CONVECTION, EMISSIVITY, HOTTEST
 from emclutch.effects.effect import EffectSection
-from emclutch.effects.left_out import OFF, LeftOut
-from emclutch.scene.draft import Draft
+from emclutch.effects.omitted_effect import OFF, OmittedEffect
 from emclutch.scene.errors import Fault
+from emclutch.scene.partial_scene import PartialScene
 from emclutch.scene.section import Section, refuse
 from emclutch.scene.time_table import CurrentProfile, SpeedProfile
-from emclutch.scene.units import Current, LoadTorque, Quantity, Time, number, two_digits
+from emclutch.scene.units import Current, LoadTorque, Quantity, Time, format_number, number
 
 MAX_RISE = 100.0
-"""Rise of the temperature [K] above which the effect matters."""
+"""Rise of the temperature [K] above which the effect is significant."""
 Celsius = Annotated[float, number("40", -100.0, 250.0)]
 _Film = Annotated[float, Quantity("a heat transfer coefficient", "W/(m^2*K)", "6 W/(m^2 K)", 0.0, 1e5)]
 _Conductance = Annotated[float, Quantity("a thermal conductance", "W/K", "0.5 W/K", 0.0, 1e4)]
@@ -122,9 +122,9 @@ class DutySection(Section):
         return self
 
 
-def _has_its_device(draft: Draft) -> Iterator[Fault]:
+def _has_its_device(partial: PartialScene) -> Iterator[Fault]:
     """Heat is conducted in the section of a device whose outside and whose clearances are known."""
-    scene = draft.scene
+    scene = partial.scene
     if scene.effects.thermal is None:
         return
     if scene.geometry.clearances(scene.shape()) is None:
@@ -147,19 +147,19 @@ def _has_its_device(draft: Draft) -> Iterator[Fault]:
         )
 
 
-def _knows_its_materials(draft: Draft) -> Iterator[Fault]:
+def _knows_its_materials(partial: PartialScene) -> Iterator[Fault]:
     """Conductivity and heat capacity are those of a material of the device; the user's own ones have both given."""
     from field.laws.materials import canonical_name  # local: only here
 
-    scene = draft.scene
+    scene = partial.scene
     effect = scene.effects.thermal
-    if effect is None or "geometry.materials" in draft.of_geometry:
+    if effect is None or "geometry.materials" in partial.of_geometry:
         return
     in_use = {*dict(getattr(scene.geometry, "materials", None) or {}).values()}
     for key, given in (("conductivity", effect.conductivity), ("heat_capacity", effect.heat_capacity)):
         for name in given:
             if name not in in_use:
-                yield draft.fault(
+                yield partial.fault(
                     f"effects.heat.{key}.{name}",
                     f"is for no material of this device; it has {', '.join(sorted(in_use))}",
                 )
@@ -170,9 +170,9 @@ def _knows_its_materials(draft: Draft) -> Iterator[Fault]:
                 )
 
 
-def _knows_its_torque(draft: Draft) -> Iterator[Fault]:
+def _knows_its_torque(partial: PartialScene) -> Iterator[Fault]:
     """The torque at another current than the coil's largest is that of a curve."""
-    effect, coil = draft.scene.effects.thermal, draft.scene.coil
+    effect, coil = partial.scene.effects.thermal, partial.scene.coil
     if effect is None or coil is None or effect.torque_curve is not None:
         return
     if coil.is_at_voltage:
@@ -187,24 +187,24 @@ def _knows_its_torque(draft: Draft) -> Iterator[Fault]:
         not duty.is_constant or (of_scene is not None and not math.isclose(duty.largest, of_scene.largest))
     ):
         largest = "" if of_scene is None else f" of {of_scene.largest:g} A"
-        yield draft.fault(
+        yield partial.fault(
             "effects.heat.duty.current",
             f"changes the torque from that at the coil's largest current{largest}; give effects.heat.torque_curve too, "
             "or take that current all the time",
         )
 
 
-def _duty_has_one_drive(draft: Draft) -> Iterator[Fault]:
-    effect, coil = draft.scene.effects.thermal, draft.scene.coil
+def _duty_has_one_drive(partial: PartialScene) -> Iterator[Fault]:
+    effect, coil = partial.scene.effects.thermal, partial.scene.coil
     if effect is None or coil is None:
         return
     if effect.duty.current is not None and coil.is_at_voltage:
-        yield draft.fault(
+        yield partial.fault(
             "effects.heat.duty.current",
             "conflicts with coil.voltage, from which the current follows; remove one of them",
         )
     if effect.torque is not None and effect.torque_curve is not None:
-        yield draft.fault("effects.heat.torque", "conflicts with torque_curve; keep one of them")
+        yield partial.fault("effects.heat.torque", "conflicts with torque_curve; keep one of them")
 
 
 class HeatSection(EffectSection):
@@ -292,19 +292,19 @@ class HeatSection(EffectSection):
         return self
 
     @classmethod
-    def left_out(cls, at):
+    def omitted_effects(cls, at):
         """Yield the kelvins that slip makes in the powder alone, and those of the housing by slip and copper loss."""
-        copper, steady = f"{two_digits(at.copper_loss)} W of copper loss", ""
+        copper, steady = f"{format_number(at.copper_loss)} W of copper loss", ""
         if at.housing_rise is not None:
-            matters = "YES" if at.housing_rise > MAX_RISE else "no"
-            rise = f"housing {two_digits(at.housing_rise)} K above the room"
+            significant = "YES" if at.housing_rise > MAX_RISE else "no"
+            rise = f"housing {format_number(at.housing_rise)} K above the room"
             if at.housing_rise == math.inf:
-                rise = f"no steady state, the winding passes {HOTTEST:g} degrees C"
-            steady = f"; in steady operation {matters}: {rise} (emclutch heat)"
+                rise = f"no steady state, winding above {HOTTEST:g} °C"
+            steady = f"; in steady operation {significant}: {rise} (emclutch heat)"
         if at.slip_power is None:
             note = f"{copper}{steady}" if at.copper_loss > 0.0 else ""
-            yield LeftOut(cls.name, OFF, "slip power, which follows from no expected torque", note=note)
+            yield OmittedEffect(cls.name, OFF, "slip power, which follows from no expected torque", note=note)
             return
-        note = f"at most {two_digits(at.slip_power)} W of slip, {two_digits(at.heating)} K/s in the powder alone"
+        note = f"at most {format_number(at.slip_power)} W of slip, {format_number(at.heating)} K/s in the powder alone"
         note += f", and {copper}{steady}" if at.copper_loss > 0.0 else steady
-        yield LeftOut(cls.name, OFF, "kelvins in this run", at.heating * at.end, MAX_RISE, note=note)
+        yield OmittedEffect(cls.name, OFF, "kelvins in this run", at.heating * at.end, MAX_RISE, note=note)

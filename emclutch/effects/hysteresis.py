@@ -10,9 +10,9 @@ from pydantic import Field
 from emclutch.effects.column import Column, When
 from emclutch.effects.drive import need_of_a_coil
 from emclutch.effects.effect import EffectSection
-from emclutch.effects.left_out import OFF, LeftOut
-from emclutch.scene.draft import Draft
+from emclutch.effects.omitted_effect import OFF, OmittedEffect
 from emclutch.scene.errors import Fault
+from emclutch.scene.partial_scene import PartialScene
 from emclutch.scene.units import Coercivity
 
 if TYPE_CHECKING:
@@ -23,10 +23,10 @@ if TYPE_CHECKING:
     from field.section.steel_history import SteelHistory
 
 
-def _needs_a_given_current(draft: Draft) -> Iterator[Fault]:
+def _needs_a_given_current(partial: PartialScene) -> Iterator[Fault]:
     """The steel's history is kept in steps of a given current, in a field of a coil."""
-    effects = draft.scene.effects
-    yield from need_of_a_coil(draft, HysteresisSection)
+    effects = partial.scene.effects
+    yield from need_of_a_coil(partial, HysteresisSection)
     for other in (effects.circuit, effects.eddy):
         if effects.memory is not None and other is not None:
             yield Fault(
@@ -37,18 +37,18 @@ def _needs_a_given_current(draft: Draft) -> Iterator[Fault]:
             )
 
 
-def _known_steels(draft: Draft) -> Iterator[Fault]:
+def _known_steels(partial: PartialScene) -> Iterator[Fault]:
     """Coercivities are of materials that the device has, and each goes with its magnetisation curve."""
-    scene = draft.scene
+    scene = partial.scene
     effect = scene.effects.memory
-    if effect is None or "geometry.materials" in draft.of_geometry:
+    if effect is None or "geometry.materials" in partial.of_geometry:
         return
     from emclutch.device_model.materials import pinning_of  # local: it imports the field
 
     in_use = dict(getattr(scene.geometry, "materials", None) or {}).values()
     for name in effect.coercivity:
         if name not in {*(scene.materials or {}), *in_use}:
-            yield draft.fault(
+            yield partial.fault(
                 f"effects.hysteresis.coercivity.{name}",
                 f"is for no material of this device; it has {', '.join(sorted({*(scene.materials or {}), *in_use}))}",
             )
@@ -58,7 +58,7 @@ def _known_steels(draft: Draft) -> Iterator[Fault]:
         except ValueError as error:
             of_effect = name in effect.coercivity
             key = f"effects.hysteresis.coercivity.{name}" if of_effect else f"materials.{name}.coercivity"
-            yield draft.fault(key, str(error))
+            yield partial.fault(key, str(error))
 
 
 HYSTERESIS_LOSS = Column("hysteresis_loss", "J", "heat of the steel's hysteresis", When.SUM)
@@ -98,11 +98,11 @@ class HysteresisSection(EffectSection):
         )
 
     @classmethod
-    def left_out(cls, at):
+    def omitted_effects(cls, at):
         """Yield that the steel leaves no residual field; how large it is follows from a ramp of the field alone."""
         if at.solved and at.M > 0.0:
             note = "of steel alone a brake had 2 to 13 % more torque at falling current; `emclutch field` computes it"
-            yield LeftOut(cls.name, OFF, "residual field of the steel", note=note)
+            yield OmittedEffect(cls.name, OFF, "residual field of the steel", note=note)
 
     def history(self, scene: Scene, problem: AxisymmetricProblem) -> SteelHistory | None:
         """Build the history of demagnetised steel; None where no material of the device has hysteresis."""

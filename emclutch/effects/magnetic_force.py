@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from emclutch.effects.column import Column, When
 from emclutch.effects.effect import EffectSection
-from emclutch.effects.left_out import OFF, LeftOut
+from emclutch.effects.omitted_effect import OFF, OmittedEffect
 
 TORQUE_DISC_FIELD = Column(
     "torque_disc_field", "N m", "part of torque_disc: reaction to the pull of the field of its slots", When.MEAN
@@ -25,7 +25,7 @@ class MagneticForceSection(EffectSection):
     columns = (TORQUE_DISC_FIELD, TORQUE_ROTOR_FIELD, TORQUE_FIELD_GRADIENT)
     needs_field = True
     needs_moments = True
-    holds_forces = True
+    has_lagged_forces = True
 
     def acting(self, scene, bodies):
         """Yield the force of the field's gradient."""
@@ -43,7 +43,7 @@ class MagneticForceSection(EffectSection):
             )
 
     @classmethod
-    def left_out(cls, at):
+    def omitted_effects(cls, at):
         """Yield the pull of the field over that of touching grains."""
         if at.M > 0.0:
-            yield LeftOut(cls.name, OFF, "pull of the field over that of touching grains", at.gradient, 0.1)
+            yield OmittedEffect(cls.name, OFF, "pull of the field over that of touching grains", at.gradient, 0.1)

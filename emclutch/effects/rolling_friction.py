@@ -8,7 +8,7 @@ from pydantic import Field
 
 from emclutch.effects.column import Column, When
 from emclutch.effects.effect import EffectSection
-from emclutch.effects.left_out import OFF, LeftOut
+from emclutch.effects.omitted_effect import OFF, OmittedEffect
 from emclutch.scene.units import number
 from emclutch.scene.usual_ranges import UsualRange
 
@@ -46,7 +46,7 @@ class RollingFrictionSection(EffectSection):
         return {"rolling": RollingFriction(self.coefficient, self.wall_coefficient)}
 
     @classmethod
-    def left_out(cls, at):
+    def omitted_effects(cls, at):
         """Yield that the shape of the grains decides."""
         doubled = "0 for smooth shot; 0.2 for rough grains doubled the torque of the shipped clutches"
-        yield LeftOut(cls.name, OFF, "the shape of the grains decides", note=doubled)
+        yield OmittedEffect(cls.name, OFF, "the shape of the grains decides", note=doubled)

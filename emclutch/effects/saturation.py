@@ -6,15 +6,15 @@ from collections.abc import Iterator
 from typing import ClassVar
 
 from emclutch.effects.effect import EffectSection
-from emclutch.effects.left_out import OFF, LeftOut
-from emclutch.scene.draft import Draft
+from emclutch.effects.omitted_effect import OFF, OmittedEffect
 from emclutch.scene.errors import Fault
+from emclutch.scene.partial_scene import PartialScene
 
 
-def _acts_on_moments(draft: Draft) -> Iterator[Fault]:
+def _acts_on_moments(partial: PartialScene) -> Iterator[Fault]:
     """Saturation needs magnetised grains."""
-    effects = draft.scene.effects
-    if effects.saturate and not effects.magnetise and not draft.is_of_the_field_alone:
+    effects = partial.scene.effects
+    if effects.saturate and not effects.magnetise and not partial.is_of_the_field_alone:
         yield Fault(
             "effects.saturation",
             "",
@@ -31,7 +31,7 @@ class SaturationSection(EffectSection):
     CHECKS: ClassVar = ((_acts_on_moments, ("effects",)),)
 
     @classmethod
-    def left_out(cls, at):
+    def omitted_effects(cls, at):
         """Yield the largest magnetisation over that of saturation."""
         if at.M > 0.0:
-            yield LeftOut(cls.name, OFF, "largest magnetisation over saturation", at.saturation, 0.1)
+            yield OmittedEffect(cls.name, OFF, "largest magnetisation over saturation", at.saturation, 0.1)

@@ -8,7 +8,7 @@ from pydantic import Field
 
 from emclutch.effects.column import Column, When
 from emclutch.effects.effect import EffectSection
-from emclutch.effects.left_out import OFF, LeftOut
+from emclutch.effects.omitted_effect import OFF, OmittedEffect
 from emclutch.scene.units import number
 
 DISSIPATED_TWISTING = Column("dissipated_twisting", "J", "part of dissipated by twisting friction", When.SUM)
@@ -40,6 +40,6 @@ class TwistingFrictionSection(EffectSection):
         return {"twisting": TwistingFriction(self.coefficient, self.wall_coefficient)}
 
     @classmethod
-    def left_out(cls, at):
+    def omitted_effects(cls, at):
         """Yield the torque of a contact's twist over that of its sliding."""
-        yield LeftOut(cls.name, OFF, "torque of a contact's twist over that of its sliding", at.twist, 0.1)
+        yield OmittedEffect(cls.name, OFF, "torque of a contact's twist over that of its sliding", at.twist, 0.1)

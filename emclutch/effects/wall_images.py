@@ -1,4 +1,4 @@
-"""[effects.wall_images]: image dipoles of the grains in steel faces (`coupling.image_lanes`)."""
+"""[effects.wall_images]: image dipoles of the grains in steel faces (`coupling.image_kernels`)."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from typing import ClassVar
 
 from emclutch.effects.column import Column, When
 from emclutch.effects.effect import EffectSection
-from emclutch.effects.left_out import OFF, LeftOut
-from emclutch.scene.draft import Draft
+from emclutch.effects.omitted_effect import OFF, OmittedEffect
 from emclutch.scene.errors import Fault
 from emclutch.scene.grain_smear import layers_change_the_field
+from emclutch.scene.partial_scene import PartialScene
 
 
-def _something_to_mirror(draft: Draft) -> Iterator[Fault]:
+def _something_to_mirror(partial: PartialScene) -> Iterator[Fault]:
     """Images are those of dipoles."""
-    effects = draft.scene.effects
-    if effects.images is not None and effects.attraction is None and not draft.is_of_the_field_alone:
+    effects = partial.scene.effects
+    if effects.images is not None and effects.attraction is None and not partial.is_of_the_field_alone:
         needed = effects.tables(role="attraction")
         yield Fault("effects.wall_images", "", f"needs dipoles to mirror; add {needed}, or remove its table")
 
@@ -61,7 +61,7 @@ class WallImagesSection(EffectSection):
         return attraction.neighbours_in_bulk(scene, device) - attraction.neighbours(scene, device)
 
     @classmethod
-    def left_out(cls, at):
+    def omitted_effects(cls, at):
         """Yield the fraction of the grains that touch steel."""
         if at.M > 0.0 and at.wall_share is not None:
-            yield LeftOut(cls.name, OFF, "fraction of the grains that touch steel", at.wall_share, 0.1)
+            yield OmittedEffect(cls.name, OFF, "fraction of the grains that touch steel", at.wall_share, 0.1)

@@ -15,7 +15,7 @@ ARRAY_UNITS: dict[str, str] = {
     "magnetic_moment": "A m2",
     "force_contact": "N",
     "force_magnetic": "N",
-    "force_held": "N",
+    "force_lagged": "N",
     "torque_magnetic": "N m",
     "n_contacts": "1",
     # field

@@ -70,7 +70,7 @@ WORK_BOX_MAGNETIC = Column(
     SUM,
 )
 WORK_MAGNETIC = Column("work_magnetic", "J", "work of the magnetic forces on the grains", SUM)
-WORK_HELD = Column("work_held", "J", "work of all held forces on the grains, where some are not magnetic", SUM)
+WORK_LAGGED = Column("work_lagged", "J", "work of all lagged forces on the grains, where some are not magnetic", SUM)
 DISSIPATED_NORMAL_DAMPING = Column(
     "dissipated_normal_damping", "J", "part of dissipated in the dashpots along the normals", SUM
 )
@@ -99,8 +99,8 @@ SHEAR_STRESS_NEAR = Column(
     "part of shear_stress from the pull of near magnetised grains, which follows every step",
     MEAN,
 )
-SHEAR_STRESS_HELD = Column(
-    "shear_stress_held", "Pa", "part of shear_stress from the magnetic forces held between two evaluations", MEAN
+SHEAR_STRESS_LAGGED = Column(
+    "shear_stress_lagged", "Pa", "part of shear_stress from the lagged magnetic forces", MEAN
 )
 SHEAR_STRESS_ACROSS = Column(
     "shear_stress_across",
@@ -142,7 +142,7 @@ WARM_HITS = Column(
     "warm_hits", "1", "fraction of the loaded contacts that began from the impulse of the step before", MEAN
 )
 STABILISATION_WORK = Column(
-    "stabilisation_work", "J", "work of the held forces on displacements that removed overlap", SUM
+    "stabilisation_work", "J", "work of the lagged forces on displacements that removed overlap", SUM
 )
 REBUILDS = Column("rebuilds", "1", "rebuilds of the neighbour list", SUM)
 STEPS = Column("steps", "1", "time steps of the grains", SUM)
@@ -150,7 +150,7 @@ STEPS = Column("steps", "1", "time steps of the grains", SUM)
 _OF_EVERY_RUN = tuple(value for value in list(globals().values()) if isinstance(value, Column))
 
 WALL_FIELD = Column("wall_field", "s", "wall-clock time for the field", SUM)
-WALL_MAGNETIC = Column("wall_magnetic", "s", "wall-clock time for moments and held forces", SUM)
+WALL_MAGNETIC = Column("wall_magnetic", "s", "wall-clock time for moments and lagged forces", SUM)
 WALL_CONTACT = Column("wall_contact", "s", "wall-clock time for contacts and motion", SUM)
 WALL_TOTAL = Column("wall_total", "s", "wall-clock time", SUM)
 PROCESSOR_TIME = Column("processor_time", "s", "processor time of all threads", SUM)
@@ -202,8 +202,8 @@ def columns_of(row: WindowRow) -> dict[str, float | None]:
         works |= {WORK_PRESSURE: energy.work_pressure, WORK_BOX_MAGNETIC: energy.work_box_magnetic}
         values |= _present(works)
         values |= {DISSIPATED: energy.dissipated, ENERGY_RESIDUAL: energy.residual}
-        held = WORK_MAGNETIC if row.held_is_magnetic else WORK_HELD
-        values |= _present({held: energy.work_held, "work_gravity": energy.work_gravity})
+        lagged = WORK_MAGNETIC if row.lagged_is_magnetic else WORK_LAGGED
+        values |= _present({lagged: energy.work_lagged, "work_gravity": energy.work_gravity})
     values |= {N_CONTACTS: row.n_contacts, MAX_OVERLAP: row.max_overlap, MAX_SPEED: row.max_speed}
     values |= {REBUILDS: row.rebuilds, STEPS: row.steps}
     seconds = row.seconds
@@ -246,7 +246,7 @@ belongs:
   the window, and another one follows at the end of the window. With `effects.coil_circuit`, whose `tolerance` takes the
   place of the 1 %, these three follow the circuit to the end of the window; with `effects.eddy_currents` they are of
   the last step of the field.
-- **last evaluation of the moments**: moments are found at the start of each update interval and held in it.
+- **last evaluation of the moments**: moments are found at the start of each update interval and constant in it.
 - **mean, sum, largest**: over the window, whose steps are made in the field of its start. With eddy currents or
   hysteresis a sum is over the steps of the field that end in the window.
 

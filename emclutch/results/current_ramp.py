@@ -2,8 +2,8 @@
 
 The course of the current is cut where its magnitude turns from rising to falling or to being held. Bins divide the
 magnitude from 0 to the largest one evenly, the same for all branches, so that they can be compared bin by bin. Of
-several packings a bin's error is that of the mean of its means; of one it is that of its own fluctuation about a smooth
-curve, by the correlation time, and lacks what packings differ by.
+several replicas a bin's error is that of the mean of its means; of one it is that of its own fluctuation about a smooth
+curve, by the correlation time, and leaves out the scatter between replicas.
 
 A branch in which the gap is sheared by less than `MIN_AVERAGED_STRAIN` is a switching and not a ramp, and has no bins.
 What lags behind the current (grains need a strain of some units to rearrange) makes the rising branch lower and the
@@ -36,7 +36,7 @@ SHARES = (0.2, 0.5, 0.8)
 _BINS = 20  # at most; of a torque as I^2 a mean over a twentieth is 1 % too large at a fifth of the current
 _STRAIN = 1.0  # of the gap, that a bin has at least
 _WINDOWS = 4  # that a bin has at least
-_AROUND = 2  # bins on each side, from whose fluctuation the error of a single packing is taken
+_AROUND = 2  # bins on each side, from whose fluctuation the error of a single replica is taken
 _ROUND_OFF = 1e-6  # of a window, in the time of its begin
 _APART = 0.1  # of a bin's width, that mean currents of two branches differ by at most: else one covers a part of it
 
@@ -73,13 +73,13 @@ class RampBin:
     current : float
         Mean current [A], with its sign.
     means : ndarray (m,)
-        Mean torque [N m] of each packing.
+        Mean torque [N m] of each replica.
     error : float or None
         Standard error of their mean [N m]; None: unknown.
     freedom : float
         Degrees of freedom of the error.
     correlated : float
-        Bins that one correlation time of a single packing lasts, at least 1: their noise is the same.
+        Bins that one correlation time of a single replica lasts, at least 1: their noise is the same.
     settled : bool
         False where the current is held so briefly that the change of the torque after the ramp is averaged too.
     """
@@ -136,7 +136,7 @@ class CurrentRamp:
                     "standard_error": one.error,
                     "low": ends[0],
                     "high": ends[1],
-                    "packings": one.means.size,
+                    "replicas": one.means.size,
                 }
             )
         return pandas.DataFrame(rows)
@@ -144,7 +144,7 @@ class CurrentRamp:
     def summary(self) -> dict[str, Any]:
         """Both branches compared at `SHARES` of the largest current, the loop's area, and the torque left at 0 A.
 
-        The first rising branch and the first falling one after it; their difference is taken packing by packing. Area:
+        The first rising branch and the first falling one after it; their difference is taken replica by replica. Area:
         integral of falling less rising torque over the current, over the product of the largest current and the torque
         there. `half_width` is of the 95 % interval, None: unknown. Entries are None where the run has no such branch.
         Bins that one of the branches covers in part are left out.
@@ -199,7 +199,7 @@ def current_ramp(
     Parameters
     ----------
     histories : sequence of DataFrame
-        Of each packing; columns `time` [s], `torque_disc` [N m] and speeds [rad/s] as in ``history.csv``.
+        Of each replica; columns `time` [s], `torque_disc` [N m] and speeds [rad/s] as in ``history.csv``.
     currents : TimeProfile
         Given current [A].
     conditions : SteadyConditions
@@ -262,14 +262,14 @@ def branches(currents: TimeProfile, end: float) -> list[Branch]:
 def _bins_of(
     number: int, branch: Branch, histories: Sequence[pandas.DataFrame], currents: TimeProfile, edges: np.ndarray
 ) -> list[RampBin]:
-    """Bins of one branch that all packings have windows in, in the order of time."""
-    packings = []
+    """Bins of one branch that all replicas have windows in, in the order of time."""
+    replicas = []
     for history in histories:
         duration = durations(history)
         begin = history[TIME].to_numpy() - duration  # a window keeps the field of its begin
         inside = (begin > branch.begin - _ROUND_OFF * duration) & (begin < branch.end - _ROUND_OFF * duration)
         current = currents.at(begin[inside])
-        packings.append((current, history[TORQUE_DISC].to_numpy()[inside], duration[inside]))
+        replicas.append((current, history[TORQUE_DISC].to_numpy()[inside], duration[inside]))
     if branch.kind == HELD:
         held = abs(currents(branch.end))
         edges = np.array([held, held])
@@ -277,7 +277,7 @@ def _bins_of(
         np.zeros(current.size, dtype=int)
         if branch.kind == HELD
         else np.clip(np.searchsorted(edges, np.abs(current), side="right") - 1, 0, edges.size - 2)
-        for current, _, _ in packings
+        for current, _, _ in replicas
     ]
     order = range(edges.size - 1)
     found = []
@@ -285,18 +285,18 @@ def _bins_of(
         chosen = [place == k for place in places]
         if any(np.count_nonzero(one) < min(2, _WINDOWS) for one in chosen):
             continue
-        both = list(zip(packings, chosen, strict=True))
+        both = list(zip(replicas, chosen, strict=True))
         means = np.array([np.average(torque[one], weights=time[one]) for (_, torque, time), one in both])
         at = float(np.mean([current[one].mean() for (current, _, _), one in both]))
         error, freedom, correlated = _error(means, None), means.size - 1.0, 1.0
         if means.size == 1:
-            error, freedom, correlated = _of_one_packing(packings[0][0], packings[0][1], places[0], k)
+            error, freedom, correlated = _of_one_replica(replicas[0][0], replicas[0][1], places[0], k)
         low, high = float(edges[k]), float(edges[k + 1])
         found.append(RampBin(number, branch.kind, low, high, at, means, error, freedom, correlated))
     return found
 
 
-def _of_one_packing(
+def _of_one_replica(
     current: np.ndarray, torque: np.ndarray, place: np.ndarray, k: int
 ) -> tuple[float | None, float, float]:
     """Standard error [N m] of bin k by the fluctuation in it and beside it, degrees of freedom, `correlated`."""
@@ -315,7 +315,7 @@ def _of_one_packing(
 
 
 def _of_weighted(weight: np.ndarray, pairs: Sequence[tuple[RampBin, RampBin]]) -> tuple[float, float]:
-    """Standard error of the sum of weights (n,) times falling less rising torque, of one packing; nan: unknown.
+    """Standard error of the sum of weights (n,) times falling less rising torque, of one replica; nan: unknown.
 
     And its degrees of freedom, the fewest of the bins in it. Bins that share their noise with `correlated` - 1
     others have that many times the variance of independent ones, and at most that of errors which add linearly.
@@ -330,7 +330,7 @@ def _of_weighted(weight: np.ndarray, pairs: Sequence[tuple[RampBin, RampBin]]) -
 
 
 def _error(values: np.ndarray, alone: float | None) -> float | None:
-    """Standard error of the mean of packings' values; `alone` of one packing. None: unknown."""
+    """Standard error of the mean of replicas' values; `alone` of one replica. None: unknown."""
     if values.size == 1:
         return None if alone is None or math.isnan(alone) else alone
     return float(values.std(ddof=1)) / math.sqrt(values.size)

@@ -1,8 +1,8 @@
 """A curve through noisy torques at few places, with its 95 % interval everywhere between them.
 
-Torque over current (or another value above zero) is near a power law, and its packings scatter by about the same share
+Torque over current (or another value above zero) is near a power law, and its replicas scatter by about the same share
 everywhere. So y = log T is modelled over u = log x as a Gaussian process: a straight line, a smooth deviation from it
-of Matern's kernel (nu = 5/2), and independent noise of every packing,
+of Matern's kernel (nu = 5/2), and independent noise of every replica,
 
     y_i = b_0 + b_1 u_i + z(u_i) + e_i,   cov z = r tau^2 (1 + d + d^2/3) exp(-d), d = sqrt(5) |u - u'| / length,
     e_i of variance tau^2.
@@ -24,11 +24,11 @@ from scipy.special import stdtrit
 LENGTHS = np.geomspace(0.15, 3.0, 8)
 """Of the kernel, in parts of the range."""
 RATIOS = np.geomspace(1e-2, 1e4, 13)
-"""Variance of the deviation from the line, over that of a packing."""
+"""Variance of the deviation from the line, over that of a replica."""
 
 
 _Models = tuple[tuple[float, np.ndarray, float], ...]
-"""Weight, covariance (m, m) and variance of a packing of each pair of length and ratio."""
+"""Weight, covariance (m, m) and variance of a replica of each pair of length and ratio."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +40,7 @@ class CurveInterval:
     x : (m,) places.
     torque : (m,) [N m].
     half_width : (m,) of the 95 % interval of log T: its ends are torque exp(+- half_width).
-    noise : relative scatter of one packing, as a standard deviation.
+    noise : relative scatter of one replica, as a standard deviation.
     """
 
     x: np.ndarray
@@ -51,7 +51,7 @@ class CurveInterval:
     _quantile: float
 
     def narrowed(self, place: int) -> CurveInterval:
-        """Return what one more packing at x[place] makes of the intervals, whatever its torque is."""
+        """Return what one more replica at x[place] makes of the intervals, whatever its torque is."""
         models = []
         for weight, covariance, noise in self._models:
             column = covariance[:, place]
@@ -62,22 +62,22 @@ class CurveInterval:
 
 
 def curve_interval(x: np.ndarray, torque: np.ndarray, at: np.ndarray) -> CurveInterval:
-    """Fit a curve to torques of single packings, and return it with its interval.
+    """Fit a curve to torques of single replicas, and return it with its interval.
 
     Parameters
     ----------
-    x : (n,) places of the packings, each above 0, at least four of them in all and two different ones.
+    x : (n,) places of the replicas, each above 0, at least four of them in all and two different ones.
     torque : (n,) [N m], each above 0.
     at : (m,) places where the curve is wanted, above 0.
 
     Raises
     ------
     ValueError
-        There are too few packings, or a place or a torque is not above 0.
+        There are too few replicas, or a place or a torque is not above 0.
     """
     x, torque, at = (np.asarray(one, dtype=float) for one in (x, torque, at))
     if len(x) < 4 or np.unique(x).size < 2:
-        raise ValueError(f"{len(x)} packings at {np.unique(x).size} places; needed: 4 or more, at 2 or more places")
+        raise ValueError(f"{len(x)} replicas at {np.unique(x).size} places; needed: 4 or more, at 2 or more places")
     if min(x.min(), at.min()) <= 0.0 or not torque.min() > 0.0:
         raise ValueError(
             f"places from {min(x.min(), at.min()):.4g}, torques from {torque.min():.4g} N m; allowed: above 0"

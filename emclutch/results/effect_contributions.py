@@ -1,6 +1,6 @@
-"""What each effect of a scene adds to its torque and to its cost, from packings with it and without it.
+"""What each effect of a scene adds to its torque and to its cost, from replicas with it and without it.
 
-The difference of two means of independent packings has Welch's interval (B. L. Welch, Biometrika 34 (1947) 28-35):
+The difference of two means of independent replicas has Welch's interval (B. L. Welch, Biometrika 34 (1947) 28-35):
 Student's t of f = (a + b)^2 / (a^2/(n_a - 1) + b^2/(n_b - 1)) degrees of freedom, a and b being the squared standard
 errors of the means. No scatter is taken from one scene to another: without an effect it may be a different one.
 """
@@ -13,13 +13,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from emclutch.results.ladder import student
-from emclutch.results.text import per_cent
+from emclutch.results.accuracy_study import student
+from emclutch.results.text import format_percent
 
 
 @dataclass(frozen=True, slots=True)
 class Without:
-    """The packings of a scene without an effect, or of the whole scene.
+    """The replicas of a scene without an effect, or of the whole scene.
 
     Attributes
     ----------
@@ -28,11 +28,11 @@ class Without:
     others : tuple of str
         Effects that need it, and are left out with it.
     torques : tuple of float
-        Of its packings [N m].
+        Of its replicas [N m].
     seconds : float
-        Processor time of a packing [s].
+        Processor time of a replica [s].
     reason : str
-        Why there are no packings of it.
+        Why there are no replicas of it.
     was_run : bool
         Whether any was begun.
     """
@@ -51,7 +51,7 @@ class Without:
 
     @property
     def torque(self) -> Interval | None:
-        """Return the mean torque [N m] with its 95 % interval; None of less than two packings."""
+        """Return the mean torque [N m] with its 95 % interval; None of less than two replicas."""
         if len(self.torques) < 2:
             return None
         error, freedom = _standard_error(self.torques), len(self.torques) - 1.0
@@ -66,7 +66,7 @@ class Interval:
     half_width: float
 
     @property
-    def is_decided(self) -> bool:
+    def is_significant(self) -> bool:
         """Return whether it is known to differ from zero."""
         return abs(self.mean) > self.half_width
 
@@ -114,34 +114,34 @@ class Contributions:
         return Interval(1.0 - ratio, spread.half_width / abs(whole.mean))
 
     def seconds(self, one: Without) -> float | None:
-        """Return what an effect, with those that need it, adds to the processor time of a packing [s]."""
+        """Return what an effect, with those that need it, adds to the processor time of a replica [s]."""
         return None if one.torque is None else self.whole.seconds - one.seconds
 
     @property
     def measured(self) -> list[Without]:
-        """Return the effects without which there are packings."""
+        """Return the effects without which there are replicas."""
         return [one for one in self.without if one.torque is not None]
 
     def in_words(self) -> str:
         """Say in one sentence what carries the torque, what costs the time, and what is open."""
         torque, measured = self.whole.torque, self.measured
         assert torque is not None
-        head = f"{self.case}: {torque.text()} N m for {self.whole.seconds:.3g} s of processor time a packing"
+        head = f"{self.case}: {torque.text()} N m for {self.whole.seconds:.3g} s of processor time a replica"
         added = {one: found for one in measured if (found := self.torque(one)) is not None}
-        decided = [one for one in measured if added[one].is_decided]
+        significant = [one for one in measured if added[one].is_significant]
         parts = []
-        if decided:
-            most = max(decided, key=lambda one: abs(added[one].mean))
+        if significant:
+            most = max(significant, key=lambda one: abs(added[one].mean))
             parts.append(f"the largest part of the torque is by {_with(most)}: {added[most].text('+')} N m")
         if measured:
             dearest = max(measured, key=lambda one: self.whole.seconds - one.seconds)
             saved = self.whole.seconds - dearest.seconds
             if saved > 0.0:
-                share = per_cent(saved / self.whole.seconds)
+                share = format_percent(saved / self.whole.seconds)
                 parts.append(f"the most expensive is {_with(dearest)}, {share} of the time")
-        undecided = [one.effect for one in measured if not added[one].is_decided]
-        if undecided:
-            parts.append(f"undecided with so many packings: {', '.join(undecided)}")
+        open_effects = [one.effect for one in measured if not added[one].is_significant]
+        if open_effects:
+            parts.append(f"not significant with so many replicas: {', '.join(open_effects)}")
         return "; ".join([head, *parts]) + "."
 
 

@@ -11,7 +11,7 @@ from emclutch.results.columns import (
     ELASTIC_ENERGY,
     KINETIC_ENERGY,
     MAGNETIC_ENERGY,
-    WORK_HELD,
+    WORK_LAGGED,
     WORK_MAGNETIC,
     WORK_PRESSURE,
     WORK_SHEAR,
@@ -28,8 +28,8 @@ ROUND_OFF = 1e-9
 def energy_through(history: pandas.DataFrame) -> float:
     """Return the energy that went through a run [J]: supplied, dissipated and exchanged.
 
-    Exchanged are the largest kinetic and elastic energy, and the ranges of the magnetic energy and of the works of held
-    forces and weight up to a window, which are ranges of potential energies. 0 where nothing moves.
+    Exchanged are the largest kinetic and elastic energy, and the ranges of the magnetic energy and of the works of
+    lagged forces and weight up to a window, which are ranges of potential energies. 0 where nothing moves.
     """
 
     def sizes(name: str) -> float:
@@ -41,7 +41,7 @@ def energy_through(history: pandas.DataFrame) -> float:
     stored = sum(history[name] for name in (KINETIC_ENERGY, ELASTIC_ENERGY) if name in history)
     magnetic = float(np.ptp(history[MAGNETIC_ENERGY])) if MAGNETIC_ENERGY in history else 0.0
     through = sum(map(sizes, (WORK_WALLS, WORK_SHEAR, WORK_PRESSURE, *losses(history))))
-    through += sum(map(work_range, (WORK_MAGNETIC, WORK_HELD, "work_gravity")))
+    through += sum(map(work_range, (WORK_MAGNETIC, WORK_LAGGED, "work_gravity")))
     return through + magnetic + float(np.max(stored))
 
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import pandas
 
 POINT, REPLICA, ALONG = "point", "replica", "along"
-"""Columns that distinguish what one table holds: a study's points, a run's packings, the profiles' coordinates."""
+"""Columns that distinguish what one table holds: a study's points, a run's replicas, the profiles' coordinates."""
 
 
 def tables_of(folder: Path) -> dict[str, pandas.DataFrame]:

@@ -54,8 +54,8 @@ def locked_folder(folder: str | Path) -> Iterator[None]:
                 f"the file system of {folder} has no locks (flock); write to a local disk with --out"
             ) from error
         raise OutputError(
-            f"cannot write to {folder}: {error.strerror or error}; write elsewhere with --out, or make room or "
-            "permissions there"
+            f"cannot write to {folder}: {error.strerror or error}; write elsewhere with --out, free disk "
+            "space or fix the write permission"
         ) from error
     try:
         yield

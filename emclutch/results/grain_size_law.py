@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from emclutch.results.ladder import Basis, KnobLadder, Rung
+from emclutch.results.accuracy_study import Basis, MeasuredSetting, MeasuredValue
 from emclutch.results.setting_errors import SettingErrors
 from emclutch.results.torque_curves import NORMAL, TorqueCurve
 
@@ -124,16 +124,18 @@ def grain_size_law(curve: TorqueCurve, exponent: float = EXPONENT) -> GrainSizeL
     sizes = np.unique(n)
     if sizes.size < 2 or torque.min() * torque.max() <= 0.0:
         return None
-    rungs = []
+    values = []
     for size in sizes:  # from coarse to fine; torques of equal size are one measurement
         at = n == size
         weight = error[at] ** -2
         mean = float(weight @ torque[at] / weight.sum())
-        rungs.append(Rung(size, 1.0 / size, mean, float(weight.sum() ** -0.5) / abs(mean), int(at.sum()), 0.0))
+        values.append(
+            MeasuredValue(size, 1.0 / size, mean, float(weight.sum() ** -0.5) / abs(mean), int(at.sum()), 0.0)
+        )
     limit = 0.0 if curve.real_across is None else 1.0 / curve.real_across
     finest = float(sizes[-1])
-    knob = KnobLadder(NAME, "", Basis.TORQUE, finest, exponent, limit, tuple(rungs), freedom, True)
-    errors = SettingErrors([[knob]])
+    setting = MeasuredSetting(NAME, "", Basis.TORQUE, finest, exponent, limit, tuple(values), freedom, True)
+    errors = SettingErrors([[setting]])
     sign = 1.0 if torque[0] > 0.0 else -1.0
     reached = FARTHEST if curve.real_across is None else limit
     at_limit, at_real = (sign * _torques(errors, finest, h) for h in (FARTHEST, reached))

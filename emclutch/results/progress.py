@@ -82,8 +82,8 @@ class Progress:
             print(f"{100.0 * fraction:3.0f} %  {self.text}  {left}".rstrip(), file=self.stream, flush=True)
             self._line_time, self._line_fraction = now, fraction
 
-    def announce(self, text: str) -> None:
-        """Show at once what is being waited for."""
+    def status(self, text: str) -> None:
+        """Show at once what is going on, until the next update."""
         self.text = text
         if self._bar is not None:
             self._bar.update(self._task, description=text)
@@ -92,7 +92,7 @@ class Progress:
         print(f"{done}{text}", file=self.stream, flush=True)
         self._line_time = time.monotonic()
 
-    def note(self, text: str) -> None:
+    def log(self, text: str) -> None:
         """Print a line that stays."""
         if self._bar is not None:
             self._bar.console.print(text, highlight=False)

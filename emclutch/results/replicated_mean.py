@@ -1,4 +1,4 @@
-"""Mean of a noisy signal over independent replicas (packings of the same scene): one replica is one number.
+"""Mean of a noisy signal over independent replicas (runs with other seeds): one replica is one number.
 
 1. **Start-up.** The averaged part is the same for all replicas. It begins at the latest of: the time that the caller
    knows the start-up to last (`settled`), half of the series, and, where MSER-5 cuts the mean over the replicas later
@@ -15,15 +15,16 @@
    run's own scatter s_n counts alone where it is significantly larger (F test at `POOLING_SIGNIFICANCE`), since the
    study may have had other conditions.
 3. **Drift.** One slope a replica. The error of their mean comes from the scatter of the slopes and from the quadratic
-   and cubic coefficients of each replica (Legendre polynomials, which a series of short memory has with the same
-   variance, and one without curvature with mean 0): 3 R - 1 degrees of freedom for R replicas. Slow fluctuations have
+   and cubic coefficients of each replica (Legendre polynomials; for short-memory noise their variances are equal):
+   3 R - 1 degrees of freedom for R replicas. Slow fluctuations have
    larger slopes than cubic coefficients, which makes the error up to a tenth too small at a correlation time of a tenth
    of the part.
    A single replica has the line through its batch means: it is not steady where that drifts by more than is asked
    for, or by more than `USUAL`, beyond its 95 % error. It is never converged, since its error leaves out the scatter
    between replicas (`Estimate.steady_alone`).
-4. **Verdict** (`steadiness`): steady, drifting or not settled. To exclude a drift takes several times the packings that
-   the interval needs; it need not be excluded where a ladder has measured the start-up, on more packings than a run.
+4. **Verdict** (`steadiness`): steady, drifting or not settled. To exclude a drift takes several times the replicas that
+   the interval needs; it need not be excluded where an accuracy study has measured the start-up, on more replicas than
+   a run has.
 
 Coverage and power, measured with synthetic series: tests/results/test_stopping_rule.py.
 """
@@ -64,7 +65,7 @@ POOLING_SIGNIFICANCE = 0.3
 """One-sided, of the F test that keeps a run's own scatter apart from that of a study. It is large since the test has
 little power with few replicas: with 0.2 and a study's scatter of half the true one 90 % of intervals hold, with 0.3 and
 no more than 3 degrees of freedom of the study 93 %."""
-MAX_DRIFT = 0.75  # of the half width that is asked for: beyond it (95 %) a drift is not cured by more packings
+MAX_DRIFT = 0.75  # of the half width that is asked for: beyond it (95 %) a drift is not cured by more replicas
 
 
 class Steadiness(Enum):
@@ -217,7 +218,7 @@ def _too_short(found: Estimate, nominal: float) -> Estimate:
 def judged(found: Estimate, wanted: float) -> Estimate:
     """The estimate of several replicas with the verdict for a half width that is asked for [unit of the signal]."""
     verdict = steadiness(found, wanted)
-    part = f"{found.replicas} packings, averaged from {found.start:.3g} to {found.end:.3g} s"
+    part = f"{found.replicas} replicas, averaged from {found.start:.3g} to {found.end:.3g} s"
     share = f"{drift_in_words(found)} over the averaged part"
     if verdict is Steadiness.STEADY:
         reason = f"steady: {part}; drift {share}"
@@ -232,7 +233,7 @@ def judged(found: Estimate, wanted: float) -> Estimate:
         limit = DRIFT_LIMIT * wanted
         reason = (
             f"not settled: a drift of {_relative(limit, found.mean)} over the averaged part is not excluded "
-            f"({share}), and the interval is of this part ({part}); more packings, or run longer"
+            f"({share}), and the interval is of this part ({part}); more replicas, or run longer"
         )
     return replace(found, converged=verdict is Steadiness.STEADY, reason=reason)
 
@@ -272,13 +273,13 @@ def may_be_zero(found: Estimate) -> bool:
     return half is not None and found.mean is not None and abs(found.mean) <= half
 
 
-def more_packings_suffice(found: Estimate, count: int, wanted: float) -> bool:
-    """True if `count` packings of the same length are expected to reach the half width `wanted`."""
+def more_replicas_suffice(found: Estimate, count: int, wanted: float) -> bool:
+    """True if `count` replicas of the same length are expected to reach the half width `wanted`."""
     return _expected(found, count, 1.0) <= MARGIN * wanted and _expected_drift(found, count, 1.0, wanted)
 
 
 def more_time_suffices(found: Estimate, length: float, wanted: float) -> bool:
-    """True if the same packings are expected to reach the half width `wanted` at the time `length` [s]."""
+    """True if the same replicas are expected to reach the half width `wanted` at the time `length` [s]."""
     start, end = found.start or 0.0, found.end or length
     start = max(start, 0.5 * length)
     if found.end is None or found.start is None or length <= start or end <= found.start:
@@ -290,7 +291,7 @@ def more_time_suffices(found: Estimate, length: float, wanted: float) -> bool:
 
 
 def _expected(found: Estimate, count: int, factor: float) -> float:
-    """Half width [unit of the signal] of `count` packings averaged `factor` times as long."""
+    """Half width [unit of the signal] of `count` replicas averaged `factor` times as long."""
     variance = (found.standard_error or math.inf) ** 2 * found.replicas
     own = min((found.fluctuation or 0.0) ** 2, variance)
     one = variance - own + own / factor

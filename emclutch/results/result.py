@@ -81,8 +81,7 @@ class Result:
 
     @property
     def steady(self) -> Estimate | None:
-        """What the run is judged by: its stress in a sheared periodic box, else its torque; None where it has neither.
-        """
+        """Quantity that judges the run: stress in a sheared periodic box, else torque; None where it has neither."""
         if SHEAR_STRESS in self.history:
             return self.stress
         return self.torque if TORQUE_DISC in self.history else None

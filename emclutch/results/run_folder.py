@@ -27,7 +27,7 @@ INDEX = "index.html"
 LOGGERS = ("emclutch", "geometry", "field", "particles", "coupling")
 
 
-CURE = "the same scene fails there again: change it and start it again with another --out"
+RESTART_HINT = "the same scene fails there again: change it and start it again with another --out"
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +48,7 @@ class Failure:
     def in_words(self) -> str:
         """Time and reason, and that continuing does not help."""
         when = "before its first window" if self.time is None else f"after {format_time(self.time)}"
-        return f"the run failed {when}: {self.reason.rstrip('.')}; {CURE}"
+        return f"the run failed {when}: {self.reason.rstrip('.')}; {RESTART_HINT}"
 
 
 class _File:
@@ -85,7 +85,7 @@ class RunFolder:
     checkpoint : Path
         Complete state of the latest checkpoint.
     replicas : Path
-        Folder of the runs of the same scene with other packings; this run is the first of them.
+        Folder of the other replicas; this run is the first one.
     particles, field, flux_lines, walls, contacts : Path
         For ParaView: grains, the field's cross-section, its flux lines, the walls that grains touch, and force chains
         in time. The numbered files of a series lie in a folder of its name.
@@ -135,8 +135,8 @@ class RunFolder:
             if resume:
                 folder.has_checkpoint()
             if not resume and folder.path.is_dir() and has_files(folder.path):
-                goes_on = folder.is_begun() and folder.read_failure() is None
-                remedy = "continue it with --resume, or " if goes_on else ""
+                can_resume = folder.is_begun() and folder.read_failure() is None
+                remedy = "continue it with --resume, or " if can_resume else ""
                 raise OutputError(f"{folder.path} is not empty; {remedy}write elsewhere with --out")
             folder.path.mkdir(parents=True, exist_ok=True)
             for place in (folder.path, *(series.with_suffix("") for series in folder.series())):
@@ -154,7 +154,7 @@ class RunFolder:
         except OSError as error:
             raise OutputError(
                 f"cannot write to {folder.path}: {error.strerror or error}; "
-                "write elsewhere with --out, or make room or permissions there"
+                "write elsewhere with --out, free disk space or fix the write permission"
             ) from error
         return folder
 
@@ -207,7 +207,7 @@ class RunFolder:
         return Path(parent) / f"{case_stem}-{max(used) + 1:03d}"
 
     def replica_folders(self) -> list[Path]:
-        """Return the folders of the other packings that are there, in their order."""
+        """Return the folders of the other replicas that are there, in their order."""
         return sorted(self.replicas.glob("[0-9][0-9]")) if self.replicas.is_dir() else []
 
     def series(self) -> tuple[Path, ...]:

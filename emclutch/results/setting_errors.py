@@ -47,7 +47,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from emclutch.results.ladder import KnobLadder
+    from emclutch.results.accuracy_study import MeasuredSetting
 
 log = logging.getLogger(__name__)
 DRAWS, PILOT = 8192, 2048
@@ -102,31 +102,33 @@ class SharedMean:
 
     Parameters
     ----------
-    knobs : sequence of KnobLadder
+    settings : sequence of MeasuredSetting
         Settings of which `own_place` is not None.
     has_prior : bool
         False: the errors of small settings have the flat prior of large ones.
     """
 
-    def __init__(self, knobs: Sequence[KnobLadder], has_prior: bool = True) -> None:
-        self.knobs = tuple(knobs)
-        self._values = [[one for one in knob.rungs if one.value] for knob in knobs]
-        self._own = [own for knob in knobs if (own := own_place(knob)) is not None]
+    def __init__(self, settings: Sequence[MeasuredSetting], has_prior: bool = True) -> None:
+        self.settings = tuple(settings)
+        self._values = [[one for one in setting.values if one.result] for setting in settings]
+        self._own = [own for setting in settings if (own := own_place(setting)) is not None]
         rows = [(0, self._own[0])]
         rows += [(k, i) for k, some in enumerate(self._values) for i in range(len(some)) if i != self._own[k]]
-        y = np.log(np.abs([float(self._values[k][i].value or 0.0) for k, i in rows]))
+        y = np.log(np.abs([float(self._values[k][i].result or 0.0) for k, i in rows]))
         self._error = np.array([self._values[k][i].error for k, i in rows])
         self._rows, self.level, self._y = rows, float(y.mean()), y - y.mean()
         self._is_noisy, extent = bool(self._error.any()), float(np.ptp(y))
         self._floor = MIN_NOISE if self._is_noisy else max(RESOLVED * extent, MIN_NOISE)
-        large = np.array([one.is_large for one in knobs])
+        large = np.array([one.is_large for one in settings])
         self._is_flat = large | (not has_prior)
-        self._deviation = DEVIATION * large if self._is_noisy else np.full(len(knobs), OF_RANGE * extent)
-        self._excess = [_excess(knob) if knob.is_large else None for knob in knobs]
+        self._deviation = DEVIATION * large if self._is_noisy else np.full(len(settings), OF_RANGE * extent)
+        self._excess = [_excess(setting) if setting.is_large else None for setting in settings]
         counts = [len(some) if scale else 0 for some, scale in zip(self._values, self._deviation, strict=True)]
-        self._first = np.cumsum([1 + len(knobs), *counts])  # latent d of each setting's first value, where it has any
-        has_factor = self._is_noisy and math.isfinite(knobs[0].freedom)
-        self._is_used = np.r_[np.ones(len(knobs), dtype=bool), ~self._is_flat, self._deviation > 0.0, has_factor]
+        self._first = np.cumsum(
+            [1 + len(settings), *counts]
+        )  # latent d of each setting's first value, where it has any
+        has_factor = self._is_noisy and math.isfinite(settings[0].freedom)
+        self._is_used = np.r_[np.ones(len(settings), dtype=bool), ~self._is_flat, self._deviation > 0.0, has_factor]
 
     def posterior(self, random: np.random.Generator) -> Posterior:
         """Return `DRAWS` draws."""
@@ -149,7 +151,7 @@ class SharedMean:
         u, evidence, ratio = propose(DRAWS)
         weight = _weights(evidence + ratio)
         if (effective := weight.sum() ** 2 / (weight @ weight)) < FEWEST:
-            names = ", ".join(one.knob for one in self.knobs)
+            names = ", ".join(one.name for one in self.settings)
             log.warning("errors of %s: %.0f effective draws only, half widths are rough", names, effective)
         share = np.cumsum(weight) / weight.sum()
         u = u[np.searchsorted(share, (np.arange(DRAWS) + 0.5) / DRAWS).clip(max=DRAWS - 1)]
@@ -184,11 +186,11 @@ class SharedMean:
         variance = np.einsum("sl,sl->s", prior, direction**2) - np.einsum("sn,sn->s", crossed, solved)
         return solved @ self._y, np.maximum(variance, 0.0)
 
-    def direction(self, u: np.ndarray, knob: str, step_size: float, limit: float | None = None) -> np.ndarray:
+    def direction(self, u: np.ndarray, setting: str, step_size: float, limit: float | None = None) -> np.ndarray:
         """Return the error of a value as a combination (s, l) of the latent quantities, d of new values left out."""
-        k = next(n for n, one in enumerate(self.knobs) if one.knob == knob)
+        k = next(n for n, one in enumerate(self.settings) if one.name == setting)
         found = np.zeros((len(u), self._first[-1]))
-        own_limit = self.knobs[k].limit
+        own_limit = self.settings[k].limit
         limit = own_limit if limit is None else limit
         if math.isclose(step_size, limit, rel_tol=SAME):
             return found
@@ -198,9 +200,9 @@ class SharedMean:
             found[:, self._first[k] + i] = 1.0
         return found
 
-    def new_deviation(self, u: np.ndarray, knob: str, step_size: float) -> np.ndarray:
+    def new_deviation(self, u: np.ndarray, setting: str, step_size: float) -> np.ndarray:
         """Return the standard deviation (s,) of d of a value; 0 of those that were measured."""
-        k = next(n for n, one in enumerate(self.knobs) if one.knob == knob)
+        k = next(n for n, one in enumerate(self.settings) if one.name == setting)
         known = self._place(k, step_size) is not None
         return np.zeros(len(u)) if known else np.minimum(self._scales(u, 2)[:, k] * self._deviation[k], LARGEST)
 
@@ -209,7 +211,7 @@ class SharedMean:
         return next((i for i, one in enumerate(h) if math.isclose(one, step_size, rel_tol=SAME)), None)
 
     def _orders(self, u: np.ndarray) -> np.ndarray:
-        known = np.array([one.order or 0.0 for one in self.knobs])
+        known = np.array([one.order or 0.0 for one in self.settings])
         spread = np.where(known > 0.0, ORDER_SPREAD, FREE_SPREAD)
         orders = np.where(known > 0.0, known, FREE_ORDER) * np.exp(spread * u[:, : known.size])
         return np.minimum(orders, HIGHEST_ORDER)
@@ -218,14 +220,14 @@ class SharedMean:
         """Return half-Cauchy scales (s, k) from a block of coordinates."""
         from scipy.special import ndtr
 
-        count = len(self.knobs)
+        count = len(self.settings)
         return np.tan(0.5 * math.pi * ndtr(u[:, block * count : (block + 1) * count]))
 
     def _unit(self, k: int, p: np.ndarray) -> np.ndarray:
         """Return x of the value whose error is b: the scene's own, of a large error the farthest from the limit."""
-        h, limit = [one.step_size for one in self._values[k]], self.knobs[k].limit
+        h, limit = [one.step_size for one in self._values[k]], self.settings[k].limit
         reference = h[self._own[k]]
-        if self.knobs[k].is_large or math.isclose(reference, limit, rel_tol=1e-3):
+        if self.settings[k].is_large or math.isclose(reference, limit, rel_tol=1e-3):
             reference = max(h, key=lambda one: abs(one - limit))
         if math.isclose(reference, limit, rel_tol=SAME):  # no other value was measured
             return np.ones_like(p)
@@ -243,7 +245,7 @@ class SharedMean:
         values' noise and the covariances of the values (s, n, n)."""
         from scipy.special import gammaincinv, ndtr
 
-        s, count, orders = len(u), len(self.knobs), self._orders(u)
+        s, count, orders = len(u), len(self.settings), self._orders(u)
         prior = np.ones((s, self._first[-1]))
         scale = np.minimum(SMALL_ERROR * self._scales(u, 1), LARGEST)
         prior[:, 1 : 1 + count] = np.where(self._is_flat, LARGEST, scale) ** 2
@@ -258,7 +260,7 @@ class SharedMean:
             terms[:, n, 1 + k] = step / self._unit(k, p)
             if self._deviation[k]:
                 terms[:, n, self._first[k] + i], terms[:, n, self._first[k] + own] = 1.0, -1.0
-        freedom = self.knobs[0].freedom
+        freedom = self.settings[0].freedom
         factor = np.ones(s)
         if math.isfinite(freedom):  # chi^2 from its lower tail, which is exact where the scatter is far too small
             factor = 0.5 * freedom / gammaincinv(0.5 * freedom, ndtr(-u[:, -1].clip(-MOST, MOST)))
@@ -274,13 +276,13 @@ class SettingErrors:
 
     Parameters
     ----------
-    groups : sequence of sequences of KnobLadder
+    groups : sequence of sequences of MeasuredSetting
         Settings that share the mean at the scene's own values; the first group is that of the torques.
     has_prior
         As of `SharedMean`.
     """
 
-    def __init__(self, groups: Sequence[Sequence[KnobLadder]], has_prior: bool = True) -> None:
+    def __init__(self, groups: Sequence[Sequence[MeasuredSetting]], has_prior: bool = True) -> None:
         self._random = np.random.default_rng(0)
         self._of: dict[str, tuple[SharedMean, Posterior]] = {}
         self.level = np.zeros((2, DRAWS))
@@ -289,38 +291,38 @@ class SettingErrors:
             if group:
                 model = SharedMean(group, has_prior)
                 draws = model.posterior(self._random)
-                self._of |= {one.knob: (model, draws) for one in group}
+                self._of |= {one.name: (model, draws) for one in group}
                 if number == 0:
                     self.level = np.stack([model.level + draws.latent[:, 0], draws.noise[:, 0]])
         self._normal = self._random.standard_normal(DRAWS)
         self._model = {name: self._random.standard_normal(DRAWS) for name in self._of}
         self._new = {name: self._random.standard_normal(DRAWS) for name in self._of}
 
-    def error(self, knob: str, step_size: float, limit: float | None = None) -> np.ndarray:
+    def error(self, setting: str, step_size: float, limit: float | None = None) -> np.ndarray:
         """Return ln(T/T_0) of a value, and what of it is noise, (2, s).
 
         `limit`: step size without error, where it is another one than that of the study.
         """
-        model, draws = self._of[knob]
-        direction = model.direction(draws.u, knob, step_size, limit)
+        model, draws = self._of[setting]
+        direction = model.direction(draws.u, setting, step_size, limit)
         if not direction.any():
             return np.zeros((2, DRAWS))
         found = np.einsum("sl,sl->s", direction, draws.latent)
         noise = np.einsum("sl,sl->s", direction, draws.noise)
-        more = model.new_deviation(draws.u, knob, step_size) * self._new[knob]
-        return np.stack([found * (1.0 + MODEL / NORMAL * self._model[knob]) + more, noise])
+        more = model.new_deviation(draws.u, setting, step_size) * self._new[setting]
+        return np.stack([found * (1.0 + MODEL / NORMAL * self._model[setting]) + more, noise])
 
-    def law(self, knob: str, step_size: float, limit: float | None = None) -> np.ndarray:
+    def law(self, setting: str, step_size: float, limit: float | None = None) -> np.ndarray:
         """Return ln(T/T_0) of a value by its power law alone, (s,): without d."""
-        model, draws = self._of[knob]
-        direction = model.direction(draws.u, knob, step_size, limit)
-        k = 1 + next(n for n, one in enumerate(model.knobs) if one.knob == knob)
-        return direction[:, k] * draws.latent[:, k] * (1.0 + MODEL / NORMAL * self._model[knob])
+        model, draws = self._of[setting]
+        direction = model.direction(draws.u, setting, step_size, limit)
+        k = 1 + next(n for n, one in enumerate(model.settings) if one.name == setting)
+        return direction[:, k] * draws.latent[:, k] * (1.0 + MODEL / NORMAL * self._model[setting])
 
-    def order(self, knob: str) -> tuple[float, float, float]:
+    def order(self, setting: str) -> tuple[float, float, float]:
         """Return median and 95 % interval of the order of a setting."""
-        model, draws = self._of[knob]
-        k = next(n for n, one in enumerate(model.knobs) if one.knob == knob)
+        model, draws = self._of[setting]
+        k = next(n for n, one in enumerate(model.settings) if one.name == setting)
         low, middle, high = np.quantile(model._orders(draws.u)[:, k], [0.025, 0.5, 0.975])
         return float(middle), float(low), float(high)
 
@@ -331,21 +333,21 @@ class SettingErrors:
         return np.sqrt(np.maximum(pairs, 0.0)) * PAIRS / NORMAL * self._normal
 
 
-def own_place(knob: KnobLadder) -> int | None:
+def own_place(setting: MeasuredSetting) -> int | None:
     """Return the place of the scene's own among the values of a setting; None without it, or where signs differ."""
-    values = [one for one in knob.rungs if one.value]
-    if any((one.value or 0.0) * (values[0].value or 0.0) <= 0.0 for one in values):
+    values = [one for one in setting.values if one.result]
+    if any((one.result or 0.0) * (values[0].result or 0.0) <= 0.0 for one in values):
         return None
-    return next((n for n, one in enumerate(values) if knob.is_own(one.setting)), None)
+    return next((n for n, one in enumerate(values) if setting.is_own(one.value)), None)
 
 
-def _excess(knob: KnobLadder) -> float | None:
+def _excess(setting: MeasuredSetting) -> float | None:
     """Return the relative error of the coarsest value by a line over h^p; None where it is too small to matter."""
-    values = [one for one in knob.rungs if one.value]
-    h, torque = np.array([one.step_size for one in values]), np.abs([float(one.value or 0.0) for one in values])
+    values = [one for one in setting.values if one.result]
+    h, torque = np.array([one.step_size for one in values]), np.abs([float(one.result or 0.0) for one in values])
     if len(values) < 2:
         return None
-    slope, intercept = np.polyfit((h / h.max()) ** (knob.order or FREE_ORDER), torque / torque.mean(), 1)
+    slope, intercept = np.polyfit((h / h.max()) ** (setting.order or FREE_ORDER), torque / torque.mean(), 1)
     excess = min(max(slope / max(intercept, MIN_NOISE), LOWEST_EXCESS), LARGEST_EXCESS)
     return excess if abs(excess) > MIN_NOISE else None
 

@@ -1,6 +1,6 @@
 """The steady stress of a sheared periodic box: one verdict for summary, result and picture.
 
-Shear stress, normal stress along the gradient and their ratio are means over the same stretch of all packings. They
+Shear stress, normal stress along the gradient and their ratio are means over the same stretch of all replicas. They
 count as known where the statistics do (`replicated_mean`), and the box was sheared by `MIN_AVERAGED_STRAIN` while
 averaging. The ratio is that of the means; its error is that of the mean of mu + (tau - mu P)/P_mean, to first order.
 """
@@ -57,7 +57,7 @@ class SteadyStress:
 
 
 def steady_stress(histories: Sequence[pandas.DataFrame], conditions: SteadyConditions) -> SteadyStress:
-    """Means of the stresses with their errors over all packings.
+    """Means of the stresses with their errors over all replicas.
 
     Parameters
     ----------

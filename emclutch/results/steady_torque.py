@@ -1,6 +1,6 @@
 """The steady torque on the disc: one verdict for summary, result and comparison of methods.
 
-Statistics of packings (`replicated_mean`) know nothing of mechanics. Three more things are asked. Averaging does not
+Statistics of replicas (`replicated_mean`) know nothing of mechanics. Three more things are asked. Averaging does not
 begin before the gap was sheared by the strain that start-up is known to need in scenes of this kind
 (`SteadyConditions.start_up_strain`). What goes into the powder must come out: rotor + disc + housing + field vanish
 once the powder's angular momentum no longer changes. And between slipping shafts the gap must be sheared by
@@ -116,7 +116,7 @@ class SteadyConditions:
 def steady_mean_of(
     histories: Sequence[pandas.DataFrame], column: str, conditions: SteadyConditions, average_from: float | None = None
 ) -> Estimate:
-    """Mean and standard error of the steady part of a torque [N m] or stress [Pa] over all packings.
+    """Mean and standard error of the steady part of a torque [N m] or stress [Pa] over all replicas.
 
     By statistics alone. The scatter that a study has measured is that of the disc's torque, or of the shear stress.
 
@@ -151,7 +151,7 @@ def steady_torque(
         `torque_field` [N m], `rotor_speed` and `disc_speed` [rad/s]; windows begin at time 0.
     conditions : SteadyConditions
     replicas : sequence of DataFrame
-        Histories of the same scene with other packings.
+        Histories of the other replicas.
     """
     found = _judged(history, conditions, replicas)
     if not found.is_steady and (changing := changing_drive(history, found.start)):
@@ -159,9 +159,7 @@ def steady_torque(
     return found
 
 
-def _judged(
-    history: pandas.DataFrame, conditions: SteadyConditions, replicas: Sequence[pandas.DataFrame]
-) -> Estimate:
+def _judged(history: pandas.DataFrame, conditions: SteadyConditions, replicas: Sequence[pandas.DataFrame]) -> Estimate:
     """Return the torque judged as if its drive were steady, see `steady_torque`."""
     found = steady_mean_of((history, *replicas), TORQUE_DISC, conditions)
     if _is_negligible((history, *replicas), conditions):
@@ -216,7 +214,7 @@ def _how_much_longer(
 ) -> tuple[str, float | None]:
     """Estimated time to the requested precision, in words and [s]; `least` [s]: what the mechanics needs.
 
-    Of several packings `emclutch.simulation.stopping_rule` estimates it.
+    Of several replicas `emclutch.simulation.stopping_rule` estimates it.
     """
     if found.mean is None or not (least or (found.replicas == 1 and found.batches < MIN_BATCHES)):
         return "", None

@@ -2,7 +2,7 @@
 
 A study whose points are every combination of its values is a grid: each key with several values is a dimension. Points
 that were sampled are none; they lie along the dimension ``point``, and the keys are coordinates along it. The values of
-``scene.seed`` are the dimension ``packing`` of both.
+``scene.seed`` are the dimension ``replica`` of both.
 
 A key's coordinate has numbers where all its entries are numbers, or numbers with one unit, which is the coordinate's
 attribute ``units`` then; other entries (``"off"``, tables, several units) stand there as text. Points that are not done
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import pandas
     import xarray
 
-PACKING, POINT, DONE = "packing", "point", "done"
+REPLICA, POINT, DONE = "replica", "point", "done"
 SEED = "scene.seed"
 MEANINGS = {
     "torque": "steady torque on the disc",
@@ -68,10 +68,10 @@ def dataset_of(study: StudyFolder) -> xarray.Dataset:
     listed = {key: study.values.get(key) or list(dict.fromkeys(table[key])) for key in keys}
     several = [key for key in keys if len(listed[key]) > 1] or keys
     is_grid = prod(len(listed[key]) for key in keys) == (study.points if study.values else len(table))
-    along = {PACKING if key == SEED else key: [key] for key in several}
+    along = {REPLICA if key == SEED else key: [key] for key in several}
     if not is_grid:
-        packings = {PACKING: along.pop(PACKING)} if PACKING in along else {}
-        along = {POINT: [key for key in several if key != SEED]} | packings
+        replicas = {REPLICA: along.pop(REPLICA)} if REPLICA in along else {}
+        along = {POINT: [key for key in several if key != SEED]} | replicas
     entries = {name: list(dict.fromkeys(_rows(table[of]))) for name, of in along.items()}
     if is_grid:  # also what is not done yet, in the study's order
         entries = {name: [(one,) for one in dict.fromkeys(map(_text, listed[key]))] for name, (key,) in along.items()}
@@ -83,12 +83,12 @@ def dataset_of(study: StudyFolder) -> xarray.Dataset:
     for name, values in columns.items():
         whole = np.full(shape, MISSING[values.dtype.kind], dtype=values.dtype)
         whole[where] = values
-        told = {"units": UNITS.get(name), "long_name": MEANINGS.get(name)}
-        variables[name] = (tuple(along), whole, {key: text for key, text in told.items() if text})
+        attributes = {"units": UNITS.get(name), "long_name": MEANINGS.get(name)}
+        variables[name] = (tuple(along), whole, {key: text for key, text in attributes.items() if text})
     coordinates: dict[str, Any] = {}
     for name, of in along.items():
         for key, column in zip(of, zip(*entries[name], strict=True), strict=True):
-            coordinates[PACKING if key == SEED else key] = ((name,), *_coordinate(column))
+            coordinates[REPLICA if key == SEED else key] = ((name,), *_coordinate(column))
     for key in keys:
         if key not in several:
             (value,), unit = _coordinate([_text(listed[key][0])])

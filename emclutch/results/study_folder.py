@@ -14,7 +14,7 @@ from emclutch.results.errors import OutputError
 from emclutch.results.result import Result, load_result
 from emclutch.results.run_end import seconds_of
 from emclutch.results.run_folder import Failure, RunFolder
-from emclutch.results.torque_curves import ACROSS, REAL_ACROSS
+from emclutch.results.torque_curves import PER_GAP, REAL_PER_GAP
 
 if TYPE_CHECKING:
     import pandas
@@ -52,8 +52,8 @@ UNITS = {
     "relative_permeability": "1",
     "normal_stress": "Pa",
     "effective_friction": "1",
-    ACROSS: "1",
-    REAL_ACROSS: "1",
+    PER_GAP: "1",
+    REAL_PER_GAP: "1",
 }
 """Of the columns after the study's values."""
 

@@ -33,7 +33,7 @@ class StudyResult:
     seeds : pandas.DataFrame or None
         seeds.csv, means over `scene.seed`, of a study that varies it.
     grain_size : pandas.DataFrame or None
-        grain_size.csv, torque over the grains across the gap, of a study that varies their size.
+        grain_size.csv, torque over the grains per gap, of a study that varies their size.
     grain_size_laws : list of dict
         Of each of its curves, as `GrainSizeLaw.as_dict` says: other `values`, `law` or None, `reason` in words.
     """
@@ -52,7 +52,7 @@ class StudyResult:
         return fragment(study_page(read_study(self.folder), lambda result: ()).short())
 
     def to_xarray(self) -> xarray.Dataset:
-        """Return the table as one object over the study's values and packings, with units as attributes.
+        """Return the table as one object over the study's values and replicas, with units as attributes.
 
         A study over listed values is a grid; a sample has the dimension ``point``
         (`emclutch.results.study_dataset`). ``to_netcdf(path, engine="scipy")`` writes it.

@@ -112,7 +112,7 @@ class StudyTable:
         self._text = f"{row.label}: {text}" if text else ""
         self._print_line()
 
-    def announce(self, number: int, text: str) -> None:
+    def set_status(self, number: int, text: str) -> None:
         """Show at once what a point waits for."""
         self._text = f"{self.rows[number].label}: {text}"
         self._print_line(at_once=True)

@@ -34,7 +34,7 @@ def format_duration(seconds: float) -> str:
     return f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60:02d} min"
 
 
-def per_cent(share: float) -> str:
+def format_percent(share: float) -> str:
     """Return a share in per cent with two digits."""
     return f"{float(f'{100.0 * share:.2g}'):g} %"
 

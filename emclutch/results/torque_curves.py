@@ -13,7 +13,7 @@ from emclutch.results.errors import OutputError
 if TYPE_CHECKING:
     from emclutch.results.result import Result
 
-ACROSS, REAL_ACROSS = "grains_across", "real_grains_across"
+PER_GAP, REAL_PER_GAP = "grains_per_gap", "real_grains_per_gap"
 """Columns: grains across the sheared gap, those of the scene and those of the powder that they stand for."""
 BEST_ESTIMATE = "best_torque", "best_low", "best_high"
 """Columns [N m] of torques that are corrected for their settings (`emclutch.results.best_estimate`): with the ends of
@@ -28,9 +28,9 @@ class TorqueCurve:
     Attributes
     ----------
     values : the study's other values, the same for all points; empty where it has none.
-    x : (n,) current [A], speed [rad/s] or grains across the gap.
+    x : (n,) current [A], speed [rad/s] or grains per gap.
     torque : (n,) [N m]; nan where a run has none.
-    error : (n,) standard errors [N m]; nan where unknown. Of few packings it is larger than their scatter says: a
+    error : (n,) standard errors [N m]; nan where unknown. Of few replicas it is larger than their scatter says: a
         normal distribution of this error has the 95 % interval of Student's.
     converged : (n,) whether the run says so.
     real_across : grains of the real powder across the gap, where all points have the same and say it.
@@ -93,7 +93,7 @@ def torque_curves(rows: Sequence[Mapping[str, Any]], x: str, others: Sequence[st
     curves = []
     for group in groups.values():
         ordered = sorted(group, key=lambda row: row[x])
-        real = np.unique(_numbers([row.get(REAL_ACROSS) for row in ordered]).round(6))
+        real = np.unique(_numbers([row.get(REAL_PER_GAP) for row in ordered]).round(6))
         curves.append(
             TorqueCurve(
                 {key: group[0][key] for key in others},
@@ -110,12 +110,12 @@ def torque_curves(rows: Sequence[Mapping[str, Any]], x: str, others: Sequence[st
 
 
 def row_of_run(result: Result) -> dict[str, Any]:
-    """Return a run as a row of `torque_curves`, over its current at the end or its grains across the gap."""
+    """Return a run as a row of `torque_curves`, over its current at the end or its grains per gap."""
     torque, size = result.torque, result.summary.get("grain_size", {})
     low, high = torque.interval() if torque.known else (None, None)
     return {"torque": torque.mean, "standard_error": torque.standard_error, "low": low, "high": high,
-            "converged": torque.converged, "current": result.summary.get("current"), ACROSS: size.get("across"),
-            REAL_ACROSS: size.get("real_across")}  # fmt: skip
+            "converged": torque.converged, "current": result.summary.get("current"), PER_GAP: size.get("across"),
+            REAL_PER_GAP: size.get("real_across")}  # fmt: skip
 
 
 def band_over_rated(band: np.ndarray, rated: float) -> np.ndarray:

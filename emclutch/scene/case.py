@@ -13,7 +13,7 @@ from typing import Annotated, Any
 import tomli_w
 from pydantic import Field, ValidationError, create_model
 
-from emclutch.scene.consistency import GEOMETRY_KIND, Draft, faults_between_sections
+from emclutch.scene.consistency import GEOMETRY_KIND, PartialScene, faults_between_sections
 from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.fault_report import faults_from
 from emclutch.scene.geometry_sketch import sketch_of
@@ -226,25 +226,25 @@ def _validate(data: dict[str, Any], folder: Path, trust_scripts: bool) -> tuple[
         faults = faults_from(error, Scene, data)
         broken = frozenset(fault.key.split(".")[0].split("[")[0] for fault in faults)
         right = {name: entry for name, entry in data.items() if name not in broken}
-        partial = _partial_scene().model_validate(right, context=context)
+        valid = _optional_scene().model_validate(right, context=context)
         of_geometry = frozenset(fault.key for fault in faults if fault.key.split(".")[0] == "geometry")
         if of_geometry:
             sketch = sketch_of(data.get("geometry"), of_geometry, context)
-            partial = partial.model_copy(update={"geometry": sketch})
+            valid = valid.model_copy(update={"geometry": sketch})
             broken |= {"geometry"} if sketch is not None else {"geometry", GEOMETRY_KIND}
-        partial = with_sector_angle(partial, shape_is_known="geometry" not in broken)
-        return None, faults + faults_between_sections(Draft(partial, data, broken, of_geometry))
+        valid = with_sector_angle(valid, shape_is_known="geometry" not in broken)
+        return None, faults + faults_between_sections(PartialScene(valid, data, broken, of_geometry))
     scene = with_sector_angle(scene)
-    faults = faults_between_sections(Draft(scene, data, frozenset()))
+    faults = faults_between_sections(PartialScene(scene, data, frozenset()))
     return (None if faults else with_friction_of_repose(scene)), faults
 
 
 @lru_cache(maxsize=1)
-def _partial_scene() -> type[Section]:
+def _optional_scene() -> type[Section]:
     """Return the scene's model with every section optional, to check its valid parts even where others are broken."""
     sections: dict[str, Any] = {}
     for name, info in Scene.model_fields.items():
         if info.is_required():
             marked: Any = Annotated[info.annotation, Field(discriminator=info.discriminator)]  # type: ignore
             sections[name] = (marked | None, None)
-    return create_model("PartialScene", __base__=Scene, **sections)
+    return create_model("OptionalScene", __base__=Scene, **sections)

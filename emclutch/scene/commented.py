@@ -30,7 +30,7 @@ HEAD = """# {title}: a scene to begin with
 #
 # Check:  emclutch check {name}
 # Run:    emclutch run {name}
-# Note:   a key in a comment is not given: it has the default that stands there, or the entry is an example.
+# Note:   commented keys show their default or an example.
 #         A quantity is a text with its unit, or a number in the SI unit in brackets. Ranges: docs/scene.md
 """
 

@@ -13,13 +13,12 @@ from pydantic import Field, StrictBool, create_model, model_validator
 
 from emclutch.contact_laws import KEYS, LAWS, LawKind
 from emclutch.contact_laws.law_kind import Expected, StiffnessEntry
-from emclutch.scene.section import Automatic, Choice, Section, Whole, refuse
+from emclutch.scene.section import Automatic, Choice, Integer, Section, refuse
 from emclutch.scene.units import LinearSpeed, Time, number
 from emclutch.scene.usual_ranges import USUAL_FRICTION
 
 if TYPE_CHECKING:
     from particles.laws.contact_law import ContactLaw
-
 
 
 class DviSection(Section):
@@ -41,7 +40,7 @@ class DviSection(Section):
     tolerance: Annotated[LinearSpeed | None, Automatic()] = Field(
         default=None, description="on the natural map of every contact; default: 1e-4 of the slip speed"
     )
-    max_sweeps: Annotated[int, Whole(1, 1_000_000, "500")] = Field(
+    max_sweeps: Annotated[int, Integer(1, 1_000_000, "500")] = Field(
         default=500, description="sweeps over all contacts that a step may take"
     )
     # A tenth: the centrifugal clutch of cases/thesis/centrifugal_held.toml at 400 rpm, torque from 0.8 to 1.3 s, by

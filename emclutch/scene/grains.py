@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Self
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from emclutch.scene.errors import reason_of
-from emclutch.scene.multiple import Multiple, SectorAngle
-from emclutch.scene.section import Choice, Section, Whole, refuse
+from emclutch.scene.scaled import Scaled, SectorAngle
+from emclutch.scene.section import Choice, Integer, Section, refuse
 from emclutch.scene.sizes import RealSize, Sizes, from_the_scenes_folder
 from emclutch.scene.units import Density, Length, Magnetisation, Mass, ReposeAngle, Time, number
 
@@ -52,7 +52,7 @@ class ParticlesSection(Section):
         description="volume of grains / volume of the region; at random at most 0.60 can be packed, in a sheared_box "
         "0.58",
     )
-    count: Annotated[int, Whole(1, MAX_GRAINS, "1000")] | None = Field(
+    count: Annotated[int, Integer(1, MAX_GRAINS, "1000")] | None = Field(
         default=None, description="number of simulated grains (those of the sector, where there is one)"
     )
     density: Density = Field(default=7700.0, description="density of the grain's material")
@@ -123,7 +123,7 @@ class ParticlesSection(Section):
                 f"conflicts with {' and '.join(given[:-1])}; keep exactly one of mass, solid_fraction, count",
                 key=given[-1],
             )
-        if self.sector is not None and not isinstance(self.sector, Multiple):
+        if self.sector is not None and not isinstance(self.sector, Scaled):
             n = round(2.0 * math.pi / self.sector)
             if n < 2 or abs(n * self.sector / (2.0 * math.pi) - 1.0) > 1e-6:
                 near = 360.0 / max(n, 2)
@@ -197,7 +197,7 @@ class ParticlesSection(Section):
 
     @property
     def mean_diameter(self) -> float:
-        """Mean diameter by volume [m], which has the powder's inertial number and its grains across a gap."""
+        """Mean diameter by volume [m], which has the powder's inertial number and its grains per gap."""
         return self.distribution().mean_by_volume if self.diameter is None else self.diameter
 
     @property

@@ -15,7 +15,7 @@ from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.grains import ParticlesSection
 from emclutch.scene.materials import Material
 from emclutch.scene.motion import MotionSection
-from emclutch.scene.section import Section, Whole, refuse
+from emclutch.scene.section import Integer, Section, refuse
 from emclutch.scene.surfaces import SurfaceSection
 from emclutch.scene.timing import AccuracySection, OutputSection, TimeSection
 from emclutch.sources import FieldSection
@@ -43,7 +43,7 @@ class HeaderSection(Section):
 
     title: Annotated[str, AfterValidator(_one_line)] = Field(min_length=1, max_length=200, description="a line of text")
     description: str = Field(default="", description="what is asked, and what to expect")
-    seed: Annotated[int, Whole(0, 2**63 - 1, "1")] = Field(default=1, description="of the packing's random numbers")
+    seed: Annotated[int, Integer(0, 2**63 - 1, "1")] = Field(default=1, description="of the packing's random numbers")
 
 
 class Scene(Section):

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from emclutch.scene.model import Scene
 
 AUTOMATIC = 4
-"""Packings of a steady torque at the least: Student's t of three degrees of freedom is the first of a useful width."""
+"""Replicas of a steady torque at the least: Student's t of three degrees of freedom is the first of a useful width."""
 
 WITH_KNOWN_SCATTER = 2
 """The same of a run with `time.until` whose scene knows the scatter between replicas: t has more degrees of freedom."""
@@ -18,18 +18,18 @@ DOUBTFUL_FREEDOM = 3
 
 
 def replica_count(scene: Scene) -> int:
-    """Number of packings that the scene asks for; where it does not, with how many a run begins."""
+    """Number of replicas that the scene asks for; where it does not, with how many a run begins."""
     return automatic_count(scene) if scene.accuracy.replicas is None else scene.accuracy.replicas
 
 
 def max_replica_count(scene: Scene) -> int:
-    """Return the number of packings a run with `time.until` may take."""
+    """Return the largest number of replicas of a run with `time.until`."""
     count = replica_count(scene)
     return max(count, scene.accuracy.max_replicas) if scene.accuracy.replicas is None and count > 1 else count
 
 
 def automatic_count(scene: Scene) -> int:
-    """Packings of a scene that does not say how many: 1 where no torque is steady, or no packing random.
+    """Replicas of a scene that does not say how many: 1 where no torque is steady, or no packing random.
 
     Else `AUTOMATIC`, or `WITH_KNOWN_SCATTER`.
     """
@@ -40,7 +40,7 @@ def automatic_count(scene: Scene) -> int:
 
 
 def replicas_side_by_side(count: int, threads: int) -> int:
-    """Return the number of of `count` replicas run at a time on the cores at hand, each on `threads` threads."""
+    """Number of replicas that run concurrently."""
     return max(1, min(count, cores_at_hand() // max(1, threads)))
 
 

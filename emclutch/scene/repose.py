@@ -22,8 +22,8 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from emclutch.scene.draft import Draft
 from emclutch.scene.errors import Fault
+from emclutch.scene.partial_scene import PartialScene
 
 if TYPE_CHECKING:
     from emclutch.scene.model import Scene
@@ -38,8 +38,8 @@ Tables have 0.42 (hard steel, sliding) to 0.78 (clean, at rest), and 0.27 under 
 HEAPS_REPEAT = math.radians(1.0)
 """Error of an angle of repose [rad] that is not said: the option --uncertainty has another."""
 
-SAME = 1e-6
-"""Relative difference of coefficients that are the same: a resolved scene has both repose and what follows from it."""
+REL_TOL = 1e-6
+"""Relative tolerance of coefficients: a resolved scene has both the angle of repose and what follows from it."""
 
 
 def angle_in_words(angle: float) -> str:
@@ -104,15 +104,15 @@ def pair_of_bulk_friction(bulk: float, spread: float = 0.0) -> FrictionPair:
     return pair
 
 
-def repose_agrees(draft: Draft) -> Iterator[Fault]:
+def repose_agrees(partial: PartialScene) -> Iterator[Fault]:
     """Yield what contradicts particles.repose."""
-    scene, repose = draft.scene, draft.scene.particles.repose
+    scene, repose = partial.scene, partial.scene.particles.repose
     if repose is None:
         return
     try:
         pair = pair_of_bulk_friction(math.sin(repose))
     except ValueError as error:
-        yield draft.fault("particles.repose", str(error))
+        yield partial.fault("particles.repose", str(error))
         return
     rolling = scene.effects.rolling
     given = {}
@@ -121,8 +121,8 @@ def repose_agrees(draft: Draft) -> Iterator[Fault]:
     if rolling is not None and "coefficient" in rolling.model_fields_set:
         given[f"effects.{rolling.name}.coefficient"] = rolling.coefficient, pair.rolling
     for key, (value, wanted) in given.items():
-        if not math.isclose(value, wanted, rel_tol=SAME, abs_tol=SAME):
-            yield draft.fault(
+        if not math.isclose(value, wanted, rel_tol=REL_TOL, abs_tol=REL_TOL):
+            yield partial.fault(
                 key,
                 f"conflicts with particles.repose, which says {wanted:.3g}; remove one of the two (emclutch powder "
                 f"--repose '{angle_in_words(repose)}' lists the other pairs with this angle)",

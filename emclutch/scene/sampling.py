@@ -17,17 +17,17 @@ import numpy as np
 from pydantic import Field, PrivateAttr
 
 from emclutch.scene.errors import Fault, shown
-from emclutch.scene.section import Choice, Section, Whole
-from emclutch.scene.share import Share, ShareEntry
+from emclutch.scene.fraction import Fraction, FractionEntry
+from emclutch.scene.section import Choice, Integer, Section
 
-PACKINGS = "scene.seed"
-"""Its values are packings of every point, of whatever design."""
+SEED = "scene.seed"
+"""Its values are replicas of every point, of whatever design."""
 MOST = 10_000  # samples, and values of a range
 METHODS = ("latin_hypercube", "sobol", "saltelli", "one_at_a_time", "adaptive")
 _SPANNING = ("latin_hypercube", "sobol", "saltelli")
 """Methods that place points in the ranges without a count."""
-LEAST_PLACES, LEAST_PACKINGS = 4, 2
-"""Of an adaptive curve: values, and packings of each."""
+LEAST_PLACES, LEAST_REPLICAS = 4, 2
+"""Of an adaptive curve: values, and replicas of each."""
 _RANGE = ("from", "to", "count", "spacing", "whole")
 _EXAMPLE = '{ from = "0.25 A", to = "1 A" }'
 _NUMBER_AND_UNIT = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
@@ -39,20 +39,20 @@ class SampleSection(Section):
     `latin_hypercube` and `sobol` sample the ranges without a count; listed values are combined with each point of the
     sample. `saltelli` has `count` points of Sobol's sequence and d + 1 more for each of them, of d ranges, from which
     Sobol' indices follow (`emclutch.sobol_indices`). `one_at_a_time` begins with the first value of every key, and
-    changes one key at a time to its others; it has no count and no seed. Values of `scene.seed` are packings of every
+    changes one key at a time to its others; it has no count and no seed. Values of `scene.seed` are replicas of every
     point. `adaptive` runs of all combinations of one value and `scene.seed` those that narrow the curve's 95 % interval
     most for what they cost, until it is `error` everywhere, or until `count` points have run.
     """
 
     method: Annotated[str, Choice(METHODS)] = Field(description="how the points are chosen")
-    count: Annotated[int, Whole(1, MOST, "64")] | None = Field(
+    count: Annotated[int, Integer(1, MOST, "64")] | None = Field(
         default=None,
         description="points of the sample; of sobol and saltelli a power of two; of adaptive at most so many",
     )
-    seed: Annotated[int, Whole(0, 2**63 - 1, "1")] | None = Field(
+    seed: Annotated[int, Integer(0, 2**63 - 1, "1")] | None = Field(
         default=None, description="of the random numbers; without it 0"
     )
-    error: Annotated[Share, ShareEntry()] | None = Field(
+    error: Annotated[Fraction, FractionEntry()] | None = Field(
         default=None, description="of adaptive: half of the 95 % interval that is wanted everywhere, e.g. '3 %'"
     )
     _over: tuple[str, ...] = PrivateAttr(default=())
@@ -72,8 +72,8 @@ class SampleSection(Section):
                 {key: values[key][place] for key in self._over} for place in range(self._sampled)
             )
         else:
-            crossed = {key: options for key, options in values.items() if key == PACKINGS}
-            varied = {key: options for key, options in values.items() if key != PACKINGS}
+            crossed = {key: options for key, options in values.items() if key == SEED}
+            varied = {key: options for key, options in values.items() if key != SEED}
             base = {key: options[0] for key, options in varied.items()}
             rows = iter([base, *({**base, key: one} for key, options in varied.items() for one in options[1:])])
         return [{key: (row | point)[key] for key in values} for row in rows for point in combinations(crossed)]
@@ -81,8 +81,8 @@ class SampleSection(Section):
     def size(self, values: dict[str, list[Any]]) -> int:
         """Return how many points there are, without making them."""
         if self.method == "one_at_a_time":
-            return (1 + sum(len(options) - 1 for key, options in values.items() if key != PACKINGS)) * len(
-                values.get(PACKINGS, [0])
+            return (1 + sum(len(options) - 1 for key, options in values.items() if key != SEED)) * len(
+                values.get(SEED, [0])
             )
         if self.method == "adaptive":
             return math.prod(map(len, values.values()))
@@ -132,9 +132,9 @@ def read_ranges(
     if not spans:
         remedy = "give it a count" if sample is not None else "give it a count, or sample it: [study.sample]"
         faults += [Fault(f"study.values.{key}", shown(values[key]), f"has no count; {remedy}") for key in over]
-    elif PACKINGS in over:
-        words = "has no count: each point would have one packing of its own; give it a count, or list the seeds"
-        faults.append(Fault(f"study.values.{PACKINGS}", shown(values[PACKINGS]), words))
+    elif SEED in over:
+        words = "has no count: each point would have a single replica; give it a count, or list the seeds"
+        faults.append(Fault(f"study.values.{SEED}", shown(values[SEED]), words))
     if sample is not None and sample.method == "adaptive":
         faults += _adaptive_faults({key: ranges[key].listed() if key in ranges else one for key, one in values.items()})
     if faults:
@@ -198,10 +198,10 @@ def places_along(values: dict[str, list[Any]]) -> tuple[str, list[float]]:
     ValueError
         There is no such key, or a value is no number above 0 in the unit of the others.
     """
-    along = [key for key, options in values.items() if key != PACKINGS and len(options) > 1]
+    along = [key for key, options in values.items() if key != SEED and len(options) > 1]
     if len(along) != 1 or len(values[along[0]]) < LEAST_PLACES:
         raise ValueError(
-            f"needs one value along which the curve goes, with at least {LEAST_PLACES} entries, and {PACKINGS}; "
+            f"needs one value along which the curve goes, with at least {LEAST_PLACES} entries, and {SEED}; "
             f"here: {', '.join(along) or 'none'}"
         )
     found = [_number_and_unit(one) for one in values[along[0]]]
@@ -213,9 +213,9 @@ def places_along(values: dict[str, list[Any]]) -> tuple[str, list[float]]:
 def _adaptive_faults(values: dict[str, list[Any]]) -> list[Fault]:
     """Faults of the values of an adaptive curve."""
     if not all(isinstance(options, list) and options for options in values.values()):
-        return []  # told elsewhere
-    if len(values.get(PACKINGS, ())) < LEAST_PACKINGS:
-        words = f"needs packings to choose from; list {PACKINGS}, at least {LEAST_PACKINGS}, e.g. 1 to 16"
+        return []  # reported elsewhere
+    if len(values.get(SEED, ())) < LEAST_REPLICAS:
+        words = f"needs replicas to choose from; list {SEED}, at least {LEAST_REPLICAS}, e.g. 1 to 16"
         return [Fault("study.sample.method", "'adaptive'", words)]
     try:
         places_along(values)

@@ -127,7 +127,7 @@ class Choice(Entry):
 
 
 @dataclass(frozen=True)
-class Whole(Entry):
+class Integer(Entry):
     """A whole number within [minimum, maximum]."""
 
     minimum: int

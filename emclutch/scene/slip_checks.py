@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from emclutch.scene.draft import Draft
 from emclutch.scene.errors import Fault
-from emclutch.scene.multiple import Multiple
+from emclutch.scene.partial_scene import PartialScene
+from emclutch.scene.scaled import Scaled
 
 if TYPE_CHECKING:
     from emclutch.scene.model import Scene
@@ -15,17 +15,17 @@ if TYPE_CHECKING:
 INERTIAL_NUMBER = "accuracy.inertial_number"
 
 
-def one_slip(draft: Draft) -> Iterator[Fault]:
+def one_slip(partial: PartialScene) -> Iterator[Fault]:
     """Yield what stands against times in strain and against an imposed inertial number."""
-    scene = draft.scene
+    scene = partial.scene
     if scene.shape().faults(None):
         return  # already reported
     times = scene.time.end, scene.time.average_from, scene.accuracy.time_end
     for key, given in zip(("time.end", "time.average_from", "accuracy.time_end"), times, strict=True):
-        if not isinstance(given, Multiple):
+        if not isinstance(given, Scaled):
             continue
         if reason := why_no_slip(scene):
-            yield draft.fault(key, f"is a shear strain, and {reason}; give a time, e.g. '20 ms'")
+            yield partial.fault(key, f"is a shear strain, and {reason}; give a time, e.g. '20 ms'")
     if scene.accuracy.inertial_number is None:
         return
     if scene.geometry.is_periodic:
@@ -34,7 +34,7 @@ def one_slip(draft: Draft) -> Iterator[Fault]:
         reason = f"and {found}"
     else:
         return
-    yield draft.fault(INERTIAL_NUMBER, f"sets the slip of the gap, {reason}, or remove accuracy.inertial_number")
+    yield partial.fault(INERTIAL_NUMBER, f"changes the speeds, {reason}, or remove accuracy.inertial_number")
 
 
 def why_no_slip(scene: Scene) -> str:
@@ -55,16 +55,16 @@ def why_no_slip(scene: Scene) -> str:
 
 
 def _why_speed_counts(scene: Scene) -> str:
-    """Return the effect for which slip or time of the scene are real, or what makes no pressure; empty without."""
+    """Return why the speeds or times of the scene must be real, or why no pressure is expected; empty without."""
     effects, coil = scene.effects, scene.coil
     for one in (effects.circuit, effects.eddy):
         if one is not None:
-            return f"the times of effects.{one.name} are real: remove that table"
+            return f"the times of effects.{one.name} would be wrong: remove that table"
     if effects.get("fluid_drag") is not None:
         return "the drag of the fluid depends on the speed: remove effects.fluid_drag"
     if effects.attraction is None:
         return f"only magnetised powder has an expected pressure: add {effects.tables(role='attraction')}"
     drive = None if coil is None else coil.current or coil.voltage
     if drive is not None and not drive.is_constant:
-        return "the current of the coil changes in time, which is real: make it constant"
+        return "the current of the coil changes in real time: make it constant"
     return ""

@@ -7,12 +7,12 @@ from typing import Annotated, Self
 
 from pydantic import Field, StrictBool, model_validator
 
-from emclutch.knobs.ladders_section import LaddersSection
-from emclutch.scene.multiple import InstantOrStrain, Multiple, TimeOrStrain
-from emclutch.scene.section import Automatic, Choice, Section, Whole, refuse
-from emclutch.scene.share import Share, ShareEntry
+from emclutch.scene.fraction import Fraction, FractionEntry
+from emclutch.scene.scaled import InstantOrStrain, Scaled, TimeOrStrain
+from emclutch.scene.section import Automatic, Choice, Integer, Section, refuse
 from emclutch.scene.torque_target import TorqueTarget, TorqueTargetEntry
 from emclutch.scene.units import Time, number
+from emclutch.settings.values_section import ValuesSection
 
 MAX_SCATTER_FREEDOM = 1000  # of accuracy.replica_scatter
 
@@ -63,7 +63,7 @@ class TimeSection(Section):
                 "exclude_drift out",
                 key="exclude_drift",
             )
-        end = inf if isinstance(self.end, Multiple) else self.end
+        end = inf if isinstance(self.end, Scaled) else self.end
         if self.window is not None and self.window > end:
             raise refuse(f"is longer than time.end = {end:g} s; lower it, or take 'auto'", key="window")
         limit = end if self.window is None else self.window
@@ -74,7 +74,7 @@ class TimeSection(Section):
     @property
     def end_time(self) -> float:
         """`end` [s], in the scene of a plan (`emclutch.simulation.plan.Plan.scene`), in which strains are times."""
-        assert not isinstance(self.end, Multiple)
+        assert not isinstance(self.end, Scaled)
         return self.end
 
     @property
@@ -85,38 +85,38 @@ class TimeSection(Section):
     @property
     def average_time(self) -> float | None:
         """`average_from` [s] or None, as `end_time`."""
-        assert not isinstance(self.average_from, Multiple)
+        assert not isinstance(self.average_from, Scaled)
         return self.average_from
 
 
-def not_before(start: float | Multiple | None, end: float | Multiple | None) -> bool:
+def not_before(start: float | Scaled | None, end: float | Scaled | None) -> bool:
     """Return whether a start is not before an end; False where one is a time [s] and the other a strain, or missing."""
-    if isinstance(start, Multiple) and isinstance(end, Multiple):
+    if isinstance(start, Scaled) and isinstance(end, Scaled):
         return start.value >= end.value
     return isinstance(start, float) and isinstance(end, float) and start >= end
 
 
-def instant_in_words(instant: float | Multiple) -> str:
+def instant_in_words(instant: float | Scaled) -> str:
     """Return a time [s] with its unit, or a strain."""
-    return str(instant) if isinstance(instant, Multiple) else f"{instant:g} s"
+    return str(instant) if isinstance(instant, Scaled) else f"{instant:g} s"
 
 
 class AccuracySection(Section):
-    """How well the torque is to be known, from how many packings, and what is tried to learn what that costs."""
+    """Wanted uncertainty of the torque, number of replicas, and values at which the settings are measured."""
 
-    target: Annotated[Share, ShareEntry()] | None = Field(
+    target: Annotated[Fraction, FractionEntry()] | None = Field(
         default=None,
         description="half the 95 % interval of the torque that is asked for, statistics and discretisation together: "
-        "the run takes the cheapest settings that reach it from the device's ladder (emclutch accuracy), and ends when "
-        "it is reached",
+        "the run takes the cheapest settings that reach it from the device's accuracy study, and ends when it is "
+        "reached",
     )
     budget: Time = Field(
-        default=1200.0, description="wall-clock time that the ladder of `target` may take where there is none yet"
+        default=1200.0, description="wall-clock time of the accuracy study of `target` where there is none yet"
     )
-    ladders: LaddersSection = LaddersSection()
+    values: ValuesSection = ValuesSection()
     time_end: TimeOrStrain | None = Field(
         default=None,
-        description="end of the ladder's runs; default: twice the start-up, else time.end",
+        description="end of the runs of an accuracy study; default: twice the start-up, else time.end",
         examples=["strain 20"],
     )
     inertial_number: Annotated[float, number("0.03", 0.0, 1.0, above=True)] | None = Field(
@@ -124,22 +124,22 @@ class AccuracySection(Section):
         description="shear the gap at this expected inertial number instead of at the scene's speeds, which are all "
         "multiplied by one factor; for quasi-static powder, whose torque does not depend on the slip",
     )
-    replicas: Annotated[Annotated[int, Whole(1, 64, "4")] | None, Automatic()] = Field(
+    replicas: Annotated[Annotated[int, Integer(1, 64, "4")] | None, Automatic()] = Field(
         default=None,
-        description="runs of the scene with packings of their own, from which the torque and its error come; as many "
+        description="runs of the scene with different seeds, from which the torque and its error come; as many "
         "at a time as there are cores for. auto: 4 for a steady torque of grains that are packed at random, and with "
         "time.until more where they are needed; else 1",
     )
-    max_replicas: Annotated[int, Whole(4, 64, "24")] = Field(
-        default=24, description="most packings of a run with time.until and an automatic number of replicas"
+    max_replicas: Annotated[int, Integer(4, 64, "24")] = Field(
+        default=24, description="largest number of replicas of a run with time.until and replicas = 'auto'"
     )
-    replica_scatter: Annotated[Share, ShareEntry()] | None = Field(
+    replica_scatter: Annotated[Fraction, FractionEntry()] | None = Field(
         default=None,
         description="relative standard deviation between replicas of the mean torque, as an accuracy study has "
         "measured it for runs to time.end; it is pooled with the run's own scatter (needs replica_scatter_freedom)",
         examples=["0.9 %"],
     )
-    replica_scatter_freedom: Annotated[int, Whole(1, MAX_SCATTER_FREEDOM, "16")] | None = Field(
+    replica_scatter_freedom: Annotated[int, Integer(1, MAX_SCATTER_FREEDOM, "16")] | None = Field(
         default=None,
         description="degrees of freedom of replica_scatter: replicas of the study less its settings. With more than 3 "
         "a run with time.until begins with 2 replicas; up to 3 stand for a study of another current",
@@ -150,7 +150,7 @@ class OutputSection(Section):
     """Output of a run."""
 
     folder: str | None = Field(default=None, min_length=1, description="folder of the run; --out wins over it")
-    snapshots: Annotated[int, Whole(0, 100_000, "20")] = Field(default=20, description="number of VTK snapshots")
+    snapshots: Annotated[int, Integer(0, 100_000, "20")] = Field(default=20, description="number of VTK snapshots")
     formats: tuple[Annotated[str, Choice(("vtk", "hdf5"), planned=("vtkhdf",))], ...] = ("vtk", "hdf5")
     energy_budget: StrictBool = Field(
         default=True, description="keep the energy budget; without it a step of the grains is a fifth cheaper"

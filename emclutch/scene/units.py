@@ -322,6 +322,6 @@ def in_unit_of(entry: object, value: float, quantity: Quantity) -> str:
     return f"{value * float(match[1]) / quantity.read(entry):.4g} {match[2]}"
 
 
-def two_digits(value: float) -> str:
+def format_number(value: float) -> str:
     """A number of which no more is known: 270, 4400, 0.0093, 1.9e-06."""
     return f"{float(f'{value:.2g}'):g}"

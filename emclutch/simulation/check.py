@@ -12,7 +12,7 @@ import numpy as np
 
 from emclutch.device_model.grain_size import grain_size
 from emclutch.device_model.warning_text import with_warnings
-from emclutch.effects.left_out import ABSENT, ALWAYS, OFF, LeftOut
+from emclutch.effects.omitted_effect import ABSENT, ALWAYS, OFF, OmittedEffect
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import SceneError, bad_input_for
 from emclutch.scene.grain_smear import moments_are_fed_back
@@ -48,8 +48,8 @@ class Checked:
         What is allowed and yet likely not meant.
     decisions : dict of str to str
         The plan in words: label -> text.
-    left_out : tuple of LeftOut
-        Of each effect left out the number that says when it matters.
+    omitted_effects : tuple of OmittedEffect
+        Omitted effects with the criterion of their significance.
     expected : ExpectedTorque
         The torque with its interval.
     """
@@ -58,16 +58,16 @@ class Checked:
     effects: tuple[str, ...]
     warnings: tuple[str, ...]
     decisions: dict[str, str]
-    left_out: tuple[LeftOut, ...]
+    omitted_effects: tuple[OmittedEffect, ...]
     expected: ExpectedTorque
 
     def left_out_tables(self) -> list[tuple[Sequence[str], Sequence[Sequence[str]]]]:
         """Return head and rows of a table for each place where effects are left out: scene, program, every scene."""
         tables = []
         for where, name in ((OFF, "not in this scene"), (ABSENT, "not in this program"), (ALWAYS, "in every scene")):
-            lines = [one for one in self.left_out if one.where == where]
+            lines = [one for one in self.omitted_effects if one.where == where]
             rows = [(one.effect.replace("_", " "), one.verdict, one.on_torque, one.in_words()) for one in lines]
-            tables.append(((name, "matters", "torque, about", "by this number (limit)"), rows))
+            tables.append(((name, "relevant?", "torque, about", "criterion (limit)"), rows))
         return [(head, rows) for head, rows in tables if rows]
 
     def _repr_html_(self) -> str:
@@ -92,7 +92,7 @@ def _check(case: Case, threads: int | None) -> Checked:
     from emclutch.device_model.coil_heat import coil_heat_in_words  # local, as the next three: a run does not need them
     from emclutch.simulation.field_plan import ampere_turns_row, field_plan, steel_row
     from emclutch.simulation.forecast.expected_torque import ExpectedTorque, expected_torque
-    from emclutch.simulation.forecast.regime import left_out
+    from emclutch.simulation.forecast.regime import omitted_effects
 
     scene = case.scene
     if scene.particles is None:
@@ -134,14 +134,14 @@ def _check(case: Case, threads: int | None) -> Checked:
     words["expected torque"] = expected.in_words()
     size = grain_size(scene, device)
     if size is not None:
-        measured = has_accuracy_study(case) or bool(expected.parts)  # the powder's law has told the torque of both
+        measured = has_accuracy_study(case) or bool(expected.parts)  # the powder's law has the torque of both
         words["grain size"] = with_warnings(size.in_words(measured), *size.warnings(measured))
     if scene.geometry.measured == "torque" and scene.geometry.has_axis:
         words["accuracy"] = accuracy_in_words(case, made)
     words |= paths_in_words(case)
     strength = mean_field_strength(device, made.peak_field)
     warnings = (*case.warnings, *(text for one in scene.effects.present for text in one.limits(scene, strength)))
-    title, effects, missing = scene.scene.title, scene.effects.active, left_out(scene, device, made, expected)
+    title, effects, missing = scene.scene.title, scene.effects.active, omitted_effects(scene, device, made, expected)
     return Checked(title, effects, warnings, words, tuple(missing), expected)
 
 
@@ -151,9 +151,9 @@ def methods_compared(scene: Scene) -> str:
     return (attraction.methods_compared if attraction is not None else "") or scene.geometry.methods_compared
 
 
-def left_out_of(result: Result) -> list[LeftOut]:
+def omitted_effects_of(result: Result) -> list[OmittedEffect]:
     """Return what the scene of a finished run leaves out; empty where it cannot be read again."""
     try:
-        return list(check(result.folder.case).left_out)
+        return list(check(result.folder.case).omitted_effects)
     except (SceneError, OSError, ValueError, RuntimeError):  # a file that the scene names is gone, a script in it
         return []

@@ -145,10 +145,10 @@ def _too_soft(contact: ContactSection, overlap: Callable[[ContactSection], float
     factor = 1.0
     while overlap(contact.model_copy(update={name: factor * v for name, v in given.items()})) > SOFT and factor < 1e12:
         factor *= 1.25
-    told = " and ".join(f"contact.{name} = {value:.4g} {unit}" for name, value in given.items())
+    given_by = " and ".join(f"contact.{name} = {value:.4g} {unit}" for name, value in given.items())
     higher = " and ".join(f"'{factor * value:.2g} {unit}'" for value in given.values())
     return (
-        f"{told} is too soft: grains would overlap by {100 * overlap(contact):.2g} % of the diameter under {why}, and "
+        f"{given_by} is too soft: grains overlap by {100 * overlap(contact):.2g} % of the diameter under {why}, and "
         f"a run stops at {100 * STOPS:g} %; raise it to about {higher}, or leave it out: it then follows from "
         f"contact.max_overlap = {contact.max_overlap:g}"
     )

@@ -9,7 +9,7 @@ from emclutch.results import Result, load_result
 from emclutch.results.errors import Interrupted, RunError
 from emclutch.results.grain_profiles import write_profiles
 from emclutch.results.report.render import write_failed_index, write_index
-from emclutch.results.run_folder import CURE
+from emclutch.results.run_folder import RESTART_HINT
 from emclutch.results.vtk.wall_surface import write_wall_pressure_surfaces
 from emclutch.results.wall_loads import write_wall_pressure
 from emclutch.simulation.run_observers import RunObservers
@@ -57,7 +57,7 @@ def finish_run(request: RunRequest, started: StartedRun, observers: RunObservers
 
         draw_run(case, folder, started.planned.device, started.simulation, observers.profiles)
     result = load_result(folder.path)
-    if request.orders is None:  # of the other packings nobody asks
+    if request.control is None:  # nobody asks of the other replicas
         write_index(result)
     return result
 
@@ -71,14 +71,14 @@ def end_replicas(request: RunRequest, started: StartedRun, observers: RunObserve
         log.info("stopped by the callback at t = %g s", time)
         replicas.end()
         return
-    if replicas.wait(request.is_stopped, lambda: request.progress.update(replicas.share_done(time), "other packings")):
+    if replicas.wait(request.is_stopped, lambda: request.progress.update(replicas.share_done(time), "other replicas")):
         replicas.finish()
         replicas.wait_for_results(request.is_stopped)
     if problem := replicas.failure():
         how = request.how_to_go_on
         if replicas.failed_for_the_scene():
             write_failed_index(request.folder, problem)
-            how = CURE
+            how = RESTART_HINT
         raise RunError(f"{problem}; {how}\n(log: {request.folder.log})")
 
 

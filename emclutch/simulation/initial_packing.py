@@ -66,7 +66,7 @@ def sheared_between(packing: Packing, gap: ShearedGap, disc: float, rotor: float
     """Set grains in motion as in a steady shear between disc and rotor, speeds about z [rad/s].
 
     Each spins with half the curl of the flow. Powder that begins at rest takes up this motion in a shear strain of
-    about phi (I n)^2 P/tau, for n grains across at an inertial number I: momentum crosses a gap g in a time of
+    about phi (I n)^2 P/tau, for n grains per gap at an inertial number I: momentum crosses a gap g in a time of
     phi rho g^2 rate/tau.
     """
     omega, curl = gap.speed(packing.position, disc, rotor)

@@ -12,10 +12,10 @@ from typing import Any
 
 from numba.core import event as numba_event
 
-SLOW = {"particles.dem.step_kernel": "the grains' step (DEM)", "particles.dvi.step_kernel": "the grains' step (DVI)"}
+SLOW = {"particles.dem.step_kernel": "the DEM step", "particles.dvi.step_kernel": "the DVI step"}
 """What is compiled for some half a minute: module and name."""
 
-ONCE = "once, half a minute, some minutes on a slow machine"
+ONCE = "first run only, 0.5 to 5 min"
 
 
 @dataclass
@@ -42,11 +42,11 @@ class Compiled:
 
 @dataclass
 class _Listener(numba_event.Listener):
-    announce: Callable[[str], None]
+    report: Callable[[str], None]
     compiled: Compiled = field(default_factory=Compiled)
     _depth: int = 0
     _begin: float = 0.0
-    _announced: bool = False
+    _has_reported: bool = False
 
     def on_start(self, event: numba_event.Event) -> None:
         self._depth += 1
@@ -56,10 +56,10 @@ class _Listener(numba_event.Listener):
         self._begin = perf_counter()
         module = event.data["dispatcher"].py_func.__module__
         if module in SLOW:
-            self.announce(f"compiling {SLOW[module]}, {ONCE}")
-        elif not self._announced:
-            self._announced = True
-            self.announce("compiling kernels, once for each kind of scene, some minutes on a slow machine")
+            self.report(f"Compiling {SLOW[module]} ({ONCE})")
+        elif not self._has_reported:
+            self._has_reported = True
+            self.report(f"Compiling kernels ({ONCE})")
 
     def on_end(self, event: numba_event.Event) -> None:
         self._depth -= 1
@@ -83,9 +83,9 @@ class _StopAfterPass(numba_event.Listener):
 
 
 @contextmanager
-def announced_compilation(announce: Callable[[str], None]) -> Iterator[Compiled]:
-    """Call ``announce`` with a line when a kernel is not in the cache; yields what has been compiled so far."""
-    listener = _Listener(announce)
+def reported_compilation(report: Callable[[str], None]) -> Iterator[Compiled]:
+    """Call ``report`` with a line when a kernel is not in the cache; yields what has been compiled so far."""
+    listener = _Listener(report)
     stop = _StopAfterPass(listener.compiled)
     with (
         numba_event.install_listener("numba:compile", listener),

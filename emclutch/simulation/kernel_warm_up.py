@@ -89,14 +89,14 @@ def start(scene: Any) -> subprocess.Popen | None:
 
 
 @contextmanager
-def step_compiled_aside(scene: Any, announce: Callable[[str], None]) -> Iterator[None]:
+def step_compiled_aside(scene: Any, report: Callable[[str], None]) -> Iterator[None]:
     """Compile the grains' step in a second process during the block.
 
     Whoever asks for the step meanwhile waits for it at the cache's lock (`geometry.kernels.cache`).
     """
     child = start(scene)
     if child is not None:
-        announce(f"compiling the grains' step (DEM) in a second process, {ONCE}")
+        report(f"Compiling the DEM step in a second process ({ONCE})")
     try:
         yield
     finally:

@@ -15,7 +15,7 @@ from emclutch.results.folder_lock import locked_folder
 from emclutch.results.report.render import write_failed_index
 from emclutch.scene.case import Case
 from emclutch.simulation.forecast.space import NotEnoughSpace
-from emclutch.simulation.kernel_compilation import Compiled, announced_compilation
+from emclutch.simulation.kernel_compilation import Compiled, reported_compilation
 from emclutch.simulation.resume import may_go_on
 from emclutch.simulation.run_progress import RunProgress
 from field import ConvergenceError, PointOutside
@@ -31,8 +31,8 @@ class OpenFolder:
     Attributes
     ----------
     folder : RunFolder
-    goes_on : bool
-        Whether the run continues from a checkpoint in it.
+    is_resumed : bool
+        True if the run continues from a checkpoint in it.
     compiled : Compiled
         What has been compiled since it was opened.
     begin : float
@@ -40,7 +40,7 @@ class OpenFolder:
     """
 
     folder: RunFolder
-    goes_on: bool
+    is_resumed: bool
     compiled: Compiled
     begin: float
 
@@ -52,13 +52,13 @@ def open_folder(case: Case, target: str | Path, resume: bool, progress: RunProgr
     if resume:  # before the lock makes a folder
         RunFolder(target).has_checkpoint()
     with locked_folder(target):
-        goes_on = resume and may_go_on(case, RunFolder(target))  # compared before anything in the folder is touched
+        is_resumed = resume and may_go_on(case, RunFolder(target))  # compared before anything in the folder is touched
         folder = RunFolder.create(target, case.toml(), resume=resume)
-        with folder.logging(), announced_compilation(progress.announce) as compiled:
-            if resume and not goes_on:
-                progress.announce(f"{folder.path} has no checkpoint yet: the run starts again")
+        with folder.logging(), reported_compilation(progress.log) as compiled:
+            if resume and not is_resumed:
+                progress.log(f"{folder.path} has no checkpoint yet: the run starts again")
             with translate_errors(case, folder):
-                yield OpenFolder(folder, goes_on, compiled, begin)
+                yield OpenFolder(folder, is_resumed, compiled, begin)
 
 
 @contextmanager

@@ -71,7 +71,7 @@ class Plan:
 
     @property
     def steps_per_update(self) -> int:
-        """Steps between evaluations of the held forces."""
+        """Steps between evaluations of the lagged forces."""
         return self.division.steps_per_update
 
     @property
@@ -81,7 +81,7 @@ class Plan:
 
     @property
     def windows(self) -> int:
-        """Of the run."""
+        """Number of coupling windows."""
         return self.division.count
 
     @property
@@ -135,7 +135,7 @@ def make_plan(case: Case, device: Device | None = None, threads: int | None = No
         contact = elastic_contacts(scene, device, M_max, speed)
     layers = max(fall_speed(scene, device), layer_speed(scene, device, speed))
     tau = circuit_time(scene, device, field)
-    division = coupling_windows(scene, contact.step.dt, speed, layers, scene.effects.hold_forces, parting, tau)
+    division = coupling_windows(scene, contact.step.dt, speed, layers, scene.effects.have_lagged_forces, parting, tau)
     rhythm = division.steps, division.updates, division.count
     threads = threads or _threads_of_a_replica(scene)
     cost = predict(scene, device, division.dt, rhythm, threads, contact.normal_stiffness)

@@ -12,7 +12,6 @@ import numpy as np
 from emclutch.device_model.device import CoilDevice, Device
 from emclutch.device_model.excitation import Excitation
 from emclutch.device_model.warning_text import with_warnings
-from emclutch.knobs.powder import sectors_of
 from emclutch.results.steady_torque import MIN_AVERAGED_STRAIN
 from emclutch.scene.case import Case
 from emclutch.scene.grain_smear import moments_are_fed_back, smear_width
@@ -22,6 +21,7 @@ from emclutch.scene.repose import friction_in_words
 from emclutch.scene.sector_checks import innermost_radius
 from emclutch.scene.start_up import start_up_strain
 from emclutch.scene.surfaces import extent_in_words
+from emclutch.settings.powder import sectors_of
 from emclutch.simulation.contacts_in_words import contacts_in_words
 from emclutch.simulation.scaled_slip import strain_rate
 from emclutch.simulation.windows import UpdateRule, Windows
@@ -199,13 +199,13 @@ def feedback_in_words(scene, coil: CoilDevice | CoilDevice3D) -> str:
 
 
 def end_in_words(scene, device: Device, plan: Plan) -> Iterator[tuple[str, str]]:
-    """Return number of packings, start-up and end of a run, and whether its torque can be known by then."""
+    """Return number of replicas, start-up and end of a run, and whether its torque can be known by then."""
     count, until, end = replica_count(scene), scene.time.until, plan.end
     measured = scene.geometry.measured or "result"
     if count > 1:
         most, at_a_time = max_replica_count(scene), plan.cost.replicas
         more = f", and up to {most} where the torque needs them" if until is not None and most > count else ""
-        yield "replicas", f"{count} packings{more}, {at_a_time} at a time; the {measured} and its error are of all"
+        yield "replicas", f"{count}{more}, {at_a_time} at a time; the {measured} and its error are of all"
     rate, needed = strain_rate(scene, device), start_up_strain(scene)
     if rate and count > 1:
         start_up = scene.time.average_time or needed / rate

@@ -1,4 +1,4 @@
-"""The first stage of a run: what it starts from is decided, told, and written into its folder."""
+"""The first stage of a run: what it starts from is decided, reported and written into its folder."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from emclutch.scene.input_files import hashed_input_files
 from emclutch.scene.model import Scene
 from emclutch.scene.start_up import start_up_strain
 from emclutch.simulation.forecast.expected_torque import ExpectedTorque, expected_torque
-from emclutch.simulation.forecast.regime import left_out
+from emclutch.simulation.forecast.regime import omitted_effects
 from emclutch.simulation.forecast.space import refuse_full_disk, refuse_too_much
 from emclutch.simulation.plan import Plan, make_plan
 from emclutch.simulation.plan_in_words import plan_in_words
@@ -49,8 +49,8 @@ class PlannedRun:
 def plan_run(request: RunRequest) -> PlannedRun:
     """Build the device and decide the run; ValueError where it cannot be, or the machine has too little room for it."""
     scene, folder, progress = request.case.scene, request.folder, request.progress
-    if request.opened.goes_on:  # what it had done is known once its checkpoint is read
-        progress.announce("mesh and field")
+    if request.opened.is_resumed:  # what it had done is known once its checkpoint is read
+        progress.log("mesh and field")
     else:
         progress.update(0.0, "mesh and field")
     device, plan = make_plan(request.case, threads=threads_in_use())
@@ -58,9 +58,9 @@ def plan_run(request: RunRequest) -> PlannedRun:
     for label, reason in decisions.items():
         log.info("%s: %s", label, reason)
         if isinstance(reason, WarningText):
-            progress.announce(f"{label}: {reason}")
+            progress.log(f"{label}: {reason}")
     refuse_too_much(request.replicas.count * plan.cost.memory, force=request.force)
-    if not request.opened.goes_on:  # else most of it is there
+    if not request.opened.is_resumed:  # else most of it is there
         refuse_full_disk(plan.cost.disk, folder.path, force=request.force)
     folder.write_provenance(
         seed=scene.scene.seed,
@@ -74,14 +74,14 @@ def plan_run(request: RunRequest) -> PlannedRun:
         folder.add_to_provenance(accuracy_target=float(request.target))
     conditions = steady_conditions(plan.scene, device, plan.end)
     expected = expected_torque(scene, device, plan.peak_field)  # at the scene's speeds, not those of the run
-    missing = left_out(plan.scene, device, plan, expected)
+    missing = omitted_effects(plan.scene, device, plan, expected)
     folder.write_plan(
         {
             "contact": plan.contact_data,
             "steady_torque": conditions.as_dict(),
             "decisions": decisions,
             "shear_rate": strain_rate(plan.scene, device),
-            "may_matter": {line.effect: line.in_words() for line in missing if line.is_reservation},
+            "omitted_effects": {line.effect: line.in_words() for line in missing if line.is_reservation},
         }
     )
     return PlannedRun(device, plan, conditions, decisions, expected)

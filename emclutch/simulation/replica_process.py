@@ -18,15 +18,15 @@ from emclutch.scene.case import case_from
 FAILED, STOPPED = 1, 130
 
 
-def run_task(task: dict[str, Any], orders: Any) -> int:
-    """Run a task of `emclutch.simulation.replicas` under `Orders`; returns the process's exit code."""
+def run_task(task: dict[str, Any], control: Any) -> int:
+    """Run a task of `emclutch.simulation.replicas` under a `ReplicaControl`; returns the process's exit code."""
     from emclutch.results.errors import Interrupted, RunError
     from emclutch.simulation.run import run_replica
 
     case = case_from(tomllib.loads(task["case"]), trust_scripts=task["trust_scripts"])
     try:
         settings = {name: task[name] for name in ("threads", "tune_threads", "resume", "start")}
-        run_replica(case, task["folder"], task["number"], orders, **settings)
+        run_replica(case, task["folder"], task["number"], control, **settings)
     except Interrupted:
         return STOPPED
     except (RunError, OutputError) as error:
@@ -37,18 +37,18 @@ def run_task(task: dict[str, Any], orders: Any) -> int:
 
 def main() -> int:
     """Entry point of the process."""
-    from emclutch.simulation.replicas import Orders
+    from emclutch.simulation.replicas import ReplicaControl
 
     task = json.loads(sys.stdin.readline())
-    orders = Orders(task["limit"], task["tolerance"])
+    control = ReplicaControl(task["limit"], task["tolerance"])
 
     def watch(lines: Iterable[str] = sys.stdin) -> None:
         for line in lines:
-            orders.take(line)
-        orders.stop()  # the run lets go of it, or does not live any more
+            control.receive(line)
+        control.stop()  # the run lets go of it, or does not live any more
 
     threading.Thread(target=watch, name="watch", daemon=True).start()
-    return run_task(task, orders)
+    return run_task(task, control)
 
 
 if __name__ == "__main__":

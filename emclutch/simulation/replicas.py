@@ -1,4 +1,4 @@
-"""The other replicas of a run: processes of their own, each a whole run of the scene with another packing.
+"""The other replicas of a run: processes of their own, each a whole run of the scene with another seed.
 
 The run itself is the first replica. Each of the others is a process (`emclutch.simulation.replica_process`) with a
 folder of its own under the run's. They form a pool: as many run at a time as there are cores for, the others start, or
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 POLL = 0.1  # s, between looks at the processes
-PATIENCE = 60.0  # s, for a replica of a killed run: it ends, with a checkpoint, after the window that it is in
+TIMEOUT = 60.0  # s, for a replica of a killed run: it ends, with a checkpoint, after the window that it is in
 END = "end"
 """Line that makes a replica write its summary and end."""
 
@@ -121,11 +121,11 @@ class Replicas:
     length: float = 0.0
     tolerance: float = 0.0
     processes: dict[int, ReplicaProcess] = field(default_factory=dict)
-    _looked: float = 0.0
+    _last_poll: float = 0.0
 
     @property
     def count(self) -> int:
-        """Number of there are."""
+        """Number of replicas."""
         return max(1, len(self.folders))
 
     def request(self, count: int, length: float) -> None:
@@ -161,8 +161,8 @@ class Replicas:
 
     def pump_now_and_then(self) -> None:
         """`pump` while this process marches, at most ten times a second."""
-        if self.count > 1 and time.monotonic() - self._looked > POLL:
-            self._looked = time.monotonic()
+        if self.count > 1 and time.monotonic() - self._last_poll > POLL:
+            self._last_poll = time.monotonic()
             self.pump(busy=True)
 
     def _reached(self, number: int) -> float:
@@ -170,7 +170,7 @@ class Replicas:
         return last_time(self.folders[number].history) or 0.0
 
     def have_reached(self) -> int:
-        """Return the number of of the others have come to the time that all are to reach, or have ended."""
+        """Number of replicas that reached the requested time."""
         return sum(self._has_reached(number) for number in range(1, self.count))
 
     def _has_reached(self, number: int) -> bool:
@@ -292,7 +292,7 @@ def other_replicas(
 
 def _goes_on(folder: RunFolder) -> bool:
     """True if a replica has a checkpoint to continue from; what lies there without one is put aside."""
-    _wait_for_the_former(folder)
+    _wait_for_previous(folder)
     if folder.checkpoint.is_file():
         return True
     if folder.path.is_dir() and has_files(folder.path):
@@ -301,9 +301,9 @@ def _goes_on(folder: RunFolder) -> bool:
     return False
 
 
-def _wait_for_the_former(folder: RunFolder) -> None:
+def _wait_for_previous(folder: RunFolder) -> None:
     """Wait until a replica whose run was killed has ended; FolderInUse where it does not."""
-    last = time.monotonic() + PATIENCE
+    last = time.monotonic() + TIMEOUT
     while True:
         try:
             with locked_folder(folder.path):
@@ -318,27 +318,27 @@ def _started(folder: RunFolder, task: dict[str, Any], errors: Path) -> ReplicaPr
     # -P: the folder that the user stands in may hold files with the names of modules, from elsewhere even
     command = [sys.executable, "-P", "-m", "emclutch.simulation.replica_process"]
     path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
-    said = errors.open("w+", encoding="utf-8")
+    stderr = errors.open("w+", encoding="utf-8")
     try:
         process = subprocess.Popen(
             command,
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
-            stderr=said,
+            stderr=stderr,
             text=True,
             env={**os.environ, "PYTHONPATH": path},
             start_new_session=True,  # Ctrl-C on the terminal is the run's, which then ends its replicas
         )
     except OSError as error:
-        said.close()
+        stderr.close()
         raise OutputError(f"cannot start a replica: {error.strerror}; take accuracy.replicas = 1") from error
-    replica = ReplicaProcess(folder, process, said, task["limit"])
+    replica = ReplicaProcess(folder, process, stderr, task["limit"])
     replica.send(json.dumps(task))
     log.info("replica in %s: process %d", folder.path, process.pid)
     return replica
 
 
-class Orders:
+class ReplicaControl:
     """Callback of the loop that waits at a time limit until another one is set; used from two threads.
 
     Parameters
@@ -364,7 +364,7 @@ class Orders:
         self._ended = False
         self._changed = threading.Condition()
 
-    def take(self, line: str) -> None:
+    def receive(self, line: str) -> None:
         """Take a line of the run: a time [s], or the order to end."""
         with self._changed:
             if line.strip() == END:

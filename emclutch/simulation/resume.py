@@ -15,7 +15,7 @@ from emclutch.results.run_end import seconds_of
 from emclutch.scene.case import Case
 from emclutch.scene.flat import differing_keys, flat_scene
 from emclutch.scene.input_files import hashed_input_files
-from emclutch.scene.multiple import Multiple
+from emclutch.scene.scaled import Scaled
 from emclutch.scene.timing import instant_in_words
 
 log = logging.getLogger(__name__)
@@ -52,8 +52,8 @@ def may_go_on(case: Case, folder: RunFolder) -> bool:
     OutputError
         Scene or files differ, or nothing is left to do.
     """
-    goes_on = folder.has_checkpoint()
-    if goes_on:
+    can_resume = folder.has_checkpoint()
+    if can_resume:
         state = run_checkpoint(folder.checkpoint)
         refuse_other_scene(state["case"], case.toml(), folder.path)
         refuse_earlier_end(folder, state, case.scene.span.end)
@@ -62,7 +62,7 @@ def may_go_on(case: Case, folder: RunFolder) -> bool:
         refuse_other_scene(folder.read_case(), case.toml(), folder.path)
     with folder.logging():
         refuse_changed_files(case, folder)
-    return goes_on
+    return can_resume
 
 
 def refuse_other_scene(old_text: str, new_text: str, target: str | Path) -> None:
@@ -82,7 +82,7 @@ def refuse_other_scene(old_text: str, new_text: str, target: str | Path) -> None
         )
 
 
-def refuse_earlier_end(folder: RunFolder, state: dict, end: float | Multiple) -> None:
+def refuse_earlier_end(folder: RunFolder, state: dict, end: float | Scaled) -> None:
     """Raise OutputError where a run whose end was set earlier is past it: nothing would be left to do.
 
     The same end is always allowed: runs of older versions went beyond it.

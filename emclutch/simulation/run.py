@@ -19,7 +19,7 @@ from emclutch.simulation.kernel_compilation import interruptible
 from emclutch.simulation.kernel_warm_up import step_compiled_aside
 from emclutch.simulation.open_folder import open_folder
 from emclutch.simulation.planned_run import plan_run
-from emclutch.simulation.replicas import Orders, Replicas, count_of_run, other_replicas
+from emclutch.simulation.replicas import ReplicaControl, Replicas, count_of_run, other_replicas
 from emclutch.simulation.run_observers import make_callbacks, march
 from emclutch.simulation.run_progress import RunProgress
 from emclutch.simulation.run_request import RunRequest
@@ -67,14 +67,14 @@ def run(
         folder = opened.folder
         if measured is not None:
             keep_measured(measured, folder.path)
-        if resume and not opened.goes_on and (start := start or folder.grains_from()) is not None:
+        if resume and not opened.is_resumed and (start := start or folder.grains_from()) is not None:
             grains = starting_grains(case, start)
-        count = count_of_run(case, folder, opened.goes_on)
+        count = count_of_run(case, folder, opened.is_resumed)
         tune_threads, threads = may_tune_threads(threads), use_threads(threads, count)
         slots = replicas_side_by_side(max(count, max_replica_count(case.scene)), threads)
         with (
             interruptible(stop, lambda: last_time(folder.history) is None, opened.compiled),
-            step_compiled_aside(case.scene, reporter.announce),
+            step_compiled_aside(case.scene, reporter.log),
             other_replicas(
                 case, folder, count, threads=threads, slots=slots, tune_threads=tune_threads, resume=resume, start=start
             ) as replicas,
@@ -109,14 +109,14 @@ def run_replica(
     case: Case,
     target: str | Path,
     number: int,
-    orders: Orders,
+    control: ReplicaControl,
     *,
     threads: int,
     tune_threads: bool,
     resume: bool,
     start: str | Path | None = None,
 ) -> Result:
-    """Run one of the other replicas, as far as its `orders` say. `start` and what is raised are as of `run`.
+    """Run one of the other replicas, as far as its `control` says. `start` and what is raised are as of `run`.
 
     ``tune_threads``: it may take fewer threads where fewer pay.
     """
@@ -128,11 +128,11 @@ def run_replica(
             opened,
             RunProgress(),
             Replicas(number),
-            orders.stopped,
+            control.stopped,
             tune_threads,
             force=True,
             grains=grains,
-            orders=orders,
+            control=control,
         )
         return _run(request)
 

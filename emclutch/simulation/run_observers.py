@@ -85,7 +85,7 @@ def make_callbacks(request: RunRequest, started: StartedRun) -> RunObservers:
         profiles.restore(started.profiles, simulation.motion)
 
     def share(time: float) -> float:
-        """Fraction of the run that is done when this packing has come to a time [s]."""
+        """Fraction of the run that is done when this replica has come to a time [s]."""
         return request.replicas.share_done(time) if request.replicas.count > 1 else time / plan.end
 
     if resume_time is not None:  # the time left is that of the pace from here on
@@ -101,7 +101,7 @@ def make_callbacks(request: RunRequest, started: StartedRun) -> RunObservers:
         WindowProgress(progress, share),
     )
     keeping = (Checkpoints(request, plan.windows, early, snapshots, profiles),)
-    tuning = (RunPace(plan.cost, share, simulation.motion.time, progress.announce), *thread_trial(request))
+    tuning = (RunPace(plan.cost, share, simulation.motion.time, progress.log), *thread_trial(request))
     callbacks = (alive.stop, history, *deciding, *showing, *keeping, *tuning)
     return RunObservers(measures, callbacks, early, profiles, alive, history, snapshots)
 
@@ -111,7 +111,7 @@ def march(started: StartedRun, observers: RunObservers) -> None:
     early = observers.early
     with observers.alive:
         try:
-            first = () if started.resume_time is None else (early.trigger, early.orders)
+            first = () if started.resume_time is None else (early.trigger, early.control)
             if not any(one is not None and one(started.simulation) for one in first):
                 begin = observers.snapshots.begin_field
                 run_staggered(started.simulation, started.plan.end, observers.callbacks, observers.measures, begin)
@@ -171,4 +171,4 @@ def thread_trial(request: RunRequest) -> tuple[ThreadTrial, ...]:
     """Return the callback that finds out how many threads pay; none where there is nothing to choose."""
     if not request.tune_threads or threads_in_use() == 1:
         return ()
-    return (ThreadTrial(threads_in_use(), use_threads, request.progress.announce),)
+    return (ThreadTrial(threads_in_use(), use_threads, request.progress.log),)

@@ -21,7 +21,7 @@ class RunProgress:
     Attributes
     ----------
     listener : object with ``update(fraction, text)``, or None
-        It may also have ``announce(text)`` and ``stop_asked``, see `emclutch.run`.
+        It may also have ``status(text)`` and ``stop_asked``, see `emclutch.run`.
     """
 
     listener: Any = None
@@ -31,11 +31,11 @@ class RunProgress:
         if self.listener is not None:
             self.listener.update(fraction, text)
 
-    def announce(self, text: str, level: int = logging.INFO) -> None:
+    def log(self, text: str, level: int = logging.INFO) -> None:
         """Log a line, and show it where the listener can."""
         log.log(level, "%s", text)
-        if (announce := getattr(self.listener, "announce", None)) is not None:
-            announce(text)
+        if (status := getattr(self.listener, "status", None)) is not None:
+            status(text)
 
     @property
     def stop_asked(self) -> bool:

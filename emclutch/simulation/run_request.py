@@ -14,7 +14,7 @@ from emclutch.simulation.run_progress import RunProgress
 
 if TYPE_CHECKING:
     from emclutch.results import RunFolder
-    from emclutch.simulation.replicas import Orders
+    from emclutch.simulation.replicas import ReplicaControl
     from emclutch.simulation.warm_start import StartingGrains
     from emclutch.simulation.window_state import WindowState
 
@@ -38,7 +38,7 @@ class RunRequest:
     grains : StartingGrains or None
         None packs its own.
     callback : callable or None
-    orders : Orders or None
+    control : ReplicaControl or None
         Of one of the other replicas.
     target : float or None
         Total error that the settings were chosen for, relative.
@@ -53,7 +53,7 @@ class RunRequest:
     force: bool
     grains: StartingGrains | None
     callback: Callable[[WindowState], object] | None = None
-    orders: Orders | None = None
+    control: ReplicaControl | None = None
     target: float | None = None
 
     @property

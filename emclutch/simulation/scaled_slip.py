@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from emclutch.device_model.device import Device
 from emclutch.device_model.warning_text import with_warnings
-from emclutch.scene.multiple import Multiple
+from emclutch.scene.scaled import Scaled
 from emclutch.scene.timing import instant_in_words, not_before
 from geometry.time_profile import TimeProfile
 from particles.diagnostics.inertial_number import inertial_number
@@ -102,7 +102,6 @@ class ScaledSlip:
         }
         return found | ({"warnings": warnings} if (warnings := self.warnings()) else {})
 
-
     def had(self, inertial_number: float | None, pressure: str) -> dict[str, Any]:
         """Return entries of the summary of a finished run that had an inertial number, by a pressure in words."""
         if inertial_number is None:
@@ -127,9 +126,7 @@ def strain_rate(scene: Scene, device: Device) -> float:
     return scene.motion.largest_slip * device.shear_radius / device.shear_gap if device.shear_gap else 0.0
 
 
-def with_slip(
-    scene: Scene, device: Device, field: MagneticField | Field3D | None
-) -> tuple[Scene, ScaledSlip | None]:
+def with_slip(scene: Scene, device: Device, field: MagneticField | Field3D | None) -> tuple[Scene, ScaledSlip | None]:
     """Return the scene with the speeds of its run, and its times in seconds; and how the speeds were scaled.
 
     `field` is the solution at the largest current with the powder spread evenly.
@@ -149,9 +146,7 @@ def with_slip(
         scene = scene.model_copy(update={"motion": scene.motion.model_copy(update=motion)})
     span, rate = scene.span, strain_rate(scene, device)
     strains = {
-        name: given.value / rate
-        for name in ("end", "average_from")
-        if isinstance(given := getattr(span, name), Multiple)
+        name: given.value / rate for name in ("end", "average_from") if isinstance(given := getattr(span, name), Scaled)
     }
     if not strains:
         return scene, scaled

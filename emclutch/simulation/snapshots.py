@@ -114,8 +114,8 @@ class Snapshots:
         held = {}
         if simulation.magnetised is not None:
             held = {"magnetic_moment": grains.magnetic_moment, "force_magnetic": forces_of_the_field(simulation)}
-        elif simulation.holds_forces:
-            held = {"force_held": motion.external_force}
+        elif simulation.has_lagged_forces:
+            held = {"force_lagged": motion.external_force}
         for name, values in held.items():  # before the first window there are none
             arrays[name] = np.zeros_like(grains.position) if values is None else values
         if self.record is not None:

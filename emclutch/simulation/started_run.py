@@ -50,12 +50,12 @@ class StartedRun:
 def start_run(request: RunRequest, planned: PlannedRun) -> StartedRun:
     """Pack the grains of a run, take them from another one, or continue from its checkpoint."""
     device, plan = planned.device, planned.plan
-    if not request.opened.goes_on:
+    if not request.opened.is_resumed:
         request.progress.update(0.0, f"packing {plan.count} grains")
         grains = request.grains
         simulation = assemble(device, plan) if grains is None else warm_started(device, plan, grains)
-        compiling = f"; the grains' step is being compiled, {ONCE}" if lacks_step(request.case.scene) else ""
-        request.progress.announce(f"started: {plan.windows} windows{compiling}")
+        compiling = f"; compiling the DEM step ({ONCE})" if lacks_step(request.case.scene) else ""
+        request.progress.log(f"started: {plan.windows} windows{compiling}")
         return StartedRun(planned, simulation)
     state = run_checkpoint(request.folder.checkpoint)
     plan = plan.continued(*begun_windows(state, request.case.scene.contact.method))

@@ -1,18 +1,18 @@
-"""`time.until`: when a run ends, and until then whether it takes more time or more packings.
+"""`time.until`: when a run ends, and until then whether it takes more time or more replicas.
 
 A run begins with a few replicas of the first length (`emclutch.scene.replica_count.automatic_count`): four, or two
 where the scene has the scatter between replicas from an accuracy study with more than three degrees of freedom. That
 scatter is of means up to `time.end`, which is then the only length. At each look the torque of all replicas is judged
 (`emclutch.results.steady_torque`). Where its interval is not narrow enough, or its drift not excluded:
 
-- all packings continue to the next length, 1.5 times the last one and at most `time.end`, where that is estimated to
-  need less simulated time than more packings, or where the torque has a significant drift;
-- else the length stays, and more packings are run: 6, 8, 12, 16, 24, ... (`COUNTS`), at most `accuracy.max_replicas`.
+- all replicas continue to the next length, 1.5 times the last one and at most `time.end`, where that is estimated to
+  need less simulated time than more replicas, or where the torque has a significant drift;
+- else the length stays, and more replicas are run: 6, 8, 12, 16, 24, ... (`COUNTS`), at most `accuracy.max_replicas`.
 
 A run of one replica ends where its own error is small enough, but its torque does not count as known: the scatter
 between replicas is not in that error.
 
-Looks are few, and both ways to continue are decided by numbers that all packings share, so that the end depends neither
+Looks are few, and both ways to continue are decided by numbers that all replicas share, so that the end depends neither
 on the speed of the machine nor on the number of cores. How often such runs are right:
 tests/results/test_stopping_rule.py.
 """
@@ -29,7 +29,7 @@ from emclutch.results.replicated_mean import (
     Steadiness,
     drifts_significantly,
     may_be_zero,
-    more_packings_suffice,
+    more_replicas_suffice,
     more_time_suffices,
     steadiness,
 )
@@ -45,8 +45,8 @@ if TYPE_CHECKING:
 
 COUNTS = (2, 4, 6, 8, 12, 16, 24, 32, 48, 64)
 FIRST_LENGTH = 3.0  # times the start-up that is known
-ALONE = 0.125  # of time.end: taken for the start-up of a run of one packing of which nothing is known
-CONFIRMED = 8  # packings whose mean tells a start-up that lasts from a chance
+ALONE = 0.125  # of time.end: taken for the start-up of a run of one replica of which nothing is known
+CONFIRMED = 8  # replicas whose mean tells a start-up that lasts from a chance
 LONGER = 1.5  # factor between lengths
 
 
@@ -59,7 +59,7 @@ class Stop:
 
 @dataclass(frozen=True, slots=True)
 class GoOn:
-    """Run `count` packings to the time `length` [s] before the next look."""
+    """Run `count` replicas to the time `length` [s] before the next look."""
 
     count: int
     length: float
@@ -117,7 +117,7 @@ class StoppingRule:
         return GoOn(min(count, self.max_count), length)
 
     def after(self, torque: Estimate, now: GoOn) -> GoOn | Stop:
-        """Decide by the torque of `now.count` packings up to `now.length`."""
+        """Decide by the torque of `now.count` replicas up to `now.length`."""
         if is_known(torque, self.target):
             return Stop(True)
         if torque.steady_alone and _is_narrow(torque, self.target):
@@ -137,12 +137,12 @@ class StoppingRule:
     def _time_is_cheaper(
         self, torque: Estimate, now: GoOn, longer: Sequence[float], more: Sequence[int], wanted: float
     ) -> bool:
-        """True if running all packings longer is estimated to need less simulated time than more packings."""
+        """True if running all replicas longer is estimated to need less simulated time than more replicas."""
         if torque.is_steady and not torque.drift_error:  # what is missing are balance and shear
             return True
-        if not more_packings_suffice(torque, more[-1], wanted):
+        if not more_replicas_suffice(torque, more[-1], wanted):
             return True
-        count = next(one for one in more if more_packings_suffice(torque, one, wanted))
+        count = next(one for one in more if more_replicas_suffice(torque, one, wanted))
         by_count = (count - now.count) * now.length
         length = next((one for one in longer if more_time_suffices(torque, one, wanted)), None)
         return length is not None and now.count * (length - now.length) <= by_count
@@ -168,14 +168,14 @@ def looks_several_times(scene: Scene, device: Device, end: float) -> bool:
 
 
 def enough(torque: Estimate, wanted: float, end: float) -> tuple[int | None, float | None]:
-    """Return the packings, and the end [s], of which either is estimated to reach the half width `wanted` [N m]."""
+    """Return the replicas, and the end [s], of which either is estimated to reach the half width `wanted` [N m]."""
     if torque.replicas < 2:
         half = torque.half_width()
         if half is None or not torque.steady_alone:
             return None, None
         return (REPLICAS, None) if half <= wanted else (None, end * (half / wanted) ** 2)
     counts = [] if drifts_significantly(torque, wanted) else [one for one in COUNTS if one > torque.replicas]
-    count = next((one for one in counts if more_packings_suffice(torque, one, wanted)), None)
+    count = next((one for one in counts if more_replicas_suffice(torque, one, wanted)), None)
     times = end * np.array([1.5, 2.0, 3.0, 5.0, 10.0])
     time = next((one for one in times if more_time_suffices(torque, float(one), wanted)), None)
     return count, time
@@ -199,7 +199,7 @@ def remedy(torque: Estimate, target: TorqueTarget, end: float) -> str:
         short = f"half the interval is {half:.2g} {target.unit}, {wanted:.2g} asked for"
         return f"{short}; raise time.end to about {time:.2g} s; {torque.reason}"
     if drifts_significantly(torque, wanted):
-        return f"{torque.reason}; raise time.end above {end:.3g} s: more packings do not help"
+        return f"{torque.reason}; raise time.end above {end:.3g} s: more replicas do not help"
     if torque.missing or (not torque.converged and torque.drift_error is None):
         return torque.reason
     count, time = enough(torque, wanted, end)

@@ -47,7 +47,7 @@ from emclutch.results.current_ramp import TABLE, current_ramp
 from emclutch.results.energy_balance import energy_made, energy_through, energy_warnings
 from emclutch.results.rise_time import rise_times
 from emclutch.results.steady_torque import steady_mean_of, steady_torque
-from emclutch.results.text import per_cent
+from emclutch.results.text import format_percent
 from emclutch.scene.replica_count import replica_seed
 from emclutch.simulation.discretisation_error import discretisation_error, is_reached
 from emclutch.simulation.observables import Observables
@@ -181,7 +181,7 @@ def drag_summary(given: float, history, torque: float | None) -> dict[str, float
 
 
 def processor_seconds(histories) -> float:
-    """Return the processor time of all windows of some packings [s].
+    """Return the processor time of all windows of some replicas [s].
 
     Mesh, packing and pictures are not in it; kernels that the first window had to compile are.
     """
@@ -284,7 +284,9 @@ def zone_summary(
     whole = sum(wall.get("torque", 0.0) for wall in wall_load.get("walls", {}).values() if wall["body"] == "disc")
     if at_poles is not None and whole:
         found["torque_outside_of_the_poles"] = 1.0 - at_poles / whole
-        found["shear_stress_note"] = f"{found['shear_stress_note']}; {per_cent(1.0 - at_poles / whole)} of it outside"
+        found["shear_stress_note"] = (
+            f"{found['shear_stress_note']}; {format_percent(1.0 - at_poles / whole)} of it outside"
+        )
     for name in (FIELD_STRENGTH_POWDER, FILL_POWDER):
         if name in late[0]:
             found[name] = float(np.mean([each[name].mean() for each in late]))
@@ -362,7 +364,7 @@ def structure_summary(motion: Any, has_axis: bool = True) -> dict[str, float | N
         "rattlers": standing.rattlers,
         "fabric_anisotropy": alike.ring_anisotropy if has_axis else alike.anisotropy,
         "force_anisotropy": weighed.ring_anisotropy if has_axis else weighed.anisotropy,
-        "in_chains": chains.share,
+        "in_chains": chains.fraction,
         "longest_chain": float(chains.lengths.max(initial=0)),
     }
     return {name: float(value) if math.isfinite(value) else None for name, value in found.items()}

@@ -66,13 +66,13 @@ class ThreadTrial:
         Threads that this process may use; powers of two below it, and it itself, are tried.
     use : callable
         Sets the number of threads of the compiled loops.
-    announce : callable
+    report : callable
         Takes the text of the first choice, and of each that differs from the one before.
     """
 
-    def __init__(self, most: int, use: Callable[[int], object], announce: Callable[[str], None]) -> None:
+    def __init__(self, most: int, use: Callable[[int], object], report: Callable[[str], None]) -> None:
         self.numbers = sorted({*(2**k for k in range(most.bit_length()) if 2**k < most), most})
-        self._use, self._announce, self._rested, self._chosen = use, announce, 0, 0
+        self._use, self._report, self._rested, self._chosen = use, report, 0, 0
         self._begin()
 
     def __call__(self, simulation: Simulation, row: WindowRow) -> None:
@@ -93,10 +93,11 @@ class ThreadTrial:
 
     def _choose(self) -> int:
         self._rested, least = 0, min(self._seconds.values())
-        speeds = ", ".join(f"{n}: {self._seconds[1] / self._seconds[n]:.2f}" for n in self.numbers[1:])
         chosen = next(n for n in self.numbers if self._seconds[n] <= GAIN * least)
         if chosen != self._chosen:
-            self._announce(f"threads: {chosen} (tried; times as fast as one thread: {speeds})")
+            own = self._seconds[chosen]
+            others = ", ".join(f"{n}: {own / self._seconds[n]:.2f} times" for n in self.numbers if n != chosen)
+            self._report(f"Using {chosen} thread{'s' * (chosen > 1)}; speed with {others}")
         self._chosen = chosen
         return chosen
 

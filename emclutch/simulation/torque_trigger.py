@@ -1,4 +1,4 @@
-"""`time.until` in a run: the callback that looks at the torque of all packings and asks for more time, or more of them.
+"""`time.until` in a run: the callback that looks at the torque of all replicas and asks for more time, or more of them.
 
 The rule is `emclutch.simulation.stopping_rule`.
 """
@@ -16,7 +16,7 @@ from emclutch.results.columns import TIME
 from emclutch.results.replicated_mean import may_be_zero
 from emclutch.results.steady_stress import steady_measure
 from emclutch.results.steady_torque import SteadyConditions
-from emclutch.simulation.forecast.cost import spoken
+from emclutch.simulation.forecast.cost import format_rough_time
 from emclutch.simulation.replicas import Replicas
 from emclutch.simulation.run_progress import RunProgress
 from emclutch.simulation.stopping_rule import GoOn, Stop, StoppingRule, enough, is_known, remedy
@@ -64,17 +64,17 @@ class TorqueTrigger:
         """Look where the requested time has come; True ends the run."""
         here = simulation.motion.time
         while not self.ended and here >= self.now.length - self.replicas.tolerance:
-            if not self.replicas.wait(self.is_stopped, lambda: self._say(here)):
+            if not self.replicas.wait(self.is_stopped, lambda: self._update(here)):
                 return False
             self._look()
         return self.ended
 
     def _look(self) -> None:
-        """Judge the torque of all packings up to the requested time, and decide what follows."""
+        """Judge the torque of all replicas up to the requested time, and decide what follows."""
         now, histories = self.now, self.replicas.histories(self.now.length)
         torque = steady_measure(histories, self.conditions)
         following = self.rule.after(torque, now)
-        self._announce(torque, following)
+        self._report(torque, following)
         if isinstance(following, Stop):
             self.ended, self.reached = True, following.reached
             self.replicas.finish()
@@ -84,29 +84,29 @@ class TorqueTrigger:
         self.now = following
         self.replicas.request(following.count, following.length)
 
-    def _announce(self, torque: Estimate, following: GoOn | Stop) -> None:
-        """Announce in one line: torque (or stress), half width over what was asked for, packings, and what is left."""
+    def _report(self, torque: Estimate, following: GoOn | Stop) -> None:
+        """Report torque (or stress) with its interval, the requested one, the replicas and what is left."""
         now, half, target = self.now, torque.half_width(), self.rule.target
-        packings = f"{now.count} packing{'s' * (now.count > 1)} to {1e3 * now.length:.3g} ms"
+        replicas = f"{now.count} replica{'s' * (now.count > 1)} to {1e3 * now.length:.3g} ms"
         if torque.mean is None:
-            text = f"{target.quantity} unknown, {packings}"
+            text = f"{target.quantity} unknown, {replicas}"
         else:
             wanted = target.half_width(torque.mean)
-            over = "" if half is None or not wanted else f", {half / wanted:.2g} of the half width asked for"
+            requested = "" if half is None or not wanted else f"; +- {wanted:.2g} {target.unit} was requested"
             error = "" if half is None else f" +- {half:.2g}"
-            text = f"{target.quantity} {torque.mean:.4g}{error} {target.unit} (95 %{over}), {packings}"
+            text = f"{target.quantity} {torque.mean:.4g}{error} {target.unit} (95 %{requested}), {replicas}"
         if isinstance(following, Stop):
             text += ": target precision reached" if following.reached else f"; {torque.reason}"
         else:
             done, left = now.count * now.length, following.count * following.length - now.count * now.length
             seconds = (time.monotonic() - self._began) * left / max(done - self._simulated, 1e-300)
-            what = f"{following.count} packings" if following.count > now.count else f"{1e3 * following.length:.3g} ms"
-            text += f"; {torque.reason.partition(':')[0]}; next look at {what}, in about {spoken(seconds)}"
-        self.progress.announce(text)
+            what = f"{following.count} replicas" if following.count > now.count else f"{1e3 * following.length:.3g} ms"
+            text += f"; {torque.reason.partition(':')[0]}; next look at {what}, in about {format_rough_time(seconds)}"
+        self.progress.log(text)
 
-    def _say(self, here: float) -> None:
+    def _update(self, here: float) -> None:
         there = self.replicas.have_reached() + 1
-        text = f"{there} of {self.now.count} packings at {1e3 * self.now.length:.3g} ms"
+        text = f"{there} of {self.now.count} replicas at {1e3 * self.now.length:.3g} ms"
         self.progress.update(self.replicas.share_done(here), text)
 
 
@@ -120,5 +120,5 @@ def how_it_ended(torque: Estimate, history: pandas.DataFrame, target: TorqueTarg
         end = float(history[TIME].iloc[-1])
         found["reason"] = remedy(torque, target, end)
         if torque.mean is not None and (target.absolute or not may_be_zero(torque)):
-            found["packings"], found["end"] = enough(torque, target.half_width(torque.mean), end)
+            found["replicas"], found["end"] = enough(torque, target.half_width(torque.mean), end)
     return found

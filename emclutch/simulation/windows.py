@@ -29,7 +29,7 @@ and 0.2 % after eight, 11 % and 0.9 % after sixteen; in the mean over the interv
 
 
 class UpdateRule(Enum):
-    """Rule for the interval between evaluations of held forces."""
+    """Rule for the interval between evaluations of lagged forces."""
 
     ASKED = auto()
     EVERY_STEP = auto()  # the step of rigid grains follows the forces themselves
@@ -50,13 +50,13 @@ class Windows:
     dt : float
         Step of the grains [s].
     steps_per_update : int
-        Steps between evaluations of the held forces; the last interval of a window may be shorter.
+        Steps between evaluations of the lagged forces; the last interval of a window may be shorter.
     steps : int
         Of a window.
     count : int
         Windows of the run.
     rule : UpdateRule or None
-        What decides the steps an update; None without held forces.
+        What decides the steps an update; None without lagged forces.
     jump : float or None
         Shortest change of the coil's table, or time constant of its circuit, that is shorter than a window [s].
     """
@@ -159,15 +159,15 @@ def _update_of_a_window(scene, dt: float, per_update: int, steps: int, rule: Upd
 def _steps_per_update(
     scene, dt: float, speed: float, between_layers: float, parting: float | None
 ) -> tuple[int, UpdateRule]:
-    """Return the steps between evaluations of the held forces, and what decides them."""
+    """Return the steps between evaluations of the lagged forces, and what decides them."""
     attraction, rigid = scene.effects.attraction, scene.contact.method == "dvi"
     if attraction is not None and attraction.update_every:
         return attraction.update_every, UpdateRule.ASKED
     # near pulls follow every step (`coupling.near_attraction`): what is held then changes with the places of layers
     followed = attraction is not None and attraction.has_necks
     if rigid and not (followed and parting is not None):
-        return 1, UpdateRule.EVERY_STEP if scene.effects.hold_forces else UpdateRule.PRESSURE_EVERY_STEP
-    if not scene.effects.hold_forces:
+        return 1, UpdateRule.EVERY_STEP if scene.effects.have_lagged_forces else UpdateRule.PRESSURE_EVERY_STEP
+    if not scene.effects.have_lagged_forces:
         return max(1, floor(0.5 * scene.time.steps_per_contact)), UpdateRule.PRESSURE
     if rigid and parting is not None:
         moved, share, longest, rule = between_layers, RIGID_SHIFT, RIGID_PARTING * parting / dt, UpdateRule.PARTING

@@ -8,38 +8,38 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from emclutch.scene.draft import Draft
 from emclutch.scene.errors import Fault
-from emclutch.scene.section import Whole
+from emclutch.scene.partial_scene import PartialScene
+from emclutch.scene.section import Integer
 from emclutch.scene.units import number
 from emclutch.sources.source_section import SourceSection
 
 MIN_SIZE_IN_3D = 0.2  # `geometry.mesh_slotted`
 
 
-def _device_with_a_coil(draft: Draft) -> Iterator[Fault]:
+def _device_with_a_coil(partial: PartialScene) -> Iterator[Fault]:
     """The device has a coil, and the scene says what drives it."""
     from emclutch.devices import kinds_in_words  # local: the lists name this module
     from emclutch.sources import sources_in_words
 
-    geometry, others = draft.scene.geometry, sources_in_words(is_solved=False)
+    geometry, others = partial.scene.geometry, sources_in_words(is_solved=False)
     if not geometry.has_coil:
-        yield draft.fault(
+        yield partial.fault(
             "field.source",
             f"needs a device with a coil, but geometry.kind = '{geometry.kind}'; "
             f"take geometry.kind = {kinds_in_words(has_coil=True)}, or field.source = {others}",
         )
-    elif draft.scene.coil is None and "coil" not in draft.broken:
+    elif partial.scene.coil is None and "coil" not in partial.broken:
         yield Fault("coil", "", "is missing, but field.source = 'coil'; add [coil] with its current and turns")
 
 
-def _solved_in_3d(draft: Draft) -> Iterator[Fault]:
+def _solved_in_3d(partial: PartialScene) -> Iterator[Fault]:
     """Yield the combinations that a field in 3D does not support."""
-    source, geometry = draft.scene.field, draft.scene.geometry
+    source, geometry = partial.scene.field, partial.scene.geometry
     if not geometry.is_solved_in_3d:
         return
     key = f"geometry.{geometry.key_of_3d}"
-    for one in draft.scene.effects.present:
+    for one in partial.scene.effects.present:
         if one.not_in_3d:
             yield Fault(
                 f"effects.{one.name}",
@@ -47,12 +47,12 @@ def _solved_in_3d(draft: Draft) -> Iterator[Fault]:
                 f"is not available in a 3D field, which {key} asks for: {one.not_in_3d}; remove one of them",
             )
     if source.tolerance is not None:
-        yield draft.fault(
+        yield partial.fault(
             "field.tolerance", f"refines the mesh of a section, but {key} asks for a field in 3D; remove it, and "
             "set the mesh by field.size_factor"
         )  # fmt: skip
     if source.size_factor < MIN_SIZE_IN_3D:
-        yield draft.fault(
+        yield partial.fault(
             "field.size_factor", f"is too fine for a field in 3D, which {key} asks for; allowed: at least "
             f"{MIN_SIZE_IN_3D:g}"
         )  # fmt: skip
@@ -68,10 +68,10 @@ class CoilFieldSection(SourceSection):
     )
 
     source: Literal["coil"]
-    order: Annotated[int, Whole(1, 3, "2")] = Field(
+    order: Annotated[int, Integer(1, 3, "2")] = Field(
         default=2, description="polynomial order of the elements; with 1, B near the axis is some 10 % off on any mesh"
     )
-    gap_layers: Annotated[int, Whole(3, 40, "4")] = Field(default=4, description="element layers across a gap")
+    gap_layers: Annotated[int, Integer(3, 40, "4")] = Field(default=4, description="element layers across a gap")
     size_factor: Annotated[float, number("1", 0.1, 4.0)] = Field(default=1.0, description="scales the mesh size")
     tolerance: Annotated[float, number("1e-3", 1e-6, 0.1)] | None = Field(
         default=None, description="refine the mesh until flux linkage and gap field are this accurate; unset: as meshed"

@@ -10,8 +10,8 @@ from abc import abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, ClassVar, get_args
 
-from emclutch.scene.draft import Draft
 from emclutch.scene.errors import Fault
+from emclutch.scene.partial_scene import PartialScene
 from emclutch.scene.section import Section
 from emclutch.scene.usual_ranges import UsualRange
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from geometry.walls import Wall
     from particles import Body
 
-Check = Callable[[Draft], Iterator[Fault]]
+Check = Callable[[PartialScene], Iterator[Fault]]
 
 
 class SourceSection(Section):

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from emclutch.scene.draft import Draft
 from emclutch.scene.errors import Fault
 from emclutch.scene.grain_smear import layers_change_the_field, smear_width
+from emclutch.scene.partial_scene import PartialScene
 from emclutch.scene.section import Choice
 from emclutch.scene.units import FieldStrength
 from emclutch.scene.usual_ranges import FLUX_DENSITY
@@ -24,22 +24,22 @@ if TYPE_CHECKING:
 _MU_0 = 4e-7 * math.pi  # [H/m]; the field's own constant would load the field
 
 
-def _radial_in_an_annulus(draft: Draft) -> Iterator[Fault]:
+def _radial_in_an_annulus(partial: PartialScene) -> Iterator[Fault]:
     """A radial field needs two cylinders."""
     from emclutch.devices import kinds_in_words  # local: the list names this module
 
-    if draft.scene.field.direction == "radial" and not draft.scene.geometry.is_annulus:
-        yield draft.fault(
+    if partial.scene.field.direction == "radial" and not partial.scene.geometry.is_annulus:
+        yield partial.fault(
             "field.direction",
             f"needs geometry.kind = {kinds_in_words(is_annulus=True)}, whose mid radius is that of "
             "field_strength; take another direction, e.g. 'axial'",
         )
 
 
-def _alike_in_every_sector(draft: Draft) -> Iterator[Fault]:
+def _alike_in_every_sector(partial: PartialScene) -> Iterator[Fault]:
     """A uniform field across the axis differs from sector to sector."""
-    if draft.scene.particles.sector is not None and draft.scene.field.direction in ("x", "y"):
-        yield draft.fault(
+    if partial.scene.particles.sector is not None and partial.scene.field.direction in ("x", "y"):
+        yield partial.fault(
             "field.direction",
             "turns from sector to sector; with particles.sector take 'axial' or 'radial', or remove particles.sector",
         )

@@ -1,7 +1,7 @@
 """Which points of a curve are run: those that narrow the intervals that are too wide most for what they cost.
 
-The study's values are candidates: places along a curve, and packings of each (`scene.seed`). Four places with two
-packings each begin. Then batches of `BATCH` are chosen one after the other: of the candidates the one that makes
+The study's values are candidates: places along a curve, and replicas of each (`scene.seed`). Four places with two
+replicas each begin. Then batches of `BATCH` are chosen one after the other: of the candidates the one that makes
 sum over the places of (half width^2 - aim^2), where that is above zero, least per cost; each choice counts on the ones
 before, for the interval of `emclutch.results.curve_interval` narrows by what is measured where, whatever the result.
 A batch follows from the results of those before it alone, so that neither the number of processes nor an interruption
@@ -25,8 +25,8 @@ from emclutch.scene.study import StudySection
 from emclutch.studies.tables import DonePoint
 
 log = logging.getLogger(__name__)
-BEGIN, PACKINGS, BATCH = 4, 2, 4
-"""Places and packings that begin, and points of each later batch."""
+BEGIN, REPLICAS, BATCH = 4, 2, 4
+"""Places and replicas that begin, and points of each later batch."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,8 +56,8 @@ class AdaptiveCurve:
     def __init__(self, places: Sequence[float], error: float, most: int) -> None:
         self.places, self.error, self.most = np.asarray(places, dtype=float), error, most
         self.at, count = np.unique(self.places, return_counts=True)
-        self.packing = np.empty(len(self.places), dtype=int)  # of each candidate its number at its place: its seed's
-        self.packing[np.argsort(self.places, kind="stable")] = np.concatenate([np.arange(one) for one in count])
+        self.replica = np.empty(len(self.places), dtype=int)  # of each candidate its number at its place: its seed's
+        self.replica[np.argsort(self.places, kind="stable")] = np.concatenate([np.arange(one) for one in count])
         self.chosen: list[int] = []
         self.curve: CurveInterval | None = None  # of what was measured before the last batch
 
@@ -79,7 +79,7 @@ class AdaptiveCurve:
         known = [number for number in self.chosen if number in measured]
         if not self.chosen:
             begin = self.at[np.unique(np.linspace(0, len(self.at) - 1, BEGIN).round().astype(int))]
-            batch = self._of_each(begin, PACKINGS)
+            batch = self._of_each(begin, REPLICAS)
         else:
             batch = self._best(known, measured)
         batch = batch[: self.most - len(self.chosen)]
@@ -127,11 +127,11 @@ class AdaptiveCurve:
     def _free(self, place: float, batch: Sequence[int]) -> list[int]:
         """Candidates of a place that are neither chosen nor in the batch, those first whose seed was used least so far.
 
-        Runs of one seed begin with the same packing: what they have in common would be no scatter of the curve.
+        Runs with the same seed begin with the same packing: what they have in common is no scatter of the curve.
         """
         chosen = np.array([*self.chosen, *batch], dtype=int)
         numbers = np.setdiff1d(np.flatnonzero(self.places == place), chosen)
-        used = np.bincount(self.packing[chosen], minlength=self.packing.max() + 1)[self.packing[numbers]]
+        used = np.bincount(self.replica[chosen], minlength=self.replica.max() + 1)[self.replica[numbers]]
         return numbers[np.argsort(used, kind="stable")].tolist()
 
 
@@ -184,9 +184,9 @@ class AdaptiveStudy:
 
     def _write(self, curve: CurveInterval, measured: Mapping[int, Measured]) -> None:
         """Write the curve with its interval, and say where it is widest."""
-        packings = [sum(self._curve.places[number] == place for number in measured) for place in curve.x]
-        lines = [f"{self._key},torque,low,high,packings"]
-        for place, torque, half, count in zip(curve.x, curve.torque, curve.half_width, packings, strict=True):
+        replicas = [sum(self._curve.places[number] == place for number in measured) for place in curve.x]
+        lines = [f"{self._key},torque,low,high,replicas"]
+        for place, torque, half, count in zip(curve.x, curve.torque, curve.half_width, replicas, strict=True):
             low, high = torque * np.exp(-half), torque * np.exp(half)
             lines.append(f"{self._entry_of[place]},{float(torque)!r},{float(low)!r},{float(high)!r},{count}")
         replace_text(self._folder / "adaptive_curve.csv", "\n".join(lines) + "\n")
@@ -196,13 +196,13 @@ class AdaptiveStudy:
             state += ", and there are no more points: list more scene.seed, or raise study.sample.count"
         most, where = np.expm1(curve.half_width[widest]), self._entry_of[curve.x[widest]]
         text = (
-            f"after {len(measured)} packings the curve's 95 % interval is at most +- {100.0 * most:.2g} %, at "
-            f"{self._key} = {where}: {state}; one packing scatters by {100.0 * curve.noise:.2g} %"
+            f"after {len(measured)} replicas the curve's 95 % interval is at most +- {100.0 * most:.2g} %, at "
+            f"{self._key} = {where}: {state}; one replica scatters by {100.0 * curve.noise:.2g} %"
         )
-        if (seeds := self._curve.packing.max() + 1) < BEGIN * PACKINGS:
+        if (seeds := self._curve.replica.max() + 1) < BEGIN * REPLICAS:
             text += (
                 f"; the places that begin share {seeds} seeds, and the interval does not have what runs of one seed "
-                f"have in common: list {BEGIN * PACKINGS} scene.seed or more"
+                f"have in common: list {BEGIN * REPLICAS} scene.seed or more"
             )
         replace_text(self._folder / "adaptive_curve.txt", text + "\n")
         log.info("%s", text)

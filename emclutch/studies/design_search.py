@@ -160,9 +160,7 @@ class DesignResult:
     @property
     def is_certain(self) -> bool:
         """True if the whole 95 % interval of that torque is within the tolerance; False where it is not known."""
-        return self.nearest is not None and all(
-            self._is_within(abs(end)) for end in self.nearest.run.best.interval()
-        )
+        return self.nearest is not None and all(self._is_within(abs(end)) for end in self.nearest.run.best.interval())
 
     def _repr_html_(self) -> str:
         from emclutch.results.report.content import Block, Page, Statements, Table  # local: they import what draws
@@ -417,7 +415,7 @@ def in_words(result: DesignResult) -> list[str]:
     search, expected, correction = result.search, result.expected, result.correction
     torque = (expected.torque or 0.0) * (correction.ratio if correction else 1.0)
     low, high = (
-        f"{search.shown(end)}{' (end of the range: perhaps beyond)' if is_cut else ''}"
+        f"{search.shown(end)}{' (end of the range)' if is_cut else ''}"
         for end, is_cut in zip(result.bracket, result.is_cut, strict=True)
     )
     lines = [
@@ -428,10 +426,12 @@ def in_words(result: DesignResult) -> list[str]:
         ends = correction.interval
         spread = "its error unknown" if ends is None else f"95 %: {ends[0]:.2f} to {ends[1]:.2f}"
         lines.append(f"times {correction.ratio:.2f} ({spread}), the ratio of {correction.folder} to its expectation")
-    if correction is not None and correction.interval is not None:
-        lines.append(f"the error of that run leaves {low} to {high}, if its ratio is the same there")
+    if all(result.is_cut):
+        lines.append(f"uncertainty too large: any {search.key} of the range may be right")
+    elif correction is not None and correction.interval is not None:
+        lines.append(f"the error of that run allows {low} to {high}, if its ratio is the same there")
     else:
-        lines.append(f"its uncertainty leaves {low} to {high}")
+        lines.append(f"the uncertainty of the law allows {low} to {high}")
     if not result.is_monotone:
         lines.append("WARNING: the torque rises and falls between both values: other answers may exist, see design.csv")
     lines.append(f"scene: {result.folder / 'found.toml'}")

@@ -10,7 +10,7 @@ from emclutch.scene.case import Case
 from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.replica_count import cores_at_hand, replica_count
 from emclutch.scene.study import StudySection
-from emclutch.simulation.forecast.cost import spoken
+from emclutch.simulation.forecast.cost import format_rough_time
 from emclutch.simulation.forecast.space import shortage
 from emclutch.simulation.plan import make_plan
 from emclutch.simulation.stopping_rule import stopping_rule
@@ -27,7 +27,7 @@ class PointForecast:
     ----------
     label : its values.
     steps, grains : of one replica.
-    replicas : runs of the point, each of another packing.
+    replicas : runs of the point, each with another seed.
     seconds : wall-clock time to the scene's end [s], while other points run at the same time.
     earliest : the same where `time.until` ends it as early as shear of the gap allows [s]; `seconds` without an aim.
     memory, disk : of all its replicas at most, and of its folder in the end [MiB].
@@ -57,7 +57,7 @@ class StudyForecast:
     jobs : int
         Points at a time.
     seconds, earliest : wall-clock time of all [s], as those of a point.
-    needs_ladders : whether points have a target of accuracy, and their devices no ladder yet.
+    needs_studies : whether points have a target of accuracy, and their devices no accuracy study yet.
     """
 
     title: str
@@ -66,7 +66,7 @@ class StudyForecast:
     jobs: int
     seconds: float
     earliest: float
-    needs_ladders: bool = False
+    needs_studies: bool = False
 
     @property
     def memory(self) -> float:
@@ -85,7 +85,9 @@ class StudyForecast:
     def in_words(self) -> str:
         """One line: the sum, and what stands against it."""
         kept = f" ({self.done} more are done)" if self.done else ""
-        first = "; ladders of devices that have none are measured first (accuracy.budget)" if self.needs_ladders else ""
+        first = (
+            "; accuracy studies of devices without one are run first (accuracy.budget)" if self.needs_studies else ""
+        )
         text = (
             f"{len(self.points)} {'point' if len(self.points) == 1 else 'points'}{kept}, {self.jobs} at a time: "
             f"{time_in_words(self.seconds, self.earliest)}, up to {self.memory:.0f} MiB of memory, "
@@ -97,9 +99,9 @@ class StudyForecast:
 
 def time_in_words(seconds: float, earliest: float) -> str:
     """About how long something takes; where it may end earlier, at the latest and at the earliest."""
-    if spoken(earliest) == spoken(seconds):
-        return f"about {spoken(seconds)}"
-    return f"about {spoken(seconds)} at the latest, {spoken(earliest)} at the earliest"
+    if format_rough_time(earliest) == format_rough_time(seconds):
+        return f"about {format_rough_time(seconds)}"
+    return f"about {format_rough_time(seconds)} at the latest, {format_rough_time(earliest)} at the earliest"
 
 
 def predict_study(study: StudySection, jobs: int = 1, folders: Sequence[PointFolder] = ()) -> StudyForecast:
@@ -114,11 +116,11 @@ def predict_study(study: StudySection, jobs: int = 1, folders: Sequence[PointFol
     """
     points: dict[int, PointForecast] = {}
     planned: dict[str, PointForecast] = {}
-    faults, needs_ladders = [], False
+    faults, needs_studies = [], False
     for number, (values, case) in enumerate(cases_of(study)):
         if folders and folders[number].is_done:
             continue
-        needs_ladders |= case.scene.accuracy.target is not None
+        needs_studies |= case.scene.accuracy.target is not None
         reached = folders[number].reached if folders else 0.0
         label = ", ".join(f"{key} = {value}" for key, value in values.items())
         scene = case.resolved()
@@ -145,7 +147,7 @@ def predict_study(study: StudySection, jobs: int = 1, folders: Sequence[PointFol
         jobs,
         latest,
         min(earliest, latest),
-        needs_ladders,
+        needs_studies,
     )
 
 

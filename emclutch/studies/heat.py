@@ -264,7 +264,7 @@ class _Study:
         try:
             found = self._solve(self.peak)
         except ThermalRunaway:
-            return {"state": f"none: the winding passes {HOTTEST:g} degrees C"}, None
+            return {"state": f"No steady state: winding above {HOTTEST:g} °C"}, None
         row = self._row({self.peak: 1.0}, found)
         del row["time"]
         out = {f"heat_out_{name}": heat for name, heat in self.problem.losses(found).items()}
@@ -329,7 +329,7 @@ class _Study:
                 if rows[-1]["coil_mean"] > HOTTEST:
                     raise ThermalRunaway
         except ThermalRunaway:
-            summary["state"] = f"stopped: the winding passes {HOTTEST:g} degrees C after {state.time:.4g} s"
+            summary["state"] = f"stopped: winding above {HOTTEST:g} °C after {state.time:.4g} s"
             summary["end"] = state.time
         table = pandas.DataFrame(rows)
         for key, limit in (("surface", effect.surface_limit), ("coil_hottest", effect.coil_limit)):

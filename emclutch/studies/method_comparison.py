@@ -10,7 +10,7 @@ import numpy as np
 
 from emclutch.results import Estimate, Result
 from emclutch.results.columns import DISC_SPEED, MISSED_STEPS, ROTOR_SPEED, STEPS, TIME, TORQUE_DISC
-from emclutch.results.text import format_duration, format_mean, per_cent
+from emclutch.results.text import format_duration, format_mean, format_percent
 from emclutch.results.torque_curves import NORMAL
 
 METHOD = "contact.method"
@@ -117,7 +117,7 @@ def comparison_lines(rows: Sequence[Mapping[str, Any]], keys: Sequence[str]) -> 
         spent = [row[f"processor_to_5_percent_{name}"] for name in ("dvi", "dem")]
         if None not in spent:
             dvi, dem = (format_duration(one) for one in spent)
-            parts.append(f"for ± {per_cent(WANTED)} about {dvi} of processor time against {dem}")
+            parts.append(f"for ± {format_percent(WANTED)} about {dvi} of processor time against {dem}")
         if row["missed_steps_dvi"]:
             parts.append(f"{100.0 * row['missed_steps_dvi']:.2g} % of the steps by DVI missed their tolerance")
         place = ", ".join(f"{key} = {row[key]}" for key in keys)

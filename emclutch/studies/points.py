@@ -134,7 +134,7 @@ def is_done_now(path: Path, case: Case, fixed: Collection[str]) -> bool:
     return _is_done(path, flat_scene(text), fixed)
 
 
-def goes_on(case: Case, path: Path, resume: bool) -> bool:
+def can_resume(case: Case, path: Path, resume: bool) -> bool:
     """True if a point continues from its checkpoint; what lies in its folder without one is put aside."""
     name = path.name
     if resume and RunFolder(path).checkpoint.is_file():

@@ -27,12 +27,12 @@ from emclutch.scene.flat import differing_keys, flat_scene
 from emclutch.scene.input_files import file_contents
 from emclutch.scene.replica_count import cores_at_hand
 from emclutch.studies.accuracy.tasks import STOPPED, AccuracyTask, TaskResult, perform, result_in
-from emclutch.studies.task_queue import InThisProcess, TaskQueue, makespan, note, tell
+from emclutch.studies.task_queue import InThisProcess, TaskQueue, log_progress, makespan, update_progress
 from emclutch.studies.tasks import STOP
 from emclutch.studies.workers import ctrl_c_sets, worker_pool
 
 log = logging.getLogger(__name__)
-VERSION = 2
+VERSION = 3
 BUDGET = 1200.0
 """Default wall-clock time of a study [s]."""
 
@@ -142,11 +142,11 @@ class ResumableStudy(ABC):
             folder = tasks[number].folder
             self.results[folder] = outcome
             self.performed += 1
-            log.info("%s: %s", folder, outcome.failure or f"{outcome.value} in {outcome.seconds:.3g} s")
+            log.info("%s: %s", folder, outcome.failure or f"{outcome.result} in {outcome.seconds:.3g} s")
             done = sum(task.folder in self.results for task in tasks)
-            tell(self.progress, self.fraction(), f"{text}: {done} of {len(tasks)}")
+            update_progress(self.progress, self.fraction(), f"{text}: {done} of {len(tasks)}")
 
-        tell(self.progress, self.fraction(), text)
+        update_progress(self.progress, self.fraction(), text)
         self.queue.all(
             perform,
             takewhile(lambda one: may_begin(one[0]), left),
@@ -170,10 +170,10 @@ class ResumableStudy(ABC):
         self.known |= values
         replace_json(self.folder / self.plan, self.known)
 
-    def say(self, words: str) -> None:
-        """Tell the log, and who watches, what is going to be done."""
+    def log(self, words: str) -> None:
+        """Write a line to the log and by the progress."""
         log.info("%s", words)
-        note(self.progress, words)
+        log_progress(self.progress, words)
 
     def refuse_failed(self, name: str) -> None:
         """Raise RunError where a task has failed that all else refers to."""

@@ -5,12 +5,12 @@ A_B^i, A with the column i of B (Saltelli et al., Computer Physics Communication
 
     S1_i = mean(f_B (f_AB^i - f_A)) / V,    ST_i = mean((f_A - f_AB^i)^2) / (2 V),    V = var(f_A, f_B),
 
-by SALib (extra ``sensitivity``), which also resamples the N points for the 95 % bars. A torque of a run has noise of
-its packing. It is no value of the study, but adds to the scatter: V grows by the noise's mean variance, and so does
-every numerator of ST; a value without effect would have ST = noise/V. What is known of each point's noise is therefore
-subtracted: mean(s_A^2, s_B^2) from V, half of mean(s_A^2 + s_AB^2) from the numerator of ST. The bars have the noise in
-them, since each of the resampled points has its own. Runs of one seed begin with the same packing at every point; what
-they have in common cancels in V and in both numerators, hence it is no part of s: of p packings of n points, s^2 is
+by SALib (extra ``sensitivity``), which also resamples the N points for the 95 % bars. The torque of a run has
+noise by its seed, which adds to the scatter: V grows by the noise's mean variance, and so does every numerator of ST; a
+value without effect would have ST = noise/V. What is known of each point's noise is therefore subtracted:
+mean(s_A^2, s_B^2) from V, half of mean(s_A^2 + s_AB^2) from the numerator of ST. The bars have the noise in them, since
+each of the resampled points has its own. Runs with the same seed begin with the same packing at every point; what they
+have in common cancels in V and in both numerators, hence it is no part of s: of p replicas of n points, s^2 is
 sum (f_jk - mean_k f_jk - mean_j f_jk + mean f)^2 / ((n - 1) (p - 1)) / p.
 """
 
@@ -37,7 +37,7 @@ def sobol_indices(study: StudySection | str | Path, folder: str | Path) -> panda
 
     Parameters
     ----------
-    study : that was sampled by ``saltelli``, or the path of its file. Values of `scene.seed` are packings of each
+    study : that was sampled by ``saltelli``, or the path of its file. Values of `scene.seed` are replicas of each
         point: from two on the noise of their mean is their scatter, less what runs of one seed have in common, pooled
         over all points; of one it is the run's own standard error.
     folder : of its results.
@@ -46,7 +46,7 @@ def sobol_indices(study: StudySection | str | Path, folder: str | Path) -> panda
     -------
     DataFrame
         A row for each sampled value: `value`, `first` and `first_bar`, `total` and `total_bar` (half of 95 %
-        intervals), `noise`: the share of the packings' noise in the variance of the torques before it was subtracted.
+        intervals), `noise`: the share of the replicas' noise in the variance of the torques before it was subtracted.
 
     Raises
     ------
@@ -92,8 +92,8 @@ def indices_of(names: list[str], torque: np.ndarray, noise: np.ndarray) -> list[
     share = float(np.concatenate([squares[::step], squares[step - 1 :: step]]).mean()) / variance
     if not share < 1.0:
         raise OutputError(
-            f"the packings' noise is {100.0 * share:.3g} % of the torques' variance; take wider ranges, longer runs or "
-            "more packings of each point (scene.seed)"
+            f"the replicas' noise is {100.0 * share:.3g} % of the torques' variance; take wider ranges, longer runs or "
+            "more replicas of each point (scene.seed)"
         )
     problem = {"num_vars": len(names), "names": names, "bounds": [[0.0, 1.0]] * len(names)}
     found = sobol.analyze(
@@ -127,19 +127,19 @@ def _points(study: StudySection, table: Any) -> tuple[np.ndarray, np.ndarray]:
         for _, row in table.iterrows()
     }
     points = [_key(point, keys) for point in study.points() if point.get(SEED) == study.values.get(SEED, [None])[0]]
-    packings = list(dict.fromkeys(_key(point, seed) for point in study.points()))
-    missing = sum((point, packing) not in runs for point in points for packing in packings)
+    replicas = list(dict.fromkeys(_key(point, seed) for point in study.points()))
+    missing = sum((point, replica) not in runs for point in points for replica in replicas)
     if missing > 0:
         raise OutputError(f"{missing} runs of {study.path} are not done: continue the study with --resume")
-    found = np.array([[runs[point, packing] for packing in packings] for point in points])
+    found = np.array([[runs[point, replica] for replica in replicas] for point in points])
     torques, errors = found[..., 0], found[..., 1]
     means = torques.mean(axis=1)
-    if len(packings) > 1:
-        own = torques - torques[:, :1]  # exactly 0 where packings are alike
+    if len(replicas) > 1:
+        own = torques - torques[:, :1]  # exactly 0 where replicas are alike
         own = own - own.mean(axis=0)
         own = own - own.mean(axis=1, keepdims=True)
-        square = float((own**2).sum()) / ((len(points) - 1) * (len(packings) - 1))
-        noise = np.full(len(points), np.sqrt(square / len(packings)))
+        square = float((own**2).sum()) / ((len(points) - 1) * (len(replicas) - 1))
+        noise = np.full(len(points), np.sqrt(square / len(replicas)))
     else:
         noise = errors[:, 0]
     if not (np.isfinite(means).all() and np.isfinite(noise).all()):

@@ -34,11 +34,11 @@ from emclutch.studies.accuracy.target import cases_of
 from emclutch.studies.adaptive import AdaptiveStudy
 from emclutch.studies.dask_executor import SchedulerLost
 from emclutch.studies.point_index import PointIndex, lease_of, part_folder
-from emclutch.studies.points import PointFolder, folders_of_points, goes_on, is_done_now, unclaimed
-from emclutch.studies.renewal import Renewal
+from emclutch.studies.points import PointFolder, can_resume, folders_of_points, is_done_now, unclaimed
 from emclutch.studies.tables import DonePoint, label_of, write_failures, write_tables
 from emclutch.studies.task_queue import TaskQueue
 from emclutch.studies.tasks import STOP, PointOutcome, PointTask, run_leased_point, run_point
+from emclutch.studies.throttle import Throttle
 from emclutch.studies.workers import ctrl_c_sets, threads_of_a_worker, worker_pool
 
 log = logging.getLogger(__name__)
@@ -98,7 +98,7 @@ def sweep(
     Raises
     ------
     SceneError
-        The study has faults, or no such part; a target of accuracy whose ladder is missing, in a part.
+        The study has faults, or no such part; a target of accuracy whose study is missing, in a part.
     OutputError, RunError
         At the end, where points have failed: with the values and the reason of each, which also lie in `failures.csv`.
         The other points are run all the same, and `resume` repeats those that failed. OutputError where all of them
@@ -133,7 +133,7 @@ def sweep(
                 if executor is None and share == 1:
                     run.here()
                 elif executor is None:
-                    while run.goes_on():  # a worker that was killed breaks its pool
+                    while run.has_pending():  # a worker that was killed breaks its pool
                         with worker_pool(share) as workers:
                             run.by(workers, jobs)
                 else:
@@ -201,7 +201,7 @@ class _StudyRun:
         self.share = share  # processes of this study on this machine
         numbers = None if self.part is None else study.numbers_of(self.part)
         self.home = folder if self.part is None else part_folder(folder, self.part)  # of log and failures
-        self.points = list(cases_of(study, _Announced(), measure=numbers is None, numbers=numbers))
+        self.points = list(cases_of(study, _StatusLog(), measure=numbers is None, numbers=numbers))
         self.asked = [case.scene.accuracy.target for _, case in study.cases(numbers)]
         before, cases = study.predecessors(), [case for _, case in self.points]
         self.index = index = PointIndex(folder, self.home)
@@ -220,7 +220,7 @@ class _StudyRun:
         self.done: dict[int, DonePoint] = {}
         self.failures: dict[int, PointOutcome] = {}
         self.stopped = False
-        self.renew, self.renew_page = Renewal(self._write), Renewal(self._write_page, PAGE_SECONDS)
+        self.write, self.write_page = Throttle(self._write), Throttle(self._write_page, PAGE_SECONDS)
         table.begin(
             [label_of(study, values) or t.path.name for (values, _), t in zip(self.points, self.targets, strict=True)]
         )
@@ -236,11 +236,11 @@ class _StudyRun:
         """Hand the points to an executor, so many `at_a_time`, and wait for them."""
         asked = threading.Event()
         queue = TaskQueue(executor, at_a_time, asked, self.folder / STOP)
-        look_at_points = Renewal(lambda: self._look_at(queue.running.values()))
+        look_at_points = Throttle(lambda: self._look_at(queue.running.values()))
 
         def look() -> None:
             look_at_points()
-            self.renew_page()
+            self.write_page()
 
         def take(number: int, future: Future[PointOutcome]) -> None:
             try:
@@ -300,8 +300,8 @@ class _StudyRun:
                 f"stopped with {len(self.done)} of {len(self.points)} points done; {self._how_to_go_on()}{more}"
             )
 
-    def goes_on(self) -> bool:
-        """True if a point waits that can run."""
+    def has_pending(self) -> bool:
+        """True if a pending point can run."""
         self._choose()
         return not self.stopped and any(self.before[n] is None or self.before[n] in self.done for n in self.waiting)
 
@@ -356,7 +356,7 @@ class _StudyRun:
                 log.warning("%s has no pictures, and they cannot be drawn: %s", point.path.name, error)
             self._is_done(number, kept=True)
             return None
-        resumed = not self.leases and goes_on(case, point.path, self.resume)
+        resumed = not self.leases and can_resume(case, point.path, self.resume)
         start = None if before is None else str(self.targets[before].path.resolve())
         path = None if case.path is None else str(case.path.resolve())
         threads = self.threads
@@ -377,8 +377,8 @@ class _StudyRun:
             log.error("%s has failed: %s", self.targets[number].path.name, outcome.message)
             self.failures[number] = outcome
             self.table.set_ended(number, FAILED)
-            self.renew()
-            self.renew_page()
+            self.write()
+            self.write_page()
 
     def _is_done(self, number: int, kept: bool = False) -> None:
         (values, _), path = self.points[number], self.targets[number].path
@@ -389,14 +389,14 @@ class _StudyRun:
         if not kept:
             log.info("%s is done", path.name)
         self.done[number] = DonePoint(values, path, row, found.speeds_vary)
-        self.renew()
-        self.renew_page()
+        self.write()
+        self.write_page()
 
     def end(self) -> None:
         """Write what is over all points as it is in the end."""
         self.is_over = True
-        self.renew(at_once=True)
-        self.renew_page(at_once=True)
+        self.write(at_once=True)
+        self.write_page(at_once=True)
 
     def _write_page(self) -> None:
         from emclutch.results.report.study_page import FailedPoint, StudyState, write_study_page
@@ -460,7 +460,7 @@ class _PartRun(_StudyRun):
         for values, case in self.points:
             if (target := case.scene.accuracy.target) is not None:
                 message = (
-                    "needs a ladder that no part measures; measure it first, where all parts find it: "
+                    "needs an accuracy study that no part runs; run it first, where all parts find it: "
                     f"emclutch accuracy {study.case_path} ({label_of(study, values)})"
                 )
                 raise SceneError([Fault("accuracy.target", f"{target}", message)], str(study.path))
@@ -494,13 +494,13 @@ class _PartRun(_StudyRun):
         """Write nothing: the page is of all parts, see `emclutch.gather`."""
 
 
-class _Announced:
-    """Progress of the ladders that are measured before the points."""
+class _StatusLog:
+    """Progress of the accuracy studies that are run before the points."""
 
     def update(self, fraction: float, text: str) -> None:
         """Nothing: the table of points has not begun."""
 
-    def announce(self, text: str) -> None:
+    def status(self, text: str) -> None:
         log.info("%s", text)
 
 
@@ -512,7 +512,7 @@ class _Part:
 
     def update(self, fraction: float, text: str) -> None:
         self._study.table.set_fraction(self._number, fraction, text)
-        self._study.renew_page()
+        self._study.write_page()
 
-    def announce(self, text: str) -> None:
-        self._study.table.announce(self._number, text)
+    def status(self, text: str) -> None:
+        self._study.table.set_status(self._number, text)

@@ -25,7 +25,7 @@ from emclutch.results.run_end import seconds_of
 from emclutch.results.seed_average import averaged_over_seeds
 from emclutch.results.statistics import Estimate
 from emclutch.results.study_folder import write_about, write_empty_table
-from emclutch.results.torque_curves import ACROSS, BEST_ESTIMATE, REAL_ACROSS, TorqueCurve, torque_curves
+from emclutch.results.torque_curves import BEST_ESTIMATE, PER_GAP, REAL_PER_GAP, TorqueCurve, torque_curves
 from emclutch.scene.study import StudySection
 from emclutch.studies.method_comparison import METHOD, compare_methods, comparison_lines
 
@@ -38,10 +38,9 @@ SEED, CURRENT, VOLTAGE, SPEED = "scene.seed", "coil.current", "coil.voltage", "m
 DRAG = "drag_torque", "torque_with_drag"
 """Of seals and bearings, without an interval of its own, and the torque on the disc's shaft with it."""
 SIZES = "particles.diameter", "particles.sizes"
-SIZE_COLUMNS = (ACROSS, REAL_ACROSS, "seeds", "torque", "standard_error", "low", "high", "converged", "inertial_number",
-                "grains", "seconds")  # fmt: skip
-"""Of `grain_size.csv`, after the values: grains across the gap, those of the real powder, torque, what it cost."""
-
+SIZE_COLUMNS = (PER_GAP, REAL_PER_GAP, "seeds", "torque", "standard_error", "low", "high", "converged",
+                "inertial_number", "grains", "seconds")  # fmt: skip
+"""Of `grain_size.csv`, after the values: grains per gap, those of the real powder, torque, what it cost."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,7 +115,7 @@ def write_torques(folder: Path, study: StudySection, rows: list[dict[str, Any]])
     if SPEED in varied and constant and _all_have("rotor_speed", rows):
         curves = _write_curves(folder / "torque_vs_speed.csv", rows, SPEED, "rotor_speed", varied)
         torque_against_speed_picture(folder / "torque_vs_speed.png", curves, title=title)
-    if any(key.startswith(SIZES) for key in varied) and _all_have(ACROSS, rows):
+    if any(key.startswith(SIZES) for key in varied) and _all_have(PER_GAP, rows):
         _write_grain_sizes(folder, runs, rows, varied, title)
 
 
@@ -134,7 +133,7 @@ def _write_grain_sizes(
 
     `rows` are the `runs`, or their averages over seeds, whose cost is that of all their runs.
     """
-    curves = torque_curves(rows, ACROSS, [key for key in varied if not key.startswith(SIZES)])
+    curves = torque_curves(rows, PER_GAP, [key for key in varied if not key.startswith(SIZES)])
     if all(np.unique(curve.x).size < 2 for curve in curves):
         return
     cost: dict[str, float] = {}
@@ -214,7 +213,7 @@ def row_of(values: dict[str, Any], result: Result) -> dict[str, Any]:
         if name in summary:  # between pole faces, or in a sheared box: a point of the powder's law tau(H, phi)
             row[name] = summary[name]
     if size := summary.get("grain_size"):
-        row |= {ACROSS: size["across"], REAL_ACROSS: size.get("real_across"), "grains": summary["grains"]}
+        row |= {PER_GAP: size["across"], REAL_PER_GAP: size.get("real_across"), "grains": summary["grains"]}
     for name in ("normal_stress", "effective_friction"):
         if name in summary:
             row[name] = None if summary[name] is None else summary[name]["mean"]

@@ -109,14 +109,13 @@ def makespan(seconds: Sequence[float], jobs: int) -> float:
     return max(ends)
 
 
-def tell(progress: Any, fraction: float, text: str | None) -> None:
-    """Tell a progress, or None, how much is done; without a text the last one stays."""
+def update_progress(progress: Any, fraction: float, text: str | None) -> None:
+    """Update a progress, or None, by the fraction that is done; without a text the last one stays."""
     if progress is not None:
         progress.update(fraction, text)
 
 
-def note(progress: Any, text: str) -> None:
-    """Tell a progress that takes notes what a study is going to do."""
-    take = getattr(progress, "note", None)
-    if take is not None:
-        take(text)
+def log_progress(progress: Any, text: str) -> None:
+    """Print a line by a progress that has a log."""
+    if (log := getattr(progress, "log", None)) is not None:
+        log(text)

@@ -22,7 +22,7 @@ from emclutch.scene.case import Case, case_from
 from emclutch.scene.errors import SceneError
 from emclutch.simulation.run import run
 from emclutch.studies.point_index import lease_of
-from emclutch.studies.points import goes_on, is_done_now
+from emclutch.studies.points import can_resume, is_done_now
 
 log = logging.getLogger(__name__)
 STOP = "stop-asked"
@@ -100,7 +100,7 @@ def _run_under(lease: Lease, task: PointTask, progress: Any) -> PointOutcome:
         case = task.case()
         if is_done_now(folder, case, ["time.end"]):
             return PointOutcome(DONE)
-        resumed = goes_on(case, folder, True)
+        resumed = can_resume(case, folder, True)
     except SceneError as error:
         return PointOutcome(FAILED, error.report(), is_input=True)
     except OutputError as error:
@@ -183,8 +183,7 @@ class StopAsked:
         if self._progress is not None:
             self._progress.update(fraction, text)
 
-    def announce(self, text: str) -> None:
+    def status(self, text: str) -> None:
         """See `emclutch.results.progress.Progress`."""
-        announce = getattr(self._progress, "announce", None)
-        if announce is not None:
-            announce(text)
+        if (status := getattr(self._progress, "status", None)) is not None:
+            status(text)

@@ -48,7 +48,7 @@ LEVEL = 0.95
 POOR = 0.01
 """Probability of a sum of squares this large, below which no parameters fit."""
 WIDEST = 20.0
-"""Half width of ln T that is told: linear propagation has no bound where no parameters fit."""
+"""Largest half width of ln T that is reported: linear propagation has no bound where no parameters fit."""
 STEP = 1e-3
 """Of a parameter's range, for differences."""
 SMALLEST_SCATTER = 1e-3

@@ -55,14 +55,14 @@ def solve_at_flux_linkage(
     tolerance: float = 1e-8,
     max_iterations: int = 40,
 ) -> MagneticField | Field3D:
-    """The field whose coil links a given flux; its `ampere_turns` are found with it.
+    """The field whose coil links a given flux; its `ampere_turns` are solved with it.
 
     Parameters
     ----------
     linkage_per_turn : float
         lambda/N [Wb].
     fill, guess, tolerance, max_iterations
-        See `AxisymmetricProblem.solve`. In 3D the current is found by fields of given currents.
+        See `AxisymmetricProblem.solve`. In 3D the current is determined by fields of given currents.
 
     Raises
     ------
@@ -105,7 +105,7 @@ def solve_at_flux_linkage(
         tolerance=tolerance,
         max_iterations=max_iterations,
     )
-    return MagneticField(problem, energy.inner.whole(x), energy.multiplier(x), powder, history)
+    return MagneticField(problem, energy.inner.expand(x), energy.multiplier(x), powder, history)
 
 
 class _LinkageEnergy:
@@ -126,8 +126,8 @@ class _LinkageEnergy:
     def hessian(self, x: np.ndarray) -> sp.csc_matrix:
         return self.inner.hessian(x)
 
-    def cautious_hessian(self, x: np.ndarray) -> sp.csc_matrix:
-        return self.inner.cautious_hessian(x)
+    def chord_hessian(self, x: np.ndarray) -> sp.csc_matrix:
+        return self.inner.chord_hessian(x)
 
     def multiplier(self, x: np.ndarray) -> float:
         """N I [A]: dW/dx = N I c at the solution."""
@@ -203,7 +203,7 @@ class LinearisedCoil:
         Parameters
         ----------
         voltage : callable t [s] -> V [V]
-            Linear between `breaks`, where it may jump too (it is asked just before and just after).
+            Linear between `breaks`, where it may jump too (it is evaluated just before and just after).
         breaks : iterable of float
             Instants [s] at which the voltage is not smooth.
         """

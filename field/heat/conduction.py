@@ -206,10 +206,10 @@ class HeatProblem:
             column = volume.assemble(basis, k=each(marked))
             columns.append(column / column.sum())
         self.spread = np.column_stack(columns) if columns else np.zeros((self.n_dofs, 0))
-        self._held = [np.unique(basis.element_dofs[:, place[np.asarray(heated, int)]]) for heated in sources.values()]
+        self._heated_dofs = [np.unique(basis.element_dofs[:, place[np.asarray(own, int)]]) for own in sources.values()]
         films = [_Film(skfem, section, element, intorder, one, number) for one in surfaces if len(one.edges)]
         self._surfaces = [self._with_body(one) if one.surface.capacity else one for one in films]
-        # one pattern for all matrices, so that the ordering of the factorisation is found once
+        # one pattern for all matrices, so that the ordering of the factorisation is computed once
         pattern = abs(self.K) + abs(self.M)
         for surface in self._surfaces:
             pattern = pattern + abs(surface.tangent(np.zeros(self.n_dofs), self.n_dofs))
@@ -253,7 +253,7 @@ class HeatProblem:
 
     def largest(self, temperature: np.ndarray) -> np.ndarray:
         """Largest temperature in each source [degrees C], (m,)."""
-        return np.array([temperature[dofs].max() for dofs in self._held])
+        return np.array([temperature[dofs].max() for dofs in self._heated_dofs])
 
     def losses(self, temperature: np.ndarray) -> dict[str, float]:
         """Heat [W] that leaves through each surface."""
@@ -314,13 +314,13 @@ class HeatProblem:
                 break
             if np.abs(step).max() <= _CLOSE * max(1.0, float(np.abs(temperature - step - self.outside).max())):
                 return temperature - step
-            size, share = np.linalg.norm(residual), 1.0
+            size, fraction = np.linalg.norm(residual), 1.0
             for _ in range(_HALVINGS + 1):
-                tried = temperature - share * step
+                tried = temperature - fraction * step
                 residual, slope = residual_and_slope(tried)
-                if np.linalg.norm(residual) <= (1.0 - 0.1 * share) * size:
+                if np.linalg.norm(residual) <= (1.0 - 0.1 * fraction) * size:
                     break
-                share *= 0.5
+                fraction *= 0.5
             temperature = tried
             if np.abs(temperature).max() > MOLTEN:
                 raise ThermalRunaway(f"there are no steady temperatures below {MOLTEN:g} degrees C")
@@ -357,12 +357,12 @@ class _Film:
     """The integrals over one surface."""
 
     def __init__(self, skfem: Any, section: Any, element: Any, intorder: int, surface: CooledSurface, number: Any):
-        wanted = np.sort(number[surface.edges], axis=1)
-        if np.any(wanted < 0):
+        edges = np.sort(number[surface.edges], axis=1)
+        if np.any(edges < 0):
             raise ValueError(f"`surfaces`: {surface.name} has an edge that is none of the conducting part")
         facets = {(int(a), int(b)): k for k, (a, b) in enumerate(np.sort(section.facets, axis=0).T)}
         basis = skfem.FacetBasis(
-            section, element, facets=np.array([facets[int(a), int(b)] for a, b in wanted]), intorder=intorder
+            section, element, facets=np.array([facets[int(a), int(b)] for a, b in edges]), intorder=intorder
         )
         self.surface = surface
         shape = np.array([np.broadcast_to(np.asarray(each[0]), basis.dx.shape) for each in basis.basis])

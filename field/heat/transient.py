@@ -2,7 +2,7 @@
 
 A step of h from T_0 is made once (T_a) and as two of h/2 (T_b). The error of T_b is T_b - T_a to first order; the
 result 2 T_b - T_a is of second order (extrapolation of L. F. Richardson; E. Hairer and G. Wanner, Solving Ordinary
-Differential Equations II, 1996, IV.9). The largest |T_b - T_a| is held below a tolerance [K], which bounds the error of
+Differential Equations II, 1996, IV.9). The largest |T_b - T_a| is kept below a tolerance [K], which bounds the error of
 a step. Both steps are solved to round-off, so that in each the heat that is stored is what the sources make less what
 leaves; the sums of both are extrapolated as the temperatures are, and the balance of energy closes whatever the step.
 A source of a step is its mean over the step by two points of Gauss, exact for powers that are cubic in time: an error
@@ -18,7 +18,7 @@ matrix of one reference temperature, which changes them by per cents only.
 
     T_0' = T(P) + T_m - <T>
 
-about the mean T_m asked for. A mode of time constant tau that is off by d is then off by d (e^-x - (1 - e^-x)/x), x =
+about the given mean T_m. A mode of time constant tau that is off by d is then off by d (e^-x - (1 - e^-x)/x), x =
 P/tau: by less than 0.30 d at any x, so that a few periods find the ripple, however much longer than them the device
 takes to warm.
 """
@@ -42,7 +42,7 @@ _ITERATIONS = 40
 _CLOSE = 1e-9
 """Change of the temperatures [K] at which a step's iteration ends."""
 _PERIODS = 30
-"""Periods within which a ripple is found: 0.30^n."""
+"""Periods within which a ripple converges: 0.30^n."""
 RIPPLE_ERROR = 0.01
 """Of a step and of the iteration, over the largest ripple; and its floor [K]."""
 _MIN_RIPPLE = 1e-4
@@ -122,8 +122,8 @@ class HeatInTime:
     def start(self, temperature: np.ndarray | float, time: float = 0.0) -> HeatState:
         """The state at `time` [s] with temperatures (n_dofs,) or a uniform one [degrees C]."""
         problem = self.problem
-        held = np.broadcast_to(np.asarray(temperature, float), (problem.n_dofs,)).copy()
-        return HeatState(time, held, np.zeros(len(problem.names)), 0.0)
+        start = np.broadcast_to(np.asarray(temperature, float), (problem.n_dofs,)).copy()
+        return HeatState(time, start, np.zeros(len(problem.names)), 0.0)
 
     def run(self, state: HeatState, ends: Sequence[float]) -> Iterator[HeatState]:
         """Yield the states at the end of each step until the last of increasing instants `ends` [s].
@@ -179,17 +179,17 @@ class HeatInTime:
         for _ in range(_PERIODS):
             first = self.start(start)
             states = [first, *self.run(first, ends)]
-            times, found = (np.array([getattr(one, key) for one in states]) for key in ("time", "temperature"))
+            times, values = (np.array([getattr(one, key) for one in states]) for key in ("time", "temperature"))
             between = np.diff(times)
             weights = 0.5 * (np.append(between, 0.0) + np.append(0.0, between)) / times[-1]
-            average = weights @ found
-            change = found[-1] - start + mean - average
-            small = RIPPLE_ERROR * max(float(np.ptp(found, axis=0).max()), _MIN_RIPPLE)
+            average = weights @ values
+            change = values[-1] - start + mean - average
+            small = RIPPLE_ERROR * max(float(np.ptp(values, axis=0).max()), _MIN_RIPPLE)
             if self.tolerance <= 1.5 * small and np.abs(change).max() <= small:
-                return Ripple(times, weights, found - average)
+                return Ripple(times, weights, values - average)
             self.tolerance = min(self.tolerance, small)
             start = start + change
-        raise HeatNotConverged(f"the ripple of a period of {ends[-1]:.6g} s was not found within {_PERIODS} periods")
+        raise HeatNotConverged(f"the ripple of a period of {ends[-1]:.6g} s did not converge within {_PERIODS} periods")
 
     def _step(self, state: HeatState, h: float) -> tuple[HeatState, float]:
         """The state after h [s] within a stretch, and the error's estimate [K]."""

@@ -88,11 +88,11 @@ def heat_properties(name: str) -> HeatProperties:
     ValueError
         Unknown name; the message of `materials.material`.
     """
-    found = canonical_name(name)
-    if found is None:
+    canonical = canonical_name(name)
+    if canonical is None:
         material(name)  # raises, with the nearest name
         raise AssertionError("unreachable")
-    return _PROPERTIES[found]
+    return _PROPERTIES[canonical]
 
 
 def winding_properties(fill_factor: float) -> HeatProperties:

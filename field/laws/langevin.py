@@ -90,5 +90,5 @@ def _bound_energy(a: np.ndarray) -> np.ndarray:
     large = np.maximum(a, _SMALL)
     fading = np.exp(-2.0 * large)
     # a coth a - a = 2 a fading/(1 - fading)
-    whole = 2.0 * large * fading / (1.0 - fading) - 1.0 - np.log1p(-fading) + np.log(2.0 * large)
-    return np.where(a < _SMALL, small * square, whole)
+    large_part = 2.0 * large * fading / (1.0 - fading) - 1.0 - np.log1p(-fading) + np.log(2.0 * large)
+    return np.where(a < _SMALL, small * square, large_part)

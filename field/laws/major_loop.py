@@ -134,7 +134,7 @@ def _falling_branches(H: np.ndarray, B: np.ndarray, name: str) -> list[tuple[np.
         raise ValueError(f"the loop of {name!r} must have one finite B [T] for each H [A/m]")
     turn = int(np.argmin(H)) if H.size else 0
     parts = [(H[: turn + 1], B[: turn + 1]), (-H[turn:], -B[turn:])]
-    found = []
+    branches = []
     for number, (h, b) in enumerate(parts):
         which = "rising" if number else "falling"
         if number and h.size == 1:
@@ -163,8 +163,8 @@ def _falling_branches(H: np.ndarray, B: np.ndarray, name: str) -> list[tuple[np.
                 f"the {which} branch of {name!r} goes from B = {b[0]:g} to {b[-1]:g} T; a major loop is symmetric: its "
                 "ends may differ by a tenth"
             )
-        found.append((h, b))
-    return found
+        branches.append((h, b))
+    return branches
 
 
 def _fitted(
@@ -184,9 +184,9 @@ def _fitted(
     right = right - _FLATTEST * np.append(at, key)
     weight = 1.0 / (measured.coercivity + np.abs(np.append(H, [0.0, 0.0])))
     weight[-2:] *= _EMPHASIS
-    found, _ = nnls(weight[:, None] * matrix, weight * right)
-    slopes, stiffness = found[: nodes.size - 1], np.zeros(nodes.size - 1)
-    stiffness[: reach.size] = found[nodes.size - 1 :]
+    unknowns, _ = nnls(weight[:, None] * matrix, weight * right)
+    slopes, stiffness = unknowns[: nodes.size - 1], np.zeros(nodes.size - 1)
+    stiffness[: reach.size] = unknowns[nodes.size - 1 :]
     of_P = np.cumsum(stiffness[::-1])[::-1]  # slope of P between the nodes
     return _FLATTEST + slopes + _SHARE * of_P, stiffness
 

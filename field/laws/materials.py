@@ -318,13 +318,13 @@ def entry_of(entries: Mapping[str, Entry], name: str) -> Entry:
 
 
 def _known_name(name: str) -> str:
-    found = canonical_name(name)
-    if found is None:
+    canonical = canonical_name(name)
+    if canonical is None:
         raise ValueError(
             f"material {name!r} is not known; {_nearest(name, [*_MATERIALS, *_ALIASES])}"
             f"choose one of {', '.join(material_names())}, or give a table of H [A/m] and B [T]"
         )
-    return found
+    return canonical
 
 
 def grain_material(name: str) -> tuple[GrainLaw, str]:

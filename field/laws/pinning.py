@@ -11,7 +11,7 @@ demagnetised steel (p = 0) has the same cells:
 
     H = H_0(|B|) B/|B| + sum_k [ s_k(B - p_k) - s_k(B) ].
 
-Without history, or without cells, H is H_0 to the last bit. By H_0 less the cells' share P(B) = sum_k min(K_k B,
+Without history, or without cells, H is H_0 to the last bit. By H_0 less the cells' part P(B) = sum_k min(K_k B,
 kappa_k) the anhysteretic curve is given; P grows to the coercivity H_c. After a reversal at B_m the cells follow
 P(B_m) - 2 P((B_m - B)/2) (Masing's rule), so that the major loop has half the width H_c, minor loops close at the point
 that they left, and the loss of a loop is its area.

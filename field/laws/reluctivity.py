@@ -1,6 +1,6 @@
 """Interface of a magnetic law to the field solver, and the linear law.
 
-The solver works with the flux density as the given quantity, so a law answers H(B), its slope and
+The solver works with the flux density as the given quantity, so a law gives H(B), its slope and
 its energy density.  H must grow with B: then the stored energy is a convex functional of psi and
 Newton with a line search on it converges from anywhere.
 """

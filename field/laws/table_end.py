@@ -66,8 +66,8 @@ def driven_beyond_their_tables(fields: Iterable[MagneticField | Field3D]) -> lis
     largest: dict[str, float] = {}
     for solution in fields:
         problem = solution.problem
-        found = {region: TableEnd.of(problem.laws[region]) for region in problem.mesh.regions}
-        here = {region: end for region, end in found.items() if end is not None}
+        ends_here = {region: TableEnd.of(problem.laws[region]) for region in problem.mesh.regions}
+        here = {region: end for region, end in ends_here.items() if end is not None}
         if not here:
             continue
         B = np.linalg.norm(solution.flux_density(), axis=1)

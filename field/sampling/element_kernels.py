@@ -49,7 +49,7 @@ class TriangleSearch(NamedTuple):
 @device_function(error_model="numpy", inline="always")
 def _triangle_at(r, z, hint, affine, start, items, origin, inverse_size, shape, margin):
     """Element (-1 outside) and its last two barycentric coordinates."""
-    found, best = -1, -margin
+    element, best = -1, -margin
     b1 = b2 = 0.0
     if hint >= 0:
         x, y = r - affine[hint, 0], z - affine[hint, 1]
@@ -68,10 +68,10 @@ def _triangle_at(r, z, hint, affine, start, items, origin, inverse_size, shape, 
             l2 = affine[e, 4] * x + affine[e, 5] * y
             least = min(l1, l2, 1.0 - l1 - l2)
             if least > best:
-                found, best, b1, b2 = e, least, l1, l2
+                element, best, b1, b2 = e, least, l1, l2
                 if least >= 0.0:
                     break
-    return found, b1, b2
+    return element, b1, b2
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

@@ -130,11 +130,11 @@ class TableGrid:
         matrix = sp.csc_matrix((blocks.ravel(), (rows, columns)), shape=(n, n))
         scale = 1.0 / np.sqrt(matrix.diagonal())
         matrix = sp.diags(scale) @ matrix @ sp.diags(scale)
-        # Phi is free up to a constant in each connected part: one spline of each is held
+        # Phi is free up to a constant in each connected part: one spline of each is fixed
         _, part = sp.csgraph.connected_components(matrix, directed=False)
-        held = np.zeros(n)
-        held[np.unique(part, return_index=True)[1]] = 1.0
-        factor = splu((matrix + sp.diags(held)).tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+        pinned = np.zeros(n)
+        pinned[np.unique(part, return_index=True)[1]] = 1.0
+        factor = splu((matrix + sp.diags(pinned)).tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
         return factor, scale
 
     def potential(self, H: np.ndarray, grad: np.ndarray) -> np.ndarray:
@@ -149,10 +149,10 @@ class TableGrid:
         data = -np.array([H[:, 0], H[:, 2], grad[:, 0, 0], 0.5 * (grad[:, 0, 2] + grad[:, 2, 0]), grad[:, 2, 2]])
         data = data.reshape(5, len(self.cells), GAUSS_POINTS, GAUSS_POINTS)
         right = np.zeros((len(self.cells), DEGREE + 1, DEGREE + 1))
-        for (d_r, d_z), w, wanted in zip(_FITTED, self._weights(), data, strict=True):
+        for (d_r, d_z), w, target in zip(_FITTED, self._weights(), data, strict=True):
             basis_r = self._axes[0].weighted[d_r][self.cells[:, 0]]
             basis_z = self._axes[1].weighted[d_z][self.cells[:, 1]]
-            right += w[:, None, None] * (basis_r.transpose(0, 2, 1) @ wanted @ basis_z)
+            right += w[:, None, None] * (basis_r.transpose(0, 2, 1) @ target @ basis_z)
         factor, scale = self._solve
         load = np.bincount(self._local.ravel(), right.ravel(), self._unknowns.size)
         coefficient = scale * factor.solve(scale * load)

@@ -29,10 +29,10 @@ def limit_threads(threads: int | None, count: int) -> Iterator[None]:
     """
     available: int = numba.config.NUMBA_NUM_THREADS  # type: ignore[attr-defined]
     before = numba.get_num_threads()
-    wanted = before if threads is None else threads
-    if not 1 <= wanted <= available:
+    requested = before if threads is None else threads
+    if not 1 <= requested <= available:
         raise ValueError(f"`threads` = {threads}: allowed are 1 to {available} (NUMBA_NUM_THREADS)")
-    number = wanted if count >= WORTH_SHARING else 1
+    number = requested if count >= WORTH_SHARING else 1
     if number == before:
         yield
         return

@@ -159,9 +159,9 @@ def adapt(
         )
         without_field = ampere_turns == 0.0 and boundary_field == 0.0
         estimate = None if without_field else estimate_error(field, goals, boundary_field=boundary_field)
-        found = () if estimate is None else estimate.goals
-        seconds = time.perf_counter() - start
-        history.append(AdaptiveStep(problem.n_dofs, len(problem.mesh.triangles), found, len(field.newton) - 1, seconds))
+        errors = () if estimate is None else estimate.goals
+        spent = time.perf_counter() - start
+        history.append(AdaptiveStep(problem.n_dofs, len(problem.mesh.triangles), errors, len(field.newton) - 1, spent))
         converged = history[-1].worst <= tolerance
         if converged or estimate is None or len(history) == _MAX_ROUNDS:
             break

@@ -4,7 +4,7 @@ Of the solved field, with H = nu B - M in the powder, the weak form tested with 
 
     N I Phi = integral over all space of H . B dV,        Phi the flux through a mean turn,
 
-whatever the materials' laws (the discrete solution satisfies it to Newton's residual). The share of a part is
+whatever the materials' laws (the discrete solution satisfies it to Newton's residual). The fraction of a part is
 
     (N I)_part = integral over the part of H . B dV / Phi        [A].
 
@@ -71,11 +71,11 @@ def ampere_turns_by_part(
 
 
 def ampere_turns_in_words(parts: Mapping[str, float], least: float = 0.01) -> str:
-    """Shares of N I in per cent, the largest first; parts below the share `least` are added up as others."""
-    whole = sum(parts.values())
-    shown = {name: value / whole for name, value in parts.items() if value >= least * whole}
-    words = [f"{name} {100.0 * share:.3g} %" for name, share in shown.items()]
+    """Fractions of N I in per cent, the largest first; parts below the fraction `least` are added up as others."""
+    total = sum(parts.values())
+    shown = {name: value / total for name, value in parts.items() if value >= least * total}
+    words = [f"{name} {100.0 * fraction:.3g} %" for name, fraction in shown.items()]
     rest = 1.0 - sum(shown.values())
     if len(shown) < len(parts):
         words.append(f"others {100.0 * rest:.2g} %")
-    return f"{whole:.4g} A: {', '.join(words)}"
+    return f"{total:.4g} A: {', '.join(words)}"

@@ -52,9 +52,9 @@ class AxisRecovery:
         for number, own in enumerate(mesh.regions.values()):
             region[own] = number
         vertex = triangles + n_points * region[:, None]  # another one in each region
-        patches, found = np.unique(vertex[self._on_axis], return_inverse=True)
+        patches, index = np.unique(vertex[self._on_axis], return_inverse=True)
         self._patch = np.zeros((n_elements, 3), dtype=np.int64)
-        self._patch[self._on_axis] = found
+        self._patch[self._on_axis] = index
         touches = sp.csr_matrix(
             (np.ones(vertex.size), (vertex.ravel(), np.repeat(np.arange(n_elements), 3))),
             shape=(n_points * len(mesh.regions), n_elements),
@@ -95,10 +95,10 @@ class AxisRecovery:
             reach = self._reach[patch]
             r, z = points[:, 0] / reach, (points[:, 1] - self._height[patch]) / reach
             for (i, j), factor in zip(powers, coefficients[patch].T, strict=True):
-                share = weight[:, corner] * factor / reach**2
-                B[:, 1] += share * (2 * i + 2) * r ** (2 * i) * z**j
+                part = weight[:, corner] * factor / reach**2
+                B[:, 1] += part * (2 * i + 2) * r ** (2 * i) * z**j
                 if j > 0:
-                    B[:, 0] -= share * j * r ** (2 * i + 1) * z ** (j - 1)
+                    B[:, 0] -= part * j * r ** (2 * i + 1) * z ** (j - 1)
         return B
 
 
@@ -137,5 +137,5 @@ def _barycentric(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
     (u, v, w) = b - a, c - a, points - a
     second = w[:, 0] * v[:, 1] - w[:, 1] * v[:, 0]
     third = u[:, 0] * w[:, 1] - u[:, 1] * w[:, 0]
-    whole = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
-    return np.column_stack((whole - second - third, second, third)) / whole[:, None]
+    double_area = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
+    return np.column_stack((double_area - second - third, second, third)) / double_area[:, None]

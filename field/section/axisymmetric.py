@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 
 class AxisymmetricProblem:
-    """One mesh, one set of materials; solved for as many currents and fills as wanted.
+    """One mesh, one set of materials; solved for any number of currents and fills.
 
     Parameters
     ----------
@@ -266,7 +266,7 @@ class AxisymmetricProblem:
             factorised=factorised,
         )
         return MagneticField(
-            self, energy.whole(x), float(ampere_turns), powder, newton, float(boundary_field), history=history
+            self, energy.expand(x), float(ampere_turns), powder, newton, float(boundary_field), history=history
         )
 
     def factorise_tangent(self, solution: MagneticField) -> SymmetricSolver:

@@ -396,7 +396,7 @@ class EddyCurrentProblem:
         x, history = minimise(
             energy, guess[problem._free], scale, solver=solver, tolerance=tolerance, max_iterations=max_iterations
         )
-        return inner.whole(x), history
+        return inner.expand(x), history
 
 
 class _StepEnergy:
@@ -419,19 +419,19 @@ class _StepEnergy:
 
     def value(self, x: np.ndarray) -> tuple[float, float]:
         value, magnitude = self._inner.value(x)
-        change = self._inner.whole(x) - self._base
+        change = self._inner.expand(x) - self._base
         kept = 0.5 * scalar_product(change, self.memory(change))
         return value + kept, magnitude + kept
 
     def gradient(self, x: np.ndarray) -> np.ndarray:
-        change = self._inner.whole(x) - self._base
+        change = self._inner.expand(x) - self._base
         return self._inner.gradient(x) + self.memory(change)[self._eddy.problem._free]
 
     def hessian(self, x: np.ndarray) -> sp.csc_matrix:
         return self._with_mass(self._inner.hessian(x))
 
-    def cautious_hessian(self, x: np.ndarray) -> sp.csc_matrix:
-        return self._with_mass(self._inner.cautious_hessian(x))
+    def chord_hessian(self, x: np.ndarray) -> sp.csc_matrix:
+        return self._with_mass(self._inner.chord_hessian(x))
 
     def _with_mass(self, tangent: sp.csc_matrix) -> sp.csc_matrix:
         # the rank-one part is the solver's

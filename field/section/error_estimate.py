@@ -317,14 +317,14 @@ def estimate_error(field: MagneticField, goals: Sequence[Goal], *, boundary_fiel
     order = field.problem.elements.order
     missed = 1.0 - (order / (order + 1.0)) ** _CORNER
     primal = space.element_energy(at, psi - start)
-    found, indicators = [], np.zeros((len(goals), len(primal)))
+    errors, indicators = [], np.zeros((len(goals), len(primal)))
     for i, goal in enumerate(goals):
         contribution = np.sqrt(primal * space.element_energy(at, adjoint[:, i]))
         value = goal.value(space, psi)
         error = max(abs(value - goal.value(space, start)), _CANCELLING * float(contribution.sum())) / missed
         indicators[i] = contribution * (error / abs(value) / contribution.sum() if contribution.any() else 0.0)
-        found.append(GoalError(goal.name, value, error / abs(value)))
-    return ErrorEstimate(tuple(found), indicators)
+        errors.append(GoalError(goal.name, value, error / abs(value)))
+    return ErrorEstimate(tuple(errors), indicators)
 
 
 def _free(problem: AxisymmetricProblem) -> np.ndarray:

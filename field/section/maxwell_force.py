@@ -19,7 +19,7 @@ whose slope vanishes at both ends: the shell then keeps away from faces and corn
 singular (u itself has the worst of its slope there).
 
 Only air may deform: of a body that touches iron or powder the shell would cut them, and its force would depend
-on where.  Regions through which a force is asked all the same (powder, as a fluid at constant fill) are named in
+on where.  Regions through which a force is computed all the same (powder, as a fluid at constant fill) are named in
 `yielding`.  Two weights, the smooth one and one that falls within a single layer of elements, must agree: their
 difference is the error that is reported.
 
@@ -81,9 +81,9 @@ class AxialForce:
     thin_shell : float
         Through a single layer of elements around the body [N].
     virtual_work : float or None
-        From the co-energy of the displaced body [N]; None where it was not asked for.
+        From the co-energy of the displaced body [N]; None where it was not requested.
     next_order : float or None
-        Through the smooth shell in the field of elements of the next order [N]; None where it was not asked for.
+        Through the smooth shell in the field of elements of the next order [N]; None where it was not requested.
     weight : ndarray (n_points,)
         Of the smooth shell.
     """

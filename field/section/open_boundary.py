@@ -100,9 +100,9 @@ class OpenBoundary:
         )
 
         start, end = mesh.points[edges[:, 0]], mesh.points[edges[:, 1]]
-        # enough points for the product of the two finest modes over the edge that is seen widest
-        seen = np.abs(np.diff(_angle(mesh.points[edges], self.centre), axis=1)).max()
-        node, weight = np.polynomial.legendre.leggauss(8 + math.ceil(n_modes * seen))
+        # enough points for the product of the two finest modes over the edge of the widest angle
+        widest = np.abs(np.diff(_angle(mesh.points[edges], self.centre), axis=1)).max()
+        node, weight = np.polynomial.legendre.leggauss(8 + math.ceil(n_modes * widest))
         node, weight = 0.5 * (1.0 + node), 0.5 * weight
         where = start[:, None] + (end - start)[:, None] * node[:, None]
         # from the lower end of the axis upwards, the normal away from the mesh is on the right
@@ -254,9 +254,9 @@ def _edge_dofs(elements: Elements, edges: np.ndarray) -> tuple[np.ndarray, np.nd
     """Unknowns on each edge (e, order + 1) from its start to its end, and where they lie, 0 to 1."""
     points, triangles = elements.mesh.points, elements.mesh.triangles
     sides = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(-1, 2)
-    key, wanted = sides[:, 0] * len(points) + sides[:, 1], np.sort(edges, axis=1)
+    key, ends = sides[:, 0] * len(points) + sides[:, 1], np.sort(edges, axis=1)
     order = np.argsort(key)
-    owner = order[np.searchsorted(key[order], wanted[:, 0] * len(points) + wanted[:, 1])] // 3
+    owner = order[np.searchsorted(key[order], ends[:, 0] * len(points) + ends[:, 1])] // 3
     dofs = elements.element_dofs[owner]
     start, along = points[edges[:, 0]], points[edges[:, 1]] - points[edges[:, 0]]
     offset = elements.dof_points[dofs] - start[:, None]

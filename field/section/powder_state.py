@@ -82,7 +82,7 @@ def checked_powder(powder: Powder, count: int, points: tuple[int, int]) -> Powde
         )
     if state.factor is not None and not (state.factor.shape == fill.shape and np.all(state.factor > -fill)):
         raise ValueError("`factor` must have the shape of `fill`, and N + phi must be above 0 everywhere")
-    wanted = (count, *points)
-    if state.source is not None and not (state.source.shape == wanted and np.all(np.isfinite(state.source))):
-        raise ValueError(f"`source` has shape {state.source.shape}: finite numbers of shape {wanted} are needed")
+    expected = (count, *points)
+    if state.source is not None and not (state.source.shape == expected and np.all(np.isfinite(state.source))):
+        raise ValueError(f"`source` has shape {state.source.shape}: finite numbers of shape {expected} are needed")
     return PowderState(fill.copy(), state.factor, state.source)

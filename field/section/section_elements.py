@@ -200,8 +200,8 @@ class SectionElements:
         pairs = np.sort(np.asarray(self.mesh.boundaries[name], dtype=np.int64), axis=1)
         key = self.skfem_mesh.p.shape[1]
         facets = np.sort(self.skfem_mesh.facets.astype(np.int64), axis=0)
-        wanted = np.isin(facets[0] * key + facets[1], pairs[:, 0] * key + pairs[:, 1])
-        return np.unique(self._dofs.get_facet_dofs(np.flatnonzero(wanted)).flatten())
+        at_edge = np.isin(facets[0] * key + facets[1], pairs[:, 0] * key + pairs[:, 1])
+        return np.unique(self._dofs.get_facet_dofs(np.flatnonzero(at_edge)).flatten())
 
     def axis_dofs(self) -> np.ndarray:
         """Unknowns at r = 0, where psi = r A_phi vanishes."""

@@ -45,16 +45,16 @@ class SectionEnergy:
         self._point: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
         self._law: tuple[np.ndarray, np.ndarray] | None = None
 
-    def whole(self, x: np.ndarray) -> np.ndarray:
+    def expand(self, x: np.ndarray) -> np.ndarray:
         """psi of all unknowns."""
         psi = self._boundary.copy()
         psi[self._problem._free] = x
         return psi
 
     def _flux(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        # the line search asks for value and gradient at the same point
+        # the line search evaluates value and gradient at the same point
         if self._point is None or self._point[0] is not x:
-            self._point = (x, *self._elements.flux(self.whole(x)))
+            self._point = (x, *self._elements.flux(self.expand(x)))
             if self._history is not None:
                 self._step = self._history.step(self._elements, self._point[1])
         return self._point[1:]
@@ -66,8 +66,8 @@ class SectionEnergy:
         if self._step is not None:
             stored += self._step.work
         if self._problem.exterior is not None:
-            stored += self._problem.exterior.energy(self.whole(x))
-        work = scalar_product(self.source, self.whole(x))
+            stored += self._problem.exterior.energy(self.expand(x))
+        work = scalar_product(self.source, self.expand(x))
         return stored - work, stored + abs(work)
 
     def gradient(self, x: np.ndarray) -> np.ndarray:
@@ -80,7 +80,7 @@ class SectionEnergy:
         if self._step is not None:
             internal += self._elements.divergence(self._step.flow)
         if (exterior := self._problem.exterior) is not None:
-            internal[exterior.dofs] += exterior.force(self.whole(x))
+            internal[exterior.dofs] += exterior.force(self.expand(x))
         return (internal - self.source)[self._problem._free]
 
     def hessian(self, x: np.ndarray) -> sp.csc_matrix:
@@ -88,7 +88,7 @@ class SectionEnergy:
         gradient, B = self._flux(x)
         return self._matrix(gradient, B, *self._law, self._step)
 
-    def cautious_hessian(self, x: np.ndarray) -> sp.csc_matrix:
+    def chord_hessian(self, x: np.ndarray) -> sp.csc_matrix:
         """The tangent with dH/dB of at least half the chord H/B: steel with a long toe (DC01) else takes cut steps."""
         assert self._law is not None, "gradient(x) comes first"
         nu, slope = self._law

@@ -1,6 +1,6 @@
 """The weak forms of the section's field in scikit-fem's notation: what `section_elements` computes, as on the board.
 
-With psi = r A_phi, B = |grad psi|/r and a law H(B), find psi such that for all v that vanish where psi is held
+With psi = r A_phi, B = |grad psi|/r and a law H(B), find psi such that for all v that vanish where psi is fixed
 
     integral (H(B)/B) (1/r) grad psi . grad v dr dz  =  integral J v dr dz,
 

@@ -19,7 +19,7 @@ from field.laws.reluctivity import MU_0, NU_0, Law, LinearLaw
 
 # Newton in a bracket: 5 to 12 steps for the laws of the library; halving alone reaches round-off in 53.
 _MAX_STEPS = 80
-# Flux density [T] at which a law without a stated saturation is asked for it; every law that saturates has the
+# Flux density [T] at which a law without a stated saturation is evaluated for it; every law that saturates has the
 # slope of vacuum there.
 _FAR = 100.0
 # A slope this close to that of vacuum is saturation.

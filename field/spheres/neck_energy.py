@@ -1,14 +1,14 @@
-"""Energy of the neck of two near spheres over their gap and the drop of potential between them.
+"""Energy of the neck of two near spheres over their gap and the magnetomotive force (mmf) between them.
 
 Each sphere of a pair is a dipole of the magnetisation M and, at its centre, a charge: the flux q that crosses the neck
 beyond that of the dipoles leaves one sphere and enters the other. The neck takes part in the energy of all spheres with
 
     w(g, D, s) = D^2 y(ln g, ln(|D|/s)),        q = -dw/dD,
 
-D the drop of the scalar potential between the two nodes, s = 1 - sgn(D) (M_i + M_j).n/2 the capacity that the dipoles
-leave to the neck (n from j to i). For small D/s the neck is linear, y constant; for large D/s it carries no more
-than a flux proportional to s, y ~ 1/|D|. As w depends on D/s apart from the factor s^2, D w_D + s w_s = 2 w. Lengths
-in radii, fields and magnetisations in Ms, drops in Ms a, fluxes in Ms a^2, energies in mu_0 Ms^2 a^3.
+D the mmf, the drop of the scalar potential between the two nodes, s = 1 - sgn(D) (M_i + M_j).n/2 the capacity that
+the dipoles leave to the neck (n from j to i). For small D/s the neck is linear, y constant; for large D/s it carries no
+more than a flux proportional to s, y ~ 1/|D|. As w depends on D/s apart from the factor s^2, D w_D + s w_s = 2 w.
+Lengths in radii, fields and magnetisations in Ms, mmfs in Ms a, fluxes in Ms a^2, energies in mu_0 Ms^2 a^3.
 
 **How it is made.** From the force F_2 of an isolated pair on the axis of a field h (`pair_table`), so that in the same
 model the pair has that force and, with it, its moment. Its energy is E(h, g) = E(h, G) - int_g^G F_2 dg, and
@@ -26,7 +26,7 @@ R = 2 + g): 1e-4 of the moment. With the energy
 is one equation for M at each gap and field, and w the rest of E. Solved by bisection in the flux density inside a
 sphere, below the root that it has without its right side.
 
-**Limits.** Between gaps of 1 and 1.2 the energy fades to zero (`pair_table.fade`). Below the first drop y is held;
+**Limits.** Between gaps of 1 and 1.2 the energy fades to zero (`pair_table.fade`). Below the first mmf y is constant;
 beyond the last one the flux is. The table meets both with the same slope, so that q, w_s, w_g are continuous. In
 fields of several Ms, where both spheres are saturated and q is a small difference, it need not be exact; at the knee of
 a sharp law, h = Ms/3, moments are 1e-3 off with a susceptibility of 999 and 1e-2 with 1e6. Between the
@@ -50,8 +50,8 @@ from field.spheres.pair_table import FADE_FROM, FADE_TO, PairTable, fade, fade_s
 
 LOG_GAP = math.log(FADE_TO / FADE_FROM) / 3.0 * np.arange(-134, 4) + math.log(FADE_FROM)
 """Logarithms of the gaps [radii] of the table, from 2.9e-4; both ends of the fade are among them."""
-LOG_DROP = np.linspace(math.log(1e-4), 6.0, 210)
-"""Logarithms of the drops over the capacity [a]: iron is linear at the first, its flux the capacity at the last."""
+LOG_MMF = np.linspace(math.log(1e-4), 6.0, 210)
+"""Logarithms of the mmfs over the capacity [a]: iron is linear at the first, its flux the capacity at the last."""
 
 _VOLUME = 4.0 / 3.0 * math.pi
 # Fields [Ms] at which a pair is solved: those of its table, closer.
@@ -81,15 +81,15 @@ class NeckEnergy:
     ----------
     log_gap : ndarray (ng,)
         ln g, evenly spaced.
-    log_drop : ndarray (nz,)
+    log_mmf : ndarray (nz,)
         ln(|D|/s), evenly spaced.
     patch : ndarray (ng, nz, 4)
-        y, dy/di, dy/dj and d2y/didj, derivatives over the indices of gap and drop, of a bicubic spline whose slope
-        over the drop is 0 in the first column and -y in the last. Without the fade.
+        y, dy/di, dy/dj and d2y/didj, derivatives over the indices of gap and mmf, of a bicubic spline whose slope
+        over the mmf is 0 in the first column and -y in the last. Without the fade.
     """
 
     log_gap: np.ndarray
-    log_drop: np.ndarray
+    log_mmf: np.ndarray
     patch: np.ndarray
 
     @property
@@ -103,9 +103,9 @@ class NeckEnergy:
         return float(self.log_gap[1] - self.log_gap[0])
 
     @cached_property
-    def drop_step(self) -> float:
-        """Of `log_drop`."""
-        return float(self.log_drop[1] - self.log_drop[0])
+    def mmf_step(self) -> float:
+        """Of `log_mmf`."""
+        return float(self.log_mmf[1] - self.log_mmf[0])
 
     def at(self, g: np.ndarray | float, D: np.ndarray | float, s: np.ndarray | float) -> NeckState:
         """Energy and derivatives of the interpolant itself, so that they are exactly each other's.
@@ -115,7 +115,7 @@ class NeckEnergy:
         g : array_like
             Gaps [radii], not below the first of the table.
         D : array_like
-            Drops [Ms a] of either sign: w is even, q odd in D.
+            Mmfs [Ms a] of either sign: w is even, q odd in D.
         s : array_like
             Capacities [Ms], above 0.
 
@@ -131,15 +131,15 @@ class NeckEnergy:
             raise ValueError("the capacity s = 1 - sgn(D) (M_i + M_j).n/2 must be above 0")
         size = np.maximum(np.abs(D), 1e-300)
         x = np.clip((np.log(g) - self.log_gap[0]) / self.gap_step, 0.0, self.log_gap.size - 1.0)
-        z = (np.log(size / s) - self.log_drop[0]) / self.drop_step
-        inside = np.clip(z, 0.0, self.log_drop.size - 1.0)
+        z = (np.log(size / s) - self.log_mmf[0]) / self.mmf_step
+        inside = np.clip(z, 0.0, self.log_mmf.size - 1.0)
         y, y_x, y_z, y_zz = self._interpolate(x, inside)
         y_z, y_zz = np.where(z < 0.0, 0.0, y_z), np.where(z < 0.0, 0.0, y_zz)
-        # beyond the last drop: y exp(-(z - z_last)), the flux is held
-        beyond = z > self.log_drop.size - 1.0
-        decay = np.exp(-np.maximum(z - inside, 0.0) * self.drop_step)
+        # beyond the last mmf: y exp(-(z - z_last)), the flux is constant
+        beyond = z > self.log_mmf.size - 1.0
+        decay = np.exp(-np.maximum(z - inside, 0.0) * self.mmf_step)
         y, y_x = y * decay, y_x * decay
-        y_z, y_zz = np.where(beyond, -y, y_z / self.drop_step), np.where(beyond, y, y_zz / self.drop_step**2)
+        y_z, y_zz = np.where(beyond, -y, y_z / self.mmf_step), np.where(beyond, y, y_zz / self.mmf_step**2)
         f = fade(g)
         w = f * D**2 * y
         q = -f * D * (2.0 * y + y_z)
@@ -153,7 +153,7 @@ class NeckEnergy:
     def _interpolate(self, x: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, ...]:
         """y, dy/dx, dy/dz and d2y/dz2 by Hermite's cubics in both indices."""
         i = np.minimum(x.astype(int), self.log_gap.size - 2)
-        j = np.minimum(z.astype(int), self.log_drop.size - 2)
+        j = np.minimum(z.astype(int), self.log_mmf.size - 2)
         along, slope = _hermite(x - i)
         across, first, second = (*_hermite(z - j), _hermite_curvature(z - j))
         corners = np.stack([self.patch[i + a, j + b] for a in (0, 1) for b in (0, 1)], axis=-2)
@@ -204,7 +204,7 @@ def _make_energy(law: Law | GrainLaw) -> NeckEnergy:
     neighbours = shipped_neighbours(law)
     if neighbours is None:
         return table_of(_solve_pair(pair_table(law)))
-    logs = [share * np.log(-neck_energy(node).y) for node, share in neighbours]
+    logs = [factor * np.log(-neck_energy(node).y) for node, factor in neighbours]
     return table_of(-np.exp(np.sum(logs, axis=0)))
 
 
@@ -212,12 +212,12 @@ _kept_energy = lru_cache(maxsize=16)(_make_energy)
 
 
 def table_of(y: np.ndarray) -> NeckEnergy:
-    """Table with the values y (ng, nz) at `LOG_GAP` and `LOG_DROP`; its slopes are those of a cubic spline."""
-    i, j = np.arange(float(LOG_GAP.size)), np.arange(float(LOG_DROP.size))
-    step = LOG_DROP[1] - LOG_DROP[0]
+    """Table with the values y (ng, nz) at `LOG_GAP` and `LOG_MMF`; its slopes are those of a cubic spline."""
+    i, j = np.arange(float(LOG_GAP.size)), np.arange(float(LOG_MMF.size))
+    step = LOG_MMF[1] - LOG_MMF[0]
     y_z = CubicSpline(j, y, axis=1, bc_type=((1, np.zeros(i.size)), (1, -step * y[:, -1])))(j, 1)
     patch = [y, CubicSpline(i, y)(i, 1), y_z, CubicSpline(i, y_z)(i, 1)]
-    return NeckEnergy(LOG_GAP, LOG_DROP, np.ascontiguousarray(np.stack(patch, axis=-1)))
+    return NeckEnergy(LOG_GAP, LOG_MMF, np.ascontiguousarray(np.stack(patch, axis=-1)))
 
 
 def _solve_pair(pair: PairTable) -> np.ndarray:
@@ -291,7 +291,7 @@ def _bisect(function, high: np.ndarray) -> np.ndarray:
 
 
 def _resample(z: np.ndarray, y: np.ndarray, solved: np.ndarray) -> np.ndarray:
-    """One gap's y at `LOG_DROP`: held below the first drop, with a flux that is held beyond the last.
+    """One gap's y at `LOG_MMF`: constant below the first mmf, with a flux that is constant beyond the last.
 
     Points at which y would fall or the flux turn round are left out, and no overshoot is put between the others: at the
     knee of a sharp law the pair's table, with a field every 12 %, is not good enough.
@@ -300,8 +300,8 @@ def _resample(z: np.ndarray, y: np.ndarray, solved: np.ndarray) -> np.ndarray:
     z, y = _where_rising(z, z, y)
     z, y = _where_rising(y, z, y)
     z, y = _where_rising(2.0 * z + np.log(-y), z, y)
-    inside = np.clip(LOG_DROP, z[0], z[-1])
-    return PchipInterpolator(z, y)(inside) * np.exp(-np.maximum(LOG_DROP - z[-1], 0.0))
+    inside = np.clip(LOG_MMF, z[0], z[-1])
+    return PchipInterpolator(z, y)(inside) * np.exp(-np.maximum(LOG_MMF - z[-1], 0.0))
 
 
 def _where_rising(values: np.ndarray, z: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -39,7 +39,7 @@ def pair_mesh(gap: float, resolution: float = 1.0) -> SectionMesh:
     centre = 1.0 + 0.5 * gap
     reach = _ROOM * (centre + 1.0)
 
-    def size(dim: int, tag: int, r: float, z: float, _: float, wanted: float) -> float:
+    def size(dim: int, tag: int, r: float, z: float, _: float, default_size: float) -> float:
         r, z = r * MILLIMETRE, z * MILLIMETRE
         thickness = gap + r * r
         neck = _NECK * thickness + _GROWTH * max(z - 0.5 * thickness, 0.0)

@@ -285,7 +285,7 @@ def _columns(table: PairTable) -> dict[str, np.ndarray]:
 
 
 def shipped_neighbours(law: Law | GrainLaw) -> list[tuple[FroehlichLaw, float]] | None:
-    """Froehlich laws with shipped tables between which one is interpolated, with their shares; None: nothing is.
+    """Froehlich laws with shipped tables between which one is interpolated, with their factors; None: nothing is.
 
     The shares, of the logarithm of a quantity, are those of a cubic in chi^(-1/4).
 
@@ -303,8 +303,8 @@ def shipped_neighbours(law: Law | GrainLaw) -> list[tuple[FroehlichLaw, float]] 
     first = min(max(int(np.searchsorted(nodes, law.chi)) - 2, 0), nodes.size - 4)
     nodes = nodes[first : first + 4]
     x, at = nodes**_CHI_POWER, law.chi**_CHI_POWER
-    share = [float(np.prod([(at - x[k]) / (x[i] - x[k]) for k in range(4) if k != i])) for i in range(4)]
-    return [(FroehlichLaw(float(chi), law.Ms), part) for chi, part in zip(nodes, share, strict=True)]
+    factor = [float(np.prod([(at - x[k]) / (x[i] - x[k]) for k in range(4) if k != i])) for i in range(4)]
+    return [(FroehlichLaw(float(chi), law.Ms), part) for chi, part in zip(nodes, factor, strict=True)]
 
 
 def _shipped_table(law: Law, digest: str) -> PairTable | None:
@@ -317,9 +317,9 @@ def _shipped_table(law: Law, digest: str) -> PairTable | None:
         columns = _read_shipped_table(near[0]) if near else None
         source = f"finite elements, shipped for Froehlich's law at chi = {law.chi:g}"
         return None if columns is None else PairTable(**columns, law=law, source=source, digest=digest)
-    found = [_read_shipped_table(node.chi) for node, _ in neighbours]
-    tables = [columns for columns in found if columns is not None]
-    if len(tables) < len(found):
+    shipped = [_read_shipped_table(node.chi) for node, _ in neighbours]
+    tables = [columns for columns in shipped if columns is not None]
+    if len(tables) < len(shipped):
         return None
     force, moment = (
         np.exp(sum(part * np.log(table[name]) for (_, part), table in zip(neighbours, tables, strict=True)))

@@ -94,6 +94,6 @@ def read_table(path: Path, digest: str | None = None) -> dict[str, np.ndarray] |
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
         return None
     shape = (columns["gap"].size, columns["field"].size)
-    whole = all(np.all(np.isfinite(one)) and np.all(one > 0.0) for one in columns.values())
+    valid = all(np.all(np.isfinite(one)) and np.all(one > 0.0) for one in columns.values())
     fits = columns["force"].shape == shape and columns["moment"].shape == shape
-    return columns if whole and fits and digest in (None, of) else None
+    return columns if valid and fits and digest in (None, of) else None

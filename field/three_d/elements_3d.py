@@ -2,7 +2,7 @@
 
 Linear or quadratic Lagrange elements; the quadratic ones are isoparametric where the mesh brings its second
 order nodes (curved faces).  A node is a corner or the middle of an edge; an unknown is a node that is not
-held at zero, slaves of a periodic pair sharing their master's.  Two quadrature rules, both with positive weights:
+fixed at zero, slaves of a periodic pair sharing their master's.  Two quadrature rules, both with positive weights:
 four points where that is exact (straight, linear material, no current), fourteen, exact for quintics, elsewhere.
 """
 
@@ -33,7 +33,7 @@ class Elements3D:
         Elements with the same number share a basis and a rule; None: all of them.
     careful : ndarray (n_elements,) of bool or None
         Elements that need the rule of fourteen points besides the curved ones.
-    hold_one : bool
+    fix_one : bool
         Hold the first corner at zero as well, to fix the potential's constant.
 
     Attributes
@@ -50,7 +50,7 @@ class Elements3D:
     master : ndarray (n_nodes,)
         The node that carries each node's value: itself, or its periodic partner.
     number : ndarray (n_nodes,)
-        Unknown of each node, -1 where it is held at zero.
+        Unknown of each node, -1 where it is fixed at zero.
     free_nodes : ndarray (n_free,)
         Node of each unknown; those of corners come first.
     pattern : FixedPattern
@@ -71,7 +71,7 @@ class Elements3D:
         fixed: Sequence[str] = (),
         group: np.ndarray | None = None,
         careful: np.ndarray | None = None,
-        hold_one: bool = False,
+        fix_one: bool = False,
     ) -> None:
         import skfem  # here, because importing it costs a third of a second
 
@@ -89,7 +89,7 @@ class Elements3D:
         self.node_points = np.ascontiguousarray(self.solid.doflocs.T)
         self.element_nodes = np.ascontiguousarray(self.solid.dofs.element_dofs.T.astype(np.int64))
         self.n_nodes = len(self.node_points)
-        self._number(fixed, hold_one)
+        self._number(fixed, fix_one)
         self._integrate(
             np.zeros(len(self.curved), dtype=np.int64) if group is None else group,
             self.curved if careful is None else self.curved | careful,
@@ -127,7 +127,7 @@ class Elements3D:
         """Points (k, 3) [m] at reference coordinates (k, 3) of elements (k,)."""
         return np.einsum("kn,kna->ka", self.reference(local)[0], self.node_points[self.element_nodes[element]])
 
-    def _number(self, fixed: Sequence[str], hold_one: bool) -> None:
+    def _number(self, fixed: Sequence[str], fix_one: bool) -> None:
         master = np.arange(self.n_nodes)
         if self.mesh.periodic is not None:
             pairs = np.asarray(self.mesh.periodic, dtype=np.int64)
@@ -135,15 +135,15 @@ class Elements3D:
             master[pairs[:, 0]] = pairs[:, 1]
             if self.order == 2:
                 self._pair_edges(master, pairs[:, 0])
-        held = np.zeros(self.n_nodes, dtype=bool)
+        constrained = np.zeros(self.n_nodes, dtype=bool)
         for name in fixed:
-            held[self.solid.dofs.get_facet_dofs(self.facets(name)).flatten()] = True
-        held |= held[master]
-        np.logical_or.at(held, master, held.copy())
-        if hold_one:
-            held[master[0]] = True
+            constrained[self.solid.dofs.get_facet_dofs(self.facets(name)).flatten()] = True
+        constrained |= constrained[master]
+        np.logical_or.at(constrained, master, constrained.copy())
+        if fix_one:
+            constrained[master[0]] = True
         self.master = master
-        self.free_nodes = np.flatnonzero((master == np.arange(self.n_nodes)) & ~held)
+        self.free_nodes = np.flatnonzero((master == np.arange(self.n_nodes)) & ~constrained)
         self.n_free = self.free_nodes.size
         self.n_free_corners = int(np.count_nonzero(self.free_nodes < self.n_corners))
         number = np.full(self.n_nodes, -1, dtype=np.int64)
@@ -171,8 +171,8 @@ class Elements3D:
         self.groups: list[int] = []
         simple = skfem.quadrature.get_quadrature(self.element, _SIMPLE_RULE)
         for number in np.unique(group):
-            for rule, wanted in ((simple, ~careful), (_fifth_order_rule(), careful)):
-                elements = np.flatnonzero((group == number) & wanted)
+            for rule, selected in ((simple, ~careful), (_fifth_order_rule(), careful)):
+                elements = np.flatnonzero((group == number) & selected)
                 if elements.size:
                     options = {"dofs": self.solid.dofs, "disable_doflocs": True, "elements": elements}
                     self.bases.append(skfem.CellBasis(self.solid, self.element, quadrature=rule, **options))
@@ -181,14 +181,14 @@ class Elements3D:
         self.weight = np.concatenate([b.dx.ravel() for b in self.bases])
         self.quadrature_points = np.concatenate([rows(b.global_coordinates()) for b in self.bases])
 
-    def whole(self, x: np.ndarray) -> np.ndarray:
+    def expand(self, x: np.ndarray) -> np.ndarray:
         """Potential of all nodes from that of the unknowns."""
         return np.where(self.number >= 0, x[self.number], 0.0)
 
-    def reduced(self, load: np.ndarray) -> np.ndarray:
+    def restrict(self, load: np.ndarray) -> np.ndarray:
         """Load of the unknowns (n_free,) from that of all nodes."""
-        held = self.number < 0
-        return np.bincount(self.number[~held], load[~held], self.n_free)
+        constrained = self.number < 0
+        return np.bincount(self.number[~constrained], load[~constrained], self.n_free)
 
     def split(self, values: np.ndarray) -> list[np.ndarray]:
         """Vectors (n_quadrature, 3) by basis, each as (3, n_elements, n_points)."""
@@ -207,7 +207,7 @@ class Elements3D:
         from . import weak_forms
 
         parts = zip(self.bases, self.split(flow), strict=True)
-        return self.reduced(sum(weak_forms.divergence.assemble(b, flow=part) for b, part in parts))
+        return self.restrict(sum(weak_forms.divergence.assemble(b, flow=part) for b, part in parts))
 
     def faces(self, name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Quadrature on a named boundary on the mesh's surface.
@@ -263,11 +263,11 @@ def rows(vectors: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(np.asarray(vectors).reshape(3, -1).T)
 
 
-def _positions(known: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-    """Column of `known` (n, m), each in ascending order, with the same corners as each of `wanted` (n, k); -1: none."""
+def _positions(known: np.ndarray, given: np.ndarray) -> np.ndarray:
+    """Column of `known` (n, m), each in ascending order, with the same corners as each of `given` (n, k); -1: none."""
     base = int(known.max()) + 1
     key, target = (
-        sum(part.astype(np.int64) * base**i for i, part in enumerate(c)) for c in (known, np.sort(wanted, 0))
+        sum(part.astype(np.int64) * base**i for i, part in enumerate(c)) for c in (known, np.sort(given, 0))
     )
     order = np.argsort(key)
     at = order[np.minimum(np.searchsorted(key, target, sorter=order), len(key) - 1)]

@@ -48,8 +48,8 @@ class InverseLaw:
             if np.any(np.diff(H) <= 0.0) or np.any(slope <= 0.0):
                 raise ValueError(f"H of {law.name!r} does not grow with B everywhere; a scalar potential needs that")
             middle = 0.5 * (B[1:] + B[:-1])
-            found = CubicHermiteSpline(H, B, 1.0 / slope)(law.H_of_B(middle)[0])
-            coarse = np.abs(found - middle) > _TOLERANCE * np.maximum(middle, 1e-3)
+            approximate = CubicHermiteSpline(H, B, 1.0 / slope)(law.H_of_B(middle)[0])
+            coarse = np.abs(approximate - middle) > _TOLERANCE * np.maximum(middle, 1e-3)
             if not coarse.any():
                 break
             B = np.sort(np.concatenate((B, middle[coarse])))

@@ -198,7 +198,7 @@ class NodalSolver:
             rz = new
         raise RuntimeError(
             f"conjugate gradients ({self.description()}) left a residual of "
-            f"{math.sqrt(float((r * r).sum())):.2e}, wanted {goal:.2e}, after {_MAX_ITERATIONS} iterations: "
+            f"{math.sqrt(float((r * r).sum())):.2e}, above {goal:.2e}, after {_MAX_ITERATIONS} iterations: "
             "install pyamg, or look for nearly flat elements in the mesh"
         )
 

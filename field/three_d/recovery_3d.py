@@ -188,8 +188,8 @@ class Recovery3D:
             u = (self.nodes[fit.samples] - fit.centre[:, None]) @ fit.frame.transpose(0, 2, 1)
             values = np.where(fit.kept, phi[fit.samples] - field.ampere_turns * fit.difference, 0.0)
             right = values[:, None] @ _monomials(u, _exponents(fit.degree))
-            found = np.linalg.solve(fit.gram, right.transpose(0, 2, 1))[:, :, 0]
-            coefficients[fit.corners, : found.shape[1]] = found
+            solved = np.linalg.solve(fit.gram, right.transpose(0, 2, 1))[:, :, 0]
+            coefficients[fit.corners, : solved.shape[1]] = solved
         nodal = np.zeros((len(self.nodes), 12))
         every = np.arange(self._n_corners)
         middle = self._n_corners + np.arange(len(self._edge_ends))

@@ -51,19 +51,19 @@ if TYPE_CHECKING:
     from .tetrahedron_locator import TetrahedronLocator
 
 # A cold start takes each material's chord B/H at this flux density [T], a loaded iron circuit's, and then every
-# place's own chord at the B that was found there: coils fix H in air and saturated iron, but B in an iron circuit.
+# place's own chord at the B of the solution there: coils fix H in air and saturated iron, but B in an iron circuit.
 _START_B = 1.0
 _START_TOLERANCE = 3e-3  # of these two linear solves
 # The line search continues until the slope is level to this fraction: a gradient costs a tenth of a linear solve.
 _LEVEL = 0.3
 _WITHOUT_IRON = ("air", "coil", "powder", "slots")
-# Of the linear solve whose square the incremental inductance is, and of a flux linkage that is asked for.
+# Of the linear solve whose square the incremental inductance is, and of a flux linkage that is given.
 _SLOPE_TOLERANCE, _LINKAGE_TOLERANCE = 1e-5, 1e-7
 _MAX_LINKAGE_SOLVES = 20
 
 
 class Problem3D:
-    """One mesh, one set of materials and one source; solved for as many currents as wanted.
+    """One mesh, one set of materials and one source; solved for any number of currents.
 
     Parameters
     ----------
@@ -137,7 +137,7 @@ class Problem3D:
             fixed=fixed,
             group=np.where(holds_powder, len(names), np.where(nonlinear, self._material, -1)),
             careful=nonlinear | self.carries_current,
-            hold_one=outer == "flux_wall" and not fixed,
+            fix_one=outer == "flux_wall" and not fixed,
         )
         elements = self.elements
         # a hair towards the element's middle: round-off must not carry a point across a jump of T0
@@ -165,7 +165,7 @@ class Problem3D:
                 continue
             mu = np.broadcast_to(permeability[self._material[basis.tind], None], basis.dx.shape)
             self._packed[basis.tind] = packed(weak_forms.stiffness.elemental(basis, mu=mu).tolocal())
-            self._unit_load += elements.reduced(weak_forms.divergence.assemble(basis, flow=mu * T0))
+            self._unit_load += elements.restrict(weak_forms.divergence.assemble(basis, flow=mu * T0))
         vacuum = MU_0 * self.unit_T0
         # of a uniform T0, which has no load inside, a millionth of its size
         size = np.linalg.norm(vacuum, axis=1) * np.cbrt(elements.weight) ** 2
@@ -187,13 +187,13 @@ class Problem3D:
         T0 = self.source.T0(inward.reshape(-1, 3)).reshape(points.shape)
         load = np.zeros(elements.n_nodes)
         np.add.at(load, nodes, MU_0 * np.einsum("kqa,kqa,qi->ki", T0, normal, function))
-        self._unit_load -= elements.reduced(load)
+        self._unit_load -= elements.restrict(load)
         self._outer = nodes, blocks
         element = elements.solid.f2t[0, elements.facets("outer")]
         place = (elements.element_nodes[element][:, None, :] == nodes[:, :, None]).argmax(axis=2)
-        whole = np.zeros((len(element), *2 * elements.element_nodes.shape[1:]))
-        whole[np.arange(len(element))[:, None, None], place[:, :, None], place[:, None, :]] = blocks
-        np.add.at(self._packed, element, packed(whole))
+        full = np.zeros((len(element), *2 * elements.element_nodes.shape[1:]))
+        full[np.arange(len(element))[:, None, None], place[:, :, None], place[:, None, :]] = blocks
+        np.add.at(self._packed, element, packed(full))
 
     def outer_energy(self, phi: np.ndarray) -> float:
         """Energy [J] beyond the mesh's open boundary for a potential (n_nodes,) [A]; 0 beyond another one."""
@@ -341,7 +341,7 @@ class Problem3D:
             max_iterations=max_iterations,
             level=None if self.linear else _LEVEL,
         )
-        return Field3D(self, self.elements.whole(x), float(ampere_turns), powder, history)
+        return Field3D(self, self.elements.expand(x), float(ampere_turns), powder, history)
 
     def _checked(self, fill: Powder) -> PowderState | None:
         if fill is not None and self.powder_law is None:
@@ -361,7 +361,7 @@ class Problem3D:
         flow = [energy.tangent_flow(k, unit[number]) for k, number in enumerate(energy.numbers)]
         right = self._unit_load + energy.load(flow)
         self._solver.scale, self._solver.floor = None, _SLOPE_TOLERANCE * norm(right)
-        change = self.elements.whole(self._solver.solve(matrix, right))
+        change = self.elements.expand(self._solver.solve(matrix, right))
         total = 0.0
         for number, basis in enumerate(self.elements.bases):
             H = unit[number] - basis.interpolate(change).grad
@@ -416,8 +416,8 @@ class Problem3D:
         local = []
         for mu, law, H in zip(chord, energy.laws, energy.field_strength(first), strict=True):
             B = mu * np.sqrt((H * H).sum(axis=0))
-            found = law.H_of_B(B)[0]
-            local.append(np.where(found > 0.0, B / np.where(found > 0.0, found, 1.0), mu))
+            strength = law.H_of_B(B)[0]
+            local.append(np.where(strength > 0.0, B / np.where(strength > 0.0, strength, 1.0), mu))
         return min((first, self._chord_field(energy, local)), key=lambda x: energy.value(x)[0])
 
     def _chord_field(self, energy: _CoEnergy, mu: list[np.ndarray]) -> np.ndarray:
@@ -454,7 +454,7 @@ class _CoEnergy:
 
     def field_strength(self, x: np.ndarray) -> list[np.ndarray]:
         """H [A/m], each (3, n_elements, n_points)."""
-        phi = self._elements.whole(x)
+        phi = self._elements.expand(x)
         return [T0 - basis.interpolate(phi).grad for basis, T0 in zip(self.bases, self.T0, strict=True)]
 
     def load(self, flow: list[np.ndarray]) -> np.ndarray:
@@ -464,7 +464,7 @@ class _CoEnergy:
         total = np.zeros(self._elements.n_nodes)
         for basis, part in zip(self.bases, flow, strict=True):
             total += weak_forms.divergence.assemble(basis, flow=part)
-        return self._elements.reduced(total)
+        return self._elements.restrict(total)
 
     def tangent_flow(self, k: int, H: np.ndarray) -> np.ndarray:
         """Change of B (3, n_elements, n_points) with that of H in basis k, at the state of the last evaluation."""
@@ -493,9 +493,9 @@ class _CoEnergy:
         if self._at is not None and np.array_equal(self._at, x):
             return
         self._H = self.field_strength(x)
-        found = [law.evaluate(np.sqrt((H * H).sum(axis=0))) for law, H in zip(self._inverse, self._H, strict=True)]
-        self._mu, self._excess = [mu for mu, _, _ in found], [excess for _, excess, _ in found]
-        self._inside = sum(float((w * basis.dx).sum()) for (_, _, w), basis in zip(found, self.bases, strict=True))
+        states = [law.evaluate(np.sqrt((H * H).sum(axis=0))) for law, H in zip(self._inverse, self._H, strict=True)]
+        self._mu, self._excess = [mu for mu, _, _ in states], [excess for _, excess, _ in states]
+        self._inside = sum(float((w * basis.dx).sum()) for (_, _, w), basis in zip(states, self.bases, strict=True))
         self._flux = self._problem._linear_matrix @ x
         self._at = x.copy()
 
@@ -512,7 +512,7 @@ class _CoEnergy:
         self._evaluate(x)
         return self.matrix(self._mu, self._excess)
 
-    def cautious_hessian(self, x: np.ndarray) -> sp.csc_matrix:
+    def chord_hessian(self, x: np.ndarray) -> sp.csc_matrix:
         """Chord instead of tangent where the material saturates (Kachanov's iteration).
 
         There w* is concave in H^2 and lies below the parabola with mu = B/H: the full step cannot overshoot.
@@ -523,7 +523,7 @@ class _CoEnergy:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _PowderAt:
-    """The powder's law at its state, as `InverseLaw` and `Law` are asked."""
+    """The powder's law at its state, with the methods of `InverseLaw` and `Law`."""
 
     law: PowderLaw
     powder: PowderState | None

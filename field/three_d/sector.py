@@ -74,7 +74,7 @@ class SectorFold:
     def out_of_mesh(
         matrix: np.ndarray | None, vector: np.ndarray, gradient: np.ndarray | None = None
     ) -> tuple[np.ndarray, np.ndarray | None]:
-        """A vector (n, 3) and its gradient (n, 3, 3), found in the sector, at the points they were asked for."""
+        """A vector (n, 3) and its gradient (n, 3, 3), evaluated in the sector, at the given points."""
         if matrix is None:
             return vector, gradient
         back = matrix.transpose(0, 2, 1)

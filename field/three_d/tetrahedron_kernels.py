@@ -130,7 +130,7 @@ def _tetrahedron_at(x, y, z, hint, search):
         good, u, v, w = _coordinates(affine, bend, reach, hint, x, y, z, 0.0)
         if good and u > _INSIDE and v > _INSIDE and w > _INSIDE and 1.0 - u - v - w > _INSIDE:
             return hint, u, v, w
-    found, best = -1, -margin
+    element, best = -1, -margin
     bu = bv = bw = 0.0
     i, j, k = (x - origin[0]) * inverse_size[0], (y - origin[1]) * inverse_size[1], (z - origin[2]) * inverse_size[2]
     # written so that a NaN coordinate is outside
@@ -144,11 +144,11 @@ def _tetrahedron_at(x, y, z, hint, search):
                 continue
             least = min(min(u, v), min(w, 1.0 - u - v - w))
             if least > best:
-                found, best = e, least
+                element, best = e, least
                 bu, bv, bw = u, v, w
                 if least >= 0.0:
                     break
-    return found, bu, bv, bw
+    return element, bu, bv, bw
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

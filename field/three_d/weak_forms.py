@@ -1,6 +1,6 @@
 """The weak forms of the field in 3D, which scikit-fem assembles.
 
-With H = T0 - grad phi and a law B(H), find phi such that for all v that vanish where phi is held
+With H = T0 - grad phi and a law B(H), find phi such that for all v that vanish where phi is fixed
 
     integral B . grad v dV = 0,     B = B(|H|) H/|H|,
 

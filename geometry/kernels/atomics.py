@@ -48,8 +48,8 @@ def _compare_exchange(typing_context, words, place, before, after):
 
     def code(context, builder, signature, arguments):
         pointer = _pointer(context, builder, signature, arguments)
-        answer = builder.cmpxchg(pointer, arguments[2], arguments[3], "acq_rel", "acquire")
-        return builder.extract_value(answer, 1)
+        exchanged = builder.cmpxchg(pointer, arguments[2], arguments[3], "acq_rel", "acquire")
+        return builder.extract_value(exchanged, 1)
 
     return types.boolean(words, types.int64, types.int64, types.int64), code
 

@@ -75,7 +75,7 @@ def has_entries(kernel: Any) -> bool:
 
 
 class _Stamp:
-    """A kernel's stamp, found when the cache is first asked: callees may be defined below their caller.
+    """A kernel's stamp, computed when the cache is first used: callees may be defined below their caller.
 
     Pickled and compared as the text that it is.
     """
@@ -299,15 +299,15 @@ def _install() -> None:
 
     def locked_load(self, key):
         with _lock(self._index_path, alone=False):
-            found = load(self, key)
-        if found is None and fcntl is not None and isinstance(self._source_stamp, _Stamp):
+            index_data = load(self, key)
+        if index_data is None and fcntl is not None and isinstance(self._source_stamp, _Stamp):
             _release_compile_locks()
             _acquire_compile_lock(self._index_path)  # until the code that numba compiles now has been saved
             with _lock(self._index_path, alone=False):
-                found = load(self, key)
-            if found is not None:
+                index_data = load(self, key)
+            if index_data is not None:
                 _release_compile_locks()
-        return found
+        return index_data
 
     caching.IndexDataCacheFile.save, caching.IndexDataCacheFile.load = locked_save, locked_load  # type: ignore
 

@@ -90,7 +90,7 @@ def _install() -> None:
         return executable(self, library, fndesc, env)
 
     def link(self, library):
-        if not library._finalized:  # its code has not been asked for: a wrapper, or a part of numba's own functions
+        if not library._finalized:  # its code has not been requested: a wrapper, or a part of numba's own functions
             _leave_to_caller(library)
         add_linking_library(self, library)
 

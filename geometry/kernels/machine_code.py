@@ -29,11 +29,11 @@ WITH_CONTENT = 1
 
 def machine_code_digest() -> str:
     """First 16 hexadecimal digits of a SHA-256 over all kernels, in the order of their names and types."""
-    whole = hashlib.sha256()
+    total = hashlib.sha256()
     for name, code in sorted(kernel_codes()):
-        whole.update(name.encode())
-        whole.update(hashlib.sha256(code).digest())
-    return whole.hexdigest()[:16]
+        total.update(name.encode())
+        total.update(hashlib.sha256(code).digest())
+    return total.hexdigest()[:16]
 
 
 def kernel_codes() -> Iterator[tuple[str, bytes]]:

@@ -85,7 +85,7 @@ def _splat(builder: Any, value: Any) -> Any:
 
 
 @lower_cast(types.float64, f64x8)
-def _cast_splat(context: Any, builder: Any, kind: Any, wanted: Any, value: Any) -> Any:
+def _cast_splat(context: Any, builder: Any, kind: Any, target: Any, value: Any) -> Any:
     return _splat(builder, value)
 
 
@@ -153,8 +153,8 @@ def _register_typed(function: Callable, typed: Callable) -> Callable:
 
     class Template(AbstractTemplate):
         def generic(self, args, kws):
-            wanted = typed(*args)
-            return signature(f64x8 if {f64x8, mask8} & set(wanted) else types.float64, *wanted)
+            parameters = typed(*args)
+            return signature(f64x8 if {f64x8, mask8} & set(parameters) else types.float64, *parameters)
 
     infer_global(function)(Template)
     return lower_builtin(function, *(types.Any,) * len(inspect.signature(function).parameters))
@@ -313,8 +313,8 @@ def to_integers(typing, x):
     """Truncate to eight integers; NaN is undefined behaviour."""
 
     def code(context, builder, kind, values):
-        whole = builder.fptosi(values[0], ir.VectorType(ir.IntType(64), LANES))
-        each = (builder.extract_element(whole, ir.Constant(ir.IntType(32), lane)) for lane in range(LANES))
+        integers = builder.fptosi(values[0], ir.VectorType(ir.IntType(64), LANES))
+        each = (builder.extract_element(integers, ir.Constant(ir.IntType(32), lane)) for lane in range(LANES))
         return context.make_tuple(builder, kind.return_type, list(each))
 
     return types.UniTuple(types.intp, LANES)(f64x8), code

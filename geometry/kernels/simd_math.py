@@ -46,8 +46,8 @@ def _parts(typing_context, x):
         bits = builder.bitcast(value, word)
         exponent = builder.sub(builder.lshr(bits, constant(52)), constant(EXPONENT_BIAS))
         mantissa = builder.or_(builder.and_(bits, constant(MANTISSA)), constant(ONE))
-        found = builder.sitofp(exponent, value.type), builder.bitcast(mantissa, value.type)
-        return context.make_tuple(builder, signature.return_type, found)
+        picked = builder.sitofp(exponent, value.type), builder.bitcast(mantissa, value.type)
+        return context.make_tuple(builder, signature.return_type, picked)
 
     return types.UniTuple(kind, 2)(kind), code
 

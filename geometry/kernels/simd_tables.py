@@ -97,8 +97,8 @@ def load(typing, table, row, column):
         if real:
             return builder.load(builder.bitcast(begin, _EIGHT.as_pointer()), align=8)
         places = (builder.gep(begin, [ir.Constant(ir.IntType(64), lane)]) for lane in range(LANES))
-        found = [builder.sext(builder.load(place), ir.IntType(64)) for place in places]
-        return context.make_tuple(builder, kind.return_type, found)
+        integers = [builder.sext(builder.load(place), ir.IntType(64)) for place in places]
+        return context.make_tuple(builder, kind.return_type, integers)
 
     return (f64x8 if real else types.UniTuple(types.intp, LANES))(table, types.intp, types.intp), code
 
@@ -125,11 +125,11 @@ def movemask_at_least(typing, array, first, bound):
         view = context.make_array(array)(context, builder, values[0])
         eight = ir.VectorType(context.get_value_type(array.dtype), LANES)
         place = builder.bitcast(builder.gep(view.data, [values[1]]), eight.as_pointer())
-        found = builder.load(place, align=array.dtype.bitwidth // 8)
+        loaded = builder.load(place, align=array.dtype.bitwidth // 8)
         least = builder.insert_element(
             ir.Constant(eight, ir.Undefined), builder.trunc(values[2], eight.element), ir.Constant(ir.IntType(32), 0)
         )
-        bits = builder.icmp_unsigned(">=", found, _shuffle(builder, least, least, [0] * LANES))
+        bits = builder.icmp_unsigned(">=", loaded, _shuffle(builder, least, least, [0] * LANES))
         return builder.zext(builder.bitcast(bits, ir.IntType(LANES)), ir.IntType(64))
 
     return types.intp(array, types.intp, types.intp), code
@@ -142,8 +142,8 @@ def gather_columns(typing, table, rows, first):
     def code(context, builder, kind, values):
         rows = [builder.load(place, align=8) for place in _places(context, builder, table, values)]
         halves = [_transpose(builder, rows[k : k + WIDE]) for k in range(0, LANES, WIDE)]
-        found = [_shuffle(builder, a, b, list(range(LANES))) for a, b in zip(*halves, strict=True)]
-        return context.make_tuple(builder, kind.return_type, found)
+        columns = [_shuffle(builder, a, b, list(range(LANES))) for a, b in zip(*halves, strict=True)]
+        return context.make_tuple(builder, kind.return_type, columns)
 
     return types.UniTuple(f64x8, WIDE)(table, types.UniTuple(types.intp, LANES), types.intp), code
 
@@ -157,8 +157,8 @@ def gather_two_columns(typing, table, rows, first):
         while len(rows) > 1:
             both = list(range(2 * rows[0].type.count))
             rows = [_shuffle(builder, one, next_one, both) for one, next_one in zip(rows[::2], rows[1::2], strict=True)]
-        found = [_shuffle(builder, rows[0], rows[0], list(range(k, 2 * LANES, 2))) for k in range(2)]
-        return context.make_tuple(builder, kind.return_type, found)
+        columns = [_shuffle(builder, rows[0], rows[0], list(range(k, 2 * LANES, 2))) for k in range(2)]
+        return context.make_tuple(builder, kind.return_type, columns)
 
     kind = types.intp if isinstance(first, types.Integer) else types.UniTuple(types.intp, LANES)
     return types.UniTuple(f64x8, 2)(table, types.UniTuple(types.intp, LANES), kind), code
@@ -186,13 +186,13 @@ def gather(typing, array, rows):
     def code(context, builder, kind, values):
         view = context.make_array(array)(context, builder, values[0])
         picked = (builder.extract_value(values[1], lane) for lane in range(LANES))
-        found = [builder.load(builder.gep(view.data, [k])) for k in picked]
+        loaded = [builder.load(builder.gep(view.data, [k])) for k in picked]
         if not real:
             wide = builder.sext if array.dtype.signed else builder.zext
-            found = [wide(x, ir.IntType(64)) if x.type.width < 64 else x for x in found]
-            return context.make_tuple(builder, kind.return_type, found)
+            loaded = [wide(x, ir.IntType(64)) if x.type.width < 64 else x for x in loaded]
+            return context.make_tuple(builder, kind.return_type, loaded)
         made = ir.Constant(_EIGHT, ir.Undefined)
-        for lane, x in enumerate(found):
+        for lane, x in enumerate(loaded):
             made = builder.insert_element(made, x, ir.Constant(ir.IntType(32), lane))
         return made
 
@@ -284,13 +284,13 @@ def scatter_add(typing, table, rows, first, other, places, added):
 
     def code(context, builder, kind, values):
         fours, twos = _rows_of(builder, [builder.extract_value(values[5], k) for k in range(many)])
-        found = _places(context, builder, table, values)
+        places = _places(context, builder, table, values)
         if other != types.none:
             zero = ir.Constant(ir.IntType(64), 0)
             away = (builder.icmp_signed(">=", builder.extract_value(values[4], lane), zero) for lane in range(LANES))
             there = _places(context, builder, other, [*values[3:5], zero])
-            found = [builder.select(*which) for which in zip(away, there, found, strict=True)]
-        for place, four, two in zip(found, fours, twos, strict=True):
+            places = [builder.select(*which) for which in zip(away, there, places, strict=True)]
+        for place, four, two in zip(places, fours, twos, strict=True):
             _add(builder, place, four, two)
         return context.get_dummy_value()
 
@@ -323,12 +323,12 @@ def _places(context: Any, builder: Any, table: Any, values: Any, width: int = WI
     view = context.make_array(table)(context, builder, value)
     stride, byte = builder.extract_value(view.strides, 0), ir.IntType(8).as_pointer()
     apart = isinstance(first.type, ir.ArrayType)
-    found = []
+    places = []
     for lane in range(LANES):
         begin = builder.gep(view.data, [builder.extract_value(first, lane) if apart else first])
         row = builder.mul(builder.extract_value(rows, lane), stride)
-        found.append(builder.gep(builder.bitcast(begin, byte), [row]))
-    return [builder.bitcast(place, ir.VectorType(_DOUBLE, width).as_pointer()) for place in found]
+        places.append(builder.gep(builder.bitcast(begin, byte), [row]))
+    return [builder.bitcast(place, ir.VectorType(_DOUBLE, width).as_pointer()) for place in places]
 
 
 def _transpose(builder: Any, rows: list) -> list:

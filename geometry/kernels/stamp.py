@@ -69,8 +69,8 @@ def _names(code: CodeType) -> set[str]:
 
 def _globals_read(function: Any, names: set[str]) -> Iterator[tuple[str, Any]]:
     """Names and values from outside that a function reads, in the order of the names."""
-    found = function.__globals__
-    values = {name: found[name] for name in names if name in found}
+    module = function.__globals__
+    values = {name: module[name] for name in names if name in module}
     for cell, name in zip(function.__closure__ or (), function.__code__.co_freevars, strict=True):
         values[name] = cell.cell_contents
     for name in sorted(values):
@@ -130,8 +130,8 @@ def _overloads(function: Callable) -> list[Callable]:
 
     They hold that code, or the names under which it stands.
     """
-    found = (kind for value, kind in builtin_registry.globals if value is function)
-    templates = (template for kind in found for template in kind.templates)
+    kinds = (kind for value, kind in builtin_registry.globals if value is function)
+    templates = (template for kind in kinds for template in kind.templates)
     return [template._overload_func for template in templates if hasattr(template, "_overload_func")]
 
 

@@ -24,16 +24,16 @@ if "OMP_WAIT_POLICY" not in os.environ:
 
 def requested_threads() -> int | None:
     """Value of ``OMP_NUM_THREADS``; None where it is not set to a number."""
-    asked = os.environ.get("OMP_NUM_THREADS", "").partition(",")[0].strip()  # a list has one number a nesting level
-    return int(asked) if asked.isdigit() and int(asked) > 0 else None
+    setting = os.environ.get("OMP_NUM_THREADS", "").partition(",")[0].strip()  # a list has one number a nesting level
+    return int(setting) if setting.isdigit() and int(setting) > 0 else None
 
 
 def default_threads(available: int) -> int:
-    """Threads of the compiled loops where none are asked for: ``OMP_NUM_THREADS`` if it is set, else all.
+    """Threads of the compiled loops by default: ``OMP_NUM_THREADS`` if it is set, else all.
 
     Parameters
     ----------
     available : int
-        Cores that this process may use; no more are taken.
+        Cores that this process may use, the largest number.
     """
     return min(available, requested_threads() or available)

@@ -169,14 +169,14 @@ def read_table(path: Path) -> FrictionTable:
     with path.open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(line for line in file if not line.startswith("#")))
     at = np.array([[float(row["friction"]), float(row["rolling"])] for row in rows])
-    found = np.array([[float(row["bulk_friction"]), float(row["error"])] for row in rows])
+    values = np.array([[float(row["bulk_friction"]), float(row["error"])] for row in rows])
     friction, rolling = (np.unique(column) for column in at.T)
     mean, error = np.zeros((len(friction), len(rolling))), np.zeros((len(friction), len(rolling)))
     squares, repeats = 0.0, 0
     for i, mu_s in enumerate(friction):
         for j, mu_r in enumerate(rolling):
             # without sliding friction nothing makes a grain roll: one point stands for all mu_r
-            here = found[(at[:, 0] == mu_s) & ((at[:, 1] == mu_r) | (mu_s == 0.0))]
+            here = values[(at[:, 0] == mu_s) & ((at[:, 1] == mu_r) | (mu_s == 0.0))]
             if not len(here):
                 raise ValueError(f"{path}: no run at friction {mu_s:g} and rolling friction {mu_r:g}")
             weight = here[:, 1] ** -2

@@ -48,9 +48,9 @@ def turn_bodies(dt, step, shafts, totals):
             # the drive falls with speed: taken at the mean of old and new
             slope = 0.5 * per * drives[step, b, DRIVE_SLOPE]
             new = (old * (1.0 - slope) + per * (n_sectors * torque + drives[step, b, DRIVE])) / (1.0 + slope)
-            held = per / (1.0 + slope) * drives[step, b, LOAD]
+            limit = per / (1.0 + slope) * drives[step, b, LOAD]
             # dry friction: shrink the speed, never reverse it
-            brake = min(max(new, -held), held)
+            brake = min(max(new, -limit), limit)
             new -= brake
             mean = 0.5 * (old + new)
             drive = drives[step, b, DRIVE] - drives[step, b, DRIVE_SLOPE] * mean

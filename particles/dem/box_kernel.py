@@ -95,7 +95,7 @@ def swept_to_image(images, shift, k, x):
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def less_flow(flow, along_x, along_z, z, time):
+def peculiar_velocity(flow, along_x, along_z, z, time):
     """Velocities along x [m/s] less the flow's, at the places ``time`` [s] from the heights z [m]."""
     if flow is not None:
         along_x = along_x - flow[RATE] * (z + time * along_z)
@@ -103,8 +103,8 @@ def less_flow(flow, along_x, along_z, z, time):
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def beside_flow(flow, dt, dx, dz, from_z):
-    """Displacements along x [m] since the list was made, beside the flow's, at the end of a step of ``dt`` [s]."""
+def peculiar_displacement(flow, dt, dx, dz, from_z):
+    """Displacements along x [m] since the list was made, less the flow's, at the end of a step of ``dt`` [s]."""
     if flow is not None:
         dx = dx - (flow[STRAIN] - flow[LIST_STRAIN] + flow[RATE] * dt) * (from_z + 0.5 * dz)
     return dx

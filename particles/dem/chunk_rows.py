@@ -1,14 +1,14 @@
 """Compiled sweep over rows of the half list: forces on grain i and its later partners, its walls, its kick and drift.
 
-Contacts are found, computed and handed to their grains a batch at a time (`particles.dem.pair_contacts`). A grain is
+Contacts are searched, computed and added to their grains a batch at a time (`particles.dem.pair_contacts`). A grain is
 complete when its row has ended, because every pair stands in the row of its first grain: it is integrated after the
 batch in which that happens, while it is in the cache. Only a grain that has a partner in an earlier chunk of rows is
 ``deferred``: other threads sweep that chunk at the same time, so its reactions come through a buffer with a place for
 every such pair, and `finish_rows` adds them in the order of the pairs once all chunks are swept. Nothing depends on the
 number of threads, bit for bit.
 
-A held attraction pulls every pair of the list that it drives, touching or not; its sums are treated alike, in places of
-their own.
+A lagged attraction pulls every pair of the list that it drives, touching or not; its sums are treated alike, in places
+of their own.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from particles.dem.drift_kernel import add_drifted, drift_eight, none_drifted
 from particles.dem.kernel_state import Tally
 from particles.dem.motion_columns import FORCE, TORQUE
 from particles.dem.pair_contacts import broadcast_law, pair_contacts
-from particles.dem.pair_search import find_contacts
+from particles.dem.pair_search import find_pair_contacts
 from particles.dem.wall_contacts import add_walls
 from particles.laws.columns import N_LAW
 from particles.laws.springs import with_rows
@@ -40,15 +40,15 @@ def sweep_rows(chunk, now, law, resistance, energy_column, attraction, grains, p
     totals.chunk[chunk][:] = 0.0
     clear_virial(grains.virial, chunk)
     tally, drifted = Tally(0, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0), 0.0, -1), none_drifted()
-    parted = (0.0, 0.0, 0.0, 0.0)  # what pairs that parted have lost
+    released = (0.0, 0.0, 0.0, 0.0)  # lost with pairs that have separated
     table = broadcast_law(law, stack_table(N_LAW))
     wall_tables = with_rows(law, stack_table(N_LAW)), stack_table(MAX_REMEMBERED)
     done, end = chunks.start[chunk], chunks.start[chunk + 1]
     cursor = pairs.start[done], chunks.cross_start[chunk] - 1
     while done < end:
         # pairs, and their attraction: as many contacts as there is room for
-        cursor, count, parted = find_contacts(
-            chunk, cursor, now.dt, law, resistance, energy_column, attraction, grains, pairs, chunks, parted
+        cursor, count, released = find_pair_contacts(
+            chunk, cursor, now.dt, law, resistance, energy_column, attraction, grains, pairs, chunks, released
         )
         tally = pair_contacts(chunk, count, now.dt, law, table, resistance, energy_column, grains, pairs, chunks, tally)
         # walls, then kick and drift, of the grains whose rows have ended
@@ -59,7 +59,7 @@ def sweep_rows(chunk, now, law, resistance, energy_column, attraction, grains, p
         )  # fmt: skip
         drifted = _drift_rows(done, ended, now, law, energy_column, attraction, grains, chunks.deferred, drifted)
         done = ended
-    _add_tally(tally, parted, totals.chunk[chunk])
+    _add_tally(tally, released, totals.chunk[chunk])
     add_drifted(chunk, drifted, energy_column, grains, totals.chunk[chunk])
 
 
@@ -115,11 +115,12 @@ def _drift_rows(first, end, now, law, energy_column, attraction, grains, deferre
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
-def _add_tally(tally, parted, row):
-    """Put what the contacts of a chunk hold and have lost into the chunk's sums ``row``."""
-    energies, walls = tally.energies, tally.parted
+def _add_tally(tally, released, row):
+    """Put the energies and losses of the contacts of a chunk into the chunk's sums ``row``."""
+    energies, walls = tally.energies, tally.released_energy
     row[column.CONTACTS], row[column.ELASTIC] = tally.contacts, energies[0]
-    row[column.NORMAL_DAMPING], row[column.TANGENTIAL_DAMPING] = energies[1] + walls[0] + parted[0], energies[2]
-    row[column.SLIDING], row[column.ROLLING] = energies[3] + walls[1] + parted[1], energies[4] + walls[2] + parted[2]
-    row[column.TWISTING] = energies[5] + walls[3] + parted[3]
-    row[column.MAX_OVERLAP], row[column.GRAIN] = tally.deepest, tally.deepest_at
+    row[column.NORMAL_DAMPING], row[column.TANGENTIAL_DAMPING] = energies[1] + walls[0] + released[0], energies[2]
+    row[column.SLIDING] = energies[3] + walls[1] + released[1]
+    row[column.ROLLING] = energies[4] + walls[2] + released[2]
+    row[column.TWISTING] = energies[5] + walls[3] + released[3]
+    row[column.MAX_OVERLAP], row[column.GRAIN] = tally.max_overlap, tally.argmax_overlap

@@ -21,7 +21,7 @@ from geometry.kernels.device_functions import device_function
 
 # words that threads share: the open stage, how many of its chunks are complete, what the call returns, and for each
 # chunk the first stage in which it has not been claimed
-STAGE, COMPLETE, ANSWER, STEPS, CHUNKS = 0, WORDS_APART, 2 * WORDS_APART, 2 * WORDS_APART + 1, 3 * WORDS_APART
+STAGE, COMPLETE, STATUS, STEPS, CHUNKS = 0, WORDS_APART, 2 * WORDS_APART, 2 * WORDS_APART + 1, 3 * WORDS_APART
 NONE = -1
 SPINS = 20_000  # looks at the open stage before a waiting thread yields its core
 

@@ -43,7 +43,7 @@ class Resistance(NamedTuple):
     twisting: int
 
 
-class Touch(NamedTuple):
+class ContactKinematics(NamedTuple):
     """Kinematics of a contact: grain i and its partner.
 
     Attributes
@@ -130,7 +130,7 @@ def rotate_spring(rotation, phi, n, history, slot, first):
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def stiffen_spring(k_t, last, half_square):
+def rescale_spring(k_t, last, half_square):
     """Return the factor by which a spring of last stiffness ``last`` shrinks, and what is lost.
 
     ``half_square`` is half of its squared length.
@@ -138,33 +138,33 @@ def stiffen_spring(k_t, last, half_square):
     One that stiffens while the contact closes keeps its force, one that softens its length (module docstring).
     """
     stiffer = k_t > last
-    share = select(stiffer, last / k_t, 1.0)
-    return share, select(stiffer, last * (1.0 - share), last - k_t) * half_square
+    factor = select(stiffer, last / k_t, 1.0)
+    return factor, select(stiffer, last * (1.0 - factor), last - k_t) * half_square
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def yield_slider(trial2, limit, compliance):
+def coulomb_return_map(trial2, limit, compliance):
     """Return the factor by which a trial force yields to its limit, and how far the slider slips by unit of that force.
 
     ``trial2`` is the square of that force, ``compliance`` the displacement by unit of force of
     what stretches (spring and dashpot).
     """
     slides = trial2 > maximum(limit * limit, TINY)  # trial > 0 needs a finite ``compliance``
-    share = select(slides, limit * sqrt(trial2) * (1.0 / trial2), 1.0)  # a quotient in parallel with the root
-    return share, select(slides, (1.0 - share) * compliance, 0.0)
+    factor = select(slides, limit * sqrt(trial2) * (1.0 / trial2), 1.0)  # a quotient in parallel with the root
+    return factor, select(slides, (1.0 - factor) * compliance, 0.0)
 
 
 @njit_without_refcounts(error_model="numpy", fastmath={"contract"}, forceinline=True)
-def contact_force(law, kind, energy_column, m_eff, r_eff, dt, touch, history, slot):
-    """Force on grain i in the contact ``touch``, and what it has cost: a `ContactForce`.
+def contact_force(law, kind, energy_column, m_eff, r_eff, dt, kinematics, history, slot):
+    """Force on grain i in the contact ``kinematics``, and what it has cost: a `ContactForce`.
 
     ``law`` is the table of a spring (`particles.laws.springs`), ``kind`` its row. ``history[slot]`` is updated;
     ``energy_column`` is the first column of the last forces there, or None: then losses are not computed.
     """
-    delta, inv_dt = touch.delta, 1.0 / dt
-    nx, ny, nz = touch.normal
-    ux, uy, uz = touch.velocity
-    phi = touch.spin * dt
+    delta, inv_dt = kinematics.delta, 1.0 / dt
+    nx, ny, nz = kinematics.normal
+    ux, uy, uz = kinematics.velocity
+    phi = kinematics.spin * dt
     closing = ux * nx + uy * ny + uz * nz
     f_el, k_t, gamma_n, gamma_t, stored, memory = spring(law, kind, delta, m_eff, r_eff, history[slot, MEMORY])
     if remembers(law):  # column MEMORY belongs to the rolling angle under the linear law
@@ -176,13 +176,13 @@ def contact_force(law, kind, energy_column, m_eff, r_eff, dt, touch, history, sl
         pull = select(coheres, law.rows[kind, COHESION_0] + law.rows[kind, COHESION_1] * r_eff, 0.0)
     f_n = f_rep - pull
 
-    xi_x, xi_y, xi_z = rotate_spring(touch.rotation, phi, touch.normal, history, slot, 0)
+    xi_x, xi_y, xi_z = rotate_spring(kinematics.rotation, phi, kinematics.normal, history, slot, 0)
     lost_n = lost_t = lost_s = 0.0
     last = k_t
     if varies(law):
         last = history[slot, LAST_STIFFNESS]
-        share, lost_s = stiffen_spring(k_t, last, 0.5 * (xi_x * xi_x + xi_y * xi_y + xi_z * xi_z))
-        xi_x, xi_y, xi_z = xi_x * share, xi_y * share, xi_z * share
+        factor, lost_s = rescale_spring(k_t, last, 0.5 * (xi_x * xi_x + xi_y * xi_y + xi_z * xi_z))
+        xi_x, xi_y, xi_z = xi_x * factor, xi_y * factor, xi_z * factor
         history[slot, LAST_STIFFNESS] = k_t
 
     # trial: the whole sliding distance stretches spring and dashpot
@@ -190,10 +190,10 @@ def contact_force(law, kind, energy_column, m_eff, r_eff, dt, touch, history, sl
     rate = gamma_t * inv_dt
     both = k_t + rate
     tx, ty, tz = k_t * xi_x + both * sx, k_t * xi_y + both * sy, k_t * xi_z + both * sz
-    share, slip = yield_slider(tx * tx + ty * ty + tz * tz, law.rows[kind, MU] * f_rep, 1.0 / both)
+    factor, slip = coulomb_return_map(tx * tx + ty * ty + tz * tz, law.rows[kind, MU] * f_rep, 1.0 / both)
     slip_x, slip_y, slip_z = slip * tx, slip * ty, slip * tz
     sx, sy, sz = sx - slip_x, sy - slip_y, sz - slip_z
-    tx, ty, tz = tx * share, ty * share, tz * share
+    tx, ty, tz = tx * factor, ty * factor, tz * factor
     if energy_column is not None:
         # last forces; that of the tangential dashpot is the last force less its spring's
         if remembers(law):  # no dashpot: what the spring has taken and does not hold
@@ -204,7 +204,7 @@ def contact_force(law, kind, energy_column, m_eff, r_eff, dt, touch, history, sl
             lost_n = 0.5 * (history[slot, energy_column] + f_rep - f_el) * closing * dt
             history[slot, energy_column] = f_rep - f_el
         q = energy_column + LAST_TANGENTIAL
-        px, py, pz = rotate_spring(touch.rotation, phi, touch.normal, history, slot, q)
+        px, py, pz = rotate_spring(kinematics.rotation, phi, kinematics.normal, history, slot, q)
         lost_t = 0.5 * (
             (px - k_t * xi_x + rate * sx) * sx + (py - k_t * xi_y + rate * sy) * sy + (pz - k_t * xi_z + rate * sz) * sz
         )
@@ -221,35 +221,35 @@ def contact_force(law, kind, energy_column, m_eff, r_eff, dt, touch, history, sl
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def rolling_torque(law, kind, energy_column, arm, inertia, dt, force, touch, p, history, slot, first):
+def rolling_torque(law, kind, energy_column, arm, inertia, dt, force, kinematics, p, history, slot, first):
     """Rolling resistance on grain i (`particles.laws.rolling_friction`); p is its spin relative to the partner's.
 
     ``history[slot, first:]`` is the rolling angle [rad], updated. Returns the torque (3) [N m], the stored energy [J]
     and the energy lost in this step [J].
     """
-    k_t, last, phi = force.k_t, force.last_k_t, touch.spin * dt
-    nx, ny, nz = touch.normal
+    k_t, last, phi = force.k_t, force.last_k_t, kinematics.spin * dt
+    nx, ny, nz = kinematics.normal
     px, py, pz = p
     damping = law.rows[kind, DAMPING_ROLLING]
     k = k_t * arm * arm
     rate = 2.0 * damping * sqrt(k * inertia) * (1.0 / dt)
-    x, y, z = rotate_spring(touch.rotation, phi, touch.normal, history, slot, first)
+    x, y, z = rotate_spring(kinematics.rotation, phi, kinematics.normal, history, slot, first)
     lost = 0.0 * k
     if varies(law):
-        share, lost = stiffen_spring(k_t, last, 0.5 * arm * arm * (x * x + y * y + z * z))
-        x, y, z = x * share, y * share, z * share
+        factor, lost = rescale_spring(k_t, last, 0.5 * arm * arm * (x * x + y * y + z * z))
+        x, y, z = x * factor, y * factor, z * factor
     along = px * nx + py * ny + pz * nz
     sx, sy, sz = (px - along * nx) * dt, (py - along * ny) * dt, (pz - along * nz) * dt
     both = k + rate
     tx, ty, tz = k * x + both * sx, k * y + both * sy, k * z + both * sz
     limit = law.rows[kind, MU_ROLLING] * arm * force.repulsion
-    share, slip = yield_slider(tx * tx + ty * ty + tz * tz, limit, 1.0 / both)
+    factor, slip = coulomb_return_map(tx * tx + ty * ty + tz * tz, limit, 1.0 / both)
     slip_x, slip_y, slip_z = slip * tx, slip * ty, slip * tz
     sx, sy, sz = sx - slip_x, sy - slip_y, sz - slip_z
-    tx, ty, tz = tx * share, ty * share, tz * share
+    tx, ty, tz = tx * factor, ty * factor, tz * factor
     if energy_column is not None:
         q = energy_column + LAST_ROLLING
-        lx, ly, lz = rotate_spring(touch.rotation, phi, touch.normal, history, slot, q)
+        lx, ly, lz = rotate_spring(kinematics.rotation, phi, kinematics.normal, history, slot, q)
         lost = lost + 0.5 * (
             (lx - k * x + rate * sx) * sx + (ly - k * y + rate * sy) * sy + (lz - k * z + rate * sz) * sz
             + (lx + tx) * slip_x + (ly + ty) * slip_y + (lz + tz) * slip_z
@@ -273,14 +273,14 @@ def twisting_torque(law, kind, energy_column, arm, inertia, dt, force, spin, his
     angle, step = history[slot, first], spin * dt
     lost = 0.0 * k
     if varies(law):
-        share, lost = stiffen_spring(k_t, last, 0.5 * arm * arm * angle * angle)
-        angle = angle * share
+        factor, lost = rescale_spring(k_t, last, 0.5 * arm * arm * angle * angle)
+        angle = angle * factor
     both = k + rate
     torque = k * angle + both * step
-    share, slip = yield_slider(torque * torque, law.rows[kind, MU_TWISTING] * arm * force.repulsion, 1.0 / both)
+    factor, slip = coulomb_return_map(torque * torque, law.rows[kind, MU_TWISTING] * arm * force.repulsion, 1.0 / both)
     slip = slip * torque
     step = step - slip
-    torque = torque * share
+    torque = torque * factor
     if energy_column is not None:
         before = history[slot, energy_column + LAST_TWISTING]
         lost = lost + 0.5 * ((before - k * angle + rate * step) * step + (before + torque) * slip)
@@ -291,8 +291,8 @@ def twisting_torque(law, kind, energy_column, arm, inertia, dt, force, spin, his
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
-def stored_in_springs(law, kind, resistance, energy_column, arm, closing, history, slot):
-    """Energy that a contact that has just parted still stored, by the mechanism that it is lost to [J].
+def released_by_springs(law, kind, resistance, energy_column, arm, closing, history, slot):
+    """Energy that the springs of a separated contact release [J], by the mechanism that it is lost to.
 
     ``closing`` is the distance by which its last drift closed it (negative: opened) [m]. Returns the losses to normal
     damping, sliding, rolling and twisting.

@@ -1,4 +1,4 @@
-"""Kinematics and loads of a contact, of grain pairs and of grains at walls: `Touch`, lever arms, torques.
+"""Kinematics and loads of a contact, of grain pairs and of grains at walls: `ContactKinematics`, lever arms, torques.
 
 The partner of a grain is another grain or a wall. A wall is a partner of infinite mass and radius whose surface moves
 with its body: m_eff and r_eff are those of the grain, and the lever arm to its centre is taken by the body about its
@@ -16,14 +16,14 @@ from typing import Any, NamedTuple
 from geometry.kernels.device_functions import device_function
 from geometry.kernels.simd import LANES, reduce_add, reduce_max, select, splat, to_tuple
 from geometry.kernels.simd_tables import WIDE, gather_columns, scatter_columns
-from particles.dem.contact_kernel import ContactForce, Touch, contact_force, rolling_torque, twisting_torque
+from particles.dem.contact_kernel import ContactForce, ContactKinematics, contact_force, rolling_torque, twisting_torque
 
 MAX_REMEMBERED = 20  # columns of a history, 18 and two empty ones (`particles.dem.contact_columns`)
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def pair_touch(overlap, normal, inverse, velocity, swing, spin, dt):
-    """Return the `Touch` of grains i and j.
+def pair_kinematics(overlap, normal, inverse, velocity, surface_velocity, spin, dt):
+    """Return the `ContactKinematics` of grains i and j.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ def pair_touch(overlap, normal, inverse, velocity, swing, spin, dt):
         1 over the distance of the centres [1/m].
     velocity : tuple of 3 floats
         Of the centre of i relative to that of j [m/s].
-    swing : tuple of 3 floats
+    surface_velocity : tuple of 3 floats
         l_i omega_i + l_j omega_j [m/s], with the lever arms l to the point where they touch.
     spin : tuple of 3 floats
         omega_i + omega_j [rad/s].
@@ -44,13 +44,13 @@ def pair_touch(overlap, normal, inverse, velocity, swing, spin, dt):
     """
     nx, ny, nz = normal
     ux, uy, uz = velocity
-    ax, ay, az = swing
+    ax, ay, az = surface_velocity
     sx, sy, sz = spin
     # by how much n has turned in the drift that has just ended
     hx, hy, hz = -ux * dt * inverse, -uy * dt * inverse, -uz * dt * inverse
     along = hx * nx + hy * ny + hz * nz
     inverse_last = 1.0 + along  # d/d_last
-    return Touch(
+    return ContactKinematics(
         overlap,
         normal,
         (ux + ay * nz - az * ny, uy + az * nx - ax * nz, uz + ax * ny - ay * nx),
@@ -60,13 +60,13 @@ def pair_touch(overlap, normal, inverse, velocity, swing, spin, dt):
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def wall_touch(overlap, normal, arm, velocity, spin, omega, point):
-    """Return the `Touch` of a grain and a wall that turns about z.
+def wall_kinematics(overlap, normal, arm, velocity, spin, omega, point):
+    """Return the `ContactKinematics` of a grain and a wall that turns about z.
 
     Parameters
     ----------
     overlap, normal
-        As of `pair_touch`, n towards the wall.
+        As of `pair_kinematics`, n towards the wall.
     arm : float
         Distance of the grain's centre from the wall [m].
     velocity, spin : tuples of 3 floats
@@ -85,7 +85,7 @@ def wall_touch(overlap, normal, arm, velocity, spin, omega, point):
         vy + arm * (wz * nx - wx * nz) - omega * px,
         vz + arm * (wx * ny - wy * nx),
     )
-    return Touch(overlap, normal, sliding, None, 0.5 * (wx * nx + wy * ny + (wz + omega) * nz))
+    return ContactKinematics(overlap, normal, sliding, None, 0.5 * (wx * nx + wy * ny + (wz + omega) * nz))
 
 
 class ContactLoads(NamedTuple):
@@ -112,7 +112,8 @@ class ContactLoads(NamedTuple):
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def contact_loads(
-    law, resistance, energy_column, m_eff, r_eff, inertia, dt, touch, arm, partner_arm, relative_spin, active, history
+    law, resistance, energy_column, m_eff, r_eff, inertia, dt, kinematics, arm, partner_arm, relative_spin, active,
+    history,
 ):
     """Return the `ContactLoads` of eight contacts; their histories are updated.
 
@@ -126,7 +127,7 @@ def contact_loads(
         Reduced mass [kg], radius [m] and moment of inertia [kg m^2]; of the grain at a wall.
     dt : float
         Step [s].
-    touch : Touch
+    kinematics : ContactKinematics
     arm, partner_arm : vectors; the second None at a wall
         Lever arms [m].
     relative_spin : tuple of 3 vectors
@@ -134,9 +135,9 @@ def contact_loads(
     active : mask
         Lanes that count.
     """
-    nx, ny, nz = touch.normal
+    nx, ny, nz = kinematics.normal
     px, py, pz = relative_spin
-    force = contact_force(law, 0, energy_column, m_eff, r_eff, dt, touch, history, 0)
+    force = contact_force(law, 0, energy_column, m_eff, r_eff, dt, kinematics, history, 0)
     stored, rolled, twisted = force.stored, splat(0.0), splat(0.0)
     gx, gy, gz = select(active, force.x, 0.0), select(active, force.y, 0.0), select(active, force.z, 0.0)
     mx, my, mz = ny * gz - nz * gy, nz * gx - nx * gz, nx * gy - ny * gx
@@ -148,8 +149,9 @@ def contact_loads(
     if resistance is not None:
         if resistance.rolling >= 0:
             (hx, hy, hz), energy, rolled = rolling_torque(
-                law, 0, energy_column, r_eff, inertia, dt, force, touch, relative_spin, history, 0, resistance.rolling
-            )
+                law, 0, energy_column, r_eff, inertia, dt, force, kinematics, relative_spin, history, 0,
+                resistance.rolling,
+            )  # fmt: skip
             stored = stored + energy
             hx, hy, hz = select(active, hx, 0.0), select(active, hy, 0.0), select(active, hz, 0.0)
             tx, ty, tz = tx + hx, ty + hy, tz + hz
@@ -198,17 +200,17 @@ def add_sums(energies, vectors):
 
 
 @device_function(without_refcounts=True, error_model="numpy", forceinline=True)
-def deepest_of(depth, i, deepest, deepest_at):
-    """Return the largest of eight overlaps and ``deepest``, and the grain that has it."""
-    if reduce_max(depth) > deepest:
-        deepest, deepest_at = _deepest_lane(depth, i, deepest, deepest_at)
-    return deepest, deepest_at
+def lane_max(depth, i, max_overlap, argmax_overlap):
+    """Return the largest of eight overlaps and ``max_overlap``, and the grain that has it."""
+    if reduce_max(depth) > max_overlap:
+        max_overlap, argmax_overlap = _lane_argmax(depth, i, max_overlap, argmax_overlap)
+    return max_overlap, argmax_overlap
 
 
 @device_function(without_refcounts=True, error_model="numpy")
-def _deepest_lane(depth, i, deepest, deepest_at):
+def _lane_argmax(depth, i, max_overlap, argmax_overlap):
     depths = to_tuple(depth)
     for q in range(LANES):
-        if depths[q] > deepest:
-            deepest, deepest_at = depths[q], i[q]
-    return deepest, deepest_at
+        if depths[q] > max_overlap:
+            max_overlap, argmax_overlap = depths[q], i[q]
+    return max_overlap, argmax_overlap

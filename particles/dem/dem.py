@@ -31,10 +31,10 @@ from particles.dem.listed_grains import ListedGrains
 from particles.dem.overlap_limits import STOPS
 from particles.dem.pair_search import pair_scratch
 from particles.dem.step_tables import StepTables
-from particles.dem.stored_energy import scene_law_table, stored_at_rest
+from particles.dem.stored_energy import elastic_energy_at_rest, scene_law_table
 from particles.dem.time_step import choose_time_step
 from particles.dem.wall_contacts import wall_scratch
-from particles.grain_motion import Gravity, held_force
+from particles.grain_motion import Gravity, lagged_force
 from particles.grains import MOMENTS, Grains
 from particles.laws.cohesion import Cohesion
 from particles.laws.contact_law import ContactLaw
@@ -45,7 +45,7 @@ from particles.neighbours.contact_list import ContactList
 from particles.neighbours.contact_table import ContactTable, contact_table, geometric_overlaps
 from particles.periodicity import Periodicity
 from particles.shafts import Shafts
-from particles.step_answers import NOT_FINITE, OVERLAP, TOO_FAST
+from particles.step_status import NOT_FINITE, OVERLAP, TOO_FAST
 from particles.step_totals import StepTotals
 from particles.threads import threads_for
 
@@ -91,10 +91,10 @@ class DEM(ListedGrains):
     Attributes
     ----------
     external_force : ndarray, shape (n, 3), or None
-        Force on each grain [N] in the present order, held until it is set again; sorted along with the
+        Force on each grain [N] in the present order, constant until it is set again (lagged); sorted with the
         grains.
     attraction : Attraction or None
-        Pull of near grains and walls from the gap of every step, its drive held (`particles.attraction`); None
+        Pull of near grains and walls from the gap of every step, its drive lagged (`particles.attraction`); None
         leaves it out of the compiled step.
     time, step_count, order_version, list_version
         Time [s] of the positions, steps done, how often the grains have been put in another order, and how
@@ -149,7 +149,7 @@ class DEM(ListedGrains):
         self._box_later = np.zeros(box_kernel.N_BOX_SUMS - box_kernel.LAST_CONTACT)
         self._later = np.zeros(3)
         self._last_torque = np.zeros(len(self.bodies))
-        self._elastic = self._stored_at_rest() if energy_budget else 0.0
+        self._elastic = self._elastic_energy_at_rest() if energy_budget else 0.0
         self._kinetic = self._kinetic_now() if energy_budget else 0.0
 
     @property
@@ -159,7 +159,7 @@ class DEM(ListedGrains):
 
     @property
     def _fastest(self) -> float:
-        """Speed [m/s] beside the flow from which on the run stops."""
+        """Peculiar speed [m/s] from which on the run stops."""
         return FASTEST * float(np.min(self.grains.radius)) / self.dt
 
     def run(self, n_steps: int) -> StepTotals:
@@ -183,17 +183,17 @@ class DEM(ListedGrains):
 
         def call(left: int, angle: np.ndarray, speed: np.ndarray) -> tuple[int, int]:
             nonlocal tables
-            if self.attraction is not None:  # first: it may set the held force
+            if self.attraction is not None:  # first: it may set the lagged force
                 self.attraction.fetch(self)
             if tables is None or tables.end == self.step_count:
                 tables = self._step_tables(min(left, STEPS_PER_CALL))
             batch = tables.end - self.step_count
             arguments = self._arguments(batch, tables.end == last, angle, speed, totals, body_totals, sums, tables)
-            answer = kernel.run_steps(*arguments)
+            status = kernel.run_steps(*arguments)
             flow = arguments.grains.flow
             if self.box is not None and flow is not None:
                 self.box.strain, self.box.offset = float(flow[box_kernel.STRAIN]), float(flow[box_kernel.OFFSET])
-            return answer
+            return status
 
         with threads_for(self.grains.count):
             rebuilds = self._march(n_steps, totals, call)
@@ -202,7 +202,7 @@ class DEM(ListedGrains):
         energy, ring, stress = None, self.n_sectors, None
         if self.box is not None and sums is not None:
             self._box_later = sums[box_kernel.LAST_CONTACT :].copy()
-            stress = run_summary.box_stress(n_steps, self.box, sums)
+            stress = run_summary.dem_box_stress(n_steps, self.box, sums)
         if self.energy_budget:
             if n_steps > 0:
                 self._elastic = float(totals[total_columns.ELASTIC])
@@ -213,15 +213,15 @@ class DEM(ListedGrains):
             )  # fmt: skip
         return run_summary.summary(n_steps, self.dt, ring, self.bodies, totals, body_totals, energy, rebuilds, stress)
 
-    def _raise_stopped(self, answer: int, totals: np.ndarray) -> None:
+    def _raise_stopped(self, status: int, totals: np.ndarray) -> None:
         g, dt = self.grains, self.dt
-        if answer == OVERLAP:
+        if status == OVERLAP:
             remedy = f"raise the stiffness, too soft for the load, or shorten dt = {dt:.3g} s if grains are fast"
             row, overlap = int(totals[total_columns.GRAIN]), totals[total_columns.MAX_OVERLAP]
             raise run_errors.too_deep(g, row, overlap, self.overlap_limit, self.time, remedy)
-        if answer == TOO_FAST:
-            raise run_errors.too_fast(g, self._beside_flow, dt, FASTEST, self.time)
-        if answer == NOT_FINITE:
+        if status == TOO_FAST:
+            raise run_errors.too_fast(g, self._peculiar_velocity, dt, FASTEST, self.time)
+        if status == NOT_FINITE:
             remedy = f"check the external forces, and whether dt = {dt:.3g} s is too long for the stiffness"
             raise run_errors.not_finite(g, self.time, remedy)
 
@@ -230,7 +230,8 @@ class DEM(ListedGrains):
         kept = self._list
         if self._stale:  # a list of its own, in the present order; the run will make another one when it continues
             self._contacts = self._fresh_list(*self._reaches(self.skin))
-            self._contacts.take(kept.memory(), np.arange(self.grains.count), None, self.sector, self._columns.vectors)
+            order = np.arange(self.grains.count)
+            self._contacts.transfer(kept.memory(), order, None, self.sector, self._columns.vectors)
         try:
             return self._contacts_of(self._list)
         finally:
@@ -276,7 +277,7 @@ class DEM(ListedGrains):
 
         Law, step, skin and the speeds of the bodies stay this DEM's; the bodies' angles are the state's, so that walls
         with teeth stand to the grains as they did. Of a sheared box the shear rate stays this DEM's, edges and offset
-        are the state's, and its strain begins at 0; spins and velocities beside the flow are kept. Held forces, moments
+        are the state's, and its strain begins at 0; spins and peculiar velocities are kept. Lagged forces, moments
         and attraction are left behind.
 
         Raises
@@ -303,7 +304,7 @@ class DEM(ListedGrains):
             halves[:] = 0.0
         if self.energy_budget:
             self._kinetic = self._kinetic_now()
-            self._elastic = self._stored_now()
+            self._elastic = self._elastic_energy_now()
 
     # -- arguments of the kernel
 
@@ -326,7 +327,7 @@ class DEM(ListedGrains):
         g, c, n_bodies = self.grains, self._list, len(self.bodies)
         n_chunks, most_walls = len(c.chunks.start) - 1, int(np.diff(c.wall_start).max(initial=1))
         none = np.zeros((0, 3))
-        external, gravity = held_force(self.external_force, g.count), tables.gravity(self.step_count)
+        external, gravity = lagged_force(self.external_force, g.count), tables.gravity(self.step_count)
         species = np.zeros(0, dtype=np.int64) if self._species is None else self._species
         drives, constants = tables.drives(self.step_count), tables.constants
         walls, shift, box = self._device, None if self.periodicity is None else c.pairs.shift, self.box
@@ -341,7 +342,7 @@ class DEM(ListedGrains):
             self._table,
             self._columns.resistance,
             self._columns.energy_column,
-            None if self.attraction is None else self.attraction.held(c, g.count, driven),
+            None if self.attraction is None else self.attraction.lagged(c, g.count, driven),
             GrainState(g.position_radius, g.velocity_force, g.mass, species, gravity, external, c.reference, self._net,
                 flow, virial),
             PairSlots(
@@ -380,13 +381,13 @@ class DEM(ListedGrains):
         if self.box is None:
             return self.grains.kinetic_energy()
         g = self.grains
-        beside = g.velocity - self.box.flow(g.position[:, 2] - 0.5 * self.dt * g.velocity[:, 2])
+        peculiar = g.velocity - self.box.flow(g.position[:, 2] - 0.5 * self.dt * g.velocity[:, 2])
         return 0.5 * float(
-            g.mass @ np.einsum("ij,ij->i", beside, beside)
+            g.mass @ np.einsum("ij,ij->i", peculiar, peculiar)
             + g.inertia @ np.einsum("ij,ij->i", g.angular_velocity, g.angular_velocity)
         )
 
-    def _stored_now(self) -> float:
+    def _elastic_energy_now(self) -> float:
         """Elastic energy [J] of the present contacts, by what they remember."""
         c, totals = self._list, np.zeros(total_columns.N_SUMS)
         records = np.zeros((c.pairs.count, 3)), np.zeros((len(c.wall_other), 7))
@@ -394,8 +395,10 @@ class DEM(ListedGrains):
             kernel.run_steps(*self._probe(*records, totals))
         return float(totals[total_columns.ELASTIC])
 
-    def _stored_at_rest(self) -> float:
+    def _elastic_energy_at_rest(self) -> float:
         """Elastic energy [J] of the overlaps of a state that has no history yet."""
         angles = [body.angle for body in self.bodies]
         overlaps = geometric_overlaps(self.grains, self._list, self._device, angles, self.periodicity)
-        return stored_at_rest(self._table, self.laws, self._wall_row, self._species, self.grains, self._list, overlaps)
+        return elastic_energy_at_rest(
+            self._table, self.laws, self._wall_row, self._species, self.grains, self._list, overlaps
+        )

@@ -21,7 +21,7 @@ from geometry.kernels.simd_tables import (
     scatter_two_columns,
 )
 from particles.dem import total_columns as total
-from particles.dem.box_kernel import add_motion, beside_flow, less_flow, no_motion, store_motion
+from particles.dem.box_kernel import add_motion, no_motion, peculiar_displacement, peculiar_velocity, store_motion
 from particles.dem.motion_columns import FORCE, SPIN, TORQUE, VELOCITY
 from particles.laws.springs import equal
 
@@ -39,7 +39,7 @@ class Drifted(NamedTuple):
         [J], of the last step.
     motion : tuple of 8 lanes
         Of `particles.dem.box_kernel.add_motion`, 0 outside of a sheared box. In one all velocities and displacements
-        here are those beside its flow.
+        here are peculiar.
     """
 
     squared_travel: Any
@@ -86,7 +86,7 @@ def drift_eight(rows, active, now, law, energy_column, attraction, grains, drift
     if attraction is not None:
         px, py, pz, _ = gather_columns(attraction.force, rows, 0)
         scatter_columns(attraction.force, rows, 0, none, none, none, none)
-        hx, hy, hz = hx + px, hy + py, hz + pz  # forces of no contact, booked together
+        hx, hy, hz = hx + px, hy + py, hz + pz  # forces of no contact: one sum of their work
     ax, ay, az = ax + hx, ay + hy, az + hz
     bx, by, bz = vx + kick * ax, vy + kick * ay, vz + kick * az
     ox, oy, oz = wx + turn * tx, wy + turn * ty, wz + turn * tz
@@ -94,8 +94,8 @@ def drift_eight(rows, active, now, law, energy_column, attraction, grains, drift
     scatter_two_columns(motion, rows, SPIN + 1, oy, oz)
     scatter_columns(motion, rows, FORCE, none, none, none, none)
     scatter_two_columns(motion, rows, TORQUE + 1, none, none)
-    contact, weight, held, kinetic = drifted.contact, drifted.gravity, drifted.external, drifted.kinetic
-    sx, ex = less_flow(grains.flow, vx, vz, z, -0.5 * dt), less_flow(grains.flow, bx, bz, z, 0.5 * dt)
+    contact, weight, work, kinetic = drifted.contact, drifted.gravity, drifted.external, drifted.kinetic
+    sx, ex = peculiar_velocity(grains.flow, vx, vz, z, -0.5 * dt), peculiar_velocity(grains.flow, bx, bz, z, 0.5 * dt)
     motion_sums = add_motion(grains.flow, drifted.motion, active, dt, m, (sx, vy, vz), (ex, by, bz))
     if energy_column is not None:
         # half a kick with the velocities of the drift before it, half with those of the drift after it: the mean closes
@@ -112,9 +112,9 @@ def drift_eight(rows, active, now, law, energy_column, attraction, grains, drift
                 weight[1] + half * m * (gx * ex + gy * by + gz * bz),
             )
         if external.shape[0] > 0 or attraction is not None:
-            held = (
-                held[0] + half * (hx * sx + hy * vy + hz * vz),
-                held[1] + half * (hx * ex + hy * by + hz * bz),
+            work = (
+                work[0] + half * (hx * sx + hy * vy + hz * vz),
+                work[1] + half * (hx * ex + hy * by + hz * bz),
             )
         if now.last:  # at the time of the positions that the forces belong to
             moving = sx * ex + vy * by + vz * bz + 0.4 * radius * radius * (wx * ox + wy * oy + wz * oz)
@@ -128,7 +128,7 @@ def drift_eight(rows, active, now, law, energy_column, attraction, grains, drift
     at_x, at_y = gather_two_columns(grains.reference, rows, 0)
     at_z = gather_column(grains.reference, rows, 2)
     dx, dy, dz = x - at_x, y - at_y, z - at_z
-    dx = beside_flow(grains.flow, dt, dx, dz, at_z)
+    dx = peculiar_displacement(grains.flow, dt, dx, dz, at_z)
     travel2 = dx * dx + dy * dy + dz * dz + 0.0 * (ox + oy + oz)  # a spin that is not finite shows here too
     travel2 = select(travel2 < np.inf, travel2, np.inf)
     return Drifted(
@@ -136,7 +136,7 @@ def drift_eight(rows, active, now, law, energy_column, attraction, grains, drift
         maximum(drifted.squared_speed, ex * ex + by * by + bz * bz),
         contact,
         weight,
-        held,
+        work,
         kinetic,
         motion_sums,
     )

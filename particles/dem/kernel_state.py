@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from particles.dem.attraction_kernel import HeldAttraction
+from particles.dem.attraction_kernel import LaggedAttraction
 from particles.dem.contact_kernel import Resistance
 from particles.neighbours.partition import Chunks
 from particles.shafts import Shafts
@@ -57,7 +57,7 @@ class Now(NamedTuple):
 
 
 class GrainState(NamedTuple):
-    """Grains and what is held during the call.
+    """Grains and what is constant during the call.
 
     Attributes
     ----------
@@ -68,7 +68,7 @@ class GrainState(NamedTuple):
     gravity : ndarray, shape (k, 3)
         Acceleration [m/s^2]: a row a step, one row for all of them, or none.
     external : ndarray, shape (n, 3) or (0, 3)
-        Held force [N]; empty without.
+        Lagged force [N]; empty without.
     reference : ndarray, shape (n, 3)
         Centres at which the list was made [m].
     net : ndarray, shape (n, 3)
@@ -133,7 +133,7 @@ class WallSlots(NamedTuple):
     ----------
     record : ndarray, shape (s, 7) or (0, 3)
         Force [N], overlap [m] and unit vector towards the wall, if they are asked for.
-    found, near : ndarray, shapes (c, m, N_FOUND), (c, m, N_NEAR)
+    contact, near : ndarray, shapes (c, m, N_CONTACT), (c, m, N_NEAR)
         Scratch of each chunk: what grains touch, and what may pull them (`particles.dem.wall_contacts`).
     """
 
@@ -142,7 +142,7 @@ class WallSlots(NamedTuple):
     touching: np.ndarray
     history: np.ndarray
     record: np.ndarray
-    found: np.ndarray
+    contact: np.ndarray
     near: np.ndarray
 
 
@@ -197,17 +197,17 @@ class Tally(NamedTuple):
     contacts : int
     energies : tuple of 6 floats
         Energy of the springs, losses to normal and tangential damping, sliding, rolling and twisting [J].
-    parted : tuple of 4 floats
+    released_energy : tuple of 4 floats
         Losses where a grain left a wall: to normal damping, sliding, rolling and twisting [J].
-    deepest, deepest_at : float, int
+    max_overlap, argmax_overlap : float, int
         Largest overlap [fraction of the diameter], and the grain that has it.
     """
 
     contacts: int
     energies: tuple[float, float, float, float, float, float]
-    parted: tuple[float, float, float, float]
-    deepest: float
-    deepest_at: int
+    released_energy: tuple[float, float, float, float]
+    max_overlap: float
+    argmax_overlap: int
 
 
 class StepArguments(NamedTuple):
@@ -217,7 +217,7 @@ class StepArguments(NamedTuple):
     law: Any
     resistance: Resistance | None
     energy_column: int | None
-    attraction: HeldAttraction | None
+    attraction: LaggedAttraction | None
     grains: GrainState
     pairs: PairSlots
     slots: WallSlots

@@ -131,10 +131,10 @@ class ListedGrains(GrainMotion):
         if self._contacts is not None:
             memory = self._contacts.memory()
             if self._own_skin:
-                extra = (self._contacts.pairs.count - len(memory.other)) / g.count
+                untouched = (self._contacts.pairs.count - len(memory.other)) / g.count
                 widest = WIDEST if self.periodicity is None else USUAL  # its width is checked for the usual one
                 steps = self.step_count - self._list_step
-                self.skin = next_skin(self.skin, steps, extra, self._mean_radius, widest)
+                self.skin = next_skin(self.skin, steps, untouched, self._mean_radius, widest)
             self._contacts = None  # before the next one: two lists are the most memory that grains ever need
         reach, cutoff = self._reaches(self.skin)
         order = cell_order(g.position_radius, finest_cell(reach, cutoff))
@@ -143,7 +143,7 @@ class ListedGrains(GrainMotion):
             reach = reach.take(order)
         made = self._fresh_list(reach, cutoff)
         if memory is not None:
-            made.take(memory, order, wraps, self.sector, self._columns.vectors)
+            made.transfer(memory, order, wraps, self.sector, self._columns.vectors)
         self._contacts = made
         self._list_step = self.step_count
-        self._take_list()
+        self._note_list()

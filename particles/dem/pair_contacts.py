@@ -29,9 +29,9 @@ from particles.dem.contact_kinematics import (
     MAX_REMEMBERED,
     add_sums,
     contact_loads,
-    deepest_of,
+    lane_max,
     load_rows,
-    pair_touch,
+    pair_kinematics,
     store_rows,
 )
 from particles.dem.kernel_state import Tally
@@ -58,7 +58,7 @@ def pair_contacts(chunk, count, dt, law, table, resistance, energy_column, grain
     position_radius, motion = grains.position_radius, grains.velocity_force
     noted, history, record = pairs.noted[chunk], pairs.history, pairs.record
     memory = stack_table(MAX_REMEMBERED)
-    deepest, deepest_at = tally.deepest, tally.deepest_at
+    max_overlap, argmax_overlap = tally.max_overlap, tally.argmax_overlap
     sums = splat(0.0), splat(0.0), splat(0.0), splat(0.0), splat(0.0), splat(0.0)
     for c in range(count, LANES * ((count + LANES - 1) // LANES)):
         noted[SLOT, c], noted[PLACE, c] = noted[SLOT, count - 1], noted[PLACE, count - 1]
@@ -87,7 +87,7 @@ def pair_contacts(chunk, count, dt, law, table, resistance, energy_column, grain
             reach, per_diameter = splat(2.0 * r), splat(0.5 / r)
             lj = li = 0.5 * d
             r_eff, m_eff, inertia = splat(0.5 * r), splat(0.5 * m), splat(0.2 * m * r * r)
-            swing = li * sx, li * sy, li * sz
+            surface_velocity = li * sx, li * sy, li * sz
         else:
             if grains.species.shape[0] > 0:
                 rows = gather_2d(pairs.law_row, gather(grains.species, i), gather(grains.species, j))
@@ -95,20 +95,20 @@ def pair_contacts(chunk, count, dt, law, table, resistance, energy_column, grain
             mi, mj = gather(grains.mass, i), gather(grains.mass, j)
             reach, m_eff = ri + rj, mi * mj / (mi + mj)
             per_diameter = 0.5 / select(rj < ri, rj, ri)
-            share = ri / reach
-            li, r_eff = d * share, rj * share
+            fraction = ri / reach
+            li, r_eff = d * fraction, rj * fraction
             lj = d - li
             own, others = mi * ri * ri, mj * rj * rj
             inertia = 0.4 * own * others / (own + others)
             half, rest = 0.5 * d, 0.5 * (li - lj)
-            swing = half * sx + rest * px, half * sy + rest * py, half * sz + rest * pz
-        touch = pair_touch(
+            surface_velocity = half * sx + rest * px, half * sy + rest * py, half * sz + rest * pz
+        kinematics = pair_kinematics(
             maximum(reach - d, 0.0),  # not less by round-off
             (dx * inverse, dy * inverse, dz * inverse),
-            inverse, (ux, uy, uz), swing, (sx, sy, sz), dt,
+            inverse, (ux, uy, uz), surface_velocity, (sx, sy, sz), dt,
         )  # fmt: skip
         loads = contact_loads(
-            table, resistance, energy_column, m_eff, r_eff, inertia, dt, touch, li, lj, (px, py, pz),
+            table, resistance, energy_column, m_eff, r_eff, inertia, dt, kinematics, li, lj, (px, py, pz),
             mask_of_first(count - c), memory,
         )  # fmt: skip
         store_rows(history, slot, memory)
@@ -122,11 +122,11 @@ def pair_contacts(chunk, count, dt, law, table, resistance, energy_column, grain
         gx, gy = through_faces(pairs, slot, -1.0, gx, gy)
         mx, my = through_faces(pairs, slot, -1.0, mx, my)
         scatter_add(motion, j, FORCE, chunks.reaction, place, (-gx, -gy, -gz, mx, my, mz))
-        deepest, deepest_at = deepest_of(touch.delta * per_diameter, i, deepest, deepest_at)
+        max_overlap, argmax_overlap = lane_max(kinematics.delta * per_diameter, i, max_overlap, argmax_overlap)
         if energy_column is not None:
             e = loads.energies
             sums = sums[0] + e[0], sums[1] + e[1], sums[2] + e[2], sums[3] + e[3], sums[4] + e[4], sums[5] + e[5]
     energies = tally.energies
     if energy_column is not None:
         energies = add_sums(energies, sums)
-    return Tally(tally.contacts + count, energies, tally.parted, deepest, deepest_at)
+    return Tally(tally.contacts + count, energies, tally.released_energy, max_overlap, argmax_overlap)

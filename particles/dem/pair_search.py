@@ -1,8 +1,8 @@
 """Compiled search for contacts among the pairs of the list, and the pulls of those that attract each other.
 
 The slots of a chunk are looked through eight at a time. Contacts are noted, and computed eight at a time when there is
-room for no more (`particles.dem.pair_contacts`); what a pair has pulled goes to its grains at once. Eight that go
-beyond the end of the chunk repeat its last slot, and what comes of these is left out.
+room for no more (`particles.dem.pair_contacts`); what a pair has pulled goes to its grains at once. Incomplete
+vectors repeat the last slot; their results are masked.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from particles.dem.box_kernel import (
     swept_to_image,
     swept_to_images,
 )
-from particles.dem.contact_kernel import stored_in_springs
+from particles.dem.contact_kernel import released_by_springs
 from particles.laws.springs import equal
 
 ROOM = 24 * LANES  # contacts that are noted at a time: with few, the last eight are often not full
@@ -111,8 +111,8 @@ def _pull_eight(chunk, active, slot, place, i, j, away, sizes, law, attraction, 
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
-def _stored_in_pair(k, dt, law, resistance, energy_column, grains, pairs):
-    """Energy stored by the springs of pair k, which has parted [J] (4)."""
+def _released_by_pair(k, dt, law, resistance, energy_column, grains, pairs):
+    """Energy released by the springs of pair k, which has separated [J] (4)."""
     position_radius, velocity_force, species = grains.position_radius, grains.velocity_force, grains.species
     i, j, kind = pairs.row[k], pairs.other[k], 0
     if species.shape[0] > 0:
@@ -125,23 +125,24 @@ def _stored_in_pair(k, dt, law, resistance, energy_column, grains, pairs):
     ux = swept_to_image(pairs.images, pairs.shift, k, ux)
     ux, uy, uz = velocity_force[i, 0] - ux, velocity_force[i, 1] - uy, velocity_force[i, 2] - velocity_force[j, 2]
     closing = (ux * dx + uy * dy + uz * dz) / sqrt(dx * dx + dy * dy + dz * dz)
-    return stored_in_springs(law, kind, resistance, energy_column, ri * rj / (ri + rj), closing * dt, pairs.history, k)
+    arm, closing = ri * rj / (ri + rj), closing * dt
+    return released_by_springs(law, kind, resistance, energy_column, arm, closing, pairs.history, k)
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
-def _change(k, bits, changed, dt, law, resistance, energy_column, grains, pairs, parted):
-    """Pairs from slot k on that have met or parted, by their bits; returns ``parted`` with what these have lost."""
+def _change(k, bits, changed, dt, law, resistance, energy_column, grains, pairs, released):
+    """Pairs from slot k on that have met or separated, by their bits; adds the loss of the latter to ``released``."""
     for q in range(LANES):
         if (changed >> q) & 1:
             p = np.uint32(k + q)
             pairs.touching[p] = (bits >> q) & 1
             if pairs.touching[p] == 0:
                 if energy_column is not None:
-                    lost = _stored_in_pair(p, dt, law, resistance, energy_column, grains, pairs)
-                    parted = parted[0] + lost[0], parted[1] + lost[1], parted[2] + lost[2], parted[3] + lost[3]
+                    n, s, r, t = _released_by_pair(p, dt, law, resistance, energy_column, grains, pairs)
+                    released = released[0] + n, released[1] + s, released[2] + r, released[3] + t
                 for a in range(pairs.history.shape[1]):
                     pairs.history[p, a] = 0.0
-    return parted
+    return released
 
 
 @device_function(without_refcounts=True, error_model="numpy", forceinline=True)
@@ -156,11 +157,11 @@ def _bits_at(array, k, bound, n_slots):
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
-def find_contacts(chunk, cursor, dt, law, resistance, energy_column, attraction, grains, pairs, chunks, parted):
-    """Note contacts from the slot ``cursor[0]`` on, until the batch is full or the chunk ends; pulls are found besides.
+def find_pair_contacts(chunk, cursor, dt, law, resistance, energy_column, attraction, grains, pairs, chunks, released):
+    """Note contacts from the slot ``cursor[0]`` on, until the batch is full or the chunk ends; compute the pulls too.
 
     ``cursor`` is a slot and the last place used in the buffer of reactions. Returns the new one, how many contacts were
-    noted, and ``parted`` (4) [J] with what pairs that parted have lost.
+    noted, and ``released`` (4) [J] with the losses of the pairs that separated.
     """
     position_radius, touching, history = grains.position_radius, pairs.touching, pairs.history
     noted = pairs.noted[chunk]
@@ -200,7 +201,7 @@ def find_contacts(chunk, cursor, dt, law, resistance, energy_column, attraction,
                 count += (now >> q) & 1
         changed = now ^ _bits_at(touching, k, 1, n_slots)
         if changed != 0:
-            parted = _change(k, now, changed, dt, law, resistance, energy_column, grains, pairs, parted)
+            released = _change(k, now, changed, dt, law, resistance, energy_column, grains, pairs, released)
         if attraction is not None:
             for q in range(n_slots, LANES):  # what is repeated goes where the last one does: nobody else adds there
                 noted[PLACE_OF_PAIR, q] = noted[PLACE_OF_PAIR, n_slots - 1]
@@ -209,4 +210,4 @@ def find_contacts(chunk, cursor, dt, law, resistance, energy_column, attraction,
                 attraction, grains, pairs,
             )  # fmt: skip
         k += n_slots
-    return (k, place), count, parted
+    return (k, place), count, released

@@ -34,14 +34,14 @@ def summary(
     stress: BoxStress | None,
 ) -> StepTotals:
     """Totals of ``steps`` of ``dt`` [s]; ``ring`` is the number of sectors, of one of which the sums are."""
-    share = ring / max(steps, 1)
+    per_step = ring / max(steps, 1)
     rows = dict(zip([body.name for body in bodies], body_totals, strict=True))
     return StepTotals(
         steps=steps,
         duration=steps * dt,
-        torque={name: {kind: float(row[c]) * share for kind, c in TORQUES.items()} for name, row in rows.items()},
+        torque={name: {kind: float(row[c]) * per_step for kind, c in TORQUES.items()} for name, row in rows.items()},
         force={
-            name: force_on_ring(share * sum((row[first : first + 3] for first in FORCES), np.zeros(3)), ring)
+            name: force_on_ring(per_step * sum((row[first : first + 3] for first in FORCES), np.zeros(3)), ring)
             for name, row in rows.items()
         },
         shaft_work={
@@ -99,8 +99,8 @@ def energy_budget(
     )
 
 
-def box_stress(steps: int, box: ShearedBox, sums: np.ndarray) -> BoxStress:
-    """Mean over ``steps`` of what the sums of a sheared box hold."""
+def dem_box_stress(steps: int, box: ShearedBox, sums: np.ndarray) -> BoxStress:
+    """Mean over ``steps`` of the sums of a sheared box."""
     scale = 1.0 / (max(steps, 1) * box.volume)
     contacts = sums[box_kernel.CONTACT : box_kernel.PULL].reshape(3, 3).T
     return BoxStress(scale * contacts, *(scale * _symmetric(sums[k : k + 6]) for k in SYMMETRIC))

@@ -12,7 +12,7 @@ nothing depends on the number of threads, bit for bit, nor on which of them does
 The contact law is a number in its table, read once for eight contacts (`particles.laws.springs`). What would cost in
 the loop over pairs and is not in the scene (a sector's ``turn``, a sheared box's ``images`` and ``flow``,
 ``resistance``, ``energy_column``, ``attraction``) is None where a function takes it as an argument: numba prunes its
-branches, the compiled code does not contain it. What is done once a grain or once a contact (gravity, held forces,
+branches, the compiled code does not contain it. What is done once a grain or once a contact (gravity, lagged forces,
 triangles, species, cohesion, which of rolling and twisting) is a branch at run time, on an empty array or a number:
 every combination compiled would be thousands of variants of ten seconds and more. Rolling and twisting as such a branch
 too made steps slower, and stayed compiled out.
@@ -31,7 +31,7 @@ from geometry.kernels.device_functions import device_function
 from particles.dem.body_kernel import drive_bodies, turn_bodies, wall_travel
 from particles.dem.box_kernel import allowed_travel, move_box
 from particles.dem.chunk_rows import finish_rows, sweep_rows
-from particles.dem.chunk_scheduler import ANSWER, NONE, STEPS, Worker, barrier, claim, complete, shared_words
+from particles.dem.chunk_scheduler import NONE, STATUS, STEPS, Worker, barrier, claim, complete, shared_words
 from particles.dem.kernel_state import Now, StepArguments
 from particles.dem.total_columns import (
     CONTACT_LATER,
@@ -45,7 +45,7 @@ from particles.dem.total_columns import (
     MAX_SQUARED_TRAVEL,
     NORMAL_DAMPING,
 )
-from particles.step_answers import DONE, NOT_FINITE, OVERLAP, REBUILD, TOO_FAST
+from particles.step_status import DONE, NOT_FINITE, OVERLAP, REBUILD, TOO_FAST
 
 
 @njit(parallel=True, cache=True, error_model="numpy", fastmath={"contract"})
@@ -60,13 +60,13 @@ def run_steps(call, law, resistance, energy_column, attraction, grains, pairs, s
         Rolling and twisting.
     energy_column : int, or None
         First column of the last forces in a contact's history, in a step that keeps the energy budget.
-    attraction : HeldAttraction, or None
+    attraction : LaggedAttraction, or None
     grains, pairs, slots, walls, shafts, chunks, totals
         `particles.dem.kernel_state`, and `particles.neighbours.partition.Chunks`.
 
     Returns
     -------
-    answer, steps done : int
+    status, steps done : int
     """
     if call.n_steps < 1:
         return DONE, 0
@@ -80,7 +80,7 @@ def run_steps(call, law, resistance, energy_column, attraction, grains, pairs, s
         # numba's own index is unsigned
         _run_worker(Worker(np.int64(w), workers, words), arguments)  # type: ignore[arg-type]
     # by calls: numba would read an element before the loop
-    return load_acquire(words, ANSWER), load_acquire(words, STEPS)
+    return load_acquire(words, STATUS), load_acquire(words, STEPS)
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
@@ -114,19 +114,19 @@ def _run_worker(worker, arguments):
             turn_bodies(call.dt, step, shafts, totals)
             move_box(call.dt, grains.flow, pairs.images, grains.virial, totals.box)
             allowed = allowed_travel(grains.flow, call.squared_travel)
-            answer = _add_chunks(call, allowed, wall_travel(shafts), totals.chunk, totals.run)
-            words[ANSWER], words[STEPS] = answer, step + 1
-            if answer == DONE and step + 1 < call.n_steps:
+            status = _add_chunks(call, allowed, wall_travel(shafts), totals.chunk, totals.run)
+            words[STATUS], words[STEPS] = status, step + 1
+            if status == DONE and step + 1 < call.n_steps:
                 drive_bodies(step + 1, shafts, walls)
             complete(worker, stage + 2, 1)
         barrier(worker, stage + 2)
-        if load_acquire(words, ANSWER) != DONE:
+        if load_acquire(words, STATUS) != DONE:
             return
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def _add_chunks(call, allowed, wall_travel, chunk_sums, totals):
-    """Add the chunks in their order: energies accumulate, extremes are kept, contacts are the last; returns the answer.
+    """Add the chunks in their order: energies accumulate, extremes are kept, contacts are the last; returns the status.
 
     It is DONE, or why the call stops after this step; ``allowed`` is a squared displacement [m^2].
     """

@@ -29,7 +29,7 @@ def scene_law_table(laws: PairLaws, grains: Grains, one_species: bool) -> Any:
     return EqualLinearTable(equal)
 
 
-def stored_at_rest(
+def elastic_energy_at_rest(
     table: Any,
     laws: PairLaws,
     wall_row: np.ndarray,

@@ -1,6 +1,6 @@
 """Contacts with walls and pulls of walls in SIMD vectors of eight, and the load of the bodies that they belong to.
 
-The grains of a few rows are asked one after the other what they touch (`particles.dem.wall_search`); forces are found
+The grains of a few rows are asked one after the other what they touch (`particles.dem.wall_search`); forces are contact
 as between grains (`particles.dem.contact_kinematics`).
 """
 
@@ -20,20 +20,20 @@ from geometry.kernels.simd_tables import (
     scatter_column,
 )
 from particles.dem.attraction_kernel import COLUMN, pulls_at
-from particles.dem.contact_kinematics import add_sums, contact_loads, deepest_of, load_rows, store_rows, wall_touch
+from particles.dem.contact_kinematics import add_sums, contact_loads, lane_max, load_rows, store_rows, wall_kinematics
 from particles.dem.kernel_state import Tally
 from particles.dem.motion_columns import FORCE, SPIN
 from particles.dem.wall_search import touching_walls
 from particles.laws.springs import equal
-from particles.walls.triangle_kernels import N_FOUND
+from particles.walls.triangle_kernels import N_CONTACT
 
-ROOM = 8 * LANES  # contacts that are found before their forces are
+ROOM = 8 * LANES  # contacts that are contact before their forces are
 N_NEAR = 6
 
 
 def wall_scratch(n_chunks: int, most: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return scratch of so many chunks whose grains have ``most`` slots: ``found`` and ``near`` of `WallSlots`."""
-    return np.zeros((n_chunks, ROOM + most, N_FOUND)), np.zeros((n_chunks, ROOM + most, N_NEAR))
+    """Return scratch of so many chunks whose grains have ``most`` slots: ``contact`` and ``near`` of `WallSlots`."""
+    return np.zeros((n_chunks, ROOM + most, N_CONTACT)), np.zeros((n_chunks, ROOM + most, N_NEAR))
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
@@ -45,13 +45,13 @@ def add_walls(
     ``tables`` are the law with one row in vectors, and vectors for the history of a contact. Returns the tally; the
     load of the bodies goes into the chunk's sums.
     """
-    found, near = slots.found[chunk], slots.near[chunk]
-    parted, count, n_near = tally.parted, 0, 0
+    contact, near = slots.contact[chunk], slots.near[chunk]
+    released, count, n_near = tally.released_energy, 0, 0
     for i in range(first, end):
         if slots.start[i + 1] == slots.start[i]:
             continue
-        new, n_near, parted = touching_walls(
-            i, law, resistance, energy_column, attraction, grains, slots, walls, found[count:], near, n_near, parted
+        new, n_near, released = touching_walls(
+            i, law, resistance, energy_column, attraction, grains, slots, walls, contact[count:], near, n_near, released
         )
         count += new
         if count >= ROOM:
@@ -66,7 +66,7 @@ def add_walls(
         chunk, count, dt, law, tables, resistance, energy_column, grains, slots, walls, totals, tally
     )
     _pull_of_walls(n_near, near, attraction, grains)
-    return Tally(tally.contacts, tally.energies, parted, tally.deepest, tally.deepest_at)
+    return Tally(tally.contacts, tally.energies, released, tally.max_overlap, tally.argmax_overlap)
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
@@ -88,15 +88,15 @@ def _pull_of_walls(count, near, attraction, grains):
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def _wall_contacts(chunk, count, dt, law, tables, resistance, energy_column, grains, slots, walls, totals, tally):
-    """Add the forces of the first ``count`` contacts found to their grains and to the loads; returns the tally."""
+    """Add the forces of the first ``count`` contacts contact to their grains and to the loads; returns the tally."""
     table, memory = tables
-    motion, history, record, found = grains.velocity_force, slots.history, slots.record, slots.found[chunk]
+    motion, history, record, contact = grains.velocity_force, slots.history, slots.record, slots.contact[chunk]
     bodies = totals.chunk_bodies[chunk]
-    energies, deepest, deepest_at = tally.energies, tally.deepest, tally.deepest_at
+    energies, max_overlap, argmax_overlap = tally.energies, tally.max_overlap, tally.argmax_overlap
     for c in range(0, count, LANES):
         rows, active = eight_indices(c, min(c + LANES, count) - 1), mask_of_first(count - c)
-        slot_number, distance, nx, ny = gather_columns(found, rows, 0)
-        nz, grain = gather_two_columns(found, rows, 4)
+        slot_number, distance, nx, ny = gather_columns(contact, rows, 0)
+        nz, grain = gather_two_columns(contact, rows, 4)
         slot, i = to_integers(slot_number), to_integers(grain)
         w = gather(slots.other, slot)
         body = gather(walls.body, w)
@@ -112,9 +112,11 @@ def _wall_contacts(chunk, count, dt, law, tables, resistance, energy_column, gra
         m = splat(grains.mass[0]) if equal(law) else gather(grains.mass, i)
         omega = gather(walls.speed, body)
         px, py = x + distance * nx, y + distance * ny
-        touch = wall_touch(radius - distance, (nx, ny, nz), distance, (vx, vy, vz), (wx, wy, wz), omega, (px, py))
+        kinematics = wall_kinematics(
+            radius - distance, (nx, ny, nz), distance, (vx, vy, vz), (wx, wy, wz), omega, (px, py)
+        )
         loads = contact_loads(
-            table, resistance, energy_column, m, radius, 0.4 * m * radius * radius, dt, touch, distance, None,
+            table, resistance, energy_column, m, radius, 0.4 * m * radius * radius, dt, kinematics, distance, None,
             (wx, wy, wz - omega), active, memory,
         )  # fmt: skip
         store_rows(history, slot, memory)
@@ -129,15 +131,15 @@ def _wall_contacts(chunk, count, dt, law, tables, resistance, energy_column, gra
         scatter_add(bodies, body, 0, None, None, (spring * lever, dashpot * lever, turning, spring * nx))
         scatter_add(bodies, body, 4, None, None, (spring * ny, spring * nz, dashpot * nx, dashpot * ny))
         scatter_add(bodies, body, 8, None, None, (dashpot * nz, sx, sy, sz))
-        deepest, deepest_at = deepest_of(0.5 * touch.delta / radius, i, deepest, deepest_at)
+        max_overlap, argmax_overlap = lane_max(0.5 * kinematics.delta / radius, i, max_overlap, argmax_overlap)
         if energy_column is not None:
             energies = add_sums(energies, loads.energies)
         if record.shape[0] > 0:
             scatter_column(record, slot, 0, force.x)
             scatter_column(record, slot, 1, force.y)
             scatter_column(record, slot, 2, force.z)
-            scatter_column(record, slot, 3, touch.delta)
+            scatter_column(record, slot, 3, kinematics.delta)
             scatter_column(record, slot, 4, nx)
             scatter_column(record, slot, 5, ny)
             scatter_column(record, slot, 6, nz)
-    return Tally(tally.contacts + count, energies, tally.parted, deepest, deepest_at)
+    return Tally(tally.contacts + count, energies, tally.released_energy, max_overlap, argmax_overlap)

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from geometry.kernels.device_functions import device_function
-from particles.dem.contact_kernel import stored_in_springs
+from particles.dem.contact_kernel import released_by_springs
 from particles.walls.triangle_kernels import LEADER, SLOT, triangle_contacts
 from particles.walls.wall_kernels import _wall_gap
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
-def add_stored(law, kind, resistance, energy_column, radius, slots, slot, parted):
-    """Add to ``parted`` (4) [J] what the springs of a wall's slot held when the grain left it."""
-    a, b, c, d = stored_in_springs(law, kind, resistance, energy_column, radius, 0.0, slots.history, slot)
-    return parted[0] + a, parted[1] + b, parted[2] + c, parted[3] + d
+def add_released(law, kind, resistance, energy_column, radius, slots, slot, released):
+    """Add the energy that the springs of a wall's slot release when the grain leaves to ``released`` (4) [J]."""
+    a, b, c, d = released_by_springs(law, kind, resistance, energy_column, radius, 0.0, slots.history, slot)
+    return released[0] + a, released[1] + b, released[2] + c, released[3] + d
 
 
 @device_function(without_refcounts=True, error_model="numpy", forceinline=True)
@@ -21,13 +21,15 @@ def _note(row, slot, distance, nx, ny, nz, i):
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def touching_walls(i, law, resistance, energy_column, attraction, grains, slots, walls, found, near, n_near, parted):
-    """Find the walls that grain i touches, as rows of ``found``: slot, distance, unit vector towards the wall, i.
+def touching_walls(
+    i, law, resistance, energy_column, attraction, grains, slots, walls, contact, near, n_near, released
+):
+    """Find the walls that grain i touches, as rows of ``contact``: slot, distance, unit vector towards the wall, i.
 
     Smooth walls that it is near to go into such rows of ``near``, from row ``n_near`` on, where there is an attraction.
     A grain that rolls from one face of a body onto the next keeps its springs: they are moved to the new slot. Returns
-    the number of rows found, ``n_near`` with those of ``near``, and ``parted`` (4) [J] with what those that parted have
-    lost.
+    the number of contacts, ``n_near`` with the rows of ``near``, and ``released`` (4) [J] with the losses of those that
+    ended.
     """
     kind_row = 0
     if grains.species.shape[0] > 0:
@@ -44,16 +46,16 @@ def touching_walls(i, law, resistance, energy_column, attraction, grains, slots,
             n_near += 1 if owned else 0
         if distance < radius and owned:
             touching[first] = 1
-            _note(found[0], first, distance, nx, ny, nz, i)
-            return 1, n_near, parted
+            _note(contact[0], first, distance, nx, ny, nz, i)
+            return 1, n_near, released
         if touching[first] != 0:
             touching[first] = 0
             if energy_column is not None:
                 row = law_row[kind_row, other[first]]
-                parted = add_stored(law, row, resistance, energy_column, radius, slots, first, parted)
+                released = add_released(law, row, resistance, energy_column, radius, slots, first, released)
             for a in range(history.shape[1]):
                 history[first, a] = 0.0
-        return 0, n_near, parted
+        return 0, n_near, released
     count = 0
     k = first
     while k < end:
@@ -65,7 +67,7 @@ def touching_walls(i, law, resistance, energy_column, attraction, grains, slots,
                 _note(near[n_near], k - 1, distance, nx, ny, nz, i)
                 n_near += 1 if owned else 0
             if distance < radius and owned:
-                _note(found[count], k - 1, distance, nx, ny, nz, i)
+                _note(contact[count], k - 1, distance, nx, ny, nz, i)
                 count += 1
         else:  # all triangles of one body at once, in the frame that turns with it
             body = body_of[w]
@@ -73,17 +75,18 @@ def touching_walls(i, law, resistance, energy_column, attraction, grains, slots,
             while k < end and body_of[other[k]] == body:
                 k += 1
             c, s = walls.turn[body, 0], walls.turn[body, 1]
-            part = found[count:]
-            new_rows, seen = triangle_contacts(
+            part = contact[count:]
+            new_rows, candidates = triangle_contacts(
                 walls.triangle, other, begin, k, c * x + s * y, c * y - s * x, z, radius, part
             )
-            for a in range(new_rows, seen):  # a grain that goes over an edge changes its triangle, not its contact
+            # a grain that goes over an edge changes its triangle, not its contact
+            for a in range(new_rows, candidates):
                 old, new = int(part[a, SLOT]), int(part[int(part[a, LEADER]), SLOT])
                 if touching[old] != 0:
                     touching[old] = 0
                     if touching[new] != 0 and energy_column is not None:  # two contacts have become one
                         row = law_row[kind_row, other[old]]
-                        parted = add_stored(law, row, resistance, energy_column, radius, slots, old, parted)
+                        released = add_released(law, row, resistance, energy_column, radius, slots, old, released)
                     if touching[new] == 0:
                         touching[new] = 1
                         for b in range(history.shape[1]):
@@ -95,13 +98,13 @@ def touching_walls(i, law, resistance, energy_column, attraction, grains, slots,
                 part[a, 2], part[a, 3], part[a, 5] = c * nx - s * ny, s * nx + c * ny, i
             count += new_rows
     for a in range(count):
-        touching[int(found[a, 0])] += 2  # 2: new, 3: as before; what is 1 now has parted
+        touching[int(contact[a, 0])] += 2  # 2: new, 3: as before; what is 1 now has separated
     for k in range(first, end):
         if touching[k] == 1:
             touching[k] = 0
             moved = False
             for a in range(count):
-                new = int(found[a, 0])
+                new = int(contact[a, 0])
                 if touching[new] == 2 and body_of[other[new]] == body_of[other[k]]:
                     for b in range(history.shape[1]):
                         history[new, b] = history[k, b]
@@ -110,9 +113,9 @@ def touching_walls(i, law, resistance, energy_column, attraction, grains, slots,
                     break
             if energy_column is not None and not moved:
                 row = law_row[kind_row, other[k]]
-                parted = add_stored(law, row, resistance, energy_column, radius, slots, k, parted)
+                released = add_released(law, row, resistance, energy_column, radius, slots, k, released)
             for b in range(history.shape[1]):
                 history[k, b] = 0.0
     for a in range(count):
-        touching[int(found[a, 0])] = 1
-    return count, n_near, parted
+        touching[int(contact[a, 0])] = 1
+    return count, n_near, released

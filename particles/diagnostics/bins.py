@@ -198,7 +198,7 @@ def ring_bins(
     return RingBins("z", even_edges(space.z0, space.z1, width), space.r0, space.r1, angle)
 
 
-def contact_shares(start: np.ndarray, end: np.ndarray, edges: np.ndarray) -> csr_array:
+def contact_fractions(start: np.ndarray, end: np.ndarray, edges: np.ndarray) -> csr_array:
     """Fraction of each contact's line from ``start`` to ``end`` (m,) [m] in each bin, shape (bins, m)."""
     low, high = np.minimum(start, end), np.maximum(start, end)
     length = high - low

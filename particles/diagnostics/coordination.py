@@ -16,7 +16,7 @@ MIN_CONTACTS = 2  # that can hold a grain with friction
 
 
 class Coordination(NamedTuple):
-    """Mean number of contacts a grain, a pair counted for both of its grains; share of grains with less than two."""
+    """Mean number of contacts a grain, a pair counted for both of its grains; fraction of grains with less than two."""
 
     mean: float
     rattlers: float

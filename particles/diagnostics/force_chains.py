@@ -52,7 +52,7 @@ class ForceChains:
     direction: np.ndarray
 
     @property
-    def share(self) -> float:
+    def fraction(self) -> float:
         """Fraction of the grains that stand in a chain [-]."""
         return float(np.mean(self.chain >= 0))
 

@@ -29,7 +29,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from scipy.sparse import diags_array
 
-from particles.diagnostics.bins import Bins, contact_shares
+from particles.diagnostics.bins import Bins, contact_fractions
 from particles.diagnostics.contact_geometry import contact_geometry
 from particles.diagnostics.inertial_number import friction_coefficient, inertial_number
 from particles.grains import Grains
@@ -87,7 +87,7 @@ class Profile:
     low, high, position : ndarray
         Edges of the bin, and the mean coordinate of its grains [m].
     volume, solid_fraction : ndarray
-        Of the bin in what is simulated [m^3]; share of it that grains fill [-].
+        Of the bin in what is simulated [m^3]; fraction of it that grains fill [-].
     velocity, angular_speed, spin : ndarray
         Along the flow [m/s]; angular speed about z [rad/s] (nan in a box); spin of the grains about z [rad/s].
     slip : dict of body -> ndarray
@@ -148,7 +148,7 @@ def profile_sums(grains: Grains, contacts: ContactTable, bins: Bins, sector: Cyc
     start, end = bins.coordinate(geometry.start), bins.coordinate(geometry.end)
     axes = bins.axes(contacts.point)
     f, branch = (np.einsum("kab,kb->ka", axes, v) for v in (force, geometry.branch))
-    share = contact_shares(start, end, bins.edges) @ _diagonal(bins.holds(contacts.point).astype(float))
+    fraction = contact_fractions(start, end, bins.edges) @ _diagonal(bins.holds(contacts.point).astype(float))
     carried = (end - start) * bins.moment(contacts.point, force)
     return ProfileSums(
         moments=np.ones(1),
@@ -160,9 +160,9 @@ def profile_sums(grains: Grains, contacts: ContactTable, bins: Bins, sector: Cyc
         diameter=part @ (2.0 * grains.radius),
         spin=weighed @ grains.angular_velocity[:, 2],
         fluctuation=(weighed @ _products(c, c)).reshape(-1, 3, 3),
-        contact=-(share @ _products(f, branch)).reshape(-1, 3, 3),
-        torque=bins.n_sectors * (share @ carried) / np.diff(bins.edges),
-        contacts=share.sum(axis=1),
+        contact=-(fraction @ _products(f, branch)).reshape(-1, 3, 3),
+        torque=bins.n_sectors * (fraction @ carried) / np.diff(bins.edges),
+        contacts=fraction.sum(axis=1),
     )
 
 

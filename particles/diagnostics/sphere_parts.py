@@ -48,10 +48,10 @@ def volume_in_cylinder(
     """
     low, high = (np.broadcast_to(np.asarray(value, dtype=float), radius.shape) for value in (low, high))
     whole = cap_volume(radius, high) - cap_volume(radius, low)
-    found = np.where(distance + radius <= cylinder, whole, 0.0)
+    inside = np.where(distance + radius <= cylinder, whole, 0.0)
     cut = np.flatnonzero((np.abs(distance - cylinder) < radius) & (whole > 0.0))
     if len(cut) == 0 or cylinder <= 0.0:
-        return found
+        return inside
     b, R = distance[cut], radius[cut]
     inner, outer = (np.sqrt(np.maximum(R**2 - c**2, 0.0)) for c in (cylinder + b, np.abs(cylinder - b)))
     breaks = np.stack([-R, -outer, -inner, inner, outer, R], axis=1)
@@ -61,8 +61,8 @@ def volume_in_cylinder(
     step = 0.5 * np.diff(breaks, axis=1)[:, :, None]
     z = breaks[:, :-1, None] + step * (1.0 - np.cos(theta))
     area = _lens(b[:, None, None], np.sqrt(np.maximum(R[:, None, None] ** 2 - z**2, 0.0)), cylinder)
-    found[cut] = np.sum(step * area * (0.5 * np.pi * weight * np.sin(theta)), axis=(1, 2))
-    return found
+    inside[cut] = np.sum(step * area * (0.5 * np.pi * weight * np.sin(theta)), axis=(1, 2))
+    return inside
 
 
 def _lens(b: np.ndarray, c: np.ndarray, rho: float) -> np.ndarray:

@@ -114,11 +114,11 @@ class WallPressure:
         area, normal, along = (
             float(values[chosen].sum()) for values in (self.bins.area, self.normal_force, self.flow_force)
         )
-        found: dict[str, float | None] = {
+        means: dict[str, float | None] = {
             "area": area, "pressure": normal / area, "shear_stress": along / area,
             "mu": abs(along) / normal if normal > 0.0 else None, "normal_force": normal,
         }  # fmt: skip
-        return found | ({"torque": float(self.torque[chosen].sum())} if self.bins.in_ring else {})
+        return means | ({"torque": float(self.torque[chosen].sum())} if self.bins.in_ring else {})
 
 
 def wall_bins(walls: Sequence[Wall], space: Space, width: float, cuts: Sequence[AnnularBox] = ()) -> WallBins:

@@ -49,7 +49,7 @@ PLAIN = 1.0  # relaxation of sweeps that are not over-relaxed
 PLAIN_SWEEPS = 30  # most warm-started steps are done by then
 FIRST_SWEEPS = 100  # before the acceleration begins, over-relaxed after the plain ones, at most half of all
 SWEEPS = 3  # in one application of G: they cost less than an extrapolation
-PATIENCE = 60  # sweeps in which |F| must have found a new minimum; as many without extrapolation follow otherwise
+PATIENCE = 60  # sweeps in which |F| must reach a new minimum; as many without extrapolation follow otherwise
 SLIGHTLY_OVER = 1.3  # over-relaxation within G
 FAR = 1e2  # largest coefficient where the fit leaves much of F, as of contacts that contradict each other
 FURTHEST, UNEXPLAINED = 1e8, 0.1  # largest one where it leaves no more than this fraction of |F|^2; beyond is round-off
@@ -72,7 +72,7 @@ def solve(convex, compliance, settings, records, contact_torques, chunk=None, se
         first, over = min(cap, max(PLAIN_SWEEPS, min(FIRST_SWEEPS, cap // 2))), OVER
     for count in range(first):
         relax = PLAIN if count < PLAIN_SWEEPS else over
-        change = _sweep(convex, relax, compliance, records, contact_torques, chunk, serial)
+        change = _sweep_contacts(convex, relax, compliance, records, contact_torques, chunk, serial)
         if change <= tolerance:
             reached = _residual(convex, compliance, records, contact_torques, chunk, serial)
             if reached <= tolerance:
@@ -109,7 +109,7 @@ def anderson(convex, compliance, settings, cap, records, contact_torques, chunk=
         change = 0.0
         for _ in range(min(SWEEPS, cap - done)):
             over = OVER if plain > 0 else SLIGHTLY_OVER
-            change = _sweep(convex, over, compliance, records, contact_torques, chunk, serial)
+            change = _sweep_contacts(convex, over, compliance, records, contact_torques, chunk, serial)
             done += 1
         if change <= tolerance:
             if far:
@@ -161,7 +161,7 @@ def anderson(convex, compliance, settings, cap, records, contact_torques, chunk=
         _extrapolate(g, c, known if solved else none, vectors, records, contact_torques, chunk, serial)
     if far:
         _renew_velocities(free, free_body, records, contact_torques)
-    _sweep(convex, PLAIN, compliance, records, contact_torques, chunk, serial)
+    _sweep_contacts(convex, PLAIN, compliance, records, contact_torques, chunk, serial)
     return done, _residual(convex, compliance, records, contact_torques, chunk, serial)
 
 
@@ -183,7 +183,7 @@ def _weights(weight, records, contact_torques):
 
 # What follows is done in one piece, or in chunks: numba leaves out a branch that asks for something that is None
 @device_function(inline="always", error_model="numpy", fastmath={"contract"})
-def _sweep(convex, relax, compliance, records, contact_torques, chunk, serial):
+def _sweep_contacts(convex, relax, compliance, records, contact_torques, chunk, serial):
     change = 0.0
     if serial is not None:
         change = sweep(convex, relax, compliance, records, contact_torques)

@@ -12,7 +12,7 @@ more than F_c, at any step. Closed is a gap of no more than the slop (`particles
 and of no more than 0 on springs; in the step in which grains meet nothing pulls yet.
 
 On springs the overlap delta that F_c holds stores -F_c delta. Without, a pull does no work while its contact holds;
-what it does until the gap is more than the slop is lost, and booked with the impacts.
+what it does until the gap is more than the slop is lost, and counts as impact.
 
 **Step.** The force that parts a contact at rest is F_c at every step. Grains that a blow parts with the speed v are
 held back for a step at least, by the impulse h F_c; on springs by DEM it is less than F_c sqrt(m/k). So a long step
@@ -38,7 +38,7 @@ from particles.dvi.gauss_seidel import (
     VZ,
     WALLS,
 )
-from particles.periodic_images import vector_as_own
+from particles.periodic_images import pair_vector_from_image
 
 FORCE, PER_RADIUS = 3, 4  # columns of the law: F_c = force [N] + per_radius [N/m] times the effective radius
 
@@ -64,7 +64,7 @@ def pull_together(call, compliance, radius, pairs, slots, records):
         grain[i, VX] += a * x
         grain[i, VY] += a * y
         grain[i, VZ] += a * z
-        x, y = vector_as_own(records.images, records.pair_shift, k, x, y)
+        x, y = pair_vector_from_image(records.images, records.pair_shift, k, x, y)
         grain[j, VX] -= b * x
         grain[j, VY] -= b * y
         grain[j, VZ] -= b * z

@@ -171,7 +171,7 @@ def apply_restitution(e, before, give, row, offset):
     ``before`` is u_n [m/s].
 
     That law is a rigid one: it would rebound from each of several contacts as if it were alone, to the compliance's
-    share of the impulse. So c_n falls to `HARD` for this step; a grain alone rebounds at e exactly.
+    fraction of the impulse. So c_n falls to `HARD` for this step; a grain alone rebounds at e exactly.
     """
     hard = min(give, HARD)
     w_n = 1.0 / (row[IWN] * (1.0 + give))
@@ -190,7 +190,7 @@ def hard_restitution(e, hard):
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
-def stored(compliance, kind, gap, x, y, z, ex, ey, ez):
+def spring_energy(compliance, kind, gap, x, y, z, ex, ey, ez):
     """Energy [J] in the normal spring at ``gap`` [m], and in the tangential one that carries the impulse (x, y, z)."""
     r_n = x * ex + y * ey + z * ez
     t2 = x * x + y * y + z * z - r_n * r_n

@@ -29,17 +29,17 @@ _ALL, _NEWEST = (1 << WINDOW) - 1, 1 << (WINDOW - 1)
 @device_function(without_refcounts=True, error_model="numpy")
 def group_contacts(part, body, column, records):
     """Fill the groups of a part; bodies whose ``column`` of ``body`` is more than 0 are changed by contacts."""
-    _group(part.p0, part.p1, None, column, records.pair_index, records.pair_group, records.seen)
-    _group(part.w0, part.w1, body, column, records.wall_index, records.wall_group, records.seen)
+    _group(part.p0, part.p1, None, column, records.pair_index, records.pair_group, records.membership)
+    _group(part.w0, part.w1, body, column, records.wall_index, records.wall_group, records.membership)
 
 
 @device_function(without_refcounts=True, error_model="numpy")
-def _group(lo, hi, body, column, index, table, seen):
+def _group(lo, hi, body, column, index, table, membership):
     """Groups of the contacts lo <= k < hi, with bodies, or None: with each other."""
     for k in range(lo, hi):
-        seen[index[k, 0], 0] = seen[index[k, 0], 1] = 0
+        membership[index[k, 0], 0] = membership[index[k, 0], 1] = 0
         if body is None:
-            seen[index[k, 1], 0] = seen[index[k, 1], 1] = 0
+            membership[index[k, 1], 0] = membership[index[k, 1], 1] = 0
     oldest, end, room = lo, lo, _ALL
     for k in range(lo, hi):
         i = index[k, 0]
@@ -49,13 +49,13 @@ def _group(lo, hi, body, column, index, table, seen):
         if body is not None:
             if body[index[k, 1], column] > 0.0:
                 continue
-        taken = _taken(seen, i, oldest) | _taken(seen, j, oldest)
-        if room & ~taken == 0:
-            oldest, room, taken = oldest + 1, (room >> 1) | _NEWEST, taken >> 1
-        places = room & ~taken
+        occupied = _groups_of(membership, i, oldest) | _groups_of(membership, j, oldest)
+        if room & ~occupied == 0:
+            oldest, room, occupied = oldest + 1, (room >> 1) | _NEWEST, occupied >> 1
+        places = room & ~occupied
         place = places & -places
-        _take(seen, i, oldest, place)
-        _take(seen, j, oldest, place)
+        _join(membership, i, oldest, place)
+        _join(membership, j, oldest, place)
         g = oldest + trailing_zeros(place)  # type: ignore[call-arg]
         if g == end:
             table[g, SIZE, 0], end = 0, end + 1
@@ -79,15 +79,15 @@ def _group(lo, hi, body, column, index, table, seen):
 
 
 @device_function(without_refcounts=True, error_model="numpy")
-def _taken(seen, i, oldest):
+def _groups_of(membership, i, oldest):
     """Bits of the groups from the oldest one on that grain i is in."""
-    past = oldest - seen[i, 1]
-    return seen[i, 0] >> past if past < WINDOW else 0
+    past = oldest - membership[i, 1]
+    return membership[i, 0] >> past if past < WINDOW else 0
 
 
 @device_function(without_refcounts=True, error_model="numpy")
-def _take(seen, i, oldest, place):
-    seen[i, 0], seen[i, 1] = _taken(seen, i, oldest) | place, oldest
+def _join(membership, i, oldest, place):
+    membership[i, 0], membership[i, 1] = _groups_of(membership, i, oldest) | place, oldest
 
 
 @device_function(without_refcounts=True, error_model="numpy")

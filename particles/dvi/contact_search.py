@@ -29,8 +29,8 @@ from particles.dvi.gauss_seidel import (
     VZ,
     WALLS,
 )
-from particles.dvi.triangle_contacts import record, search
-from particles.periodic_images import place_as_seen, velocity_as_seen
+from particles.dvi.triangle_contacts import find_triangle_contacts, search
+from particles.periodic_images import pair_place_to_image, pair_velocity_to_image
 from particles.walls.wall_kernels import _wall_gap
 
 
@@ -67,12 +67,8 @@ def find_contacts(rows, numbers, near, horizon, compliance, grains, pair_slots, 
     """
     h, margin, slop, law = horizon
     position, velocity, radius, bound = grains.position, grains.velocity, grains.radius, grains.bound
-    pair_start, pair_other, pair_impulse, pair_slot = (
-        pair_slots.start,
-        pair_slots.other,
-        pair_slots.impulse,
-        pair_slots.contact_slot,
-    )
+    pair_start, pair_other = pair_slots.start, pair_slots.other
+    pair_impulse, pair_slot = pair_slots.impulse, pair_slots.contact_slot
     images, shift = pair_slots.images, pair_slots.shift
     wall_start, wall_other, wall_impulse, wall_slot = slots.start, slots.other, slots.impulse, slots.contact_slot
     grain, body, pair_index, pair, wall_index, wall_row = records[:6]
@@ -82,7 +78,7 @@ def find_contacts(rows, numbers, near, horizon, compliance, grains, pair_slots, 
         x, y, z, ri = position[i, 0], position[i, 1], position[i, 2], radius[i]
         for k in range(pair_start[i], pair_start[i + 1]):
             j = pair_other[k]
-            dx, dy, dz = place_as_seen(images, shift, k, position[j, 0], position[j, 1], position[j, 2])
+            dx, dy, dz = pair_place_to_image(images, shift, k, position[j, 0], position[j, 1], position[j, 2])
             dx, dy, dz = x - dx, y - dy, z - dz
             reach = ri + radius[j]
             d2 = dx * dx + dy * dy + dz * dz
@@ -102,7 +98,7 @@ def find_contacts(rows, numbers, near, horizon, compliance, grains, pair_slots, 
             w_n = grain[i, IM] + grain[j, IM]
             row[IWN] = 1.0 / w_n
             row[IWT] = 1.0 / (w_n * (1.0 + 2.5 * row[ARM] * row[ARM]))
-            ux, uy = velocity_as_seen(images, shift, k, velocity[j, 0], velocity[j, 1])
+            ux, uy = pair_velocity_to_image(images, shift, k, velocity[j, 0], velocity[j, 1])
             ux, uy, uz = velocity[i, 0] - ux, velocity[i, 1] - uy, velocity[i, 2] - velocity[j, 2]
             before = ux * ex + uy * ey + uz * ez
             set_law(PAIRS, h, min(ri, radius[j]), slop, law, compliance, d - reach, before, row, N_PAIR)
@@ -141,7 +137,7 @@ def _near(lo, hi, horizon, grains, pair_slots, near):
         x, y, z, ri = position[i, 0], position[i, 1], position[i, 2], radius[i]
         for k in range(pair_start[i], pair_start[i + 1]):
             j = pair_other[k]
-            dx, dy, dz = place_as_seen(images, shift, k, position[j, 0], position[j, 1], position[j, 2])
+            dx, dy, dz = pair_place_to_image(images, shift, k, position[j, 0], position[j, 1], position[j, 2])
             dx, dy, dz = x - dx, y - dy, z - dz
             far = ri + radius[j] + h * (bound[i] + bound[j]) + margin + slop * ri
             near[k] = 1 if dx * dx + dy * dy + dz * dz < far * far else 0
@@ -151,10 +147,10 @@ def _near(lo, hi, horizon, grains, pair_slots, near):
 
 @device_function(parallel=True, error_model="numpy", fastmath={"contract"})
 def find_in_chunks(horizon, compliance, grains, pair_slots, slots, walls, old_speed, records, chunk, ends):
-    """`find_contacts` and `record` by chunks: pairs without gaps, walls from the first slot of each chunk to ``ends``.
+    """`find_contacts` and `find_triangle_contacts` by chunks.
 
-    How many contacts the shares before it have must be known before a chunk can fill its records. Those of walls are
-    put in order by `particles.dvi.sweep_chunks.sort_walls`.
+    Pairs stand without gaps, walls from the first slot of each chunk to ``ends``. The number of contacts of the earlier
+    chunks must be known before a chunk can fill its records. `particles.dvi.sweep_chunks.sort_walls` sorts the walls.
     """
     rows, pairs, near, first = chunk.rows, chunk.pairs, chunk.near, slots.start
     count = rows.shape[0] - 1
@@ -165,20 +161,11 @@ def find_in_chunks(horizon, compliance, grains, pair_slots, slots, walls, old_sp
     for c in prange(count):
         own = rows[c], rows[c + 1]
         _, end = find_contacts(
-            own,
-            (pairs[c], first[rows[c]]),
-            near,
-            horizon,
-            compliance,
-            grains,
-            pair_slots,
-            slots,
-            walls,
-            old_speed,
+            own, (pairs[c], first[rows[c]]), near, horizon, compliance, grains, pair_slots, slots, walls, old_speed,
             records,
-        )
+        )  # fmt: skip
         if walls.triangle.shape[0] > 0:
-            end = record(own, end, horizon, compliance, grains, slots, walls, old_speed, records)
+            end = find_triangle_contacts(own, end, horizon, compliance, grains, slots, walls, old_speed, records)
         ends[c] = end
 
 

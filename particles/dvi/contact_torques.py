@@ -48,7 +48,7 @@ from particles.dvi.gauss_seidel import (
 from particles.dvi.local_problem import in_disc
 from particles.dvi.solver_state import Torques, all_of
 from particles.dvi.triangle_contacts import COS_STEP, SIN_STEP
-from particles.periodic_images import vector_as_own, vector_as_seen
+from particles.periodic_images import pair_vector_from_image, pair_vector_to_image
 
 # columns of a torque: c, R_eff/R_i, R_eff/R_j (at a wall R_i itself), 1/W (the largest W), mu_r, mu_w; with springs
 # also c_t and the offset of w
@@ -70,12 +70,8 @@ def begin_contact_torques(compliance, radius, pairs, slots, walls, records, cont
     """
     law, pair_torque, wall_torque = contact_torques
     grain, body, pair_index, pair, wall_index, wall = records[:6]
-    pair_slot, pair_impulse, wall_slot, wall_impulse = (
-        pairs.contact_slot,
-        pairs.impulse,
-        slots.contact_slot,
-        slots.impulse,
-    )
+    pair_slot, pair_impulse = pairs.contact_slot, pairs.impulse
+    wall_slot, wall_impulse = slots.contact_slot, slots.impulse
     n_smooth, wall_other, turn = walls.smooth.shape[0], slots.other, walls.turn
     for k in range(pair.shape[0]):
         row, s = pair_torque[k], pair_slot[k]
@@ -84,9 +80,9 @@ def begin_contact_torques(compliance, radius, pairs, slots, walls, records, cont
         row[QJ] = 1.0 - row[QI]
         row[IW] = 1.0 / (2.5 * (grain[i, IM] * row[QI] * row[QI] + grain[j, IM] * row[QJ] * row[QJ]))
         row[ROLL], row[TWIST] = law[0, 0], law[0, 1]
-        held = pair[k, RX] != 0.0 or pair[k, RY] != 0.0 or pair[k, RZ] != 0.0
+        loaded = pair[k, RX] != 0.0 or pair[k, RY] != 0.0 or pair[k, RZ] != 0.0
         for a in range(3):
-            row[CX + a] = pair_impulse[s, 3 + a] if held else 0.0
+            row[CX + a] = pair_impulse[s, 3 + a] if loaded else 0.0
         if compliance is not None:
             _set_spring(compliance[PAIRS, TANGENTIAL], pair[k, GAP], row)
     for k in range(wall.shape[0]):
@@ -95,9 +91,9 @@ def begin_contact_torques(compliance, radius, pairs, slots, walls, records, cont
         row[QI], row[QJ] = 1.0, radius[i]
         row[IW] = 1.0 / (2.5 * grain[i, IM] + body[b, IJ] * radius[i] * radius[i])
         row[ROLL], row[TWIST] = law[1, 0], law[1, 1]
-        held = wall[k, RX] != 0.0 or wall[k, RY] != 0.0 or wall[k, RZ] != 0.0
+        loaded = wall[k, RX] != 0.0 or wall[k, RY] != 0.0 or wall[k, RZ] != 0.0
         for a in range(3):
-            row[CX + a] = wall_impulse[s, 3 + a] if held else 0.0
+            row[CX + a] = wall_impulse[s, 3 + a] if loaded else 0.0
         if turn.shape[0] > 0:
             if wall_other[s] >= n_smooth:
                 x, y = row[CX], row[CY]
@@ -144,7 +140,7 @@ def _turn_pair(records, k, row, x, y, z):
     grain[i, PX] += a * x
     grain[i, PY] += a * y
     grain[i, PZ] += a * z
-    x, y = vector_as_own(records.images, records.pair_shift, k, x, y)
+    x, y = pair_vector_from_image(records.images, records.pair_shift, k, x, y)
     grain[j, PX] -= b * x
     grain[j, PY] -= b * y
     grain[j, PZ] -= b * z
@@ -181,7 +177,7 @@ def _pair_velocity(compliance, records, k, row):
     """w [m/s] of pair k, and what its spring gives."""
     grain, i, j = records.grain, records.pair_index[k, 0], records.pair_index[k, 1]
     a, b = row[QI], row[QJ]
-    x, y = vector_as_seen(records.images, records.pair_shift, k, grain[j, PX], grain[j, PY])
+    x, y = pair_vector_to_image(records.images, records.pair_shift, k, grain[j, PX], grain[j, PY])
     x, y, z = a * grain[i, PX] - b * x, a * grain[i, PY] - b * y, a * grain[i, PZ] - b * grain[j, PZ]
     if compliance is not None:
         c = row[GIVE]
@@ -324,22 +320,18 @@ def weigh_contact_torques(weight, first, pairs, walls, contact_torques):
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
-def record_contact_torques(
+def accumulate_torque_work(
     h, compliance, mean_speed, grains, pairs, slots, records, contact_torques, totals, torque, body_work
 ):
-    """Keep the torques for the next step; book work and torques with the mean of old and new spin.
+    """Keep the torques for the next step; add up work and torques with the mean of old and new spin.
 
     Returns the losses to rolling and to twisting and the work on the grains [J]; ``torque``, ``body_work``: columns of
     the bodies' totals. The energy in the springs is renewed.
     """
     grain, _, pair_index, pair, wall_index, wall = records[:6]
     spin, radius, springs, body_totals = grains.spin, grains.radius, totals.springs, totals.bodies
-    pair_slot, pair_impulse, wall_slot, wall_impulse = (
-        pairs.contact_slot,
-        pairs.impulse,
-        slots.contact_slot,
-        slots.impulse,
-    )
+    pair_slot, pair_impulse = pairs.contact_slot, pairs.impulse
+    wall_slot, wall_impulse = slots.contact_slot, slots.impulse
     pair_torque, wall_torque = contact_torques.pair, contact_torques.wall
     rolling = twisting = work = spring_r = spring_w = 0.0
     for k in range(pair.shape[0]):
@@ -351,7 +343,7 @@ def record_contact_torques(
         i, j = pair_index[k, 0], pair_index[k, 1]
         a, b = 0.5 * row[QI], 0.5 * row[QJ]
         wx, wy = grain[j, PX] + radius[j] * spin[j, 0], grain[j, PY] + radius[j] * spin[j, 1]
-        wx, wy = vector_as_seen(records.images, records.pair_shift, k, wx, wy)
+        wx, wy = pair_vector_to_image(records.images, records.pair_shift, k, wx, wy)
         wx = a * (grain[i, PX] + radius[i] * spin[i, 0]) - b * wx
         wy = a * (grain[i, PY] + radius[i] * spin[i, 1]) - b * wy
         wz = a * (grain[i, PZ] + radius[i] * spin[i, 2]) - b * (grain[j, PZ] + radius[j] * spin[j, 2])

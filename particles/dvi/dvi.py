@@ -2,13 +2,13 @@
 
 A differential variational inequality: contacts are rigid, or compliant on springs that a step need not resolve.
 
-**Held forces** (`DVI.external_force`) are explicit: constant during a step. The stiffest of them is the pull of the
+**Lagged forces** (`DVI.external_force`) are explicit: constant during a step. The stiffest of them is the pull of the
 necks between magnetised grains, which changes within a few hundredths of a radius. That is a negative stiffness,
 which makes grains snap together and rings at no step; below the smallest gap, where contacts are closed, the pull is
-constant, and a contact that holds has no motion that could change it. So no step is unstable, and what a neck asks for
-is accuracy: the pull is its mean over the way that the gap goes at the present velocities, found in the step
-(`particles.dvi.near_pulls`), or with the moments where these are found at every step (`coupling.effects.dipoles`); and
-a step in which it adds little to the speeds at which grains part (`particles.dvi.dvi_step`).
+constant, and a closed contact has no motion that could change it. Stability does not limit the step; the accuracy of
+the neck force does. The pull is its mean over the change of the gap at the present velocities, computed in the step
+(`particles.dvi.near_pulls`), or with the moments where these are computed at every step (`coupling.effects.dipoles`).
+In the default step it adds little to the speeds at which grains separate (`particles.dvi.dvi_step`).
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ from particles.dvi.compliance import spring_table
 from particles.dvi.contact_groups import N_GROUP
 from particles.dvi.contact_torques import N_SPRING_TORQUE, N_TORQUE, no_contact_torques
 from particles.dvi.dvi_contact import DviContact
-from particles.dvi.dvi_totals import DviTotals, box_stress, dvi_totals, rigid_energy_budget, shear_work
+from particles.dvi.dvi_totals import DviTotals, dvi_box_stress, dvi_totals, rigid_energy_budget, shear_work
 from particles.dvi.impulse_list import ImpulseList
-from particles.dvi.loaded_contacts import loaded_contacts, net_impulses, pressed_in
+from particles.dvi.loaded_contacts import loaded_contacts, net_impulses, normal_spring_energy
 from particles.dvi.near_pulls import near_pulls
 from particles.dvi.solver_state import (
     DviArguments,
@@ -42,7 +42,7 @@ from particles.dvi.solver_state import (
     DviSums,
     DviWalls,
     PairImpulses,
-    Records,
+    SolverContacts,
     SolverSettings,
     SweepThreads,
     Torques,
@@ -50,7 +50,7 @@ from particles.dvi.solver_state import (
 )
 from particles.dvi.sweep_chunks import make_sweep_chunks
 from particles.dvi.triangle_contacts import N_TURN
-from particles.grain_motion import GrainMotion, Gravity, gravity_at, held_force
+from particles.grain_motion import GrainMotion, Gravity, gravity_at, lagged_force
 from particles.grains import Grains
 from particles.laws.cohesion import Cohesion
 from particles.laws.rolling_friction import RollingFriction
@@ -59,9 +59,9 @@ from particles.neighbours.contact_table import ContactTable
 from particles.neighbours.neighbour_list import cell_order
 from particles.periodicity import Periodicity, images_of
 from particles.shafts import Shafts, drives_at
-from particles.step_answers import NOT_FINITE, OVERLAP
+from particles.step_status import NOT_FINITE, OVERLAP
 from particles.threads import at_most
-from particles.walls.triangle_kernels import N_FOUND
+from particles.walls.triangle_kernels import N_CONTACT
 
 STEPS_PER_CALL = 512  # bounds the table of prescribed speeds
 # grains may reach beyond the gap that their own speeds close, when others push them: this fraction of the fastest one's
@@ -177,13 +177,14 @@ class DVI(GrainMotion):
         self._method = ANDERSON if solver == "accelerated" else GAUSS_SEIDEL
         self._turn = np.zeros((len(self.bodies) if len(self._device.triangles) else 0, N_TURN))
         n = grains.count
-        self._grain, self._bound, self._seen = np.zeros((n, gs.N_GRAIN)), np.zeros(n), np.zeros((n, 2), dtype=np.int64)
+        self._grain, self._bound = np.zeros((n, gs.N_GRAIN)), np.zeros(n)
+        self._membership = np.zeros((n, 2), dtype=np.int64)
         self._body = np.zeros((len(self.bodies), gs.N_BODY))
         self._contact_torques = no_contact_torques()
         self._reach = self.skin
         self._impulses: ImpulseList | None = None
         self._rebuild()
-        self._springs[0] = self._elastic = self._pressed_in()
+        self._springs[0] = self._elastic = self._normal_spring_energy()
 
     @property
     def list_skin(self) -> float:
@@ -219,7 +220,7 @@ class DVI(GrainMotion):
 
         rebuilds = self._march(n_steps, totals, call)
         self._elastic = float(self._springs.sum())
-        stress = None if self.box is None else box_stress(max(n_steps, 1) * self.dt, self.box, sums.box)
+        stress = None if self.box is None else dvi_box_stress(max(n_steps, 1) * self.dt, self.box, sums.box)
         work = {} if self.box is None else shear_work(self.box, sums.box)
         energy = rigid_energy_budget(
             self.n_sectors, self.bodies, totals, body_totals, self._resist,
@@ -228,28 +229,27 @@ class DVI(GrainMotion):
         return dvi_totals(n_steps, self.dt, self.n_sectors, self.bodies, totals, body_totals, energy, rebuilds, stress)
 
     def stretch(self, factor: float) -> None:
-        """See `GrainMotion.stretch`; what springs then hold more is part of the next run's elastic change."""
-        before = self._pressed_in()
+        """See `GrainMotion.stretch`; the added energy of the springs is part of the next run's elastic change."""
+        before = self._normal_spring_energy()
         super().stretch(factor)
-        self._springs[0] += self._pressed_in() - before
+        self._springs[0] += self._normal_spring_energy() - before
 
-    def _raise_stopped(self, answer: int, totals: np.ndarray) -> None:
+    def _raise_stopped(self, status: int, totals: np.ndarray) -> None:
         g, dt = self.grains, self.dt
-        if answer == OVERLAP:
+        if status == OVERLAP:
             remedy = f"shorten dt = {dt:.3g} s, or tighten the tolerance of {self.tolerance:.3g} m/s"
             row, overlap = int(totals[end_of_step.GRAIN]), totals[end_of_step.MAX_OVERLAP]
             raise run_errors.too_deep(g, row, overlap, self.overlap_limit, self.time, remedy)
-        if answer == NOT_FINITE:
+        if status == NOT_FINITE:
             raise run_errors.not_finite(g, self.time, "check the external forces")
         run_errors.refuse_shot_off(
-            totals[end_of_step.MAX_SPEED], g, self._beside_flow, dt, self.tolerance, self.time
+            totals[end_of_step.MAX_SPEED], g, self._peculiar_velocity, dt, self.tolerance, self.time
         )
 
     def contacts(self) -> ContactTable:
         """The loaded contacts of the last step."""
-        return loaded_contacts(
-            self.grains, self._list, self._device, self.bodies, self.periodicity, self._pull, self.dt
-        )
+        g, c = self.grains, self._list
+        return loaded_contacts(g, c, self._device, self.bodies, self.periodicity, self._pull, self.dt)
 
     def state(self) -> dict[str, np.ndarray]:
         """Everything that `restore` needs to continue bit for bit."""
@@ -285,7 +285,7 @@ class DVI(GrainMotion):
         """Begin at time 0 with the grains of a `state` and the angles of its bodies; impulses are left behind.
 
         Of a sheared box the shear rate stays this DVI's, edges and offset are the state's, its strain begins at 0;
-        velocities beside the flow are kept.
+        peculiar velocities are kept.
 
         Raises
         ------
@@ -305,28 +305,28 @@ class DVI(GrainMotion):
             self.box.rate, self.box.strain = rate, 0.0
             self.grains.velocity += self.box.flow(z)
         self._rebuild()
-        self._elastic = self._pressed_in()
+        self._elastic = self._normal_spring_energy()
         self._springs = np.array([self._elastic, 0.0, 0.0, 0.0])
 
     def _advance(self, n_steps: int, angle: np.ndarray, speed: np.ndarray, sums: DviSums) -> tuple[int, int]:
         g = self.grains
-        if self.attraction is not None:  # first: it may set the held force
+        if self.attraction is not None:  # first: it may set the lagged force
             self.attraction.fetch(self)
         arguments = self._arguments(n_steps, angle, speed, sums)
         with at_most(1 if self._chunks is None else len(self._chunks.pairs) // 2):
-            answer = kernel.run_steps(*arguments)
+            status = kernel.run_steps(*arguments)
         state = arguments.grains
         g.position[:], g.velocity[:], g.angular_velocity[:] = state.position, state.velocity, state.spin
         if self.box is not None:
             self.box.strain = float(state.flow[box_kernel.STRAIN])
             self.box.offset = float(state.flow[box_kernel.OFFSET])
-        return answer
+        return status
 
     def _arguments(self, n_steps: int, angle: np.ndarray, speed: np.ndarray, totals: DviSums) -> DviArguments:
         g, c, device = self.grains, self._list, self._device
-        external, images = held_force(self.external_force, g.count), images_of(self.periodicity)
+        external, images = lagged_force(self.external_force, g.count), images_of(self.periodicity)
         near = near_pulls(self.attraction, external if len(external) else np.zeros((g.count, 3)))
-        external = np.empty_like(near.held) if len(near.held) else external
+        external = np.empty_like(near.lagged) if len(near.lagged) else external
         position, velocity, spin = (np.ascontiguousarray(a) for a in (g.position, g.velocity, g.angular_velocity))
         flow = np.zeros(0) if self.box is None else box_kernel.flow_of(self.box, self._reach, self._interaction)
         times = (self.step_count + np.arange(n_steps)) * self.dt
@@ -345,11 +345,12 @@ class DVI(GrainMotion):
             ),
             near,
             PairImpulses(c.pairs.start, c.pairs.other, c.pair_impulse, self._pair_slot, c.pairs.shift, images),
-            WallImpulses(c.wall_start, c.wall_other, c.wall_impulse, self._wall_slot, self._found, self._tally),
+            WallImpulses(c.wall_start, c.wall_other, c.wall_impulse, self._wall_slot, self._triangle_contact,
+                         self._tally),
             DviWalls(device.rows, device.triangles, device.body, self._turn),
             Shafts(drives, constants, angle, speed, device.reach, c.angles, float(self.n_sectors)),
-            Records(self._grain, self._body, self._pair_index, self._pair, self._wall_index, self._wall,
-                    self._pair_group, self._wall_group, self._seen, self._pair_shift, images),
+            SolverContacts(self._grain, self._body, self._pair_index, self._pair, self._wall_index, self._wall,
+                           self._pair_group, self._wall_group, self._membership, self._pair_shift, images),
             self._contact_torques,
             SweepThreads(self._chunks, True if self._chunks is None else None),
             totals,
@@ -383,14 +384,14 @@ class DVI(GrainMotion):
             (len(self.bodies), end_of_step.N_BODY_SUMS), self._wall.shape[1],
         )  # fmt: skip
         triangles = s if len(self._device.triangles) else 0
-        self._found, self._tally = np.zeros((triangles, N_FOUND)), np.zeros((triangles, 2), dtype=np.int64)
+        self._triangle_contact, self._tally = np.zeros((triangles, N_CONTACT)), np.zeros((triangles, 2), dtype=np.int64)
 
     def _rebuild(self) -> None:
         """Wrap, sort by cells, list the neighbours again, and carry the impulses into it."""
         g = self.grains
         self._refuse_escaped(float(g.radius.max()), f"the walls may have a slot; or shorten dt = {self.dt:.3g} s")
         # whatever the step may move must be in the list: fast grains need a thicker skin. An error leaves all as it was
-        fastest = float(np.sqrt(np.max(np.sum(self._beside_flow**2, axis=1))))
+        fastest = float(np.sqrt(np.max(np.sum(self._peculiar_velocity**2, axis=1))))
         if self.box is not None:
             fastest += abs(self.box.rate) * float(g.radius.max())
         vane = max((abs(b.speed) * r for b, r in zip(self.bodies, self._device.reach, strict=True)), default=0.0)
@@ -400,7 +401,7 @@ class DVI(GrainMotion):
             widest = self.periodicity.widest_cutoff(g.position) - self._interaction
             if MIN_SKIN * self.dt * fastest > widest > 0.0:
                 limit = float(f"{widest / (MIN_SKIN * g.radius.min()):.3g}")
-                raise run_errors.too_fast(g, self._beside_flow, self.dt, limit, self.time)
+                raise run_errors.too_fast(g, self._peculiar_velocity, self.dt, limit, self.time)
             self._reach = min(self._reach, widest) if widest > 0.0 else self._reach  # else it is refused as too narrow
         wraps = None if self.periodicity is None else self._wrap(self.periodicity)
         order = cell_order(g.position_radius, 2.0 * float(g.radius.max()) + self.skin)
@@ -413,9 +414,9 @@ class DVI(GrainMotion):
             max(0.5 * self.skin, FAST_WALLS * self.dt * vane), self.periodicity, self._columns,
         )  # fmt: skip
         if memory is not None:
-            self._impulses.take(memory, order, wraps, self.sector)
+            self._impulses.transfer(memory, order, wraps, self.sector)
         self._make_room()
-        self._take_list()
+        self._note_list()
 
     @property
     def _interaction(self) -> float:
@@ -425,13 +426,13 @@ class DVI(GrainMotion):
         """Kinetic energy [J] of the present velocities, less the flow's of a sheared box."""
         if self.box is None:
             return self.grains.kinetic_energy()
-        g, beside = self.grains, self._beside_flow
+        g, peculiar = self.grains, self._peculiar_velocity
         return 0.5 * float(
-            g.mass @ np.einsum("ij,ij->i", beside, beside)
+            g.mass @ np.einsum("ij,ij->i", peculiar, peculiar)
             + g.inertia @ np.einsum("ij,ij->i", g.angular_velocity, g.angular_velocity)
         )
 
-    def _pressed_in(self) -> float:
-        return pressed_in(
+    def _normal_spring_energy(self) -> float:
+        return normal_spring_energy(
             self._stiffness, self.grains, self._list, self._device, self.bodies, self.periodicity, self._cohesion
         )

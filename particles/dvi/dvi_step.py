@@ -6,7 +6,7 @@ Nothing vibrates between rigid grains; what a step must resolve is the motion it
   step, with the normals of that place; beyond it grains pass through the edges of vanes, and normals are those of
   other neighbours;
 * **attraction**: h <= 0.1 sqrt(m W)/F, F being the attraction of two grains that touch and W the work that parts them.
-  Held during a step, it adds v_h = 2 h F/m to the relative speed, and grains that touch part for good at
+  Constant during a step, it adds v_h = 2 h F/m to the relative speed, and grains that touch part for good at
   v_e = 2 sqrt(W/m), both of the effective mass m/2: the rule is v_h <= v_e/10. An impact is met within a step, without
   what the pull adds in it. So one that is slower than v_h, from a gap of about h^2 F/m or less, does not rebound, and
   a faster one is taken to be slower by up to v_h. At the rule's step that gap is 1 % of the range W/F of the pull;

@@ -30,14 +30,14 @@ class DviTotals(StepTotals):
         Largest natural map at the end of a step [m/s].
     missed_steps : int
         Steps that did not reach the tolerance.
-    taken_over : int
+    accelerated_steps : int
         Steps that the accelerated solver finished.
     warm_hits : float
         Fraction of the loaded contacts that had an impulse to start from.
     projections : int
         Sweeps over the positions that removed overlap (they conserve no angular momentum).
     stabilisation_work : float
-        Work of the held forces on the displacements that removed overlap [J].
+        Work of the lagged forces on the displacements that removed overlap [J].
     """
 
     sweeps: int
@@ -45,7 +45,7 @@ class DviTotals(StepTotals):
     visits: int
     residual: float
     missed_steps: int
-    taken_over: int
+    accelerated_steps: int
     warm_hits: float
     projections: int
     stabilisation_work: float
@@ -66,21 +66,21 @@ def dvi_totals(
 
     ``ring`` is the number of sectors, of one of which the sums are.
     """
-    share = ring / max(steps, 1)
+    per_step = ring / max(steps, 1)
     names = [body.name for body in bodies]
     return DviTotals(
         steps=steps,
         duration=steps * dt,
         torque={
             name: {
-                "normal": float(t[end_of_step.TORQUE_N]) * share,
+                "normal": float(t[end_of_step.TORQUE_N]) * per_step,
                 "damping": 0.0,
-                "tangential": float(t[end_of_step.TORQUE_T]) * share,
+                "tangential": float(t[end_of_step.TORQUE_T]) * per_step,
             }
             for name, t in zip(names, body_totals, strict=True)
         },
         force={
-            name: force_on_ring(row[end_of_step.FORCE_X : end_of_step.FORCE_X + 3] * share, ring)
+            name: force_on_ring(row[end_of_step.FORCE_X : end_of_step.FORCE_X + 3] * per_step, ring)
             for name, row in zip(names, body_totals, strict=True)
         },
         shaft_work={
@@ -103,7 +103,7 @@ def dvi_totals(
         visits=int(totals[end_of_step.VISITS]),
         residual=float(totals[end_of_step.RESIDUAL]),
         missed_steps=int(totals[end_of_step.MISSED]),
-        taken_over=int(totals[end_of_step.TAKEN_OVER]),
+        accelerated_steps=int(totals[end_of_step.ACCELERATED]),
         warm_hits=float(totals[end_of_step.KEPT] / max(totals[end_of_step.LOADED], 1.0)),
         projections=int(totals[end_of_step.PROJECTIONS]),
         stabilisation_work=ring * float(totals[end_of_step.STABILISATION]),
@@ -147,8 +147,8 @@ def rigid_energy_budget(
     )
 
 
-def box_stress(duration: float, box: ShearedBox, sums: np.ndarray) -> BoxStress:
-    """Mean over ``duration`` [s] of what the sums of a sheared box hold (`particles.dvi.flow_in_box`)."""
+def dvi_box_stress(duration: float, box: ShearedBox, sums: np.ndarray) -> BoxStress:
+    """Mean over ``duration`` [s] of the sums of a sheared box (`particles.dvi.flow_in_box`)."""
     scale = 1.0 / (duration * box.volume)
     return BoxStress(*(scale * sums[first : first + 9].reshape(3, 3) for first in FLUXES))
 

@@ -7,7 +7,7 @@ from numba import prange
 
 from geometry.kernels.device_functions import device_function
 from particles.dvi import gauss_seidel as gs
-from particles.dvi.compliance import stored
+from particles.dvi.compliance import spring_energy
 from particles.dvi.gauss_seidel import (
     ARM,
     EX,
@@ -26,35 +26,33 @@ from particles.dvi.gauss_seidel import (
     VZ,
 )  # fmt: skip
 from particles.dvi.sweep_chunks import part_of
-from particles.periodic_images import vector_as_seen, velocity_as_seen
+from particles.periodic_images import pair_vector_to_image, pair_velocity_to_image
 
 # columns of the totals
 (
     CONTACTS, IMPACT, SLIDING, CONTACT_WORK, GRAVITY_WORK, EXTERNAL_WORK, STABILISATION, MAX_OVERLAP, GRAIN, MAX_SPEED,
-    SWEEPS, RESIDUAL, MISSED, KEPT, LOADED, VISITS, TAKEN_OVER, PROJECTIONS, MAX_SWEEPS, ROLLING, TWISTING,
+    SWEEPS, RESIDUAL, MISSED, KEPT, LOADED, VISITS, ACCELERATED, PROJECTIONS, MAX_SWEEPS, ROLLING, TWISTING,
 ) = range(21)  # fmt: skip
 N_SUMS = 21
 # columns of a body's sums: torques of the normal and of the tangential impulses, force, and work
 TORQUE_N, TORQUE_T, FORCE_X, FORCE_Y, FORCE_Z, BODY_WORK, DRIVE_WORK, LOAD_WORK = range(8)
 N_BODY_SUMS = 8
-# columns of what `book` adds up in a step
+# columns of what `accumulate_work` adds up in a step
 LOADED_NOW, KEPT_NOW, IMPACT_NOW, SLIDING_NOW, WORK_NOW, SPRING_N, SPRING_T = range(7)
-N_BOOKED = 7
+N_STEP_SUMS = 7
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
-def book(part, h, pull, compliance, body_speed, mean_speed, grains, pair_slots, slots, records, sums, body_sums):
-    """Keep the impulses of a part for the next step; book work and torques with the mean of old and new velocity.
+def accumulate_work(
+    part, h, pull, compliance, body_speed, mean_speed, grains, pair_slots, slots, records, sums, body_sums
+):
+    """Keep the impulses of a part for the next step; add up work and torques with the mean of old and new velocity.
 
-    ``pull``: first column of the pulls, which are booked with the impulses; 0 without.
+    ``pull``: first column of the pulls, which count with the impulses; 0 without.
     """
     velocity, spin, radius = grains.velocity, grains.spin, grains.radius
-    pair_slot, pair_impulse, wall_slot, wall_impulse = (
-        pair_slots.contact_slot,
-        pair_slots.impulse,
-        slots.contact_slot,
-        slots.impulse,
-    )
+    pair_slot, pair_impulse = pair_slots.contact_slot, pair_slots.impulse
+    wall_slot, wall_impulse = slots.contact_slot, slots.impulse
     grain, _, pair_index, pair, wall_index, wall = records[:6]
     images, shift = records.images, records.pair_shift
     loaded = kept = 0
@@ -72,16 +70,16 @@ def book(part, h, pull, compliance, body_speed, mean_speed, grains, pair_slots, 
         if idle:
             if compliance is None:
                 continue
-            if pair[k, gs.GAP] >= 0.0:  # an overlap that its dashpot has let go still holds energy
+            if pair[k, gs.GAP] >= 0.0:  # an overlap that its dashpot has let go still stores energy
                 continue
         loaded += not idle
         kept += old and not idle
         i, j = pair_index[k, 0], pair_index[k, 1]
         ex, ey, ez, arm = pair[k, EX], pair[k, EY], pair[k, EZ], pair[k, ARM]
-        wx, wy = velocity_as_seen(images, shift, k, grain[j, VX], grain[j, VY])
-        hx, hy = velocity_as_seen(images, shift, k, velocity[j, 0], velocity[j, 1])
+        wx, wy = pair_velocity_to_image(images, shift, k, grain[j, VX], grain[j, VY])
+        hx, hy = pair_velocity_to_image(images, shift, k, velocity[j, 0], velocity[j, 1])
         sx, sy = grain[j, PX] + radius[j] * spin[j, 0], grain[j, PY] + radius[j] * spin[j, 1]
-        sx, sy = vector_as_seen(images, shift, k, sx, sy)
+        sx, sy = pair_vector_to_image(images, shift, k, sx, sy)
         sx += grain[i, PX] + radius[i] * spin[i, 0]
         sy += grain[i, PY] + radius[i] * spin[i, 1]
         sz = grain[i, PZ] + grain[j, PZ] + radius[i] * spin[i, 2] + radius[j] * spin[j, 2]
@@ -91,8 +89,8 @@ def book(part, h, pull, compliance, body_speed, mean_speed, grains, pair_slots, 
         if compliance is not None:
             u_n = (grain[i, VX] - wx) * ex + (grain[i, VY] - wy) * ey + (grain[i, VZ] - grain[j, VZ]) * ez
             gap = pair[k, gs.GAP] + h * u_n
-            a, b = stored(compliance, gs.PAIRS, gap, x, y, z, ex, ey, ez)
-            # a pull F_c holds the overlap delta with the energy -F_c delta
+            a, b = spring_energy(compliance, gs.PAIRS, gap, x, y, z, ex, ey, ez)
+            # a pull F_c keeps the overlap delta with the energy -F_c delta
             spring_n, spring_t = spring_n + a - min(gap, 0.0) / h * (px * ex + py * ey + pz * ez), spring_t + b
         total = 0.5 * (x * ux + y * uy + z * uz)
         normal = 0.5 * (x * ex + y * ey + z * ez) * (ux * ex + uy * ey + uz * ez)
@@ -112,7 +110,7 @@ def book(part, h, pull, compliance, body_speed, mean_speed, grains, pair_slots, 
         if idle:
             if compliance is None:
                 continue
-            if wall[k, gs.GAP] >= 0.0:  # an overlap that its dashpot has let go still holds energy
+            if wall[k, gs.GAP] >= 0.0:  # an overlap that its dashpot has let go still stores energy
                 continue
         loaded += not idle
         kept += old and not idle
@@ -132,7 +130,7 @@ def book(part, h, pull, compliance, body_speed, mean_speed, grains, pair_slots, 
         if compliance is not None:
             u_n = grain[i, VX] * ex + grain[i, VY] * ey + grain[i, VZ] * ez - body_speed[b] * lever_n
             gap = wall[k, gs.GAP] + h * u_n
-            a, c = stored(compliance, gs.WALLS, gap, x, y, z, ex, ey, ez)
+            a, c = spring_energy(compliance, gs.WALLS, gap, x, y, z, ex, ey, ez)
             spring_n, spring_t = spring_n + a - min(gap, 0.0) / h * (px * ex + py * ey + pz * ez), spring_t + c
         normal = r_n * (ux * ex + uy * ey + uz * ez - omega * lever_n)
         impact -= normal
@@ -149,16 +147,16 @@ def book(part, h, pull, compliance, body_speed, mean_speed, grains, pair_slots, 
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
-def enter(compliance, booked, totals):
+def add_totals(compliance, sums, totals):
     """Add the energy budget of a step, one row a chunk."""
     run, springs = totals.run, totals.springs
     loaded = impact = sliding = spring_n = spring_t = 0.0
-    for c in range(booked.shape[0]):
-        loaded += booked[c, LOADED_NOW]
-        run[KEPT] += booked[c, KEPT_NOW]
-        impact, sliding = impact + booked[c, IMPACT_NOW], sliding + booked[c, SLIDING_NOW]
-        run[CONTACT_WORK] += booked[c, WORK_NOW]
-        spring_n, spring_t = spring_n + booked[c, SPRING_N], spring_t + booked[c, SPRING_T]
+    for c in range(sums.shape[0]):
+        loaded += sums[c, LOADED_NOW]
+        run[KEPT] += sums[c, KEPT_NOW]
+        impact, sliding = impact + sums[c, IMPACT_NOW], sliding + sums[c, SLIDING_NOW]
+        run[CONTACT_WORK] += sums[c, WORK_NOW]
+        spring_n, spring_t = spring_n + sums[c, SPRING_N], spring_t + sums[c, SPRING_T]
     run[CONTACTS] = loaded
     run[LOADED] += loaded
     if compliance is not None:
@@ -169,13 +167,15 @@ def enter(compliance, booked, totals):
 
 
 @device_function(parallel=True, error_model="numpy", fastmath={"contract"})
-def record_chunks(h, pull, compliance, body_speed, mean_speed, grains, pair_slots, slots, records, chunk, body_totals):
-    """`book` by chunks."""
+def accumulate_in_chunks(
+    h, pull, compliance, body_speed, mean_speed, grains, pair_slots, slots, records, chunk, body_totals
+):
+    """`accumulate_work` by chunks."""
     rows, pairs, walls, sums, body_sums = chunk.rows, chunk.pairs, chunk.walls, chunk.sums, chunk.body_sums
     count = rows.shape[0] - 1
     for c in prange(count + 1):
         body_sums[c] = 0.0
-        book(
+        accumulate_work(
             part_of(c, rows, pairs, walls), h, pull, compliance, body_speed, mean_speed, grains, pair_slots, slots,
             records, sums[c], body_sums[c],
         )  # fmt: skip
@@ -190,7 +190,7 @@ def move(h, drift, rate, strain, step, grains, grain, totals):
     """Take the new velocities and drift; returns the largest squared distance from the list's positions.
 
     In a sheared box, of the shear ``rate`` [1/s] and the ``strain`` since the list was made at the end of the drift,
-    speeds, works and distances are those beside its flow; elsewhere both are 0.
+    speeds, works and distances are peculiar; elsewhere both are 0.
     """
     position, velocity, spin, radius, mass, gravity, external, reference = grains[:8]
     g = min(step, gravity.shape[0] - 1)

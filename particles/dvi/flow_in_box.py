@@ -2,7 +2,7 @@
 
 Contacts across its faces couple a grain with an image of its partner, as in a sector (`particles.periodic_images`);
 the image of the layer above is faster by rate Lz, which is in the relative velocity of the contact. Momentum is m p,
-with p = v - rate z e_x the velocity beside the flow. It is carried by contacts, from centre to centre, and by the
+with p = v - rate z e_x the peculiar velocity. It is carried by contacts, from centre to centre, and by the
 grains as these drift in a straight line:
 
     sigma_ab = 1/(V t) [ sum over contacts r_a b_b + sum over drifts m p_a p_b s ],
@@ -22,7 +22,7 @@ import numpy as np
 from geometry.kernels.device_functions import device_function
 from particles.dem.box_kernel import HEIGHT, LIST_STRAIN, OFFSET, RATE, REACH, STRAIN, STRETCHED
 from particles.dvi.gauss_seidel import ARM, EX, VX, VY, VZ
-from particles.periodic_images import place_as_seen
+from particles.periodic_images import pair_place_to_image
 from particles.periodicity import DU, DX
 
 CONTACT, MOTION, ATTRACTION, N_BOX_SUMS = 0, 9, 18, 27
@@ -39,8 +39,8 @@ def shear(time, flow, images):
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
-def bound_beside_flow(grains, grain):
-    """Fill the bounds of the grains with speeds beside the flow; returns the largest [m/s].
+def bound_peculiar_speeds(grains, grain):
+    """Fill the bounds of the grains with peculiar speeds; returns the largest [m/s].
 
     By the flow a pair within twice its reach comes nearer at no more than |rate| (R_i + R_j).
     """
@@ -120,12 +120,12 @@ def add_impulses(pull, radius, pairs, contacts, sums):
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def add_pulls(h, grains, pairs, pull, sums):
-    """Add the pulls (p, 3) [N] on the first grains of the listed pairs, held for a step of h [s]."""
+    """Add the pulls (p, 3) [N] on the first grains of the listed pairs, constant for a step of h [s]."""
     position, images, shift = grains.position, pairs.images, pairs.shift
     for i in range(position.shape[0]):
         for k in range(pairs.start[i], pairs.start[i + 1]):
             j = pairs.other[k]
-            x, y, z = place_as_seen(images, shift, k, position[j, 0], position[j, 1], position[j, 2])
+            x, y, z = pair_place_to_image(images, shift, k, position[j, 0], position[j, 1], position[j, 2])
             x, y, z = position[i, 0] - x, position[i, 1] - y, position[i, 2] - z
             for a in range(3):
                 r = h * pull[k, a]

@@ -38,8 +38,8 @@ from geometry.kernels.simd import LANES, llvm_sqrt, reduce_max, select, splat
 from geometry.kernels.simd_tables import gather_columns, load, scatter_columns
 from particles.dvi.contact_groups import CONTACT, FIRST, N_GROUP, SECOND, group_contacts
 from particles.dvi.local_problem import coulomb_block, natural_map
-from particles.dvi.solver_state import Records, all_of
-from particles.periodic_images import eight_as_own, eight_as_seen, vector_as_own
+from particles.dvi.solver_state import SolverContacts, all_of
+from particles.periodic_images import pair_vector_from_image, pairs_from_images, pairs_to_images
 from particles.periodicity import N_IMAGE
 
 # columns of a grain: velocity, 1/m, scaled spin
@@ -80,8 +80,8 @@ def apply_impulses(sign, records):
         grain[i, PX] += a * sx
         grain[i, PY] += a * sy
         grain[i, PZ] += a * sz
-        x, y = vector_as_own(images, shift, k, x, y)
-        sx, sy = vector_as_own(images, shift, k, sx, sy)
+        x, y = pair_vector_from_image(images, shift, k, x, y)
+        sx, sy = pair_vector_from_image(images, shift, k, sx, sy)
         grain[j, VX] -= b * x
         grain[j, VY] -= b * y
         grain[j, VZ] -= b * z
@@ -184,7 +184,7 @@ def sweep_pairs(lo, hi, convex, relax, compliance, records):
         inverse, slow, mu, _ = gather_columns(pair, k, IWN)
         springs = _springs(compliance, PAIRS, pair, k, N_PAIR)
         e, r = (ex, ey, ez), (rx, ry, rz)
-        ux, uy, sx, sy = eight_as_seen(images, shift, k, wx, wy, qx, qy)
+        ux, uy, sx, sy = pairs_to_images(images, shift, k, wx, wy, qx, qy)
         u, s = (vx - ux, vy - uy, vz - wz), (px + sx, py + sy, pz + qz)
         velocity = _velocity(e, arm, r, u, s, offset, springs)
         x, y, z, change = _change(convex, relax, e, r, inverse, slow, mu, velocity)
@@ -195,7 +195,7 @@ def sweep_pairs(lo, hi, convex, relax, compliance, records):
         arm = -2.5 * arm
         sx, sy, sz = arm * (ey * z - ez * y), arm * (ez * x - ex * z), arm * (ex * y - ey * x)
         scatter_columns(grain, i, PX, px + a * sx, py + a * sy, pz + a * sz, rest)
-        x, y, sx, sy = eight_as_own(images, shift, k, x, y, sx, sy)
+        x, y, sx, sy = pairs_from_images(images, shift, k, x, y, sx, sy)
         scatter_columns(grain, j, VX, wx - b * x, wy - b * y, wz - b * z, b)
         scatter_columns(grain, j, PX, qx + b * sx, qy + b * sy, qz + b * sz, other_rest)
     return reduce_max(largest) if convex is not None else reduce_max(largest) / (relax * relax)
@@ -348,7 +348,7 @@ def residual(part, convex, compliance, records):
         px, py, pz, _ = gather_columns(grain, i, PX)
         wx, wy, wz, _ = gather_columns(grain, j, VX)
         qx, qy, qz, _ = gather_columns(grain, j, PX)
-        wx, wy, qx, qy = eight_as_seen(records.images, records.pair_shift, k, wx, wy, qx, qy)
+        wx, wy, qx, qy = pairs_to_images(records.images, records.pair_shift, k, wx, wy, qx, qy)
         u, s = (vx - wx, vy - wy, vz - wz), (px + qx, py + qy, pz + qz)
         missed = _map(convex is not None, pair, k, u, s, _springs(compliance, PAIRS, pair, k, N_PAIR))
         worst = select(missed > worst, missed, worst)
@@ -390,10 +390,10 @@ def grouped(grain, body, pair_index, pair, wall_index, wall):
     """Records of so many contacts in a space that does not repeat, with their groups."""
     pair_group = np.empty((pair.shape[0], N_GROUP, LANES), dtype=np.int32)
     wall_group = np.empty((wall.shape[0], N_GROUP, LANES), dtype=np.int32)
-    seen = np.empty((grain.shape[0], 2), dtype=np.int64)
+    membership = np.empty((grain.shape[0], 2), dtype=np.int64)
     shift, images = np.empty(0, dtype=np.int8), np.empty((1, N_IMAGE))
-    records = Records(
-        grain, body, pair_index, pair, wall_index, wall, pair_group, wall_group, seen, shift, images
+    records = SolverContacts(
+        grain, body, pair_index, pair, wall_index, wall, pair_group, wall_group, membership, shift, images
     )
     group_contacts(all_of(records), body, IJ, records)
     return records

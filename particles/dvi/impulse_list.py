@@ -64,7 +64,7 @@ class ImpulseList(SlotList):
         """The impulses that are not zero; the list itself can be dropped then."""
         return memory_of(self, *(SlotMemory(_loaded(rows), rows) for rows in (self.pair_impulse, self.wall_impulse)))
 
-    def take(
+    def transfer(
         self, memory: ContactMemory, order: np.ndarray, wraps: np.ndarray | None, sector: CyclicSector | None
     ) -> None:
         """Carry ``memory`` over, as `carry_over`."""

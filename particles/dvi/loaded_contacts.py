@@ -1,4 +1,4 @@
-"""The contacts of rigid grains as they stand: table of the loaded ones, overlaps at walls, energy that springs hold."""
+"""The contacts of rigid grains as they stand: table of the loaded ones, overlaps at walls, energy of the springs."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def loaded_contacts(
     pull: int,
     dt: float,
 ) -> ContactTable:
-    """The contacts that held an impulse in the last step of ``dt`` [s]; ``pull``: see `DviCall`."""
+    """The contacts that had an impulse in the last step of ``dt`` [s]; ``pull``: see `DviCall`."""
     x, radius, c = grains.position, grains.radius, listed
     pair_impulse, wall_impulse = with_pulls(c.pair_impulse, pull), with_pulls(c.wall_impulse, pull)
     k = _loaded(c.pair_impulse, pull)
@@ -36,8 +36,8 @@ def loaded_contacts(
     w = _loaded(c.wall_impulse, pull)
     row, wall = c.wall_rows()[w], c.wall_other[w].astype(np.int64)
     depth = wall_depths(grains, device, bodies, row, wall)
-    seen = np.isfinite(depth[:, 0])
-    row, wall, w, depth = row[seen], wall[seen], w[seen], depth[seen]
+    owned = np.isfinite(depth[:, 0])
+    row, wall, w, depth = row[owned], wall[owned], w[owned], depth[owned]
     at_wall = x[row] + (radius[row] - depth[:, 0])[:, None] * depth[:, 1:]
     none = np.full(len(row), -1)
     return ContactTable(
@@ -95,7 +95,7 @@ def wall_depths(
     return depth
 
 
-def pressed_in(
+def normal_spring_energy(
     stiffness: np.ndarray | None,
     grains: Grains,
     listed: ImpulseList,
@@ -104,7 +104,7 @@ def pressed_in(
     periodicity: Periodicity | None,
     cohesion: np.ndarray,
 ) -> float:
-    """Energy [J] that the normal springs hold at the start, where grains overlap each other or smooth walls.
+    """Energy [J] of the normal springs at the start, where grains overlap each other or smooth walls.
 
     ``cohesion`` (2, 2): pull [N] and pull by radius [N/m], between grains and at walls.
     """
@@ -118,8 +118,8 @@ def pressed_in(
     smooth = wall < len(device.rows)
     walls = wall_depths(grains, device, bodies, row[smooth], wall[smooth])[:, 0]
     radii = g.radius[i] * g.radius[j] / (g.radius[i] + g.radius[j]), g.radius[row[smooth]]
-    held = 0.0
+    energy = 0.0
     for k, pull, depth, radius in zip(stiffness[:, 0], cohesion, (pairs, walls), radii, strict=True):
         overlap = np.maximum(depth, 0.0)
-        held += float(np.sum(overlap * (0.5 * k * overlap - pull[0] - pull[1] * radius)))
-    return held
+        energy += float(np.sum(overlap * (0.5 * k * overlap - pull[0] - pull[1] * radius)))
+    return energy

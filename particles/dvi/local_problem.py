@@ -12,7 +12,7 @@ with K the friction cone and K* its dual; a sliding contact then opens at u_n = 
 a closed form (`gauss_seidel`).
 
 **Full block** (a wall on a free shaft adds z z^T/J with z the lever about the axis). With q_n >= 0 the contact opens:
-r = 0. Otherwise, if the sticking impulse -W^-1 q lies in the cone, that is the answer. Otherwise the contact slides at
+r = 0. Otherwise, if the sticking impulse -W^-1 q lies in the cone, it is the solution. Otherwise the contact slides at
 u_n = 0; with the Schur complement A = W_tt - w_tn w_nt/w_nn and b = q_t - w_tn q_n/w_nn,
 
     r_t(s) = -(A + s)^-1 b,    r_n(s) = -(q_n + w_nt.r_t(s))/w_nn,    psi(s) = mu r_n(s)/|r_t(s)| - 1 = 0.

@@ -1,4 +1,4 @@
-"""Pull of near grains in a step of rigid grains: drives held, its mean over the way that the gap goes in the step.
+"""Pull of near grains in a step of rigid grains: lagged drives, its mean over the way that the gap goes in the step.
 
 The pull is that of `particles.attraction`. A neck's falls within a few hundredths of a radius, which grains cross in a
 step or two. So what a step of h adds to the velocities is not the pull of its beginning, but its mean over the gaps
@@ -21,7 +21,7 @@ from geometry.kernels.device_functions import device_function
 from particles.attraction import Attraction
 from particles.dem.attraction_kernel import ACROSS, AMPLITUDE, COLUMN
 from particles.dvi.flow_in_box import add_pulls
-from particles.periodic_images import place_as_seen, vector_as_own, velocity_as_seen
+from particles.periodic_images import pair_place_to_image, pair_vector_from_image, pair_velocity_to_image
 from particles.walls.wall_kernels import _wall_gap
 
 SHORT = 0.02  # of the gap: ways below it have the pull at their middle, the mean to 1e-4
@@ -42,7 +42,7 @@ class NearPulls(NamedTuple):
         Pull along, its integral.
     pair, wall : ndarray, shapes (p, 3), (s, 2)
         Drives of the slots: column, amplitude [N], amplitude across [N].
-    held : ndarray, shape (n, 3) or (0, 3)
+    lagged : ndarray, shape (n, 3) or (0, 3)
         The forces that do not follow the gaps [N]; no rows: nothing attracts, and nothing is done.
     pull : ndarray, shape (p, 3)
         Scratch: on the first grain of each slot [N].
@@ -59,12 +59,12 @@ class NearPulls(NamedTuple):
     work: np.ndarray
     pair: np.ndarray
     wall: np.ndarray
-    held: np.ndarray
+    lagged: np.ndarray
     pull: np.ndarray
 
 
-def near_pulls(attraction: Attraction | None, held: np.ndarray) -> NearPulls:
-    """The argument of a step with the present drives, and ``held`` forces (n, 3) [N]; of none without an attraction."""
+def near_pulls(attraction: Attraction | None, lagged: np.ndarray) -> NearPulls:
+    """The argument of a step: present drives and ``lagged`` forces (n, 3) [N]; without rows if nothing attracts."""
     if attraction is None or attraction.pair_drive is None or attraction.wall_drive is None:
         row, table = np.zeros(0), np.zeros((0, 0))
         none, walls = np.zeros((0, 3)), np.zeros((0, 2))
@@ -74,7 +74,7 @@ def near_pulls(attraction: Attraction | None, held: np.ndarray) -> NearPulls:
     across_work, work = (_work(attraction.gap_step, gap, of) for of in (attraction.across[:, None], attraction.values))
     return NearPulls(
         float(attraction.gap_start), float(attraction.gap_step), smallest, attraction.last_gap, gap, attraction.across,
-        across_work[:, 0].copy(), attraction.values, work, attraction.pair_drive, attraction.wall_drive, held,
+        across_work[:, 0].copy(), attraction.values, work, attraction.pair_drive, attraction.wall_drive, lagged,
         np.zeros((len(attraction.pair_drive), 3)),
     )  # fmt: skip
 
@@ -90,8 +90,8 @@ def _work(step: float, gap: np.ndarray, pull: np.ndarray) -> np.ndarray:
 def _at(near, gap, column, amplitude, across, with_work):
     """Pull [N] at a gap [radii], and its integral from the first one [N] where it is asked for."""
     values, work, last = near.values, near.work, near.gap.shape[0] - 1
-    held = max(gap, near.smallest_gap)
-    x = (np.log(held) - near.gap_start) / near.gap_step
+    clipped = max(gap, near.smallest_gap)
+    x = (np.log(clipped) - near.gap_start) / near.gap_step
     x = x if x > 0.0 else 0.0
     column = column if column > 0.0 else 0.0
     j = min(np.int64(column), values.shape[1] - 2)
@@ -106,14 +106,14 @@ def _at(near, gap, column, amplitude, across, with_work):
     if not with_work:
         return pull, 0.0
     t, rise = (x - i) * near.gap_step, (high - low) / near.gap_step
-    factor = held / near.gap[i]
+    factor = clipped / near.gap[i]
     whole = amplitude * (work[i, j] + y * (work[i, j + 1] - work[i, j])) + across * near.across_work[i]
     whole += near.gap[i] * (low * (factor - 1.0) + rise * (factor * (t - 1.0) + 1.0))
-    return pull, whole + pull * (max(gap, -near.smallest_gap) - held)
+    return pull, whole + pull * (max(gap, -near.smallest_gap) - clipped)
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
-def mean_pull(near, gap, way, column, amplitude, across):
+def mean_near_pull(near, gap, way, column, amplitude, across):
     """Mean of the pull [N] over gaps from ``gap`` on, by ``way`` [radii]; 0 where it begins beyond the table."""
     if not gap < near.last_gap:
         return 0.0
@@ -139,7 +139,7 @@ def _pull_rows(lo, hi, h, near, grains, pairs, pull):
             if drive[k, AMPLITUDE] == 0.0 and drive[k, ACROSS] == 0.0:
                 continue
             j = pairs.other[k]
-            x, y, z = place_as_seen(images, shift, k, position[j, 0], position[j, 1], position[j, 2])
+            x, y, z = pair_place_to_image(images, shift, k, position[j, 0], position[j, 1], position[j, 2])
             x, y, z = position[i, 0] - x, position[i, 1] - y, position[i, 2] - z
             d, both = np.sqrt(x * x + y * y + z * z), radius[i] + radius[j]
             per_a = 0.5 * both / (radius[i] * radius[j])
@@ -147,10 +147,10 @@ def _pull_rows(lo, hi, h, near, grains, pairs, pull):
             if not (gap < near.last_gap and d > 0.0):
                 continue
             x, y, z = x / d, y / d, z / d
-            ux, uy = velocity_as_seen(images, shift, k, velocity[j, 0], velocity[j, 1])
+            ux, uy = pair_velocity_to_image(images, shift, k, velocity[j, 0], velocity[j, 1])
             opening = (velocity[i, 0] - ux) * x + (velocity[i, 1] - uy) * y + (velocity[i, 2] - velocity[j, 2]) * z
             way = h * opening * per_a
-            force = -mean_pull(near, gap, way, drive[k, COLUMN], drive[k, AMPLITUDE], drive[k, ACROSS])
+            force = -mean_near_pull(near, gap, way, drive[k, COLUMN], drive[k, AMPLITUDE], drive[k, ACROSS])
             pull[k, 0], pull[k, 1], pull[k, 2] = force * x, force * y, force * z
 
 
@@ -180,21 +180,21 @@ def _pull_to_walls(h, near, grains, slots, walls, force):
             per_a = 2.0 / radius[i]
             way = -h * per_a * (velocity[i, 0] * nx + velocity[i, 1] * ny + velocity[i, 2] * nz)
             gap = (distance - radius[i]) * per_a
-            pull = mean_pull(near, gap, way, drive[k, COLUMN], drive[k, AMPLITUDE], 0.0)
+            pull = mean_near_pull(near, gap, way, drive[k, COLUMN], drive[k, AMPLITUDE], 0.0)
             force[i, 0] += pull * nx
             force[i, 1] += pull * ny
             force[i, 2] += pull * nz
 
 
 @device_function(error_model="numpy", fastmath={"contract"})
-def hold_near_pulls(h, near, grains, pairs, slots, walls, chunk, serial, box):
-    """Set the held forces of a step of h [s] to those of ``near``, and its pulls; their stress of a sheared box."""
+def set_lagged_forces(h, near, grains, pairs, slots, walls, chunk, serial, box):
+    """Set the lagged forces of a step of h [s] to those of ``near``, and its pulls; their stress of a sheared box."""
     force, pull = grains.external, near.pull
     if serial is not None:
         _pull_rows(np.int64(0), grains.radius.shape[0], h, near, grains, pairs, pull)
     if chunk is not None:
         _pull_chunks(h, near, grains, pairs, pull, chunk)
-    force[:] = near.held
+    force[:] = near.lagged
     images, shift = pairs.images, pairs.shift
     for i in range(force.shape[0]):
         for k in range(pairs.start[i], pairs.start[i + 1]):
@@ -203,7 +203,7 @@ def hold_near_pulls(h, near, grains, pairs, slots, walls, chunk, serial, box):
             force[i, 0] += x
             force[i, 1] += y
             force[i, 2] += z
-            x, y = vector_as_own(images, shift, k, x, y)
+            x, y = pair_vector_from_image(images, shift, k, x, y)
             force[j, 0] -= x
             force[j, 1] -= y
             force[j, 2] -= z

@@ -7,7 +7,7 @@ from numba import prange
 
 from geometry.kernels.device_functions import device_function
 from particles.dvi.triangle_contacts import overlapping
-from particles.periodic_images import place_as_seen, vector_as_own
+from particles.periodic_images import pair_place_to_image, pair_vector_from_image
 from particles.walls.triangle_kernels import DISTANCE, TOWARDS_X, TOWARDS_Y, TOWARDS_Z
 from particles.walls.wall_kernels import _wall_gap
 
@@ -17,7 +17,7 @@ def project(slop, cap, step, grains, pair_slots, slots, walls, chunk=None, seria
     """Push overlapping grains apart, positions only, by inverse masses, until none overlaps by more than slop*radius.
 
     Nonlinear Gauss-Seidel on the gaps; with an infinite ``slop``, that of springs, they are only looked at. Returns the
-    deepest overlap met at first (fraction of the smaller diameter), the grain, the work of the held forces on the
+    deepest overlap met at first (fraction of the smaller diameter), the grain, the work of the lagged forces on the
     displacements [J], and the sweeps.
     """
     deepest, at, work, sweeps = 0.0, -1, 0.0, 0
@@ -64,13 +64,13 @@ def _project_rows(lo, hi, first, slop, step, grains, pair_slots, slots, walls):
     position, radius, mass = grains.position, grains.radius, grains.mass
     pair_start, pair_other = pair_slots.start, pair_slots.other
     images, shift = pair_slots.images, pair_slots.shift
-    wall_start, wall_other, found = slots.start, slots.other, slots.found
+    wall_start, wall_other, contact = slots.start, slots.other, slots.triangle_contact
     wall, triangle, wall_body = walls.smooth, walls.triangle, walls.body
     worst, deepest, at, work = 0.0, 0.0, -1, 0.0
     for i in range(lo, hi):
         for k in range(pair_start[i], pair_start[i + 1]):
             j = pair_other[k]
-            dx, dy, dz = place_as_seen(images, shift, k, position[j, 0], position[j, 1], position[j, 2])
+            dx, dy, dz = pair_place_to_image(images, shift, k, position[j, 0], position[j, 1], position[j, 2])
             dx, dy, dz = position[i, 0] - dx, position[i, 1] - dy, position[i, 2] - dz
             reach = radius[i] + radius[j]
             d2 = dx * dx + dy * dy + dz * dz
@@ -87,7 +87,7 @@ def _project_rows(lo, hi, first, slop, step, grains, pair_slots, slots, walls):
             fraction = (reach - d) / (max(d, 1e-300) * (mass[i] + mass[j]))
             a, b = fraction * mass[j], fraction * mass[i]
             work += _shift(step, grains, i, a * dx, a * dy, a * dz)
-            dx, dy = vector_as_own(images, shift, k, dx, dy)
+            dx, dy = pair_vector_from_image(images, shift, k, dx, dy)
             work += _shift(step, grains, j, -b * dx, -b * dy, -b * dz)
         for k in range(wall_start[i], wall_start[i + 1]):
             if wall_other[k] >= wall.shape[0]:  # triangles
@@ -112,12 +112,12 @@ def _project_rows(lo, hi, first, slop, step, grains, pair_slots, slots, walls):
                 while k < end and wall_body[wall_other[k]] == b:
                     k += 1
                 x, y, z = position[i, 0], position[i, 1], position[i, 2]
-                count = overlapping(walls, wall_other, begin, k, x, y, z, radius[i], found[begin:k])
+                count = overlapping(walls, wall_other, begin, k, x, y, z, radius[i], contact[begin:k])
                 for a in range(begin, begin + count):
-                    nx, ny, nz = found[a, TOWARDS_X], found[a, TOWARDS_Y], found[a, TOWARDS_Z]
+                    nx, ny, nz = contact[a, TOWARDS_X], contact[a, TOWARDS_Y], contact[a, TOWARDS_Z]
                     # what earlier pushes have already moved it away from this wall
                     moved = -(nx * (position[i, 0] - x) + ny * (position[i, 1] - y) + nz * (position[i, 2] - z))
-                    depth = 1.0 - (found[a, DISTANCE] + moved) / radius[i]
+                    depth = 1.0 - (contact[a, DISTANCE] + moved) / radius[i]
                     if depth <= 0.0:
                         continue
                     if first and 0.5 * depth > deepest:
@@ -132,7 +132,7 @@ def _project_rows(lo, hi, first, slop, step, grains, pair_slots, slots, walls):
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def _shift(step, grains, i, x, y, z):
-    """Move grain i; returns the work of gravity and the held force on it."""
+    """Move grain i; returns the work of gravity and the lagged force on it."""
     position, gravity, external = grains.position, grains.gravity, grains.external
     position[i, 0] += x
     position[i, 1] += y

@@ -93,7 +93,7 @@ class Horizon(NamedTuple):
 
 
 class DviGrains(NamedTuple):
-    """Grains and what is held during the call.
+    """Grains and what is constant during the call.
 
     Attributes
     ----------
@@ -104,7 +104,7 @@ class DviGrains(NamedTuple):
     gravity : ndarray, shape (k, 3)
         Acceleration [m/s^2]: a row a step, one row for all of them, or none.
     external : ndarray, shape (n, 3) or (0, 3)
-        Held force [N]; empty without. With `particles.dvi.near_pulls` it is written in each step.
+        Lagged force [N]; empty without. With `particles.dvi.near_pulls` it is written in each step.
     reference : ndarray, shape (n, 3)
         Centres at which the list was made [m].
     bound : ndarray, shape (n,)
@@ -155,7 +155,7 @@ class WallImpulses(NamedTuple):
 
     Attributes
     ----------
-    found, tally : ndarray, shapes (s, N_FOUND), (s, 2), or no rows without triangles
+    triangle_contact, tally : ndarray, shapes (s, N_CONTACT), (s, 2), or no rows without triangles
         What grains meet of triangles (`particles.dvi.triangle_contacts`).
     """
 
@@ -163,7 +163,7 @@ class WallImpulses(NamedTuple):
     other: np.ndarray
     impulse: np.ndarray
     contact_slot: np.ndarray
-    found: np.ndarray
+    triangle_contact: np.ndarray
     tally: np.ndarray
 
 
@@ -184,7 +184,7 @@ class DviWalls(NamedTuple):
     turn: np.ndarray
 
 
-class Records(NamedTuple):
+class SolverContacts(NamedTuple):
     """Input of the sweeps: the contacts of a step and their bodies (columns: `particles.dvi.gauss_seidel`).
 
     Attributes
@@ -198,7 +198,7 @@ class Records(NamedTuple):
     pair_group, wall_group : ndarray of int32, shapes (p, N_GROUP, 8), (s, N_GROUP, 8)
         In which order they are visited (`particles.dvi.contact_groups`): groups of the contacts from the k-th on begin
         at row k. Where they are fewer than the contacts, -1 follows them. One that is not full repeats its first.
-    seen : ndarray of int64, shape (n, 2)
+    membership : ndarray of int64, shape (n, 2)
         Scratch: in which groups a grain is, as bits, and the group that these count from.
     pair_shift, images : ndarray, shapes (p,) int8, (2 m + 1, 6)
         Which image of its second grain a pair meets, and the table of images, as of `PairImpulses`.
@@ -212,7 +212,7 @@ class Records(NamedTuple):
     wall: np.ndarray
     pair_group: np.ndarray
     wall_group: np.ndarray
-    seen: np.ndarray
+    membership: np.ndarray
     pair_shift: np.ndarray
     images: np.ndarray
 
@@ -282,7 +282,7 @@ class DviArguments(NamedTuple):
     slots: WallImpulses
     walls: DviWalls
     shafts: Shafts
-    records: Records
+    records: SolverContacts
     contact_torques: Torques
     threads: SweepThreads
     totals: DviSums
@@ -291,9 +291,10 @@ class DviArguments(NamedTuple):
 @device_function(error_model="numpy")
 def first_of(records, pairs, walls):
     """The records of the first contacts, so many pairs and walls."""
-    return Records(
+    return SolverContacts(
         records.grain, records.body, records.pair_index[:pairs], records.pair[:pairs], records.wall_index[:walls],
-        records.wall[:walls], records.pair_group, records.wall_group, records.seen, records.pair_shift, records.images,
+        records.wall[:walls], records.pair_group, records.wall_group, records.membership, records.pair_shift,
+        records.images,
     )  # fmt: skip
 
 

@@ -8,7 +8,7 @@ A contact at the gap g > 0 in x_m may close within the step, not cross: u_n' >= 
 it is reached, and the next middle is free of overlap whatever theta is (the middles are h v' apart). With restitution
 e an approach faster than the threshold that would end in a contact within the step rebounds: u_n' >= -e u_n. What
 overlap is left by the curvature of paths is removed from the positions alone (`particles.dvi.projection`): no velocity
-is touched, no kinetic energy made; the work of the held forces on that displacement is reported. Bodies turn to the
+is touched, no kinetic energy made; the work of the lagged forces on that displacement is reported. Bodies turn to the
 same middle as the grains; triangles, in scenes that have them, are met there (`particles.dvi.triangle_contacts`).
 
 **Slop.** A gap of less than ``slop`` radii counts as closed, u_n' >= 0, as an overlap of so much is let be. Were it to
@@ -29,8 +29,9 @@ from particles.dvi.accelerated import solve
 from particles.dvi.adhesion import pull_together
 from particles.dvi.contact_groups import group_contacts
 from particles.dvi.contact_search import find_contacts, find_in_chunks, free_velocities, search_in_chunks
-from particles.dvi.contact_torques import begin_contact_torques, record_contact_torques
+from particles.dvi.contact_torques import accumulate_torque_work, begin_contact_torques
 from particles.dvi.end_of_step import (
+    ACCELERATED,
     BODY_WORK,
     CONTACT_WORK,
     DRIVE_WORK,
@@ -39,38 +40,37 @@ from particles.dvi.end_of_step import (
     MAX_OVERLAP,
     MAX_SWEEPS,
     MISSED,
-    N_BOOKED,
+    N_STEP_SUMS,
     PROJECTIONS,
     RESIDUAL,
     ROLLING,
     STABILISATION,
     SWEEPS,
-    TAKEN_OVER,
     TORQUE_T,
     TWISTING,
     VISITS,
-    book,
-    enter,
+    accumulate_in_chunks,
+    accumulate_work,
+    add_totals,
     move,
-    record_chunks,
 )
 from particles.dvi.flow_in_box import (
     add_drift,
     add_impulses,
     add_shifts,
-    bound_beside_flow,
+    bound_peculiar_speeds,
     nearer_by_flow,
     shear,
     strain_of_list,
 )
 from particles.dvi.gauss_seidel import BRAKE, IJ
-from particles.dvi.near_pulls import hold_near_pulls
+from particles.dvi.near_pulls import set_lagged_forces
 from particles.dvi.projection import project
-from particles.dvi.solver_state import Horizon, Records, WallImpulses, all_of, first_of
+from particles.dvi.solver_state import Horizon, SolverContacts, WallImpulses, all_of, first_of
 from particles.dvi.sweep_chunks import group_chunks, sort_walls
-from particles.dvi.triangle_contacts import pass_on, record, search, turn_bodies
+from particles.dvi.triangle_contacts import find_triangle_contacts, pass_on, search, turn_bodies
 from particles.shafts import DRIVE, DRIVE_SLOPE, FREE, INERTIA, LOAD, SPEED
-from particles.step_answers import DONE, NOT_FINITE, OVERLAP, REBUILD
+from particles.step_status import DONE, NOT_FINITE, OVERLAP, REBUILD
 
 PROJECTION_SWEEPS = 5  # a jam that needs more gets them in the next steps
 
@@ -122,26 +122,21 @@ def _find(horizon, compliance, grains, pairs, slots, walls, shafts, records, chu
     if serial is not None:
         rows = np.int64(0), grains.mass.shape[0]
         n_pairs, n_walls = find_contacts(
-            rows,
-            (np.int64(0), np.int64(0)),
-            None,
-            horizon,
-            compliance,
-            grains,
-            pairs,
-            slots,
-            walls,
-            shafts.speed,
+            rows, (np.int64(0), np.int64(0)), None, horizon, compliance, grains, pairs, slots, walls, shafts.speed,
             records,
-        )
-        if walls.triangle.shape[0] > 0:
-            n_walls = record(rows, n_walls, horizon, compliance, grains, slots, walls, shafts.speed, records)
-    if chunk is not None:
-        unsorted = Records(
-            records.grain, records.body, records.pair_index, records.pair, chunk.found_index, chunk.found,
-            records.pair_group, records.wall_group, records.seen, records.pair_shift, records.images,
         )  # fmt: skip
-        places = WallImpulses(slots.start, slots.other, slots.impulse, chunk.found_slot, slots.found, slots.tally)
+        if walls.triangle.shape[0] > 0:
+            n_walls = find_triangle_contacts(
+                rows, n_walls, horizon, compliance, grains, slots, walls, shafts.speed, records
+            )
+    if chunk is not None:
+        unsorted = SolverContacts(
+            records.grain, records.body, records.pair_index, records.pair, chunk.unsorted_index, chunk.unsorted_row,
+            records.pair_group, records.wall_group, records.membership, records.pair_shift, records.images,
+        )  # fmt: skip
+        places = WallImpulses(
+            slots.start, slots.other, slots.impulse, chunk.unsorted_slot, slots.triangle_contact, slots.tally
+        )
         find_in_chunks(horizon, compliance, grains, pairs, places, walls, shafts.speed, unsorted, chunk, chunk.ends)
         n_pairs, n_walls = chunk.pairs[-1], sort_walls(chunk, slots, records)
         group_chunks(first_of(records, n_pairs, n_walls), chunk)
@@ -160,8 +155,8 @@ def _begin(
     Returns the numbers of pairs and walls that are contacts, and the largest speed [m/s].
     """
     h, chunk, serial = call.h, threads.chunk, threads.serial
-    if near.held.shape[0] > 0:
-        hold_near_pulls(h, near, grains, pairs, slots, walls, chunk, serial, totals.box)
+    if near.lagged.shape[0] > 0:
+        set_lagged_forces(h, near, grains, pairs, slots, walls, chunk, serial, totals.box)
     _drift_half(call, grains, pairs, shafts, walls, totals.box)
     before = grains.position[:0]
     if totals.box.shape[0] > 0:
@@ -180,7 +175,7 @@ def _begin(
     _free_bodies(h, step, shafts, records.body)
     fastest = free_velocities(h, step, grains, records.grain)
     if totals.box.shape[0] > 0:
-        fastest = bound_beside_flow(grains, records.grain)
+        fastest = bound_peculiar_speeds(grains, records.grain)
     if walls.triangle.shape[0] > 0:
         horizon = Horizon(h, call.margin * h * fastest, call.slop, call.law)
         raised = _search(horizon, grains, slots, walls, shafts, records.body, chunk, serial)
@@ -199,13 +194,13 @@ def _begin(
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
-def _count(tolerance, contacts, sweeps, reached, taken, run):
-    """Book what the impulses of a step have cost."""
+def _count(tolerance, contacts, sweeps, reached, accelerated, run):
+    """Count the sweeps and visits of a step."""
     run[SWEEPS] += sweeps
     run[VISITS] += sweeps * (contacts.pair.shape[0] + contacts.wall.shape[0])
     run[MAX_SWEEPS] = max(run[MAX_SWEEPS], sweeps)
     run[RESIDUAL] = max(run[RESIDUAL], reached)
-    run[TAKEN_OVER] += taken
+    run[ACCELERATED] += accelerated
     if not reached <= tolerance:
         run[MISSED] += 1.0
 
@@ -226,18 +221,20 @@ def _turn_shafts(call, step, shafts, body, mean, body_totals):
 
 
 @device_function(error_model="numpy", fastmath={"contract"})
-def _book(h, pull, compliance, mean, grains, pairs, slots, shafts, contacts, chunk, serial, totals):
-    """Keep the impulses, and book their works and torques."""
-    booked = np.zeros((1, N_BOOKED))
+def _accumulate_work(h, pull, compliance, mean, grains, pairs, slots, shafts, contacts, chunk, serial, totals):
+    """Keep the impulses, and add up their works and torques."""
+    sums = np.zeros((1, N_STEP_SUMS))
     if serial is not None:
-        book(
-            all_of(contacts), h, pull, compliance, shafts.speed, mean, grains, pairs, slots, contacts, booked[0],
+        accumulate_work(
+            all_of(contacts), h, pull, compliance, shafts.speed, mean, grains, pairs, slots, contacts, sums[0],
             totals.bodies,
         )  # fmt: skip
     if chunk is not None:
-        booked = chunk.sums
-        record_chunks(h, pull, compliance, shafts.speed, mean, grains, pairs, slots, contacts, chunk, totals.bodies)
-    enter(compliance, booked, totals)
+        sums = chunk.sums
+        accumulate_in_chunks(
+            h, pull, compliance, shafts.speed, mean, grains, pairs, slots, contacts, chunk, totals.bodies
+        )
+    add_totals(compliance, sums, totals)
 
 
 @device_function(error_model="numpy", fastmath={"contract"})
@@ -246,9 +243,11 @@ def _finish(call, step, compliance, grains, pairs, slots, shafts, contacts, cont
     h, run = call.h, totals.run
     mean = np.empty(shafts.speed.shape[0])
     _turn_shafts(call, step, shafts, contacts.body, mean, totals.bodies)
-    _book(h, call.pull, compliance, mean, grains, pairs, slots, shafts, contacts, threads.chunk, threads.serial, totals)
+    _accumulate_work(
+        h, call.pull, compliance, mean, grains, pairs, slots, shafts, contacts, threads.chunk, threads.serial, totals
+    )
     if contact_torques.law.shape[0] > 0:
-        rolling, twisting, work = record_contact_torques(
+        rolling, twisting, work = accumulate_torque_work(
             h, compliance, mean, grains, pairs, slots, contacts, contact_torques, totals, TORQUE_T, BODY_WORK
         )
         run[ROLLING] += rolling
@@ -297,7 +296,7 @@ def run_steps(
 
     Returns
     -------
-    answer, steps done : int
+    status, steps done : int
     """
     for step in range(call.n_steps):
         # 1-3. half drift, free velocities, contacts, warm start
@@ -309,15 +308,15 @@ def run_steps(
             return OVERLAP, step
         # 4. impulses
         contacts = first_of(records, n_pairs, n_walls)
-        sweeps, reached, taken = solve(
+        sweeps, reached, accelerated = solve(
             convex, compliance, call.settings, contacts, contact_torques, threads.chunk, threads.serial
         )
         # 5-6. work recorded, half drift
-        _count(call.settings.tolerance, contacts, sweeps, reached, taken, totals.run)
+        _count(call.settings.tolerance, contacts, sweeps, reached, accelerated, totals.run)
         travel = _finish(
             call, step, compliance, grains, pairs, slots, shafts, contacts, contact_torques, threads, totals
         )
-        answer = _verdict(call, travel + call.h * fastest, shafts, walls)
-        if answer != DONE:
-            return answer, step + 1
+        status = _verdict(call, travel + call.h * fastest, shafts, walls)
+        if status != DONE:
+            return status, step + 1
     return DONE, call.n_steps

@@ -39,10 +39,10 @@ class SweepChunks(NamedTuple):
     pairs, walls : ndarray of int64, shapes (c + 1,), (c + 2,)
         The same for the contacts of a step; the last chunk of walls is that of the free shafts.
     sums, body_sums : ndarray, shapes (c + 1, N_SUMS), (c + 1, n_bodies, N_BODY_SUMS)
-        What each chunk has added up or found.
+        Sums and extremes of each chunk.
     near : ndarray of uint8, shape (p,)
         1 for pairs of the list that are contacts of the step.
-    found_index, found_slot, found : ndarray
+    unsorted_index, unsorted_slot, unsorted_row : ndarray
         Wall contacts as the chunks find them, from their first slot in the list on.
     ends : ndarray of int64, shape (c,)
         Where those of each chunk end.
@@ -54,9 +54,9 @@ class SweepChunks(NamedTuple):
     sums: np.ndarray
     body_sums: np.ndarray
     near: np.ndarray
-    found_index: np.ndarray
-    found_slot: np.ndarray
-    found: np.ndarray
+    unsorted_index: np.ndarray
+    unsorted_slot: np.ndarray
+    unsorted_row: np.ndarray
     ends: np.ndarray
 
 
@@ -100,9 +100,9 @@ def _furthest(start, other, furthest):
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def sort_walls(chunk, slots, records):
-    """Put the wall contacts that chunks have found in their order, those of free shafts last; returns how many."""
+    """Sort the wall contacts of the chunks, those of free shafts last; returns how many."""
     rows, walls, ends, from_index, from_slot, from_row = (
-        chunk.rows, chunk.walls, chunk.ends, chunk.found_index, chunk.found_slot, chunk.found,
+        chunk.rows, chunk.walls, chunk.ends, chunk.unsorted_index, chunk.unsorted_slot, chunk.unsorted_row,
     )  # fmt: skip
     first, slot, body, index, row = slots.start, slots.contact_slot, records.body, records.wall_index, records.wall
     to, count = 0, rows.shape[0] - 1
@@ -140,7 +140,7 @@ def group_chunks(records, chunk):
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
-def _sweep(part, convex, relax, compliance, records, contact_torques):
+def _sweep_part(part, convex, relax, compliance, records, contact_torques):
     """Impulses of a part, then its torques; returns the largest change [m/s]."""
     a = sweep_pairs(part.p0, part.p1, convex, relax, compliance, records)
     b = sweep_walls(part.w0, part.w1, convex, relax, compliance, records)
@@ -158,8 +158,9 @@ def sweep_chunks(convex, relax, compliance, records, contact_torques, chunk):
     for odd in range(2):
         for half in prange((count + 1 - odd) // 2):
             c = 2 * half + odd
-            sums[c, 0] = _sweep(part_of(c, rows, pairs, walls), convex, relax, compliance, records, contact_torques)
-    largest = _sweep(part_of(count, rows, pairs, walls), convex, relax, compliance, records, contact_torques)
+            part = part_of(c, rows, pairs, walls)
+            sums[c, 0] = _sweep_part(part, convex, relax, compliance, records, contact_torques)
+    largest = _sweep_part(part_of(count, rows, pairs, walls), convex, relax, compliance, records, contact_torques)
     sweep_loads(records.body)
     for c in range(count):
         largest = max(largest, sums[c, 0])

@@ -19,7 +19,7 @@ import numpy as np
 from geometry.kernels.device_functions import device_function
 from particles.dvi.contact_rows import set_law, set_wall_geometry
 from particles.dvi.gauss_seidel import N_WALL_CONTACT, RX, RY, RZ, SPEED, WALLS
-from particles.periodic_images import place_as_seen
+from particles.periodic_images import pair_place_to_image
 from particles.walls.triangle_kernels import (
     DISTANCE,
     LEADER,
@@ -49,15 +49,16 @@ def turn_bodies(h, theta, shafts, walls):
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def search(lo, hi, horizon, grains, slots, walls, shafts, body):
-    """Contacts of grains lo <= i < hi with triangles into ``found``, ``tally``; bounds that walls push grains to.
+    """Find the contacts of grains lo <= i < hi with triangles; raise the bounds of grains that walls push.
 
-    ``found`` (s, N_FOUND): those of a grain with a body from its first slot of that body on, directions in world axes;
-    ``tally`` (s, 2), at that slot: how many count, and how many were seen. Returns the largest bound that was raised.
+    ``slots.triangle_contact`` (s, N_CONTACT): those of a grain with a body from its first slot of that body on,
+    directions in world axes; ``slots.tally`` (s, 2), at that slot: the numbers of contacts and of candidates. Returns
+    the largest bound that was raised.
     """
     h, margin, _, law = horizon
     bound, position, radius = grains.bound, grains.position, grains.radius
     triangle, n_smooth, wall_body, turn = walls.triangle, walls.smooth.shape[0], walls.body, walls.turn
-    wall_start, wall_other, found, tally = slots.start, slots.other, slots.found, slots.tally
+    wall_start, wall_other, contact, tally = slots.start, slots.other, slots.triangle_contact, slots.tally
     old_speed, body_reach = shafts.speed, shafts.reach
     push, top = 1.0 + law[1, 1], 0.0
     for b in range(body_reach.shape[0]):
@@ -76,9 +77,11 @@ def search(lo, hi, horizon, grains, slots, walls, shafts, body):
             c, s = turn[b, COS], turn[b, SIN]
             speed = max(abs(old_speed[b]), abs(body[b, SPEED]))
             far = ri + h * (max(own, top) + speed * body_reach[b]) + margin
-            part = found[begin:k]
-            count, seen = triangle_contacts(triangle, wall_other, begin, k, c * x + s * y, c * y - s * x, z, far, part)
-            tally[begin, 0], tally[begin, 1] = count, seen
+            part = contact[begin:k]
+            count, tally[begin, 1] = triangle_contacts(
+                triangle, wall_other, begin, k, c * x + s * y, c * y - s * x, z, far, part
+            )
+            tally[begin, 0] = count
             for a in range(count):
                 nx, ny, d = part[a, TOWARDS_X], part[a, TOWARDS_Y], part[a, DISTANCE]
                 nx, ny = c * nx - s * ny, s * nx + c * ny
@@ -107,7 +110,7 @@ def pass_on(h, grains, pair_slots):
                 larger = max(bound[i], bound[j])
                 touch = radius[i] + radius[j]
                 reach = touch + h * (larger - min(bound[i], bound[j]))
-                dx, dy, dz = place_as_seen(
+                dx, dy, dz = pair_place_to_image(
                     pair_slots.images, pair_slots.shift, k, position[j, 0], position[j, 1], position[j, 2]
                 )
                 dx, dy, dz = position[i, 0] - dx, position[i, 1] - dy, position[i, 2] - dz
@@ -118,8 +121,8 @@ def pass_on(h, grains, pair_slots):
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
-def record(rows, n_walls, horizon, compliance, grains, slots, walls, old_speed, records):
-    """Fill the records of rows[0] <= i < rows[1], from number ``n_walls`` on, of what may close within the step.
+def find_triangle_contacts(rows, n_walls, horizon, compliance, grains, slots, walls, old_speed, records):
+    """Fill the records of the contacts of rows[0] <= i < rows[1] that may close within the step, from ``n_walls`` on.
 
     Returns the number behind the last one.
 
@@ -127,7 +130,7 @@ def record(rows, n_walls, horizon, compliance, grains, slots, walls, old_speed, 
     """
     h, margin, slop, law = horizon
     position, velocity, radius, bound = grains.position, grains.velocity, grains.radius, grains.bound
-    wall_start, wall_other, wall_impulse, wall_slot, found, tally = slots
+    wall_start, wall_other, wall_impulse, wall_slot, contact, tally = slots
     n_smooth, wall_body, turn = walls.smooth.shape[0], walls.body, walls.turn
     grain, body, wall_index, wall_row = records.grain, records.body, records.wall_index, records.wall
     for i in range(rows[0], rows[1]):
@@ -140,7 +143,7 @@ def record(rows, n_walls, horizon, compliance, grains, slots, walls, old_speed, 
             begin, first = k, n_walls
             while k < end and wall_body[wall_other[k]] == b:
                 k += 1
-            part = found[begin:k]
+            part = contact[begin:k]
             for a in range(tally[begin, 0], tally[begin, 1]):
                 old, new = int(part[a, SLOT]), int(part[int(part[a, LEADER]), SLOT])
                 if wall_impulse[new, 0] == 0.0 and wall_impulse[new, 1] == 0.0 and wall_impulse[new, 2] == 0.0:
@@ -172,12 +175,12 @@ def record(rows, n_walls, horizon, compliance, grains, slots, walls, old_speed, 
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
-def overlapping(walls, other, first, last, x, y, z, radius, found):
+def overlapping(walls, other, first, last, x, y, z, radius, contact):
     """Triangles of one body that a grain overlaps, among slots first <= k < last; directions in world axes."""
     b = walls.body[other[first]]
     c, s = walls.turn[b, COS], walls.turn[b, SIN]
-    count, _ = triangle_contacts(walls.triangle, other, first, last, c * x + s * y, c * y - s * x, z, radius, found)
+    count, _ = triangle_contacts(walls.triangle, other, first, last, c * x + s * y, c * y - s * x, z, radius, contact)
     for a in range(count):
-        nx, ny = found[a, TOWARDS_X], found[a, TOWARDS_Y]
-        found[a, TOWARDS_X], found[a, TOWARDS_Y] = c * nx - s * ny, s * nx + c * ny
+        nx, ny = contact[a, TOWARDS_X], contact[a, TOWARDS_Y]
+        contact[a, TOWARDS_X], contact[a, TOWARDS_Y] = c * nx - s * ny, s * nx + c * ny
     return count

@@ -85,7 +85,7 @@ class PairLaws:
         ValueError
             If a pair is missing, or two laws are of different kinds.
         """
-        found: list[ContactLaw] = []
+        distinct: list[ContactLaw] = []
         numbers: dict[tuple[str, ...], int] = {}
 
         def number(first: str, second: str, *place: str) -> int:
@@ -94,13 +94,13 @@ class PairLaws:
                 law = laws.get((first, second), laws.get((second, first)))
                 if law is None:
                     raise ValueError(f"no contact law between '{first}' and '{second}'; give one for this pair")
-                numbers[key] = len(found)
-                found.append(law)
+                numbers[key] = len(distinct)
+                distinct.append(law)
             return numbers[key]
 
         pair = np.array([[number(a, b) for b in species] for a in species], dtype=np.int64)
         wall = np.array([[number(a, b, "wall") for b in walls] for a in species], dtype=np.int64)
-        return _table(tuple(found), pair, wall.reshape(len(species), len(walls)), rolling, twisting, cohesion)
+        return _table(tuple(distinct), pair, wall.reshape(len(species), len(walls)), rolling, twisting, cohesion)
 
 
 def _table(
@@ -130,10 +130,10 @@ def species_of(laws: PairLaws, count: int, species: np.ndarray | None) -> np.nda
     """Rows of ``laws.pair`` of so many grains, int64 (n,); None where there is one. A ValueError for no such row."""
     if species is None or len(laws.pair) == 1:
         return None
-    found = np.array(species, dtype=np.int64)
-    if found.shape != (count,) or found.min() < 0 or found.max() >= len(laws.pair):
+    number = np.array(species, dtype=np.int64)
+    if number.shape != (count,) or number.min() < 0 or number.max() >= len(laws.pair):
         raise ValueError(f"species must be {count} numbers from 0 to {len(laws.pair) - 1}")
-    return found
+    return number
 
 
 def wall_rows(laws: PairLaws, count: int, material: Sequence[int] | None, wall: np.ndarray) -> np.ndarray:

@@ -45,12 +45,12 @@ from particles.laws.restitution import (
 def thesis_spring(rows, kind, delta, m_eff, r_eff, memory):
     """Spring and dashpots of `ThesisContact` (signature: `particles.laws.contact_law`)."""
     bent = rows[kind, EXPONENT] > 0.0
-    f, share = select(bent, sqrt(delta / rows[kind, DIAMETER]), 1.0), select(bent, 0.4, 0.5)
+    f, part = select(bent, sqrt(delta / rows[kind, DIAMETER]), 1.0), select(bent, 0.4, 0.5)
     force = f * rows[kind, STIFFNESS_N] * delta
     unit = f * m_eff
     k_t = f * rows[kind, STIFFNESS_T]
     gamma_n, gamma_t = rows[kind, DAMPING_N] * unit, rows[kind, DAMPING_T] * unit
-    return force, k_t, gamma_n, gamma_t, share * force * delta, memory
+    return force, k_t, gamma_n, gamma_t, part * force * delta, memory
 
 
 @dataclass(frozen=True, slots=True)

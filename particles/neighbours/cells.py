@@ -32,7 +32,7 @@ MAX_ALONG_AXIS = 2**20  # cells; three axes together stay within an int64
 TABLE_PER_GRAIN = 16  # cells a grain (of 4 bytes) up to which the table of starts is kept; a dense bed has one
 FIXED_TABLE = 1000  # cells that even a handful of grains may have
 LONGER = 1.25  # so much longer is an axis that runs slower than usual
-SORTED, NOT_FINITE, SPARSE = range(3)  # answers of `_sort_by_cells`
+SORTED, NOT_FINITE, SPARSE = range(3)  # status of `_sort_by_cells`
 
 
 def cell_order(position: np.ndarray, size: float) -> np.ndarray:
@@ -56,10 +56,10 @@ def cell_order(position: np.ndarray, size: float) -> np.ndarray:
     number, order = np.empty(len(points), dtype=np.int64), np.empty(len(points), dtype=np.int64)
     if len(points) == 0:
         return order
-    answer = _sort_by_cells(points, size, number, order)
-    if answer == NOT_FINITE:
+    status = _sort_by_cells(points, size, number, order)
+    if status == NOT_FINITE:
         raise not_finite(points)
-    return np.argsort(number, kind="stable") if answer == SPARSE else order
+    return np.argsort(number, kind="stable") if status == SPARSE else order
 
 
 def not_finite(position: np.ndarray) -> ValueError:

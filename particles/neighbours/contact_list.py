@@ -193,7 +193,7 @@ class ContactList(SlotList):
         """History of the touching contacts; the list itself can be dropped then."""
         return memory_of(self, self.pair_memory, self.wall_memory)
 
-    def take(
+    def transfer(
         self,
         memory: ContactMemory,
         order: np.ndarray,
@@ -304,11 +304,11 @@ def _touching(start, touching):
 
 @device_function(error_model="numpy")
 def _rows_of(history, place):
-    found = np.empty((place.shape[0], history.shape[1]))
+    rows = np.empty((place.shape[0], history.shape[1]))
     for p in range(place.shape[0]):
         for a in range(history.shape[1]):
-            found[p, a] = history[place[p], a]
-    return found
+            rows[p, a] = history[place[p], a]
+    return rows
 
 
 @njit(parallel=True, cache=True, error_model="numpy")

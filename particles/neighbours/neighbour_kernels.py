@@ -12,7 +12,7 @@ from particles.neighbours.search import MIDDLE, SHIFT_BITS, SHIFTS, Search, heap
 SAMPLE = 8  # rows of a block that are looked at to know how many pairs a row has
 FEW = 8  # grains on a line of cells: rarely more at two to the cell
 SHORT = 32  # partners up to which all are compared with all to sort them
-NOT_FINITE = -2  # an answer of `find`
+NOT_FINITE = -2  # a status of `find`
 
 
 @njit(parallel=True, cache=True, error_model="numpy")
@@ -77,11 +77,11 @@ def find(points, ghosts, ghost_code, beside_face, limit, most, start):
                 continue
             # where there was no room for all: once more, now that it is known
             again = turn == 2
-            begin, found = (start[row], count[block]) if again else (block * room, room)
+            begin, space = (start[row], count[block]) if again else (block * room, room)
             rows = (other, shift) if again else (scratch, scratch_shift)
             lengths = np.empty(n + 1, dtype=np.int64) if again else start
             stop = min(stop, row + SAMPLE) if turn == 0 else stop
-            count[block] = fill_rows(search, row, stop, lengths, rows, begin, found)
+            count[block] = fill_rows(search, row, stop, lengths, rows, begin, space)
     return ordered, other, shift
 
 
@@ -94,7 +94,7 @@ def fill_rows(search, row, stop, start, pairs, begin, room):
     limit, beside_face, n_grids, own, ordered, grids, lengths, slot, entry, code, table, number = search
     other, shift = pairs
     near, key, rank = np.empty(256, dtype=np.int32), np.empty(256), np.empty(SHORT, dtype=np.int64)
-    found = np.int64(0)
+    total = np.int64(0)
     after = 0  # first entry of the ordered grid that has a higher number than i
     if ordered >= 0:
         after = _first_from(SHIFTS * row, code, grids[ordered, BEGIN], grids[ordered, END])
@@ -162,10 +162,10 @@ def fill_rows(search, row, stop, start, pairs, begin, room):
             kept += np.uint64((square < width * width) & (now > last_code))
         partners = np.int64(kept)
         start[i + 1] = partners
-        found += partners
-        if found > room:
+        total += partners
+        if total > room:
             continue
-        place = begin + found - partners
+        place = begin + total - partners
         if partners > SHORT:
             heap_sort(key, near, partners)
             for k in range(partners):
@@ -185,7 +185,7 @@ def fill_rows(search, row, stop, start, pairs, begin, room):
                 shift[k] = (other[k] & (SHIFTS - 1)) - MIDDLE
         for k in range(place, place + partners):
             other[k] >>= SHIFT_BITS
-    return found
+    return total
 
 
 @device_function(error_model="numpy")

@@ -11,7 +11,7 @@ looks for partners j > i in the grids of all levels, its own, coarser and finer 
 of the reaches covers. The row of i is thus complete after one visit, and rows do not depend on each other:
 blocks of them may be filled by several threads, with the same result.
 
-Grains may stand in any order. Sorted by `cell_order` with `finest_cell` they are found about twice as fast,
+Grains may stand in any order. Sorted by `cell_order` with `finest_cell` they are searched about twice as fast,
 because cells before a grain's own hold lower numbers only.
 """
 
@@ -139,7 +139,7 @@ def _limits(n: int, cutoff: float | None, reach: np.ndarray | None) -> tuple[flo
 def _rows(
     points: np.ndarray, limit: float, periodicity: Periodicity | None, start: np.ndarray
 ) -> tuple[int, np.ndarray, np.ndarray]:
-    """Answer, partners and shifts of `neighbour_kernels.find` for points and reaches (n, 4) [m]; fills ``start``."""
+    """Status, partners and shifts of `neighbour_kernels.find` for points and reaches (n, 4) [m]; fills ``start``."""
     images = _ghosts(points, BESIDE_FACE * limit, periodicity)
     with at_most(numba.get_num_threads() if len(points) >= WORTH_SHARING else 1):
         return kernels.find(points, *images, limit, BLOCK, start)
@@ -151,7 +151,7 @@ def _ghosts(
     """Images of the grains within ``margin`` [m] of a face: points (g, 4), codes (g,), which grains these are (n,)."""
     if periodicity is None:
         return np.zeros((0, 4)), np.zeros(0, dtype=np.int32), np.zeros(0, dtype=bool)
-    found = periodicity.images_near(points[:, :3], margin)
-    ghosts = points[found.grain]
-    ghosts[:, :3] = found.position
-    return ghosts, (SHIFTS * found.grain + MIDDLE + found.shift).astype(np.int32), found.beside_face
+    images = periodicity.images_near(points[:, :3], margin)
+    ghosts = points[images.grain]
+    ghosts[:, :3] = images.position
+    return ghosts, (SHIFTS * images.grain + MIDDLE + images.shift).astype(np.int32), images.beside_face

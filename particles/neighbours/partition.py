@@ -33,7 +33,7 @@ class Chunks(NamedTuple):
     deferred : ndarray of uint8, shape (n,)
         1 for grains that wait.
     deferred_start, deferred_grain : ndarray of int64, shape (c + 1,) and int32, shape (l,)
-        The deferred grains, and an equal share of them for each chunk: the first chunk has none of its own.
+        The deferred grains, and an equal part of them for each chunk: the first chunk has none of its own.
     reaction_start, reaction_place : ndarray of int64, shape (l + 1,) and int32, shape (x,)
         Places in the buffer that each deferred grain has to add, in order.
     """
@@ -96,10 +96,10 @@ def _even(pair_start, touching, wall_start, start):
         contacts[k + 1] = count
     work = _work_before(n, pair_start, contacts, wall_start)
     for c in range(parts + 1):
-        share, low, high = work * c / parts, 0, n  # the first grain before which there is so much work
+        target, low, high = work * c / parts, 0, n  # the first grain before which there is so much work
         while low < high:
             middle = (low + high) // 2
-            if _work_before(middle, pair_start, contacts, wall_start) < share:
+            if _work_before(middle, pair_start, contacts, wall_start) < target:
                 low = middle + 1
             else:
                 high = middle

@@ -135,9 +135,9 @@ def sort_by_level(points, first, top):
     for level in range(LEVELS):
         first[level], top[level] = 0, 0.0
     first[LEVELS] = 0
-    member, found = np.empty(n, dtype=np.int32), points
+    member, ordered_points = np.empty(n, dtype=np.int32), points
     if smallest <= 0.5 * largest:
-        found = np.empty((n, 4))
+        ordered_points = np.empty((n, 4))
     for turn in range(2):  # count, then place
         for i in range(n):
             level, bound = 0, 0.5 * largest
@@ -149,7 +149,7 @@ def sort_by_level(points, first, top):
             else:
                 k = first[level]
                 member[k] = i
-                found[k, 0], found[k, 1], found[k, 2], found[k, 3] = (
+                ordered_points[k, 0], ordered_points[k, 1], ordered_points[k, 2], ordered_points[k, 3] = (
                     points[i, 0],
                     points[i, 1],
                     points[i, 2],
@@ -162,7 +162,7 @@ def sort_by_level(points, first, top):
     for k in range(LEVELS, 0, -1):
         first[k] = first[k - 1]
     first[0] = 0
-    return found, member
+    return ordered_points, member
 
 
 @device_function(error_model="numpy")

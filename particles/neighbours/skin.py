@@ -1,7 +1,7 @@
 """The skin of the Verlet list: how much further than touching it reaches, so that it lasts some steps.
 
 A wide skin costs a look at pairs that do not touch, in every step; a narrow one costs new lists. With k the steps that
-a list lasts for each metre of skin, B the price of the extra pairs for each metre and C that of a new list,
+a list lasts for each metre of skin, B the price of these pairs for each metre and C that of a new list,
 
     price of a step = A + B s + C/(k s),      least at s = sqrt(C/(k B)).
 

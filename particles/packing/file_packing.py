@@ -59,12 +59,12 @@ def read_packing(path: str | Path, *, radius: float | None = None) -> Packing:
         raise FileFault(path, f"has the suffix '{path.suffix}'; a packing is read from {', '.join(readers)}")
     if not path.is_file():
         raise FileFault(path, "does not exist; check the path")
-    found = reader(path)
-    position = _array(path, found, "position", 3)
+    arrays = reader(path)
+    position = _array(path, arrays, "position", 3)
     if position is None:
-        raise FileFault(path, f"has no positions; it has {', '.join(found) or 'nothing'}")
-    own = _array(path, found, "radius", 0)
-    diameter = _array(path, found, "diameter", 0)
+        raise FileFault(path, f"has no positions; it has {', '.join(arrays) or 'nothing'}")
+    own = _array(path, arrays, "radius", 0)
+    diameter = _array(path, arrays, "diameter", 0)
     if own is not None and diameter is not None:
         raise FileFault(path, "has both radius and diameter; keep one of the two")
     if own is None and diameter is not None:
@@ -74,11 +74,11 @@ def read_packing(path: str | Path, *, radius: float | None = None) -> Packing:
     if own is not None and radius is not None:
         raise FileFault(path, "has the grains' sizes, and a diameter is given as well; keep one of the two")
     size = np.full(len(position), radius) if own is None else own
-    velocity, spin = (_array(path, found, name, 3) for name in ("velocity", "angular_velocity"))
+    velocity, spin = (_array(path, arrays, name, 3) for name in ("velocity", "angular_velocity"))
     for name, value in (("radius", size), ("velocity", velocity), ("angular_velocity", spin)):
         if value is not None and len(value) != len(position):
             raise FileFault(path, f"{len(position)} positions but {len(value)} of {name}; give as many")
-    if unused := found.keys() - {"position", "radius", "diameter", "velocity", "angular_velocity"}:
+    if unused := arrays.keys() - {"position", "radius", "diameter", "velocity", "angular_velocity"}:
         warn_of_unused(path, sorted(unused))
     if not (size > 0.0).all():
         k = int(np.flatnonzero(~(size > 0.0))[0])
@@ -86,12 +86,12 @@ def read_packing(path: str | Path, *, radius: float | None = None) -> Packing:
     return Packing(position, size, velocity, spin)
 
 
-def _array(path: Path, found: Mapping[str, np.ndarray], name: str, width: int) -> np.ndarray | None:
+def _array(path: Path, arrays: Mapping[str, np.ndarray], name: str, width: int) -> np.ndarray | None:
     """The array of that name as floats (n, width), or (n,) for width 0; None where there is none."""
-    if name not in found:
+    if name not in arrays:
         return None
     try:
-        value = np.array(found[name], dtype=float, order="C")
+        value = np.array(arrays[name], dtype=float, order="C")
     except (TypeError, ValueError):
         raise FileFault(path, f"{name} is not an array of numbers") from None
     if value.ndim != (2 if width else 1) or (width and value.shape[1] != width):

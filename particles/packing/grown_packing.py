@@ -63,13 +63,13 @@ def grown_packing(space: Space, radius: np.ndarray, *, seed: int) -> Packing:
     crowd = Crowd(space.throw(rng, size), size, space)
     loose = min(1.0, (_LOOSE / space.solid_fraction(size)) ** (1.0 / 3.0))
     for scale, sweeps in zip(GROWTH, SWEEPS, strict=True):
-        parted = crowd.part(loose * scale, sweeps)
+        separated = crowd.part(loose * scale, sweeps)
     if loose == 1.0:
         return finished(crowd)
     for rounds in _ROUNDS:
         for scale in np.linspace(loose, 1.0, _STAGES):
             crowd.shake(float(scale), rounds, _THROW, rng)
-        parted = crowd.part(1.0, _LAST_SWEEPS)
-        if parted:
+        separated = crowd.part(1.0, _LAST_SWEEPS)
+        if separated:
             break
     return finished(crowd)

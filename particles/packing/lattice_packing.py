@@ -12,7 +12,7 @@ across. In a box rows run along x, across is y. In a ring they are bent: rows ar
 radius, and a whole number of steps closes each row, also in a sector of the ring. Bending only moves sites apart, if
 the steps are a on the innermost row: a ring of close-packed rows loses (r1 - r0)/(2 r0) of its density to that. Rows
 of sc need not match and have their own number of steps. A full ring, or a chamber between two vanes, is also cut out
-of the straight lattice, and what holds more is taken.
+of the straight lattice, and the one with more sites is used.
 
 The lattice is stretched until it has as many sites as there are grains; where one step more or less leaves sites over,
 seeded chance says which stay empty. Noise moves each grain by up to its part of the play (a - d)/2, so that
@@ -66,10 +66,10 @@ def lattice_packing(
     diameter = 2.0 * float(size.max())
     sites, spacing = _stretched(space, kind, diameter, len(size))
     rng = np.random.default_rng(seed)
-    taken = np.sort(rng.choice(len(sites), len(size), replace=False))
+    chosen = np.sort(rng.choice(len(sites), len(size), replace=False))
     moved = rng.standard_normal((len(size), 3))
     moved *= (rng.random(len(size)) ** (1.0 / 3.0) / np.sqrt(np.sum(moved**2, axis=1)))[:, None]  # even in a ball
-    position = sites[taken] + 0.5 * noise * (spacing - diameter) * moved
+    position = sites[chosen] + 0.5 * noise * (spacing - diameter) * moved
     if space.sector is not None:
         position = space.sector.turn(position, space.sector.wraps(position))
     return Packing(position, rng.permutation(size))
@@ -95,9 +95,9 @@ def _stretched(space: Space, kind: str, diameter: float, count: int) -> tuple[np
     low, high = diameter, max(diameter, 1.5 * (space.volume / count) ** (1.0 / 3.0))
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
-        found = lattice_sites(space, kind, middle)
-        if len(found) >= count:
-            low, sites, spacing = middle, found, middle
+        trial = lattice_sites(space, kind, middle)
+        if len(trial) >= count:
+            low, sites, spacing = middle, trial, middle
         else:
             high = middle
     return sites, spacing
@@ -132,19 +132,19 @@ def _fitting(length: float, step: float) -> int:
 
 def _stack(kind: str, a: float, size: np.ndarray) -> np.ndarray:
     """Straight rows in 0 <= x, y, z <= ``size`` [m]."""
-    found = [
+    rows = [
         np.stack(np.broadcast_arrays((offset + np.arange(_fitting(size[0] - offset * a, a))) * a, y, z), axis=1)
         for z, shift in _layers(kind, a, size[2])
         for y, offset in _rows(kind, a, size[1], shift)
     ]
-    return np.concatenate([*found, np.zeros((0, 3))])
+    return np.concatenate([*rows, np.zeros((0, 3))])
 
 
 def _bent(place: AnnularBox, kind: str, a: float, between: tuple[float, float]) -> np.ndarray:
     """Rows about the axis, closed in a ring or sector, with ends half a step off the faces of a chamber."""
     inner, closed = place.r0 + 0.5 * a, not isinstance(place, Chamber)
     first, angle = between[0], between[1] - between[0]
-    found = []
+    rows = []
     for z, shift in _layers(kind, a, place.z1 - place.z0 - a):
         for across, offset in _rows(kind, a, place.r1 - place.r0 - a, shift):
             r = inner + across
@@ -156,8 +156,8 @@ def _bent(place: AnnularBox, kind: str, a: float, between: tuple[float, float]) 
             else:
                 n = _fitting(angle - (1.0 + offset) * step, step)
                 theta = (np.arange(n) + 0.5 + offset) * step + first
-            found.append(np.stack([r * np.cos(theta), r * np.sin(theta), np.full(n, place.z0 + 0.5 * a + z)], 1))
-    return np.concatenate([*found, np.zeros((0, 3))])
+            rows.append(np.stack([r * np.cos(theta), r * np.sin(theta), np.full(n, place.z0 + 0.5 * a + z)], 1))
+    return np.concatenate([*rows, np.zeros((0, 3))])
 
 
 def _cut(place: AnnularBox, kind: str, a: float) -> np.ndarray:

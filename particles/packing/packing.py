@@ -47,9 +47,9 @@ def deepest_overlaps(packing: Packing, space: Space) -> np.ndarray:
     if space.sector is not None:
         partner = space.sector.turn(partner, pairs.shift)
     depth = r[i] + r[j] - np.linalg.norm(partner - packing.position[i], axis=1)
-    share = depth / (2.0 * np.minimum(r[i], r[j]))
-    np.maximum.at(deepest, i, share)
-    np.maximum.at(deepest, j, share)
+    relative = depth / (2.0 * np.minimum(r[i], r[j]))
+    np.maximum.at(deepest, i, relative)
+    np.maximum.at(deepest, j, relative)
     return deepest
 
 
@@ -79,15 +79,15 @@ def require_fit(packing: Packing, space: Space, limit: float) -> None:
             f"lies outside the sector ({strays.size} of {packing.count} grains do)",
             "give only the grains with 0 <= theta < the sector's angle, or leave the sector out",
         )
-    for what, share in (
+    for what, relative in (
         ("a wall", space.wall_overlap(packing.position, packing.radius) / (2.0 * packing.radius)),
         ("a neighbour", deepest_overlaps(packing, space)),
     ):
-        k = int(np.argmax(share))
-        if share[k] > limit:
+        k = int(np.argmax(relative))
+        if relative[k] > limit:
             raise refuse(
                 k,
-                f"overlaps {what} by {100.0 * share[k]:.3g} % of the diameter (allowed: {100.0 * limit:g} %)",
+                f"overlaps {what} by {100.0 * relative[k]:.3g} % of the diameter (allowed: {100.0 * limit:g} %)",
                 "check diameters and the unit of length, or part the grains first",
-                float(share[k]),
+                float(relative[k]),
             )

@@ -45,8 +45,8 @@ def poured_packing(space: Space, radius: np.ndarray, *, up: np.ndarray, seed: in
     largest = 2.0 * float(size.max())
     rng = np.random.default_rng(seed)
     heights = space.scatter(rng, np.zeros(_PROBES)) @ direction
-    share = min(1.0, space.solid_fraction(size) / LOOSE)
-    lid = min(float(np.quantile(heights, 1.0 - share)), float(heights.max()) - _MIN_HEIGHT * largest)
+    fraction = min(1.0, space.solid_fraction(size) / LOOSE)
+    lid = min(float(np.quantile(heights, 1.0 - fraction)), float(heights.max()) - _MIN_HEIGHT * largest)
     position = np.empty((len(size), 3))
     below = np.arange(len(size))
     for _ in range(_THROWS):
@@ -54,5 +54,5 @@ def poured_packing(space: Space, radius: np.ndarray, *, up: np.ndarray, seed: in
         below = below[position[below] @ direction < lid + size[below]]
         if not len(below):
             break
-    walls = space.walls if share == 1.0 else (*space.walls, Plane("lid", "lid", lid * direction, direction))
+    walls = space.walls if fraction == 1.0 else (*space.walls, Plane("lid", "lid", lid * direction, direction))
     return part_or_refuse(Crowd(position, size, Space(space.places, walls, space.sector)))

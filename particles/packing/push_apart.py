@@ -92,7 +92,7 @@ class Crowd:
         pairs = self._pairs
         assert pairs is not None  # made by the push before
         radius = scale * self.radius
-        return float(_sweep(pairs.start, pairs.other, pairs.shift, self.position, radius, self._turn, push))
+        return float(_push_pairs(pairs.start, pairs.other, pairs.shift, self.position, radius, self._turn, push))
 
     def _farthest(self) -> float:
         return float(np.sqrt(np.max(np.sum((self.position - self._reference) ** 2, axis=1))))
@@ -110,7 +110,7 @@ class Crowd:
 
 
 @njit(cache=True, error_model="numpy")
-def _sweep(start, other, shift, position, radius, turn, push):
+def _push_pairs(start, other, shift, position, radius, turn, push):
     """Push pairs apart by ``push`` of their overlap; returns the largest met, as a fraction of the diameter."""
     worst = 0.0
     for i in range(radius.shape[0]):

@@ -138,14 +138,14 @@ def settle(
         if kept < 1.0 and still < 2 and (g == 0.0 or ratio < _FALLS_OVER):
             dem.grains.velocity[:] *= kept
             dem.grains.angular_velocity[:] *= kept
-    answer = Settling(still == 2, steps * dem.dt, ratio, contacts, missed / max(steps, 1))
-    if required and not answer.reached:
+    result = Settling(still == 2, steps * dem.dt, ratio, contacts, missed / max(steps, 1))
+    if required and not result.reached:
         raise NotAtRestError(
-            f"after {answer.time:.4g} s the grains still move: kinetic energy over the reference is {ratio:.2g} "
+            f"after {result.time:.4g} s the grains still move: kinetic energy over the reference is {ratio:.2g} "
             f"(at rest: below {kinetic:g}); allow more time, more damping, or let walls stand still",
-            answer,
+            result,
         )
-    return answer
+    return result
 
 
 @contextmanager

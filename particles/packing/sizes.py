@@ -24,7 +24,7 @@ from geometry.table_file import FileFault, is_unit_of, read_table
 _STREAM = 1  # keeps the sizes' random numbers apart from the positions', which are drawn with the bare seed
 _CUT = 3.0  # standard deviations
 _BLOCK = 4096  # grains sampled at a time until a volume is reached
-_BY_MASS = ("mass", "weight", "volume")  # of one density: each is the same share
+_BY_MASS = ("mass", "weight", "volume")  # of one density: each is the same fraction
 _BETWEEN_PERCENTILES = np.array([0.1, 0.4, 0.4, 0.1])  # of the powder, of 0, 10, 50, 90 and 100 %
 
 
@@ -41,8 +41,8 @@ class GrainSizes(ABC):
         """Mean of d^power [m^power] over the grains, power 0 to 4."""
 
     @abstractmethod
-    def at(self, share: np.ndarray) -> np.ndarray:
-        """Diameters [m] that ``share`` of the grains, between 0 and 1, are smaller than."""
+    def at(self, fraction: np.ndarray) -> np.ndarray:
+        """Diameters [m] that ``fraction`` of the grains, between 0 and 1, are smaller than."""
 
     @property
     def mean(self) -> float:
@@ -114,8 +114,8 @@ class EqualSizes(GrainSizes):
     def moment(self, power: int) -> float:
         return self.diameter**power
 
-    def at(self, share: np.ndarray) -> np.ndarray:
-        return np.full(np.shape(share), self.diameter)
+    def at(self, fraction: np.ndarray) -> np.ndarray:
+        return np.full(np.shape(fraction), self.diameter)
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,8 +137,8 @@ class UniformSizes(GrainSizes):
         a, b = self.limits
         return sum(a**i * b ** (power - i) for i in range(power + 1)) / (power + 1)
 
-    def at(self, share: np.ndarray) -> np.ndarray:
-        return self.smallest + (self.largest - self.smallest) * np.asarray(share)
+    def at(self, fraction: np.ndarray) -> np.ndarray:
+        return self.smallest + (self.largest - self.smallest) * np.asarray(fraction)
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,8 +193,8 @@ class NormalSizes(GrainSizes):
             moments.append(earlier + self.centre * moments[k - 1] - edge)
         return float(moments[power])
 
-    def at(self, share: np.ndarray) -> np.ndarray:
-        return np.clip(self.centre + self.spread * _cut_normal(share, *self._standard()), *self.limits)
+    def at(self, fraction: np.ndarray) -> np.ndarray:
+        return np.clip(self.centre + self.spread * _cut_normal(fraction, *self._standard()), *self.limits)
 
     def _standard(self) -> tuple[float, float]:
         a, b = self.limits
@@ -240,18 +240,18 @@ class LogNormalSizes(GrainSizes):
         left = (ndtr(above - power * s) - ndtr(below - power * s)) / (ndtr(above) - ndtr(below))
         return float(self.median**power * math.exp(0.5 * (power * s) ** 2) * left)
 
-    def at(self, share: np.ndarray) -> np.ndarray:
-        return np.clip(self.median * self.spread ** _cut_normal(share, *self._standard()), *self.limits)
+    def at(self, fraction: np.ndarray) -> np.ndarray:
+        return np.clip(self.median * self.spread ** _cut_normal(fraction, *self._standard()), *self.limits)
 
     def _standard(self) -> tuple[float, float]:
         a, b = self.limits
         return math.log(a / self.median) / math.log(self.spread), math.log(b / self.median) / math.log(self.spread)
 
 
-def _cut_normal(share: np.ndarray, below: float, above: float) -> np.ndarray:
+def _cut_normal(fraction: np.ndarray, below: float, above: float) -> np.ndarray:
     """Inverse cumulative standard normal distribution between two limits."""
     low, high = ndtr(below), ndtr(above)
-    return ndtri(low + np.asarray(share) * (high - low))
+    return ndtri(low + np.asarray(fraction) * (high - low))
 
 
 @dataclass(frozen=True, slots=True)
@@ -260,7 +260,7 @@ class PercentileSizes(GrainSizes):
 
     Between ``smallest``, the three diameters and ``largest`` the cumulative curve is straight over ln d, which is how
     points of a sieve analysis are joined. Of a powder described by mass (or by volume, the same at one density) the
-    density by number is that by mass over d^3: with q_i the share of section i, in ln d,
+    density by number is that by mass over d^3: with q_i the fraction of section i, in ln d,
 
         number in ln d ~ q_i/ln(b_i/a_i) d^-3,   a_i < d < b_i.
 
@@ -304,11 +304,11 @@ class PercentileSizes(GrainSizes):
         over = self._sections(power - self._reduction).sum() / self._sections(-self._reduction).sum()
         return float(self.d50**power * over)
 
-    def at(self, share: np.ndarray) -> np.ndarray:
+    def at(self, fraction: np.ndarray) -> np.ndarray:
         number = self._sections(-self._reduction)
         upper = np.cumsum(number) / number.sum()
-        k = np.minimum(np.searchsorted(upper, share, side="right"), len(number) - 1)
-        t = np.clip((share - np.append(0.0, upper)[k]) * number.sum() / number[k], 0.0, 1.0)
+        k = np.minimum(np.searchsorted(upper, fraction, side="right"), len(number) - 1)
+        t = np.clip((fraction - np.append(0.0, upper)[k]) * number.sum() / number[k], 0.0, 1.0)
         a, b = self._edges[k], self._edges[k + 1]
         if not self.by_mass:
             return a * (b / a) ** t
@@ -340,7 +340,7 @@ class ListedSizes(GrainSizes):
     weight : sequence of float, optional
         Shares, scaled to a sum of one; by default equal.
     by_mass : bool
-        The weights are shares of the mass, as a sieve gives them; false: of the number of grains.
+        The weights are fractions of the mass, as a sieve gives them; false: of the number of grains.
 
     Raises
     ------
@@ -384,9 +384,9 @@ class ListedSizes(GrainSizes):
     def moment(self, power: int) -> float:
         return float(self._share @ self._sorted**power)
 
-    def at(self, share: np.ndarray) -> np.ndarray:
+    def at(self, fraction: np.ndarray) -> np.ndarray:
         edges = np.cumsum(self._share)
-        place = np.searchsorted(edges, np.asarray(share), side="right")
+        place = np.searchsorted(edges, np.asarray(fraction), side="right")
         return self._sorted[np.minimum(place, len(self._sorted) - 1)]  # the last edge is 1 up to round-off
 
 
@@ -405,10 +405,10 @@ def read_sizes(path: str | Path) -> ListedSizes:
     names = [name.lower() for name in table.names]
     if "diameter" not in names:
         raise FileFault(path, "has no column of diameters; write e.g. 'diameter [um]' in its header")
-    shares = [name for name in names if name != "diameter"]
-    if len(shares) > 1:
-        raise FileFault(path, f"has fractions by {' and by '.join(shares)}; keep one of the columns")
-    if table.unused and not shares:
+    fractions = [name for name in names if name != "diameter"]
+    if len(fractions) > 1:
+        raise FileFault(path, f"has fractions by {' and by '.join(fractions)}; keep one of the columns")
+    if table.unused and not fractions:
         others = ", ".join(name for name, _ in table.unused)
         raise FileFault(
             path,
@@ -416,12 +416,12 @@ def read_sizes(path: str | Path) -> ListedSizes:
             "and remove other columns",
         )
     table.warn_of_unused()
-    weight = table.values[:, names.index(shares[0])] if shares else None
+    weight = table.values[:, names.index(fractions[0])] if fractions else None
     try:
         if weight is not None:
-            unit = table.units[names.index(shares[0])]
-            refuse_cumulative(weight, total=100.0 if _unit_of_sizes(1, shares[0], unit) == "%" else None)
-        return ListedSizes(table.values[:, names.index("diameter")], weight, by_mass=shares[:1] != ["number"])
+            unit = table.units[names.index(fractions[0])]
+            refuse_cumulative(weight, total=100.0 if _unit_of_sizes(1, fractions[0], unit) == "%" else None)
+        return ListedSizes(table.values[:, names.index("diameter")], weight, by_mass=fractions[:1] != ["number"])
     except ValueError as error:
         raise FileFault(path, f"{error}") from None
 

@@ -162,30 +162,30 @@ class Space:
         PackingError
             If a place is thinner than the thickest grain.
         """
-        shares = _counts_by_volume(self.volumes, len(radius))
-        owner = np.repeat(np.arange(len(self.places)), shares)
-        return np.concatenate([self._spread(rng, k, radius[owner == k]) for k in range(len(self.places)) if shares[k]])
+        counts = _counts_by_volume(self.volumes, len(radius))
+        owner = np.repeat(np.arange(len(self.places)), counts)
+        return np.concatenate([self._spread(rng, k, radius[owner == k]) for k in range(len(self.places)) if counts[k]])
 
     def scatter(self, rng: np.random.Generator, radius: np.ndarray) -> np.ndarray:
         """Throw grains as `throw`, but every grain draws its place by volume."""
         owner = rng.choice(len(self.places), len(radius), p=self.volumes / self.volume)
-        found = np.empty((len(radius), 3))
+        centre = np.empty((len(radius), 3))
         for k in np.unique(owner):
-            found[owner == k] = self._spread(rng, int(k), radius[owner == k])
-        return found
+            centre[owner == k] = self._spread(rng, int(k), radius[owner == k])
+        return centre
 
     def _spread(self, rng: np.random.Generator, k: int, radius: np.ndarray) -> np.ndarray:
         """Uniform random centres in place k, none in a solid."""
         place = self.places[k]
         require_thickness(place, 2.0 * float(radius.max()))
-        found = self._spread_once(rng, place, radius)
+        centre = self._spread_once(rng, place, radius)
         if self._solids:
             for _ in range(_RETHROWS):
-                again = np.flatnonzero(self.in_solids(found))
+                again = np.flatnonzero(self.in_solids(centre))
                 if not len(again):
                     break
-                found[again] = self._spread_once(rng, place, radius[again])
-        return found
+                centre[again] = self._spread_once(rng, place, radius[again])
+        return centre
 
     def _spread_once(self, rng: np.random.Generator, place: Place, radius: np.ndarray) -> np.ndarray:
         u = rng.random((len(radius), 3))
@@ -208,9 +208,9 @@ class Space:
 def _counts_by_volume(volumes: np.ndarray, count: int) -> np.ndarray:
     """Whole numbers in proportion to ``volumes`` that add up to ``count`` (largest remainders)."""
     exact = count * volumes / volumes.sum()
-    shares = np.floor(exact).astype(int)
-    shares[np.argsort(shares - exact, kind="stable")[: count - shares.sum()]] += 1
-    return shares
+    counts = np.floor(exact).astype(int)
+    counts[np.argsort(counts - exact, kind="stable")[: count - counts.sum()]] += 1
+    return counts
 
 
 def _middle(place: Place) -> np.ndarray:

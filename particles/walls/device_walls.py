@@ -57,11 +57,11 @@ class DeviceWalls:
         position, n = np.ascontiguousarray(position), len(position)
         start = np.zeros(n + 1, dtype=np.int64)
         other = np.zeros(n, dtype=np.int32)
-        found = near_walls(position, reach, self.rows, start, other)
-        if found > len(other):
-            other = np.zeros(found, dtype=np.int32)
+        count = near_walls(position, reach, self.rows, start, other)
+        if count > len(other):
+            other = np.zeros(count, dtype=np.int32)
             near_walls(position, reach, self.rows, start, other)
-        other = other[:found]
+        other = other[:count]
         if self._search is None:
             return start, other.copy()
         more_start, more = self._search.near(position, reach + 0.5 * skin, angles)
@@ -75,16 +75,16 @@ class DeviceWalls:
         """Overlap [m] and unit vector towards the wall of each slot of the rows, (s, 4); -inf where none counts."""
         position, radius = np.ascontiguousarray(position), np.ascontiguousarray(radius)
         row = np.repeat(np.arange(len(start) - 1), np.diff(start))
-        found = np.empty((len(other), 4))
+        overlap = np.empty((len(other), 4))
         smooth = other < len(self.rows)
-        found[smooth] = wall_overlaps(position, radius, self.rows, row[smooth], other[smooth].astype(np.int64))
+        overlap[smooth] = wall_overlaps(position, radius, self.rows, row[smooth], other[smooth].astype(np.int64))
         if len(self.triangles):
             turn = np.column_stack([np.cos(angles), np.sin(angles)])
             more = np.zeros(len(start), dtype=np.int64)
             np.cumsum(np.bincount(row[~smooth], minlength=len(start) - 1), out=more[1:])
             triangles = other[~smooth].astype(np.int64)
-            found[~smooth] = triangle_overlaps(position, radius, self.triangles, self.body, turn, more, triangles)
-        return found
+            overlap[~smooth] = triangle_overlaps(position, radius, self.triangles, self.body, turn, more, triangles)
+        return overlap
 
 
 @njit(cache=True, error_model="numpy")

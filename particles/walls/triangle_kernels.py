@@ -40,10 +40,10 @@ from geometry.kernels.device_functions import device_function
 # columns of a triangle's row: point A, axes e1 and e2, normal, and the flat coordinates of B and C
 AX, AY, AZ, UX, UY, UZ, VX, VY, VZ, NX, NY, NZ, LENGTH, CX, CY = range(15)
 N_TRIANGLE = 15
-# columns of a found contact: LEADER is the row of the contact that hides this one, then normal towards the wall and
+# columns of a contact: LEADER is the row of the contact that hides this one, then normal towards the wall and
 # distance of the triangle's plane, infinite where that hides nothing
 SLOT, DISTANCE, TOWARDS_X, TOWARDS_Y, TOWARDS_Z, LEADER, PLANE_X, PLANE_Y, PLANE_Z, HEIGHT = range(10)
-N_FOUND = 10
+N_CONTACT = 10
 
 # columns of a body's grid of cells (`particles.walls.triangle_search`)
 X0, Y0, Z0, PER_LENGTH, SHAPE_X, SHAPE_Y, SHAPE_Z, FIRST_CELL = range(8)
@@ -91,18 +91,19 @@ def closest_on_triangle(rows, t, x, y, z):
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
-def _hides(found, a, counts, c):
-    x, y, z = found[c, TOWARDS_X], found[c, TOWARDS_Y], found[c, TOWARDS_Z]
-    d = found[c, DISTANCE]
-    if counts and d * (x * found[a, TOWARDS_X] + y * found[a, TOWARDS_Y] + z * found[a, TOWARDS_Z]) >= (
-        _TILT * found[a, DISTANCE]
+def _hides(contact, a, counts, c):
+    x, y, z = contact[c, TOWARDS_X], contact[c, TOWARDS_Y], contact[c, TOWARDS_Z]
+    d = contact[c, DISTANCE]
+    if counts and d * (x * contact[a, TOWARDS_X] + y * contact[a, TOWARDS_Y] + z * contact[a, TOWARDS_Z]) >= (
+        _TILT * contact[a, DISTANCE]
     ):
         return True
-    return d * (x * found[a, PLANE_X] + y * found[a, PLANE_Y] + z * found[a, PLANE_Z]) >= _TILT * found[a, HEIGHT]
+    height = x * contact[a, PLANE_X] + y * contact[a, PLANE_Y] + z * contact[a, PLANE_Z]
+    return d * height >= _TILT * contact[a, HEIGHT]
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
-def triangle_contacts(rows, other, first, last, x, y, z, radius, found):
+def triangle_contacts(rows, other, first, last, x, y, z, radius, contact):
     """Contacts of one grain with the triangles ``other[first:last]`` of one body.
 
     Parameters
@@ -110,18 +111,18 @@ def triangle_contacts(rows, other, first, last, x, y, z, radius, found):
     rows : (t, N_TRIANGLE), from `particles.walls.wall_table.triangle_table`.
     other : triangle of each slot; ascending within first .. last.
     x, y, z, radius : the centre in the frame of the body [m].
-    found : scratch and result, at least ``last - first`` rows of N_FOUND columns.
+    contact : scratch and result, at least ``last - first`` rows of N_CONTACT columns.
 
     Returns
     -------
     count : int
-        Contacts, nearest first: ``found[:count]`` holds slot, distance [m] and the unit vector from the centre towards
+        Contacts, nearest first: ``contact[:count]`` has slot, distance [m] and the unit vector from the centre towards
         the wall. A centre exactly on a triangle is taken to be on the side that its normal points to.
-    seen : int
-        ``found[count:seen]`` are the candidates that do not count: their slot, and LEADER, the row of the contact that
-        hides each.
+    candidates : int
+        ``contact[count:candidates]`` are the candidates that do not count: their slot, and LEADER, the row of the
+        contact that hides each.
     """
-    seen = 0
+    candidates = 0
     for k in range(first, last):
         t = other[k]
         height = (x - rows[t, AX]) * rows[t, NX] + (y - rows[t, AY]) * rows[t, NY] + (z - rows[t, AZ]) * rows[t, NZ]
@@ -131,38 +132,38 @@ def triangle_contacts(rows, other, first, last, x, y, z, radius, found):
         distance = np.sqrt(du * du + dv * dv + s * s)
         if not distance < radius:
             continue
-        c = seen
-        while c > 0 and found[c - 1, DISTANCE] > distance:
-            for column in range(N_FOUND):
-                found[c, column] = found[c - 1, column]
+        c = candidates
+        while c > 0 and contact[c - 1, DISTANCE] > distance:
+            for column in range(N_CONTACT):
+                contact[c, column] = contact[c - 1, column]
             c -= 1
         side = 1.0 if s >= 0.0 else -1.0
-        found[c, PLANE_X], found[c, PLANE_Y] = -side * rows[t, NX], -side * rows[t, NY]
-        found[c, PLANE_Z], found[c, HEIGHT] = -side * rows[t, NZ], abs(s) if abs(s) >= _TILT * distance else np.inf
+        contact[c, PLANE_X], contact[c, PLANE_Y] = -side * rows[t, NX], -side * rows[t, NY]
+        contact[c, PLANE_Z], contact[c, HEIGHT] = -side * rows[t, NZ], abs(s) if abs(s) >= _TILT * distance else np.inf
         if distance > 0.0:
             du, dv, s = du / distance, dv / distance, s / distance
         else:
             s = 1.0
-        found[c, SLOT], found[c, DISTANCE] = k, distance
-        found[c, TOWARDS_X] = du * rows[t, UX] + dv * rows[t, VX] - s * rows[t, NX]
-        found[c, TOWARDS_Y] = du * rows[t, UY] + dv * rows[t, VY] - s * rows[t, NY]
-        found[c, TOWARDS_Z] = du * rows[t, UZ] + dv * rows[t, VZ] - s * rows[t, NZ]
-        seen += 1
+        contact[c, SLOT], contact[c, DISTANCE] = k, distance
+        contact[c, TOWARDS_X] = du * rows[t, UX] + dv * rows[t, VX] - s * rows[t, NX]
+        contact[c, TOWARDS_Y] = du * rows[t, UY] + dv * rows[t, VY] - s * rows[t, NY]
+        contact[c, TOWARDS_Z] = du * rows[t, UZ] + dv * rows[t, VZ] - s * rows[t, NZ]
+        candidates += 1
     count = 0
-    for c in range(seen):
+    for c in range(candidates):
         leader = -1.0
         for a in range(c):  # those that count stand first, then the hidden ones
-            if _hides(found, a, a < count, c):
-                leader = found[a, LEADER]
+            if _hides(contact, a, a < count, c):
+                leader = contact[a, LEADER]
                 break
         if leader >= 0.0:
-            found[c, LEADER] = leader
+            contact[c, LEADER] = leader
             continue
-        found[c, LEADER] = count
-        for column in range(N_FOUND):
-            found[count, column], found[c, column] = found[c, column], found[count, column]
+        contact[c, LEADER] = count
+        for column in range(N_CONTACT):
+            contact[count, column], contact[c, column] = contact[c, column], contact[count, column]
         count += 1
-    return count, seen
+    return count, candidates
 
 
 @njit(cache=True, error_model="numpy")
@@ -175,7 +176,7 @@ def triangle_overlaps(position, radius, rows, body, turn, start, other):
     longest = 0
     for i in range(position.shape[0]):
         longest = max(longest, start[i + 1] - start[i])
-    found = np.empty((longest, N_FOUND))
+    contact = np.empty((longest, N_CONTACT))
     for i in range(position.shape[0]):
         first = start[i]
         while first < start[i + 1]:
@@ -187,13 +188,13 @@ def triangle_overlaps(position, radius, rows, body, turn, start, other):
                 last += 1
             cos, sin = turn[b, 0], turn[b, 1]
             x, y = cos * position[i, 0] + sin * position[i, 1], cos * position[i, 1] - sin * position[i, 0]
-            count, _ = triangle_contacts(rows, other, first, last, x, y, position[i, 2], radius[i], found)
+            count, _ = triangle_contacts(rows, other, first, last, x, y, position[i, 2], radius[i], contact)
             for c in range(count):
-                k = int(found[c, SLOT])
-                nx, ny = found[c, TOWARDS_X], found[c, TOWARDS_Y]
-                result[k, 0] = radius[i] - found[c, DISTANCE]
+                k = int(contact[c, SLOT])
+                nx, ny = contact[c, TOWARDS_X], contact[c, TOWARDS_Y]
+                result[k, 0] = radius[i] - contact[c, DISTANCE]
                 result[k, 1], result[k, 2] = cos * nx - sin * ny, sin * nx + cos * ny
-                result[k, 3] = found[c, TOWARDS_Z]
+                result[k, 3] = contact[c, TOWARDS_Z]
             first = last
     return result
 
@@ -209,18 +210,18 @@ def push_off_triangles(position, radius, rows, start, other):
     longest = 0
     for i in range(position.shape[0]):
         longest = max(longest, start[i + 1] - start[i])
-    found = np.empty((longest, N_FOUND))
+    contact = np.empty((longest, N_CONTACT))
     for i in range(position.shape[0]):
         if start[i] == start[i + 1]:
             continue
         x, y, z = position[i, 0], position[i, 1], position[i, 2]
-        count, _ = triangle_contacts(rows, other, start[i], start[i + 1], x, y, z, radius[i], found)
+        count, _ = triangle_contacts(rows, other, start[i], start[i + 1], x, y, z, radius[i], contact)
         for c in range(count):
-            worst = max(worst, radius[i] - found[c, DISTANCE])
-            nx, ny, nz = found[c, TOWARDS_X], found[c, TOWARDS_Y], found[c, TOWARDS_Z]
+            worst = max(worst, radius[i] - contact[c, DISTANCE])
+            nx, ny, nz = contact[c, TOWARDS_X], contact[c, TOWARDS_Y], contact[c, TOWARDS_Z]
             # what earlier pushes of this grain have already moved it away from this wall
             moved = -(nx * (position[i, 0] - x) + ny * (position[i, 1] - y) + nz * (position[i, 2] - z))
-            push = radius[i] - found[c, DISTANCE] - moved
+            push = radius[i] - contact[c, DISTANCE] - moved
             if push > 0.0:
                 position[i, 0] -= push * nx
                 position[i, 1] -= push * ny
@@ -279,9 +280,9 @@ def list_by_cell(rows, lo, hi, reach, lower, upper, grid, cursor, listed):
 @njit(cache=True, error_model="numpy")
 def near_triangles(position, reach, rows, turn, grids, cell_start, cell_triangle, start, other):
     """Fill ``start`` (n + 1,) and ``other`` as in `TriangleSearch.near`; returns their number, whatever fits."""
-    found = 0
+    count = 0
     for i in range(position.shape[0]):
-        start[i] = found
+        start[i] = count
         limit = reach[i] * reach[i]
         z = position[i, 2]
         for b in range(grids.shape[0]):
@@ -301,8 +302,8 @@ def near_triangles(position, reach, rows, turn, grids, cell_start, cell_triangle
                 t = cell_triangle[k]
                 du, dv, s = _offset(rows, t, x, y, z)
                 if du * du + dv * dv + s * s < limit:
-                    if found < other.shape[0]:
-                        other[found] = t
-                    found += 1
-    start[position.shape[0]] = found
-    return found
+                    if count < other.shape[0]:
+                        other[count] = t
+                    count += 1
+    start[position.shape[0]] = count
+    return count

@@ -60,11 +60,11 @@ class TriangleSearch:
             np.ascontiguousarray(position), np.ascontiguousarray(reach), self.table.rows, turn, self._grids,
             self._cell_start, self._cell_triangle, start,
         )  # fmt: skip
-        found = near_triangles(*arguments, other)
-        if found > len(other):
-            other = np.zeros(found, dtype=np.int32)
+        count = near_triangles(*arguments, other)
+        if count > len(other):
+            other = np.zeros(count, dtype=np.int32)
             near_triangles(*arguments, other)
-        return start, other[:found].copy()
+        return start, other[:count].copy()
 
     def _make_grids(self, reach: float) -> None:
         rows, first = self.table.rows, self.table.first

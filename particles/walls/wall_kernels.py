@@ -43,9 +43,9 @@ def _wall_gap(wall, w, x, y, z):
 @njit(cache=True, error_model="numpy")
 def near_walls(position, reach, wall, start, other):
     """Fill the rows of walls within ``reach`` (n,) of each centre; returns their number, whatever fits."""
-    found = 0
+    count = 0
     for i in range(position.shape[0]):
-        start[i] = found
+        start[i] = count
         x, y, z, far = position[i, 0], position[i, 1], position[i, 2], reach[i]
         for w in range(wall.shape[0]):
             if wall[w, KIND] == 1.0:
@@ -53,11 +53,11 @@ def near_walls(position, reach, wall, start, other):
             else:
                 distance, _, _, _, _ = _wall_gap(wall, w, x, y, z)
             if distance < far:
-                if found < other.shape[0]:
-                    other[found] = w
-                found += 1
-    start[position.shape[0]] = found
-    return found
+                if count < other.shape[0]:
+                    other[count] = w
+                count += 1
+    start[position.shape[0]] = count
+    return count
 
 
 @njit(cache=True, error_model="numpy")

@@ -1,12 +1,12 @@
-"""How often runs with `accuracy.target` are right: fresh packings against a reference of far more effort.
+"""How often runs with `accuracy.target` are right: fresh replicas against a reference of far more effort.
 
     python tests/benchmarks/accuracy_coverage.py run SCENE.toml TARGET COUNT RUNS.csv [FIRST]
     python tests/benchmarks/accuracy_coverage.py reference SCENE.toml COUNT REFERENCE.csv
     python tests/benchmarks/accuracy_coverage.py judge RUNS.csv REFERENCE.csv [REFERENCE.csv ...]
 
-Each run has a seed of its own, that no run of the ladder has. It is right where its torque without the bias of its
-settings, with its total error, holds the reference: the mean torque of packings of a finer scene, sheared for longer.
-The reference's own half width, Student's t of few packings, is printed and not added, which makes the test the harder.
+Each run has a seed of its own, that no run of the study has. It is right where its best estimate,
+with its total error, holds the reference: the mean torque of replicas of a finer scene, sheared for longer.
+The reference's own half width, Student's t of few replicas, is printed and not added, which makes the test the harder.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ import numpy as np
 import pandas
 
 import emclutch
-from emclutch.results.ladder import student
+from emclutch.results.accuracy_study import student
 from emclutch.scene.replica_count import replica_seed
-from emclutch.studies.accuracy.rungs import is_sheared
+from emclutch.studies.accuracy.planned_values import is_sheared
 
 REFERENCE_SEED, FRESH_SEED = 777, 5000
 QUIET = {
@@ -50,7 +50,7 @@ def finer(case: emclutch.Case) -> tuple[dict[str, object], float]:
 
 
 def reference(case: emclutch.Case, count: int, out: Path) -> None:
-    """Run finer packings, and append their torques."""
+    """Run finer replicas, and append their torques."""
     values, left_out = finer(case)
     for number in range(count):
         seed = replica_seed(REFERENCE_SEED, number + 1)
@@ -62,7 +62,7 @@ def reference(case: emclutch.Case, count: int, out: Path) -> None:
 
 
 def run(case: emclutch.Case, target: str, seeds: range, out: Path) -> None:
-    """Run the scene to its target with fresh packings, and append what each run says of its torque."""
+    """Run the scene to its target with fresh replicas, and append what each run says of its torque."""
     for seed in seeds:
         folder = Path("runs") / f"fresh-{case.name}-{target.replace(' ', '')}-{seed}"
         turned = case.with_values(QUIET | {"accuracy.target": target, "scene.seed": seed})
@@ -70,8 +70,8 @@ def run(case: emclutch.Case, target: str, seeds: range, out: Path) -> None:
         found = summary["discretisation_error"]
         append(out, {
             "scene": case.name, "target": target, "seed": seed, "torque": summary["torque"]["mean"],
-            "bias": found["bias"], "corrected": found["corrected_torque"]["mean"], "half_width": found["total_error"],
-            "reached": summary["accuracy_target"]["reached"], "packings": summary["torque"]["replicas"],
+            "bias": found["bias"], "corrected": found["best_estimate"]["mean"], "half_width": found["total_error"],
+            "reached": summary["accuracy_target"]["reached"], "replicas": summary["torque"]["replicas"],
             "seconds": summary["seconds"]["processor"],
         })  # fmt: skip
 
@@ -90,7 +90,7 @@ def judge(runs: pandas.DataFrame, references: pandas.DataFrame) -> pandas.DataFr
             "right": int((error <= some.half_width).sum()), "reached": int(some.reached.sum()),
             "error": median, "half_width": half, "ratio": half / median,
             "mean_error": (some.corrected / truth - 1.0).mean(), "reference": truth,
-            "reference_half_width": of_truth, "packings": some.packings.median(), "seconds": some.seconds.median(),
+            "reference_half_width": of_truth, "replicas": some.replicas.median(), "seconds": some.seconds.median(),
         })  # fmt: skip
     return pandas.DataFrame(rows)
 

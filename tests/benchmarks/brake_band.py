@@ -3,7 +3,7 @@
     python tests/benchmarks/brake_band.py POINTS.csv docs/brake_band.png [--fill LOW HIGH] [--size A LOW HIGH P] ...
 
 POINTS.csv has a run of cases/powder_clutch.toml a line, with the columns friction, rolling_friction, fill (mass of the
-powder or its solid fraction), across (grains across the gap), current [A], torque, standard_error [N m]; others are for
+powder or its solid fraction), across (grains per gap), current [A], torque, standard_error [N m]; others are for
 readers (strain averaged, inertial_number, grains). Lines that begin with # are comments. It prints the surface, the
 band at each current, and one sentence; it draws the band and writes it next to the picture as CSV, which
 `emclutch plot --torque-current --band` takes.
@@ -60,7 +60,7 @@ class Ranges:
     repose : range of the angle of repose [deg].
     friction : range of the sliding friction.
     fill : its range, in the unit of the points.
-    across : real grains across the gap.
+    across : real grains per gap.
     coefficient, exponent : a with the ends of its 95 % interval, and p, of T(n) = T_inf (1 + a/n^p).
     """
 
@@ -299,7 +299,7 @@ def main() -> None:
     parser.add_argument("--fill", type=float, nargs=2, help="range of the fill; default: that of the points")
     parser.add_argument("--repose", type=float, nargs=2, default=(28.0, 38.0), help="range of the angle [deg]")
     parser.add_argument("--friction", type=float, nargs=2, default=(0.3, 0.8), help="range of sliding friction")
-    parser.add_argument("--across", type=float, default=50.0 / 3.0, help="real grains across the gap")
+    parser.add_argument("--across", type=float, default=50.0 / 3.0, help="real grains per gap")
     parser.add_argument("--size", type=float, nargs=4, default=(*COEFFICIENT, EXPONENT), help="a, its interval, and p")
     given = parser.parse_args()
     points = read_points(given.points)

@@ -2,9 +2,9 @@
 
     python tests/benchmarks/brake_points.py RUN... [--from 3] > tests/benchmarks/brake_points.csv
 
-Each folder is a run of one packing at constant speeds and current. The torque is the mean of both shafts' torques, by
+Each folder is a run of one replica at constant speeds and current. The torque is the mean of both shafts' torques, by
 time, from a shear strain on (`--from`) to the end; its standard error is that of the means of batches of a strain of
-0.6, four of them at the least, and does not contain what packings differ by. `drift` is the mean of the second half of
+0.6, four of them at the least, and leaves out the scatter between replicas. `drift` is the mean of the second half of
 the stretch over that of the first, less 1. The inertial number is the expected one, of the magnetic pressure. Columns
 are those of tests/benchmarks/brake_band.py, and what each run was.
 """

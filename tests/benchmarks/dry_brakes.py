@@ -66,8 +66,8 @@ def recorded_curves() -> list[TorqueCurve]:
         for name, row in table().items() if (found := ROW.fullmatch(name))
     )  # fmt: skip
     current, torque, error = np.array(rows).T
-    converged = np.full(len(rows), False)  # one packing, and still drifting
-    return [TorqueCurve({"emclutch:": "one packing, eight grains across"}, current, torque, error, converged)]
+    converged = np.full(len(rows), False)  # one replica, and still drifting
+    return [TorqueCurve({"emclutch:": "one replica, eight grains per gap"}, current, torque, error, converged)]
 
 
 def tables() -> str:

@@ -3,14 +3,14 @@
 The periodic box of docs/how_to/sheared_box.md, 117 grains of 0.2 mm at a fill of 0.35, is sheared at an inertial number
 of about 0.05 across 80 and 300 kA/m. By DEM at the default stiffness, at twice and four times it, each with its step;
 by DVI on the springs of the default stiffness with steps from the default to 100 us, and without springs from four
-times the default on. A line is the mean shear stress of one packing over strains of 2 to 5; all settings have the
-same packings, numbered by their seed.
+times the default on. A line is the mean shear stress of one replica over strains of 2 to 5; all settings have the
+same seeds.
 
-    python tests/benchmarks/dvi_step_in_field.py tests/benchmarks/dvi_step_in_field.csv [--fields 80 300] [--packings 4]
+    python tests/benchmarks/dvi_step_in_field.py tests/benchmarks/dvi_step_in_field.csv [--fields 80 300] [--replicas 4]
     python tests/benchmarks/dvi_step_in_field.py tests/benchmarks/dvi_step_in_field.csv --table --picture docs/NAME.png
 
-A line of the file is one packing. Lines that are there already are kept, so that what was interrupted goes on. One
-core needs about three minutes for a field and packing.
+A line of the file is one replica. Lines that are there already are kept, so that what was interrupted goes on. One
+core needs about three minutes for a field and replica.
 """
 
 from __future__ import annotations
@@ -101,7 +101,7 @@ def key_of(row: dict[str, Any]) -> tuple[str, ...]:
 
 
 def measured(case: Case, threads: int = 1) -> dict[str, float | str]:
-    """Means of a packing over strains of `BEGIN` to the end; of a run that stops only why it does."""
+    """Means of a replica over strains of `BEGIN` to the end; of a run that stops only why it does."""
     with tempfile.TemporaryDirectory() as place:
         try:
             result = emclutch.run(case, out=Path(place) / "run", threads=threads)
@@ -125,7 +125,7 @@ def measured(case: Case, threads: int = 1) -> dict[str, float | str]:
     return found
 
 
-def write_table(path: Path, fields: list[float], packings: int) -> None:
+def write_table(path: Path, fields: list[float], replicas: int) -> None:
     """Run what is missing in the table; every line is written when it is known."""
     kept = set()
     if path.exists():
@@ -134,7 +134,7 @@ def write_table(path: Path, fields: list[float], packings: int) -> None:
     else:
         path.write_text(",".join(COLUMNS) + "\n")
     work = [one for same in zip(*(settings(field) for field in fields), strict=True) for one in same]
-    for one, seed in product(work, range(1, packings + 1)):
+    for one, seed in product(work, range(1, replicas + 1)):
         row = one["names"] | {"seed": seed}
         if key_of(row) in kept:
             continue
@@ -148,8 +148,8 @@ def write_table(path: Path, fields: list[float], packings: int) -> None:
 def table_of(path: Path) -> pd.DataFrame:
     """A row for each field, method, stiffness and step: stress [Pa] and its ratio to DEM's at the default stiffness.
 
-    Half widths are of 95 % intervals by the scatter between packings of one setting, pooled over all settings of a
-    field: few packings each suffice. Histories part within a strain of a few per cent, so that packings of two settings
+    Half widths are of 95 % intervals by the scatter between replicas of one setting, pooled over all settings of a
+    field: few replicas each suffice. Histories part within a strain of a few per cent, so that replicas of two settings
     are independent though they begin alike.
     """
     rows, names = pd.read_csv(path), ["field", "method", "stiffness", "of_default"]
@@ -159,12 +159,12 @@ def table_of(path: Path) -> pd.DataFrame:
         groups = good.groupby(names)["stress"]
         freedom = int((groups.count() - 1).sum())
         scatter = np.sqrt(((good.stress / groups.transform("mean") - 1.0) ** 2).sum() / freedom)
-        spread = student.ppf(0.975, freedom) * scatter  # of one packing, relative
+        spread = student.ppf(0.975, freedom) * scatter  # of one replica, relative
         line = good[(good.method == "dem") & (good.stiffness == 1.0)]["stress"]
         for key, group in here.groupby(names):
             kept = group.dropna(subset=["stress"])
             n, ratio = len(kept), kept.stress.mean() / line.mean()
-            entry = dict(zip(names, key, strict=True)) | {"packings": n, "stopped": len(group) - n}
+            entry = dict(zip(names, key, strict=True)) | {"replicas": n, "stopped": len(group) - n}
             entry |= {"step": group.step.mean(), "stress": kept.stress.mean(), "ratio": ratio}
             entry["stress_half"] = kept.stress.mean() * spread / n**0.5 if n else np.nan
             entry["ratio_half"] = ratio * spread * (1.0 / n + 1.0 / len(line)) ** 0.5 if n else np.nan
@@ -213,13 +213,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="shear stress of a magnetised powder against the step of DVI")
     parser.add_argument("file", type=Path)
     parser.add_argument("--fields", type=float, nargs="+", default=list(FIELDS), help="[kA/m]")
-    parser.add_argument("--packings", type=int, default=4)
+    parser.add_argument("--replicas", type=int, default=4)
     parser.add_argument("--table", action="store_true", help="print the table of what is in the file, run nothing")
     parser.add_argument("--picture", type=Path)
     given = parser.parse_args()
     numba.set_num_threads(1)
     if not given.table:
-        write_table(given.file, given.fields, given.packings)
+        write_table(given.file, given.fields, given.replicas)
     table = table_of(given.file)
     print(table.to_string(index=False, float_format=lambda x: f"{x:.4g}"))
     if given.picture is not None:

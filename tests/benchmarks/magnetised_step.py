@@ -180,7 +180,7 @@ def bare_step(dem: DEM, repeats: int = 3) -> tuple[float, float]:
     state, attraction, seconds, contacts = dem.state(), dem.attraction, [], 0
     assert attraction is not None  # by its first update
     for _ in range(repeats + 1):  # the first compiles
-        dem.external_force, dem.attraction = attraction.per_grain["whole"].copy(), None
+        dem.external_force, dem.attraction = attraction.per_grain["total_force"].copy(), None
         dem.invalidate()
         begin = time.process_time()
         totals = dem.run(BARE)

@@ -109,4 +109,4 @@ def test_points_that_no_picture_would_show_are_refused(tmp_path, bench):
         asked = invoke("run", QUICKSTART, "--out", tmp_path / "run", "--with", bench, *sets)
         assert asked.exit_code == 2 and says in asked.output and not (tmp_path / "run").exists()
     beside = invoke("run", QUICKSTART, "--with", bench, "--dry-run")
-    assert beside.exit_code == 2 and "--with has no meaning beside --dry-run" in beside.output
+    assert beside.exit_code == 2 and "--with cannot be combined with --dry-run" in beside.output

@@ -22,7 +22,7 @@ from emclutch.results.rise_time import time_to_reach
 from emclutch.results.text import format_torque
 from emclutch.results.vtk.series import read_pvd
 from emclutch.scene.design import read_design
-from emclutch.simulation.check import left_out_of
+from emclutch.simulation.check import omitted_effects_of
 
 CASES = Path(__file__).resolve().parents[2] / "cases"
 TOY = {"time.end": "0.05 ms", "output.snapshots": 2}
@@ -40,7 +40,7 @@ def report_text(result):
 def test_quickstart_at_toy_size(tmp_path):
     """As `make run` runs it, in a process of its own: what a new user waits for is how many kernels it compiles.
 
-    One packing: several at a time are the subject of test_replicas.
+    One replica: several at a time are the subject of test_replicas.
     """
     command = [sys.executable, "-c", "from emclutch.cli.main import main; main()", "run"]
     values = [word for key, value in {**TOY, "accuracy.replicas": 1}.items() for word in ("--set", f"{key}={value}")]
@@ -108,10 +108,10 @@ def test_quickstart_at_toy_size(tmp_path):
 @pytest.mark.stability
 @pytest.mark.physics
 def test_the_torque_of_the_quickstart(tmp_path):
-    """As it is shipped, but two packings: after their start-up within 12 % of what was measured.
+    """As it is shipped, but two replicas: after their start-up within 12 % of what was measured.
 
-    Four packings have had standard deviations of 1.7 and 3.6 %, so that the bound is at least 4.7 standard errors of a
-    mean of two. How many packings a run takes, and when it ends, is the subject of test_replicas.
+    Four replicas have had standard deviations of 1.7 and 3.6 %, so that the bound is at least 4.7 standard errors of a
+    mean of two. How many replicas a run takes, and when it ends, is the subject of test_replicas.
     """
     command = [sys.executable, "-m", "emclutch.cli.main", "run", str(CASES / "quickstart.toml")]
     values = ("accuracy.replicas=2", "time.until=none", "output.snapshots=0", "output.pictures=false")
@@ -330,9 +330,9 @@ def test_centrifugal_at_toy_size(tmp_path):
     drawn = CliRunner().invoke(app, ["plot", str(result.folder.path)])
     assert "had no pictures: they are drawn" in drawn.output
     assert result.folder.grains_picture.read_bytes() == grains
-    matter = {line.effect: line.in_words() for line in left_out_of(result) if line.is_reservation}
-    assert result.folder.read_plan()["may_matter"] == matter
-    page = html(run_page(result, left_out_of))
+    matter = {line.effect: line.in_words() for line in omitted_effects_of(result) if line.is_reservation}
+    assert result.folder.read_plan()["omitted_effects"] == matter
+    page = html(run_page(result, omitted_effects_of))
     assert page.count("data:image/png") == 3 and "Stokes number in air" in page  # pictures, and what is left out
 
 

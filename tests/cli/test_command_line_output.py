@@ -68,14 +68,14 @@ def test_every_command_has_help_and_what_is_printed_is_so(tmp_path):
     ("words", "says"),
     [
         (("check", CASES / "current_to_torque.toml", "--details"), "--details"),
-        (("run", CASES / "quickstart.toml", "--dry-run", "--out", "x"), "--out has no meaning beside --dry-run"),
+        (("run", CASES / "quickstart.toml", "--dry-run", "--out", "x"), "--out cannot be combined with --dry-run"),
         (("run", "--resume", GOOD), "name the run's folder"),
-        (("sweep", CASES / "current_to_torque.toml", "--dry-run", "--jobs", 2), "--jobs has no meaning beside"),
-        (("design", CASES / "which_current.toml", "--within", "3 %"), "--within has no meaning without --runs"),
-        (("design", CASES / "which_current.toml", "--threads", 1), "--threads has no meaning without --runs"),
+        (("sweep", CASES / "current_to_torque.toml", "--dry-run", "--jobs", 2), "--jobs cannot be combined with"),
+        (("design", CASES / "which_current.toml", "--within", "3 %"), "--within needs --runs"),
+        (("design", CASES / "which_current.toml", "--threads", 1), "--threads needs --runs"),
         (("accuracy", CASES / "quickstart.toml", "--dry-run", "--for", "5 %"), "--for"),
         (("accuracy", CASES / "quickstart.toml", "--dry-run", "--budget", "1 s"), "--budget"),
-        (("materials", "--plot", "x.png", "--json"), "--json has no meaning beside --plot"),
+        (("materials", "--plot", "x.png", "--json"), "--json cannot be combined with --plot"),
     ],
 )
 def test_an_option_without_a_meaning_is_refused(words, says):
@@ -101,7 +101,7 @@ def test_a_dry_run_of_accuracy_writes_nothing(tmp_path, monkeypatch):
 
 def test_the_error_of_an_angle_needs_the_angle():
     assert angle_of(None, None) is None
-    with pytest.raises(SceneError, match="--uncertainty has no meaning without --repose"):
+    with pytest.raises(SceneError, match="--uncertainty needs --repose"):
         angle_of(None, "2 deg")
 
 
@@ -148,10 +148,11 @@ def test_a_torque_has_two_digits_of_the_half_of_its_interval():
     assert format_mean(1.2345, None) == "1.234 N m, error unknown"
 
 
-UNTIL = {"asked": "torque 5 %", "reached": False, "reason": "", "packings": 8, "end": None}
+UNTIL = {"asked": "torque 5 %", "reached": False, "reason": "", "replicas": 8, "end": None}
 DRIFT = {"start": 0.1, "end": 0.2, "settled": 0.1, "converged": False, "drift_freedom": 11.0, "exclude_drift": True}
 BIASED = {"bias": 0.2, "half_width": 0.03, "unknown": {}, "extrapolated": {}, "total_error": 0.1,
-          "corrected_torque": {"mean": 0.75, "half_width": 0.057}, "ladder": {"note": "", "file": "x", "date": "y"},
+          "best_estimate": {"mean": 0.75, "half_width": 0.057},
+          "accuracy_study": {"note": "", "file": "x", "date": "y"},
           "largest_part": {"name": "statistics", "half_width": 0.071}, "next": "9 packings"}  # fmt: skip
 
 
@@ -161,27 +162,27 @@ BIASED = {"bias": 0.2, "half_width": 0.03, "unknown": {}, "extrapolated": {}, "t
         # 5 %, 0.045, less a margin of a tenth: 2.57 * 0.04 / sqrt(6) = 0.0420, 2.45 * 0.04 / sqrt(7) = 0.0370
         ({"mean": 0.9}, {}, {}, "(accuracy.replicas = 7), 9 s of processor time"),  # 5 s for 4
         ({"mean": 0.9, "several_looks": True}, {}, {}, "(accuracy.replicas = 8), 10 s of processor time"),  # 97 %
-        ({"mean": 0.9, "standard_error": 0.005}, {}, {}, "0.88 % takes about 10 packings"),  # half of what it has
-        ({"replicas": 2, "batches": 2}, {}, {}, "5 packings"),  # by Student's t; 144 by Gauss's law
-        ({"replicas": 3, "batches": 3}, {}, {}, "5 packings"),
+        ({"mean": 0.9, "standard_error": 0.005}, {}, {}, "0.88 % takes about 10 replicas"),  # half of what it has
+        ({"replicas": 2, "batches": 2}, {}, {}, "5 replicas"),  # by Student's t; 144 by Gauss's law
+        ({"replicas": 3, "batches": 3}, {}, {}, "5 replicas"),
         ({"replicas": 1, "converged": False, "steady_alone": True}, {}, {}, "accuracy.replicas = 4 measures"),
         ({"standard_error": 0.2}, {}, {}, "out of reach"),
         ({"standard_error": 0.5}, {}, {}, None),  # it may be 0, of which there is no fraction
         ({"mean": 0.9}, {}, {"discretisation_error": BIASED, "accuracy_target": {"asked": 0.05, "reached": False}},
-         "9 packings"),  # of which 4 % are left, 5^2 - 3^2
+         "9 replicas"),  # of which 4 % are left, 5^2 - 3^2
         ({}, {}, {"accuracy_target": {"asked": 0.1, "reached": True}}, None),
         ({"replicas": 1, "converged": False, "missing": 0.12}, {}, {}, "time.end='320 ms'"),  # of 0.2 s
         ({**DRIFT, "drift": 1.0, "drift_error": 0.01}, UNTIL, {}, "time.end='400 ms'"),  # by 10 %
         ({**DRIFT, "drift": 0.7, "drift_error": 0.25}, {}, {}, "time.end='400 ms'"),  # 10 % is not excluded
-        ({**DRIFT, "drift": 0.7, "drift_error": 0.25}, UNTIL | {"packings": 6, "end": 0.36}, {}, "time.end='360 ms'"),
+        ({**DRIFT, "drift": 0.7, "drift_error": 0.25}, UNTIL | {"replicas": 6, "end": 0.36}, {}, "time.end='360 ms'"),
         ({**DRIFT, "drift": 0.0, "drift_error": 0.01, "missing": 0.2}, {}, {}, "time.end='400 ms'"),
         ({}, UNTIL | {"end": 0.3}, {}, "time.end='300 ms'"),  # the cheaper of the two
-        ({}, UNTIL | {"end": 0.5}, {}, "8 packings"),
+        ({}, UNTIL | {"end": 0.5}, {}, "8 replicas"),
         ({}, UNTIL, {}, "(accuracy.max_replicas = 8)"),
     ],
 )  # fmt: skip
 def test_what_to_do_next_is_what_reaches_the_target(tmp_path, torque, until, more, following):
-    """Longer where more packings do not help; else as many as Student's t needs, and what is cheaper of the two."""
+    """Longer where more replicas do not help; else as many as Student's t needs, and what is cheaper of the two."""
     folder = written_run(tmp_path / "run")
     known = {"mean": 1.0, "standard_error": 0.02, "batches": 4, "replicas": 4, "converged": True, "reason": ""}
     changed = {"torque": known | torque} | more | ({"until": until} if until else {})

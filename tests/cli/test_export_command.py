@@ -17,7 +17,7 @@ from emclutch.results.vtk.series import PvdSeries, read_pvd
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
-    """A run of two packings with profiles."""
+    """A run of two replicas with profiles."""
     folder = written_run(tmp_path_factory.mktemp("runs") / "run")
     written_run(folder.replicas / "01", seed=1)
     table = "along,moments,low,high,velocity\nr,4,0.01,0.02,0.3333333333333333\nz,4,0.0,0.1,\n"

@@ -124,7 +124,7 @@ def test_runs_alone_are_one_curve_and_a_study_is_averaged_over_its_seeds(tmp_pat
 
 
 def test_runs_of_several_grain_sizes_are_extrapolated(tmp_path):
-    """T = 2 N m (1 + 6/n^2) and what is printed of it; runs without grains across a gap are refused."""
+    """T = 2 N m (1 + 6/n^2) and what is printed of it; runs without grains per gap are refused."""
     runs = []
     for across in (4.0, 8.0, 16.0):
         folder = written_run(tmp_path / f"run-{across:g}", mean=2.0 + 12.0 / across**2)
@@ -136,7 +136,7 @@ def test_runs_of_several_grain_sizes_are_extrapolated(tmp_path):
     found = re.search(r"at the 20 grains per gap of the real powder: ([0-9.]+) N m", done.output)
     assert float(found[1]) == pytest.approx(2.03, rel=0.01)
     assert (tmp_path / "o.png").stat().st_size > 10_000
-    with pytest.raises(OutputError, match="study has no grains across a gap"):
+    with pytest.raises(OutputError, match="study has no grains per gap"):
         plot_runs([written_study(tmp_path / "study", [1.0, 2.0])], GRAIN_SIZE)
 
 

@@ -92,8 +92,8 @@ def test_the_picture_is_new(tmp_path):
         (("--repose", "30 deg", "--uncertainty", "-1 deg"), "out of range"),
         (("--friction", 0.5), "--friction = 0.5 gives an angle of repose together with --rolling-friction only"),
         (("--friction", 7, "--rolling-friction", 0), "--friction = 7 is out of range; allowed: 0 to 1"),
-        (("--friction", 0.5, "--rolling-friction", 0, "--repose", "30 deg"), "--repose has no meaning beside"),
-        (("--friction", 0.5, "--rolling-friction", 0, "--uncertainty", "2 deg"), "--uncertainty has no meaning beside"),
+        (("--friction", 0.5, "--rolling-friction", 0, "--repose", "30 deg"), "--repose cannot be combined with"),
+        (("--friction", 0.5, "--rolling-friction", 0, "--uncertainty", "2 deg"), "--uncertainty cannot be combined"),
     ],
 )
 def test_bad_input_is_explained(arguments, says):

@@ -86,10 +86,10 @@ def test_check_and_plan_tell_the_same_run():
     assert checked.title == case.scene.scene.title and checked.effects == case.scene.effects.active
     assert f"{plan.windows} windows" in checked.decisions["coupling window"]
     assert checked.decisions["expected torque"] == checked.expected.in_words()
-    assert checked.expected.torque > 0.0 and checked.left_out
+    assert checked.expected.torque > 0.0 and checked.omitted_effects
     page, tables = checked._repr_html_(), checked.left_out_tables()  # a notebook shows what a terminal prints
     assert [head[0] for head, _ in tables] == ["not in this scene", "not in this program", "in every scene"]
-    assert sum(len(rows) for _, rows in tables) == len(checked.left_out)
+    assert sum(len(rows) for _, rows in tables) == len(checked.omitted_effects)
     assert all(f"<th>{cell}</th>" in page for head, _ in tables for cell in head)
 
 

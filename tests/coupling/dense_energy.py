@@ -1,8 +1,8 @@
 """Energy of magnetised spheres, dense and in plain numpy: what compiled kernels are compared with.
 
 Each sphere i has a dipole m_i = V_i M_i and a charge Q_i at its centre. Over each near pair k = (i, j), n from j to i,
-the scalar potential drops by D_k, and the flux q_k enters at i and leaves at j, so that Q_i = sum of q_k - sum of q_k
-of the pairs in which i comes first or second. The energy, with lengths in any unit, fields in Ms, mu_0 = 1,
+the scalar potential drops by the mmf D_k, and the flux q_k enters at i and leaves at j, so that Q_i = sum of q_k - sum
+of q_k of the pairs in which i comes first or second. The energy, with lengths in any unit, fields in Ms, mu_0 = 1,
 
     W =   sum_i V_i [u(M_i) - M_i.H] + Q_i^2/(8 pi a_i)
         + sum over pairs {c2 m_i.m_j - c1 (m_i.n)(m_j.n) + p [(m_j.n) Q_i - (m_i.n) Q_j] + psi Q_i Q_j}/(4 pi)
@@ -10,7 +10,7 @@ of the pairs in which i comes first or second. The energy, with lengths in any u
         - sum_k kappa(g_k) c_i c_j m_i'.m_j'/(4 pi r_k^3)                            (' the part across n)
 
 is stationary in M, D and q; forces are -dW/dx at fixed M, D, q. In open space psi = 1/r, p = c2 r = c1 r/3 = 1/r^2;
-with a reach A, the macroscopic field H holds the smear of each dipole and charge over a sphere of that radius, and
+with a reach A, the macroscopic field H contains the smear of each dipole and charge over a sphere of that radius, and
 they are without it (`kernels`). The neck's energy and capacity s are those of `field.spheres.neck_energy` with the
 length a_ij = 2 a_i a_j/(a_i + a_j), w = a_ij^3 w^(g/a_ij, D/a_ij, s).
 
@@ -27,13 +27,13 @@ import numpy as np
 from field import GrainLaw
 from field.spheres.neck_energy import neck_energy
 from field.spheres.pair_table import FADE_TO
-from field.spheres.transverse_pair import transverse_share
+from field.spheres.transverse_pair import transverse_fraction
 
 PI4 = 4.0 * np.pi
 
 
 class State(NamedTuple):
-    """Unknowns: magnetisation of the dipoles (n, 3) [Ms], drops (k,) and fluxes (k,) of the near pairs."""
+    """Unknowns: magnetisation of the dipoles (n, 3) [Ms], mmfs (k,) and fluxes (k,) of the near pairs."""
 
     M: np.ndarray
     D: np.ndarray
@@ -55,7 +55,7 @@ def kernels(r: np.ndarray, reach: float) -> Kernels:
     """See the module; `reach` infinite: open space."""
     x = r / reach
     rest = 1.0 - x**2
-    outside = 1.0 - (35.0 * x**3 - 42.0 * x**5 + 15.0 * x**7) / 8.0  # share of a smear beyond r
+    outside = 1.0 - (35.0 * x**3 - 42.0 * x**5 + 15.0 * x**7) / 8.0  # fraction of a smear beyond r
     smear, dsmear = 105.0 / (8.0 * reach**3) * rest**2, -105.0 / (2.0 * reach**4) * x * rest
     c2, dc2 = outside / r**3, -smear / r - 3.0 * outside / r**4
     psi = 1.0 / r - (19.0 - 35.0 * x**2 + 21.0 * x**4 - 5.0 * x**6) / (16.0 * reach) - 1.0 / reach
@@ -79,7 +79,7 @@ class Solution:
     virial : ndarray (3, 3)
         -sum of F r over all pairs; over the volume of a cell it is the stress, tension > 0, without that of the smear.
     residual : float
-        Largest change [Ms] of a magnetisation, and of a drop over the length of its pair, by a whole sweep.
+        Largest change [Ms] of a magnetisation, and of an mmf over the length of its pair, by a whole sweep.
     sweeps : int
     """
 
@@ -125,7 +125,7 @@ class DenseEnergy:
         self.length, self.gap = length[k], g[k]
         self.table = neck_energy(GrainLaw(chi, 1.7e6))
         self.sphere = GrainLaw(chi, 1.0)
-        kappa, slope = transverse_share(self.gap, odd=odd)
+        kappa, slope = transverse_fraction(self.gap, odd=odd)
         self.across, self.across_slope = kappa / self.nd**3, (slope / self.length - 3.0 * kappa / self.nd) / self.nd**3
 
     # parts
@@ -207,13 +207,13 @@ class DenseEnergy:
             phi -= 35.0 / (16.0 * self.reach) * Q / PI4
         return phi
 
-    def drops(self, M: np.ndarray, Q: np.ndarray) -> np.ndarray:
+    def mmfs(self, M: np.ndarray, Q: np.ndarray) -> np.ndarray:
         """D (k,) that the potentials make."""
         phi = self.potential(M, Q)
         return self.nd * (self.nn @ self.H) - (phi[self.ni] - phi[self.nj])
 
     def effective_field(self, M: np.ndarray, D: np.ndarray, Q: np.ndarray, w_s: np.ndarray) -> np.ndarray:
-        """Field (n, 3) to which each dipole is the answer of a lone sphere: S less what necks and W_t take."""
+        """Field (n, 3) to which each dipole is the response of a lone sphere: S less the parts of necks and W_t."""
         m, S = self.V[:, None] * M, self.field(M, Q)
         c, slope = self.response(M)
         both = self.across / PI4
@@ -228,23 +228,23 @@ class DenseEnergy:
     def sweep(self, M: np.ndarray, D: np.ndarray, damping: float) -> tuple[np.ndarray, np.ndarray, float]:
         """One damped step to the stationary state: M, D, and the residual before it.
 
-        Steps are divided by what they change of their own equation: one of D moves the charges and so the drop, one of
+        Steps are divided by what they change of their own equation: one of D moves the charges and so the mmf, one of
         M the capacity of the necks and so the field that they take from it, which matters in saturation.
         """
         neck = self.neck(M, D)
         Q = self.charges(neck.q)
         S = self.effective_field(M, D, Q, neck.w_s)
         size = np.linalg.norm(S, axis=1)
-        answer = (self.sphere.magnetisation(size, 0.0) / np.maximum(size, 1e-300))[:, None] * S
-        of_drop, of_field = np.zeros((2, len(self.a)))
+        response = (self.sphere.magnetisation(size, 0.0) / np.maximum(size, 1e-300))[:, None] * S
+        of_mmf, of_field = np.zeros((2, len(self.a)))
         for here in (self.ni, self.nj):
-            np.add.at(of_drop, here, neck.dq_dD / PI4 / self.a[here])
+            np.add.at(of_mmf, here, neck.dq_dD / PI4 / self.a[here])
             np.add.at(of_field, here, 0.5 * np.abs(neck.w_ss) / self.V[here])
-        drop = self.drops(M, Q) - D
-        residual = max(np.abs(answer - M).max(initial=0.0), np.abs(drop / self.length).max(initial=0.0))
-        slope = np.maximum(self.slope(M), self.slope(answer))
-        M = M + (damping / (1.0 + slope * of_field))[:, None] * (answer - M)
-        D = D + damping / (1.0 + 0.5 * (of_drop[self.ni] + of_drop[self.nj])) * drop
+        mmf = self.mmfs(M, Q) - D
+        residual = max(np.abs(response - M).max(initial=0.0), np.abs(mmf / self.length).max(initial=0.0))
+        slope = np.maximum(self.slope(M), self.slope(response))
+        M = M + (damping / (1.0 + slope * of_field))[:, None] * (response - M)
+        D = D + damping / (1.0 + 0.5 * (of_mmf[self.ni] + of_mmf[self.nj])) * mmf
         return M, D, float(residual)
 
     def slope(self, M: np.ndarray) -> np.ndarray:

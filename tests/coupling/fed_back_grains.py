@@ -28,7 +28,7 @@ class FedBack:
     feedback: PowderFeedback
     solver: MutualMoments
     solution: MagneticField
-    found: Magnetisation
+    state: Magnetisation
     rows: NeighbourRows
     position: np.ndarray
     radius: np.ndarray
@@ -38,17 +38,17 @@ class FedBack:
 
     @property
     def moment(self):
-        return self.found.moment
+        return self.state.moment
 
     @property
     def magnetisation(self):
-        return self.found.moment / (4.0 / 3.0 * np.pi * self.radius[:, None] ** 3)
+        return self.state.moment / (4.0 / 3.0 * np.pi * self.radius[:, None] ** 3)
 
     @property
     def force(self):
         """Near fields, images and the solved field [N]."""
-        near = self.solver.forces(self.position, self.radius, self.rows, self.found).force
-        return near + gradient_force(self.found.dipole, self.grad_H)
+        near = self.solver.forces(self.position, self.radius, self.rows, self.state).force
+        return near + gradient_force(self.state.dipole, self.grad_H)
 
 
 def powder_problem(mesh, law, width, laws=None, order=2, **more):
@@ -74,7 +74,7 @@ def fed_back(
     more = {"boundary_field": boundary_field} if carrier is None else {}
     solver = MutualMoments(grain_table(law, model), near=model == "near_field", reach=width, smear=True)
     rows = neighbour_rows(position, width, sector)
-    moment, dipole, necks, solution, found, residuals = start, start, None, None, None, []
+    moment, dipole, necks, solution, state, residuals = start, start, None, None, None, []
     for _ in range(solves):
         feedback.deposit(position, volume, moment, solution)
         if solution is not None:
@@ -87,12 +87,12 @@ def fed_back(
         )
         H, grad_H = feedback.sampler_after_solve(solution).sample(position)
         solver.walls = steel_walls(walls, solution)
-        found = solver.solve(
+        state = solver.solve(
             position, radius, H, rows, gradient=grad_H, start=dipole, necks=necks, tolerance=tolerance, max_sweeps=3000
         )  # fmt: skip
-        moment, dipole, necks = found.moment, found.dipole, solver.necks_of(found)
-    assert found is not None and solution is not None
-    return FedBack(feedback, solver, solution, found, rows, position, radius, H, grad_H, residuals)
+        moment, dipole, necks = state.moment, state.dipole, solver.necks_of(state)
+    assert state is not None and solution is not None
+    return FedBack(feedback, solver, solution, state, rows, position, radius, H, grad_H, residuals)
 
 
 def turned(vectors, n):

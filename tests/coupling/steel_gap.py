@@ -52,10 +52,10 @@ class SteelGap:
             down = x * [1.0, 1.0, -1.0]
             if self.gap is None:
                 return [(x, same), (down, flip)]
-            found = []
+            result = []
             for k in sorted(range(-most, most + 1), key=abs):
                 up = [0.0, 0.0, 2.0 * k * self.gap]
-                found += [(x + up, same), (down + up, flip)]
-            return found
+                result += [(x + up, same), (down + up, flip)]
+            return result
 
         return of

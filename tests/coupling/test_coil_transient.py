@@ -137,9 +137,9 @@ def test_a_guess_of_hardly_any_flux_linkage_leads_to_the_same_current(problem, s
     powder = PowderState(fill, None, source)
     linkage = 2.0 * problem.solve(0.0, powder).flux_linkage_per_turn
     guess = solve_at_flux_linkage(problem, share * linkage, powder)
-    found = solve_at_flux_linkage(problem, linkage, powder, guess)
-    assert found.flux_linkage_per_turn == pytest.approx(linkage, rel=1e-9)
-    assert problem.solve(found.ampere_turns, powder).flux_linkage_per_turn == pytest.approx(linkage, rel=1e-6)
+    result = solve_at_flux_linkage(problem, linkage, powder, guess)
+    assert result.flux_linkage_per_turn == pytest.approx(linkage, rel=1e-9)
+    assert problem.solve(result.ampere_turns, powder).flux_linkage_per_turn == pytest.approx(linkage, rel=1e-6)
 
 
 @pytest.mark.parametrize("kind", ["circuit", "eddy at a voltage", "eddy at a current"])
@@ -168,8 +168,8 @@ def test_eddy_currents_vanish_with_the_conductivity(problem):
     circuit = circuit_source(problem, current_tolerance=0.01)
     eddy = eddy_source(problem, 0.0, supply=TimeProfile.constant(V), resistance=R, change_tolerance=0.01)
     expected = np.array([row.current for row in march(circuit)[0]])
-    found = np.array([row.current for row in march(eddy)[0]])
-    assert np.abs(found - expected).max() < 0.03 * V / R
+    result = np.array([row.current for row in march(eddy)[0]])
+    assert np.abs(result - expected).max() < 0.03 * V / R
 
 
 def test_eddy_source_balances_its_energy_and_rests(problem):
@@ -342,36 +342,36 @@ def rise(source, closed, window, end=0.06):
     for time in times:
         source.refresh(time)
         rows.append(source.window_part())
-    found = np.array([row.current for row in rows]) / (V / R)
+    result = np.array([row.current for row in rows]) / (V / R)
     supplied, copper = (sum(getattr(row, key) for row in rows) for key in ("coil_supplied", "copper_loss"))
-    miss = np.abs(found - current(linkage(times)) / (V / R)).max()
-    return miss, found.max(), abs(supplied - copper - rows[-1].field_energy) / supplied
+    miss = np.abs(result - current(linkage(times)) / (V / R)).max()
+    return miss, result.max(), abs(supplied - copper - rows[-1].field_energy) / supplied
 
 
 @pytest.mark.parametrize("window", [20e-3, 5e-3, 1e-3])
 def test_a_window_of_any_length_has_the_current_of_a_saturating_core(closed, window):
     """i(t) of V = R i + d lambda/dt: never above V/R, within half the tolerance, whose order the error has."""
-    found = {}
+    result = {}
     for tolerance in (0.04, 0.02, 0.005):
         source = CircuitCoilField(
             closed[0], N, TimeProfile.constant(V), R, largest_current=V / R, current_tolerance=tolerance
         )
-        found[tolerance], largest, energy = rise(source, closed, window)
-        assert found[tolerance] < 0.5 * tolerance and largest < 1.001 and energy < 0.05 * tolerance, found
-    assert found[0.005] < 0.5 * found[0.04], found
+        result[tolerance], largest, energy = rise(source, closed, window)
+        assert result[tolerance] < 0.5 * tolerance and largest < 1.001 and energy < 0.05 * tolerance, result
+    assert result[0.005] < 0.5 * result[0.04], result
 
 
 @pytest.mark.parametrize("window", [20e-3, 5e-3, 1e-3, 1e-4])
 def test_eddy_steps_of_any_window_follow_a_saturating_core(closed, window):
     """Without conductors; where the windows are short the current is held by no more than the tolerance."""
-    found = {}
+    result = {}
     for tolerance in (0.04, 0.02):
         eddy = EddyCurrentProblem(closed[0], {}, turns=N)
         source = EddyCoilField(
             closed[0], N, eddy, TimeProfile.constant(V), R, largest_current=V / R, change_tolerance=tolerance
         )
-        found[tolerance], _, energy = rise(source, closed, window)
-        assert found[tolerance] < 1.25 * tolerance and energy < 3e-3, found
+        result[tolerance], _, energy = rise(source, closed, window)
+        assert result[tolerance] < 1.25 * tolerance and energy < 3e-3, result
 
 
 def test_the_field_in_conductors_does_not_depend_on_the_window(problem):

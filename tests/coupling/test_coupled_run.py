@@ -17,14 +17,13 @@ CASES = Path(__file__).resolve().parents[2] / "cases"
 def test_torque_balance_with_every_term_computed_on_its_own(tmp_path):
     """disc + rotor + housing (contacts) + field (m x B of the pairs) + dL/dt (state) = 0.
 
-    Evaluated at every step it closes to round-off. Where the forces are held, the field's torque is known to the
-    travel since: first order in the time held. Each of the five terms is far larger than what is left, so none is
-    missing.
+    Evaluated at every step it closes to round-off. Where the forces lag, the field's torque is known to the travel
+    since: first order in the interval. Each of the five terms is far larger than what is left, so none is missing.
     """
     left = []
     for n in (1, 4, 16):
         values = {"effects.dipoles.update_every": n, "time.end": "0.2 ms", "time.window": 2e-5}
-        history = run(tmp_path, f"held-{n}", values).history
+        history = run(tmp_path, f"lagged-{n}", values).history
         terms = history[["torque_disc", "torque_rotor", "torque_housing", "torque_field"]].assign(
             change=np.gradient(history["angular_momentum"], history["time"])
         )
@@ -33,14 +32,14 @@ def test_torque_balance_with_every_term_computed_on_its_own(tmp_path):
             assert (terms.abs().mean() > 10.0 * left[-1]).all(), terms.abs().mean() / left[-1]
     # sums over some hundred grains and contacts, each term with its round-off
     assert left[0] < 1000 * np.finfo(float).eps * terms.abs().mean().sum() < 1e-4 * left[1]
-    assert left[2] / left[1] == pytest.approx(15 / 3, rel=0.4), left  # held for n - 1 steps beyond the first
+    assert left[2] / left[1] == pytest.approx(15 / 3, rel=0.4), left  # lagged for n - 1 steps beyond the first
 
 
 def test_windows_end_where_the_scene_says_and_every_step_counts_once(tmp_path):
     """Windows of 13 steps in updates of 5, 5 and 3: the balance of torques closes in each.
 
-    A torque of held forces counts with the time that it is held, so that what is left is as in windows of whole
-    updates: counted alike it would be wrong by a part of the torque itself.
+    A torque of lagged forces counts with its duration, so that what is left is as in windows of whole updates:
+    counted alike it would be wrong by a part of the torque itself.
     """
     values = {"effects.dipoles.update_every": 5, "time.step": 1e-7}
     whole = run(tmp_path, "whole", values | {"time.window": 1.5e-6, "time.end": 60e-6}).history
@@ -99,7 +98,7 @@ def test_an_effect_that_is_off_is_one_without_strength(name, beside, idle, tmp_p
 
 
 def test_what_is_off_is_not_there(tmp_path):
-    """No held force, no moment, no field, no rolling table is allocated when no effect asks for it."""
+    """No lagged force, no moment, no field, no rolling table is allocated when no effect asks for it."""
     from emclutch.simulation.assembly import assemble
     from emclutch.simulation.plan import make_plan
 

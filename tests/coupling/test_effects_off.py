@@ -101,7 +101,7 @@ def test_the_poison_is_seen_where_the_effect_is_on(effects, poison):
 
 
 @pytest.mark.parametrize("engine", ["dem", "dvi"])
-def test_gravity_and_held_forces_that_are_off_have_no_rows(engine):
+def test_gravity_and_lagged_forces_that_are_off_have_no_rows(engine):
     """Per grain an empty array is asked for its length, once; rows of zeros give the same bits."""
     walls, bodies = [cylinder("bore", "drum", 3.6 * RADIUS, -1.0, 1.0)], [Body("drum")]
 
@@ -165,11 +165,11 @@ def calls(without=()):
         **({"effects.dipoles.model": "mutual"} if without == ("saturation",) else {}),  # necks saturate first
         **({"coil.voltage": None, "coil.current": "1 A"} if "coil_circuit" in without else {}),
     })  # fmt: skip
-    found: Counter = Counter()
+    result: Counter = Counter()
 
     def count(frame, event, argument):
         if event == "call" and frame.f_code.co_filename.startswith(str(ROOT)) and frame.f_code.co_name != "<module>":
-            found[str(Path(frame.f_code.co_filename).relative_to(ROOT))] += 1
+            result[str(Path(frame.f_code.co_filename).relative_to(ROOT))] += 1
 
     device, plan = make_plan(case)
     simulation = assemble(device, plan)
@@ -178,7 +178,7 @@ def calls(without=()):
         run_staggered(simulation, simulation.motion.dt)
     finally:
         sys.setprofile(None)
-    return found, simulation
+    return result, simulation
 
 
 @pytest.fixture(scope="module")
@@ -187,20 +187,20 @@ def all_on():
 
 
 def test_every_effect_works_when_all_are_on(all_on):
-    found, simulation = all_on
+    result, simulation = all_on
     for effect, files in FILES.items():
         for file in files:
-            assert found[file] > 0, f"{effect}: nothing of {file} was called"
+            assert result[file] > 0, f"{effect}: nothing of {file} was called"
     assert simulation.motion.grains.magnetic_moment is not None and simulation.motion.external_force is not None
 
 
 @pytest.mark.parametrize("effect", FILES)
 def test_an_effect_that_is_off_is_never_called(effect):
     without = (effect, *NEEDS.get(effect, ()))
-    found, _ = calls(without)
+    result, _ = calls(without)
     for name in without:
         for file in FILES[name]:
-            assert found[file] == 0, f"{name} is off, and {file} was called {found[file]} times"
+            assert result[file] == 0, f"{name} is off, and {file} was called {result[file]} times"
 
 
 def test_a_circuit_that_is_off_is_never_called():
@@ -217,8 +217,8 @@ def test_without_saturation_grains_are_linear_at_any_field(all_on):
 
 
 def test_without_magnetic_effects_nothing_magnetic_is_there():
-    found, simulation = calls((*FILES, "coil_circuit", "saturation"))
-    assert not [file for file in found if file.startswith("field/")]
+    result, simulation = calls((*FILES, "coil_circuit", "saturation"))
+    assert not [file for file in result if file.startswith("field/")]
     assert simulation.magnetised is None and simulation.source is None
     assert simulation.motion.grains.magnetic_moment is None and simulation.motion.external_force is None
 

@@ -168,11 +168,11 @@ def test_all_powder_on_one_side():
     laws = {name: own for name, own in device.coil.problem.laws.items() if name != "powder"}
     problem = powder_problem(device.coil.mesh, law, 2.5 * d, laws, open_boundary=True)
     for current in (0.1, 1.0, 50.0):
-        found = fed_back(
+        result = fed_back(
             problem, law, x, 0.5 * d, 2.5 * d, model="near_field", sector=sector, walls=device.walls(),
             ampere_turns=500.0 * current, agree=1e-4, tolerance=1e-8,
         )  # fmt: skip
-        assert found.residuals[-1] <= 1e-4, current
-        turn = np.cross(x, found.force)[:, 2]
+        assert result.residuals[-1] <= 1e-4, current
+        turn = np.cross(x, result.force)[:, 2]
         assert abs(turn.sum()) < 1e-6 * np.abs(turn).sum()
-    assert found.feedback._fill.min() == 0.0 and 0.3 < found.feedback._fill.max() < 0.7
+    assert result.feedback._fill.min() == 0.0 and 0.3 < result.feedback._fill.max() < 0.7

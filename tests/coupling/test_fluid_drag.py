@@ -36,28 +36,28 @@ class Pull(Effect):
         return {}
 
 
-def slowed(held, decay=DECAY, more=()):
-    """Velocity [m/s] and rows of a lone grain in a box, its drag held for so many steps; and the simulation."""
+def slowed(lagged_steps, decay=DECAY, more=()):
+    """Velocity [m/s] and rows of a lone grain in a box, its drag constant for so many steps; and the simulation."""
     grains = Grains.create(np.array([[LEVER, 0.0, 0.01]]), RADIUS, DENSITY, velocity=np.array([[0.0, SPEED, 0.0]]))
     motion = DEM(grains, Box((0.02, 0.02, 0.02)).walls(), [Body("housing")], law("linear"), dt=2e-6, energy_budget=True)
     drag = FluidDrag(MASS / (6.0 * pi * RADIUS * decay))
     rows = []
-    simulation = Simulation(motion, [drag, *more], None, None, steps_per_update=held, steps=100)
+    simulation = Simulation(motion, [drag, *more], None, None, steps_per_update=lagged_steps, steps=100)
     run_staggered(simulation, TIME, [lambda _, row: rows.append(row)])
     return motion.grains.velocity[0, 1], rows, simulation
 
 
-@pytest.mark.parametrize("held", [1, 4, 50])
+@pytest.mark.parametrize("lagged_steps", [1, 4, 50])
 @pytest.mark.parametrize("decay", [1e-2, 1e-3, 2e-4])
-def test_a_lone_grain_slows_by_the_closed_form(held, decay):
-    """v = v_0 exp(-t/tau), whatever the time for which the force is held."""
-    assert slowed(held, decay)[0] == pytest.approx(SPEED * np.exp(-TIME / decay), rel=1e-9)
+def test_a_lone_grain_slows_by_the_closed_form(lagged_steps, decay):
+    """v = v_0 exp(-t/tau), whatever the time for which the force lags."""
+    assert slowed(lagged_steps, decay)[0] == pytest.approx(SPEED * np.exp(-TIME / decay), rel=1e-9)
 
 
 def test_the_force_of_the_field_is_without_the_drag():
     """At the terminal speed the grain holds no force in all, and that of the field is minus the drag."""
-    held = 4 * 2e-6
-    terminal = np.array([0.0, -MASS * np.expm1(-held / DECAY) / held * SPEED, 0.0])
+    duration = 4 * 2e-6
+    terminal = np.array([0.0, -MASS * np.expm1(-duration / DECAY) / duration * SPEED, 0.0])
     speed, _, simulation = slowed(4, more=[Pull(terminal)])
     assert speed == pytest.approx(SPEED, rel=1e-9)
     assert np.abs(simulation.motion.external_force).max() < 1e-9 * terminal[1]
@@ -75,11 +75,11 @@ def test_its_torque_and_work_close_the_balances():
     taken = 0.0
     for row in rows:
         on_the_fluid = -row.other_torque["fluid_drag"]
-        assert not row.field_torque and not row.held_is_magnetic
+        assert not row.field_torque and not row.lagged_is_magnetic
         assert on_the_fluid > 0.0  # with the grain's motion
         assert abs(row.torque_residual) < 1e-9 * on_the_fluid
-        assert abs(row.energy.residual) < 1e-9 * abs(row.energy.work_held)
-        taken += row.energy.work_held
+        assert abs(row.energy.residual) < 1e-9 * abs(row.energy.work_lagged)
+        taken += row.energy.work_lagged
     assert taken == pytest.approx(-0.5 * MASS * SPEED**2 * (1.0 - np.exp(-2.0 * TIME / DECAY)), rel=1e-9)
 
 

@@ -44,19 +44,19 @@ def gathered(history, of):
     """A history whose rows gather so many, each column as its reference says."""
     group = np.arange(len(history)) // of
     duration = np.diff(history["time"], prepend=0.0)
-    found = {}
+    rows = {}
     for name in history:
         column, by = history[name], history[name].groupby(group)
         match COLUMNS[name].when:
             case When.SUM:
-                found[name] = by.sum()
+                rows[name] = by.sum()
             case When.MEAN:
-                found[name] = (column * duration).groupby(group).sum() / pd.Series(duration).groupby(group).sum()
+                rows[name] = (column * duration).groupby(group).sum() / pd.Series(duration).groupby(group).sum()
             case When.LARGEST:
-                found[name] = by.max()
+                rows[name] = by.max()
             case _:
-                found[name] = by.last()
-    return pd.DataFrame(found)
+                rows[name] = by.last()
+    return pd.DataFrame(rows)
 
 
 @pytest.mark.parametrize("values", [ANNULUS, RIGID], ids=["dem", "dvi"])
@@ -69,13 +69,13 @@ def test_short_windows_add_up_to_long_ones_as_the_reference_says(tmp_path, value
         for steps in (SHORT, LONG)
     )
     assert len(long) == 10 and len(short) == 30
-    found = gathered(short, LONG // SHORT)
+    rows = gathered(short, LONG // SHORT)
     for name in set(long) - CLOCKS:
         alike = [name]
         if name.endswith("_residual"):  # what is left of a balance is round-off of its terms
             alike = [one for one in long if COLUMNS[one].unit == COLUMNS[name].unit]
         scale = max(float(long[alike].abs().max().max()), 1e-30)
-        assert found[name].to_numpy() == pytest.approx(long[name].to_numpy(), rel=1e-9, abs=1e-9 * scale), name
+        assert rows[name].to_numpy() == pytest.approx(long[name].to_numpy(), rel=1e-9, abs=1e-9 * scale), name
 
 
 def linear_coil(folder, values):
@@ -127,13 +127,13 @@ def flux_densities(folder):
 
     from emclutch.results.vtk.series import read_pvd
 
-    found = {}
+    largest = {}
     for time, file in read_pvd(folder / "field.pvd"):
         reader = vtkXMLUnstructuredGridReader()
         reader.SetFileName(str(file))
         reader.Update()
-        found[time] = float(np.abs(vtk_to_numpy(reader.GetOutput().GetCellData().GetArray("flux_density"))).max())
-    return found
+        largest[time] = float(np.abs(vtk_to_numpy(reader.GetOutput().GetCellData().GetArray("flux_density"))).max())
+    return largest
 
 
 def test_a_row_of_a_circuit_is_the_circuit_at_its_time(tmp_path):

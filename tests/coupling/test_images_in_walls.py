@@ -7,9 +7,9 @@ import numba
 import numpy as np
 import pytest
 
-from coupling.image_lanes import (
+from coupling.image_kernels import (
     N_HEIGHTS,
-    N_SEEN,
+    N_LIST,
     clear_blocks,
     clear_forces,
     columns_twice,
@@ -21,11 +21,11 @@ from coupling.image_lanes import (
     list_pair_images,
     wall_sides,
 )
-from coupling.influence import choose_entries
+from coupling.influence import pair_subset
 from coupling.kernel_state import PairModel
 from coupling.moment_kernels import wall_heights
 from coupling.neighbour_rows import neighbour_rows
-from coupling.row_lanes import IMAGED, columns_of
+from coupling.row_kernels import IMAGED, columns_of
 from field import MU_0
 from particles import CyclicSector
 
@@ -56,21 +56,21 @@ class Faced(NamedTuple):
 def images_of(model, grains, place, source, rows, imaged, walls):
     """Blocks of pairs and of grains, field and potential, forces of pairs and of grains [N], of images alone."""
     n, k, room = place.shape[0], imaged.entry.shape[0], 8 * 64 * walls.shape[0] + 8
-    seen, heights, faces = np.empty((N_SEEN, room), np.int32), np.empty((N_HEIGHTS, room)), wall_sides(grains)
+    image_list, heights, faces = np.empty((N_LIST, room), np.int32), np.empty((N_HEIGHTS, room)), wall_sides(grains)
     width = 16 if model.near else 12
     blocks, own = np.empty((k + 1, width)), np.zeros((n, width))
     pulls, pull = np.empty((k, 4)), np.zeros((n, 4))
     clear_blocks(0, imaged.pairs, imaged, blocks)
     clear_forces(0, imaged.pairs, imaged, pulls)
-    m = list_pair_images(0, imaged.pairs, model.reach, faces, imaged, seen, heights)
-    influences_of_pairs(m, model, place, rows, walls, seen, heights, blocks)
-    find_forces(m, model, place, source, rows, walls, seen, heights, pulls)
+    m = list_pair_images(0, imaged.pairs, model.reach, faces, imaged, image_list, heights)
+    influences_of_pairs(m, model, place, rows, walls, image_list, heights, blocks)
+    find_forces(m, model, place, source, rows, walls, image_list, heights, pulls)
     field, twice = np.empty((n, 4)), columns_twice(source, source[:, 3])
     for i in range(n):
         field[i] = field_of_images(i, imaged.start, imaged.entry, rows.other, blocks, twice)
-    m = list_grain_images(0, n, model.reach, faces, rows, seen, heights)
-    influences_of_grains(m, model, place, rows, walls, seen, heights, own)
-    find_forces(m, model, place, source, rows, walls, seen, heights, pull)
+    m = list_grain_images(0, n, model.reach, faces, rows, image_list, heights)
+    influences_of_grains(m, model, place, rows, walls, image_list, heights, own)
+    find_forces(m, model, place, source, rows, walls, image_list, heights, pull)
     return blocks[:k].copy().reshape(k, -1, 4), own.reshape(n, -1, 4), field, pulls, pull
 
 
@@ -87,7 +87,7 @@ def found_by_kernels(walls, x, v, rows, end, charged=True):
     wall_heights(x, walls, 1.0, height)
     every = np.full(len(rows.other), IMAGED, dtype=np.uint8)
     twin = np.full(len(rows.other), -1, np.int32) if rows.twin is None else rows.twin
-    imaged = choose_entries(rows.arrays, twin, every, IMAGED)
+    imaged = pair_subset(rows.arrays, twin, every, IMAGED)
     blocks, own, field, pulls, pull = images_of(
         PairModel(reach, smear, charged, 1e-3), Faced(height, radius), place_of(x, radius), v, rows.arrays, imaged,
         walls,
@@ -295,7 +295,7 @@ def test_the_image_of_a_neutral_pair_at_the_end_of_a_chain():
 
 @EVERY_WALL
 def test_what_is_found_once_is_the_same_from_both_sides(kind):
-    """Rows that know each pair's twin, and rows that do not: every entry is then found for itself."""
+    """Rows that know each pair's twin, and rows that do not: every entry is then computed for itself."""
     x, v, rows = cluster(kind)
     for one, other in zip(
         found_by_kernels(WALLS[kind], x, v, rows, "ended"),

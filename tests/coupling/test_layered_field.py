@@ -115,14 +115,14 @@ def test_a_sheet_of_dipoles_has_the_field_of_all_its_images(share):
     rho = lattice(spacing, width)
     near = 35.0 / (32.0 * np.pi * width**3) + normal_field(rho, 0.0, width).sum()
     near += normal_field(np.concatenate(([0.0], rho)), 2.0 * h, width).sum()
-    found = layers.sample(place)[0][0, 2] - H0 + m * near
+    result = layers.sample(place)[0][0, 2] - H0 + m * near
 
     far = 60.0 * spacing
     rho = np.concatenate(([0.0], lattice(spacing, far)))
     d2 = rho**2 + 4.0 * h**2
     image = ((12.0 * h**2 / d2 - 1.0) / (4.0 * np.pi * d2**1.5)).sum() - 0.5 / (area * far)  # the sheet's rest
     truth = m * (1.0 / (area * GAP) - 9.0336 / (4.0 * np.pi * spacing**3) + image)
-    assert found == pytest.approx(truth, rel=2e-3)
+    assert result == pytest.approx(truth, rel=2e-3)
 
 
 def test_the_gradient_is_that_of_the_field():
@@ -132,12 +132,12 @@ def test_the_gradient_is_that_of_the_field():
     low = place[:, 2] < 0.5 * GAP
     settle(layers, place, lambda H: random.uniform(0.5, 1.0) * np.minimum(2.0 * H, 90e3) * low * volume, 3, 1.0)
     points = place[40:-40:37]
-    found = layers.sample(points)[1]
+    result = layers.sample(points)[1]
     step = 1e-7
     for axis in range(3):
         shift = step * np.eye(3)[axis]
         slope = (layers.sample(points + shift)[0] - layers.sample(points - shift)[0]) / (2.0 * step)
-        assert found[:, :, axis] == pytest.approx(slope, abs=1e-5 * np.abs(found).max())
+        assert result[:, :, axis] == pytest.approx(slope, abs=1e-5 * np.abs(result).max())
 
 
 def test_without_a_field_there_is_none():

@@ -1,6 +1,6 @@
 """Work of the magnetic forces on grains against their energy W: nothing in closed loops, -dW on open paths.
 
-Moments and drops are at their fixed point at every place, as if the grains were moved quasi-statically.
+Moments and mmfs are at their fixed point at every place, as if the grains were moved quasi-statically.
 """
 
 from types import SimpleNamespace
@@ -41,13 +41,13 @@ class Moved:
         x = A * np.vstack((self.others, place))
         radius, rows = np.full(len(x), A), neighbour_rows(x, 1.0)
         applied = self.H + x @ self.gradient.T
-        found = self.solver.solve(
+        result = self.solver.solve(
             x, radius, applied, rows, start=self.start, necks=self.necks, tolerance=1e-10, max_sweeps=4000
         )
-        assert found.residual <= 1e-10
-        self.start, self.necks = found.dipole, self.solver.necks_of(found)
-        force = self.solver.forces(x, radius, rows, found).force + MU_0 * found.dipole @ self.gradient.T
-        return self.solver.energy(x, radius, found), force[-1]
+        assert result.residual <= 1e-10
+        self.start, self.necks = result.dipole, self.solver.necks_of(result)
+        force = self.solver.forces(x, radius, rows, result).force + MU_0 * result.dipole @ self.gradient.T
+        return self.solver.energy(x, radius, result), force[-1]
 
 
 def loop_work(grains, middle, size, points=64, plane=(0, 2)):

@@ -47,16 +47,16 @@ LATTICES = {
 }
 
 
-def check(x, field, found, back):
+def check(x, field, result, back):
     """Numbers, third law and angular momentum; of the reversed field moments reversed and the same forces."""
-    pull = max(np.abs(found.force).max(), 1e-300)
-    assert np.isfinite(found.force).all() and np.isfinite(found.moment).all() and np.isfinite(found.energy)
-    assert np.abs(found.force.sum(axis=0)).max() < 1e-12 * pull
-    size = np.abs(found.moment).max()
-    assert np.abs(back.moment + found.moment).max() < 1e-9 * size
-    assert np.abs(back.force - found.force).max() < 1e-8 * pull
-    turning = np.cross(x, found.force).sum(axis=0)
-    by_field = 4e-7 * np.pi * np.cross(found.moment, field).sum(axis=0)
+    pull = max(np.abs(result.force).max(), 1e-300)
+    assert np.isfinite(result.force).all() and np.isfinite(result.moment).all() and np.isfinite(result.energy)
+    assert np.abs(result.force.sum(axis=0)).max() < 1e-12 * pull
+    size = np.abs(result.moment).max()
+    assert np.abs(back.moment + result.moment).max() < 1e-9 * size
+    assert np.abs(back.force - result.force).max() < 1e-8 * pull
+    turning = np.cross(x, result.force).sum(axis=0)
+    by_field = 4e-7 * np.pi * np.cross(result.moment, field).sum(axis=0)
     torque = 4e-7 * np.pi * size * np.abs(field).max() * len(x)
     assert np.abs(turning - by_field).max() < 1e-5 * torque + 1e-12 * pull * np.abs(x).max()
 
@@ -86,7 +86,7 @@ def test_touching_and_overlapping_clusters(name, direction):
 
 @EVERY_CLUSTER
 def test_a_chain_of_fields_leaves_no_trace(name):
-    """Slowly up, fast down, reversed, switched off: every state is the one that is found from nothing."""
+    """Slowly up, fast down, reversed, switched off: every state is the one that is solved from nothing."""
     x, radius = 2.0 * A * CLUSTERS[name], np.full(len(CLUSTERS[name]), A)
     rows, table = neighbour_rows(x, 1.0), grain_table(GrainLaw(999.0, MS), "near_field")
     warm = MutualMoments(table, near=True, reach=1.0)
@@ -94,16 +94,16 @@ def test_a_chain_of_fields_leaves_no_trace(name):
     up, down = np.geomspace(1e3, 5e5, 12), (2e5, 5e3, 10.0, 0.0, 1e3, -1e3, -8e4, 8e4, 3e5, -3e5)
     for H in (*up, *down):
         applied = np.tile(H * OBLIQUE, (len(x), 1))
-        found = warm.solve(x, radius, applied, rows, start=start, necks=necks, tolerance=1e-10, max_sweeps=MAX_SWEEPS)
+        result = warm.solve(x, radius, applied, rows, start=start, necks=necks, tolerance=1e-10, max_sweeps=MAX_SWEEPS)
         cold = MutualMoments(table, near=True, reach=1.0).solve(
             x, radius, applied, rows, tolerance=1e-10, max_sweeps=MAX_SWEEPS
         )
-        assert found.residual <= 1e-10 and cold.residual <= 1e-10
-        assert np.abs(found.moment - cold.moment).max() <= 1e-7 * np.abs(cold.moment).max()
-        force = warm.forces(x, radius, rows, found).force
+        assert result.residual <= 1e-10 and cold.residual <= 1e-10
+        assert np.abs(result.moment - cold.moment).max() <= 1e-7 * np.abs(cold.moment).max()
+        force = warm.forces(x, radius, rows, result).force
         if H == 0.0:
-            assert not found.moment.any() and not force.any()
-        start, necks = found.dipole.copy(), warm.necks_of(found)
+            assert not result.moment.any() and not force.any()
+        start, necks = result.dipole.copy(), warm.necks_of(result)
 
 
 @pytest.mark.parametrize("gap", [0.0, 0.01, 0.1])
@@ -113,11 +113,11 @@ def test_chains_of_41_grains(gap, direction):
     x = np.column_stack([np.zeros((41, 2)), (2.0 + gap) * A * np.arange(41)])
     for chi in (14.0, 999.0, 5000.0):
         for H in (1e-3, 1e3, 18e3, 80e3, 200e3, 5e5):
-            found = magnetised_cluster(
+            result = magnetised_cluster(
                 x, A, GrainLaw(chi, MS), H * direction, tolerance=1e-8, max_sweeps=MAX_SWEEPS
             )
             if direction is ALONG:
-                tension = -np.cumsum(found.force[::-1, 2])[:-1]
+                tension = -np.cumsum(result.force[::-1, 2])[:-1]
                 assert tension.argmax() in (19, 20) or tension.max() < 1.001 * tension[19]
                 assert tension.min() > 0.0
 
@@ -135,18 +135,18 @@ def test_lattices_that_repeat(lattice, chi, monkeypatch):
         a = edge * (2.0 + gap) * A
         for H in (1e-3, 1e3, 18e3, 80e3, 2e5, 3e5, 5e5, 1e7):
             for direction in (ALONG, OBLIQUE):
-                found = magnetised_cell(
+                result = magnetised_cell(
                     place * a, A, [a] * 3, GrainLaw(chi, MS), H * direction, reach=5.0, tolerance=1e-8,
                     max_sweeps=MAX_SWEEPS,
                 )  # fmt: skip
-                assert np.isfinite(found.moment).all() and np.isfinite(found.stress).all()
-                most = 4e-7 * np.pi * MS * np.linalg.norm(found.magnetisation[0]) * A**2
-                assert np.abs(found.force).max() < 1e-6 * most  # of the residual
-                assert np.abs(found.moment - found.moment[0]).max() < 1e-6 * np.abs(found.moment).max()
+                assert np.isfinite(result.moment).all() and np.isfinite(result.stress).all()
+                most = 4e-7 * np.pi * MS * np.linalg.norm(result.magnetisation[0]) * A**2
+                assert np.abs(result.force).max() < 1e-6 * most  # of the residual
+                assert np.abs(result.moment - result.moment[0]).max() < 1e-6 * np.abs(result.moment).max()
 
 
 def test_necks_of_other_grains_and_of_a_far_field_are_no_harm():
-    """Drops of grains that are gone or renumbered, of a field ten thousand times as strong: the same state."""
+    """Mmfs of grains that are gone or renumbered, of a field ten thousand times as strong: the same state."""
     x, radius = 2.0 * A * CLUSTERS["icosahedron"], np.full(12, A)
     solver = MutualMoments(grain_table(GrainLaw(999.0, MS), "near_field"), near=True, reach=1.0)
     rows, applied = neighbour_rows(x, 1.0), np.tile(5e4 * OBLIQUE, (12, 1))
@@ -154,23 +154,23 @@ def test_necks_of_other_grains_and_of_a_far_field_are_no_harm():
     moment, number = cold.moment.copy(), np.arange(12) + 7
     necks = solver.necks_of(cold, number)
     for renumbered, factor in ((number[::-1].copy(), 1.0), (number + 1000, 1.0), (number, 1e4), (number, -1.0)):
-        necks.drop *= factor
-        found = solver.solve(
+        necks.neck_mmf *= factor
+        result = solver.solve(
             x, radius, applied, neighbour_rows(x, 1.0), start=cold.dipole, necks=necks, number=renumbered,
             tolerance=1e-10, max_sweeps=MAX_SWEEPS,
         )  # fmt: skip
-        assert found.residual <= 1e-10
-        assert np.abs(found.moment - moment).max() < 1e-8 * np.abs(moment).max()
-        necks.drop /= factor
+        assert result.residual <= 1e-10
+        assert np.abs(result.moment - moment).max() < 1e-8 * np.abs(moment).max()
+        necks.neck_mmf /= factor
 
 
-def test_drops_that_begin_at_zero_across_the_field():
-    """Of touching grains across the field a distant third one makes the first drop: the same for grains of any size."""
+def test_mmfs_that_begin_at_zero_across_the_field():
+    """Of touching grains across the field a distant third one makes the first mmf: the same for grains of any size."""
     x = np.array([[0.0, 0.0, 0.0], [2.003, 0.0, 0.0], [-1.5, 0.0, 2.9]])
-    found = [magnetised_cluster(x * a, a, GrainLaw(999.0, MS), 3e-1 * MS * ALONG) for a in (1e-6, 1e-3, 10.0)]
-    for one, a in zip(found, (1e-6, 1e-3, 10.0), strict=True):
+    result = [magnetised_cluster(x * a, a, GrainLaw(999.0, MS), 3e-1 * MS * ALONG) for a in (1e-6, 1e-3, 10.0)]
+    for one, a in zip(result, (1e-6, 1e-3, 10.0), strict=True):
         assert one.sweeps < 60
-        np.testing.assert_allclose(one.force / a**2, found[1].force / 1e-6, rtol=1e-7, atol=1e-8)
+        np.testing.assert_allclose(one.force / a**2, result[1].force / 1e-6, rtol=1e-7, atol=1e-8)
 
 
 def test_gaps_below_the_table_pull_as_its_first_gap():
@@ -195,9 +195,9 @@ def test_the_best_state_is_kept_where_the_tolerance_is_not_reached(monkeypatch, 
     solver = MutualMoments(grain_table(GrainLaw(5000.0, MS), "near_field"), near=True, reach=1.0)
     for most in (MAX_SWEEPS,) if stalled else range(2, 16):
         residuals.clear()
-        found = solver.solve(x, radius, applied, neighbour_rows(x, 1.0), tolerance=1e-13, max_sweeps=most)
-        assert found.sweeps == len(residuals) < most + 2
-        assert found.residual == residuals[-1] == pytest.approx(min(residuals), rel=1e-6)
+        result = solver.solve(x, radius, applied, neighbour_rows(x, 1.0), tolerance=1e-13, max_sweeps=most)
+        assert result.sweeps == len(residuals) < most + 2
+        assert result.residual == residuals[-1] == pytest.approx(min(residuals), rel=1e-6)
         returned += residuals[-1] > 0.999 * min(residuals[:-1])  # the last evaluation was no step further
     assert returned > 0 or stalled  # there were worse states to come back from; where it stalls, round-off decides
 
@@ -208,5 +208,5 @@ def test_newtons_method_alone(monkeypatch, strength):
     x, law, run = CLUSTERS["star"] * 2.01 * A, GrainLaw(999.0, MS), MomentSweeps.run
     swept = magnetised_cluster(x, A, law, strength * OBLIQUE, tolerance=1e-10, max_sweeps=MAX_SWEEPS)
     monkeypatch.setattr(MomentSweeps, "run", lambda self, tolerance, most, cold: run(self, tolerance, 3, cold))
-    found = magnetised_cluster(x, A, law, strength * OBLIQUE, tolerance=1e-10, max_sweeps=MAX_SWEEPS)
-    assert np.abs(found.moment - swept.moment).max() < 1e-8 * np.abs(swept.moment).max()
+    result = magnetised_cluster(x, A, law, strength * OBLIQUE, tolerance=1e-10, max_sweeps=MAX_SWEEPS)
+    assert np.abs(result.moment - swept.moment).max() < 1e-8 * np.abs(swept.moment).max()

@@ -44,11 +44,11 @@ def test_a_pair_along_the_field(gap):
     """At a gap of 1 the neck's energy begins to fade, which adds 2 % to the force there."""
     close = 5e-3 if gap < 1.0 else 0.025
     for H, force in zip(FIELDS, PAIR_FORCE[gap], strict=True):
-        found = pair(gap, [0.0, 0.0, H], smallest_gap=FAR)
-        assert found.force[1, 2] / UNIT == pytest.approx(-force, rel=close), H
+        result = pair(gap, [0.0, 0.0, H], smallest_gap=FAR)
+        assert result.force[1, 2] / UNIT == pytest.approx(-force, rel=close), H
     for H, moment in zip(FIELDS, PAIR_MOMENT.get(gap, ()), strict=False):
-        found = pair(gap, [0.0, 0.0, H], smallest_gap=FAR)
-        assert found.magnetisation[:, 2] / MS == pytest.approx([moment] * 2, rel=2e-3), H
+        result = pair(gap, [0.0, 0.0, H], smallest_gap=FAR)
+        assert result.magnetisation[:, 2] / MS == pytest.approx([moment] * 2, rel=2e-3), H
 
 
 @pytest.mark.parametrize("gap", CHAIN_FORCE)
@@ -56,11 +56,11 @@ def test_a_chain_along_the_field(gap):
     """Of 61 grains, against an infinite one, up to 300 kA/m: force 6 %, moment 4 %; at 500 kA/m force 9 %."""
     x = np.column_stack([np.zeros((61, 2)), (2.0 + gap) * A * np.arange(61)])
     for n, H in enumerate(FIELDS):
-        found = magnetised_cluster(x, A, IRON, [0.0, 0.0, H], smallest_gap=FAR, tolerance=1e-6)
+        result = magnetised_cluster(x, A, IRON, [0.0, 0.0, H], smallest_gap=FAR, tolerance=1e-6)
         close = 0.06 if H < 4e5 else 0.09
-        assert -found.force[31:, 2].sum() / UNIT == pytest.approx(CHAIN_FORCE[gap][n], rel=close), H
+        assert -result.force[31:, 2].sum() / UNIT == pytest.approx(CHAIN_FORCE[gap][n], rel=close), H
         if gap in CHAIN_MOMENT:
-            assert found.magnetisation[30, 2] / MS == pytest.approx(CHAIN_MOMENT[gap][n], rel=0.04), H
+            assert result.magnetisation[30, 2] / MS == pytest.approx(CHAIN_MOMENT[gap][n], rel=0.04), H
 
 
 @pytest.mark.parametrize(
@@ -73,10 +73,10 @@ def test_a_chain_along_the_field(gap):
 )
 def test_an_oblique_pair(angle, h, along, across, moment):
     field = h * MS * np.array([np.sin(np.radians(angle)), 0.0, np.cos(np.radians(angle))])
-    found = pair(0.03, field)
-    assert found.force[1, 2] / UNIT == pytest.approx(along, rel=0.03)
-    assert found.force[1, 0] / UNIT == pytest.approx(across, rel=0.03, abs=1e-9)
-    assert found.magnetisation[1, [0, 2]] / MS == pytest.approx(moment, rel=0.02, abs=1e-9)
+    result = pair(0.03, field)
+    assert result.force[1, 2] / UNIT == pytest.approx(along, rel=0.03)
+    assert result.force[1, 0] / UNIT == pytest.approx(across, rel=0.03, abs=1e-9)
+    assert result.magnetisation[1, [0, 2]] / MS == pytest.approx(moment, rel=0.02, abs=1e-9)
 
 
 def test_a_pair_across_the_field():
@@ -84,18 +84,18 @@ def test_a_pair_across_the_field():
 
     Two dipoles would repel by 40 % too much.
     """
-    found = pair(0.03, [0.3 * MS, 0.0, 0.0])
-    assert 1.15 * 0.1123 < found.force[1, 2] / UNIT < 1.25 * 0.1123
-    assert found.magnetisation[1] / MS == pytest.approx([0.8042, 0.0, 0.0], rel=0.02, abs=1e-9)
+    result = pair(0.03, [0.3 * MS, 0.0, 0.0])
+    assert 1.15 * 0.1123 < result.force[1, 2] / UNIT < 1.25 * 0.1123
+    assert result.magnetisation[1] / MS == pytest.approx([0.8042, 0.0, 0.0], rel=0.02, abs=1e-9)
 
 
 def test_a_triangle():
     x = np.array([[-0.586, 0.0, -1.015], [-0.586, 0.0, 1.015], [1.172, 0.0, 0.0]]) * A
-    found = magnetised_cluster(x, A, IRON, [0.0, 0.0, 0.0470588 * MS])
+    result = magnetised_cluster(x, A, IRON, [0.0, 0.0, 0.0470588 * MS])
     force = np.array([[0.01534, 0.0, 0.06493], [0.01534, 0.0, -0.06493], [-0.03067, 0.0, 0.0]])
     moment = np.array([[0.0366, 0.0, 0.2052], [-0.0366, 0.0, 0.2052], [0.0, 0.0, 0.1431]])
-    assert np.abs(found.force / UNIT - force).max() < 0.04 * 0.06493
-    assert np.abs(found.magnetisation / MS - moment).max() < 0.02 * 0.2052
+    assert np.abs(result.force / UNIT - force).max() < 0.04 * 0.06493
+    assert np.abs(result.magnetisation / MS - moment).max() < 0.02 * 0.2052
 
 
 @pytest.mark.parametrize("model", ["mutual", "near_field"])
@@ -105,10 +105,10 @@ def test_third_law_and_angular_momentum_at_the_fixed_point(model):
     x = np.array([[0.0, 0, 0], [2.03, 0, 0.1], [1.0, 1.8, 0.2], [0.9, 0.5, 1.9], [3.0, 1.9, 0.3], [1.5, 1.0, 4.5]]) * A
     radius = A * random.uniform(0.9, 1.0, len(x))
     field = np.array([30e3, -20e3, 50e3])
-    found = magnetised_cluster(x, radius, IRON, field, model=model, tolerance=1e-14)
-    scale = np.abs(found.force).max()
-    assert np.abs(found.force.sum(axis=0)).max() < 1e-13 * scale
-    on_grains, by_field = angular_momentum(x, found, field)
+    result = magnetised_cluster(x, radius, IRON, field, model=model, tolerance=1e-14)
+    scale = np.abs(result.force).max()
+    assert np.abs(result.force.sum(axis=0)).max() < 1e-13 * scale
+    on_grains, by_field = angular_momentum(x, result, field)
     assert np.abs(on_grains - by_field).max() < 1e-10 * np.abs(by_field).max()
 
 
@@ -136,16 +136,16 @@ def test_linear_dipoles_solve_the_dense_system():
                 matrix[i, :, j] = -50.0 / (1.0 + 50.0 / 3.0) * VOLUME * T
     right = np.tile(50.0 / (1.0 + 50.0 / 3.0) * VOLUME * H, n)
     exact = np.linalg.solve(matrix.reshape(3 * n, 3 * n), right).reshape(n, 3)
-    found = magnetised_cluster(x, A, law, H, model="mutual", tolerance=1e-13)
-    assert found.moment == pytest.approx(exact, rel=1e-9, abs=1e-12 * np.abs(exact).max())
+    result = magnetised_cluster(x, A, law, H, model="mutual", tolerance=1e-13)
+    assert result.moment == pytest.approx(exact, rel=1e-9, abs=1e-12 * np.abs(exact).max())
 
 
 def test_saturated_grains_are_dipoles_of_their_saturation():
     """At 20 Ms: moments Ms within 1 %, force pi/6 (2/R)^4 within 6 %; that of the necks ends slowly."""
     for gap in (0.003, 0.1, 0.5):
-        found = pair(gap, [0.0, 0.0, 20.0 * MS])
-        assert found.magnetisation[:, 2] / MS == pytest.approx([1.0, 1.0], rel=0.01)
-        assert -found.force[1, 2] / UNIT == pytest.approx(np.pi / 6.0 * (2.0 / (2.0 + gap)) ** 4, rel=0.06)
+        result = pair(gap, [0.0, 0.0, 20.0 * MS])
+        assert result.magnetisation[:, 2] / MS == pytest.approx([1.0, 1.0], rel=0.01)
+        assert -result.force[1, 2] / UNIT == pytest.approx(np.pi / 6.0 * (2.0 / (2.0 + gap)) ** 4, rel=0.06)
 
 
 def test_langevin_grains_and_lone_grains():
@@ -192,10 +192,11 @@ def test_a_dense_bed_converges_in_forty_sweeps():
     rows, radius = neighbour_rows(x, 6.0 * A), np.full(len(x), A)
     for direction in np.eye(3)[[0, 2]]:
         H = np.tile(18e3 * direction, (len(x), 1))
-        found = solver.solve(x, radius, H, rows, tolerance=1e-3, max_sweeps=40)
-        assert found.residual <= 1e-3, found.residual
-        warm = solver.solve(x, radius, 1.01 * H, rows, start=found.dipole, necks=solver.necks_of(found), tolerance=1e-3)
-        assert warm.sweeps < 0.5 * found.sweeps, (warm.sweeps, found.sweeps)
+        result = solver.solve(x, radius, H, rows, tolerance=1e-3, max_sweeps=40)
+        assert result.residual <= 1e-3, result.residual
+        start = {"start": result.dipole, "necks": solver.necks_of(result)}
+        warm = solver.solve(x, radius, 1.01 * H, rows, tolerance=1e-3, **start)
+        assert warm.sweeps < 0.5 * result.sweeps, (warm.sweeps, result.sweeps)
 
 
 @pytest.mark.hard
@@ -225,22 +226,22 @@ def test_what_a_solve_returns_belongs_together_when_it_has_not_converged():
     rows, H = neighbour_rows(x, 6.0 * A), np.tile([0.0, 0.0, 46e3], (100, 1))
     one_more = {"tolerance": 0.0, "max_sweeps": 1}
     for sweeps in (1, 2, 5):
-        found = solver.solve(x, radius, H, rows, tolerance=0.0, max_sweeps=sweeps)
-        again = solver.solve(x, radius, H, rows, start=found.dipole, necks=solver.necks_of(found), **one_more)
-        assert found.field == pytest.approx(again.field, rel=1e-12)
-        assert found.residual == pytest.approx(again.residual, rel=1e-9)
+        result = solver.solve(x, radius, H, rows, tolerance=0.0, max_sweeps=sweeps)
+        again = solver.solve(x, radius, H, rows, start=result.dipole, necks=solver.necks_of(result), **one_more)
+        assert result.field == pytest.approx(again.field, rel=1e-12)
+        assert result.residual == pytest.approx(again.residual, rel=1e-9)
 
 
 @pytest.mark.hard
 def test_very_soft_grains_near_saturation_have_no_nan():
     for H in np.geomspace(4e5, 1e6, 40):
-        found = pair(0.01, [0.3 * H, 0.0, H], law=GrainLaw(1e6, MS), model="mutual")
-        assert np.all(np.isfinite(found.force))
+        result = pair(0.01, [0.3 * H, 0.0, H], law=GrainLaw(1e6, MS), model="mutual")
+        assert np.all(np.isfinite(result.force))
     solver = MutualMoments(grain_table(GrainLaw(1e6, MS), "mutual"), near=False, reach=1.0)
     x = np.zeros((1, 3))
     for H in np.geomspace(5e5, 8e5, 100):
-        found = solver.solve(x, np.array([A]), np.array([[0.0, 0.0, H]]), neighbour_rows(x, 1.0))
-        assert found.residual < 1e-3 and np.isfinite(found.moment).all()
+        result = solver.solve(x, np.array([A]), np.array([[0.0, 0.0, H]]), neighbour_rows(x, 1.0))
+        assert result.residual < 1e-3 and np.isfinite(result.moment).all()
     table = grain_table(GrainLaw(1e6, MS), "mutual")
     assert np.isfinite(table.contrast).all() and table.contrast[:, 0].min() >= 0.0
 
@@ -263,8 +264,8 @@ def test_a_sector_is_part_of_the_ring():
         H = 4e4 * e_r + [0.0, 0.0, 2e4]
         solver = MutualMoments(grain_table(IRON, "near_field"), near=True, reach=reach)
         rows, radius = neighbour_rows(x, reach, s), np.full(len(x), A)
-        found = solver.solve(x, radius, H, rows, tolerance=1e-13, max_sweeps=1000)
-        answers.append((found.moment[:4], solver.forces(x, radius, rows, found).force[:4]))
+        result = solver.solve(x, radius, H, rows, tolerance=1e-13, max_sweeps=1000)
+        answers.append((result.moment[:4], solver.forces(x, radius, rows, result).force[:4]))
     assert answers[0][0] == pytest.approx(answers[1][0], rel=1e-9, abs=1e-15)
     assert answers[0][1] == pytest.approx(answers[1][1], rel=1e-8, abs=1e-9 * np.abs(answers[1][1]).max())
 
@@ -276,10 +277,10 @@ def test_the_mean_force_of_a_long_step_does_the_work_of_short_ones(first):
     x, radius = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, first * A]]), np.full(2, A)
     H, speed, dt = np.tile([0.0, 0.0, 4e4], (2, 1)), 0.4, 1e-3
     rows = neighbour_rows(x, 8.0 * A)
-    found = solver.solve(x, radius, H, rows, tolerance=1e-12, max_sweeps=500)
+    result = solver.solve(x, radius, H, rows, tolerance=1e-12, max_sweeps=500)
     velocity = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, -speed]])
-    ahead = solver.forces(x, radius, rows, found, velocity=velocity, ahead=dt).force
-    rest = solver.forces(x, radius, rows, found, attraction=False).force
+    ahead = solver.forces(x, radius, rows, result, velocity=velocity, ahead=dt).force
+    rest = solver.forces(x, radius, rows, result, attraction=False).force
     gap, end = first - 2.0, max(first - 2.0 - speed * dt / A, -3e-3)
     points, weights = np.polynomial.legendre.leggauss(24)
     # even in ln g above the smallest gap, constant below
@@ -295,8 +296,8 @@ def pull_of_neck(solver, gap):
     x, radius = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, (2.0 + gap) * A]]), np.full(2, A)
     H = np.tile([0.0, 0.0, 4e4], (2, 1))
     rows = neighbour_rows(x, 8.0 * A)
-    found = solver.solve(x, radius, H, rows, tolerance=1e-10, max_sweeps=500)
-    parts = [solver.forces(x, radius, rows, found, attraction=on).force[1, 2] for on in (False, True)]
+    result = solver.solve(x, radius, H, rows, tolerance=1e-10, max_sweeps=500)
+    parts = [solver.forces(x, radius, rows, result, attraction=on).force[1, 2] for on in (False, True)]
     return parts[0] - parts[1]
 
 

@@ -38,10 +38,10 @@ class Solved:
             table, near=model == "near_field", reach=1.0, walls=walls, smallest_gap=smallest_gap
         )
         rows = neighbour_rows(x, 1.0)
-        self.found = self.solver.solve(x, radius, H, rows, tolerance=1e-13, max_sweeps=3000, **start)
-        assert self.found.residual <= 1e-13
-        self.moment, self.held = self.found.moment, self.solver.forces(x, radius, rows, self.found)
-        self.force, self.energy = self.held.force, self.solver.energy(x, radius, self.found)
+        self.state = self.solver.solve(x, radius, H, rows, tolerance=1e-13, max_sweeps=3000, **start)
+        assert self.state.residual <= 1e-13
+        self.moment, self.lagged = self.state.moment, self.solver.forces(x, radius, rows, self.state)
+        self.force, self.energy = self.lagged.force, self.solver.energy(x, radius, self.state)
 
 
 @pytest.mark.parametrize("gap", [0.001, 0.01, 0.03, 0.1, 0.3, 0.9])
@@ -74,7 +74,7 @@ def test_a_heap_over_a_steel_plane_is_half_of_the_mirrored_heap():
         whole = Solved(np.concatenate([x, x * flip]), fields, table=table)
         assert half.moment == pytest.approx(whole.moment[:4], rel=1e-9, abs=1e-11 * VOLUME * MS)
         # the flux into the plane sees the field across it alone; one of a pair all that there is at its grain
-        along = MU_0 * half.found.wall_neck[:, :1, 0] * (H * [1.0, 1.0, 0.0])
+        along = MU_0 * half.state.wall_neck[:, :1, 0] * (H * [1.0, 1.0, 0.0])
         assert np.abs(along[:2]).min(axis=0)[:2].min() > 1e-4 * UNIT
         assert half.force == pytest.approx(whole.force[:4] - along, rel=1e-9, abs=1e-11 * UNIT)
         assert 2.0 * half.energy == pytest.approx(whole.energy, rel=1e-11)
@@ -142,8 +142,8 @@ def test_a_wall_of_revolution_turns_nothing_by_itself(wall):
     on_grains = np.cross(x, solved.force)[:, 2].sum()
     by_field = MU_0 * np.cross(solved.moment, H)[:, 2].sum()
     assert on_grains == pytest.approx(by_field, abs=1e-12 * np.abs(solved.force).max() * 12.0 * A)
-    charges = MU_0 * (solved.found.charge[:, None] * np.cross(x, H))[:, 2].sum()
-    assert solved.held.torque_pairs + solved.held.torque_walls + charges == pytest.approx(on_grains, rel=1e-9)
+    charges = MU_0 * (solved.state.charge[:, None] * np.cross(x, H))[:, 2].sum()
+    assert solved.lagged.torque_pairs + solved.lagged.torque_walls + charges == pytest.approx(on_grains, rel=1e-9)
 
 
 @EVERY_WALL
@@ -185,30 +185,30 @@ def test_grains_between_bores_take_no_torque_from_a_field_of_revolution(model):
     x, radius, bores, H, e_r = between_bores()
     solver = MutualMoments(grain_table(IRON, model), near=model == "near_field", reach=1.0, walls=bores)
     rows = neighbour_rows(x, 1.0)
-    found = solver.solve(x, radius, H, rows, tolerance=1e-14, max_sweeps=3000)
-    held = solver.forces(x, radius, rows, found)
+    state = solver.solve(x, radius, H, rows, tolerance=1e-14, max_sweeps=3000)
+    lagged = solver.forces(x, radius, rows, state)
     e_phi = np.column_stack([-e_r[:, 1], e_r[:, 0], np.zeros(5)])
-    hoop = MU_0 * float(((found.dipole * e_phi).sum(axis=1) * np.hypot(H[:, 0], H[:, 1])).sum())
-    turning = held.torque_pairs + held.torque_walls
-    assert np.cross(x, held.force)[:, 2].sum() == pytest.approx(turning, rel=1e-9)
-    assert abs(held.torque_walls) > 1e-3 * abs(hoop)
+    hoop = MU_0 * float(((state.dipole * e_phi).sum(axis=1) * np.hypot(H[:, 0], H[:, 1])).sum())
+    turning = lagged.torque_pairs + lagged.torque_walls
+    assert np.cross(x, lagged.force)[:, 2].sum() == pytest.approx(turning, rel=1e-9)
+    assert abs(lagged.torque_walls) > 1e-3 * abs(hoop)
     assert abs(turning + hoop) < 1e-10 * abs(hoop)
 
 
 def test_a_pair_that_is_found_once_is_the_same_from_both_sides():
-    """Rows that know each pair's twin, and rows that do not: the images of every entry are then found for itself.
+    """Rows that know each pair's twin, and rows that do not: the images of every entry are then computed for itself.
 
     Necks are of one pair, so the grains here have none with each other.
     """
     x, radius, bores, H, _ = between_bores()
     x, radius, H = x[[0, 2, 3]], radius[[0, 2, 3]] * 0.3, H[[0, 2, 3]]
-    rows, answers = neighbour_rows(x, 1.0), []
+    rows, states = neighbour_rows(x, 1.0), []
     for own in (rows, replace(rows, twin=None)):
         solver = MutualMoments(grain_table(IRON, "near_field"), near=True, reach=1.0, walls=bores)
-        found = solver.solve(x, radius, H, own, tolerance=1e-13, max_sweeps=3000)
-        held = solver.forces(x, radius, own, found)
-        answers.append((found.field, found.potential, held.force, held.torque_pairs, held.torque_walls))
-    for one, other in zip(*answers, strict=True):
+        state = solver.solve(x, radius, H, own, tolerance=1e-13, max_sweeps=3000)
+        lagged = solver.forces(x, radius, own, state)
+        states.append((state.field, state.potential, lagged.force, lagged.torque_pairs, lagged.torque_walls))
+    for one, other in zip(*states, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-10, atol=1e-11 * np.abs(other).max())
 
 
@@ -236,9 +236,9 @@ def test_a_grain_that_leaves_a_walls_end_takes_its_state_along(model):
     cold_on, cold_off = Solved(on, H, wall, model=model), Solved(off, H, wall, model=model)
     free = Solved(off, H, model=model)
     assert cold_off.moment == pytest.approx(free.moment, rel=1e-12) and np.all(cold_off.force == 0.0)
-    start = {"start": cold_on.found.dipole, "necks": cold_on.solver.necks_of(cold_on.found)}
+    start = {"start": cold_on.state.dipole, "necks": cold_on.solver.necks_of(cold_on.state)}
     assert Solved(off, H, wall, model=model, **start).moment == pytest.approx(free.moment, rel=1e-10)
-    start = {"start": cold_off.found.dipole, "necks": cold_off.solver.necks_of(cold_off.found)}
+    start = {"start": cold_off.state.dipole, "necks": cold_off.solver.necks_of(cold_off.state)}
     back = Solved(on, H, wall, model=model, **start)
     assert back.moment == pytest.approx(cold_on.moment, rel=1e-10)
     assert back.force == pytest.approx(cold_on.force, rel=1e-9, abs=1e-12 * UNIT)

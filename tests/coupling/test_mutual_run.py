@@ -63,10 +63,10 @@ def differing(a, b):
     return sorted((a.keys() | b.keys()) - alike)
 
 
-def test_the_pull_of_every_step_is_the_held_one_where_that_is_renewed_at_every_step(tmp_path, monkeypatch):
+def test_the_pull_of_every_step_is_the_lagged_one_where_that_is_renewed_at_every_step(tmp_path, monkeypatch):
     """Handing the near pull over to the grains' own step moves none from pair to pair; steel walls included.
 
-    Renewed at every tenth step instead, the speeds differ ten times more where the pull is held.
+    Renewed at every tenth step instead, the speeds differ ten times more where the pull lags.
     """
     make_cylinders_of_steel(monkeypatch)
     steel = {"effects.wall_images": {}, "effects.dipoles.tolerance": 1e-8}
@@ -87,9 +87,9 @@ def test_the_pull_of_every_step_is_the_held_one_where_that_is_renewed_at_every_s
 
 
 def test_forces_of_rigid_grains_lag_by_the_interval_of_their_moments(tmp_path, monkeypatch):
-    """By DVI near pulls follow the gaps in each step where moments are held: first order in the interval.
+    """By DVI near pulls follow the gaps in each step where moments lag: first order in the interval.
 
-    Where moments are found at every step nothing is handed over: bit for bit the run without. Resumed between two
+    Where moments are solved at every step nothing is transferred: bit for bit the run without. Resumed between two
     evaluations' lists it is the same run.
     """
     rigid = NEAR | {"contact.method": "dvi", "contact.dvi.step": 2e-6, "time.end": "32 us", "time.window": 16e-6}
@@ -101,8 +101,8 @@ def test_forces_of_rigid_grains_lag_by_the_interval_of_their_moments(tmp_path, m
         ends[every] = state(tmp_path, f"rigid-{every}")
     with monkeypatch.context() as patch:
         patch.setattr("coupling.NearAttraction", lambda *given: None)
-        run(tmp_path, "held", rigid | {"effects.dipoles.update_every": 1})
-    assert differing(ends[1], state(tmp_path, "held")) == []
+        run(tmp_path, "lagged", rigid | {"effects.dipoles.update_every": 1})
+    assert differing(ends[1], state(tmp_path, "lagged")) == []
     assert not any("attraction" in name for name in ends[1]) and any("attraction" in name for name in ends[4])
     for end in (16e-6, 32e-6):
         run(tmp_path, "cut", rigid | {"effects.dipoles.update_every": 4, "time.end": end}, resume=end > 16e-6)
@@ -145,7 +145,7 @@ def test_moments_that_do_not_converge_stop_the_run(tmp_path, monkeypatch):
 
 def test_steel_mirrors_as_its_permeability_says():
     """k = (mu - 1)/(mu + 1) of a linear rotor; of saturated steel less, and none of what is not magnetic."""
-    found = {}
+    result = {}
     for name, material, current in (
         ("linear", {"law": "linear", "relative_permeability": 50.0}, 0.1),
         ("weak", {"law": "froehlich", "susceptibility": 2000.0, "saturation": "1.6 MA/m"}, 0.01),
@@ -158,12 +158,12 @@ def test_steel_mirrors_as_its_permeability_says():
         walls = device.walls()
         turns = device.coil.turns
         solution = device.coil.problem.solve(turns * current, fill=np.zeros(len(device.coil.problem.powder_elements)))
-        found[name] = steel_walls(walls, solution)[:, 5]
-        assert len(found[name]) == sum(wall.magnetic for wall in walls) > 0
+        result[name] = steel_walls(walls, solution)[:, 5]
+        assert len(result[name]) == sum(wall.magnetic for wall in walls) > 0
         assert np.all(steel_walls(walls)[:, 5] == 1.0)
-    assert found["linear"] == pytest.approx(49.0 / 51.0, rel=1e-6)
-    assert np.all(found["weak"] > 0.99)
-    assert np.all(found["strong"] < 0.9) and np.all(found["strong"] >= 0.0)
+    assert result["linear"] == pytest.approx(49.0 / 51.0, rel=1e-6)
+    assert np.all(result["weak"] > 0.99)
+    assert np.all(result["strong"] < 0.9) and np.all(result["strong"] >= 0.0)
 
 
 def test_near_contacts_carry_more_than_dipoles(tmp_path, monkeypatch):

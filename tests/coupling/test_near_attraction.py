@@ -23,34 +23,34 @@ BORE = RevolvedWall("bore", "housing", (8e-4, -1e-3), (8e-4, 1e-3), magnetic=Tru
 
 
 def magnetised(x, H, walls=(), dt=1e-9):
-    """A DEM whose grains at x (n, 3) [m] were magnetised by H (3,) [A/m], what was found, and its forces on them."""
+    """A DEM of grains at x (n, 3) [m] that were magnetised by H (3,) [A/m], their magnetisation, and the forces."""
     dem = DEM(Grains.create(x, A, DENSITY), list(walls), [Body("housing")] if walls else [], LAW, dt=dt)
     position, radius = dem.grains.position.copy(), dem.grains.radius.copy()
     solver = MutualMoments(grain_table(IRON, "near_field"), near=True, reach=1.0, walls=steel_walls(walls))
     rows = neighbour_rows(position, 1.0)
-    found = solver.solve(
+    result = solver.solve(
         position, radius, np.tile(H, (len(x), 1)), rows, number=dem.grains.particle_id, tolerance=1e-11,
         max_sweeps=5000,
     )  # fmt: skip
-    force = solver.forces(position, radius, rows, found).force
-    NearAttraction(solver, walls).hold(dem, found, force)
-    return dem, solver, found, force
+    force = solver.forces(position, radius, rows, result).force
+    NearAttraction(solver, walls).freeze(dem, result, force)
+    return dem, solver, result, force
 
 
 def test_held_forces_and_pulls_are_the_forces_of_the_moments():
-    """Where the grains are when these were found: oblique pairs, gaps from 0.001 to 0.9 radii, one at a steel bore."""
+    """At the places of the evaluation: oblique pairs, gaps from 0.001 to 0.9 radii, one at a steel bore."""
     x = A * np.array(
         [[4.98, 0.0, 0.0], [6.985, 0.0, 0.0], [5.3, 0.0, 2.05], [5.0, 2.001, 0.4], [3.2, 0.6, -1.1], [5.9, -1.9, -1.2],
          [2.9, 0.0, 1.1]]
     )  # fmt: skip
-    dem, _, found, force = magnetised(x, [4e4, 1e4, 6e4], [BORE])
+    dem, _, result, force = magnetised(x, [4e4, 1e4, 6e4], [BORE])
     before, mass = dem.grains.velocity.copy(), dem.grains.mass[:, None]
     dem.run(1)
     moved = mass * (dem.grains.velocity - before) / dem.dt
     pulls = force - dem.external_force
-    assert np.abs(pulls).max() > 0.3 * np.abs(force).max()  # most of it is not held
+    assert np.abs(pulls).max() > 0.3 * np.abs(force).max()  # most of it does not lag
     assert np.abs(moved - force).max() < 1e-9 * np.abs(force).max()
-    assert len(found.wall_neck) and found.wall_neck[:, :, 0].any()
+    assert len(result.wall_neck) and result.wall_neck[:, :, 0].any()
 
 
 def test_pressure_on_steel_faces_and_pull_of_the_gaps_halves_balance_the_momentum():
@@ -69,7 +69,7 @@ def test_pressure_on_steel_faces_and_pull_of_the_gaps_halves_balance_the_momentu
     place = A * np.array([5.0, 5.0, 5.0, 5.0, 9.0, 12.0])
     dem, *_ = magnetised(np.column_stack([place, np.zeros(6), z]), [0.0, 0.0, 8e4], faces)
     average, contacts = WallAverage((box,)), dem.contacts()
-    average.add(dem, contacts, dem.attraction.per_grain["whole"])
+    average.add(dem, contacts, dem.attraction.per_grain["total_force"])
     load, upper = average.pressure(), dem.grains.position[:, 2] > 0.5 * gap
     before = dem.grains.velocity.copy()
     dem.run(1)
@@ -80,7 +80,7 @@ def test_pressure_on_steel_faces_and_pull_of_the_gaps_halves_balance_the_momentu
     floor, roof = (load.normal_force[load.bins.wall == k].sum() for k in (0, 1))
     summary = average.summary()["poles"]["housing"]  # both faces are of one body: their areas and pulls together
     pull = average._pull[0]
-    scale = np.abs(dem.attraction.per_grain["whole"]).max()
+    scale = np.abs(dem.attraction.per_grain["total_force"]).max()
     assert min(floor, roof, *pull, into_upper) > 0.01 * scale
     assert rate[~upper].sum() == pytest.approx(floor - pull[0] - into_upper, abs=1e-9 * scale)
     assert rate[upper].sum() == pytest.approx(into_upper - roof + pull[1], abs=1e-9 * scale)
@@ -95,17 +95,17 @@ def shape_of(table, gap, column):
 
 @pytest.mark.parametrize("strength", [18e3, 80e3, 200e3])
 def test_a_pair_that_is_pulled_together_gains_the_work_of_its_pull(strength):
-    """Kinetic energy = held force times travel + amplitude times the pull's integral over the gap.
+    """Kinetic energy = lagged force times travel + amplitude times the pull's integral over the gap.
 
     And it is the pair's own loss of energy, -dW, within 8 % (measured: 2 to 5 %), from a gap of 0.1 radii to contact in
-    one go between two evaluations; with the drop as it was it would be 12 to 62 % more.
+    one go between two evaluations; with the mmf as it was it would be 12 to 62 % more.
     """
     g0 = 0.1
     x = A * np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 2.0 + g0]])
-    dem, solver, found, _ = magnetised(x, [0.0, 0.0, strength], dt=2e-9)
+    dem, solver, result, _ = magnetised(x, [0.0, 0.0, strength], dt=2e-9)
     dem.run(1)
     column, amplitude, _ = dem.attraction.pair_drive[0]
-    held = dem.external_force.copy()
+    lagged_force = dem.external_force.copy()
     while True:
         gap = (np.linalg.norm(dem.grains.position[1] - dem.grains.position[0]) - 2.0 * A) / A
         if gap < 0.004:
@@ -117,13 +117,13 @@ def test_a_pair_that_is_pulled_together_gains_the_work_of_its_pull(strength):
     kinetic = 0.5 * float((dem.grains.mass * speed**2).sum())
     table = solver.table
     work = amplitude * A * (shape_of(table, g0, column)[0] - shape_of(table, middle, column)[0])
-    work += 0.5 * abs(held[1, 2] - held[0, 2]) * A * (g0 - middle) * np.sign(held[0, 2])
+    work += 0.5 * abs(lagged_force[1, 2] - lagged_force[0, 2]) * A * (g0 - middle) * np.sign(lagged_force[0, 2])
     assert kinetic == pytest.approx(work, rel=2e-3)
 
     def energy(g):
         place = A * np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 2.0 + g]])
         rows, radius = neighbour_rows(place, 1.0), np.full(2, A)
-        state = solver.solve(place, radius, found.applied, rows, tolerance=1e-11, max_sweeps=5000)
+        state = solver.solve(place, radius, result.applied, rows, tolerance=1e-11, max_sweeps=5000)
         return solver.energy(place, radius, state)
 
     assert kinetic == pytest.approx(energy(g0) - energy(middle), rel=0.08)
@@ -133,7 +133,7 @@ def test_a_pair_that_is_pulled_together_gains_the_work_of_its_pull(strength):
 def test_a_long_steps_force_is_its_mean_over_the_way_that_the_gap_goes(strength):
     """As grains of DVI have it: a pair that closes, opens, and meets a steel bore, in one step of a tenth of a radius.
 
-    Against the mean of the forces of moments found at every place: 6 % of the largest (measured: 1.4 to 4.5 %); the
+    Against the mean of the forces of moments solved at every place: 6 % of the largest (measured: 1.4 to 4.5 %); the
     force at the start is off by 18 to 74 %.
     """
     cases = {
@@ -149,8 +149,8 @@ def test_a_long_steps_force_is_its_mean_over_the_way_that_the_gap_goes(strength)
 
         def force_at(x, solver=solver, H=H, radius=radius, **more):
             rows = neighbour_rows(x, 1.0)
-            found = solver.solve(x, radius, H, rows, tolerance=1e-10, max_sweeps=4000)
-            return solver.forces(x, radius, rows, found, **more).force[1] @ H[1] / strength
+            result = solver.solve(x, radius, H, rows, tolerance=1e-10, max_sweeps=4000)
+            return solver.forces(x, radius, rows, result, **more).force[1] @ H[1] / strength
 
         ahead = 1e-5
         velocity = np.array([[0.0, 0.0, 0.0], way / ahead])

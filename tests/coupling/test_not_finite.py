@@ -9,11 +9,11 @@ from numba import njit
 from coupling.finite_grains import NotFiniteGrains, refuse_not_finite
 from coupling.grain_law_table import (
     contrast_of,
-    drop_place,
     gap_place,
     grain_table,
-    mean_pull,
-    neck_of_one,
+    mean_neck_pull,
+    mmf_place,
+    neck_scalar,
     sphere_ratio,
 )
 from coupling.magnetised_grains import MagnetisedGrains
@@ -79,11 +79,11 @@ def sphere_of(table, H):
 
 
 @njit
-def neck_at(table, gap, drop):
+def neck_at(table, gap, neck_mmf):
     x, below = gap_place(table, gap, 3e-3)
-    place, fraction = drop_place(table, drop, 1.0, 1e-4)
-    y, y1, y2, y_i = neck_of_one(table, x, below, place, fraction)
-    return y, y1, y2, y_i, mean_pull(table, gap, gap + 1e-3, 3e-3, place, fraction)
+    place, fraction = mmf_place(table, neck_mmf, 1.0, 1e-4)
+    y, y1, y2, y_i = neck_scalar(table, x, below, place, fraction)
+    return y, y1, y2, y_i, mean_neck_pull(table, gap, gap + 1e-3, 3e-3, place, fraction)
 
 
 def test_tables_have_no_place_for_nan():
@@ -93,8 +93,8 @@ def test_tables_have_no_place_for_nan():
     assert np.isnan(sphere_of(table, nan)[0]) and sphere_of(table, nan)[1] == 0.0
     assert neck_at(table, 1e9, 10.0) == (0.0, 0.0, 0.0, 0.0, 0.0)
     most = max(abs(value) for value in neck_at(table, 3e-3, 1e-3))
-    for gap, drop in ((nan, 10.0), (1e-2, nan), (nan, nan)):
-        for value in neck_at(table, gap, drop):
+    for gap, neck_mmf in ((nan, 10.0), (1e-2, nan), (nan, nan)):
+        for value in neck_at(table, gap, neck_mmf):
             assert np.isnan(value) or abs(value) <= most  # a number of the table, or NaN: no memory beside it
-    for drop in (0.0, -0.0, 1e-300, 1e300):
-        assert np.isfinite(neck_at(table, 1e-2, drop)).all()
+    for neck_mmf in (0.0, -0.0, 1e-300, 1e300):
+        assert np.isfinite(neck_at(table, 1e-2, neck_mmf)).all()

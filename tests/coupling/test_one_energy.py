@@ -20,7 +20,7 @@ from field import MU_0, GrainLaw
 pytestmark = pytest.mark.physics
 
 
-class Found(NamedTuple):
+class Result(NamedTuple):
     """Magnetisation (n, 3), charges' part included, and force (n, 3); of a cell its stress (3, 3), tension > 0.
 
     The stress is that of the pairs, less the attraction P_a P_b/2 of the even smear of the mean magnetisation P.
@@ -34,35 +34,35 @@ class Found(NamedTuple):
 class Solver(Protocol):
     """What solves for a cluster in open space, or for a cell (`box`) in a macroscopic field."""
 
-    def __call__(self, centre, chi, H, box=None, radius=1.0) -> Found: ...
+    def __call__(self, centre, chi, H, box=None, radius=1.0) -> Result: ...
 
 
 REACH = 8.0  # of the smear in cells
 
 
-def by_dense_energy(centre, chi, H, box=None, radius=1.0) -> Found:
+def by_dense_energy(centre, chi, H, box=None, radius=1.0) -> Result:
     """The functional in plain numpy; a residual of 1e-9 of a moment."""
     if box is None:
         energy, cell = dense_energy.cluster(centre, radius, chi, H), 1.0
     else:
         energy, cell = dense_energy.periodic_cell(centre, radius, box, chi, H, reach=REACH), float(np.prod(box))
-    found = energy.solve(tolerance=1e-9)
-    assert found.residual <= 1e-9
-    mean = found.moment.sum(axis=0) / cell
-    return Found(found.moment / energy.V[:, None], found.force, found.virial / cell - 0.5 * np.outer(mean, mean))
+    result = energy.solve(tolerance=1e-9)
+    assert result.residual <= 1e-9
+    mean = result.moment.sum(axis=0) / cell
+    return Result(result.moment / energy.V[:, None], result.force, result.virial / cell - 0.5 * np.outer(mean, mean))
 
 
-def by_kernels(centre, chi, H, box=None, radius=1.0) -> Found:
+def by_kernels(centre, chi, H, box=None, radius=1.0) -> Result:
     """`coupling.cluster` in SI, for grains of a tenth of a millimetre."""
     a, law = 1e-4, GrainLaw(chi, truth.MS)
     H, scale = np.asarray(H) * truth.MS, MU_0 * truth.MS**2
     x, radius = np.asarray(centre) * a, radius * a
     options = {"smallest_gap": 3e-4, "tolerance": 1e-9}
     if box is None:
-        found = magnetised_cluster(x, radius, law, H, **options)
-        return Found(found.magnetisation / truth.MS, found.force / (scale * a**2), np.zeros((3, 3)))
+        result = magnetised_cluster(x, radius, law, H, **options)
+        return Result(result.magnetisation / truth.MS, result.force / (scale * a**2), np.zeros((3, 3)))
     cell = magnetised_cell(x, radius, np.asarray(box) * a, law, H, reach=REACH, **options)
-    return Found(cell.magnetisation / truth.MS, cell.force / (scale * a**2), cell.stress / scale)
+    return Result(cell.magnetisation / truth.MS, cell.force / (scale * a**2), cell.stress / scale)
 
 
 SOLVERS = {"dense": by_dense_energy, "kernels": by_kernels}
@@ -123,7 +123,7 @@ def test_the_energy_is_stationary(periodic, odd):
 
 @pytest.mark.parametrize("periodic", [False, True])
 def test_forces_are_differences_of_the_energy(periodic):
-    """At the stationary states of moved grains, so that neither moments nor drops are held."""
+    """At the stationary states of moved grains, so that neither moments nor mmfs lag."""
     x = CELL if periodic else HEAP
 
     def make(x):
@@ -161,22 +161,22 @@ def test_the_stress_is_the_strain_derivative_of_the_energy():
 
 def test_forces_and_angular_momentum_balance(solve):
     """sum F = 0, and sum x x F = sum V M x H: the field turns a cluster that may not turn its moments."""
-    found = solve(HEAP, 999.0, ASKEW, radius=RADII)
-    scale = np.abs(found.force).max()
-    assert np.abs(found.force.sum(axis=0)).max() < 1e-12 * scale
-    on_grains = np.cross(HEAP, found.force).sum(axis=0)
-    by_field = 4.0 / 3.0 * np.pi * (RADII**3 @ np.cross(found.M, ASKEW))
+    result = solve(HEAP, 999.0, ASKEW, radius=RADII)
+    scale = np.abs(result.force).max()
+    assert np.abs(result.force.sum(axis=0)).max() < 1e-12 * scale
+    on_grains = np.cross(HEAP, result.force).sum(axis=0)
+    by_field = 4.0 / 3.0 * np.pi * (RADII**3 @ np.cross(result.M, ASKEW))
     assert np.abs(on_grains - by_field).max() < 1e-7 * scale
 
 
 def test_a_reversed_field_reverses_the_moments_alone(solve):
-    found, back = solve(HEAP, 50.0, ASKEW), solve(HEAP, 50.0, -ASKEW)
-    assert np.allclose(back.M, -found.M, atol=1e-8) and np.allclose(back.force, found.force, atol=1e-8)
+    result, back = solve(HEAP, 50.0, ASKEW), solve(HEAP, 50.0, -ASKEW)
+    assert np.allclose(back.M, -result.M, atol=1e-8) and np.allclose(back.force, result.force, atol=1e-8)
 
 
 def test_without_a_field_nothing_happens(solve):
-    found = solve(HEAP, 999.0, np.zeros(3))
-    assert np.all(found.M == 0.0) and np.all(found.force == 0.0)
+    result = solve(HEAP, 999.0, np.zeros(3))
+    assert np.all(result.M == 0.0) and np.all(result.force == 0.0)
 
 
 BESIDE_A_CHAIN = np.vstack([np.c_[np.zeros((5, 2)), 2.02 * np.arange(5)], [[1.9, 0.0, 3.0], [-1.8, 0.4, 5.2]]])
@@ -210,10 +210,10 @@ def test_a_closed_loop_does_no_work(solve, others, centre, along, across):
 def test_pairs(solve, gap):
     """0.2 %, the difference between two codes, of force and moment."""
     for n, h in enumerate(truth.FIELDS):
-        found = solve([[0.0, 0, 0], [0.0, 0, 2.0 + gap]], truth.CHI, along_z(h))
-        assert -found.force[1, 2] == pytest.approx(truth.PAIR_FORCE[gap][n], rel=2.1e-3)
+        result = solve([[0.0, 0, 0], [0.0, 0, 2.0 + gap]], truth.CHI, along_z(h))
+        assert -result.force[1, 2] == pytest.approx(truth.PAIR_FORCE[gap][n], rel=2.1e-3)
         if gap in truth.PAIR_MOMENT:
-            assert found.M[1, 2] == pytest.approx(truth.PAIR_MOMENT[gap][n], rel=2e-3)
+            assert result.M[1, 2] == pytest.approx(truth.PAIR_MOMENT[gap][n], rel=2e-3)
 
 
 @pytest.mark.parametrize("gap", truth.CHAIN_FORCE)
@@ -221,18 +221,18 @@ def test_chains(solve, gap):
     """Of 41 grains, in the middle: 8 % of force, 4 % of moment to 300 kA/m."""
     x = np.column_stack([np.zeros((41, 2)), (2.0 + gap) * np.arange(41)])
     for n, h in enumerate(truth.FIELDS[:-1]):
-        found = solve(x, truth.CHI, along_z(h))
-        assert -found.force[21:, 2].sum() == pytest.approx(truth.CHAIN_FORCE[gap][n], rel=0.08), h
+        result = solve(x, truth.CHI, along_z(h))
+        assert -result.force[21:, 2].sum() == pytest.approx(truth.CHAIN_FORCE[gap][n], rel=0.08), h
         if gap in truth.CHAIN_MOMENT:
-            assert found.M[20, 2] == pytest.approx(truth.CHAIN_MOMENT[gap][n], rel=0.04), h
+            assert result.M[20, 2] == pytest.approx(truth.CHAIN_MOMENT[gap][n], rel=0.04), h
 
 
 @pytest.mark.parametrize(("angle", "h", "along", "across", "moment"), truth.OBLIQUE[:3])
 def test_oblique_pairs(solve, angle, h, along, across, moment):
     field = h * np.array([np.sin(np.radians(angle)), 0.0, np.cos(np.radians(angle))])
-    found = solve([[0.0, 0, 0], [0.0, 0, 2.03]], truth.CHI, field)
-    assert found.force[1, [0, 2]] == pytest.approx((across, along), rel=0.06)
-    assert found.M[1, [0, 2]] == pytest.approx(moment, rel=0.02)
+    result = solve([[0.0, 0, 0], [0.0, 0, 2.03]], truth.CHI, field)
+    assert result.force[1, [0, 2]] == pytest.approx((across, along), rel=0.06)
+    assert result.M[1, [0, 2]] == pytest.approx(moment, rel=0.02)
 
 
 @pytest.mark.parametrize("radius", [1.5, 2.0])
@@ -245,9 +245,9 @@ def test_pairs_of_different_radii(solve, radius):
     rows = np.loadtxt(Path(__file__).parent / "unequal_spheres.csv", delimiter=",", skiprows=1)
     for _, gap, h, force, small, large in rows[rows[:, 0] == radius]:
         distance = 1.0 + radius + gap * 2.0 * radius / (1.0 + radius)
-        found = solve([[0.0, 0, 0], [0.0, 0, distance]], truth.CHI, along_z(h), radius=np.array([1.0, radius]))
-        assert found.force[0, 2] == pytest.approx(force, rel=0.03)
-        assert found.M[:, 2] == pytest.approx((small, large), rel=0.01)
+        result = solve([[0.0, 0, 0], [0.0, 0, distance]], truth.CHI, along_z(h), radius=np.array([1.0, radius]))
+        assert result.force[0, 2] == pytest.approx(force, rel=0.03)
+        assert result.M[:, 2] == pytest.approx((small, large), rel=0.01)
 
 
 @pytest.mark.stability
@@ -256,15 +256,15 @@ def test_a_pair_across_the_field_repels_itself_too_strongly():
     _, h, repulsion, _, moment = truth.OBLIQUE[3]
     for odd, expected in ((True, 1.22), (False, 1.0)):
         energy = dense_energy.cluster([[0.0, 0, 0], [0.0, 0, 2.03]], 1.0, truth.CHI, [h, 0.0, 0.0], odd=odd)
-        found = energy.solve()
-        assert found.force[1, 2] / repulsion == pytest.approx(expected, abs=0.03)
-        assert found.moment[1, 0] / energy.V[1] == pytest.approx(moment[0], rel=0.02)
+        result = energy.solve()
+        assert result.force[1, 2] / repulsion == pytest.approx(expected, abs=0.03)
+        assert result.moment[1, 0] / energy.V[1] == pytest.approx(moment[0], rel=0.02)
 
 
 def test_a_triangle(solve):
-    found = solve(truth.TRIANGLE, truth.CHI, along_z(0.0470588))
-    assert np.abs(found.force - truth.TRIANGLE_FORCE).max() < 0.06 * 0.06493
-    assert np.abs(found.M - truth.TRIANGLE_MOMENT).max() < 0.02 * 0.2052
+    result = solve(truth.TRIANGLE, truth.CHI, along_z(0.0470588))
+    assert np.abs(result.force - truth.TRIANGLE_FORCE).max() < 0.06 * 0.06493
+    assert np.abs(result.M - truth.TRIANGLE_MOMENT).max() < 0.02 * 0.2052
 
 
 @pytest.mark.parametrize("gap", [0.01, 0.03, 0.1])
@@ -273,25 +273,25 @@ def test_simple_cubic_lattices(solve, gap):
     centre, box = truth.lattice("sc", gap)
     moment, t_z, _ = truth.LATTICES["sc", gap]
     for n, h in enumerate(truth.PACKING_FIELDS[:5]):
-        found = solve(centre, truth.CHI, along_z(h), box)
-        assert np.diag(found.stress)[2] == pytest.approx(t_z[n], rel=0.16 if n == 4 else 0.08), h
-        assert found.M[:, 2].mean() == pytest.approx(moment[n], rel=0.04), h
+        result = solve(centre, truth.CHI, along_z(h), box)
+        assert np.diag(result.stress)[2] == pytest.approx(t_z[n], rel=0.16 if n == 4 else 0.08), h
+        assert result.M[:, 2].mean() == pytest.approx(moment[n], rel=0.04), h
 
 
 @pytest.mark.parametrize("h", truth.CELL_MEANS)
 def test_a_random_dense_cell(solve, h):
     centre, box = truth.mirrored_cell()
     moment, t_z, t_x, t_y = truth.CELL_MEANS[h]
-    found = solve(centre, truth.CHI, along_z(h), box)
-    assert found.M[:, 2].mean() == pytest.approx(moment, rel=0.04)
-    tension = np.diag(found.stress)
+    result = solve(centre, truth.CHI, along_z(h), box)
+    assert result.M[:, 2].mean() == pytest.approx(moment, rel=0.04)
+    tension = np.diag(result.stress)
     assert tension[2] == pytest.approx(t_z, rel=0.15 if h > 0.1 else 0.05)
     assert tension[:2] == pytest.approx((t_x, t_y), rel=0.10)
     if h == 0.0470588:
         own = slice(len(truth.CELL_FORCE))
-        missed = found.force[own] - truth.CELL_FORCE
+        missed = result.force[own] - truth.CELL_FORCE
         assert np.sqrt((missed**2).sum() / (truth.CELL_FORCE**2).sum()) < 0.15
-        missed = found.M[own] - truth.CELL_MOMENT
+        missed = result.M[own] - truth.CELL_MOMENT
         assert np.sqrt((missed**2).sum() / (truth.CELL_MOMENT**2).sum()) < 0.05
 
 
@@ -304,9 +304,9 @@ def test_round_off_does_not_decide_whether_a_lattice_is_solved(seed):
     """Near saturation the residual has a minimum that is no solution, where Newton's method may end."""
     centre, box = truth.lattice("bcc", 0.01)
     H = 0.3 * np.array([0.6, 0.0, 0.8]) * (1.0 + 1e-13 * np.random.default_rng(seed).normal(size=3))
-    found = by_kernels(centre, 5000.0, H, box)
+    result = by_kernels(centre, 5000.0, H, box)
     # kernels read tables: 0.05 %
-    assert found.M == pytest.approx(by_dense_energy(centre, 5000.0, H, box).M, abs=3e-3)
+    assert result.M == pytest.approx(by_dense_energy(centre, 5000.0, H, box).M, abs=3e-3)
 
 
 @pytest.mark.parametrize("h", [0.01, 0.1, 0.3, 1.0, 3.0])
@@ -321,8 +321,8 @@ def test_clusters_and_lattices_are_solved(solve, chi, h):
     around *= 2.003 / np.sqrt(2.0) * np.where(np.any(around, axis=1), 1.0, 0.0)[:, None]
     for H in (along_z(h), h * np.array([0.6, 0.0, 0.8])):
         for x in (line, around):
-            found = solve(x, chi, H)
-            assert np.all(np.isfinite(found.force)) and np.abs(found.M).max() < 2.5
+            result = solve(x, chi, H)
+            assert np.all(np.isfinite(result.force)) and np.abs(result.M).max() < 2.5
         for name in ("sc", "bcc", "fcc"):
             centre, box = truth.lattice(name, 0.01)
             assert np.all(np.isfinite(solve(centre, chi, H, box).force))

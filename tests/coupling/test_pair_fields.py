@@ -46,17 +46,17 @@ def energy(a, qa, b, qb, d, smear):
 def test_slopes_are_those_of_the_factors(smear):
     for r in (0.3, 1.0, 3.0, 4.4, 4.6, 4.9, 4.99):
         step = 1e-5
-        found = (factors(r + step, A, smear)[0] - factors(r - step, A, smear)[0]) / (2.0 * step)
-        assert factors(r, A, smear)[1] == pytest.approx(found, rel=1e-7, abs=1e-9)
+        result = (factors(r + step, A, smear)[0] - factors(r - step, A, smear)[0]) / (2.0 * step)
+        assert factors(r, A, smear)[1] == pytest.approx(result, rel=1e-7, abs=1e-9)
 
 
 @BOTH
 def test_factors_begin_as_those_of_open_space_and_end_with_their_slopes(smear):
     open_space = np.array([3.0 / 0.01**3, 1.0 / 0.01**3, 1.0 / 0.01**2, 1.0 / 0.01])
     own = 4.0 * np.pi * self_potential_factor(A, smear)
-    found = factors(0.01, A, smear)[0]
-    assert found[:3] == pytest.approx(open_space[:3], rel=3e-7)
-    assert found[3] == pytest.approx(open_space[3] + own, rel=1e-7)
+    result = factors(0.01, A, smear)[0]
+    assert result[:3] == pytest.approx(open_space[:3], rel=3e-7)
+    assert result[3] == pytest.approx(open_space[3] + own, rel=1e-7)
     ends, slopes = factors(A, A, smear)
     assert ends == pytest.approx(np.zeros(4), abs=1e-14)
     assert slopes == pytest.approx(np.zeros(4), abs=1e-14)
@@ -75,9 +75,9 @@ def test_the_force_is_the_slope_of_the_energy(smear):
     for r in (1.0, 4.4, 4.7, 4.95):
         (a, b, d), (qa, qb) = random.normal(size=(3, 3)), random.normal(size=2)
         d *= r / np.linalg.norm(d)
-        found = force(a, qa, b, qb, d, A, smear)
+        result = force(a, qa, b, qb, d, A, smear)
         for axis in range(3):
             step = 1e-5 * np.eye(3)[axis]
             slope = (energy(a, qa, b, qb, d + step, smear) - energy(a, qa, b, qb, d - step, smear)) / 2e-5
-            assert found[axis] == pytest.approx(-slope, rel=1e-7, abs=1e-8)
-        assert force(b, qb, a, qa, -d, A, smear) == pytest.approx(-found, rel=1e-13)
+            assert result[axis] == pytest.approx(-slope, rel=1e-7, abs=1e-8)
+        assert force(b, qb, a, qa, -d, A, smear) == pytest.approx(-result, rel=1e-13)

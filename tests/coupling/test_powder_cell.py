@@ -13,7 +13,7 @@ from coupling.grain_law_table import grain_table
 from coupling.mutual_moments import MutualMoments
 from coupling.neighbour_rows import neighbour_rows
 from coupling.powder_cell import PowderCell, ShearParameters, magnetise, min_count
-from coupling.staggered import Simulation, held_forces
+from coupling.staggered import Simulation, lagged_forces
 from coupling.window_budget import WindowBudget
 from field.laws.powder_law import GrainLaw
 from particles import DEM, DVI, DviContact, Grains, LinearContact, ShearedBox
@@ -31,7 +31,7 @@ EXACT = 1e-13, 3000  # tolerance, sweeps
 
 
 def magnetised(x, box, reach=2.0 * D, near=True, H=POWDER.H):
-    """Grains at ``x`` in a box, their moments settled and their forces held."""
+    """Grains at ``x`` in a box, their moments settled and their forces frozen."""
     grains = Grains.create(x, 0.5 * D, 7800.0, velocity=box.flow(x[:, 2]))
     dem = DEM(grains, [], [], CONTACT, dt=1e-8, periodicity=box, skin=0.3 * D)
     solver = MutualMoments(grain_table(IRON, "near_field" if near else "mutual"), near=near, reach=reach, smear=True)
@@ -45,8 +45,8 @@ def look(simulation):
     """Moments and forces at the present places, to round-off."""
     magnetism = simulation.magnetised
     magnetism.tolerance, magnetism.max_sweeps = EXACT
-    simulation.motion.external_force = force = held_forces(simulation, WindowBudget(simulation))
-    magnetism.hold(simulation, force)
+    simulation.motion.external_force = force = lagged_forces(simulation, WindowBudget(simulation))
+    magnetism.freeze(simulation, force)
 
 
 def one_step(dem):
@@ -61,7 +61,7 @@ def one_step(dem):
 @pytest.mark.parametrize("apart", [0.99, 1.03, 1.5, 1.9])
 def test_a_pair_through_a_face_is_a_pair(axis, apart):
     """In contact, near and far: across each face, sheared by 0.37, forces and stress are those inside the box."""
-    direction, found = np.array([0.48, 0.6, 0.64]), []
+    direction, result = np.array([0.48, 0.6, 0.64]), []
     for middle in (0.5, 0.0):
         box = ShearedBox([9.0 * D, 8.0 * D, 8.5 * D], RATE)
         box.offset = 0.37 * box.lengths[2]
@@ -70,17 +70,17 @@ def test_a_pair_through_a_face_is_a_pair(axis, apart):
         dem, magnetism = magnetised(centre + np.array([[-0.5], [0.5]]) * apart * D * direction, box)
         dem.renew_list()
         force, totals = one_step(dem)
-        found.append((force, totals.stress.contacts, totals.stress.attraction, magnetism.held_stress.copy()))
-    size = np.abs(found[0][0]).max()
+        result.append((force, totals.stress.contacts, totals.stress.attraction, magnetism.lagged_stress.copy()))
+    size = np.abs(result[0][0]).max()
     assert size > 0.0
-    for inside, through, unit in zip(*found, (size, *3 * [size * D / 6e2 / D**3]), strict=True):
+    for inside, through, unit in zip(*result, (size, *3 * [size * D / 6e2 / D**3]), strict=True):
         assert through == pytest.approx(inside, rel=1e-8, abs=1e-10 * unit)
 
 
 @pytest.mark.parametrize("axis", [0, 2])
 def test_the_mean_pull_of_a_step_is_that_of_the_image_that_moves_on(axis):
     """By DVI, whose necks pull with the mean over the step: across a face, and across the sheared one, as inside."""
-    direction, found = np.array([0.48, 0.6, 0.64]), []
+    direction, result = np.array([0.48, 0.6, 0.64]), []
     for middle in (0.5, 0.0):
         box = ShearedBox([9.0 * D, 8.0 * D, 8.5 * D], 100.0 * RATE)
         box.offset = 0.37 * box.lengths[2]
@@ -94,18 +94,18 @@ def test_the_mean_pull_of_a_step_is_that_of_the_image_that_moves_on(axis):
         magnetism = magnetise(simulation, solver, (0.0, 0.0, POWDER.H), IRON)
         magnetism.near = None
         look(simulation)
-        force, stress = np.array(dvi.external_force), np.array(magnetism.held_stress)
+        force, stress = np.array(dvi.external_force), np.array(magnetism.lagged_stress)
         x, (i, j) = np.array(grains.position), np.argsort(grains.particle_id)
-        found.append((force[[i, j]], stress))
-    assert np.abs(found[0][0]).max() > 0.0
-    for inside, through in zip(*found, strict=True):
+        result.append((force[[i, j]], stress))
+    assert np.abs(result[0][0]).max() > 0.0
+    for inside, through in zip(*result, strict=True):
         assert through == pytest.approx(inside, rel=1e-8, abs=1e-9 * np.abs(inside).max())
-    still = solver.forces(x, np.full(2, 0.5 * D), simulation.rows(solver.reach), magnetism.found).force
-    assert np.abs(still[[i, j]] - found[1][0]).max() > 0.01 * np.abs(still).max()
+    still = solver.forces(x, np.full(2, 0.5 * D), simulation.rows(solver.reach), magnetism.magnetisation).force
+    assert np.abs(still[[i, j]] - result[1][0]).max() > 0.01 * np.abs(still).max()
 
 
 def test_momentum_stays():
-    """Beside the flow, which a wrap takes along: contacts, held forces and pulls, lists rebuilt."""
+    """Peculiar velocities, as a wrap takes the flow along: contacts, lagged forces and pulls, lists rebuilt."""
     cell = PowderCell(POWDER)
     grains = cell.dem.grains
 
@@ -129,12 +129,12 @@ def test_an_open_cluster_in_a_large_box_is_the_clusters():
     n, radius, x = 6, np.full(6, 0.5 * D), np.array(dem.grains.position)[order]
     solver = MutualMoments(grain_table(IRON, "near_field"), near=True, reach=2.0 * D, smear=True)
     rows = neighbour_rows(x, 2.0 * D)
-    found = solver.solve(
+    result = solver.solve(
         x, radius, np.tile([0.0, 0.0, POWDER.H], (n, 1)), rows, tolerance=EXACT[0], max_sweeps=EXACT[1]
     )  # fmt: skip
-    moment = magnetism.found.moment[order]
-    assert moment == pytest.approx(found.moment, rel=1e-9, abs=1e-12 * np.abs(found.moment).max())
-    whole = solver.forces(x, radius, rows, found).force
+    moment = magnetism.magnetisation.moment[order]
+    assert moment == pytest.approx(result.moment, rel=1e-9, abs=1e-12 * np.abs(result.moment).max())
+    whole = solver.forces(x, radius, rows, result).force
     dem.renew_list()
     force, totals = one_step(dem)
     assert totals.n_contacts == 0
@@ -142,15 +142,15 @@ def test_an_open_cluster_in_a_large_box_is_the_clusters():
 
 
 def test_the_stresses_differ_by_the_torque_of_the_field():
-    """sum (r_z F_x - r_x F_z) = sum (r x F)_y = sum mu_0 (m x H)_y, of held forces: near pulls are central."""
+    """sum (r_z F_x - r_x F_z) = sum (r x F)_y = sum mu_0 (m x H)_y, of lagged forces: near pulls are central."""
     cell = PowderCell(POWDER)
     cell.window(5)
     magnetism = cell.magnetism
     look(cell.simulation)
-    virial = magnetism.held_stress.T * cell.box.volume
-    torque = MU_0 * np.cross(magnetism.found.moment, [0.0, 0.0, POWDER.H]).sum(axis=0)
+    virial = magnetism.lagged_stress.T * cell.box.volume
+    torque = MU_0 * np.cross(magnetism.magnetisation.moment, [0.0, 0.0, POWDER.H]).sum(axis=0)
     turned = [virial[1, 2] - virial[2, 1], virial[2, 0] - virial[0, 2], virial[0, 1] - virial[1, 0]]
-    assert magnetism.found.residual < 1e-12
+    assert magnetism.magnetisation.residual < 1e-12
     assert np.abs(torque).max() > 1e-6 * np.abs(virial).max()
     assert np.abs(turned - torque).max() < 1e-9 * np.abs(virial).max()
 
@@ -166,8 +166,8 @@ def test_the_shear_stress_is_the_strain_derivative_of_the_energy():
         box.offset, moved = offset + strain * box.lengths[2], x + strain * np.outer(x[:, 2], [1.0, 0.0, 0.0])
         solver = MutualMoments(grain_table(IRON, "near_field"), near=True, reach=2.0 * D, smear=True)
         rows = neighbour_rows(moved, 2.1 * D, box)
-        found = solver.solve(moved, a, applied, rows, tolerance=EXACT[0], max_sweeps=EXACT[1])
-        return solver.energy(moved, a, found), solver.forces(moved, a, rows, found, virial=True).virial
+        result = solver.solve(moved, a, applied, rows, tolerance=EXACT[0], max_sweeps=EXACT[1])
+        return solver.energy(moved, a, result), solver.forces(moved, a, rows, result, virial=True).virial
 
     virial = solved(0.0)[1]
     slope = (solved(1e-6)[0] - solved(-1e-6)[0]) / 2e-6
@@ -189,9 +189,9 @@ def test_lorentz_field_of_a_cubic_lattice():
         solver = MutualMoments(grain_table(IRON, "mutual"), near=False, reach=width * D, smear=True)
         rows = neighbour_rows(x, 4.1 * D, box)
         start = np.tile(volume * M, (n**3, 1))
-        found = solver.solve(x, np.full(n**3, 0.5 * D), applied, rows, start=start, max_sweeps=1)
+        result = solver.solve(x, np.full(n**3, 0.5 * D), applied, rows, start=start, max_sweeps=1)
         lorentz = np.pi / 6.0 / 1.2**3 / 3.0 * M
-        errors.append(np.abs((found.field - applied) / lorentz - 1.0).max())
+        errors.append(np.abs((result.field - applied) / lorentz - 1.0).max())
     assert errors == pytest.approx([0.0214, 0.0159, 0.0076, 0.0028], rel=0.05)
 
 
@@ -216,7 +216,8 @@ def test_bits_do_not_depend_on_threads():
         numba.set_num_threads(threads)
         cell = PowderCell(dataclasses.replace(POWDER, count=520, inertial_number=0.3))
         cell.window(25)
-        ends.append((cell.dem.state(), cell.magnetism.found.moment, cell.magnetism.held_stress, cell.series.tau[0]))
+        field = cell.magnetism.magnetisation.moment, cell.magnetism.lagged_stress
+        ends.append((cell.dem.state(), *field, cell.series.tau[0]))
     assert cell.dem.list_version > 2 and cell.series.contacts[0] > 1.0 and cell.series.tau_near[0] != 0.0
     assert len(cell.dem._list.chunks.reaction) > 500  # of pairs whose grains are not in one chunk
     (state, *one), (other, *two) = ends
@@ -243,11 +244,11 @@ def test_rows_hold_every_neighbour_while_the_cell_is_sheared():
     assert len(seen) > 3
 
 
-def test_a_list_made_again_between_two_looks_changes_no_drive_and_no_held_force():
+def test_a_list_made_again_between_two_looks_changes_no_drive_and_no_lagged_force():
     """Both belong to places and images of the look, also of grains that have crossed a face since."""
     cell = PowderCell(dataclasses.replace(POWDER, inertial_number=0.3))
     cell.window(4)
-    dem, found = cell.dem, []
+    dem, result = cell.dem, []
     look(cell.simulation)
     looked_at = cell.box.strain
 
@@ -264,13 +265,13 @@ def test_a_list_made_again_between_two_looks_changes_no_drive_and_no_held_force(
         dem.run(steps)
         dem.invalidate()
         dem.run(1)
-        found.append(driven())
+        result.append(driven())
     moved = (np.array(dem.grains.position)[np.argsort(dem.grains.particle_id)] - x) / cell.box.lengths
     assert (np.abs(moved[:, 2]) > 0.5).any() and cell.box.strain - looked_at > 0.1  # wrapped across the flow
-    (pair, drive, held), (other, same_drive, same_held) = found
+    (pair, drive, lagged), (other, same_drive, same_lagged) = result
     assert len(pair) > 100 and np.array_equal(pair, other)
     assert same_drive == pytest.approx(drive, rel=1e-7, abs=1e-9 * np.abs(drive[:, 1]).max())
-    assert same_held == pytest.approx(held, abs=1e-9 * np.abs(drive[:, 1]).max())
+    assert same_lagged == pytest.approx(lagged, abs=1e-9 * np.abs(drive[:, 1]).max())
 
 
 def test_rolling_friction_works_on_the_grains():

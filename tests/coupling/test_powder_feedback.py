@@ -23,8 +23,8 @@ CLUSTERS = {
 }
 
 
-def worst(found, true):
-    return np.abs(found - true).max() / np.abs(true).max()
+def worst(result, true):
+    return np.abs(result - true).max() / np.abs(true).max()
 
 
 @pytest.mark.parametrize("name", CLUSTERS)
@@ -38,15 +38,15 @@ def test_rings_of_clusters_are_all_their_pairs_whatever_the_width(name):
     ring, n = ring_of(x, 1.05 * D)
     moment, force = all_pairs(x, A, IRON, np.array([0.0, 0.0, H0]), n)
     for a in (2.0, 2.5):
-        found = fed_back(in_air(x, a * D), IRON, ring, A, a * D, boundary_field=MU_0 * H0, agree=1e-5)
-        assert found.residuals[-1] <= 1e-5
-        assert worst(found.moment[::n], moment) < 0.01, a
-        assert worst(found.force[::n], force) < (0.02 if a < 2.5 else 0.005), a
+        result = fed_back(in_air(x, a * D), IRON, ring, A, a * D, boundary_field=MU_0 * H0, agree=1e-5)
+        assert result.residuals[-1] <= 1e-5
+        assert worst(result.moment[::n], moment) < 0.01, a
+        assert worst(result.force[::n], force) < (0.02 if a < 2.5 else 0.005), a
 
 
 @pytest.mark.parametrize("name", ["across", "triangle"])
 def test_necks_of_rings_of_clusters_do_not_depend_on_the_width(name):
-    """The drops over the necks come out of the solved field, which holds both partners and all others spread out.
+    """The mmfs of the necks come out of the solved field, which holds both partners and all others spread out.
 
     At 18 kA/m, where the necks are most of the force. The solved field has the charges of a neck as a dipole at either
     grain, the pair sums take them out as charges, spread out: what is left falls with the fourth power of the width.
@@ -56,11 +56,11 @@ def test_necks_of_rings_of_clusters_do_not_depend_on_the_width(name):
     ring, n = ring_of(x, 1.05 * D)
     true = magnetised_cluster(ring, A, IRON, [0.0, 0.0, 18e3], tolerance=1e-6)
     for a, share in ((2.5, 0.025), (3.5, 0.006)):
-        found = fed_back(
+        result = fed_back(
             in_air(x, a * D), IRON, ring, A, a * D, model="near_field", boundary_field=MU_0 * 18e3, agree=1e-5
         )
-        assert worst(found.moment[::n], true.moment[::n]) < 0.01, a
-        assert worst(found.force[::n], true.force[::n]) < share, a
+        assert worst(result.moment[::n], true.moment[::n]) < 0.01, a
+        assert worst(result.force[::n], true.force[::n]) < share, a
 
 
 def test_random_powder_is_all_its_pairs():
@@ -81,13 +81,13 @@ def test_random_powder_is_all_its_pairs():
         (3.5, 0.002, 0.014, 0.03),
     ):
         problem = powder_problem(mesh, IRON, a * D, open_boundary=True)
-        found = fed_back(problem, IRON, x, A, a * D, sector=sector, boundary_field=MU_0 * H0, tolerance=1e-12)
-        missed = found.moment - moment
+        result = fed_back(problem, IRON, x, A, a * D, sector=sector, boundary_field=MU_0 * H0, tolerance=1e-12)
+        missed = result.moment - moment
         assert abs(missed[:, 2].mean()) < bias * mean, a
         assert np.sqrt((missed**2).sum(axis=1).mean()) < scatter * mean, a
-        assert np.sqrt(((found.force - force) ** 2).sum(axis=1).mean()) < forces * load, a
+        assert np.sqrt(((result.force - force) ** 2).sum(axis=1).mean()) < forces * load, a
         # a field of revolution turns nothing: pairs and hoop forces cancel at the moments' fixed point
-        turn = np.cross(x, found.force)[:, 2]
+        turn = np.cross(x, result.force)[:, 2]
         assert abs(turn.sum()) < 1e-10 * np.abs(turn).sum(), a
 
 
@@ -107,24 +107,24 @@ def test_the_field_is_that_of_the_deposited_moments(powder):
 
     To the residual, 1e-9: neither the powder's demagnetising factor nor the way there is left in it.
     """
-    problem, _, _, found = powder
+    problem, _, _, result = powder
     nothing = np.zeros(len(problem.powder_elements))
-    given = PowderState(nothing, None, found.feedback._M)
+    given = PowderState(nothing, None, result.feedback._M)
     again = problem.solve(0.0, given, boundary_field=MU_0 * H0, tolerance=1e-11)
     bare = problem.solve(0.0, None, boundary_field=MU_0 * H0, tolerance=1e-11)
-    of_grains = np.linalg.norm(found.solution.psi - bare.psi)
-    assert np.linalg.norm(again.psi - found.solution.psi) < 1e-7 * of_grains
+    of_grains = np.linalg.norm(result.solution.psi - bare.psi)
+    assert np.linalg.norm(again.psi - result.solution.psi) < 1e-7 * of_grains
     # and it holds all of them: integral of M_z r dr dz angle = sum of m_z
-    shape = found.feedback._volume
-    held = 2.0 * np.pi / 12 * (found.feedback._M[:, 1] * shape).sum()
-    assert held == pytest.approx(found.moment[:, 2].sum(), rel=2e-3)
+    shape = result.feedback._volume
+    spread = 2.0 * np.pi / 12 * (result.feedback._M[:, 1] * shape).sum()
+    assert spread == pytest.approx(result.moment[:, 2].sum(), rel=2e-3)
 
 
 def test_the_residual_falls_geometrically(powder):
     """To 0.54 at each solve (the factor N goes half of its way), from any start, and the end does not depend on it."""
-    problem, x, more, found = powder
-    left = np.array(found.residuals)
+    problem, x, more, result = powder
+    left = np.array(result.residuals)
     assert len(left) < 32 and left[-1] <= 1e-9
     assert np.all(left[1:] < 0.65 * left[:-1]), left
-    backwards = fed_back(problem, IRON, x, A, 2.5 * D, agree=1e-9, start=-found.moment, **more)
-    assert backwards.moment == pytest.approx(found.moment, abs=1e-7 * np.abs(found.moment).max())
+    backwards = fed_back(problem, IRON, x, A, 2.5 * D, agree=1e-9, start=-result.moment, **more)
+    assert backwards.moment == pytest.approx(result.moment, abs=1e-7 * np.abs(result.moment).max())

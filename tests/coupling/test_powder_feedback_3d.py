@@ -55,15 +55,15 @@ def test_the_smear_is_the_mean_over_the_symmetry_of_the_mesh(mirrored):
     amounts = np.column_stack((np.full(len(x), 4.2e-9), random.normal(size=(len(x), 3))))
     share = 2.0 * np.pi / (2.0 * np.pi / N) / mesh.n_sectors
     points = mesh.centroid()
-    found = smear_3d(points, x, share * amounts, WIDTH, SectorFold(mesh))
-    expected = np.zeros_like(found)
+    result = smear_3d(points, x, share * amounts, WIDTH, SectorFold(mesh))
+    expected = np.zeros_like(result)
     for mirror in ((np.eye(3), np.diag([1.0, -1.0, 1.0])) if mirrored else (np.eye(3),)):
         places, moments = turned(x @ mirror, N).reshape(-1, 3), turned(amounts[:, 1:] @ mirror, N).reshape(-1, 3)
         volumes = np.tile(amounts[:, 0], N)
         s2 = ((points[:, None] - places) ** 2).sum(axis=2) / WIDTH**2
         K = 105.0 / (32.0 * np.pi * WIDTH**3) * np.maximum(1.0 - s2, 0.0) ** 2 * share
         expected += (K @ np.column_stack((volumes, moments))).T
-    assert np.allclose(found, expected, rtol=1e-10, atol=1e-12 * np.abs(expected).max())
+    assert np.allclose(result, expected, rtol=1e-10, atol=1e-12 * np.abs(expected).max())
 
 
 def test_a_ring_of_grains_has_the_moments_and_forces_of_all_its_pairs():
@@ -76,14 +76,14 @@ def test_a_ring_of_grains_has_the_moments_and_forces_of_all_its_pairs():
         problem = Problem3D(
             mesh, {}, UniformSource(), powder_law=PowderLaw(IRON), powder_beyond=elements_within(mesh, [], WIDTH)
         )
-        found = fed_back(
+        result = fed_back(
             problem, IRON, x, A, WIDTH, sector=CyclicSector(2.0 * np.pi / N), ampere_turns=H0, agree=1e-4,
             tolerance=1e-6, carrier=Body("disc"), solves=12,
         )  # fmt: skip
         errors.append(
             (
-                np.linalg.norm(found.moment - moment, axis=1).max() / np.linalg.norm(moment, axis=1).mean(),
-                np.linalg.norm(found.force - force, axis=1).max() / np.linalg.norm(force, axis=1).max(),
+                np.linalg.norm(result.moment - moment, axis=1).max() / np.linalg.norm(moment, axis=1).mean(),
+                np.linalg.norm(result.force - force, axis=1).max() / np.linalg.norm(force, axis=1).max(),
             )
         )
     assert errors[1][0] < 0.025 and errors[1][1] < 0.04
@@ -117,13 +117,13 @@ def test_in_a_slit_of_steel_it_is_the_section():
         return np.unique(np.round(r, 9)), np.concatenate((-z[:0:-1], z))
 
     def answer(problem, carrier=None):
-        found = fed_back(
+        result = fed_back(
             problem, IRON, x, A, WIDTH, sector=CyclicSector(2.0 * np.pi / grains), walls=walls, ampere_turns=drive,
             agree=1e-3, tolerance=1e-5, carrier=carrier, solves=15,
         )  # fmt: skip
-        assert found.residuals[-1] <= 1e-3
+        assert result.residuals[-1] <= 1e-3
         bare = problem.solve(drive, None, tolerance=1e-10)
-        return found, found.solution.flux_linkage_per_turn - bare.flux_linkage_per_turn
+        return result, result.solution.flux_linkage_per_turn - bare.flux_linkage_per_turn
 
     truth, truly_added = answer(powder_problem(section_grid(*grid(1e-3), POT), IRON, WIDTH, laws))
     differences = []
@@ -135,13 +135,13 @@ def test_in_a_slit_of_steel_it_is_the_section():
             mesh, laws, FlatCoil.ring((48e-3, 72e-3), (-32e-3, 32e-3)), outer="flux_wall", linear_solver="direct",
             powder_law=PowderLaw(IRON), powder_beyond=beyond,
         )  # fmt: skip
-        found, added = answer(problem, Body("disc"))
+        result, added = answer(problem, Body("disc"))
         differences.append(
             (
                 abs(added / truly_added - 1.0),
-                abs(found.moment[:, 2].mean() / truth.moment[:, 2].mean() - 1.0),
-                np.linalg.norm(found.moment - truth.moment) / np.linalg.norm(truth.moment),
-                np.linalg.norm(found.force - truth.force) / np.linalg.norm(truth.force),
+                abs(result.moment[:, 2].mean() / truth.moment[:, 2].mean() - 1.0),
+                np.linalg.norm(result.moment - truth.moment) / np.linalg.norm(truth.moment),
+                np.linalg.norm(result.force - truth.force) / np.linalg.norm(truth.force),
             )
         )
     coarse, fine = np.array(differences)

@@ -45,9 +45,9 @@ def test_rings_beside_steel_are_the_series_of_their_images(gap):
     section = SteelGap((R - 4.5 * D, R + 4.5 * D), gap)
     moment, force = all_pairs(x, A, IRON, np.array([0.0, 0.0, H]), n, images=section.images())
     for a, share in ((2.0, 0.04), (2.5, 0.01)):
-        found = section.fed_back(IRON, ring, a * D, H, agree=1e-4)
-        assert np.abs(found.moment[::n] - moment).max() < 0.01 * np.abs(moment).max(), a
-        assert np.abs(found.force[::n] - force).max() < share * np.abs(force).max(), a
+        result = section.fed_back(IRON, ring, a * D, H, agree=1e-4)
+        assert np.abs(result.moment[::n] - moment).max() < 0.01 * np.abs(moment).max(), a
+        assert np.abs(result.force[::n] - force).max() < share * np.abs(force).max(), a
 
 
 def test_at_two_diameters_it_is_the_ring_that_is_not_even():
@@ -64,13 +64,13 @@ def test_at_two_diameters_it_is_the_ring_that_is_not_even():
         ring, n = ring_of(x, apart * D)
         _, force = all_pairs(x, radius, IRON, np.array([0.0, 0.0, H]), n, images=section.images())
         more = {"walls": section.walls, "boundary_field": MU_0 * H, "agree": 1e-4}
-        found = fed_back(problem, IRON, ring, radius, a, **more)
-        errors.append(np.abs(found.force[::n] - force).max() / np.abs(force).max())
+        result = fed_back(problem, IRON, ring, radius, a, **more)
+        errors.append(np.abs(result.force[::n] - force).max() / np.abs(force).max())
     assert errors[0] < 0.03 and errors[1] < min(0.01, 0.5 * errors[0]), errors
 
 
 def test_a_steel_face_is_half_of_a_ring_of_pairs():
-    """Necks at the face, their drops from the solved field: grains and their mirror images, all pairs one by one.
+    """Necks at the face, their mmfs from the solved field: grains and their mirror images, all pairs one by one.
 
     18 kA/m, two grains in a row on the face, gaps of 0.03 radii. Measured at 2.5, 3 and 3.5 d: forces 1.3, 1.2 and
     0.6 % of the largest, moments 0.2, 0.1 and 0.1 %; at 200 kA/m forces 1.0, 0.8 and 0.5 %.
@@ -82,9 +82,9 @@ def test_a_steel_face_is_half_of_a_ring_of_pairs():
     moment, force = true.moment[: len(ring) : n], true.force[: len(ring) : n]
     section = SteelGap((R - 4.5 * D, R + 4.5 * D))
     for a, share in ((2.5, 0.015), (3.5, 0.008)):
-        found = section.fed_back(IRON, ring, a * D, H, model="near_field", agree=1e-4)
-        assert np.abs(found.moment[::n] - moment).max() < share * np.abs(moment).max(), a
-        assert np.abs(found.force[::n] - force).max() < share * np.abs(force).max(), a
+        result = section.fed_back(IRON, ring, a * D, H, model="near_field", agree=1e-4)
+        assert np.abs(result.moment[::n] - moment).max() < share * np.abs(moment).max(), a
+        assert np.abs(result.force[::n] - force).max() < share * np.abs(force).max(), a
 
 
 @pytest.mark.parametrize("current", [4.0])
@@ -104,12 +104,12 @@ def test_in_a_drum_forces_do_not_depend_on_the_width(current):
     answers = []
     for a in (3.5, 2.0):
         own = powder_problem(device.coil.mesh, law, a * d, laws, open_boundary=True)
-        found = fed_back(
+        result = fed_back(
             own, law, x, 0.5 * d, a * d, model="near_field", sector=sector, walls=device.walls(),
             ampere_turns=500.0 * current, agree=1e-5,
         )  # fmt: skip
-        answers.append((found.moment, found.force))
-        turn = np.cross(x, found.force)[:, 2]
+        answers.append((result.moment, result.force))
+        turn = np.cross(x, result.force)[:, 2]
         assert abs(turn.sum()) < 1e-9 * np.abs(turn).sum()
         for one, first in zip(answers[-1], answers[0], strict=True):
             assert np.abs(one - first).max() < 0.02 * np.abs(first).max(), a
@@ -129,8 +129,8 @@ def test_a_loose_powder_has_the_mean_fields_magnetisation():
         for seed in (1, 2):
             x = random_grains(n, (R, R + 8.0 * D), gap, fill, seed)
             x[:, 2] += 0.5 * gap
-            found = section.fed_back(IRON, x, width, H, sector=sector, agree=1e-3, tolerance=1e-5)
-            feedback, problem = found.feedback, found.feedback.problem
+            result = section.fed_back(IRON, x, width, H, sector=sector, agree=1e-3, tolerance=1e-5)
+            feedback, problem = result.feedback, result.feedback.problem
             mean = problem.solve(0.0, PowderState(feedback._fill), boundary_field=MU_0 * H)
             r = np.hypot(x[:, 0], x[:, 1])
             inner = np.abs(x[:, 2] - 0.5 * gap) < 0.5 * gap - 1.25 * D
@@ -139,13 +139,13 @@ def test_a_loose_powder_has_the_mean_fields_magnetisation():
             folds = mirror_points_in_steel(place, steel_walls(section.walls), problem, width)
             phi = feedback._smear.at(place, folds)[0]
             field = np.linalg.norm(mean.sampler("powder").sample(x[inner])[0], axis=1)
-            ratios.append(found.magnetisation[inner, 2].mean() / IRON.magnetisation(field, phi).mean() - 1.0)
+            ratios.append(result.magnetisation[inner, 2].mean() / IRON.magnetisation(field, phi).mean() - 1.0)
             around.append(phi.mean())
         assert 0.0 < np.mean(ratios) < 0.6 * np.mean(around), (fill, ratios, around)
 
 
 class BesideIron:
-    """Grains over a ring of iron under a coil, and what happens to the energy at held moments when the iron moves."""
+    """Grains over a ring of iron under a coil, and what happens to the energy at frozen moments when the iron moves."""
 
     MU = 50.0
 
@@ -160,13 +160,13 @@ class BesideIron:
         mesh = half_disc(parts, 45.0 * D, 0.5 * D)
         problem = powder_problem(mesh, IRON, a * D, {"iron": LinearLaw(self.MU)}, open_boundary=True)
         self.walls = [RevolvedWall("iron", "housing", (R - 6.0 * D, 0.0), (R + 6.0 * D, 0.0), magnetic=True)]
-        self.found = fed_back(problem, IRON, ring, A, a * D, walls=self.walls, ampere_turns=4e3, tolerance=1e-11)
+        self.fed_back = fed_back(problem, IRON, ring, A, a * D, walls=self.walls, ampere_turns=4e3, tolerance=1e-11)
         self.problem = problem
-        self.weight = body_weight(problem, ["iron"], self.found.solution, yielding=["powder"])
+        self.weight = body_weight(problem, ["iron"], self.fed_back.solution, yielding=["powder"])
         self.bare = problem.solve(4e3, None, tolerance=1e-10)
 
     def energy(self, solution, distance, grains):
-        """Integral of r [w(B) - M . B + mu_0 M^2/2] dr dz at held psi, the iron moved by `distance` [m]."""
+        """Integral of r [w(B) - M . B + mu_0 M^2/2] dr dz at frozen psi, the iron moved by `distance` [m]."""
         points = self.problem.mesh.points.copy()
         points[:, 1] += distance * self.weight
         mesh = dataclasses.replace(self.problem.mesh, points=points)
@@ -178,13 +178,13 @@ class BesideIron:
         energy = 0.5 * float((nu * (B**2).sum(axis=1) * r * elements.weight).sum())
         if not grains:
             return energy
-        own, found = self.problem.powder_elements, self.found
+        own, result = self.problem.powder_elements, self.fed_back
         steel = steel_walls(self.walls, solution)
         steel[:, 1] += distance
-        volume = 4.0 / 3.0 * np.pi * found.radius**3
-        smear = ring_smear(found.position, volume, found.moment, found.feedback.width, 2.0 * np.pi, steel)
+        volume = 4.0 / 3.0 * np.pi * result.radius**3
+        smear = ring_smear(result.position, volume, result.moment, result.feedback.width, 2.0 * np.pi, steel)
         places = np.stack((r[own], elements.height[own]), axis=2).reshape(-1, 2)
-        M = smear.at(places, found.feedback._folds)[1:3].reshape(2, *r[own].shape).transpose(1, 0, 2)
+        M = smear.at(places, result.feedback._folds)[1:3].reshape(2, *r[own].shape).transpose(1, 0, 2)
         density = 0.5 * MU_0 * (M**2).sum(axis=1) - (M * B[own]).sum(axis=1)
         return energy + float((density * r[own] * elements.weight[own]).sum())
 
@@ -195,16 +195,16 @@ class BesideIron:
 
     def forces(self):
         """Axial: on the iron, on the coil, on the grains by the solved field, by images; and what does not close."""
-        found = self.found
-        near = found.solver.forces(found.position, found.radius, found.rows, found.found).force[:, 2].sum()
-        iron, coil = self.force_on_iron(found.solution), lorentz_force(found.solution)
-        grains = found.force[:, 2].sum() - near
+        result = self.fed_back
+        near = result.solver.forces(result.position, result.radius, result.rows, result.state).force[:, 2].sum()
+        iron, coil = self.force_on_iron(result.solution), lorentz_force(result.solution)
+        grains = result.force[:, 2].sum() - near
         empty = self.force_on_iron(self.bare, grains=False) + lorentz_force(self.bare)
         return iron, coil, grains, near, empty
 
 
 def test_actio_and_reactio_along_the_axis():
-    """Grains, coil (J x B) and iron (virtual displacement at held moments, M deposited again) add up to nothing.
+    """Grains, coil (J x B) and iron (virtual displacement at frozen moments, M deposited again) add up to nothing.
 
     The empty device closes to 0.2 % of its forces on this mesh. Grains whose smear meets no image's add to that less
     than 1 % of their own force. Nearer, smear and smear of the image interact as two spread moments in the energy and

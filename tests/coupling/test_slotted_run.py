@@ -20,7 +20,7 @@ pytestmark = pytest.mark.physics
 
 QUICKSTART = Path(__file__).resolve().parents[2] / "cases" / "quickstart.toml"
 SLOTTED = {
-    "geometry.disc_slots": {"count": 60, "share": 0.4, "depth": "2 mm"},
+    "geometry.disc_slots": {"count": 60, "fraction": 0.4, "depth": "2 mm"},
     "field.size_factor": 1.5,
     "field.gap_layers": 3,
     "field.order": 1,
@@ -111,20 +111,20 @@ def test_the_slotted_body_takes_what_the_field_turns_dipoles_and_charges_with(mo
     case = slotted({"effects.dipoles.model": model, "effects.dipoles.tolerance": 1e-9})
     device, plan = make_plan(case)
     simulation = assemble(device, plan)
-    from coupling.staggered import held_forces, refresh_field
+    from coupling.staggered import lagged_forces, refresh_field
     from coupling.window_budget import WindowBudget
 
     refresh_field(simulation)
-    held_forces(simulation, WindowBudget(simulation))
-    disc, found = simulation.field_carrier, simulation.magnetised.found
+    lagged_forces(simulation, WindowBudget(simulation))
+    disc, solved = simulation.field_carrier, simulation.magnetised.magnetisation
     x = simulation.motion.grains.position
     H, grad = simulation.source.sampler.sample(x)
-    pull = np.einsum("nij,nj->ni", grad, found.dipole) + found.charge[:, None] * H
-    torque = MU_0 * (np.cross(x, pull) + np.cross(found.dipole, H))[:, 2].sum()
+    pull = np.einsum("nij,nj->ni", grad, solved.dipole) + solved.charge[:, None] * H
+    torque = MU_0 * (np.cross(x, pull) + np.cross(solved.dipole, H))[:, 2].sum()
     size = MU_0 * np.abs(np.cross(x, pull)[:, 2]).sum()
     assert abs(torque) > 1e-3 * size
     assert disc.external_torque == pytest.approx(-simulation.n_sectors * torque, abs=1e-6 * simulation.n_sectors * size)
-    assert (model == "near_field") == bool(found.charge.any())
+    assert (model == "near_field") == bool(solved.charge.any())
 
 
 def test_a_slotted_clutch_is_switched_on(tmp_path):

@@ -55,9 +55,9 @@ def test_a_grain_keeps_its_volume():
     """Integral of phi r dr dz angle = V to (a/r)^2: sqrt(r/r_i) is 1 + x/2 - x^2/8, the mean of x^2 (a/r)^2/9."""
     left = []
     for r in (R, 2.0 * R):
-        found = integral(smear_of([[r, 0.0]], [[0.0, 1e-6]]), (r - A, -A), (r + A, A))
-        assert found[2] == pytest.approx(1e-6 * found[0] / V, rel=1e-12)
-        left.append(1.0 - found[0] / V)
+        result = integral(smear_of([[r, 0.0]], [[0.0, 1e-6]]), (r - A, -A), (r + A, A))
+        assert result[2] == pytest.approx(1e-6 * result[0] / V, rel=1e-12)
+        left.append(1.0 - result[0] / V)
         assert left[-1] == pytest.approx((A / r) ** 2 / 72.0, rel=0.02)
     assert left[0] / left[1] == pytest.approx(4.0, rel=0.02)
 
@@ -116,12 +116,12 @@ def test_the_gradient_is_that_of_the_magnetisation(name):
     places = np.array([R, 0.0]) + A * random.uniform(0.0, 1.0, (12, 2))
     smear = smear_of(places, random.normal(size=(12, 2)) * 1e-6, WALLS[name])
     points = np.array([R, 0.0]) + A * random.uniform(0.05, 0.95, (30, 2))
-    found = at(smear, points, True)
+    result = at(smear, points, True)
     for axis in range(2):
         step = 1e-4 * A * np.eye(2)[axis]
         slope = (at(smear, points + step, True) - at(smear, points - step, True))[1:3] / (2e-4 * A)
-        scale = np.abs(found[3:]).max()
-        assert found[[3 + axis, 5 + axis]] == pytest.approx(slope, abs=1e-6 * scale)
+        scale = np.abs(result[3:]).max()
+        assert result[[3 + axis, 5 + axis]] == pytest.approx(slope, abs=1e-6 * scale)
 
 
 def test_it_is_symmetric_in_the_two_places():
@@ -164,6 +164,6 @@ def test_nothing_and_one_grain():
     empty = ring_smear(np.zeros((0, 3)), np.zeros(0), np.zeros((0, 3)), A, ANGLE)
     assert np.all(at(empty, [[R, 0.0]]) == 0.0)
     one = smear_of([[R, 0.0]], [[0.0, 1e-6]])
-    found = at(one, [[R, 0.0], [R, 1.0], [1e-9, 0.0], [R + 1.0001 * A, 0.0]])
-    assert np.all(np.isfinite(found)) and found[0, 0] > 0.0
-    assert np.all(found[:, 1:] == 0.0)
+    result = at(one, [[R, 0.0], [R, 1.0], [1e-9, 0.0], [R + 1.0001 * A, 0.0]])
+    assert np.all(np.isfinite(result)) and result[0, 0] > 0.0
+    assert np.all(result[:, 1:] == 0.0)

@@ -36,9 +36,9 @@ from particles import (
     Grains,
     LinearContact,
     choose_time_step,
-    contact_share,
     depth_warning,
     pack,
+    pull_stiffness_ratio,
 )
 
 pytestmark = pytest.mark.physics
@@ -300,14 +300,15 @@ def test_the_stiffest_slot_is_known_to_the_step_and_to_the_warnings():
     grains = Grains.create([[0.0, 0.0, RADIUS], [1.92 * RADIUS, 0.0, RADIUS]], [RADIUS, 0.9 * RADIUS], DENSITY)
     dem = DEM(grains, [FLOOR], [Body("housing")], LAW, dt=1e-9)
     dem.attraction = table(alike(0.02, walls=0.002))
-    assert dem.attraction.stiffest == dem.attraction.strongest == contact_share(dem.attraction, LAW, RADIUS) == 0.0
+    assert dem.attraction.stiffest == dem.attraction.strongest == 0.0
+    assert pull_stiffness_ratio(dem.attraction, LAW, RADIUS) == 0.0
     assert depth_warning(dem.attraction, LAW, RADIUS) is None
     dem.run(1)
     a, gap = 2.0 * RADIUS * 0.9 / 1.9, np.geomspace(SMALLEST, 0.29, 4000)
     steepest = np.max(-np.diff(pull(gap, 1.7, 0.02)) / np.diff(gap)) / a
     assert dem.attraction.stiffest == pytest.approx(steepest, rel=0.01)
     assert dem.attraction.strongest == pytest.approx(pull(SMALLEST, 1.7, 0.02), rel=0.05)
-    assert contact_share(dem.attraction, LAW, RADIUS) == pytest.approx(steepest / LAW.stiffness_n, rel=0.01)
+    assert pull_stiffness_ratio(dem.attraction, LAW, RADIUS) == pytest.approx(steepest / LAW.stiffness_n, rel=0.01)
     assert depth_warning(dem.attraction, LAW, RADIUS) is None
     soft = LinearContact.from_restitution(50.0, 0.6, 0.4)
     assert "raise the stiffness" in depth_warning(dem.attraction, soft, RADIUS)

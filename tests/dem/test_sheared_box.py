@@ -14,7 +14,7 @@ LAW = LinearContact.from_restitution(2000.0, 0.5, 0.3)
 
 
 def dem_of(box, x, v=None, *, steps=24.0, law=LAW, rolling=None, **options):
-    """Grains at ``x`` that move with the flow, and with ``v`` beside it."""
+    """Grains at ``x`` that move with the flow and the peculiar velocities ``v``."""
     v = box.flow(x[:, 2]) + (0.0 if v is None else v)
     spin = np.tile([0.0, 0.5 * box.rate, 0.0], (len(x), 1))
     grains = Grains.create(x, 0.5 * D, RHO, velocity=v, angular_velocity=spin)
@@ -27,7 +27,7 @@ def cell(fill=0.5, count=110, stir=2.0, rate=RATE, seed=1, **options):
     box, x = periodic_packing(count, D, fill, seed=seed)
     box.rate = rate
     v = np.random.default_rng(3).normal(0.0, stir * rate * D, x.shape) if stir else np.zeros(x.shape)
-    v -= v.mean(axis=0)  # beside a flow with a gradient only a layer at rest stays where it is
+    v -= v.mean(axis=0)  # in a flow with a gradient only a layer at rest stays where it is
     return dem_of(box, x, v, **options)
 
 
@@ -35,7 +35,7 @@ def by_number(dem, array):
     return np.asarray(array)[np.argsort(dem.grains.particle_id)]
 
 
-def beside(dem):
+def peculiar_velocities(dem):
     """Velocities less the flow's, in the order of the grains' numbers."""
     g = dem.grains
     return by_number(dem, g.velocity - dem.box.flow(g.position[:, 2]))
@@ -43,7 +43,7 @@ def beside(dem):
 
 @pytest.mark.parametrize("factor", [0.97, 1.0, 1.03])
 def test_no_pair_comes_nearer_than_the_box_says(factor):
-    """Grains that flow with a box that is sheared and stretched, that stand still in it, and that move beside it."""
+    """Grains that flow with a box that is sheared and stretched, that stand still, and that move relative to it."""
     rng, reach, strain = np.random.default_rng(5), 2.5 * D, 0.02
     box = ShearedBox([8.0 * D, 7.0 * D, 9.0 * D], RATE)
     before = rng.uniform(0.0, 1.0, (120, 3)) * box.lengths
@@ -77,7 +77,8 @@ def test_a_pair_through_a_face_is_a_pair(axis):
         dem = dem_of(box, x, 0.3 * RATE * D * np.array([[1.0, 2.0, -1.0], [-1.0, 0.5, 0.7]]))
         assert dem.listed_pairs.count == 1 and (dem.listed_pairs.shift[0] != 0) == (middle == 0.0)
         totals = dem.run(15)
-        found.append((beside(dem), totals.stress.total, np.array(list(totals.energy.dissipation.values()))))
+        losses = np.array(list(totals.energy.dissipation.values()))
+        found.append((peculiar_velocities(dem), totals.stress.total, losses))
     for inside, through in zip(*found, strict=True):
         assert np.abs(inside).max() > 0.0
         assert through == pytest.approx(inside, rel=1e-9, abs=1e-12 * np.abs(inside).max())
@@ -86,10 +87,10 @@ def test_a_pair_through_a_face_is_a_pair(axis):
 def test_momentum_stays():
     """Beside the flow, which a wrap takes along: contacts, lists rebuilt."""
     dem = cell()
-    before = dem.grains.mass @ beside(dem)
+    before = dem.grains.mass @ peculiar_velocities(dem)
     totals = dem.run(6000)
     assert totals.rebuilds > 2 and totals.n_contacts > 5
-    drift = dem.grains.mass @ beside(dem) - before
+    drift = dem.grains.mass @ peculiar_velocities(dem) - before
     assert np.abs(drift).max() < 1e-11 * dem.grains.mass[0] * RATE * D * dem.grains.count
 
 
@@ -127,7 +128,7 @@ def test_the_work_of_shear_is_dissipated_or_held():
 
 
 def test_balances_close_with_grains_of_several_sizes():
-    """Momentum beside the flow, kinetic energy and the work of the shear to round-off, losses to the step's error."""
+    """Peculiar momentum, kinetic energy and the work of the shear to round-off, losses to the step's error."""
     box, x = periodic_packing(150, D, 0.55, seed=1)
     box.rate, rng = RATE, np.random.default_rng(1)
     radius, v = 0.5 * D * rng.choice([0.6, 0.8, 1.0], len(x)), rng.normal(0.0, RATE * D, x.shape)
@@ -136,10 +137,10 @@ def test_balances_close_with_grains_of_several_sizes():
     dt = LAW.contact_time(0.5 * grains.mass.min(), 0.0, 0.0) / 24.0
     dem = DEM(grains, [], [], LAW, dt=dt, periodicity=box)
     dem.run(500)
-    before = by_number(dem, grains.mass) @ beside(dem)
+    before = by_number(dem, grains.mass) @ peculiar_velocities(dem)
     totals = dem.run(6000)
     energy, lost = totals.energy, totals.energy.dissipated
-    drift = by_number(dem, grains.mass) @ beside(dem) - before
+    drift = by_number(dem, grains.mass) @ peculiar_velocities(dem) - before
     assert totals.rebuilds > 5 and lost > 0.0
     assert np.abs(drift).max() < 1e-12 * grains.mass.sum() * RATE * D
     assert energy.kinetic_change == pytest.approx(energy.contact_work + energy.shear_work["motion"], abs=1e-10 * lost)
@@ -176,7 +177,7 @@ def test_where_the_box_is_cut_makes_no_difference(moved):
     pair = [dem_of(box, x, v), dem_of(other, there, v)]
     ends = [dem.run(1500) for dem in pair]
     assert ends[0].n_contacts > 5 and ends[0].rebuilds >= 1
-    assert beside(pair[1]) == pytest.approx(beside(pair[0]), abs=1e-6 * RATE * D)
+    assert peculiar_velocities(pair[1]) == pytest.approx(peculiar_velocities(pair[0]), abs=1e-6 * RATE * D)
     assert ends[1].stress.total == pytest.approx(ends[0].stress.total, rel=1e-6, abs=1e-6 * ends[0].stress.pressure)
     assert ends[1].energy.dissipated == pytest.approx(ends[0].energy.dissipated, rel=1e-6)
 
@@ -311,7 +312,7 @@ def test_beginning_with_other_grains_keeps_the_own_shear_rate():
     goes_on.begin_with(state)
     for dem in (first, goes_on):
         dem.run(300)
-    assert beside(goes_on) == pytest.approx(beside(first), abs=1e-6 * RATE * D)
+    assert peculiar_velocities(goes_on) == pytest.approx(peculiar_velocities(first), abs=1e-6 * RATE * D)
 
 
 def test_how_a_run_is_split_makes_no_difference():

@@ -9,7 +9,7 @@ from numba import njit
 from geometry import Box
 from geometry.kernels.simd_math import log, sqrt
 from particles import DEM, Body, Grains, LinearContact
-from particles.dem.contact_kernel import Touch, contact_force
+from particles.dem.contact_kernel import ContactKinematics, contact_force
 from particles.dem.pair_search import ROOM
 from particles.dem.stored_energy import scene_law_table
 from particles.laws.elastic import Elastic
@@ -51,10 +51,11 @@ def one_by_one(dem, law_of):
         u = grains.velocity[i] - grains.velocity[j] + np.cross(li * spin[i] + (d - li) * spin[j], n)
         turn = -(grains.velocity[i] - grains.velocity[j]) * DT / d
         turn = (turn - (turn @ n) * n) * (1.0 + turn @ n)
-        touch = Touch(r[i] + r[j] - d, tuple(n), tuple(u), tuple(turn), float(0.5 * (spin[i] + spin[j]) @ n))
+        mean_spin = float(0.5 * (spin[i] + spin[j]) @ n)
+        kinematics = ContactKinematics(r[i] + r[j] - d, tuple(n), tuple(u), tuple(turn), mean_spin)
         m_eff, r_eff = m[i] * m[j] / (m[i] + m[j]), r[i] * r[j] / (r[i] + r[j])
         law, kind = law_of(i, j)
-        found.append(contact_force(law, kind, None, m_eff, r_eff, DT, touch, np.zeros((1, 8)), 0)[:3])
+        found.append(contact_force(law, kind, None, m_eff, r_eff, DT, kinematics, np.zeros((1, 8)), 0)[:3])
     return table.force, np.array(found)
 
 

@@ -59,7 +59,7 @@ def test_stops_name_grain_place_time_and_remedy():
 
     heavy = scene()
     heavy.external_force = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, -100.0]])
-    with pytest.raises(DemError, match=where + r"it overlaps .* % .*raise the stiffness.*shorten dt") as pressed_in:
+    with pytest.raises(DemError, match=where + r"it overlaps .* % .*raise the stiffness.*shorten dt") as too_deep:
         heavy.run(100_000)
     with pytest.raises(DemError, match=where + r"at 1e\+03 m/s it moves .* radii .*shorten dt") as too_fast:
         scene((1000.0, 0.0, 0.0)).run(1000)  # it would tunnel
@@ -82,7 +82,7 @@ def test_stops_name_grain_place_time_and_remedy():
     lost.invalidate()
     with pytest.raises(DemError, match=where + r"it has left the device .*(slot|raise the stiffness)") as escaped:
         lost.run(10)
-    kinds = [stop.value.kind for stop in (pressed_in, too_fast, not_finite, escaped)]
+    kinds = [stop.value.kind for stop in (too_deep, too_fast, not_finite, escaped)]
     assert kinds == [DemErrorKind.OVERLAP, DemErrorKind.TOO_FAST, DemErrorKind.NOT_FINITE, DemErrorKind.ESCAPED]
 
 

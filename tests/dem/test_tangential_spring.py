@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from particles.dem.contact_kernel import Touch, contact_force, rotate_spring
+from particles.dem.contact_kernel import ContactKinematics, contact_force, rotate_spring
 from particles.laws.columns import COHESION_0, COHESIVE, DAMPING_N, DAMPING_T
 from particles.laws.elastic import Elastic
 from particles.laws.hertz import HertzContact
@@ -32,8 +32,8 @@ class Contact:
 
     def force(self, delta, n, u, spin_n=0.0):
         """(force (3), f_rep, dashpot, pull, k_t, stored, lost normal, tangential, sliding)."""
-        touch = Touch(delta, tuple(map(float, n)), tuple(map(float, u)), None, spin_n)
-        out = contact_force(self.table, 0, ENERGY_COLUMN, self.mass, self.radius, self.dt, touch, self.history, 0)
+        kinematics = ContactKinematics(delta, tuple(map(float, n)), tuple(map(float, u)), None, spin_n)
+        out = contact_force(self.table, 0, ENERGY_COLUMN, self.mass, self.radius, self.dt, kinematics, self.history, 0)
         return np.array(out[:3]), *out[3:-1]  # the last stiffness is for rolling and twisting alone
 
     @property
@@ -201,9 +201,9 @@ def test_equal_grains_have_the_same_force_with_constant_dashpots():
     table = law_table("linear", law.row()[None])
     rows = table.rows.copy()
     rows[0, [DAMPING_N, DAMPING_T]] = spring(table, 0, 1e-6, MASS, RADIUS, 0.0)[2:4]
-    touch = Touch(2e-6, (0.0, 0.6, 0.8), (0.2, -0.3, 0.4), None, 5.0)
+    kinematics = ContactKinematics(2e-6, (0.0, 0.6, 0.8), (0.2, -0.3, 0.4), None, 5.0)
     one, other = (
-        contact_force(given, 0, ENERGY_COLUMN, MASS, RADIUS, 1e-6, touch, np.zeros((1, ENERGY_COLUMN + 8)), 0)
+        contact_force(given, 0, ENERGY_COLUMN, MASS, RADIUS, 1e-6, kinematics, np.zeros((1, ENERGY_COLUMN + 8)), 0)
         for given in (table, EqualLinearTable(rows))
     )
     assert other == pytest.approx(one, rel=1e-12)

@@ -30,7 +30,7 @@ ALL = {"rolling": RollingFriction(0.2), "twisting": TwistingFriction(0.1), "cohe
 
 
 def dvi_of(box, x, v=None, dt=1e-6, **options):
-    """Grains at ``x`` that move with the flow, and with ``v`` beside it."""
+    """Grains at ``x`` that move with the flow and the peculiar velocities ``v``."""
     v = box.flow(x[:, 2]) + (0.0 if v is None else v)
     spin = np.tile([0.0, 0.5 * box.rate, 0.0], (len(x), 1))
     grains = Grains.create(x, 0.5 * D, RHO, velocity=v, angular_velocity=spin)
@@ -39,7 +39,7 @@ def dvi_of(box, x, v=None, dt=1e-6, **options):
 
 
 def packed(fill=0.5, count=110, stir=2.0, rate=RATE, seed=1):
-    """A random packing that is sheared and stirred: box, places, velocities beside the flow."""
+    """A random packing that is sheared and stirred: box, places, peculiar velocities."""
     box, x = periodic_packing(count, D, fill, seed=seed)
     box.rate = rate
     v = np.random.default_rng(3).normal(0.0, stir * rate * D, x.shape) if stir else np.zeros(x.shape)
@@ -50,7 +50,7 @@ def cell(fill=0.5, count=110, stir=2.0, rate=RATE, seed=1, **options):
     return dvi_of(*packed(fill, count, stir, rate, seed), **options)
 
 
-def beside(dvi):
+def peculiar_velocities(dvi):
     """Velocities less the flow's, in the order of the grains' numbers."""
     g = dvi.grains
     return (g.velocity - dvi.box.flow(g.position[:, 2]))[np.argsort(g.particle_id)]
@@ -73,7 +73,7 @@ def test_a_pair_through_a_face_is_a_pair(axis, way):
         assert dvi._list.pairs.count == 1 and (dvi._list.pairs.shift[0] != 0) == (middle == 0.0)
         totals = dvi.run(6)
         table = dvi.contacts()
-        found.append((beside(dvi), dvi.grains.angular_velocity[np.argsort(dvi.grains.particle_id)],
+        found.append((peculiar_velocities(dvi), dvi.grains.angular_velocity[np.argsort(dvi.grains.particle_id)],
                       totals.stress.total, np.array(list(totals.energy.dissipation.values())),
                       np.sort(table.overlap)))  # fmt: skip
     for inside, through in zip(*found, strict=True):
@@ -86,12 +86,12 @@ def test_a_pair_through_a_face_is_a_pair(axis, way):
 def test_momentum_energy_and_work_balance_to_round_off(way):
     """Beside the flow, which a wrap takes along; the work of the shear is -rate V sigma_xz, all of it accounted for."""
     dvi = cell(0.55, **way)
-    before = dvi.grains.mass @ beside(dvi)
+    before = dvi.grains.mass @ peculiar_velocities(dvi)
     dvi.run(100)
     totals = dvi.run(1500)
     energy, lost = totals.energy, totals.energy.dissipated
     assert totals.rebuilds > 2 and totals.n_contacts > 5 and np.count_nonzero(dvi.contacts().shift) > 3
-    drift = dvi.grains.mass @ beside(dvi) - before
+    drift = dvi.grains.mass @ peculiar_velocities(dvi) - before
     assert np.abs(drift).max() < 1e-11 * MASS * RATE * D * dvi.grains.count
     assert energy.kinetic_change == pytest.approx(energy.contact_work + energy.shear_work["motion"], abs=1e-9 * lost)
     assert lost == pytest.approx(sum(energy.dissipation.values()), rel=1e-9)
@@ -159,7 +159,7 @@ def test_where_the_box_is_cut_makes_no_difference(moved):
     pair = [dvi_of(one, at, v, tolerance=1e-12) for one, at in ((box, x), (other, there + by))]
     ends = [dvi.run(150) for dvi in pair]
     assert ends[0].n_contacts > 5 and ends[0].missed_steps == ends[1].missed_steps == 0
-    assert beside(pair[1]) == pytest.approx(beside(pair[0]), abs=1e-6 * RATE * D)
+    assert peculiar_velocities(pair[1]) == pytest.approx(peculiar_velocities(pair[0]), abs=1e-6 * RATE * D)
     assert ends[1].stress.total == pytest.approx(ends[0].stress.total, rel=1e-6, abs=1e-6 * ends[0].stress.pressure)
     assert ends[1].energy.dissipated == pytest.approx(ends[0].energy.dissipated, rel=1e-6)
 

@@ -141,7 +141,7 @@ def test_one_and_two_threads_agree_bitwise(make, n, steps, more):
     one, first = _with_threads(1, make, n, steps, **more)
     two, second = _with_threads(2, make, n, steps, **more)
     assert len(one._chunks.rows) > 4  # chunks that two threads do have
-    assert sum(t.rebuilds for t in first) > 1 and first[-1].n_contacts > n // 2 and first[-1].taken_over > 0
+    assert sum(t.rebuilds for t in first) > 1 and first[-1].n_contacts > n // 2 and first[-1].accelerated_steps > 0
     assert _differences(one, two) == []
     assert repr(first) == repr(second)
 

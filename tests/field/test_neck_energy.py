@@ -1,4 +1,4 @@
-"""Energy of the neck over gap and drop: the isolated pair gets its force and moment back; derivatives; the ends."""
+"""Energy of the neck over gap and mmf: the isolated pair gets its force and moment back; derivatives; the ends."""
 
 import numpy as np
 import pytest
@@ -6,12 +6,12 @@ from scipy.optimize import root
 
 from field import GrainLaw
 from field.spheres import pair_table as pair_module
-from field.spheres.neck_energy import LOG_DROP, LOG_GAP, neck_energy
+from field.spheres.neck_energy import LOG_GAP, LOG_MMF, neck_energy
 from field.spheres.pair_table import pair_table
 from field.spheres.transverse_pair import (
+    transverse_fraction,
     transverse_moment,
     transverse_response,
-    transverse_share,
 )
 
 VOLUME = 4.0 / 3.0 * np.pi
@@ -27,8 +27,8 @@ def isolated_pair(table, chi, g, h):
         neck = table.at(g, D, 1.0 - M)
         T = M + neck.q * R / (2.0 * VOLUME)
         inside = M / 3.0 + M / (chi * (1.0 - M)) - (4.0 * M - 2.0 * T) / (3.0 * R**3) - neck.w_s / (2.0 * VOLUME)
-        drop = h * R - 2.0 / 3.0 * M / R**2 - (1.0 - 1.0 / R) * neck.q / (2.0 * np.pi)
-        return [inside / h - 1.0, drop / D - 1.0]
+        mmf = h * R - 2.0 / 3.0 * M / R**2 - (1.0 - 1.0 / R) * neck.q / (2.0 * np.pi)
+        return [inside / h - 1.0, mmf / D - 1.0]
 
     start = np.log1p(-min(3.0 * h * chi / (chi + 3.0), 0.95)), np.log(0.5 * h * R)
     found = root(rest, start, tol=1e-12)
@@ -69,7 +69,7 @@ def iron():
 
 
 def test_shape_and_grids(iron):
-    assert iron.patch.shape == (LOG_GAP.size, LOG_DROP.size, 4) and iron.patch.flags.c_contiguous
+    assert iron.patch.shape == (LOG_GAP.size, LOG_MMF.size, 4) and iron.patch.flags.c_contiguous
     assert np.array_equal(iron.y, iron.patch[:, :, 0]) and np.all(iron.y < 0.0)
     assert neck_energy(GrainLaw(999.0, 1.7e6)) is iron
 
@@ -105,7 +105,7 @@ def test_derivatives_are_those_of_the_energy(iron, sign):
 
 
 def test_the_neck_is_linear_below_and_carries_its_capacity_beyond(iron):
-    low, high = np.exp(iron.log_drop[0]), np.exp(iron.log_drop[-1])
+    low, high = np.exp(iron.log_mmf[0]), np.exp(iron.log_mmf[-1])
     g = np.array([4e-4, 0.03, 0.9])
     small = [iron.at(g, f * low, 1.0) for f in (1e-6, 1.0)]
     assert np.allclose(small[0].q / (1e-6 * low), small[1].q / low, rtol=1e-12)
@@ -116,9 +116,9 @@ def test_the_neck_is_linear_below_and_carries_its_capacity_beyond(iron):
 
 
 @pytest.mark.parametrize("end", [-1, 1])
-def test_flux_and_force_have_no_jump_at_the_ends_of_the_drop(iron, end):
-    drop = np.exp(iron.log_drop[0 if end < 0 else -1])
-    inside, outside = (iron.at([4e-4, 0.03, 0.9], drop * (1.0 + side * 1e-9), 1.0) for side in (-1.0, 1.0))
+def test_flux_and_force_have_no_jump_at_the_ends_of_the_mmf(iron, end):
+    mmf = np.exp(iron.log_mmf[0 if end < 0 else -1])
+    inside, outside = (iron.at([4e-4, 0.03, 0.9], mmf * (1.0 + side * 1e-9), 1.0) for side in (-1.0, 1.0))
     for name in ("w", "q", "w_g"):
         assert np.allclose(getattr(inside, name), getattr(outside, name), rtol=1e-7)
 
@@ -148,10 +148,10 @@ def test_the_whole_transverse_share_is_what_multipoles_leave_of_the_repulsion():
     """-dW/dR at constant H0 of two dipoles with W_t: the repulsion of ideal spheres."""
     for g in (1e-3, 0.05, 0.5):
         R = 2.0 + g
-        share, slope = (float(one) for one in transverse_share(g, odd=False))
+        fraction, slope = (float(one) for one in transverse_fraction(g, odd=False))
         M = transverse_moment(np.inf, g)
         energy = VOLUME**2 / (4.0 * np.pi) * M**2
-        force = energy * (3.0 * (1.0 - share) / R**4 + slope / R**3)
+        force = energy * (3.0 * (1.0 - fraction) / R**4 + slope / R**3)
         e = 1e-4
         slope = (transverse_moment(np.inf, g + e) - transverse_moment(np.inf, g - e)) / (2.0 * e)
         assert force == pytest.approx(VOLUME * slope, rel=1e-4)  # of two in H0: F = mu_0 H0 dm/dR
@@ -159,16 +159,16 @@ def test_the_whole_transverse_share_is_what_multipoles_leave_of_the_repulsion():
 
 
 def test_the_odd_share():
-    """A third of the share of all orders, and its derivative with the fade."""
+    """A third of the fraction of all orders, and its derivative with the fade."""
     g = np.array([3e-3, 0.03, 0.1, 0.3])
-    odd, every = transverse_share(g)[0], transverse_share(g, odd=False)[0]
+    odd, every = transverse_fraction(g)[0], transverse_fraction(g, odd=False)[0]
     assert np.all((odd / every > 0.28) & (odd / every < 0.37))
     e = 1e-6
     for g in (0.03, 0.6, 1.1):
-        assert transverse_share(g)[1] == pytest.approx(
-            (transverse_share(g + e)[0] - transverse_share(g - e)[0]) / (2.0 * e), rel=1e-6
+        assert transverse_fraction(g)[1] == pytest.approx(
+            (transverse_fraction(g + e)[0] - transverse_fraction(g - e)[0]) / (2.0 * e), rel=1e-6
         )
-    assert transverse_share(1.2)[0] == 0.0
+    assert transverse_fraction(1.2)[0] == 0.0
 
 
 def test_the_response_of_a_sphere_is_that_of_froehlichs_law():

@@ -38,11 +38,11 @@ def drawn_volumes(clutch):
     cut = {"disc": 0.0, "rotor": 0.0}
     if clutch.disc_slots is not None:
         rim, slots = clutch.disc_radius, clutch.disc_slots
-        cut["disc"] = slots.share * ring(rim - slots.depth, rim, clutch.disc_thickness)
+        cut["disc"] = slots.fraction * ring(rim - slots.depth, rim, clutch.disc_thickness)
     if clutch.rotor_slots is not None:
         bore, slots = clutch.bore_radius, clutch.rotor_slots
         length = clutch.rotor_length - clutch.ring_width
-        cut["rotor"] = slots.share * ring(bore, bore + slots.depth, length)
+        cut["rotor"] = slots.fraction * ring(bore, bore + slots.depth, length)
     for body, volume in cut.items():
         volumes[body] -= volume
     if sum(cut.values()) > 0.0:
@@ -181,8 +181,8 @@ def test_slots_know_what_they_cut():
     [
         ("disc_slots", {"count": 1}, "count", "number of slots"),
         ("disc_slots", {"count": 501}, "count", "number of slots"),
-        ("disc_slots", {"share": 1.0}, "share", "wider than the pitch"),
-        ("disc_slots", {"share": 0.0}, "share", "no width"),
+        ("disc_slots", {"fraction": 1.0}, "fraction", "wider than the pitch"),
+        ("disc_slots", {"fraction": 0.0}, "fraction", "no width"),
         ("disc_slots", {"depth": -1e-3}, "depth", "positive"),
         ("disc_slots", {"depth": 36.5e-3}, "depth", "shaft"),
         ("rotor_slots", {"depth": 6e-3}, "depth", "clearance"),

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import pandas
 
-from emclutch.simulation.forecast.cost import spoken
+from emclutch.simulation.forecast.cost import format_rough_time
 from emclutch.simulation.forecast.machine_speed import slowness
 
 HERE = Path(__file__).resolve().parent
@@ -103,8 +103,8 @@ PARTS = (
 
 def announcement(parts: Sequence[Part], slow: float) -> str:
     """Return how long all parts will take, and each, on a machine `slow` times as slow as the reference machine."""
-    each = ", ".join(f"{part.name} {spoken(slow * part.seconds)}" for part in parts)
-    total = spoken(slow * sum(part.seconds for part in parts))
+    each = ", ".join(f"{part.name} {format_rough_time(slow * part.seconds)}" for part in parts)
+    total = format_rough_time(slow * sum(part.seconds for part in parts))
     return f"about {total} of processor time, and what compiling takes ({each})"
 
 

@@ -103,9 +103,7 @@ def _study(scene: RandomScene, folder: Path) -> Verdict:
     file = folder / "study.toml"
     try:
         cases = [case for _, case in read_study(file).cases()]
-        why_not = next(
-            filter(None, (_not_run(case, plan_in_words(*make_plan(case))) for case in cases)), ""
-        )
+        why_not = next(filter(None, (_not_run(case, plan_in_words(*make_plan(case))) for case in cases)), "")
     except (SceneError, ValueError):  # of a plan: ValueError
         why_not = ""
     if why_not:
@@ -159,7 +157,7 @@ def _not_run(case: Any, plan: dict[str, str]) -> str:
     windows = int(re.search(r"(\d+) windows", plan["coupling window"])[1])  # type: ignore
     settles = scene.particles.settles and (scene.particles.settle_longest or 1.0) > 2e-3
     if "replicas" in plan:
-        return "several packings"
+        return "several replicas"
     if steps > MAX_STEPS or steps * grains > MAX_VISITS or settles:
         return "too long"
     if windows > (MAX_SOLVED_WINDOWS if "mesh" in plan else MAX_WINDOWS):

@@ -21,7 +21,7 @@ UP_AND_DOWN = {"times": [0.0, 4e-4, 8e-4], "values": [0.2, 1.0, 0.2]}
 AT_A_CURRENT = {"effects.coil_circuit": None, "coil.voltage": None, "coil.current": UP_AND_DOWN}
 SHORT = {"field.size_factor": 3, "time.end": "0.8 ms"}
 SLOTS = {
-    "geometry.disc_slots": {"count": 60, "share": 0.4, "depth": "2 mm"},
+    "geometry.disc_slots": {"count": 60, "fraction": 0.4, "depth": "2 mm"},
     "field.order": 1,
     "field.gap_layers": 3,
     "particles.diameter": "0.4 mm",

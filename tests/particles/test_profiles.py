@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from loaded_grains import RING, R, clamped_ring, contact_points, scattered
 
 from geometry.walls import Plane, cylinder
-from particles.diagnostics.bins import RingBins, SlabBins, contact_shares, even_edges, ring_bins
+from particles.diagnostics.bins import RingBins, SlabBins, contact_fractions, even_edges, ring_bins
 from particles.diagnostics.enclosed_space import BoxSpace, enclosed_space
 from particles.diagnostics.profiles import profile_of, profile_sums
 from particles.grains import Grains
@@ -96,8 +96,8 @@ def test_bins_part_grains_and_contacts_without_loss(seed, along, count):
     np.testing.assert_allclose(parts.sum(axis=0), grains.volume, rtol=1e-9)
     assert parts.data.min() >= 0.0
     s = bins.coordinate(grains.position)
-    np.testing.assert_allclose(contact_shares(s[:-1], s[1:], bins.edges).sum(axis=0), 1.0, rtol=1e-12)
-    np.testing.assert_allclose(contact_shares(s, s, bins.edges).sum(axis=0), 1.0)
+    np.testing.assert_allclose(contact_fractions(s[:-1], s[1:], bins.edges).sum(axis=0), 1.0, rtol=1e-12)
+    np.testing.assert_allclose(contact_fractions(s, s, bins.edges).sum(axis=0), 1.0)
 
 
 def test_grain_half_out_of_the_bins_counts_half():

@@ -17,7 +17,7 @@ from geometry.walls import Plane, annulus, cylinder
 from particles.bodies import Body
 from particles.walls.triangle_kernels import (
     FEATURE_ANGLE,
-    N_FOUND,
+    N_CONTACT,
     closest_on_triangle,
     push_off_triangles,
     triangle_contacts,
@@ -42,7 +42,7 @@ few = settings(max_examples=60, deadline=None)
 
 def contacts(rows, centre, radius=1.0):
     """Contacts of one grain with all triangles: triangles (c,), distances (c,), directions (c, 3)."""
-    found = np.full((len(rows), N_FOUND), np.nan)
+    found = np.full((len(rows), N_CONTACT), np.nan)
     other = np.arange(len(rows), dtype=np.int32)
     count, _ = met(rows, other, 0, len(rows), *centre, radius, found)
     return found[:count, 0].astype(int), found[:count, 1], found[:count, 2:5]

@@ -34,7 +34,7 @@ TABLES: dict[str, dict[str, Any]] = {
 
 SETTINGS: dict[str, dict[str, Any]] = {
     "slots: a field in 3D": {
-        "geometry.disc_slots": {"count": 60, "share": 0.4, "depth": "2 mm"},
+        "geometry.disc_slots": {"count": 60, "fraction": 0.4, "depth": "2 mm"},
         "particles.sector": "6 deg",
     },
     "contact.method = dvi": {"contact.method": "dvi"},

@@ -32,7 +32,7 @@ def test_coefficient_of_the_grain_size_follows_from_the_torques_that_the_page_pr
     row = table()["grain_size.coefficient"]
     assert tuple(float(row[column]) for column in ("value", "low", "high")) == COEFFICIENT and EXPONENT == 2.0
 
-    page = (TABLE.parent / "explanation" / "brake.md").read_text(encoding="utf-8").partition("## Grains across")[2]
+    page = (TABLE.parent / "explanation" / "brake.md").read_text(encoding="utf-8").partition("## Grains per gap")[2]
     lines = [[cell.strip() for cell in line.strip("|").split("|")] for line in page.splitlines() if line[:3] != "|--"]
     torque = re.compile(r"(\d+\.\d+)(?:<!-- .*? -->)? ± (\d+\.\d+)")
     points = [(float(cells[0]), device, *map(float, found.groups()))

@@ -21,9 +21,9 @@ def row(**changed):
     """A window of a disc and a housing."""
     given = dict(
         time=1e-3, bodies={"disc": BodyRow(2.0, 0.1, 0.02, 0.3), "housing": BodyRow(0.0, 0.0, 0.0, 0.0)},
-        field_torque={}, other_torque={}, angular_momentum=0.0, torque_residual=0.0, energy=None, held_is_magnetic=True,
-        field_solves=None, n_contacts=3, max_overlap=0.01, max_speed=1.0, solver=None, rebuilds=1, steps=10,
-        seconds=WallClock(None, None, 0.5, 0.6, 0.9),
+        field_torque={}, other_torque={}, angular_momentum=0.0, torque_residual=0.0, energy=None,
+        lagged_is_magnetic=True, field_solves=None, n_contacts=3, max_overlap=0.01, max_speed=1.0, solver=None,
+        rebuilds=1, steps=10, seconds=WallClock(None, None, 0.5, 0.6, 0.9),
     )  # fmt: skip
     return WindowRow(**given | changed)
 
@@ -53,7 +53,7 @@ def test_energies_balance_with_the_terms_that_there_are():
     assert (found["work_magnetic"], found["energy_residual"], found["dissipated_sliding"]) == (0.25, 0.25, 1.0)
     assert found["magnetic_energy"] == -0.1
     assert "magnetic_energy" not in columns_of(row(energy=replace(energy, magnetic_energy=None)))
-    assert "work_held" in columns_of(row(energy=energy, held_is_magnetic=False)) and "work_gravity" not in found
+    assert "work_lagged" in columns_of(row(energy=energy, lagged_is_magnetic=False)) and "work_gravity" not in found
 
 
 def test_a_column_names_its_column_of_a_table_and_survives_a_copy():

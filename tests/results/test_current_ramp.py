@@ -63,21 +63,21 @@ def test_the_loop_has_its_width_area_and_residual_torque():
     assert len(in_words(found)) == 6 and "rising 1.004 N m" in in_words(found)[1]
 
 
-@pytest.mark.parametrize("packings", [1, 4])
-def test_bands_hold_the_torque_as_often_as_said(packings):
+@pytest.mark.parametrize("replicas", [1, 4])
+def test_bands_hold_the_torque_as_often_as_said(replicas):
     """95 %: of 40 bins of 30 runs, less than 10 % and more than 1 % lie outside of their band."""
     outside = []
     for run in range(30):
-        runs = [history(RAMP, 0.2, seed=packings * run + n, noise=0.05, spread=0.02 * (packings > 1))
-                for n in range(packings)]  # fmt: skip
+        runs = [history(RAMP, 0.2, seed=replicas * run + n, noise=0.05, spread=0.02 * (replicas > 1))
+                for n in range(replicas)]  # fmt: skip
         exact = current_ramp([history(RAMP, 0.2)], RAMP, GAP).table()["torque"]
         table = current_ramp(runs, RAMP, GAP).table()
         outside.append(((table["low"] > exact) | (table["high"] < exact)).mean())
     assert 0.01 < np.mean(outside) < 0.1, outside
 
 
-def test_the_difference_is_taken_packing_by_packing():
-    """Packings that differ by 10 % in both branches alike have a difference known much better than either."""
+def test_the_difference_is_taken_replica_by_replica():
+    """Replicas that differ by 10 % in both branches alike have a difference known much better than either."""
     found = current_ramp([history(RAMP, 0.2, seed=n, spread=0.1) for n in range(4)], RAMP, GAP)
     middle = next(one for one in found.bins if one.kind == RISING and one.low >= 1.0)
     loop = found.summary()["loop"][1]
@@ -110,7 +110,7 @@ def test_a_rise_alone_has_no_loop(tmp_path):
     assert picture.stat().st_size > 10_000
 
 
-def of_one_packing(change=lambda branch, k: {}, count=5):
+def of_one_replica(change=lambda branch, k: {}, count=5):
     """Loop of T = I and I + 0.1 up to 1 A; errors of 0.01 N m with 4 degrees of freedom unless `change` says else."""
     bins = []
     for branch, kind in enumerate((RISING, FALLING)):
@@ -124,7 +124,7 @@ def of_one_packing(change=lambda branch, k: {}, count=5):
 
 def test_an_unknown_error_of_a_bin_is_not_zero():
     """It makes unknown what the bin is part of, and nothing else."""
-    found = of_one_packing(lambda branch, k: {"error": None} if branch == 0 and k == 0 else {})
+    found = of_one_replica(lambda branch, k: {"error": None} if branch == 0 and k == 0 else {})
     assert [one["half_width"] is None for one in found["loop"]] == [True, False, False]
     assert found["area"]["half_width"] is None and found["area"]["share"] > 0.0
     assert "difference 0.1 N m (error unknown)" in in_words(found)[0]
@@ -132,8 +132,8 @@ def test_an_unknown_error_of_a_bin_is_not_zero():
 
 def test_freedom_is_the_least_of_the_bins_in_a_number():
     """Bins at 0.7 and 0.9 A are in what is said at 80 % of 1 A, and in the area, but not in the rest."""
-    usual = of_one_packing()
-    less = of_one_packing(lambda branch, k: {"freedom": 2.0} if branch == 1 and k == 4 else {})
+    usual = of_one_replica()
+    less = of_one_replica(lambda branch, k: {"freedom": 2.0} if branch == 1 and k == 4 else {})
     by = [b["half_width"] / a["half_width"] for a, b in zip(usual["loop"], less["loop"], strict=True)]
     wider = 4.302653 / 2.776445  # Student's t at 2 and 4 degrees of freedom
     assert by == pytest.approx([1.0, 1.0, wider], rel=1e-6)
@@ -143,7 +143,7 @@ def test_freedom_is_the_least_of_the_bins_in_a_number():
 def test_noise_that_lasts_bins_adds_up_in_the_area():
     """An integral over noise of variance s^2 and correlation time tau has the variance s^2 tau a unit."""
     t = 2.776445
-    usual, long = of_one_packing(), of_one_packing(lambda *_: {"correlated": 3.0})
+    usual, long = of_one_replica(), of_one_replica(lambda *_: {"correlated": 3.0})
     assert usual["area"]["half_width"] * usual["torque_at_largest_current"] == pytest.approx(t * 0.01 * (2 / 5) ** 0.5)
     assert long["area"]["half_width"] == pytest.approx(3.0**0.5 * usual["area"]["half_width"])
     # halves of two bins in each of two branches: independent 0.01 in all, else that of two alone

@@ -46,7 +46,7 @@ def oscillating(name):
     return history(kinetic_energy=kinetic, energy_residual=np.full(400, 2e-3 / 400), **other)
 
 
-@pytest.mark.parametrize("name", ["work_gravity", "magnetic_energy", "work_magnetic", "work_held", "elastic_energy"])
+@pytest.mark.parametrize("name", ["work_gravity", "magnetic_energy", "work_magnetic", "work_lagged", "elastic_energy"])
 def test_what_energies_exchange_is_the_scale_of_a_balance_without_losses(name):
     """E of 2 J goes to and fro: the scale is E of the one and E of the other (or E alone where their sum is kept)."""
     table = oscillating(name)

@@ -17,10 +17,10 @@ import numpy as np
 import pytest
 
 from emclutch.results import setting_errors
+from emclutch.results.accuracy_study import AccuracyStudy, Basis, MeasuredSetting, MeasuredValue
 from emclutch.results.grain_size_law import grain_size_law
-from emclutch.results.ladder import Basis, KnobLadder, Ladder, Rung
 from emclutch.results.seed_average import averaged_over_seeds
-from emclutch.results.torque_curves import ACROSS, REAL_ACROSS, TorqueCurve, torque_curves
+from emclutch.results.torque_curves import PER_GAP, REAL_PER_GAP, TorqueCurve, torque_curves
 
 LIMIT, COEFFICIENT, REAL = 12.0, 5.0, 50.0 / 3.0
 SIZES, THREE = np.array([4.0, 5.0, 8.0, 12.0, 16.0]), np.array([4.0, 8.0, 12.0])
@@ -51,11 +51,11 @@ def measured(random, n, order, layers, replicas):
     coefficient = 0.3 * 4.0**order
     truth = law(n, order, coefficient) * (1.0 + layers * random.standard_normal(n.size))
     rows = [
-        {"n": size, "seed": seed, ACROSS: size, REAL_ACROSS: REAL, "converged": True,
+        {"n": size, "seed": seed, PER_GAP: size, REAL_PER_GAP: REAL, "converged": True,
          "torque": mean * (1.0 + 0.02 * random.standard_normal())}
         for size, mean in zip(n, truth, strict=True) for seed in range(replicas)
     ]  # fmt: skip
-    (found,) = torque_curves(averaged_over_seeds(rows, "seed", ["n"]), ACROSS, [])
+    (found,) = torque_curves(averaged_over_seeds(rows, "seed", ["n"]), PER_GAP, [])
     return found, law(REAL, order, coefficient)
 
 
@@ -102,12 +102,12 @@ def test_negative_torques_have_the_mirror_image_of_the_law():
 
 
 def test_an_accuracy_study_of_the_same_torques_gives_the_same_answer():
-    """One model: T at the real size is the torque without error of the study's own setting."""
+    """One model: T at the real size is the torque without error of the study's own value."""
     torque, error = law(THREE), 0.01 * law(THREE)
     found = grain_size_law(curve(THREE, torque, error)).real_torque
-    rungs = tuple(Rung(n, 1.0 / n, t, 0.01, 4, 1.0) for n, t in zip(THREE, torque, strict=True))
-    knob = KnobLadder("grains_across", "", Basis.TORQUE, 12.0, 2.0, 1.0 / REAL, rungs, np.inf, True)
-    mean, half = Ladder("abc", "case", {}, torque[-1], 0.02, np.inf, None, 4, 1.0, (knob,)).corrected_torque()
+    values = tuple(MeasuredValue(n, 1.0 / n, t, 0.01, 4, 1.0) for n, t in zip(THREE, torque, strict=True))
+    setting = MeasuredSetting("grains_per_gap", "", Basis.TORQUE, 12.0, 2.0, 1.0 / REAL, values, np.inf, True)
+    mean, half = AccuracyStudy("abc", "case", {}, torque[-1], 0.02, np.inf, None, 4, 1.0, (setting,)).best_estimate()
     assert mean == pytest.approx(found.value, rel=1e-3)
     assert 2.0 * half == pytest.approx(np.log(found.high / found.low), rel=0.03)
 

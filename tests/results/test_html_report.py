@@ -17,8 +17,8 @@ from emclutch.results.report.render import html, markdown, write_failed_index, w
 from emclutch.results.report.verdict import Mark, verdict
 from emclutch.results.study_folder import read_study
 from emclutch.results.study_result import load_study
-from emclutch.results.text import format_torque, per_cent
-from emclutch.simulation.check import left_out_of
+from emclutch.results.text import format_percent, format_torque
+from emclutch.simulation.check import omitted_effects_of
 
 HOSTILE = "<script>alert(1)</script> & \"><img src=x onerror='x'>"
 
@@ -47,7 +47,7 @@ class Page(HTMLParser):
 def test_the_page_of_a_run(tmp_path):
     """The title does nothing; pictures are inside; each effect is on or off; the torque has its interval."""
     result = load_result(written_run(tmp_path / "hostile", HOSTILE).path)
-    text = html(run_page(result, left_out_of))
+    text = html(run_page(result, omitted_effects_of))
     page = Page(text)
     assert HOSTILE in page.text and {tag for tag, _ in page.elements}.isdisjoint({"script", "iframe", "object", "link"})
     assert not [name for _, given in page.elements for name in given if name.startswith("on")]
@@ -66,7 +66,7 @@ def test_the_page_of_a_run(tmp_path):
 def test_the_page_in_markdown(tmp_path):
     folder = written_run(tmp_path / "a run", "<script> [a](http://b) | c")
     folder.torque_picture.write_bytes(b"")
-    text = markdown(run_page(load_result(folder.path), left_out_of), tmp_path)
+    text = markdown(run_page(load_result(folder.path), omitted_effects_of), tmp_path)
     acts = [line for line in text.splitlines() if not line.startswith("    ")]  # what is indented is shown as it is
     assert "# &lt;script> [a]\\(http://b) \\| c" in acts and not [line for line in acts if "<script>" in line]
     assert "](a%20run/torque.png)" in text
@@ -95,7 +95,7 @@ def test_the_verdict_follows_the_numbers(tmp_path, written, changed, marks):
     folder = written_run(tmp_path / "run", **written)
     if changed:
         folder.write_summary(folder.read_summary() | changed)
-    folder.write_plan(folder.read_plan() | {"may_matter": {"eddy_currents": "0.6"}})
+    folder.write_plan(folder.read_plan() | {"omitted_effects": {"eddy_currents": "0.6"}})
     found = verdict(load_result(folder.path))
     assert [one.mark for one in found if "eddy currents" in one.text] == [Mark.POOR]
     for word, mark in marks.items():
@@ -114,9 +114,9 @@ def test_warnings_of_the_scene_are_in_the_verdict_of_its_run(tmp_path):
 def test_the_best_estimate_comes_first_with_its_total_error(tmp_path, bias, half):
     """T/(1 + bias) with both errors in quadrature, then the raw torque; what is corrected is no reservation."""
     folder = written_run(tmp_path)
-    part = {"name": "grains_across", "half_width": half}
+    part = {"name": "grains_per_gap", "half_width": half}
     error = {"bias": bias, "half_width": half, "total_error": half, "largest_part": part, "unknown": {},
-             "extrapolated": {}, "ladder": {"note": "", "file": "a.json", "date": ""}, "next": None}  # fmt: skip
+             "extrapolated": {}, "accuracy_study": {"note": "", "file": "a", "date": ""}, "next": None}  # fmt: skip
     size = {"note": "4 grains across the gap", "torque_excess": 0.28, "torque_excess_low": 0.24,
             "torque_excess_high": 0.32}  # fmt: skip
     summary = folder.read_summary()
@@ -126,7 +126,7 @@ def test_the_best_estimate_comes_first_with_its_total_error(tmp_path, bias, half
     best, raw, *others = result.verdict
     budget = next(one for one in others if "budget" in one.text)
     assert best.text.startswith("Best estimate of the torque on the disc: ") and format_torque(result.best) in best.text
-    assert f"± {per_cent(result.best.half_width() / result.best.mean)} in all" in best.text
+    assert f"± {format_percent(result.best.half_width() / result.best.mean)} in all" in best.text
     assert f"by {100.0 * bias:+.2g} %, which is corrected" in best.text and best.mark is Mark.GOOD
     assert raw.text.startswith("The raw torque on the disc is known to ") and budget.mark is not Mark.POOR
     assert not any("28 %" in one.text for one in result.verdict)  # the general law is silent
@@ -146,20 +146,20 @@ def test_a_torque_belongs_to_a_current_that_stays(tmp_path):
 def test_a_study_shows_its_points_and_which_are_missing_failed_or_newer_than_its_table(tmp_path):
     folder = written_study(tmp_path, [1.0, 2.0], HOSTILE)
     study = read_study(folder)
-    page = Page(html(study_page(study, left_out_of)))
+    page = Page(html(study_page(study, omitted_effects_of)))
     assert set(study.results()) == {"current 1 A", "current 2 A"} and HOSTILE in page.text
     for text in (page.text, load_study(folder)._repr_html_(), CliRunner().invoke(app, ["report", str(folder)]).output):
         assert "2 of 3 points are done" in text
     assert all(format_torque(result.torque) in page.text for result in study.results().values())
     written_run(folder / "later", mean=3.0).summary.replace(folder / "point-001" / "summary.json")
     RunFolder.create(folder / "point-002", "").write_failure("raise contact.stiffness")
-    reported = Page(html(study_page(read_study(folder), left_out_of))).text
+    reported = Page(html(study_page(read_study(folder), omitted_effects_of))).text
     for text in ("older than", "raise contact.stiffness"):
         assert text in reported and text not in page.text
 
 
 def test_nothing_is_overwritten(tmp_path):
-    page = page_of(written_run(tmp_path / "run").path, left_out_of)
+    page = page_of(written_run(tmp_path / "run").path, omitted_effects_of)
     assert [write_page(page).name for _ in range(2)] == ["report.html", "report-1.html"]
     with pytest.raises(OutputError, match="exists"):
         write_page(page, tmp_path / "run" / "report.html")

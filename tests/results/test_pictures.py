@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from made_up_ladder import contact_step, ladder
+from made_up_study import contact_step, study
 from matplotlib.tri import Triangulation
 from PIL import Image
 
@@ -97,8 +97,10 @@ def test_an_unknown_error_is_no_bar():
 def test_cost_against_error(to):
     """With targets that are reached and not, and a setting that was not measured."""
     step = contact_step(0.05, 0.01)
-    rungs = tuple(dataclasses.replace(rung, cost=cost) for rung, cost in zip(step.rungs, (0.5, 1.0, 2.0), strict=True))
-    of = ladder("abc", dataclasses.replace(step, rungs=rungs), scatter=0.02, unknown={"sector": "about 3 min more"})
+    values = tuple(
+        dataclasses.replace(measured, cost=cost) for measured, cost in zip(step.values, (0.5, 1.0, 2.0), strict=True)
+    )
+    of = study("abc", dataclasses.replace(step, values=values), scatter=0.02, unknown={"sector": "about 3 min more"})
     targets = [(target, recommended(of, target)) for target in (0.05, 0.001)]
     accuracy_picture(to / "a.png", of, targets)
 

@@ -1,6 +1,6 @@
 """The rule that ends runs is right as often as it says: synthetic series, and recorded torques of packings.
 
-Long form (also start-up known, ladder of lengths, all cells): ``python tests/results/stopping_rule_study.py``.
+Long form (also start-up known, series of lengths, all cells): ``python tests/results/stopping_rule_study.py``.
 """
 
 from dataclasses import replace
@@ -10,8 +10,8 @@ import pandas
 import pytest
 from stopping_rule_study import FRESH, REFERENCE, Signal, recorded, run_of, summary_of
 
-from emclutch.results.replicated_mean import more_packings_suffice
-from emclutch.results.report.verdict import MAX_PACKINGS
+from emclutch.results.replicated_mean import more_replicas_suffice
+from emclutch.results.report.verdict import MAX_REPLICAS
 from emclutch.results.statistics import Estimate
 from emclutch.scene.torque_target import TorqueTarget
 from emclutch.simulation.stopping_rule import (
@@ -190,11 +190,11 @@ def test_an_end_without_a_known_torque_says_why(torque, words):
 
 def test_an_end_that_lacks_time_or_a_torque_proposes_no_packings():
     history, target = pandas.DataFrame({"time": [0.5, 1.0]}), TorqueTarget(0.02)
-    assert how_it_ended(estimate(1.0, 0.02, fluctuation=0.0), history, target)["packings"] == 32
+    assert how_it_ended(estimate(1.0, 0.02, fluctuation=0.0), history, target)["replicas"] == 32
     drifts = estimate(1.0, 0.001, drift=0.5, drift_error=0.01)
-    assert how_it_ended(drifts, history, target)["packings"] is None
-    assert "packings" not in how_it_ended(estimate(1e-6, 1e-5), history, target)
-    assert "packings" in how_it_ended(estimate(1e-6, 1e-5), history, TorqueTarget(0.02, 1e-6))
+    assert how_it_ended(drifts, history, target)["replicas"] is None
+    assert "replicas" not in how_it_ended(estimate(1e-6, 1e-5), history, target)
+    assert "replicas" in how_it_ended(estimate(1e-6, 1e-5), history, TorqueTarget(0.02, 1e-6))
     lacks = estimate(1.0, 0.001, converged=False, reason="sheared by 2; run longer", missing=0.3)
     assert how_it_ended(lacks, history, target)["reason"] == lacks.reason
 
@@ -207,22 +207,22 @@ def test_a_run_of_one_replica_ends_without_a_known_torque():
     rule, now = StoppingRule(target, (1.0, 1.5), 1), GoOn(1, 1.0)
     assert rule.after(alone, now) == Stop(False) and not is_known(alone, target)
     ended = how_it_ended(alone, history, target)
-    assert not ended["reached"] and ended["reason"] == alone.reason and ended["packings"] == 4
+    assert not ended["reached"] and ended["reason"] == alone.reason and ended["replicas"] == 4
     wide = replace(alone, standard_error=0.02)
     assert rule.after(wide, now) == GoOn(1, 1.5)
     ended = how_it_ended(wide, history, target)
-    assert "raise time.end" in ended["reason"] and "one replica" in ended["reason"] and ended["packings"] is None
+    assert "raise time.end" in ended["reason"] and "one replica" in ended["reason"] and ended["replicas"] is None
 
 
 def test_packings_that_suffice_by_students_t():
     """97 %: of 2 packings with 2 %, 3.30 * 2.83 / sqrt(5) = 4.2 %; of 4 with 2 %, 2.83 * 4 / sqrt(7) = 4.3 %."""
     for count, needed in ((2, 5), (3, 6), (4, 7)):
         torque = estimate(1.0, 0.02, count)
-        assert [more_packings_suffice(torque, one, 0.05) for one in (needed - 1, needed)] == [False, True]
+        assert [more_replicas_suffice(torque, one, 0.05) for one in (needed - 1, needed)] == [False, True]
     drifts = estimate(1.0, 0.02, 4, drift_error=0.1)  # 5 % over the run: 9 of its errors' 10 must shrink
-    assert more_packings_suffice(drifts, 11, 0.05) and not more_packings_suffice(drifts, 8, 0.05)
+    assert more_replicas_suffice(drifts, 11, 0.05) and not more_replicas_suffice(drifts, 8, 0.05)
 
 
 def test_counts_rise():
-    assert COUNTS[-1] == MAX_PACKINGS
+    assert COUNTS[-1] == MAX_REPLICAS
     assert COUNTS[:7] == (2, 4, 6, 8, 12, 16, 24) and np.all(np.diff(COUNTS) > 0)

@@ -45,27 +45,27 @@ def grid(tmp_path):
 
 def test_each_point_of_a_grid_stands_at_its_values(grid):
     found = dataset_of(grid)
-    assert dict(found.sizes) == {CURRENT: 3, FRICTION: 2, "packing": 2}
+    assert dict(found.sizes) == {CURRENT: 3, FRICTION: 2, "replica": 2}
     assert found[CURRENT].attrs == {"units": "A"} and found[CURRENT].to_numpy().tolist() == [1.0, 0.5, 2.0]
     assert found["coil.turns"].ndim == 0 and float(found["coil.turns"]) == 100.0
     for _, row in grid.table.iterrows():
         current = float(row[CURRENT].split()[0])
-        point = found.sel({CURRENT: current, FRICTION: row[FRICTION], "packing": row[SEED]})
+        point = found.sel({CURRENT: current, FRICTION: row[FRICTION], "replica": row[SEED]})
         assert float(point["torque"]) == row["torque"] and bool(point["done"]) and bool(point["converged"])
-    missing = found.sel({CURRENT: 2.0, FRICTION: 0.3, "packing": 2})
+    missing = found.sel({CURRENT: 2.0, FRICTION: 0.3, "replica": 2})
     assert np.isnan(missing["torque"]) and not missing["done"] and not missing["converged"] and missing["reason"] == ""
     assert int(found["done"].sum()) == 11
     units = {name: found[name].attrs.get("units") for name in ("torque", "low", "seconds", "shear_stress")}
     assert units == {"torque": "N m", "low": "N m", "seconds": "s", "shear_stress": "Pa"}
 
 
-def test_a_sample_lies_along_points_and_its_seeds_are_packings(tmp_path):
+def test_a_sample_lies_along_points_and_its_seeds_are_replicas(tmp_path):
     currents, frictions = ["0.31 A", "0.62 A", "0.95 A"], [0.3, 0.1, 0.2]
     rows = [
         {CURRENT: i, FRICTION: f, SEED: s} for i, f in zip(currents, frictions, strict=True) for s in (7, 8)
     ]  # fmt: skip
     found = dataset_of(write(tmp_path / "s", {CURRENT: currents, FRICTION: frictions, SEED: [7, 8]}, rows))
-    assert dict(found.sizes) == {"point": 3, "packing": 2}
+    assert dict(found.sizes) == {"point": 3, "replica": 2}
     assert found[CURRENT].dims == ("point",) and found[FRICTION].to_numpy().tolist() == frictions
     wanted = [[100.0 * i + 10.0 * f + s for s in (7, 8)] for i, f in zip((0.31, 0.62, 0.95), frictions, strict=True)]
     assert found["torque"].to_numpy() == pytest.approx(np.array(wanted))

@@ -100,7 +100,7 @@ def test_without_numbers_to_draw_over_there_is_no_picture(tmp_path):
 def test_what_a_run_says_of_its_settings_a_study_says_of_its_points(tmp_path):
     """Grains that add 53 % to every torque: a line on the terminal and in both pages, a second curve in the picture."""
     folder = written_study(tmp_path, [2.0, 3.0])
-    size = {"grain_size": {"note": "3 grains across the gap", "across": 3.0, "torque_excess": 0.53,
+    size = {"grain_size": {"note": "3 grains per gap", "across": 3.0, "torque_excess": 0.53,
                            "torque_excess_low": 0.44, "torque_excess_high": 0.62}}  # fmt: skip
     rows = []
     for row in pandas.read_csv(folder / "study.csv").to_dict("records"):

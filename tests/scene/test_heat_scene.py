@@ -260,7 +260,7 @@ def test_a_current_without_a_steady_state_runs_away_and_says_so(tmp_path):
     )
     assert done.exit_code == 0, done.output
     words = " ".join(done.output.split())
-    assert "thermal runaway" in words and "lower the current" in words and "stopped: the winding passes 250" in words
+    assert "thermal runaway" in words and "lower the current" in words and "stopped: winding above 250" in words
     told = json.loads((tmp_path / "hot" / "heat.json").read_text())
     limit = told["largest_current"]["at_a_mean_of_250_degrees"]
     assert 0.5 < told["largest_current"]["at_the_coil_limit"] < limit < 4.0

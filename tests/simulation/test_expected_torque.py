@@ -156,7 +156,7 @@ def test_what_no_cell_has_makes_the_torque_a_guess_and_is_said(values, reason):
 
 def test_few_grains_are_no_continuum():
     coarse = expected(**{"particles.diameter": "0.5 mm", "particles.sector": None}).in_words()
-    assert coarse.startswith("of the order of") and "less than three grains" in coarse
+    assert coarse.startswith("of the order of") and "fewer than 3 grains per gap" in coarse
     box = case_from(CELL, {"geometry": {"kind": "box", "size": ["2 mm", "2 mm", "2 mm"]}, "motion": None,
                            "field.direction": "z", "particles.sector": None}).scene  # fmt: skip
     assert expected_torque(box, build_device(box), None).torque is None

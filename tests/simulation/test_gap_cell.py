@@ -197,7 +197,7 @@ def test_a_run_tells_of_faces_and_flux_and_how_well_the_stress_is_known(tmp_path
 
 
 def test_stress_is_the_same_by_both_methods():
-    """Within 15 % from a strain of 0.6 to 1.2 of one packing: their own scatter."""
+    """Within 15 % from a strain of 0.6 to 1.2 of one replica: their own scatter."""
     mean = {}
     for method in ("dem", "dvi"):
         simulation = assemble(*make_plan(scene({"contact.method": method, "output.energy_budget": method == "dvi"})))

@@ -56,7 +56,7 @@ def test_the_second_process_knows_that_grains_attract():
     simulation = assemble(*make_plan(case))
     refresh_field(simulation)
     simulation.magnetised.update(simulation)
-    simulation.magnetised.hold(simulation, np.zeros_like(simulation.motion.grains.position))
+    simulation.magnetised.freeze(simulation, np.zeros_like(simulation.motion.grains.position))
     simulation.motion.attraction.fetch(simulation.motion)
     assert types(kernel_warm_up.grains_of_kind(*kernel_warm_up.kind_of(case.scene))) == types(simulation.motion)
 

@@ -240,8 +240,8 @@ def clock(monkeypatch):
     return made
 
 
-def announced(clock, seconds, windows, *, begin=0.0, compiling=0.0, cost=None, share=lambda time: 1e-3 * time):
-    """What is announced in windows of 1 s of simulated time that take so many seconds."""
+def reported(clock, seconds, windows, *, begin=0.0, compiling=0.0, cost=None, share=lambda time: 1e-3 * time):
+    """What is reported in windows of 1 s of simulated time that take so many seconds."""
     said = []
     pace = RunPace(cost or estimated(1000.0), share, begin, lambda text, level: said.append((level, text)))
     clock.compiling += compiling
@@ -252,38 +252,38 @@ def announced(clock, seconds, windows, *, begin=0.0, compiling=0.0, cost=None, s
     return said
 
 
-def test_the_time_left_is_announced_after_a_hundredth_and_a_tenth(clock):
+def test_the_time_left_is_reported_after_a_hundredth_and_a_tenth(clock):
     first, second = (
         (logging.INFO, f"about {minutes} min left, by the pace of the windows so far") for minutes in (25, 22)
     )
-    assert announced(clock, 2.0, 9) == []
-    assert announced(clock, 1.5, 99, compiling=300.0) == [first]
-    assert announced(clock, 1.5, 900) == [first, second]
+    assert reported(clock, 2.0, 9) == []
+    assert reported(clock, 1.5, 99, compiling=300.0) == [first]
+    assert reported(clock, 1.5, 900) == [first, second]
 
 
 def test_the_pace_is_that_of_the_windows_whatever_was_estimated(clock):
-    ((level, text),) = announced(clock, 1.5, 60, cost=estimated(10.0))
-    assert level == logging.WARNING and "about 25 min left" in text and "150.0 times as long as estimated" in text
-    ((level, text),) = announced(clock, 1.5, 60, cost=estimated(1e6))
+    ((level, text),) = reported(clock, 1.5, 60, cost=estimated(10.0))
+    assert level == logging.WARNING and "about 25 min left" in text and "150.0 times the estimate" in text
+    ((level, text),) = reported(clock, 1.5, 60, cost=estimated(1e6))
     assert level == logging.INFO and "25 min left" in text
 
 
 def test_a_run_on_a_busy_machine_says_that(clock):
     clock.share = 0.4
-    ((level, text),) = announced(clock, 3.0, 60)
-    assert level == logging.WARNING and "3.0 times as long" in text and "other programs" in text
+    ((level, text),) = reported(clock, 3.0, 60)
+    assert level == logging.WARNING and "3.0 times the estimate" in text and "the machine is busy" in text
     clock.share = 0.9  # of one core, by two threads
-    ((_, text),) = announced(clock, 3.0, 60, cost=replace(estimated(1000.0), threads=2))
-    assert "other programs" in text
+    ((_, text),) = reported(clock, 3.0, 60, cost=replace(estimated(1000.0), threads=2))
+    assert "the machine is busy" in text
 
 
 def test_a_run_that_goes_on_late_is_measured_from_there(clock):
-    ((_, text),) = announced(clock, 1.0, 60, begin=600.0)
+    ((_, text),) = reported(clock, 1.0, 60, begin=600.0)
     assert "about 6 min left" in text
 
 
-def test_the_line_and_the_progress_bar_agree_on_what_is_left_of_all_packings(clock):
-    """Four packings of 1000 s, two at a time, taken up at 600 s of the first two: 2800 s of 4000 at 2 s a second."""
+def test_the_line_and_the_progress_bar_agree_on_what_is_left_of_all_replicas(clock):
+    """Four replicas of 1000 s, two at a time, taken up at 600 s of the first two: 2800 s of 4000 at 2 s a second."""
 
     def share(time):
         return 2.0 * time / 4000.0
@@ -293,7 +293,7 @@ def test_the_line_and_the_progress_bar_agree_on_what_is_left_of_all_packings(clo
     for k in range(61):
         clock.wall += k > 0
         bar.update(share(600.0 + k))
-    ((level, text),) = announced(clock, 1.0, 60, begin=600.0, share=share, cost=replace(estimated(1000.0), rounds=2))
+    ((level, text),) = reported(clock, 1.0, 60, begin=600.0, share=share, cost=replace(estimated(1000.0), rounds=2))
     assert level == logging.INFO and text.startswith("about 23 min left")
     assert stream.getvalue().splitlines()[-1].endswith("22 min left")
 
@@ -313,7 +313,7 @@ def test_a_resumed_bar_has_the_pace_of_its_own_windows(clock):
     """Resumed at 50 % after its mesh of 40 s: 1 % a 2 s leaves 58 s at 71 %, not 34 s."""
     stream = io.StringIO()
     bar = Progress(stream=stream)
-    bar.announce("mesh and field")
+    bar.status("mesh and field")
     clock.wall = 40.0
     for k in range(22):
         bar.update(0.5 + 0.01 * k)
@@ -324,11 +324,11 @@ def test_a_resumed_bar_has_the_pace_of_its_own_windows(clock):
 
 def test_time_left_starts_again_where_the_work_grows(clock):
     left = time_left.TimeLeft(0.0)
-    for fraction, wall in ((0.5, 10.0), (0.3, 20.0), (0.4, 30.0)):  # more packings are needed than were asked first
+    for fraction, wall in ((0.5, 10.0), (0.3, 20.0), (0.4, 30.0)):  # more replicas are needed than were asked first
         clock.wall = wall
         left.read(fraction)
     assert left.estimate() == (pytest.approx(60.0), pytest.approx(1.0))
 
 
 def test_what_is_soon_over_is_not_worth_a_line(clock):
-    assert announced(clock, 1.0, 60, begin=930.0) == []
+    assert reported(clock, 1.0, 60, begin=930.0) == []

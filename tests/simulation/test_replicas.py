@@ -1,4 +1,4 @@
-"""Replicas of a run: whole runs with other packings, beside it; their torques together; an end once it is known."""
+"""Replicas of a run: whole runs with other seeds, beside it; their torques together; an end once it is known."""
 
 import errno
 import io
@@ -9,7 +9,7 @@ import threading
 from contextlib import suppress
 from dataclasses import replace
 
-import made_up_ladder
+import made_up_study
 import numpy as np
 import pytest
 
@@ -25,7 +25,7 @@ from emclutch.scene.replica_count import automatic_count, replica_seed
 from emclutch.scene.torque_target import TorqueTarget
 from emclutch.simulation import replicas
 
-CELL = made_up_ladder.CELL | {
+CELL = made_up_study.CELL | {
     "time": {"end": "6 ms", "until": "torque 1 N m", "window": "20 us", "average_from": "0.4 ms"},
     "accuracy": {"replicas": 3},
 }
@@ -86,8 +86,8 @@ def test_all_replicas_end_at_the_same_window_once_the_torque_is_known(known):
     assert known.summary["until"]["reached"] and known.torque.converged
     assert known.torque.half_width() == known.summary["until"]["half_width"] <= 1.0
     log = known.folder.log.read_text()
-    looks = re.findall(r"95 %, (\S+) of the half width asked for\), 3 packings to (\S+) ms", log)
-    assert float(looks[-1][0]) <= 1.0 and [float(length) for _, length in looks] == pytest.approx(
+    looks = re.findall(r"\+- (\S+) N m \(95 %; \+- (\S+) N m was requested\), 3 replicas to (\S+) ms", log)
+    assert float(looks[-1][0]) <= float(looks[-1][1]) and [float(length) for *_, length in looks] == pytest.approx(
         [1.2 * 1.5**k for k in range(len(looks))], rel=0.01
     )
     assert "target precision reached" in log
@@ -108,7 +108,7 @@ def test_a_study_scatter_is_pooled_at_the_end_of_the_run_only(known):
 
 
 @pytest.mark.stability
-def test_more_packings_are_run_where_the_torque_needs_them(tmp_path, monkeypatch):
+def test_more_replicas_are_run_where_the_torque_needs_them(tmp_path, monkeypatch):
     """From two to four, at the same length, and no more than the scene allows."""
     monkeypatch.setattr("emclutch.scene.replica_count.automatic_count", lambda *_: 2)
     few = {"accuracy.replicas": None, "accuracy.max_replicas": 4, "time.until": "torque 0.1 mN m", "time.end": "0.9 ms"}
@@ -179,10 +179,10 @@ def test_a_replica_of_a_killed_run_is_waited_for(tmp_path, monkeypatch):
     holder = threading.Thread(target=hold)
     holder.start()
     assert held.wait(20.0)
-    monkeypatch.setattr(replicas, "PATIENCE", 0.0)
+    monkeypatch.setattr(replicas, "TIMEOUT", 0.0)
     with pytest.raises(FolderInUse, match=f"in use by process {os.getpid()} "):
         replicas._goes_on(former)
-    monkeypatch.setattr(replicas, "PATIENCE", 20.0)
+    monkeypatch.setattr(replicas, "TIMEOUT", 20.0)
     threading.Timer(0.3, let_go.set).start()
     assert not replicas._goes_on(former) and let_go.is_set()
     holder.join()
@@ -206,7 +206,7 @@ def test_a_run_that_is_killed_at_once_has_as_many_replicas_when_it_goes_on(tmp_p
 
 def test_replicas_of_grains_that_are_packed_alike_are_refused():
     lattice = {"particles.packing": "lattice", "particles.noise": 0.0, "particles.solid_fraction": 0.2}
-    with pytest.raises(SceneError, match=r"accuracy.replicas = 3 asks for several packings"):
+    with pytest.raises(SceneError, match=r"accuracy.replicas = 3 asks for several replicas"):
         case_from(CELL, lattice)
     assert automatic_count(case_from(CELL, {**lattice, "accuracy.replicas": None}).scene) == 1
 
@@ -299,17 +299,17 @@ def test_a_pool_runs_as_many_at_a_time_as_there_are_cores_for(tmp_path):
 def test_a_replica_waits_at_its_limit_until_it_is_sent_on():
     from types import SimpleNamespace
 
-    from emclutch.simulation.replicas import Orders
+    from emclutch.simulation.replicas import ReplicaControl
 
     def at(time):
         return SimpleNamespace(motion=SimpleNamespace(time=time))
 
-    orders = Orders(1e-3, 5e-6)
+    orders = ReplicaControl(1e-3, 5e-6)
     assert not orders(at(0.5e-3)) and not orders(at(0.994e-3))  # however long its own window
-    threading.Timer(0.1, orders.take, ["0.002\n"]).start()
+    threading.Timer(0.1, orders.receive, ["0.002\n"]).start()
     assert not orders(at(1e-3)) and not orders.reached
-    threading.Timer(0.1, orders.take, ["end\n"]).start()
+    threading.Timer(0.1, orders.receive, ["end\n"]).start()
     assert orders(at(2e-3)) and orders.reached
-    stopped = Orders(1e-3, 5e-6)
+    stopped = ReplicaControl(1e-3, 5e-6)
     threading.Timer(0.1, stopped.stop).start()
     assert not stopped(at(1e-3)) and stopped.stopped.is_set()

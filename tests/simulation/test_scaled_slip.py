@@ -44,7 +44,7 @@ def test_all_speeds_are_multiplied_so_that_the_inertial_number_is_the_one_asked_
     # slip power, heat and Stokes number are those of the device at its own speeds
     own = check(cell())
     for name in ("heat", "fluid_drag", "inertia of grains", "centrifugal force"):
-        one, other = (next(line for line in each.left_out if line.effect == name) for each in (reported, own))
+        one, other = (next(line for line in each.omitted_effects if line.effect == name) for each in (reported, own))
         assert one.value == pytest.approx(other.value, rel=0.01) and one.note == other.note
     assert f"rotor turned at {rotor * 30.0 / pi:.4g} rpm instead of 300 rpm" in reported.decisions["speed"]
     assert ("WARNING" in reported.decisions["speed"]) == (wanted > QUASI_STATIC)
@@ -109,7 +109,7 @@ def test_a_sector_is_the_narrowest_that_is_as_wide_as_asked():
         assert particles.sector * particles.n_sectors == pytest.approx(2.0 * pi, rel=1e-12)
         assert particles.n_sectors == floor(pi / asin(3.0 * diameter / radius))
         assert 2.0 * radius * sin(pi / (particles.n_sectors + 1)) < 6.0 * diameter
-    with pytest.raises(SceneError, match="less than two reaches"):
+    with pytest.raises(SceneError, match="less than twice the dipole cut-off"):
         cell(**{"particles.sector": "3 diameters"})
     with pytest.raises(SceneError, match="wider than half the ring"):
         cell(**{"particles.sector": "300 diameters"})

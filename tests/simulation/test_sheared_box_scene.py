@@ -97,10 +97,10 @@ def test_stress_of_a_scene_is_that_of_a_cell():
     simulation = started(scene(MAGNETIC, same))
     history, s = march(simulation, 5), cell.series
     assert simulation.steps == 3 * simulation.steps_per_update
-    assert abs(s.tau_near[-1]) > 0.0 and abs(s.tau_held[-1]) > 0.0
+    assert abs(s.tau_near[-1]) > 0.0 and abs(s.tau_lagged[-1]) > 0.0
     for column, series in (
         ("shear_strain", s.strain), ("shear_stress", s.tau), ("shear_stress_contacts", s.tau_contacts),
-        ("shear_stress_near", s.tau_near), ("shear_stress_held", s.tau_held), ("shear_stress_across", s.tau_across),
+        ("shear_stress_near", s.tau_near), ("shear_stress_lagged", s.tau_lagged), ("shear_stress_across", s.tau_across),
         ("relative_permeability", s.mu_r), ("contacts_per_grain", s.contacts),
     ):  # fmt: skip
         assert history[column].to_numpy() == pytest.approx(np.array(series), rel=1e-6, abs=1e-6 * np.abs(series).max())
@@ -109,7 +109,7 @@ def test_stress_of_a_scene_is_that_of_a_cell():
 def test_work_against_the_stress_balances_the_energies():
     """V tau for each unit of strain is dissipated or stored; W is taken at the ends, and not at the last evaluation.
 
-    The grains' step alone closes to 2e-3; moments and drops, held between their evaluations, lose 0.3 to 1 %.
+    The grains' step alone closes to 2e-3; moments and mmfs, lagged between their evaluations, lose 0.3 to 1 %.
     """
     simulation = started(scene(MAGNETIC, {"geometry.inertial_number": 0.1, "effects.dipoles.update_every": 20}))
 
@@ -157,7 +157,7 @@ BALANCED = {
 
 @pytest.mark.parametrize("kind", BALANCED)
 def test_by_dvi_the_work_of_shear_is_lost_or_stored_to_round_off(kind):
-    """Same scene, other method: what the held forces and the contacts let the shear put in is all accounted for."""
+    """Same scene, other method: what the lagged forces and the contacts let the shear put in is all accounted for."""
     base, more = BALANCED[kind]
     simulation = started(scene(base, more | {"contact.method": "dvi"}))
     history = march(simulation, 12)
@@ -167,7 +167,7 @@ def test_by_dvi_the_work_of_shear_is_lost_or_stored_to_round_off(kind):
     assert abs(history["energy_residual"]).max() < 1e-9 * lost
     assert work == pytest.approx(simulation.motion.box.volume * (history["shear_stress"] * strain).sum(), rel=1e-9)
     if base is MAGNETIC:
-        assert (history["shear_stress_near"] != 0.0).all() and (history["shear_stress_held"] != 0.0).all()
+        assert (history["shear_stress_near"] != 0.0).all() and (history["shear_stress_lagged"] != 0.0).all()
 
 
 def test_rows_hold_every_neighbour_of_a_high_box():
@@ -265,7 +265,7 @@ def test_a_run_of_one_replica_ends_by_itself_once_its_own_error_is_small(tmp_pat
     whole = run(case, out=tmp_path / "whole", threads=1)
     stress, until = whole.summary["stress"], whole.summary["until"]
     assert stress["steady_alone"] and until["half_width"] <= 0.2 * stress["mean"] and not until["reached"]
-    assert not stress["converged"] and until["packings"] == 4 and "accuracy.replicas = 4" in until["reason"]
+    assert not stress["converged"] and until["replicas"] == 4 and "accuracy.replicas = 4" in until["reason"]
     assert 5.0 + MIN_AVERAGED_STRAIN <= whole.summary["shear_strain"] < 40.0  # of 80; 15 to 22 seen
     run(case, out=tmp_path / "half", threads=1, callback=lambda state: state.row["time"] > 3e-3)
     resumed = run(case, out=tmp_path / "half", threads=1, resume=True)
@@ -378,7 +378,7 @@ def test_dipoles_that_do_not_saturate_shear_at_nearly_the_expected_stress_of_tho
 
 def test_check_names_grains_rate_and_inertial_number():
     for asked, of in ((scene(MAGNETIC), "expected shear stress"), (scene(DRY, PRESSED), "imposed pressure")):
-        (line,) = (one for one in check(asked).left_out if one.effect == "inertia of grains")
+        (line,) = (one for one in check(asked).omitted_effects if one.effect == "inertia of grains")
         assert line.value == pytest.approx(asked.scene.geometry.inertial_number, rel=1e-9) and line.number.endswith(of)
     said = check(scene(MAGNETIC)).decisions
     assert said["grains"].startswith("110 ") and "inertial number about 0.05" in said["shear"]

@@ -16,17 +16,17 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import stdtrit
 
-from emclutch.results.ladder import Basis, KnobLadder, Ladder, Rung, pooled_scatter
+from emclutch.results.accuracy_study import AccuracyStudy, Basis, MeasuredSetting, MeasuredValue, pooled_scatter
 from emclutch.results.recommended import Choice, own_choice, recommended
 from emclutch.studies.accuracy.plan import (
     OWN,
     Aim,
-    OfferedKnob,
-    OfferedRung,
+    OfferedSetting,
+    OfferedValue,
     Torques,
-    first_packings,
+    first_replicas,
     makespan,
-    more_packings,
+    more_replicas,
 )
 
 SECONDS, SCATTER, BUDGET = 50.0, 0.02, 600.0
@@ -71,77 +71,86 @@ class Device:
         self.offers = []
         one_small = random.choice([name for name in SETTINGS if name != GRAINS])
         for name, (order, limit, own, others) in SETTINGS.items():
-            rungs = tuple(OfferedRung(1.0 / h, h, float(seconds), variance) for h, seconds, variance in others)
-            here = OfferedRung(1.0 / own, own, SECONDS, 1.0)
-            self.offers.append(OfferedKnob(name, order, limit, here, rungs, name == GRAINS))
+            offered = tuple(OfferedValue(1.0 / h, h, float(seconds), variance) for h, seconds, variance in others)
+            here = OfferedValue(1.0 / own, own, SECONDS, 1.0)
+            self.offers.append(OfferedSetting(name, order, limit, here, offered, name == GRAINS))
             error = random.choice(GRAIN_ERRORS) if name == GRAINS else kind.small * random.standard_normal()
             if kind.one and name == one_small:
                 error = kind.one * random.choice([-1.0, 1.0])
             p = order * kind.orders ** random.choice([-1.0, 1.0])
             self.orders[name], self.errors[name] = p, error / (own**p - limit**p)
-        self.rungs = {(one.name, rung.setting): rung for one in self.offers for rung in one.rungs}
-        self.layers = {one.setting: kind.layers * (4.0 * one.step_size) ** 2 * random.standard_normal()
-                       for one in (self.offers[0].own, *self.offers[0].rungs)}  # fmt: skip
+        self.values = {(one.name, offered.value): offered for one in self.offers for offered in one.values}
+        self.layers = {one.value: kind.layers * (4.0 * one.step_size) ** 2 * random.standard_normal()
+                       for one in (self.offers[0].own, *self.offers[0].values)}  # fmt: skip
 
-    def at(self, settings):
+    def at(self, values):
         """Return ln T and the variance of a replica over that at the scene's own settings."""
         parts, variance = [], 1.0
         for one in self.offers:
-            rung = self.rungs.get((one.name, settings.get(one.name)), one.own)
+            offered = self.values.get((one.name, values.get(one.name)), one.own)
             p = self.orders[one.name]
-            parts.append(self.errors[one.name] * (rung.step_size**p - one.limit**p))
-            parts[-1] += self.layers[rung.setting] if one.name == GRAINS else 0.0
-            variance *= rung.variance
+            parts.append(self.errors[one.name] * (offered.step_size**p - one.limit**p))
+            parts[-1] += self.layers[offered.value] if one.name == GRAINS else 0.0
+            variance *= offered.variance
         pairs = 0.5 * (sum(parts) ** 2 - sum(part**2 for part in parts))
         return sum(parts) + self.kind.interaction * pairs, variance
 
-    def torques(self, settings, count):
+    def torques(self, values, count):
         """Return so many replicas at some settings; the scene's own for all others."""
-        mean, variance = self.at(settings)
+        mean, variance = self.at(values)
         return math.exp(mean) * (1.0 + SCATTER * math.sqrt(variance) * self.random.standard_normal(count))
 
     def study(self):
         """Return the accuracy study, as `emclutch.studies.accuracy.study` but with one step less."""
         run = {OWN: list(self.torques({}, 4))}
 
-        def do(packings):
-            for key in packings:
+        def do(replicas):
+            for key in replicas:
                 run.setdefault(key, []).extend(self.torques({} if key == OWN else {key[0]: key[1]}, 1))
 
         def scatter():
             return pooled_scatter(
-                [(some, 1.0 if key == OWN else self.rungs[key].variance) for key, some in run.items()]
+                [(some, 1.0 if key == OWN else self.values[key].variance) for key, some in run.items()]
             )
 
         room = BUDGET - 2.0 * SECONDS
-        do(first := first_packings(self.offers, 4, room, 2))
-        room -= makespan([self.rungs[one].seconds for one in first], 2)
+        do(first := first_replicas(self.offers, 4, room, 2))
+        room -= makespan([self.values[one].seconds for one in first], 2)
         found = Torques({key: float(np.mean(some)) for key, some in run.items()}, *scatter())
         count = {key: len(some) for key, some in run.items()}
-        do(more_packings(self.offers, count, found, SECONDS, room, 2, [Aim()]))
-        return self.ladder(run, *scatter())
+        do(more_replicas(self.offers, count, found, SECONDS, room, 2, [Aim()]))
+        return self.accuracy_study(run, *scatter())
 
-    def ladder(self, run, scatter, freedom):
+    def accuracy_study(self, run, scatter, freedom):
         torques = {key: float(np.mean(some)) for key, some in run.items()}
         count = {key: len(some) for key, some in run.items()}
-        knobs = tuple(one.ladder(torques, count, scatter, freedom) for one in self.offers)
-        return Ladder(
-            "abc", "made up", {}, torques[OWN], scatter, freedom, None, count[OWN], SECONDS, (self.start_up(), *knobs)
+        settings = tuple(one.measured(torques, count, scatter, freedom) for one in self.offers)
+        return AccuracyStudy(
+            "abc",
+            "made up",
+            {},
+            torques[OWN],
+            scatter,
+            freedom,
+            None,
+            count[OWN],
+            SECONDS,
+            (self.start_up(), *settings),
         )
 
     @staticmethod
     def start_up():
         """Return a start-up that is over, without noise: a run need not exclude a drift."""
-        rungs = tuple(Rung(one, 1.0 / one, 1.0, 0.0, 4, SECONDS, one / 9.0) for one in (9.0, 13.5))
-        return KnobLadder("start_up", "time.average_from", Basis.LATER, 9.0, None, 0.0, rungs)
+        offered = tuple(MeasuredValue(one, 1.0 / one, 1.0, 0.0, 4, SECONDS, one / 9.0) for one in (9.0, 13.5))
+        return MeasuredSetting("start_up", "time.average_from", Basis.START_UP, 9.0, None, 0.0, offered)
 
-    def run(self, ladder, choice):
+    def run(self, accuracy_study, choice):
         """Return the error of a run's best estimate, and half its 95 % interval, relative."""
-        settings = {name: one for name, one in choice.settings.items() if name != "start_up"}
-        torques, n = self.torques(settings, choice.packings), choice.packings
-        mean, freedom = float(torques.mean()), ladder.freedom + n - 1
+        values = {name: one for name, one in choice.values.items() if name != "start_up"}
+        torques, n = self.torques(values, choice.replicas), choice.replicas
+        mean, freedom = float(torques.mean()), accuracy_study.freedom + n - 1
         scatter = math.sqrt(
-            (ladder.freedom * choice.scatter**2 + (n - 1) * np.var(torques, ddof=1) / mean**2) / freedom
+            (accuracy_study.freedom * choice.scatter**2 + (n - 1) * np.var(torques, ddof=1) / mean**2) / freedom
         )
         statistical = float(stdtrit(freedom, 0.975)) * scatter / math.sqrt(n)
         return abs(mean / (1.0 + choice.total.bias) - 1.0), math.hypot(statistical, choice.total.half_width)
@@ -152,11 +161,11 @@ def covered(kind, draws, seed=33):
     random, found = np.random.default_rng(seed), {"own": [], 0.10: [], 0.05: []}
     for _ in range(draws):
         device = Device(random, kind)
-        ladder = device.study()
+        accuracy_study = device.study()
         for name, rows in found.items():
-            choice = own_choice(ladder) if name == "own" else recommended(ladder, float(name))
+            choice = own_choice(accuracy_study) if name == "own" else recommended(accuracy_study, float(name))
             if isinstance(choice, Choice):
-                rows.append(device.run(ladder, choice))
+                rows.append(device.run(accuracy_study, choice))
     return {name: np.array(rows).reshape(-1, 2) for name, rows in found.items()}
 
 

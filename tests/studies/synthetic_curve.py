@@ -11,11 +11,11 @@ def torque(current):
     return 12.0 * current**1.7 / np.sqrt(1.0 + (current / 0.9) ** 2.2)
 
 
-def packing(current, scatter, random):
-    """Torque [N m] of one packing, whose relative standard deviation is `scatter`."""
+def replica(current, scatter, random):
+    """Torque [N m] of one replica, whose relative standard deviation is `scatter`."""
     return torque(current) * np.exp(scatter * random.standard_normal(np.shape(current)))
 
 
 def core_hours(current):
-    """Cost of one packing [core-h]: stiffer contacts at a stronger field take more steps."""
+    """Cost of one replica [core-h]: stiffer contacts at a stronger field take more steps."""
     return 0.3 + 0.35 * current

@@ -1,6 +1,6 @@
-"""An accuracy study gives the same ladder however often it is killed on the way, within its budget.
+"""An accuracy study gives the same result however often it is killed on the way, within its budget.
 
-Its packings are stood in for by a torque that is known in closed form, of a cost as it is predicted; one real packing
+Its replicas are stood in for by a torque that is known in closed form, of a cost as it is predicted; one real replica
 is run.
 """
 
@@ -12,8 +12,8 @@ import pytest
 
 import emclutch
 from emclutch.results import load_result
+from emclutch.results.accuracy_studies import find_accuracy_study
 from emclutch.results.errors import Interrupted, OutputError, RunError
-from emclutch.results.ladders import find_ladder
 from emclutch.results.recommended import own_choice
 from emclutch.scene.case import case_from
 from emclutch.scene.errors import SceneError
@@ -21,8 +21,7 @@ from emclutch.simulation.discretisation_error import device_of
 from emclutch.simulation.forecast.space import NotEnoughSpace
 from emclutch.simulation.plan import make_plan
 from emclutch.studies import resumable
-from emclutch.studies.accuracy import rungs as accuracy_rungs
-from emclutch.studies.accuracy import study
+from emclutch.studies.accuracy import planned_values, study
 from emclutch.studies.accuracy import tasks as accuracy_tasks
 from emclutch.studies.accuracy.frozen_state import frozen_state
 from emclutch.studies.accuracy.tasks import GRAINS, AccuracyTask, perform, result_in
@@ -43,7 +42,7 @@ class Killed(BaseException):
     """End of a process without a word."""
 
 
-class Packings:
+class Replicas:
     """Torque 1 N m (1 + 20/steps^2 ...), 5 % of noise by the seed; time passes as it is predicted, by this clock."""
 
     def __init__(self, slower=1.0):
@@ -75,66 +74,66 @@ class Packings:
 
 
 @pytest.fixture
-def packings(monkeypatch, tmp_path):
-    found = Packings()
-    monkeypatch.setenv("EMCLUTCH_LADDERS", str(tmp_path / "ladders"))
-    monkeypatch.setattr(accuracy_tasks, "_packing", found)
+def replicas(monkeypatch, tmp_path):
+    found = Replicas()
+    monkeypatch.setenv("EMCLUTCH_ACCURACY_STUDIES", str(tmp_path / "accuracy_studies"))
+    monkeypatch.setattr(accuracy_tasks, "_replica", found)
     monkeypatch.setattr(accuracy_tasks, "_squared_moments", found.pull)
     monkeypatch.setattr(study, "_presented", lambda *given: ["found"])
-    for module in (accuracy_tasks, accuracy_rungs):
+    for module in (accuracy_tasks, planned_values):
         monkeypatch.setattr(module, "process_time", lambda: found.clock)
     monkeypatch.setattr(accuracy_tasks, "perf_counter", lambda: found.clock)
     return found
 
 
-def ladder_without_dates(result):
-    values = json.loads((result.folder / "ladder.json").read_text())
+def study_without_dates(result):
+    values = json.loads((result.folder / "accuracy_study.json").read_text())
     del values["machine"]
     return values
 
 
-def test_a_study_that_is_killed_again_and_again_gives_the_same_ladder(packings, tmp_path, monkeypatch):
+def test_a_study_that_is_killed_again_and_again_gives_the_same_result(replicas, tmp_path, monkeypatch):
     case = case_from(CELL)
     whole = emclutch.accuracy(case, out=tmp_path / "whole", budget=BUDGET, jobs=1)
-    order, packings.done = packings.done, []
+    order, replicas.done = replicas.done, []
     for kill_at in (3, 12, 15):
-        packings.kill_at = kill_at
+        replicas.kill_at = kill_at
         with pytest.raises(Killed):
             emclutch.accuracy(
-                case, out=tmp_path / "cut", budget=None if packings.done else BUDGET, jobs=1, resume=bool(packings.done)
+                case, out=tmp_path / "cut", budget=None if replicas.done else BUDGET, jobs=1, resume=bool(replicas.done)
             )
     cut = emclutch.accuracy(case, out=tmp_path / "cut", jobs=1, resume=True)
-    assert packings.done == order  # nothing is done twice, in the same order
-    assert ladder_without_dates(cut) == ladder_without_dates(whole)
-    seconds = accuracy_rungs.Base.seconds.fget  # of a process that finds the machine at another speed, by round-off
-    monkeypatch.setattr(accuracy_rungs.Base, "seconds", property(lambda base: seconds(base) * (1.0 + 4e-16)))
+    assert replicas.done == order  # nothing is done twice, in the same order
+    assert study_without_dates(cut) == study_without_dates(whole)
+    seconds = planned_values.Base.seconds.fget  # of a process that finds the machine at another speed, by round-off
+    monkeypatch.setattr(planned_values.Base, "seconds", property(lambda base: seconds(base) * (1.0 + 4e-16)))
     again = emclutch.accuracy(case, out=tmp_path / "cut", jobs=1, resume=True)
-    assert ladder_without_dates(again) == ladder_without_dates(whole) and packings.done == order
+    assert study_without_dates(again) == study_without_dates(whole) and replicas.done == order
 
 
-def test_the_ladder_has_every_knob_and_runs_of_the_device_find_it(packings, tmp_path):
+def test_the_study_has_every_setting_and_runs_of_the_device_find_it(replicas, tmp_path):
     case = case_from(CELL)
     found = emclutch.accuracy(case, out=tmp_path / "out", budget=BUDGET, jobs=1)
-    ladder = found.ladder
-    assert find_ladder(ladder.device)[0] == ladder and found.lines == ("found",)
-    assert {one.knob for one in ladder.knobs} == {
+    measured = found.study
+    assert find_accuracy_study(measured.device)[0] == measured and found.lines == ("found",)
+    assert {one.name for one in measured.settings} == {
         "sector", "start_up", "moment_tolerance", "overlap", "contact_step", "update_interval",
-    } - set(ladder.unknown)  # fmt: skip
-    assert packings.clock <= study.OVERRUN * BUDGET
-    steps = ladder.knob("contact_step")
-    coarse = next(one for one in steps.rungs if one.setting == 10.0)
-    assert coarse.value == pytest.approx(1.5, abs=3.0 * coarse.error * 1.5) and coarse.packings > 0
-    assert ladder.scatter == pytest.approx(0.05, rel=0.5) and ladder.strain == 9.0
-    own_error = ladder.error("contact_step")
+    } - set(measured.unknown)  # fmt: skip
+    assert replicas.clock <= study.OVERRUN * BUDGET
+    steps = measured.setting("contact_step")
+    coarse = next(one for one in steps.values if one.value == 10.0)
+    assert coarse.result == pytest.approx(1.5, abs=3.0 * coarse.error * 1.5) and coarse.replicas > 0
+    assert measured.scatter == pytest.approx(0.05, rel=0.5) and measured.strain == 9.0
+    own_error = measured.error("contact_step")
     assert abs(own_error.bias - 0.125) < own_error.half_width
-    assert ladder.error("moment_tolerance").half_width < 0.01  # no noise
-    later = ladder.knob("start_up").rungs
-    assert [one.setting for one in later] == [4.5, 9.0, 13.5] and later[-1].error == 0.0
+    assert measured.error("moment_tolerance").half_width < 0.01  # no noise
+    later = measured.setting("start_up").values
+    assert [one.value for one in later] == [4.5, 9.0, 13.5] and later[-1].error == 0.0
 
 
-def test_packings_are_planned_for_the_targets_that_are_asked_for(packings, tmp_path, monkeypatch):
-    """At the scene's own settings, and at those that come nearest to each target; what a packing leaves is kept."""
-    plan, aims = study.more_packings, []
+def test_replicas_are_planned_for_the_targets_that_are_asked_for(replicas, tmp_path, monkeypatch):
+    """At the scene's own settings, and at those that come nearest to each target; what a replica leaves is kept."""
+    plan, aims = study.more_replicas, []
     monkeypatch.setattr(study, "more_packings", lambda *given: aims.append(given[-1]) or plan(*given))
     found = emclutch.accuracy(case_from(CELL), out=tmp_path / "out", budget=BUDGET, jobs=1, targets=(0.3, 0.02))
     assert json.loads((tmp_path / "out" / "plan.json").read_text())["targets"] == [0.3, 0.02]
@@ -142,77 +141,77 @@ def test_packings_are_planned_for_the_targets_that_are_asked_for(packings, tmp_p
     own, *others = aims[-1]
     assert own.step_sizes["contact_step"] == 1 / 20
     assert any(one.step_sizes["contact_step"] != 1 / 20 for one in others)
-    assert own.rest >= own_choice(found.ladder).statistical * 0.5
+    assert own.rest >= own_choice(found.study).statistical * 0.5
 
 
-def test_what_the_budget_has_no_room_for_is_unknown_and_stays_so(packings, tmp_path):
-    """Packings that take far longer than the first ones end the study early; it does not begin others later."""
+def test_what_the_budget_has_no_room_for_is_unknown_and_stays_so(replicas, tmp_path):
+    """Replicas that take far longer than the first ones end the study early; it does not begin others later."""
     case, beginning = case_from(CELL), 10
-    plan, out = study.first_packings, tmp_path / "out"
+    plan, out = study.first_replicas, tmp_path / "out"
 
     def slow_from_now_on(*given):
-        packings.slower = 30.0
+        replicas.slower = 30.0
         return plan(*given)
 
-    study.first_packings, found = slow_from_now_on, None
+    study.first_replicas, found = slow_from_now_on, None
     try:
         found = emclutch.accuracy(case, out=out, budget=BUDGET, jobs=1)
     finally:
-        study.first_packings = plan
+        study.first_replicas = plan
     known = json.loads((out / "plan.json").read_text())
     first, *others = known["stages"]
     assert known["begun"] is not None and known["begun"] < len(first) and not any(others)
-    assert len(packings.done) < len(first) + beginning and found.ladder.unknown
-    assert all("not measured in this budget: about" in words for words in found.ladder.unknown.values())
-    done = list(packings.done)
+    assert len(replicas.done) < len(first) + beginning and found.study.unknown
+    assert all("not measured in this budget: about" in words for words in found.study.unknown.values())
+    done = list(replicas.done)
     again = emclutch.accuracy(case, out=out, jobs=1, resume=True)
-    assert packings.done == done and ladder_without_dates(again) == ladder_without_dates(found)
+    assert replicas.done == done and study_without_dates(again) == study_without_dates(found)
 
 
-def test_a_rung_that_fails_says_so_and_the_scene_itself_ends_the_study(packings, tmp_path):
-    packings.fails = {"overlap-": "grains press in too far"}
-    found = emclutch.accuracy(case_from(CELL), out=tmp_path / "rung", budget=BUDGET, jobs=1)
-    assert "grains press in too far" in found.ladder.unknown["overlap"]
-    packings.fails = {"own/02": "no"}
+def test_a_value_that_fails_says_so_and_the_scene_itself_ends_the_study(replicas, tmp_path):
+    replicas.fails = {"overlap-": "grains press in too far"}
+    found = emclutch.accuracy(case_from(CELL), out=tmp_path / "value", budget=BUDGET, jobs=1)
+    assert "grains press in too far" in found.study.unknown["overlap"]
+    replicas.fails = {"own/02": "no"}
     with pytest.raises(RunError, match=r"own/02, at the scene's own settings, has failed: no; change the scene"):
         emclutch.accuracy(case_from(CELL), out=tmp_path / "own", budget=BUDGET, jobs=1)
 
 
-def test_ctrl_c_keeps_what_is_done(packings, tmp_path, monkeypatch):
-    monkeypatch.setattr(packings, "pull", lambda task: (_ for _ in ()).throw(KeyboardInterrupt))
-    monkeypatch.setattr(accuracy_tasks, "_squared_moments", packings.pull)
+def test_ctrl_c_keeps_what_is_done(replicas, tmp_path, monkeypatch):
+    monkeypatch.setattr(replicas, "pull", lambda task: (_ for _ in ()).throw(KeyboardInterrupt))
+    monkeypatch.setattr(accuracy_tasks, "_squared_moments", replicas.pull)
     with pytest.raises(Interrupted, match=r"stopped with 5 tasks done; continue with .* --resume"):
         emclutch.accuracy(case_from(CELL), out=tmp_path / "out", budget=BUDGET, jobs=1)
 
 
-def test_faults_are_told_before_anything_runs(packings, tmp_path):
+def test_faults_are_told_before_anything_runs(replicas, tmp_path):
     def refused(values, **options):
         case = case_from(CELL).with_values(values)
         with pytest.raises(SceneError) as error:
             emclutch.accuracy(case, out=tmp_path / "out", budget=options.get("budget", BUDGET), jobs=1)
-        assert not (tmp_path / "out").exists() and not packings.done
+        assert not (tmp_path / "out").exists() and not replicas.done
         return str(error.value)
 
-    text = refused({"accuracy.ladders.sector": [1.0], "accuracy.ladders.start_up": [5.0, 30.0]})
-    assert "accuracy.ladders.sector = 1" in text and "remove it from the list" in text
-    assert "accuracy.ladders.start_up = 30 is not before the end of the packings, strain 18" in text
-    text = refused({"accuracy.ladders.overlap": [0.01, 1e-4], "time.step": "0.08 us"})
-    assert text.count("accuracy.ladders.overlap") == 1 and "accuracy.ladders.overlap = 0.0001 is none that" in text
+    text = refused({"accuracy.values.sector": [1.0], "accuracy.values.start_up": [5.0, 30.0]})
+    assert "accuracy.values.sector = 1" in text and "remove it from the list" in text
+    assert "accuracy.values.start_up = 30 is not before the end of the replicas, strain 18" in text
+    text = refused({"accuracy.values.overlap": [0.01, 1e-4], "time.step": "0.08 us"})
+    assert text.count("accuracy.values.overlap") == 1 and "accuracy.values.overlap = 0.0001 is no value that" in text
     text = refused({}, budget=1.0)
-    assert "--budget = 1 s is less than the 4 packings" in text and "other settings" in text and "five times" in text
-    text = refused({"accuracy.ladders.rigid_step": ["1 us"], "accuracy.ladders.contact_step": []})
-    assert "accuracy.ladders.rigid_step = [1e-06] is of contact.dvi.step, which has no part in this scene" in text
-    assert "accuracy.ladders.contact_step = [] has no setting" in text
+    assert "--budget = 1 s is less than the 4 replicas" in text and "other settings" in text and "five times" in text
+    text = refused({"accuracy.values.rigid_step": ["1 us"], "accuracy.values.contact_step": []})
+    assert "accuracy.values.rigid_step = [1e-06] is of contact.dvi.step, which has no part in this scene" in text
+    assert "accuracy.values.contact_step = [] has no value" in text
     rigid = {"contact.method": "dvi", "particles.sector": None}
-    text = refused(rigid | {"accuracy.ladders.rigid_sweeps": [2.5]}, budget=1e6)
-    assert "rigid_sweeps = 2.5 is none that the scene can have: contact.dvi.max_sweeps is a whole" in text
+    text = refused(rigid | {"accuracy.values.rigid_sweeps": [2.5]}, budget=1e6)
+    assert "rigid_sweeps = 2.5 is no value that the scene can have: contact.dvi.max_sweeps is a whole" in text
 
 
 @pytest.mark.parametrize(("start", "drifts"), [("strain 9", True), ("strain 9", False), ("2 ms", False)])
 def test_the_run_that_compiles_ends_before_a_given_average_begins(start, drifts):
     given = CELL["time"] | {"end": "strain 18", "average_from": start, "exclude_drift": drifts}
-    base = accuracy_rungs.base_of(case_from(CELL | {"time": given}))
-    short = make_plan(base.case.with_values(accuracy_rungs.compiling_run(base.plan)), threads=1)[1]
+    base = planned_values.base_of(case_from(CELL | {"time": given}))
+    short = make_plan(base.case.with_values(planned_values.compiling_run(base.plan)), threads=1)[1]
     assert 0.0 < short.end <= 4 * base.plan.end / base.plan.windows
 
 
@@ -226,35 +225,35 @@ def test_a_scene_without_a_disc_is_refused(tmp_path):
 
 def test_a_scene_that_packs_alike_is_refused(tmp_path):
     lattice = CELL | {"particles": CELL["particles"] | {"packing": "lattice", "solid_fraction": 0.3}}
-    with pytest.raises(SceneError, match=r"particles.packing = 'lattice' begins every packing alike"):
+    with pytest.raises(SceneError, match=r"particles.packing = 'lattice' begins every replica alike"):
         emclutch.accuracy(case_from(lattice), out=tmp_path / "out")
 
 
-def test_a_finished_study_that_is_shown_again_leaves_a_later_ladder_in_place(packings, tmp_path):
+def test_a_finished_study_that_is_shown_again_leaves_a_later_study_in_place(replicas, tmp_path):
     case = case_from(CELL)
     early = emclutch.accuracy(case, out=tmp_path / "early", budget=BUDGET, jobs=1)
     later = emclutch.accuracy(case, out=tmp_path / "later", budget=0.75 * BUDGET, jobs=1)
-    assert any("now have their errors from this ladder, in place of one of" in line for line in later.lines)
+    assert any("now have their errors from this study, in place of one of" in line for line in later.lines)
     again = emclutch.accuracy(case, out=tmp_path / "early", jobs=1, resume=True)
-    assert again.lines == early.lines and find_ladder(device_of(case))[0].to_json() == later.ladder.to_json()
+    assert again.lines == early.lines and find_accuracy_study(device_of(case))[0].to_json() == later.study.to_json()
 
 
-def test_a_packing_without_memory_stops_the_study_and_is_run_when_it_continues(packings, tmp_path, monkeypatch):
+def test_a_replica_without_memory_stops_the_study_and_is_run_when_it_continues(replicas, tmp_path, monkeypatch):
     def short(task, asked):
         if task.folder == "own/02":
             raise RunError("needs 9 GiB") from NotEnoughSpace("needs 9 GiB of memory; 1 GiB are free")
-        return packings(task, asked)
+        return replicas(task, asked)
 
     case, out = case_from(CELL), tmp_path / "out"
-    monkeypatch.setattr(accuracy_tasks, "_packing", short)
+    monkeypatch.setattr(accuracy_tasks, "_replica", short)
     with pytest.raises(Interrupted, match=r"own/02: needs 9 GiB of memory; 1 GiB are free\nstopped with"):
         emclutch.accuracy(case, out=out, budget=BUDGET, jobs=1)
-    monkeypatch.setattr(accuracy_tasks, "_packing", packings)
+    monkeypatch.setattr(accuracy_tasks, "_replica", replicas)
     cut, whole = emclutch.accuracy(case, out=out, jobs=1, resume=True), tmp_path / "whole"
-    assert ladder_without_dates(cut) == ladder_without_dates(emclutch.accuracy(case, out=whole, budget=BUDGET, jobs=1))
+    assert study_without_dates(cut) == study_without_dates(emclutch.accuracy(case, out=whole, budget=BUDGET, jobs=1))
 
 
-def test_folders_of_other_studies_are_refused(packings, tmp_path, monkeypatch):
+def test_folders_of_other_studies_are_refused(replicas, tmp_path, monkeypatch):
     case, out = case_from(CELL), tmp_path / "out"
     with pytest.raises(OutputError, match=r"nothing to resume"):
         emclutch.accuracy(case, out=out, jobs=1, resume=True)
@@ -271,10 +270,10 @@ def test_folders_of_other_studies_are_refused(packings, tmp_path, monkeypatch):
         emclutch.accuracy(case, out=out, jobs=1, budget=60.0, resume=True)
 
 
-def test_a_packing_gives_the_mean_torque_of_its_run_and_the_grains_that_stand_still(tmp_path):
+def test_a_replica_gives_the_mean_torque_of_its_run_and_the_frozen_packing(tmp_path):
     case = case_from(CELL).with_values({"accuracy.time_end": "strain 0.2"})
-    base = accuracy_rungs.base_of(case)
-    assert accuracy_rungs.starts_of(base) == ["strain 0.1"]  # a run shorter than the start-up: its second half
+    base = planned_values.base_of(case)
+    assert planned_values.starts_of(base) == ["strain 0.1"]  # a run shorter than the start-up: its second half
     data = base.case.with_values({"output.energy_budget": True}).data  # the step that other tests compile
     task = AccuracyTask(data, None, False, str(tmp_path), "own/00", ("strain 0.1",), keeps_grains=True)
     found = perform(task)
@@ -284,11 +283,11 @@ def test_a_packing_gives_the_mean_torque_of_its_run_and_the_grains_that_stand_st
     impulse = np.append(0.0, np.cumsum(np.diff(ends) * history.torque_disc))
     start = 0.1 / load_result(task.target).folder.read_plan()["shear_rate"]
     expected = (impulse[-1] - np.interp(start, ends, impulse)) / (ends[-1] - start)
-    assert 1.9 * start < ends[-1] <= 2.0 * start * (1.0 + 1e-9) and found.value == pytest.approx(expected, rel=1e-9)
-    standing = AccuracyTask(
-        base.case.data, None, False, str(tmp_path), "standing/own", grains=f"own/00/{GRAINS}",
+    assert 1.9 * start < ends[-1] <= 2.0 * start * (1.0 + 1e-9) and found.result == pytest.approx(expected, rel=1e-9)
+    frozen = AccuracyTask(
+        base.case.data, None, False, str(tmp_path), "frozen/own", grains=f"own/00/{GRAINS}",
         own_key="effects.dipoles.tolerance",
     )  # fmt: skip
     kept = np.load(task.target / GRAINS)
-    own, exact = perform(standing).value, frozen_state(base.case, kept["position"], 2.0 * kept["radius"])
+    own, exact = perform(frozen).result, frozen_state(base.case, kept["position"], 2.0 * kept["radius"])
     assert own != exact.squared_moments and own == pytest.approx(exact.squared_moments, rel=0.01)

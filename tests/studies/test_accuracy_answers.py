@@ -1,4 +1,4 @@
-"""What an accuracy study leaves: scenes that have the settings of the ladder, and tables with every setting."""
+"""Output of an accuracy study: scenes that have the settings of the study, and tables with every value."""
 
 import dataclasses
 import math
@@ -6,12 +6,12 @@ import tomllib
 
 import pandas
 import pytest
-from made_up_ladder import cell, contact_step, ladder, without_error
+from made_up_study import cell, contact_step, study, without_error
 
-from emclutch.knobs import knobs_of
-from emclutch.results.ladder import Basis, KnobLadder, Rung
+from emclutch.results.accuracy_study import Basis, MeasuredSetting, MeasuredValue
 from emclutch.results.recommended import Choice, recommended
 from emclutch.scene.case import load_case
+from emclutch.settings import settings_of
 from emclutch.simulation.plan import make_plan
 from emclutch.simulation.recommended_case import case_for
 from emclutch.studies.accuracy.answers import present, scene_text
@@ -25,15 +25,17 @@ def case():
 @pytest.fixture(scope="module")
 def own(case):
     plan = make_plan(case)[1]
-    return {one.name: one.own(case.scene, plan) for one in knobs_of(case.scene)}
+    return {one.name: one.own(case.scene, plan) for one in settings_of(case.scene)}
 
 
-def knobs(own):
+def settings(own):
     wide, step = own["sector"], contact_step(0.004, 0.01, own["contact_step"])
-    rungs = [Rung(f * wide, 1.0 / (f * wide), 1.948 + 0.06 / f**2, 0.01 / f**0.5, 2, 3.0 * f, f) for f in (1.0, 2.0)]
-    failed = Rung(80.0, 1.0 / 80.0, None, 0.0, 0, 0.1, 1.2, "does not converge")
-    sector = KnobLadder("sector", "particles.sector", Basis.TORQUE, wide, 2.0, 0.0, tuple(rungs), 20.0)
-    return sector, dataclasses.replace(step, rungs=(*step.rungs, failed))
+    values = [
+        MeasuredValue(f * wide, 1.0 / (f * wide), 1.948 + 0.06 / f**2, 0.01 / f**0.5, 2, 3.0 * f, f) for f in (1.0, 2.0)
+    ]
+    failed = MeasuredValue(80.0, 1.0 / 80.0, None, 0.0, 0, 0.1, 1.2, "does not converge")
+    sector = MeasuredSetting("sector", "particles.sector", Basis.TORQUE, wide, 2.0, 0.0, tuple(values), 20.0)
+    return sector, dataclasses.replace(step, values=(*step.values, failed))
 
 
 @pytest.fixture
@@ -43,22 +45,24 @@ def without_picture(monkeypatch):
 
 @pytest.fixture(scope="module")
 def rest(case, own):
-    return without_error(case, make_plan(case)[1], knobs(own))
+    return without_error(case, make_plan(case)[1], settings(own))
 
 
 def whole(own, rest, **values):
-    return ladder("abc", *knobs(own), *rest, scatter=0.02, **values)
+    return study("abc", *settings(own), *rest, scatter=0.02, **values)
 
 
-def test_scenes_have_the_settings_that_the_ladder_says(tmp_path, case, own, rest, without_picture):
+def test_scenes_have_the_settings_of_the_study(tmp_path, case, own, rest, without_picture):
     present(case, whole(own, rest), tmp_path, (0.05, 0.1))
     for target in (0.05, 0.1):
         found = load_case(tmp_path / f"target_{100 * target:g}_percent.toml")
         choice = recommended(whole(own, rest), target)
         plan = make_plan(found)[1]
-        for knob in knobs_of(found.scene):
-            if knob.name in choice.settings:  # some are whole numbers
-                assert knob.own(found.scene, plan) == pytest.approx(choice.settings[knob.name], rel=0.02), knob.name
+        for setting in settings_of(found.scene):
+            if setting.name in choice.values:  # some are whole numbers
+                assert setting.own(found.scene, plan) == pytest.approx(choice.values[setting.name], rel=0.02), (
+                    setting.name
+                )
         statistical = found.scene.time.until.relative
         assert math.hypot(statistical, choice.total.half_width) == pytest.approx(target, rel=0.01)
         assert statistical >= choice.statistical
@@ -74,18 +78,18 @@ def test_a_scene_says_where_it_comes_from_and_by_what_its_torque_is_to_be_divide
     assert tomllib.loads(text)["time"]["until"].startswith("torque ")
     for words in ("emclutch run target_5_percent.toml", "2026-01-01", "abc", f"{1.0 + choice.total.bias:.4g}"):
         assert any(words in line for line in text.splitlines() if line.startswith("#")), words
-    kept = Choice({one.knob: own[one.knob] for one in of.knobs}, choice.total, 4, 0.02, 0.01, 1.0)
+    kept = Choice({one.name: own[one.name] for one in of.settings}, choice.total, 4, 0.02, 0.01, 1.0)
     data = case_for(case, of, kept, 0.5)[1].data  # settings that are the scene's own remain automatic
     assert (data["effects"], data["particles"]) == (case.data["effects"], case.data["particles"])
 
 
 def test_a_combination_that_the_scene_refuses_is_passed_over(tmp_path, case, own, rest, without_picture):
     """Settings are measured one at a time; a wide sector that does not fit the ring is not the answer."""
-    sector, *others = knobs(own)
-    wide = Rung(500.0, 1.0 / 500.0, 2.0, 0.001, 2, 0.1, 0.01)
-    of = ladder("abc", KnobLadder("sector", "particles.sector", Basis.TORQUE, own["sector"], 2.0, 0.0,
-                                  (*sector.rungs, wide), 20.0), *others, *rest, scatter=0.02)  # fmt: skip
-    assert recommended(of, 0.1).settings["sector"] == 500.0
+    sector, *others = settings(own)
+    wide = MeasuredValue(500.0, 1.0 / 500.0, 2.0, 0.001, 2, 0.1, 0.01)
+    of = study("abc", MeasuredSetting("sector", "particles.sector", Basis.TORQUE, own["sector"], 2.0, 0.0,
+                                  (*sector.values, wide), 20.0), *others, *rest, scatter=0.02)  # fmt: skip
+    assert recommended(of, 0.1).values["sector"] == 500.0
     present(case, of, tmp_path, (0.1,))
     assert load_case(tmp_path / "target_10_percent.toml").scene.grains.sector < 3.2
 
@@ -94,17 +98,17 @@ def test_what_is_not_reached_has_a_reason_and_no_scene(tmp_path, case, own, rest
     (tmp_path / "target_0.1_percent.toml").write_text("of an earlier study")
     lines = present(case, whole(own, rest), tmp_path, (0.001,))
     assert any("limited by" in line for line in lines) and not list(tmp_path.glob("target*"))
-    reason = {"grains_across": "not measured in this budget: about 9 min more"}
+    reason = {"grains_per_gap": "not measured in this budget: about 9 min more"}
     lines = present(case, whole(own, rest, unknown=reason), tmp_path, (0.1,))
-    assert any("limited by grains_across" in line and "9 min" in line for line in lines)
+    assert any("limited by grains_per_gap" in line and "9 min" in line for line in lines)
 
 
-def test_tables_have_every_setting(tmp_path, case, own, rest):
+def test_tables_have_every_value(tmp_path, case, own, rest):
     of = whole(own, rest)
     present(case, of, tmp_path, (0.05,))
     table = pandas.read_csv(tmp_path / "accuracy.csv")
-    assert len(table) == sum(len(one.rungs) for one in of.knobs) and table["own"].sum() == len(of.knobs)
-    row = table[(table.knob == "sector") & table.own].iloc[0]
+    assert len(table) == sum(len(one.values) for one in of.settings) and table["own"].sum() == len(of.settings)
+    row = table[(table.setting == "sector") & table.own].iloc[0]
     assert row.bias == pytest.approx(of.error("sector").bias)
     assert table.failure.dropna().tolist() == ["does not converge"]
     text, page = ((tmp_path / name).read_text() for name in ("accuracy.md", "accuracy.html"))

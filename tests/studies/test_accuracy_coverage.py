@@ -12,7 +12,7 @@ import pytest
 from made_up_devices import KINDS, Device, Kind, covered
 
 from emclutch.results import setting_errors
-from emclutch.studies.accuracy.plan import first_packings
+from emclutch.studies.accuracy.plan import first_replicas
 
 
 @pytest.fixture(autouse=True)
@@ -38,9 +38,9 @@ def test_orders_that_are_off_are_not_taken_as_exact():
     assert np.mean(error <= half) > 0.9
 
 
-def test_a_knob_with_a_large_error_is_measured_before_cheaper_ones():
+def test_a_setting_with_a_large_error_is_measured_before_cheaper_ones():
     offers = Device(np.random.default_rng(0)).offers
     room = 90.0
     small = [replace(one, is_large=False) for one in offers]
-    assert "grains" not in {name for name, _ in first_packings(small, 4, room, 1)}
-    assert [name for name, _ in first_packings(offers, 4, room, 1)] == ["grains"]
+    assert "grains" not in {name for name, _ in first_replicas(small, 4, room, 1)}
+    assert [name for name, _ in first_replicas(offers, 4, room, 1)] == ["grains"]

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pandas
 import pytest
-from synthetic_curve import CURRENTS, core_hours, packing, torque
+from synthetic_curve import CURRENTS, core_hours, replica, torque
 from typer.testing import CliRunner
 
 import emclutch
@@ -21,11 +21,11 @@ GOOD = Path(__file__).parents[1] / "scene" / "broken" / "good.toml"
 
 
 def test_the_interval_of_a_curve_holds_what_it_says():
-    """Of 20 times twelve currents with two packings each, of 5 % scatter: the curve is in it at 95 % of places."""
+    """Of 20 times twelve currents with two replicas each, of 5 % scatter: the curve is in it at 95 % of places."""
     x, held = np.repeat(np.geomspace(0.2, 2.0, 12), 2), []
     for seed in range(20):
         random = np.random.default_rng(seed)
-        found = curve_interval(x, packing(x, 0.05, random), CURRENTS)
+        found = curve_interval(x, replica(x, 0.05, random), CURRENTS)
         held.append(np.abs(np.log(found.torque / torque(CURRENTS))) < found.half_width)
     assert 0.9 < np.mean(held) < 0.995
 
@@ -36,14 +36,14 @@ def test_a_power_law_without_scatter_is_found_and_bad_torques_are_refused():
     assert found.torque == pytest.approx(3.0 * 3.0**1.5) and found.half_width < 1e-3
     with pytest.raises(ValueError, match=r"torques from -1 N m; allowed: above 0"):
         curve_interval(x, np.array([-1.0, 1.0, 1.0, 1.0]), x)
-    with pytest.raises(ValueError, match="3 packings at 3 places; needed: 4 or more"):
+    with pytest.raises(ValueError, match="3 replicas at 3 places; needed: 4 or more"):
         curve_interval(x[:3], x[:3], x)
 
 
-def test_one_more_packing_narrows_the_interval_as_was_counted_on():
+def test_one_more_replica_narrows_the_interval_as_was_counted_on():
     """Of independent places, hence no line between them to gain from: 1/var grows by 1/noise."""
     random, x = np.random.default_rng(3), np.repeat(CURRENTS[::4], 3)
-    found = curve_interval(x, packing(x, 0.05, random), CURRENTS)
+    found = curve_interval(x, replica(x, 0.05, random), CURRENTS)
     more = found.narrowed(8)
     assert (more.half_width <= found.half_width + 1e-12).all() and more.half_width[8] < 0.95 * found.half_width[8]
     weights = [weight for weight, _, _ in found._models]
@@ -53,13 +53,13 @@ def test_one_more_packing_narrows_the_interval_as_was_counted_on():
 
 
 def adaptive(seed, error=0.05, scatter=0.05):
-    """Core-hours, packings and largest error of a curve to +- `error` everywhere."""
+    """Core-hours, replicas and largest error of a curve to +- `error` everywhere."""
     random, places = np.random.default_rng(seed), np.repeat(CURRENTS, 16)
     curve, measured = AdaptiveCurve(places, error, 400), {}
     while batch := curve.next_batch(measured):
         for number in batch:
             place = places[number]
-            measured[number] = Measured(float(packing(place, scatter, random)), float(core_hours(place)))
+            measured[number] = Measured(float(replica(place, scatter, random)), float(core_hours(place)))
     assert curve.is_reached
     off = np.abs(curve.curve.torque / torque(CURRENTS) - 1.0)
     return sum(one.cost for one in measured.values()), off.max(), (off < np.expm1(curve.curve.half_width)).mean()
@@ -67,7 +67,7 @@ def adaptive(seed, error=0.05, scatter=0.05):
 
 @pytest.mark.physics
 def test_to_five_per_cent_everywhere_an_adaptive_curve_takes_less_than_a_grid():
-    """Of twelve currents with four packings each; `tests/benchmarks/adaptive_curve.py` measures it to 3 %."""
+    """Of twelve currents with four replicas each; `tests/benchmarks/adaptive_curve.py` measures it to 3 %."""
     cost, off, held = np.array([adaptive(seed) for seed in range(3)]).T
     assert cost.mean() < 0.8 * 4.0 * core_hours(np.linspace(0.2, 2.0, 12)).sum()
     assert np.median(off) < 0.05 and held.mean() > 0.85
@@ -76,7 +76,7 @@ def test_to_five_per_cent_everywhere_an_adaptive_curve_takes_less_than_a_grid():
 @pytest.mark.parametrize("places", [4, 6, 7, 8, 12, 20])
 @pytest.mark.parametrize("seeds", [2, 4, 8, 16])
 def test_the_places_that_begin_share_no_seeds_that_they_need_not(places, seeds):
-    """Eight packings: of eight seeds or more each has one of its own, of fewer all are used alike."""
+    """Eight replicas: of eight seeds or more each has one of its own, of fewer all are used alike."""
     batch = np.array(AdaptiveCurve(np.tile(np.arange(1.0, places + 1.0), seeds), 0.01, 100).next_batch({}))
     used = np.bincount(batch // places, minlength=seeds)
     assert len(set(batch.tolist())) == 8 and sorted(np.bincount(batch % places).tolist())[-4:] == [2, 2, 2, 2]
@@ -97,7 +97,7 @@ class Runs:
         with HistoryWriter(folder.history) as history:
             history.append({"time": scene.time.end, "torque_disc": 1.0})
         write_checkpoint(folder.checkpoint, {})
-        mean = float(packing(current, 0.04, random))
+        mean = float(replica(current, 0.04, random))
         found = {"mean": mean, "standard_error": 0.1, "converged": True, "reason": ""}
         folder.write_summary({
             "torque": found, "typical_overlap": 0.0, "seconds": {"whole_run": 1.0}, "steps": 1000, "grains": 10,
@@ -137,7 +137,7 @@ def test_the_same_points_are_run_at_once_after_an_interruption_and_beside_each_o
     asked = list(runs.asked)
     assert 8 < len(asked) < 40 and len(set(asked)) == len(asked)
     curve = pandas.read_csv(alone / "adaptive_curve.csv")
-    assert curve["packings"].sum() == len(asked) and curve.columns[0] == "coil.current"
+    assert curve["replicas"].sum() == len(asked) and curve.columns[0] == "coil.current"
     assert (curve["high"] / curve["torque"] - 1.0 <= 0.06 + 1e-9).all()
     assert "as narrow as wanted" in (alone / "adaptive_curve.txt").read_text()
     runs.asked.clear()

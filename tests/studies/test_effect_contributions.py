@@ -80,11 +80,11 @@ def contributions() -> Contributions:
     )
 
 
-def test_the_sentence_names_what_carries_the_torque_and_what_is_undecided():
+def test_the_sentence_names_what_carries_the_torque_and_what_is_not_significant():
     text = contributions().in_words()
     assert "dipoles (with wall_images)" in text
     assert "68 % of the time" in text
-    assert text.endswith("undecided with so many packings: wall_images.")
+    assert text.endswith("not significant with so many replicas: wall_images.")
 
 
 def test_tables_have_every_effect_and_the_reason_of_those_that_stay(tmp_path):
@@ -92,7 +92,7 @@ def test_tables_have_every_effect_and_the_reason_of_those_that_stay(tmp_path):
     rows = list(csv.DictReader((tmp_path / "effects.csv").read_text().splitlines()))
     assert [row["left_out"] for row in rows] == ["", "dipoles", "saturation", "wall_images"]
     assert float(rows[1]["adds_torque"]) == pytest.approx(0.785 - 0.05)
-    assert (rows[1]["decided"], rows[3]["decided"]) == ("True", "False")
+    assert (rows[1]["significant"], rows[3]["significant"]) == ("True", "False")
     assert rows[2]["reason"] == "is needed by near_field"
     page = (tmp_path / "effects.md").read_text()
     assert "cost it no time: gravity" in page
@@ -100,7 +100,7 @@ def test_tables_have_every_effect_and_the_reason_of_those_that_stay(tmp_path):
     assert lines[-1].startswith("toy: ")
 
 
-class Packings:
+class Replicas:
     """Stands for the runs of a study: a torque by seed, 2 s each; the third to come is stopped."""
 
     def __init__(self):
@@ -118,16 +118,16 @@ class Packings:
 
 
 def test_a_study_that_continues_runs_nothing_twice_and_ends_with_the_same_table(tmp_path, monkeypatch):
-    monkeypatch.setattr(resumable, "perform", packings := Packings())
+    monkeypatch.setattr(resumable, "perform", replicas := Replicas())
     case, options = case_from(TOY), {"budget": 100.0, "jobs": 1}
     stopped, whole = tmp_path / "stopped", tmp_path / "whole"
     with pytest.raises(Interrupted, match="--resume"):
         effect_contributions(case, out=stopped, **options)
     found = effect_contributions(case, out=stopped, jobs=1, resume=True)
-    assert len(set(packings.done)) == len(packings.done)
+    assert len(set(replicas.done)) == len(replicas.done)
     rounds = json.loads((stopped / "effects_plan.json").read_text())["rounds"]
     assert rounds == 100 // (4 * 2)  # of two whole scenes and two others
-    assert len(packings.done) == 3 + 4 * rounds  # and a short run of each
+    assert len(replicas.done) == 3 + 4 * rounds  # and a short run of each
     assert found.contributions == effect_contributions(case, out=whole, **options).contributions
     assert {one.effect for one in found.contributions.measured} == {"gravity", "rolling_friction"}
 

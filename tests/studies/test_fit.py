@@ -136,7 +136,7 @@ def test_what_is_varied_goes_by_the_keys_of_the_scene():
         (("--over", "coil.nothing"), "coil.nothing"),
         (("--friction", "0.2, 5", "--repose", "20 deg"), "beyond the table"),
         (("--repose", "200 deg"), "out of range"),
-        (("--common-error", "3"), "is not a share in per cent"),
+        (("--common-error", "3"), "is not a percentage"),
         (("--common-error", "3 %, 5 %"), "has 2 entries; give one"),
         (("--resume",), "needs a fit that was begun"),
         (("--at", "10 kA/m, 20 kA/m"), "0 points at the simulated drives, 10000 to 20000 A/m, too few"),

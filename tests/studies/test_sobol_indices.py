@@ -80,7 +80,7 @@ def test_a_studys_torque_that_follows_one_value_has_no_index_of_the_other(tmp_pa
     pandas.DataFrame(rows).sample(frac=1.0, random_state=1).to_csv(tmp_path / "study.csv", index=False)
     found = emclutch.sobol_indices(study, tmp_path)
     assert found["value"].tolist() == ["contact.friction", "motion.rotor.speed"]
-    assert found["noise"].tolist() == [0.0, 0.0]  # by the packings, which are alike
+    assert found["noise"].tolist() == [0.0, 0.0]  # by the replicas, which are alike
     assert found["total"][1] == found["first"][1] == 0.0 and found["total"][0] > 0.3
     pandas.DataFrame(rows[:-1]).to_csv(tmp_path / "study.csv", index=False)
     with pytest.raises(emclutch.OutputError, match=r"1 runs of .* are not done: continue the study with --resume"):
@@ -88,7 +88,7 @@ def test_a_studys_torque_that_follows_one_value_has_no_index_of_the_other(tmp_pa
 
 
 def test_what_runs_of_one_seed_have_in_common_is_no_noise(tmp_path):
-    """It is in no difference of two points. Of two packings the noise follows from their difference alone."""
+    """It is in no difference of two points. Of two replicas the noise follows from their difference alone."""
     study, random = study_in(tmp_path), np.random.default_rng(2)
     rows = [
         {**point, "end_time": 1.0, "torque": 3.0 * point["contact.friction"] + 5.0 * point["scene.seed"]
@@ -106,7 +106,7 @@ def test_what_runs_of_one_seed_have_in_common_is_no_noise(tmp_path):
 
 def test_noise_that_is_all_is_told(tmp_path):
     random = np.random.default_rng(0)
-    with pytest.raises(emclutch.OutputError, match=r"the packings' noise is .* % of the torques' variance"):
+    with pytest.raises(emclutch.OutputError, match=r"the replicas' noise is .* % of the torques' variance"):
         indices_of(["a", "b"], random.standard_normal(32), np.full(32, 2.0))
     study = study_in(tmp_path).model_copy(update={"sample": None})
     with pytest.raises(emclutch.OutputError, match="method = 'saltelli'"):

@@ -227,7 +227,7 @@ def test_a_scheduler_or_a_package_that_is_missing_is_told(tmp_path, monkeypatch)
         emclutch.DaskExecutor("127.0.0.1:9", timeout=0.5)
     ask = CliRunner().invoke
     answer = ask(app, ["sweep", str(THESIS / "centrifugal_speeds.toml"), "--dask", "a:1", "--jobs", "2"])
-    assert answer.exit_code == 2 and "--jobs has no meaning beside --dask" in answer.stderr
+    assert answer.exit_code == 2 and "--jobs cannot be combined with --dask" in answer.stderr
     monkeypatch.setitem(sys.modules, "distributed", None)
     answer = ask(app, ["sweep", str(THESIS / "centrifugal_speeds.toml"), "--dask", "a:1", "--out", str(tmp_path / "o")])
     assert answer.exit_code == 2 and "pip install 'emclutch[dask]'" in " ".join(answer.stderr.split())

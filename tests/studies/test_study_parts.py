@@ -153,8 +153,8 @@ def test_new_points_of_a_changed_study_get_numbers_that_no_other_part_can_take(t
         (["--part", "three"], "is not K/N"),
         (["--part", "1/7"], "which has 6 points; allowed: 1/6 to 6/6, or fewer parts"),
         (["--part", "1/3", "--jobs", "2"], "--jobs = 2 is for a study in one process"),
-        (["--gather", "--part", "1/3"], "--part has no meaning beside --gather; remove one of them"),
-        (["--gather", "--resume"], "--resume has no meaning beside --gather"),
+        (["--gather", "--part", "1/3"], "--part cannot be combined with --gather; remove one of them"),
+        (["--gather", "--resume"], "--resume cannot be combined with --gather"),
         (["--gather"], "holds no points of a study; name the folder that --out named"),
     ],
 )

@@ -12,8 +12,8 @@ from emclutch.results import HistoryWriter, RunFolder, load_result
 from emclutch.results.study_result import load_study
 from emclutch.scene import case as scene_case
 from emclutch.scene.study import read_study
-from emclutch.studies import renewal
 from emclutch.studies import tasks as study_tasks
+from emclutch.studies import throttle
 from emclutch.studies.gather import gather
 from emclutch.studies.point_index import INDEX
 from emclutch.studies.sweep import sweep
@@ -53,8 +53,8 @@ def checks(monkeypatch):
     validate = scene_case._validate
     monkeypatch.setattr(scene_case, "_validate", lambda *given: found.append(1) or validate(*given))
     monkeypatch.setattr(study_tasks, "run", run)
-    monkeypatch.setattr(renewal, "monotonic", count().__next__)  # to write them once takes 1
-    monkeypatch.setattr(renewal, "SHARE", 1e-9)
+    monkeypatch.setattr(throttle, "monotonic", count().__next__)  # to write them once takes 1
+    monkeypatch.setattr(throttle, "MAX_FRACTION", 1e-9)
     yield found
     counting.clear()
 

@@ -110,7 +110,7 @@ def test_a_study_of_grain_sizes_is_extrapolated_to_the_real_powder(tmp_path):
     values = {DIAMETER: list(across), CURRENT: list(currents), SEED: [1, 2]}
     rows = [
         row(currents[i] * (10.0 + 50.0 / across[d] ** 2) * (1.0 + 1e-3 * (2 * seed - 3)), current=currents[i],
-            seconds=7.0, grains=int(across[d] ** 3), grains_across=across[d], real_grains_across=50.0 / 3.0,
+            seconds=7.0, grains=int(across[d] ** 3), grains_per_gap=across[d], real_grains_per_gap=50.0 / 3.0,
             inertial_number=0.05, **{DIAMETER: d, CURRENT: i, SEED: seed})
         for d in values[DIAMETER] for i in values[CURRENT] for seed in values[SEED]
     ]  # fmt: skip
@@ -136,11 +136,11 @@ def test_the_law_of_the_grain_size_is_in_the_loaded_study_and_its_report(tmp_pat
     folder = written_study(tmp_path / "study", [3.0, 2.25, 2.0625])
     rows = pandas.read_csv(folder / "study.csv").drop(columns="coil.current").to_dict("records")
     values = {DIAMETER: ["0.25 mm", "0.125 mm", "0.0625 mm"]}
-    sizes = [{DIAMETER: d, **one, "grains_across": n, "real_grains_across": None}
+    sizes = [{DIAMETER: d, **one, "grains_per_gap": n, "real_grains_per_gap": None}
              for d, n, one in zip(values[DIAMETER], (4.0, 8.0, 16.0), rows, strict=True)]  # fmt: skip
     write_torques(folder, study(**values), sizes)
     loaded = load_study(folder)
-    assert loaded.grain_size["grains_across"].tolist() == [4.0, 8.0, 16.0]
+    assert loaded.grain_size["grains_per_gap"].tolist() == [4.0, 8.0, 16.0]
     (curve,) = loaded.grain_size_laws
     limit = curve["law"]["limit"]
     assert limit["low"] < 2.0 < limit["high"] and curve["law"]["real_torque"] is None

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from emclutch.results.ladder import INTERACTION, KnobError, KnobLadder, Ladder
+from emclutch.results.accuracy_study import INTERACTION, AccuracyStudy, MeasuredSetting, SettingError
 from emclutch.results.pictures.figure import COLOURS, MARKERS, label_panel, new_figure, save_picture
 from emclutch.results.recommended import (
-    OWN_PACKINGS,
+    OWN_REPLICAS,
     STATISTICS,
     Choice,
     Combinations,
-    Obstacle,
+    LimitingError,
     choice_with,
     own_choice,
 )
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 NAMED = 3
 """Lines with a name at most; the colours of all stand in the panel beside."""
 MOVES = 1.05
-"""Factor of the total error over the settings of a knob from which on it has a name."""
+"""Factor of the total error over the values of a setting from which on it has a name."""
 MOVES_UP = 50
 """Of a label over others, by 2 points each."""
 TIMES = (1, 3, 10, 30, 60, 180, 600, 1800, 3600, 3 * 3600, 10 * 3600, 30 * 3600, 100 * 3600, 300 * 3600, 1000 * 3600)
@@ -38,43 +38,43 @@ REACHED, NOT_REACHED = "#1d7a3a", "0.4"
 
 def accuracy_picture(
     path: str | Path,
-    ladder: Ladder,
-    answers: Sequence[tuple[float, Choice | Obstacle]],
+    study: AccuracyStudy,
+    answers: Sequence[tuple[float, Choice | LimitingError]],
     *,
     title: str | None = None,
 ) -> Path:
-    """Draw the total error against processor time, a line a knob, and the parts of the scene's own error beside it.
+    """Draw the total error against processor time, a line for each setting, and the parts of the scene's own error.
 
     Parameters
     ----------
     path : PNG to write.
-    ladder : of a device. A line has the settings of one knob, all others being the scene's own; settings that failed
+    study : of a device. A line has the values of one setting, all others being the scene's own; values that failed
         are crosses at the top. The frontier has what no cheaper combination of all settings is as accurate as.
     answers : half width that is wanted, relative, and what reaches it: a circle; a dashed line for what nothing does.
     """
     figure, (cost, parts) = new_figure(13.0, 6.0, title, columns=2, width_ratios=(1.45, 1.0))
-    own = own_choice(ladder, OWN_PACKINGS)
+    own = own_choice(study, OWN_REPLICAS)
     looks = {
-        knob.knob: _Look(COLOURS[number % len(COLOURS)], MARKERS[number % len(MARKERS)])
-        for number, knob in enumerate(ladder.knobs)
+        setting.name: _Look(COLOURS[number % len(COLOURS)], MARKERS[number % len(MARKERS)])
+        for number, setting in enumerate(study.settings)
     }
-    seconds, half = Combinations(ladder).frontier()
+    seconds, half = Combinations(study).frontier()
     cost.plot(seconds, 100.0 * half, color="black", lw=5.0, alpha=0.16, drawstyle="steps-post", solid_capstyle="round")
-    best = cost.annotate("best combination of settings and packings", (seconds[0], 100.0 * half[0]), xytext=(8, 6),
+    best = cost.annotate("best combination of settings and replicas", (seconds[0], 100.0 * half[0]), xytext=(8, 6),
                          textcoords="offset points", fontsize=9, color="0.35")  # fmt: skip
-    lines = {knob.knob: _line(ladder, knob) for knob in ladder.knobs}
+    lines = {setting.name: _line(study, setting) for setting in study.settings}
     named = sorted(lines, key=lambda name: _moves(lines[name]), reverse=True)[:NAMED]
     labels = [best]
-    for knob in ladder.knobs:
-        is_named = knob.knob in named and _moves(lines[knob.knob]) >= MOVES
-        labels += _draw_knob(cost, ladder, knob, lines[knob.knob], looks[knob.knob], is_named)
+    for setting in study.settings:
+        is_named = setting.name in named and _moves(lines[setting.name]) >= MOVES
+        labels += _draw_setting(cost, study, setting, lines[setting.name], looks[setting.name], is_named)
     cost.plot(own.seconds, 100.0 * own.half_width, "*", ms=17, mfc="gold", mec="black", zorder=6, gid="this scene")
     cost.annotate("this scene", (own.seconds, 100.0 * own.half_width), xytext=(12, 5), textcoords="offset points",
                   fontsize=9, fontweight="bold")  # fmt: skip
     fixed = [_draw_target(cost, target, found) for target, found in answers]
-    label_panel(cost, f"Error against cost (lines: one setting changed, {OWN_PACKINGS} packings)")
+    label_panel(cost, f"Error against cost (lines: one setting changed, {OWN_REPLICAS} replicas)")
     _name_axes(cost)
-    _draw_parts(parts, ladder, own, looks)
+    _draw_parts(parts, study, own, looks)
     figure.draw_without_rendering()  # the places of labels depend on the layout
     _move_apart(labels, fixed)
     return save_picture(figure, path)
@@ -86,46 +86,51 @@ class _Look:
     marker: str
 
 
-def _line(ladder: Ladder, knob: KnobLadder) -> list[tuple[float, float, float]]:
-    """Return setting, processor time [s] and total half width [%] of the settings of a knob, from coarse to fine."""
+def _line(study: AccuracyStudy, setting: MeasuredSetting) -> list[tuple[float, float, float]]:
+    """Return value, processor time [s] and total half width [%] of the values of a setting, from coarse to fine."""
     return [
-        (rung.setting, choice.seconds, 100.0 * choice.half_width)
-        for rung in sorted(knob.rungs, key=lambda one: -one.step_size)
-        if (choice := choice_with(ladder, knob, rung, OWN_PACKINGS)) is not None
+        (measured.value, choice.seconds, 100.0 * choice.half_width)
+        for measured in sorted(setting.values, key=lambda one: -one.step_size)
+        if (choice := choice_with(study, setting, measured, OWN_REPLICAS)) is not None
     ]
 
 
 def _moves(line: list[tuple[float, float, float]]) -> float:
-    """Return the factor over which the settings of a knob move the total error."""
+    """Return the factor over which the values of a setting move the total error."""
     half = [one[2] for one in line]
     return max(half) / min(half) if half else 1.0
 
 
-def _draw_knob(
-    axis: Axes, ladder: Ladder, knob: KnobLadder, line: list[tuple[float, float, float]], look: _Look, is_named: bool
+def _draw_setting(
+    axis: Axes,
+    study: AccuracyStudy,
+    setting: MeasuredSetting,
+    line: list[tuple[float, float, float]],
+    look: _Look,
+    is_named: bool,
 ) -> list[Annotation]:
-    """Draw the settings of a knob, with their numbers and its name where it is one of those that count most."""
+    """Draw the values of a setting, with their numbers and its name where it is one of those that count most."""
     labels = []
     if line:
-        settings, x, y = (np.array(one) for one in zip(*line, strict=True))
+        values, x, y = (np.array(one) for one in zip(*line, strict=True))
         axis.plot(x, y, color=look.colour, lw=1.3, marker=look.marker, ms=6)
         if is_named:
-            own = int(np.argmin(np.abs(settings / knob.own - 1.0)))
+            own = int(np.argmin(np.abs(values / setting.own - 1.0)))
             end = int(np.argmax(np.abs(np.log(y / y[own]))))
             written = [own]
-            for place in sorted(range(len(settings)), key=lambda one: abs(one - end)):
+            for place in sorted(range(len(values)), key=lambda one: abs(one - end)):
                 if any(abs(np.log(x[place] / x[one])) < 0.35 and abs(np.log(y[place] / y[one])) < 0.07
                        for one in written):  # fmt: skip
                     continue  # the numbers would overlap
                 written.append(place)
-                name = f"{_name(knob.knob)} " if place == end else ""
-                labels.append(axis.annotate(f"{name}{settings[place]:.3g}", (x[place], y[place]), xytext=(6, 5),
+                name = f"{_name(setting.name)} " if place == end else ""
+                labels.append(axis.annotate(f"{name}{values[place]:.3g}", (x[place], y[place]), xytext=(6, 5),
                                             textcoords="offset points", fontsize=9, color=look.colour))  # fmt: skip
-    failed = [rung.cost * ladder.seconds * OWN_PACKINGS for rung in knob.rungs if rung.failure]
+    failed = [measured.cost * study.seconds * OWN_REPLICAS for measured in setting.values if measured.failure]
     above = axis.get_xaxis_transform()
     for seconds in failed:
         axis.plot(seconds, 0.96, color=look.colour, ls="", marker="x", ms=8, mew=2, transform=above)
-        axis.annotate(f"{_name(knob.knob)} failed", (seconds, 0.96), xycoords=above, xytext=(8, 0), va="center",
+        axis.annotate(f"{_name(setting.name)} failed", (seconds, 0.96), xycoords=above, xytext=(8, 0), va="center",
                       textcoords="offset points", fontsize=9, color=look.colour)  # fmt: skip
     return labels
 
@@ -142,7 +147,7 @@ def _move_apart(labels: Sequence[Annotation], fixed: Sequence[Annotation]) -> No
         free.append(label.get_window_extent())
 
 
-def _draw_target(axis: Axes, target: float, found: Choice | Obstacle) -> Annotation:
+def _draw_target(axis: Axes, target: float, found: Choice | LimitingError) -> Annotation:
     reached = isinstance(found, Choice)
     colour = REACHED if reached else NOT_REACHED
     axis.axhline(100.0 * target, color=colour, lw=0.9, ls="-" if reached else (0, (6, 4)), zorder=1)
@@ -151,24 +156,24 @@ def _draw_target(axis: Axes, target: float, found: Choice | Obstacle) -> Annotat
         axis.plot(found.seconds, 100.0 * found.half_width, "o", ms=12, mfc="none", mec=colour, mew=2.2, zorder=7)
         words += f": {format_duration(found.seconds)}"
     else:
-        words += f": not reached, to lower first: error of {_name(found.knob)}"
+        words += f": not reached, dominant error: {_name(found.setting)}"
     side, place = ("right", 0.995) if reached else ("left", 0.005)
     return axis.annotate(words, (place, 100.0 * target), xycoords=axis.get_yaxis_transform(), ha=side, va="bottom",
                          fontsize=9, color=colour, xytext=(0, 2), textcoords="offset points")  # fmt: skip
 
 
-def _draw_parts(axis: Axes, ladder: Ladder, own: Choice, looks: dict[str, _Look]) -> None:
+def _draw_parts(axis: Axes, study: AccuracyStudy, own: Choice, looks: dict[str, _Look]) -> None:
     """Draw the error of each setting with its interval, the widest at the top, and their total at the bottom."""
-    rows: list[tuple[str, KnobError, _Look, bool]] = []
+    rows: list[tuple[str, SettingError, _Look, bool]] = []
     for name, half in own.parts.items():
         if name == INTERACTION:
             continue
         if name == STATISTICS:
-            rows.append((f"{OWN_PACKINGS} packings", KnobError(0.0, half), _Look("0.35", "o"), True))
+            rows.append((f"{OWN_REPLICAS} replicas", SettingError(0.0, half), _Look("0.35", "o"), True))
         else:
-            error, knob = own.total.parts[name], ladder.knob(name)
-            setting = "" if knob is None else f" {knob.own:.3g}"
-            rows.append((_name(name) + setting, error, looks[name], error.is_decided))
+            error, setting = own.total.parts[name], study.setting(name)
+            value = "" if setting is None else f" {setting.own:.3g}"
+            rows.append((_name(name) + value, error, looks[name], error.is_significant))
     unknown = own.total.unknown
     for place in range(len(rows), len(rows) + len(unknown)):
         axis.annotate("not measured", (0.0, place), xytext=(6, 0), textcoords="offset points", va="center", fontsize=9,
@@ -176,12 +181,12 @@ def _draw_parts(axis: Axes, ladder: Ladder, own: Choice, looks: dict[str, _Look]
     labels = [*(row[0] for row in rows), *map(_name, unknown)]
     places = [*range(len(rows)), len(labels)]
     labels.append("total of what was measured" if unknown else "total")
-    rows.append(("", KnobError(own.total.bias, own.half_width), _Look("black", "*"), True))
-    for place, (_, error, look, decided) in zip(places, rows, strict=True):
+    rows.append(("", SettingError(own.total.bias, own.half_width), _Look("black", "*"), True))
+    for place, (_, error, look, significant) in zip(places, rows, strict=True):
         low, high = error.interval
         ends = [[100.0 * (error.bias - low)], [100.0 * (high - error.bias)]]
         axis.errorbar(100.0 * error.bias, place, xerr=ends, fmt=look.marker, color=look.colour, capsize=4, lw=1.6,
-                      ms=12 if place == places[-1] else 7, mfc=look.colour if decided else "white")  # fmt: skip
+                      ms=12 if place == places[-1] else 7, mfc=look.colour if significant else "white")  # fmt: skip
     axis.set_yticks(range(len(labels)), labels, fontsize=9)
     for label, row in zip(axis.get_yticklabels(), rows[:-1], strict=False):
         label.set_color(row[2].colour)
@@ -193,13 +198,13 @@ def _draw_parts(axis: Axes, ladder: Ladder, own: Choice, looks: dict[str, _Look]
     label_panel(axis, "This scene: what each setting adds (hollow: not significant)")
 
 
-def _name(knob: str) -> str:
-    return knob.replace("_", " ")
+def _name(setting: str) -> str:
+    return setting.replace("_", " ")
 
 
 def _name_axes(axis: Axes) -> None:
     axis.set(xscale="log", yscale="log", xlabel="processor time of a run")
-    axis.set_ylabel("torque known to ± [%], 95 % interval, bias corrected")
+    axis.set_ylabel("uncertainty of the best estimate, ± [%] (95 %)")
     axis.margins(x=0.06, y=0.16)
     low, high = axis.get_xlim()
     times = [one for one in TIMES if low <= one <= high]

@@ -6,19 +6,19 @@ from pathlib import Path
 
 from emclutch.results.effect_contributions import Contributions, Without
 from emclutch.results.pictures.figure import label_panel, new_figure, save_picture
-from emclutch.results.text import per_cent
+from emclutch.results.text import format_percent
 
-WHOLE, DECIDED, UNDECIDED = "black", "#0b5fa5", "0.55"
+WHOLE, SIGNIFICANT, NOT_SIGNIFICANT = "black", "#0b5fa5", "0.55"
 TIME = "#c4540a"
 
 
 def effects_picture(path: str | Path, found: Contributions, *, title: str | None = None) -> Path:
-    """Draw the torque with its 95 % interval, and the processor time of a packing, a row for each effect left out.
+    """Draw the torque with its 95 % interval, and the processor time of a replica, a row for each effect left out.
 
     Parameters
     ----------
     path : PNG to write.
-    found : packings; effects that cannot be left out have a row without a mark.
+    found : replicas; effects that cannot be left out have a row without a mark.
     """
     rows = [found.whole, *found.without]
     figure, (torque, time) = new_figure(
@@ -37,11 +37,11 @@ def effects_picture(path: str | Path, found: Contributions, *, title: str | None
     low, high = torque.get_xlim()
     torque.set_xlim(min(low, 0.0), high)
     torque.set_xlabel("torque on the disc [N m]")
-    time.set_xlabel("processor time of a packing [s]")
-    time.set_xlim(0.0, time.get_xlim()[1] * 1.2)  # room for what stands beside the bars
+    time.set_xlabel("processor time of a replica [s]")
+    time.set_xlim(0.0, time.get_xlim()[1] * 1.2)  # room for the text beside the bars
     for axis in (torque, time):
         axis.grid(axis="x", alpha=0.25)
-    label_panel(torque, "Torque, 95 % interval (hollow: difference undecided)")
+    label_panel(torque, "Torque, 95 % interval (hollow: difference not significant)")
     label_panel(time, "Cost, and what the effect adds to it")
     return save_picture(figure, path)
 
@@ -51,18 +51,18 @@ def _draw_row(torque, time, found: Contributions, one: Without, place: int) -> N
     mean = one.torque
     if mean is None:
         torque.annotate("cannot be left out", (0.02, place), xycoords=torque.get_yaxis_transform(), fontsize=8,
-                        color=UNDECIDED, va="center", style="italic")  # fmt: skip
+                        color=NOT_SIGNIFICANT, va="center", style="italic")  # fmt: skip
         return
     added = None if one is found.whole else found.torque(one)
-    decided = added is None or added.is_decided
-    colour = WHOLE if added is None else DECIDED if decided else UNDECIDED
+    significant = added is None or added.is_significant
+    colour = WHOLE if added is None else SIGNIFICANT if significant else NOT_SIGNIFICANT
     torque.errorbar(mean.mean, place, xerr=mean.half_width, fmt="o", ms=7, capsize=4, lw=1.6, color=colour,
-                    mfc=colour if decided else "white")  # fmt: skip
+                    mfc=colour if significant else "white")  # fmt: skip
     time.barh(place, one.seconds, height=0.55, color=WHOLE if added is None else TIME, alpha=0.8)
     text = f"{one.seconds:.3g} s"
     if added is not None:
         share = (found.whole.seconds - one.seconds) / found.whole.seconds
-        text = f"{'+' if share >= 0.0 else '-'}{per_cent(abs(share))}"
+        text = f"{'+' if share >= 0.0 else '-'}{format_percent(abs(share))}"
     time.annotate(text, (one.seconds, place), xytext=(4, 0), textcoords="offset points", va="center", fontsize=9)
 
 

@@ -51,7 +51,7 @@ def stress_picture(
     path : PNG to write.
     history : table with the columns of `emclutch.results.COLUMNS`.
     estimate : of the shear stress; its steady part is shaded and its mean drawn with its 95 % interval.
-    others : histories of the other packings, whose shear stress is drawn thin.
+    others : histories of the other replicas, whose shear stress is drawn thin.
     """
     strain, time = (np.asarray(history[name], dtype=np.float64) for name in (SHEAR_STRAIN, TIME))
     below = [one for one in BELOW if one[0] in history and np.ptp(np.asarray(history[one[0]])) > 1e-9]
@@ -64,7 +64,7 @@ def stress_picture(
     axis.plot(strain, factor * np.asarray(history[NORMAL_STRESS_Z]), color=COLOURS[7], lw=0.9,
               label="normal, along the gradient")  # fmt: skip
     for number, other in enumerate(others):
-        label = None if number else "shear, other packings"
+        label = None if number else "shear, other replicas"
         axis.plot(other[SHEAR_STRAIN], factor * np.asarray(other[SHEAR_STRESS]), color="#7fb2dd", lw=0.6, zorder=1,
                   label=label)  # fmt: skip
     axis.plot(strain, factor * np.asarray(history[SHEAR_STRESS]), color=COLOURS[0], lw=1.1, label="shear")
@@ -76,7 +76,7 @@ def stress_picture(
             limits = axis.get_ylim()
             low, high = (factor * end for end in estimate.interval())
             axis.fill_between([start, strain[-1]], low, high, color=COLOURS[0], alpha=0.25, lw=0, label="95 % interval")
-            axis.set_ylim(limits)  # of few packings it is wider than the picture
+            axis.set_ylim(limits)  # of few replicas it is wider than the picture
         label = format_stress(estimate) + ("" if estimate.converged else ", not converged")
         mean = 2 * [factor * estimate.mean]
         axis.plot([start, strain[-1]], mean, color="black", lw=1.4, ls="--", label=label, zorder=4)

@@ -76,7 +76,7 @@ def torque_picture(
             part = factor * np.asarray(history[by_field], dtype=np.float64)
             axis.plot(time, part, color=BODY_COLOURS[body], lw=0.8, ls=":", label="of it by its slots' field")
     for number, other in enumerate(others):
-        label = None if number else "on the disc, other packings"
+        label = None if number else "on the disc, other replicas"
         torque = factor * np.asarray(other[TORQUE_DISC], dtype=np.float64)
         axis.plot(time_factor * np.asarray(other[TIME]), torque, color="#7fb2dd", lw=0.6, zorder=1, label=label)
     axis.axhline(0.0, color="black", lw=0.6)
@@ -89,8 +89,8 @@ def torque_picture(
             limits = axis.get_ylim()
             low, high = (factor * end for end in estimate.interval())
             axis.fill_between([start, time[-1]], low, high, color="#0b5fa5", alpha=0.25, lw=0, label="95 % interval")
-            axis.set_ylim(limits)  # of few packings it is wider than the picture
-        label = f"disc{f', {estimate.replicas} packings' if estimate.replicas > 1 else ''}: "
+            axis.set_ylim(limits)  # of few replicas it is wider than the picture
+        label = f"disc{f', {estimate.replicas} replicas' if estimate.replicas > 1 else ''}: "
         label += format_torque(estimate, unit, factor) + ("" if estimate.converged else ", not converged")
         axis.plot([start, time[-1]], [mean, mean], color="black", lw=1.4, ls="--", label=label, zorder=4)
         if not estimate.converged:
@@ -161,7 +161,7 @@ def torque_overlay_picture(path: str | Path, runs: Mapping[str, Result], *, titl
     Parameters
     ----------
     path : PNG to write.
-    runs : name -> result. A run of several packings is drawn by its first, thin; its mean and its band are of all. A
+    runs : name -> result. A run of several replicas is drawn by its first, thin; its mean and its band are of all. A
         mean of unknown error is drawn without a band, and one that is not converged is said to be so.
     """
     torques = {name: _torque(result) for name, result in runs.items()}

@@ -148,7 +148,7 @@ def torque_against_grain_size_picture(
 
 
 def _draw_range(axis: Axes, curve: TorqueCurve, found: LinearRange) -> None:
-    """The line over its range and to its offset, dashed with torques not converged; of an untold range, no line."""
+    """The line over its range and to its offset, dashed with torques not converged; of an unknown range, no line."""
     is_known = found.is_tested or found.unconverged > 0
     if found.slope is None or found.offset is None or found.slope_error is None or not is_known:
         return

@@ -12,8 +12,9 @@ from typing import Any, ClassVar
 import numpy as np
 
 from emclutch.effects import EffectsSection
-from emclutch.effects.left_out import ALWAYS, OFF, LeftOut
+from emclutch.effects.omitted_effect import ALWAYS, OFF, OmittedEffect
 from emclutch.results import COLUMNS, OutputError, Result, RunFolder, load_result
+from emclutch.results.accuracy_study import SettingError
 from emclutch.results.changing_drive import STEADY, changing_drive
 from emclutch.results.columns import (
     CURRENT,
@@ -23,27 +24,26 @@ from emclutch.results.columns import (
     TIME,
     TORQUE_DISC,
     WORK_BOX_MAGNETIC,
-    WORK_HELD,
+    WORK_LAGGED,
     WORK_MAGNETIC,
     WORK_PRESSURE,
     WORK_SHEAR,
     WORK_WALLS,
 )
 from emclutch.results.grain_profiles import profile_column, read_profiles
-from emclutch.results.ladder import KnobError
 from emclutch.results.replicated_mean import drift_in_words
 from emclutch.results.report.verdict import RPM, Mark, Statement, best_in_words, in_words, sentence, verdict
 from emclutch.results.rise_time import in_words as in_words_of_rise
 from emclutch.results.statistics import ONE_REPLICA
 from emclutch.results.study_folder import StudyFolder, is_study, read_study, refresh_in_words
 from emclutch.results.study_result import best_estimate_lines, grain_size_lines
-from emclutch.results.text import format_stress, format_time, format_torque, per_cent
+from emclutch.results.text import format_percent, format_stress, format_time, format_torque
 
 AT_THE_END = ("coil current", "voltage", "copper loss", "flux density")  # rows of quantities of the last window
 
 RARE = 0.1  # of the replicas have a state whose chance to be missed is said
 
-LeftOutOf = Callable[[Result], Sequence[LeftOut]]
+OmittedEffectsOf = Callable[[Result], Sequence[OmittedEffect]]
 """What the scene of a run leaves out, see `emclutch.simulation.check`."""
 
 PICTURES = {
@@ -92,7 +92,7 @@ ENERGIES = (
     WORK_PRESSURE,
     WORK_BOX_MAGNETIC,
     WORK_MAGNETIC,
-    WORK_HELD,
+    WORK_LAGGED,
     "work_gravity",
     DISSIPATED,
     ENERGY_RESIDUAL,
@@ -123,7 +123,7 @@ NUMBERS = (
     ("time", "simulated time", "s"),
     ("max_overlap", "largest overlap over diameter, at any time", ""),
     ("typical_overlap", "the same, median over the windows of the second half", ""),
-    ("torque_residual_rms", "torque balance, RMS of what is left", "N m"),
+    ("torque_residual_rms", "torque balance, RMS of the residual", "N m"),
     ("energy_residual_relative", "energy balance, residual over the energy supplied, exchanged and dissipated", ""),
     ("work_magnetic_over_slip", "work of the magnetic forces over that of the walls, when steady", ""),
 )
@@ -222,17 +222,17 @@ class Page:
         return Page(self.folder, self.title, self.under, chosen)
 
 
-def page_of(folder: Path, left_out_of: LeftOutOf) -> Page:
+def page_of(folder: Path, omitted_effects_of: OmittedEffectsOf) -> Page:
     """Return the page of the run or the study in a folder; OutputError where there is neither."""
     if is_study(folder):
-        return study_page(read_study(folder), left_out_of)
-    return run_page(load_result(folder), left_out_of)
+        return study_page(read_study(folder), omitted_effects_of)
+    return run_page(load_result(folder), omitted_effects_of)
 
 
-def run_page(result: Result, left_out_of: LeftOutOf) -> Page:
+def run_page(result: Result, omitted_effects_of: OmittedEffectsOf) -> Page:
     """Return the page of a run, finished or not."""
     folder, summary = result.folder, result.summary
-    on, left_out = effects_of(result), left_out_of(result)
+    on, omitted_effects = effects_of(result), omitted_effects_of(result)
     known = [COLUMNS[name] for name in result.history.columns]
     columns = [(one, one.unit, f"{one.meaning} ({one.when.value})") for one in known]
     name = folder.path.resolve().name
@@ -245,7 +245,7 @@ def run_page(result: Result, left_out_of: LeftOutOf) -> Page:
             "Operating point": _rows(_operating_point(result)),
             "Verdict": [Statements(verdict(result))],
             "Scene": _scene(folder),
-            "Effects, on and off": [_effects(on, left_out)],
+            "Effects, on and off": [_effects(on, omitted_effects)],
             "Pictures": _pictures(result),
             "Torque with its errors": _rows(_torques(result)),
             "Balances": _rows(_balances(result)),
@@ -261,14 +261,14 @@ def run_page(result: Result, left_out_of: LeftOutOf) -> Page:
     )
 
 
-def study_page(study: StudyFolder, left_out_of: LeftOutOf) -> Page:
+def study_page(study: StudyFolder, omitted_effects_of: OmittedEffectsOf) -> Page:
     """Return the page of a study: the points that are done."""
     results = study.results()
     verdicts = {label: verdict(result) for label, result in results.items()}
     torques = {label: _measured(result) for label, result in results.items()}
     on = {label: effects_of(result) for label, result in results.items()}
     first = next(iter(results.values()), None)
-    left_out = () if first is None else left_out_of(first)
+    omitted_effects = () if first is None else omitted_effects_of(first)
     over = f", over {', '.join(study.varied)}" if study.varied else ""
     corrected = [Statement(Mark.NOTE, line) for line in best_estimate_lines(study.path)]
     statements = [*_progress(study, results), *corrected, *_on_points(verdicts)]
@@ -294,7 +294,7 @@ def study_page(study: StudyFolder, left_out_of: LeftOutOf) -> Page:
             "Verdict on each point": [
                 Statements(said, folded=f"{label}: {torques[label] or 'no torque'}") for label, said in verdicts.items()
             ],
-            "Effects, on and off": [_effects(list(itertools.chain(*on.values())), left_out)] if on else [],
+            "Effects, on and off": [_effects(list(itertools.chain(*on.values())), omitted_effects)] if on else [],
             "Effects that are not on at all points": _rows(
                 [
                     (name, f"on at {'; '.join(label for label in on if name in on[label])}")
@@ -438,18 +438,18 @@ def _on_points(verdicts: dict[str, list[Statement]]) -> list[Statement]:
     ]
 
 
-def _effects(on: Sequence[str], left_out: Sequence[LeftOut]) -> Table:
-    """Return every effect of this version, and what no scene can have: on or off, and whether its absence matters."""
-    of = {line.effect: line for line in left_out}
+def _effects(on: Sequence[str], omitted_effects: Sequence[OmittedEffect]) -> Table:
+    """Return every effect of this version, on or off, and of those omitted the significance."""
+    of = {line.effect: line for line in omitted_effects}
     rows = []
     for name in dict.fromkeys([*EffectsSection.names(), *of]):
         field, line = EffectsSection.model_fields.get(name), None if name in on else of.get(name)
         state = "on" if name in on else OFF if line is None else line.where
         what = "" if field is None else str(field.description)
-        matters = "" if line is None else line.verdict.lower() if line.where == ALWAYS else line.verdict
+        relevant = "" if line is None else line.verdict.lower() if line.where == ALWAYS else line.verdict
         share, number = ("", "") if line is None else (line.on_torque, line.in_words())
-        rows.append((name.replace("_", " "), state, what, matters, share, number))
-    head = ("effect", "", "what it is", "would matter", "torque, about", "by this number (limit)")
+        rows.append((name.replace("_", " "), state, what, relevant, share, number))
+    head = ("effect", "", "what it is", "relevant?", "torque, about", "criterion (limit)")
     return Table(rows, head, stacked=True)
 
 
@@ -489,13 +489,13 @@ def _torques(result: Result) -> list[tuple[str, str]]:
     if TORQUE_DISC not in result.history:
         return []
     torque, summary = result.torque, result.summary
-    rows = [("torque on the disc", format_torque(torque)), ("packings", str(torque.replicas))]
+    rows = [("torque on the disc", format_torque(torque)), ("replicas", str(torque.replicas))]
     if torque.replicas > 1:
         missed = 100.0 * (1.0 - RARE) ** torque.replicas
         rare = f"a state of {100.0 * RARE:g} % of replicas"
         rows.append((rare, f"in none of these with a probability of {missed:.2g} %"))
     if torque.pooled_scatter is not None:
-        known = f"{per_cent(torque.pooled_scatter)} with {torque.pooled_freedom:g} degrees of freedom"
+        known = f"{format_percent(torque.pooled_scatter)} with {torque.pooled_freedom:g} degrees of freedom"
         rows.append(("scatter between replicas that is pooled with theirs", known))
     if torque.drift is not None:
         rows.append(("drift over the averaged part", drift_in_words(torque)))
@@ -506,7 +506,7 @@ def _torques(result: Result) -> list[tuple[str, str]]:
     rows.append(("verdict", torque.reason))
     replicas = summary.get("replicas") or {}
     rows += [
-        (f"mean of packing {number} (seed {seed})", "none" if mean is None else f"{mean:.5g} N m")
+        (f"mean of replica {number} (seed {seed})", "none" if mean is None else f"{mean:.5g} N m")
         for number, (seed, mean) in enumerate(zip(replicas.get("seeds", []), replicas.get("means", []), strict=True))
     ]
     for key, label in (("torque_rotor", "on the rotor"), ("torque_field", "taken by the field")):
@@ -514,11 +514,11 @@ def _torques(result: Result) -> list[tuple[str, str]]:
             rows.append((f"torque {label}", f"{summary[key]['mean']:.5g} N m"))
     found = summary.get("discretisation_error") or {}
     for name, part in found.get("parts", {}).items():
-        low, high = KnobError(part["bias"], part["half_width"]).interval
+        low, high = SettingError(part["bias"], part["half_width"]).interval
         error = f"{100.0 * part['bias']:+.2g} % (95 %: {100.0 * low:+.2g} to {100.0 * high:+.2g} %)"
-        rows.append((f"error by the setting of {in_words(name)}", f"{error}, at {part['setting']:.4g}"))
+        rows.append((f"error by the setting of {in_words(name)}", f"{error}, at {part['value']:.4g}"))
     if found:
-        rows.append(("ladder of the settings' errors", f"{found['ladder']['file']} ({found['ladder']['date']})"))
+        rows.append(("accuracy study", f"{found['accuracy_study']['file']} ({found['accuracy_study']['date']})"))
     return rows
 
 

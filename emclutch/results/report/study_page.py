@@ -103,7 +103,7 @@ def study_page(state: StudyState) -> str:
     parts = [("done", done), ("running", counts[RUNNING]), ("failed", counts[FAILED]), ("stopped", counts[STOPPED])]
     parts.append(("waiting", len(state.points) - sum(number for _, number in parts)))
     places = sorted(range(len(state.points)), key=lambda k: (ORDER[state.points[k].state], k))
-    undecided = sum(point.state in (DONE, KEPT) and not point.converged for point in state.points)
+    unconverged = sum(point.state in (DONE, KEPT) and not point.converged for point in state.points)
     pictures = {} if state.is_running else _pictures(state.folder)
     is_drawn = any(name.startswith("torque_vs_") for name in pictures)  # with what the curve here has, and more
     return page_template("study.html.j2").render(
@@ -114,7 +114,7 @@ def study_page(state: StudyState) -> str:
         left=None if state.seconds_left is None else format_duration(state.seconds_left),
         total=len(state.points),
         parts=[(name, number, 100.0 * number / total) for name, number in parts if number],
-        undecided=undecided,
+        unconverged=unconverged,
         corrected=best_estimate_lines(state.folder) if (state.folder / "study.csv").is_file() else [],
         points=[_cells(state.names[k], state.points[k]) for k in places[:MAX_ROWS]],
         more=max(0, len(places) - MAX_ROWS),

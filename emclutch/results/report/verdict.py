@@ -30,12 +30,12 @@ from emclutch.results.replicated_mean import (
     Steadiness,
     drifts_significantly,
     may_be_zero,
-    more_packings_suffice,
+    more_replicas_suffice,
     steadiness,
 )
 from emclutch.results.rise_time import in_words as in_words_of_rise
 from emclutch.results.statistics import ONE_REPLICA, REPLICAS
-from emclutch.results.text import format_duration, format_stress, format_time, format_torque, per_cent
+from emclutch.results.text import format_duration, format_percent, format_stress, format_time, format_torque
 from particles.dem.overlap_limits import SOFT
 
 RPM = 30.0 / math.pi
@@ -43,7 +43,7 @@ CLOSES = 0.01
 """A balance that is off by less, of the largest torque or of the energy supplied, exchanged and dissipated, says
 nothing of the results: the statistical errors are larger."""
 
-MAX_PACKINGS = 64
+MAX_REPLICAS = 64
 """Of accuracy.replicas and accuracy.max_replicas."""
 
 ROUGH = 0.1
@@ -137,7 +137,7 @@ def best_in_words(result: Result) -> str | None:
         return None
     half, bias = best.half_width(), 100.0 * (raw.mean / best.mean - 1.0)
     scope = "in all" if raw.replicas > 1 else "without the scatter between replicas"
-    size = "" if half is None else f", ± {per_cent(half / abs(best.mean))} {scope}"
+    size = "" if half is None else f", ± {format_percent(half / abs(best.mean))} {scope}"
     what = "numerical settings" if result.summary.get("discretisation_error") else "coarse grains"
     return (
         f"best estimate of the torque on the disc: {format_torque(best)}{size}; {what} change the raw torque of "
@@ -160,15 +160,15 @@ def _known(result: Result, name: str, found: Estimate, words: str) -> Iterator[S
     else:
         share, short = half / abs(found.mean), until is not None and not until["reached"]
         pooled = "" if found.pooled_scatter is None else ", their scatter pooled with that of the accuracy study"
-        packings = f"of {found.replicas} packings{pooled}"
+        replicas = f"of {found.replicas} replicas{pooled}"
         yield Statement(
             Mark.POOR if short or share >= 1.0 else Mark.NOTE if share > ROUGH else Mark.GOOD,
-            f"The {name} is known to {100.0 * share:.2g} %: {words}, {packings}; {found.reason}.",
+            f"The {name} is known to {100.0 * share:.2g} %: {words}, {replicas}; {found.reason}.",
         )
     if known := result.conditions.replica_scatter if found.known and found.pooled_scatter is None else 0.0:
         yield Statement(
             Mark.NOTE,
-            f"the scatter of accuracy.replica_scatter ({per_cent(known)}) is not pooled: these replicas scatter "
+            f"the scatter of accuracy.replica_scatter ({format_percent(known)}) is not pooled: these replicas scatter "
             "significantly more, or the run is shorter than time.end",
         )
     if found.replicas == 1 and not found.steady_alone:
@@ -226,17 +226,17 @@ def _total_error(summary: dict[str, Any]) -> Iterator[Statement]:
         yield Statement(Mark.NOTE, f"the interval is statistical only, the error of the settings unknown: {note}")
         return
     total, largest = found["total_error"], found["largest_part"]
-    text = f"error budget: settings {per_cent(found['half_width'])}"
+    text = f"error budget: settings {format_percent(found['half_width'])}"
     if total is not None:
         statistical = math.sqrt(max(total**2 - found["half_width"] ** 2, 0.0))
-        text += f", packings {per_cent(statistical)}, together {per_cent(total)}"
+        text += f", replicas {format_percent(statistical)}, together {format_percent(total)}"
     if largest is not None:
-        text += f"; largest part: {in_words(largest['name'])}, {per_cent(largest['half_width'])}"
+        text += f"; largest part: {in_words(largest['name'])}, {format_percent(largest['half_width'])}"
     if found["unknown"]:
         text += f"; not included, since not measured: {', '.join(map(in_words, found['unknown']))}"
     text += "".join(f"; extrapolated: {in_words(name)} is {why}" for name, why in found["extrapolated"].items())
-    if found["ladder"]["note"]:
-        text += f"; {found['ladder']['note']}"
+    if found["accuracy_study"]["note"]:
+        text += f"; {found['accuracy_study']['note']}"
     asked = summary.get("accuracy_target")
     missed = asked is not None and not asked["reached"]
     rough = total is None or total > ROUGH or bool(found["unknown"])
@@ -244,7 +244,7 @@ def _total_error(summary: dict[str, Any]) -> Iterator[Statement]:
     if asked is not None:
         reached = "reached" if asked["reached"] else "not reached"
         mark = Mark.POOR if missed else Mark.GOOD
-        yield Statement(mark, f"the total error of accuracy.target = {per_cent(asked['asked'])} is {reached}")
+        yield Statement(mark, f"the total error of accuracy.target = {format_percent(asked['asked'])} is {reached}")
 
 
 def _next(result: Result) -> Iterator[Statement]:
@@ -275,23 +275,23 @@ def _next(result: Result) -> Iterator[Statement]:
         yield _longer(result, max(later, end + (found.missing or 0.0)), end, spent)
     else:
         target = asked.get("asked") or 0.0
-        yield _more_packings(result, found, wanted, (target, own) if target > own else None, spent)
+        yield _more_replicas(result, found, wanted, (target, own) if target > own else None, spent)
 
 
 def _runs_longer(found: Estimate, wanted: float, until: dict[str, Any], end: float) -> bool:
-    """True where more packings do not help, as after a start-up that is not over or in a drift, or cost more."""
+    """True where more replicas do not help, as after a start-up that is not over or in a drift, or cost more."""
     if found.missing or steadiness(found, wanted) is Steadiness.DRIFTING or drifts_significantly(found, wanted):
         return True
-    packings, later = until.get("packings"), until.get("end")
-    if packings is not None:
-        return later is not None and later / end < packings / found.replicas
+    replicas, later = until.get("replicas"), until.get("end")
+    if replicas is not None:
+        return later is not None and later / end < replicas / found.replicas
     return later is not None or found.starts_up or found.half_width() is None
 
 
-def _more_packings(
+def _more_replicas(
     result: Result, found: Estimate, wanted: float, asked: tuple[float, float] | None, spent: float
 ) -> Statement:
-    """Say how many packings reach `wanted`, or of what is `asked` what the settings' error leaves, or half the error.
+    """Say how many replicas reach `wanted`, or of what is `asked` what the settings' error leaves, or half the error.
 
     `asked` holds the relative error that is asked for and that of the settings, the smaller one.
     """
@@ -303,15 +303,15 @@ def _more_packings(
     elif half <= wanted and found.converged:
         share, wanted = 0.5 * half / abs(found.mean), 0.5 * half
     judged = replace(found, exclude_drift=False) if found.converged else found  # a drift is excluded already
-    counts = range(found.replicas + 1, MAX_PACKINGS + 1)
-    packings = until.get("packings") or next((one for one in counts if more_packings_suffice(judged, one, wanted)), 0)
-    if not packings:
-        how = f"is out of reach with {MAX_PACKINGS} packings; run longer, or ask for less"
-        return Statement(Mark.NOTE, f"next: {per_cent(share)} {how}")
+    counts = range(found.replicas + 1, MAX_REPLICAS + 1)
+    replicas = until.get("replicas") or next((one for one in counts if more_replicas_suffice(judged, one, wanted)), 0)
+    if not replicas:
+        how = f"is out of reach with {MAX_REPLICAS} replicas; run longer, or ask for less"
+        return Statement(Mark.NOTE, f"next: {format_percent(share)} {how}")
     given = "replicas" in result.folder.read_scene().get("accuracy", {})
     key = "accuracy.max_replicas" if until and not given else "accuracy.replicas"
-    cost = format_duration(spent * packings / found.replicas)
-    how = f"{per_cent(share)} takes about {packings} packings ({key} = {packings})"
+    cost = format_duration(spent * replicas / found.replicas)
+    how = f"{format_percent(share)} takes about {replicas} replicas ({key} = {replicas})"
     return Statement(Mark.NOTE, f"next: {how}, {cost} of processor time in all")
 
 
@@ -322,7 +322,7 @@ def _longer(result: Result, until: float, end: float, spent: float) -> Statement
 
 
 def _spent(seconds: dict[str, Any]) -> float:
-    """Return the processor time [s] of all packings, of all parts of a resumed run; without that of compiling."""
+    """Return the processor time [s] of all replicas, of all parts of a resumed run; without that of compiling."""
     windows = sum(seconds.get(part, 0.0) for part in ("field", "magnetic", "contact"))
     whole = max(seconds.get("whole_run", 0.0), seconds.get("total", 0.0))
     return max(windows, seconds.get("processor", whole) - seconds.get("compiling", 0.0))
@@ -369,7 +369,7 @@ def _warnings(summary: dict[str, Any]) -> Iterator[Statement]:
 
 def _left_out(result: Result) -> Iterator[Statement]:
     """Name the effects that the scene leaves out although they may matter, as the run's plan found them."""
-    for effect, number in result.folder.read_plan().get("may_matter", {}).items():
+    for effect, number in result.folder.read_plan().get("omitted_effects", {}).items():
         yield Statement(Mark.POOR, f"left out, although it may matter ({number}): {in_words(effect)}")
 
 

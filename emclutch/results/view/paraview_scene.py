@@ -256,7 +256,7 @@ def near_grains(source, options):
 
 
 def caption(view, series):
-    """Read the options: what is shown, and when."""
+    """Add title and time annotations."""
     first = next(iter(series.values()))
     time = pv.AnnotateTimeFilter(registrationName="time", Input=first, Format="t = {time:.3f} ms", Scale=1e3)
     for text, place in ((time, TIME_PLACE), (pv.Text(registrationName="title", Text=TITLE), TITLE_PLACE)):

@@ -90,7 +90,7 @@ class Cost:
     def in_words(self) -> str:
         """One line: time by part, memory, disk, and what stands against them."""
         seconds = self.seconds
-        parts = ", ".join(f"{part} {spoken(value)}" for part, value in seconds.items() if part != "total")
+        parts = ", ".join(f"{part} {format_rough_time(value)}" for part, value in seconds.items() if part != "total")
         threads = "one thread" if self.threads == 1 else f"{self.threads} threads"
         if self.replicas > 1:
             threads += f" for each of {self.replicas} replicas at a time"
@@ -98,9 +98,9 @@ class Cost:
             threads += f", in {self.rounds} rounds"
         each = " each" if self.replicas > 1 else ""
         text = (
-            f"{self.steps} steps of {self.grains} grains: about {spoken(seconds['total'])} on idle cores, within a "
-            f"factor of two, on {threads} ({parts}; without compiling), {self.memory:.0f} MiB of memory{each}, "
-            f"{self.disk:.0f} MiB on disk"
+            f"{self.steps} steps of {self.grains} grains: about {format_rough_time(seconds['total'])} on idle "
+            f"cores, within a factor of two, on {threads} ({parts}; without compiling), {self.memory:.0f} MiB of memory"
+            f"{each}, {self.disk:.0f} MiB on disk"
         )
         long = "more than a day; are all lengths and times in the units that were meant?"
         return with_warnings(text, shortage(self.replicas * self.memory), long if seconds["total"] > 86400.0 else "")
@@ -178,7 +178,7 @@ def relative_drive(device: Device, times: np.ndarray) -> np.ndarray:
     return np.abs([device.coil.currents(float(time)) for time in times]) / device.coil.largest_current
 
 
-def spoken(seconds: float) -> str:
+def format_rough_time(seconds: float) -> str:
     """A duration in the unit that one would say it in."""
     for limit, unit, size in ((90.0, "s", 1.0), (5400.0, "min", 60.0), (172800.0, "h", 3600.0)):
         if seconds < limit:

@@ -50,8 +50,8 @@ powders without the runs' own errors (tests/benchmarks/two_scales.py)."""
 GUESS = 2.0
 """Factor within which the formula holds outside of what it was measured for."""
 
-FEW, FAR = 3.0, 10.0
-"""Grains per gap below which the formula gives no more than the order of magnitude, within the factor `FAR`."""
+MIN_GRAINS_PER_GAP, EXTRAPOLATION_FACTOR = 3.0, 10.0
+"""Below so many grains per gap the formula is good within the factor `EXTRAPOLATION_FACTOR` only."""
 
 UNKNOWN_FILL = (0.8, 0.9, 1.0)
 """Parts of the powder that may be between the poles where it is not known."""
@@ -365,9 +365,7 @@ class _Sheared:
             {} if doubts else {name: 1.96 * part for name, part in found.parts.items()},
         )
 
-    def _of(
-        self, diameter: float, scene: bool = False, part: float = 1.0, law: PowderLaw | None = None
-    ) -> _Grains:
+    def _of(self, diameter: float, scene: bool = False, part: float = 1.0, law: PowderLaw | None = None) -> _Grains:
         """Torque of grains of a diameter [m], of the scene or real ones, with a part of the powder in place."""
         device, law, zone, density = self._device, law or self._law, self._zone, self._scene.grains.density
         whole, across = part * device.fill.solid_fraction, device.shear_gap / diameter
@@ -393,8 +391,8 @@ class _Sheared:
         ]
         if whole > RANGES["fill"][1] >= fill:
             doubts.append(f"its fill is {whole:.3g} before it spills, and the law holds up to {RANGES['fill'][1]:g}")
-        if across < FEW:
-            doubts.append("the gap holds less than three grains, which are no continuum")
+        if across < MIN_GRAINS_PER_GAP:
+            doubts.append("fewer than 3 grains per gap are not a continuum")
         elif across < RANGES["grains per gap"][0]:
             doubts.append(f"the gap holds {across:.2g} grains, and the law holds from 4 on")
         parts = law.errors_at(b, fill, across, min(inertia, RANGES["inertial number"][1]))
@@ -407,7 +405,7 @@ class _Sheared:
         parts["devices"] = DEVICES
         beyond = max(0.0, whole / fill - 1.0)
         torque = RUNS_OVER_LAW * float(tau @ zone.lever) * (1.0 + BEYOND * beyond)
-        return _Grains(torque, parts, doubts, FAR if across < FEW else GUESS)
+        return _Grains(torque, parts, doubts, EXTRAPOLATION_FACTOR if across < MIN_GRAINS_PER_GAP else GUESS)
 
     def _flux_density(self, fill: float, law: PowderLaw) -> np.ndarray:
         """B [T] across the gap at the points of the zone, of powder of a fill."""
@@ -417,9 +415,7 @@ class _Sheared:
         if key not in self._known:
             at = coil.uniform_fill(device.fill.solid_fraction) * (fill / device.fill.solid_fraction)
             try:
-                self._solved = field_of_sheared_powder(
-                    coil, at, self._scene, coil.largest_current, self._solved, law
-                )
+                self._solved = field_of_sheared_powder(coil, at, self._scene, coil.largest_current, self._solved, law)
             except ConvergenceError as error:
                 doubt = f"its field was not found with the permeability of sheared powder ({error})"
                 self.doubts += [] if doubt in self.doubts else [doubt]

@@ -28,7 +28,7 @@ from emclutch.device_model.coil_heat import copper_loss, housing_rise
 from emclutch.device_model.device import Device
 from emclutch.device_model.materials import conductivity_of, region_materials
 from emclutch.effects import EFFECTS
-from emclutch.effects.left_out import ABSENT, ALWAYS, LeftOut
+from emclutch.effects.omitted_effect import ABSENT, ALWAYS, OmittedEffect
 from emclutch.simulation.forecast.expected_torque import ExpectedTorque
 from emclutch.simulation.scaled_slip import QUASI_STATIC
 from field.section.diffusion_time import diffusion_time
@@ -181,26 +181,28 @@ COERCIVE_FIELD = 1e3
 """Of soft iron powder, at most [A/m]."""
 
 
-def left_out(scene, device: Device, plan: Plan, expected: ExpectedTorque) -> list[LeftOut]:
+def omitted_effects(scene, device: Device, plan: Plan, expected: ExpectedTorque) -> list[OmittedEffect]:
     """Every effect that the scene leaves out, and the two that decide its regime, each with its order of magnitude."""
     regime = regime_of(scene, device, plan, expected)
     active = set(scene.effects.active)
     possible = [one for one in EFFECTS if one.name not in active and one.role not in device.kind.excluded_roles]
-    off = [line for one in possible for line in one.left_out(regime)]
+    off = [line for one in possible for line in one.omitted_effects(regime)]
     return [*off, *_of_grains(regime), *_of_grain_hysteresis(regime)]
 
 
-def _of_grains(at: Regime) -> Iterator[LeftOut]:
+def _of_grains(at: Regime) -> Iterator[OmittedEffect]:
     if at.pull > 0.0:
-        yield LeftOut("centrifugal force", ALWAYS, "over the pull of touching grains", at.centrifugal / at.pull, 0.1)
+        over, ratio = "over the pull of touching grains", at.centrifugal / at.pull
     else:
-        yield LeftOut("centrifugal force", ALWAYS, "over weight", at.centrifugal / at.weight, 0.1)
-    yield LeftOut("inertia of grains", ALWAYS, f"inertial number of the sheared powder, {at.pressure}",
+        over, ratio = "over weight", at.centrifugal / at.weight
+    yield OmittedEffect("centrifugal force", ALWAYS, over, ratio, 0.1)
+    yield OmittedEffect("inertia of grains", ALWAYS, f"inertial number of the sheared powder, {at.pressure}",
                   at.inertial_number, QUASI_STATIC, note="below, the torque does not depend on the speed")  # fmt: skip
 
 
-def _of_grain_hysteresis(at: Regime) -> Iterator[LeftOut]:
+def _of_grain_hysteresis(at: Regime) -> Iterator[OmittedEffect]:
     if at.M > 0.0:
         coercive = COERCIVE_FIELD / at.H if at.H > 0.0 else None
-        yield LeftOut("grain_hysteresis", ABSENT, "coercive field of soft iron powder, 1 kA/m, over H", coercive, 0.05,
-                      note="the grains keep a moment when the current is switched off", change=None)  # fmt: skip
+        number = "coercive field of soft iron powder, 1 kA/m, over H"
+        note = "the grains keep a moment when the current is switched off"
+        yield OmittedEffect("grain_hysteresis", ABSENT, number, coercive, 0.05, note=note, change=None)

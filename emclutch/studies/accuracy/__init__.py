@@ -1,1 +1,1 @@
-"""The price of accuracy: ladders of numerical settings, cheapest settings for a wanted accuracy, what effects add."""
+"""Cost of accuracy: errors of numerical settings, cheapest settings for a wanted accuracy, contributions of effects."""

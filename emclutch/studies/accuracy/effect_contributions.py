@@ -1,4 +1,4 @@
-"""What each effect adds: a scene, and the same without each of its effects, in packings of equal length.
+"""What each effect adds: a scene, and the same without each of its effects, in replicas of equal length.
 
 An effect that others need is left out together with them: which ones the scene's own checks say. All scenes are
 sheared at the same speeds to the same strain; stiffness, step and windows that the program chooses are each scene's
@@ -29,7 +29,7 @@ from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.replica_count import replica_seed
 from emclutch.simulation.plan import make_plan
-from emclutch.studies.accuracy.rungs import base_of, compiling_run, refuse_what_has_no_ladder, source_of, starts_of
+from emclutch.studies.accuracy.planned_values import base_of, compiling_run, refuse_unmeasurable, source_of, starts_of
 from emclutch.studies.accuracy.tasks import AccuracyTask
 from emclutch.studies.resumable import BUDGET, ResumableStudy, begun_study, checked_jobs
 from emclutch.studies.task_queue import TaskQueue
@@ -37,7 +37,7 @@ from emclutch.studies.task_queue import TaskQueue
 log = logging.getLogger(__name__)
 PLAN = "effects_plan.json"
 MIN_ROUNDS, MAX_ROUNDS = 3, 16
-"""Rounds: in each one packing without each effect, and two of the whole scene, which is in all differences."""
+"""Rounds: in each one replica without each effect, and two of the whole scene, which is in all differences."""
 OF_WHOLE = 2
 WHOLE, WARM_UP = "whole", "warm-up"
 
@@ -57,7 +57,7 @@ class Removal:
 
     @property
     def folder(self) -> str:
-        """Return the folder of its packings in that of the study."""
+        """Return the folder of its replicas in that of the study."""
         return f"without-{self.effect}" if self.effect else WHOLE
 
 
@@ -113,13 +113,13 @@ def effect_contributions(
 ) -> EffectsResult:
     """Measure torque and cost of a scene without each of its effects.
 
-    The folder holds ``effects.csv``, ``effects.md``, ``effects.png`` and a folder for each packing.
+    The folder holds ``effects.csv``, ``effects.md``, ``effects.png`` and a folder for each replica.
 
     Parameters
     ----------
     case : Case, or the path of a scene file.
     out : folder; default: the next free studies/<case>-effects-<nnn>.
-    budget : wall-clock time [s]; default 20 min. Three packings without each effect are run in any case.
+    budget : wall-clock time [s]; default 20 min. Three replicas without each effect are run in any case.
     jobs, resume, progress : as of `emclutch.studies.accuracy.study.accuracy`.
 
     Raises
@@ -129,12 +129,12 @@ def effect_contributions(
     OutputError
         The folder is in use, not empty, or of another scene.
     RunError
-        A packing of the whole scene failed; `Interrupted` after Ctrl-C: what is done is kept.
+        A replica of the whole scene failed; `Interrupted` after Ctrl-C: what is done is kept.
     ValueError
         `jobs` is less than 1.
     """
     case, jobs = as_case(case), checked_jobs(jobs)
-    refuse_what_has_no_ladder(case)
+    refuse_unmeasurable(case)
     if not case.scene.effects.active:
         raise SceneError([Fault("effects", "", "has no table: there is nothing to leave out")], source_of(case))
     folder = Path(out) if out is not None else RunFolder.next_path(f"{case.name}-effects", "studies")
@@ -143,14 +143,14 @@ def effect_contributions(
         return _begun(case, BUDGET if budget is None else budget, jobs)
 
     with begun_study(case, folder, PLAN, resume=resume, budget=budget, jobs=jobs, begin=begin) as (known, queue):
-        found = _Study(case, folder, known, queue, progress).measure()
+        found = _EffectsRun(case, folder, known, queue, progress).measure()
         lines = present(found, folder)
     return EffectsResult(folder, found, tuple(lines))
 
 
 def _begun(case: Case, budget: float, jobs: int) -> dict[str, Any]:
     """Plan every scene, and return what is decided before anything runs."""
-    base, starts = _scene_of_packings(case)
+    base, starts = _scene_of_replicas(case)
     rows, seconds = [], 0.0
     for one in (Removal(""), *removals(base)):
         predicted = 0.0
@@ -164,7 +164,7 @@ def _begun(case: Case, budget: float, jobs: int) -> dict[str, Any]:
     least = MIN_ROUNDS * seconds / jobs
     if least > budget:
         message = (
-            f"is less than {MIN_ROUNDS} packings without each effect take with {jobs} jobs, about "
+            f"is less than {MIN_ROUNDS} replicas without each effect take with {jobs} jobs, about "
             f"{format_duration(least)}; give {format_duration(1.5 * least)} or more"
         )
         raise SceneError([Fault("--budget", f"{budget:g} s", message)], source_of(case))
@@ -179,8 +179,8 @@ def _begun(case: Case, budget: float, jobs: int) -> dict[str, Any]:
     }
 
 
-def _scene_of_packings(case: Case) -> tuple[Case, list[float | str]]:
-    """Return the scene of a packing, at speeds that do not follow from its effects, and where its average begins."""
+def _scene_of_replicas(case: Case) -> tuple[Case, list[float | str]]:
+    """Return the scene of a replica, at speeds that do not follow from its effects, and where its average begins."""
     base = base_of(case)
     scene, scaled = base.case, base.plan.scaled
     if scaled is not None:
@@ -189,25 +189,25 @@ def _scene_of_packings(case: Case) -> tuple[Case, list[float | str]]:
     return scene, starts_of(base)[:1]
 
 
-class _Study(ResumableStudy):
-    """Its packings, round by round."""
+class _EffectsRun(ResumableStudy):
+    """Its replicas, round by round."""
 
     def __init__(self, case: Case, folder: Path, known: dict[str, Any], queue: TaskQueue, progress: Any) -> None:
         super().__init__(folder, PLAN, known, queue, progress)
         self.case = case
-        self.base, _ = _scene_of_packings(case)
+        self.base, _ = _scene_of_replicas(case)
         self.rows = [Removal(row["effect"], tuple(row["others"]), row["reason"]) for row in known["rows"]]
         self.run_rows = [one for one in self.rows if not one.reason]
 
     def measure(self) -> Contributions:
-        """Run all packings, and return what was found."""
+        """Run all replicas, and return what was found."""
         self._tell_cost()
         self._run([self._warm_up(one) for one in self.run_rows], "short runs compile the kernels")
-        self._run(list(self._round(0)), "packings")
+        self._run(list(self._round(0)), "replicas")
         if self.known["rounds"] is None:
             each = sum(self.results[task.folder].wall for task in self._round(0))
             self.decide(rounds=min(MAX_ROUNDS, max(MIN_ROUNDS, int(self.budget / each))))
-        self._run([task for n in range(1, self.known["rounds"]) for task in self._round(n)], "packings")
+        self._run([task for n in range(1, self.known["rounds"]) for task in self._round(n)], "replicas")
         whole, *without = [self._found(one) for one in self.rows]
         absent = tuple(one.name for one in EFFECTS if one.name not in self.case.scene.effects.active)
         return Contributions(self.case.name, whole, tuple(without), absent)
@@ -216,7 +216,7 @@ class _Study(ResumableStudy):
         for row, one in enumerate(self.run_rows):
             each = OF_WHOLE if not one.effect else 1
             for n in range(each * number, each * (number + 1)):
-                seed = replica_seed(self.case.scene.scene.seed, n + 1000 * row)  # packings of their own: independent
+                seed = replica_seed(self.case.scene.scene.seed, n + 1000 * row)  # replicas of their own: independent
                 yield self._task(one, f"{one.folder}/{n:02d}", {"scene.seed": seed})
 
     def _warm_up(self, one: Removal) -> AccuracyTask:
@@ -246,25 +246,25 @@ class _Study(ResumableStudy):
         if one.reason:
             return Without(one.effect, one.others, reason=one.reason, was_run=False)
         done = [self.results[name] for name in self.results if Path(name).parent == Path(one.folder)]
-        good = [found for found in done if found.value is not None]
+        good = [found for found in done if found.result is not None]
         failures = [found.failure for found in done if found.failure]
         return Without(
             one.effect,
             one.others,
-            tuple(float(found.value) for found in good if found.value is not None),
+            tuple(float(found.result) for found in good if found.result is not None),
             fmean(found.seconds for found in good) if good else float("nan"),
-            f"{len(failures)} of {len(done)} packings failed: {failures[0]}" if failures else "",
+            f"{len(failures)} of {len(done)} replicas failed: {failures[0]}" if failures else "",
         )
 
     def _tell_cost(self) -> None:
         known = self.known
         words = (
-            f"{len(self.run_rows) - 1} of {len(self.rows) - 1} effects can be left out; a packing without each of them "
+            f"{len(self.run_rows) - 1} of {len(self.rows) - 1} effects can be left out; a replica without each of them "
             f"and {OF_WHOLE} of the whole scene take about {format_duration(known['round'])} of processor time, by "
             f"estimate; {format_duration(known['budget'])} with {known['jobs']} at a time are enough for some "
             f"{min(MAX_ROUNDS, self.budget / known['round']):.0f} of each"
         )
-        self.say(words)
+        self.log(words)
 
 
 def present(found: Contributions, folder: Path) -> list[str]:
@@ -280,7 +280,7 @@ def present(found: Contributions, folder: Path) -> list[str]:
         Statement(
             Mark.NOTE,
             'What an effect adds is the whole scene less the scene without it, and without what needs it ("nor"); '
-            "95 % intervals by Student's t over the packings. Undecided: the interval holds zero.",
+            "95 % intervals by Student's t over the replicas. Not significant: the interval holds zero.",
         ),
         *(Statement(Mark.NOTE, f"{one.effect}: {one.reason}") for one in found.without if one.reason),
     ]
@@ -302,12 +302,12 @@ def rows_of(found: Contributions) -> list[dict[str, Any]]:
             {
                 "left_out": one.effect,
                 "with_it": " ".join(one.others),
-                "packings": len(one.torques),
+                "replicas": len(one.torques),
                 "torque": None if torque is None else torque.mean,
                 "half_width": None if torque is None else torque.half_width,
                 "adds_torque": None if added is None else added.mean,
                 "adds_half_width": None if added is None else added.half_width,
-                "decided": None if added is None else added.is_decided,
+                "significant": None if added is None else added.is_significant,
                 "seconds": one.seconds,
                 "adds_seconds": found.seconds(one) if one.effect else None,
                 "reason": one.reason,
@@ -317,7 +317,7 @@ def rows_of(found: Contributions) -> list[dict[str, Any]]:
 
 
 def _table(found: Contributions) -> Table:
-    head = ("scene", "packings", "torque [N m]", "the effect adds [N m]", "of the torque", "seconds a packing", "adds")
+    head = ("scene", "replicas", "torque [N m]", "the effect adds [N m]", "of the torque", "seconds a replica", "adds")
     rows = []
     for one in (found.whole, *found.without):
         torque, added, share = one.torque, found.torque(one), found.share(one)
@@ -333,12 +333,12 @@ def _table(found: Contributions) -> Table:
         if not one.effect:
             rows.append((*row, "", "", seconds, ""))
             continue
-        undecided = "" if added.is_decided else "undecided: "
+        mark = "" if added.is_significant else "not significant: "
         cost = (found.whole.seconds - one.seconds) / found.whole.seconds
         rows.append(
             (
                 *row,
-                undecided + added.text("+"),
+                mark + added.text("+"),
                 share.scaled(100.0).text("+") + " %",
                 seconds,
                 f"{100.0 * cost:+.2g} %",

@@ -1,4 +1,4 @@
-"""Field, moments and magnetic forces of grains that stand still: on which the knobs of the magnetic model are measured.
+"""Field, moments and forces of a frozen packing, on which the settings of the magnetic model are measured.
 
 A torque fluctuates more than most settings change it; moments and forces of the same grains at the same places do not.
 """
@@ -10,7 +10,7 @@ from time import perf_counter
 
 import numpy as np
 
-from coupling.staggered import held_forces, refresh_field
+from coupling.staggered import lagged_forces, refresh_field
 from coupling.window_budget import WindowBudget
 from emclutch.scene.case import Case
 from emclutch.simulation.assembly import simulation_of
@@ -79,10 +79,10 @@ def frozen_state(
         effect.begin_window(simulation)
     begin = perf_counter()
     refresh_field(simulation)
-    force = held_forces(simulation, WindowBudget(simulation))
+    force = lagged_forces(simulation, WindowBudget(simulation))
     seconds = perf_counter() - begin
     grains = simulation.motion.grains
-    assert grains.magnetic_moment is not None  # of the update in `held_forces`
+    assert grains.magnetic_moment is not None  # of the update in `lagged_forces`
     given = np.argsort(grains.particle_id)
     pull = pull_across(device.shear_radius, grains.position, force)
     return FrozenState(

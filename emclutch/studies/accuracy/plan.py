@@ -1,9 +1,9 @@
-"""Which packings an accuracy study runs within its budget.
+"""Which replicas an accuracy study runs within its budget.
 
-1. Each knob gets a packing at the setting that tells most of its error for its cost, the cheapest knobs first; where
-   that does not fit, at the next one. The half width of its error is g times the scatter between packings, and g
-   follows from the order of the knob, the packings at the scene's own settings, and how many grains each has.
-2. When these are run, half of the time that is left goes, one packing after the other, where it lowers the half widths
+1. Each setting gets a replica at the value that tells most of its error for its cost, the cheapest settings first;
+   where that does not fit, at the next one. The half width of its error is g times the scatter between replicas; g
+   follows from the order of convergence, the replicas at the scene's own settings, and how many grains each has.
+2. When these are run, half of the time that is left goes, one replica after the other, where it lowers the half widths
    of the total error most for its seconds: those at the scene's own settings and at the settings that come nearest to
    each target, by the sum of their logarithms. They are those of the posterior (`emclutch.results.setting_errors`) if
    the torques that are not known yet come out as it expects them. The other half then goes likewise, by all that was
@@ -18,89 +18,89 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from emclutch.results.ladder import Basis, KnobLadder, Rung
+from emclutch.results.accuracy_study import Basis, MeasuredSetting, MeasuredValue
 from emclutch.results.setting_errors import NORMAL, SharedMean, own_place
 from emclutch.studies.task_queue import makespan
 
-MAX_PACKINGS = 64
-"""Packings of one rung."""
+MAX_REPLICAS = 64
+"""Largest number of replicas at one value."""
 BASE = ""
-"""In place of a knob: the scene's own settings."""
+"""In place of a setting's name: the scene's own settings."""
 OWN = (BASE, 0.0)
 PARTICLES = 64
 """Draws of orders, scales and scatter that half widths are predicted with."""
 LEAST = 1e-6
 """Half width, relative, below which nothing is to be gained."""
 Key = tuple[str, float]
-"""Knob and setting."""
+"""Name of a setting, and its value."""
 
 
 @dataclass(frozen=True, slots=True)
-class OfferedRung:
-    """A setting of a knob that could be run.
+class OfferedValue:
+    """A value of a setting that could be run.
 
     Attributes
     ----------
-    setting, step_size : float
+    value, step_size : float
     seconds : float
-        Processor time of a packing [s].
+        Processor time of a replica [s].
     variance : float
-        Of a packing over that of the scene's own settings: grains there over grains here.
+        Of a replica over that at the scene's own settings: grains there over grains here.
     """
 
-    setting: float
+    value: float
     step_size: float
     seconds: float
     variance: float
 
 
 @dataclass(frozen=True, slots=True)
-class OfferedKnob:
-    """A knob with what could be run.
+class OfferedSetting:
+    """A setting with the values that could be run.
 
     Attributes
     ----------
     name : str
     order : float or None
     limit : float
-    own : OfferedRung
-        The scene's own setting.
-    rungs : tuple of OfferedRung
+    own : OfferedValue
+        The scene's own value.
+    values : tuple of OfferedValue
         All others.
     is_large : bool
-        As of the knob.
+        As of the setting.
     """
 
     name: str
     order: float | None
     limit: float
-    own: OfferedRung
-    rungs: tuple[OfferedRung, ...]
+    own: OfferedValue
+    values: tuple[OfferedValue, ...]
     is_large: bool = False
 
-    def ladder(
+    def measured(
         self, torques: Mapping[Key, float], count: Mapping[Key, int], scatter: float, freedom: float
-    ) -> KnobLadder:
-        """Return what its rungs are with some torques, of some numbers of packings each."""
-        keys = [(OWN, self.own), *(((self.name, one.setting), one) for one in self.rungs)]
+    ) -> MeasuredSetting:
+        """Return the setting as measured by some torques, of some numbers of replicas each."""
+        keys = [(OWN, self.own), *(((self.name, one.value), one) for one in self.values)]
         made = [
-            Rung(one.setting, one.step_size, torques[key], error, n, one.seconds, one.seconds / self.own.seconds)
+            MeasuredValue(one.value, one.step_size, torques[key], error, n, one.seconds, one.seconds / self.own.seconds)
             for key, one in keys
             if (n := count.get(key, 0)) and key in torques
             for error in (scatter * math.sqrt(one.variance / n),)
         ]
-        rungs = tuple(sorted(made, key=lambda one: -one.step_size))
-        own, large = self.own.setting, self.is_large
-        return KnobLadder(self.name, "", Basis.TORQUE, own, self.order, self.limit, rungs, freedom, large)
+        values = tuple(sorted(made, key=lambda one: -one.step_size))
+        own, large = self.own.value, self.is_large
+        return MeasuredSetting(self.name, "", Basis.TORQUE, own, self.order, self.limit, values, freedom, large)
 
-    def ranked(self, base_packings: int) -> list[Key]:
-        """Return its rungs, that which tells most of the error for its seconds first."""
+    def ranked(self, base_replicas: int) -> list[Key]:
+        """Return its values, that which tells most of the error for its seconds first."""
 
-        def merit(rung: OfferedRung) -> float:
-            x, own = (h ** (self.order or 1.0) for h in (rung.step_size, self.own.step_size))
-            return own / abs(x - own) * math.sqrt((1.0 / base_packings + rung.variance) * rung.seconds)
+        def merit(offered: OfferedValue) -> float:
+            x, own = (h ** (self.order or 1.0) for h in (offered.step_size, self.own.step_size))
+            return own / abs(x - own) * math.sqrt((1.0 / base_replicas + offered.variance) * offered.seconds)
 
-        return [(self.name, one.setting) for one in sorted(self.rungs, key=lambda one: (merit(one), one.setting))]
+        return [(self.name, one.value) for one in sorted(self.values, key=lambda one: (merit(one), one.value))]
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,9 +110,9 @@ class Aim:
     Attributes
     ----------
     step_sizes : mapping of str to float
-        By knob; of others the scene's own counts.
+        By setting; of others the scene's own counts.
     rest : float
-        Half width of the parts of their error that packings of the study do not lower.
+        Half width of the parts of their error that replicas of the study do not lower.
     """
 
     step_sizes: Mapping[str, float] = field(default_factory=dict)
@@ -121,14 +121,14 @@ class Aim:
 
 @dataclass(frozen=True, slots=True)
 class Torques:
-    """What the packings so far have given.
+    """Torques of the replicas so far.
 
     Attributes
     ----------
     means : mapping of Key to float
-        Mean torque [N m] of a setting, and of the scene's own (`OWN`).
+        Mean torque [N m] at a value, and at the scene's own settings (`OWN`).
     scatter : float
-        Relative standard deviation between packings of the scene's own settings.
+        Relative standard deviation between replicas at the scene's own settings.
     freedom : float
         Its degrees of freedom.
     """
@@ -138,15 +138,15 @@ class Torques:
     freedom: float
 
 
-def first_packings(knobs: Sequence[OfferedKnob], base_packings: int, room: float, jobs: int) -> tuple[Key, ...]:
-    """Return a packing of each knob that fits into a wall-clock time `room` [s] of `jobs` processes, longest first.
+def first_replicas(settings: Sequence[OfferedSetting], base_replicas: int, room: float, jobs: int) -> tuple[Key, ...]:
+    """Return a replica of each setting that fits into a wall-clock time `room` [s] of `jobs` processes, longest first.
 
-    Knobs whose error is known to be large come first, then the cheapest. `base_packings` at the scene's own settings
+    Settings whose error is known to be large come first, then the cheapest. `base_replicas` at the scene's own settings
     are there already.
     """
-    seconds = _seconds_of(knobs, 0.0)
-    large = {one.name for one in knobs if one.is_large}
-    ranked = {one.name: one.ranked(base_packings) for one in knobs if one.rungs}
+    seconds = _seconds_of(settings, 0.0)
+    large = {one.name for one in settings if one.is_large}
+    ranked = {one.name: one.ranked(base_replicas) for one in settings if one.values}
     chosen: list[Key] = []
     for name in sorted(ranked, key=lambda one: (one not in large, seconds[ranked[one][0]], one)):
         for one in ranked[name]:
@@ -157,8 +157,8 @@ def first_packings(knobs: Sequence[OfferedKnob], base_packings: int, room: float
     return tuple(chosen)
 
 
-def more_packings(
-    knobs: Sequence[OfferedKnob],
+def more_replicas(
+    settings: Sequence[OfferedSetting],
     count: Mapping[Key, int],
     found: Torques,
     base_seconds: float,
@@ -168,17 +168,19 @@ def more_packings(
 ) -> tuple[Key, ...]:
     """Return what else fits into a wall-clock time `room` [s], longest first; a pure function of what is given.
 
-    `count` packings are there already, with the torques `found`; one more of the scene's own takes `base_seconds`.
+    `count` replicas are there already, with the torques `found`; one more of the scene's own takes `base_seconds`.
     `aims`: settings whose error is to be lowered.
     """
-    seconds, count = _seconds_of(knobs, base_seconds), dict(count)
-    knobs = [
-        one for one in knobs if one.rungs and own_place(one.ladder(found.means, count, found.scatter, 1.0)) is not None
+    seconds, count = _seconds_of(settings, base_seconds), dict(count)
+    settings = [
+        one
+        for one in settings
+        if one.values and own_place(one.measured(found.means, count, found.scatter, 1.0)) is not None
     ]
     chosen: list[Key] = []
-    open_to = set(seconds) if knobs else set()
+    open_to = set(seconds) if settings else set()
 
-    prediction = _Prediction(knobs, found, count, aims) if knobs else None
+    prediction = _Prediction(settings, found, count, aims) if settings else None
 
     def log_half_widths(count: Mapping[Key, int]) -> float:
         freedom = found.freedom + sum(max(n, 1) - 1 for n in count.values()) - begun
@@ -195,7 +197,7 @@ def more_packings(
         longer = _longest_first([*chosen, best], seconds)  # the short ones last fill the gaps
         if gains[best] <= 0.0:
             break
-        if count.get(best, 0) >= MAX_PACKINGS or makespan([seconds[one] for one in longer], jobs) > room:
+        if count.get(best, 0) >= MAX_REPLICAS or makespan([seconds[one] for one in longer], jobs) > room:
             open_to.discard(best)
             continue
         chosen = longer
@@ -204,34 +206,35 @@ def more_packings(
 
 
 class _Prediction:
-    """Half widths of the total error of some settings with more packings, the torques coming out as expected."""
+    """Half widths of the total error of some settings with more replicas, the torques coming out as expected."""
 
     def __init__(
-        self, knobs: Sequence[OfferedKnob], found: Torques, count: Mapping[Key, int], aims: Sequence[Aim]
+        self, settings: Sequence[OfferedSetting], found: Torques, count: Mapping[Key, int], aims: Sequence[Aim]
     ) -> None:
-        self._knobs, self._scatter, self._aims = knobs, found.scatter, aims
+        self._settings, self._scatter, self._aims = settings, found.scatter, aims
         model = self._model(found.means, count, found.freedom)
         draws = model.posterior(np.random.default_rng(0))
         self._u = draws.u[:: len(draws.u) // PARTICLES]
         self._evidence = model.log_evidence(self._u)
         self._torques = dict(found.means)
-        for one in knobs:
+        for one in settings:
             here = model.direction(self._u, one.name, one.own.step_size)
-            for rung in one.rungs:
-                step = model.direction(self._u, one.name, rung.step_size) - here
+            for offered in one.values:
+                step = model.direction(self._u, one.name, offered.step_size) - here
                 self._torques.setdefault(
-                    (one.name, rung.setting), found.means[OWN] * math.exp(float(model.moments(self._u, step)[0].mean()))
+                    (one.name, offered.value),
+                    found.means[OWN] * math.exp(float(model.moments(self._u, step)[0].mean())),
                 )
 
     def half_widths(self, count: Mapping[Key, int], freedom: float) -> list[float]:
-        """Return those at each of the settings, of so many packings."""
+        """Return those at each of the settings, with so many replicas."""
         model = self._model(self._torques, count, freedom)
         log_weight = model.log_evidence(self._u) - self._evidence
         weight = np.exp(log_weight - log_weight.max())
         weight /= weight.sum()
         halves = []
         for aim in self._aims:
-            at = {one.name: aim.step_sizes.get(one.name, one.own.step_size) for one in self._knobs}
+            at = {one.name: aim.step_sizes.get(one.name, one.own.step_size) for one in self._settings}
             direction = np.sum([model.direction(self._u, name, h) for name, h in at.items()], axis=0)
             mean, variance = model.moments(self._u, direction)
             variance = variance + sum(model.new_deviation(self._u, name, h) ** 2 for name, h in at.items())
@@ -239,23 +242,29 @@ class _Prediction:
         return halves
 
     def _model(self, torques: Mapping[Key, float], count: Mapping[Key, int], freedom: float) -> SharedMean:
-        return SharedMean([one.ladder(torques, count, self._scatter, freedom) for one in self._knobs])
+        return SharedMean([one.measured(torques, count, self._scatter, freedom) for one in self._settings])
 
 
-def left_out(knobs: Sequence[OfferedKnob], packings: Sequence[Key]) -> dict[str, float]:
-    """Return the knobs without a packing, and the processor time that the least of them needs [s]."""
-    run = {name for name, _ in packings}
-    return {one.name: min(rung.seconds for rung in one.rungs) for one in knobs if one.rungs and one.name not in run}
+def left_out(settings: Sequence[OfferedSetting], replicas: Sequence[Key]) -> dict[str, float]:
+    """Return the settings without a replica, with the processor time of their cheapest value [s]."""
+    run = {name for name, _ in replicas}
+    return {
+        one.name: min(offered.seconds for offered in one.values)
+        for one in settings
+        if one.values and one.name not in run
+    }
 
 
-def _seconds_of(knobs: Sequence[OfferedKnob], base_seconds: float) -> dict[Key, float]:
-    return {(one.name, rung.setting): rung.seconds for one in knobs for rung in one.rungs} | {OWN: base_seconds}
+def _seconds_of(settings: Sequence[OfferedSetting], base_seconds: float) -> dict[Key, float]:
+    return {(one.name, offered.value): offered.seconds for one in settings for offered in one.values} | {
+        OWN: base_seconds
+    }
 
 
-def _longest_first(packings: Sequence[Key], seconds: Mapping[Key, float]) -> list[Key]:
-    return sorted(packings, key=lambda one: (-seconds[one], one))
+def _longest_first(replicas: Sequence[Key], seconds: Mapping[Key, float]) -> list[Key]:
+    return sorted(replicas, key=lambda one: (-seconds[one], one))
 
 
-def packings_for(difference: float, scatter: float) -> int:
-    """Return how many packings of each of two settings tell such a relative difference from none, 95 %."""
+def replicas_for(difference: float, scatter: float) -> int:
+    """Return how many replicas at each of two values tell such a relative difference from none, 95 %."""
     return max(1, math.ceil(2.0 * (1.96 * scatter / difference) ** 2))

@@ -1,9 +1,9 @@
 """`accuracy.target`: a scene gets the cheapest settings by which its torque is known as well as it asks for.
 
-They follow from the ladder of its device (`emclutch.results.recommended`), which is measured within `accuracy.budget`
-where there is none. The scene that is run has these settings in place of the target, and ends (`time.until`) as soon as
-statistics and discretisation together, in quadrature, are as small as the target; so a run's folder can be resumed, and
-repeated, without the ladder.
+They follow from the accuracy study of its device (`emclutch.results.recommended`), which is run within
+`accuracy.budget` where there is none. The scene that is run has these settings in place of the target, and ends
+(`time.until`) as soon as statistics and discretisation together, in quadrature, are as small as the target; so a run's
+folder can be resumed, and repeated, without the study.
 """
 
 from __future__ import annotations
@@ -15,21 +15,21 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from emclutch.knobs import knobs_of
 from emclutch.results import Result, RunFolder
+from emclutch.results.accuracy_studies import accuracy_study_folder
 from emclutch.results.errors import OutputError
-from emclutch.results.ladders import ladder_folder
 from emclutch.results.progress import SHOWN, Progress, someone_looks
-from emclutch.results.recommended import STATISTICS, Choice, Obstacle
-from emclutch.results.text import per_cent
+from emclutch.results.recommended import STATISTICS, Choice, LimitingError
+from emclutch.results.text import format_percent
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.input_files import file_contents
-from emclutch.scene.multiple import STRAIN
 from emclutch.scene.replica_count import cores_at_hand
+from emclutch.scene.scaled import STRAIN
 from emclutch.scene.start_up import start_up_strain
 from emclutch.scene.study import StudySection
-from emclutch.simulation.discretisation_error import ladder_of_device
+from emclutch.settings import settings_of
+from emclutch.simulation.discretisation_error import accuracy_study_of_device
 from emclutch.simulation.recommended_case import cheapest_case
 from emclutch.simulation.run import refuse_unshown
 from emclutch.simulation.run import run as run_scene
@@ -47,13 +47,13 @@ class Settled:
     case : Case
         Without the target.
     choice : Choice
-    ladder : Path
+    study : Path
         Where they follow from.
     """
 
     case: Case
     choice: Choice
-    ladder: Path
+    study: Path
 
 
 def run(
@@ -73,8 +73,8 @@ def run(
     The other replicas (`accuracy.replicas`, and with `time.until` as many more as its rule asks for) are processes
     in addition to this one, as many at a time as there are cores for; their folders lie under its own.
 
-    A scene with `accuracy.target` is run with the settings of the ladder of its device. Where there is none it is
-    measured first, in processes of their own: a script does that under ``if __name__ == "__main__":``.
+    A scene with `accuracy.target` is run with the settings of the accuracy study of its device. Where there is none it
+    is run first, in processes of its own: a script does that under ``if __name__ == "__main__":``.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def run(
         to pay of the cores, shared out among the replicas. The result does not depend on it.
     resume : continue from the checkpoint in `out`; a run that was killed before it wrote one starts again there.
     progress : object with update(fraction, text), or None for none; default: a bar on a terminal or in a notebook.
-        If it has announce(text) too, what is being compiled, and how long it has to go; if
+        If it has status(text) too, what is being compiled, and how long it has to go; if
         it has stop_asked, and that is true after a window, the run ends there as after Ctrl-C.
     start : folder of a finished run whose grains this one begins with (`emclutch.simulation.warm_start`), in place of
         a packing; it says nothing more where a run is resumed from a checkpoint.
@@ -102,7 +102,7 @@ def run(
         The callback raised an error.
     OutputError
         The folder is in use or cannot be written; what is to be resumed belongs to another scene, or a file that the
-        scene names has changed; the run to start from has no checkpoint, or other grains; the ladder is damaged.
+        scene names has changed; the run to start from has no checkpoint, or other grains; the study is damaged.
     RunError
         More memory or disk is needed than is free, a solver did not converge, grains do not fit, a contact failed;
         `Interrupted` after Ctrl-C.
@@ -118,7 +118,7 @@ def run(
     if measured is not None:
         refuse_unshown(case, measured)
     if resume and (folder := out or case.scene.output.folder) is not None:
-        RunFolder(folder).has_checkpoint()  # raises where there is nothing to continue, before a ladder is measured
+        RunFolder(folder).has_checkpoint()  # raises where there is nothing to continue, before a study is run
     return run_scene(
         with_target(case, progress), out=out, threads=threads, resume=resume, progress=progress, start=start,
         force=force, callback=callback, measured=measured, accuracy_target=target,
@@ -133,9 +133,9 @@ def with_target(case: Case, progress: Any = None) -> Case:
     SceneError
         No settings reach it: by what it is limited, and what to do.
     OutputError
-        The ladder is damaged.
+        The accuracy study is damaged.
     RunError
-        The ladder could not be measured; `Interrupted` after Ctrl-C: it is continued by the next call.
+        The accuracy study could not be run; `Interrupted` after Ctrl-C: it is continued by the next call.
     """
     if case.scene.accuracy.target is None:
         return case
@@ -146,23 +146,23 @@ def with_target(case: Case, progress: Any = None) -> Case:
         assert found is not None  # the study has written it, or failed
     announce = getattr(progress, "announce", None)
     if announce is not None:
-        announce(f"{KEY} = {case.scene.accuracy.target}: {found.choice.in_words()} (by {found.ladder})")
+        announce(f"{KEY} = {case.scene.accuracy.target}: {found.choice.in_words()} (by {found.study})")
     return found.case
 
 
 def settled(case: Case) -> Settled | None:
-    """Return the settings that a case's target needs, by the ladder of its device; None where there is no ladder.
+    """Return the settings that a case's target needs, by the study of its device; None where there is no study.
 
     Raises as `with_target`.
     """
     target = case.scene.accuracy.target
     assert target is not None
-    known = ladder_of_device(case)
+    known = accuracy_study_of_device(case)
     if known is None:
         return None
-    ladder, path = known
-    found = cheapest_case(case, ladder, target)
-    if isinstance(found, Obstacle):
+    study, path = known
+    found = cheapest_case(case, study, target)
+    if isinstance(found, LimitingError):
         raise _unreachable(case, found)
     choice, changed = found
     return Settled(changed, choice, path)
@@ -173,7 +173,7 @@ def cases_of(
 ) -> Iterator[tuple[dict[str, Any], Case]]:
     """Yield the values and the case of each point of a study, with settings for its target.
 
-    `measure`: also a ladder that is missing; else such a case is left as it is. `numbers`: of these points alone.
+    `measure`: also run a study that is missing; else such a case is left as it is. `numbers`: of these points alone.
     """
     for values, case in study.cases(numbers):
         if case.scene.accuracy.target is not None:
@@ -185,13 +185,13 @@ def cases_of(
 
 
 def _measure(case: Case, progress: Any) -> None:
-    """Measure the ladder of a case within its budget, in a folder by which the same case finds it again."""
+    """Run the accuracy study of a case within its budget, in a folder by which the same case finds it again."""
     from emclutch.studies.accuracy.study import BUDGET_OPTION, accuracy  # local, as above
     from emclutch.studies.resumable import VERSION
 
     contents = "".join(file_contents(case.scene).values())  # of the files that the scene names
     name = hashlib.sha256((f"{VERSION} " + case.toml() + contents).encode()).hexdigest()[:16]
-    folder = ladder_folder() / f"study-{name}"
+    folder = accuracy_study_folder() / f"study-{name}"
     begun = (folder / "plan.json").is_file()
     if folder.is_dir() and not begun and any(folder.iterdir()):
         raise OutputError(f"{folder} holds no study of this version; remove it, and run again")
@@ -206,22 +206,22 @@ def _measure(case: Case, progress: Any) -> None:
         ) from None
 
 
-def _unreachable(case: Case, found: Obstacle) -> SceneError:
+def _unreachable(case: Case, found: LimitingError) -> SceneError:
     command, ways = f"emclutch accuracy {case.path or 'CASE'}", []
-    if found.knob == STATISTICS:
-        ways.append(f"measure longer packings: {command} --set accuracy.time_end={_longer_end(case)}")
+    if found.setting == STATISTICS:
+        ways.append(f"measure longer replicas: {command} --set accuracy.time_end={_longer_end(case)}")
     elif found.seconds is not None or "budget" in found.reason:
-        ways.append(f"measure the ladder for longer: {command} --budget {_longer(case, found)}")
-    elif found.knob in (one.name for one in knobs_of(case.scene)):
-        ways.append(f"list other settings in accuracy.ladders.{found.knob}, and measure again: {command}")
+        ways.append(f"run a longer accuracy study: {command} --budget {_longer(case, found)}")
+    elif found.setting in (one.name for one in settings_of(case.scene)):
+        ways.append(f"list other values in accuracy.values.{found.setting}, and measure again: {command}")
     if found.best is not None:
-        ways.append(f"ask for {per_cent(1.05 * found.best.half_width)}")
+        ways.append(f"ask for {format_percent(1.05 * found.best.half_width)}")
     fault = Fault(KEY, f"'{case.scene.accuracy.target}'", "; ".join([found.in_words(), ", or ".join(ways)]).strip("; "))
     return SceneError([fault], "scene" if case.path is None else str(case.path))
 
 
 def _longer_end(case: Case) -> str:
-    """Return an end of the ladder's packings by which they scatter less, as an entry of a scene."""
+    """Return an end of the study's replicas by which they scatter less, as an entry of a scene."""
     end = case.scene.accuracy.time_end
     if isinstance(end, float):
         return f"'{4e3 * end:.4g} ms'"
@@ -229,7 +229,7 @@ def _longer_end(case: Case) -> str:
     return f"'{STRAIN.format(f'{4.0 * strain:.4g}')}'"
 
 
-def _longer(case: Case, found: Obstacle) -> str:
+def _longer(case: Case, found: LimitingError) -> str:
     """Return a budget by which a target may be reached, as an entry of a scene."""
     seconds = 3.0 * case.scene.accuracy.budget
     if found.seconds is not None:

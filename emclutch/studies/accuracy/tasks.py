@@ -1,4 +1,4 @@
-"""Tasks of an accuracy study, for any process: one packing of one rung, or the field of grains that stand still.
+"""Tasks of an accuracy study, for any process: one replica at one value, or the field of a frozen packing.
 
 Each has a folder of its own, whose ``result.json`` is written at the end in one step: it tells what is done from what
 is to be done again. A task depends on its scene and its seed alone.
@@ -23,7 +23,7 @@ from emclutch.results.run_end import seconds_of
 from emclutch.results.steady_torque import durations
 from emclutch.scene.case import Case, case_from
 from emclutch.scene.errors import SceneError
-from emclutch.scene.multiple import STRAIN
+from emclutch.scene.scaled import STRAIN
 from emclutch.simulation.forecast.space import NotEnoughSpace
 from emclutch.simulation.run import run
 from emclutch.simulation.window_state import WindowState
@@ -52,9 +52,9 @@ class AccuracyTask:
     keeps_grains : bool
         Whether the grains at the end are kept for tasks without noise.
     grains : str
-        File of the grains that stand still, below the study's folder; empty: the task is a packing.
+        File of the frozen packing, below the study's folder; empty: the task is a replica.
     own_key : str
-        Of grains that stand still, whose moments and feedback are solved far more finely than the scene says: the key
+        For a frozen packing, whose moments and feedback are solved far more finely than the scene says: the key
         of a tolerance that is kept all the same.
     """
 
@@ -87,7 +87,7 @@ class TaskResult:
     Attributes
     ----------
     value : float or None
-        Mean torque from the scene's own start-up on [N m], or sum of squared moments of standing grains [A^2 m^4].
+        Mean torque from the scene's own start-up on [N m], or sum of squared moments of a frozen packing [A^2 m^4].
     means : list of float
         Mean torque from each of the task's starts on [N m].
     seconds, wall : float
@@ -97,7 +97,7 @@ class TaskResult:
         Why there is no value.
     """
 
-    value: float | None
+    result: float | None
     seconds: float
     wall: float
     means: list[float] = field(default_factory=list)
@@ -132,21 +132,21 @@ def perform(task: AccuracyTask) -> TaskResult | str:
         shutil.rmtree(task.target)
     begin, failure = (process_time(), perf_counter()), ""
     try:
-        value, means, grains, steps = _squared_moments(task) if task.grains else _packing(task, asked)
+        result, means, grains, steps = _squared_moments(task) if task.grains else _replica(task, asked)
     except (Interrupted, KeyboardInterrupt):
         return STOPPED
     except (RunError, SceneError, RuntimeError, ValueError) as error:
-        if isinstance(error.__cause__, NotEnoughSpace):  # what the machine lacks today is no property of the setting
+        if isinstance(error.__cause__, NotEnoughSpace):  # what the machine lacks today is no property of the value
             return str(error.__cause__)
-        value, means, grains, steps, failure = None, [], 0, 0, _in_short(error)
+        result, means, grains, steps, failure = None, [], 0, 0, _in_short(error)
     seconds, wall = process_time() - begin[0], perf_counter() - begin[1]
-    found = TaskResult(value, seconds, wall, means, grains, steps, failure)
+    found = TaskResult(result, seconds, wall, means, grains, steps, failure)
     task.target.mkdir(parents=True, exist_ok=True)
     replace_json(task.target / RESULT, asdict(found))
     return found
 
 
-def _packing(task: AccuracyTask, asked: StopAsked) -> tuple[float | None, list[float], int, int]:
+def _replica(task: AccuracyTask, asked: StopAsked) -> tuple[float | None, list[float], int, int]:
     """Return the mean torque from the first start on, from each of them, grains and steps."""
     keep = _LastGrains(task.target / GRAINS) if task.keeps_grains else None
     result = run(task.case, out=task.target, threads=1, progress=asked, callback=keep)
@@ -156,7 +156,7 @@ def _packing(task: AccuracyTask, asked: StopAsked) -> tuple[float | None, list[f
 
 
 def _squared_moments(task: AccuracyTask) -> tuple[float | None, list[float], int, int]:
-    """Return the sum of squared moments of standing grains, and their number."""
+    """Return the sum of squared moments of a frozen packing, and their number."""
     with np.load(Path(task.study) / task.grains) as kept:
         position, radius = kept["position"], kept["radius"]
     return frozen_state(task.case, position, 2.0 * radius, own_key=task.own_key).squared_moments, [], len(position), 0

@@ -1,0 +1,68 @@
+"""A shipped study is that of the shipped scene whose name it has, and knows the error of each of its settings."""
+
+from pathlib import Path
+
+import pytest
+
+from emclutch.results.accuracy_studies import SHIPPED, VARIABLE, device_hash
+from emclutch.results.accuracy_study import AccuracyStudy
+from emclutch.results.recommended import LimitingError
+from emclutch.results.text import format_percent
+from emclutch.scene.case import load_case
+from emclutch.scene.flat import flat_scene, keys_at_default
+from emclutch.simulation.discretisation_error import accuracy_in_words, accuracy_study_of_device, device_of
+from emclutch.simulation.plan import make_plan
+from emclutch.simulation.recommended_case import cheapest_case
+from emclutch.studies.accuracy.tables import changes_in_words
+
+CASES = Path(__file__).parents[2] / "cases"
+STUDIES = sorted(SHIPPED.glob("*.json"))
+
+
+def test_the_quickstart_has_one(monkeypatch, tmp_path):
+    monkeypatch.setenv(VARIABLE, str(tmp_path))
+    case = load_case(CASES / "quickstart.toml")
+    _, path = accuracy_study_of_device(case)
+    assert path in STUDIES
+    assert "largest part: " in accuracy_in_words(case, make_plan(case)[1])
+
+
+def test_an_old_file_is_named_once_and_the_shipped_one_used(monkeypatch, tmp_path, caplog):
+    monkeypatch.setenv(VARIABLE, str(tmp_path))
+    case = load_case(CASES / "quickstart.toml")
+    (old := tmp_path / f"{device_of(case)}.json").write_text('{"version": 1}')
+    assert accuracy_study_of_device(case)[1] == accuracy_study_of_device(case)[1] == SHIPPED / old.name
+    assert caplog.text.count(f"{old} is no study of this version (it is of version 1 of accuracy studies") == 1
+
+
+@pytest.mark.parametrize("path", STUDIES, ids=lambda path: path.stem)
+def test_the_page_has_the_answers_of_this_version(path, monkeypatch, tmp_path):
+    monkeypatch.setenv(VARIABLE, str(tmp_path))
+    study = AccuracyStudy.from_json(path.read_text())
+    case = load_case(CASES / f"{study.case}.toml")
+    page = (CASES.parent / "docs" / "accuracy.md").read_text()
+    for target in (0.10, 0.05, 0.03):
+        answer = cheapest_case(case, study, target)
+        if isinstance(answer, LimitingError):
+            assert f"| {format_percent(target)} | {answer.in_words()} |" in page
+        else:
+            values, replicas = changes_in_words(study, answer[0]) or "none", answer[0].replicas
+            assert f"| {format_percent(target)} | {values} | {replicas} |" in page
+
+
+def test_a_key_that_is_new_in_the_program_orphans_no_study():
+    """At its default; any other entry of it is another device."""
+    case = load_case(CASES / "quickstart.toml")
+    flat, default = flat_scene(case.toml()), set(keys_at_default(case.scene))
+    known = device_hash(flat, (), default)
+    assert device_hash(flat | {"geometry.new": 0.0}, (), default | {"geometry.new"}) == known
+    assert device_hash(flat | {"geometry.new": 1.0}, (), default) != known
+    assert "contact.friction" in default and device_hash(flat | {"contact.friction": 0.4}, (), default) != known
+
+
+@pytest.mark.parametrize("path", STUDIES, ids=lambda path: path.stem)
+def test_it_is_of_a_shipped_scene_as_it_is_now(path):
+    study = AccuracyStudy.from_json(path.read_text())
+    assert device_of(load_case(CASES / f"{study.case}.toml")) == study.device == path.stem
+    total = study.total({one.name: one.values[0].step_size for one in study.settings})
+    assert study.unknown == {} and total.unknown == {} and study.machine["slowness"] > 0.0
