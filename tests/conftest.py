@@ -17,9 +17,7 @@ from resource import RUSAGE_CHILDREN, RUSAGE_SELF, getrusage
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy and numba are loaded; two workers share two cores
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # tests of threads: the other worker has the other core
-os.environ["EMCLUTCH_ACCURACY_STUDIES"] = os.path.join(
-    __file__, "none"
-)  # a test of accuracy studies has its own folder
+os.environ["EMCLUTCH_ACCURACY_STUDIES"] = os.path.join(__file__, "none")  # tests of them name a folder of their own
 
 import compile_counts
 import compile_in_child

@@ -8,9 +8,8 @@ import sys
 from importlib import import_module, metadata
 from pathlib import Path
 
-from rich.table import Table
-
 from emclutch import __version__
+from emclutch.results.report.report import Report, Shown, Table
 
 NEEDED = {
     "scikit-fem": "skfem",
@@ -34,29 +33,30 @@ OPTIONAL = (
 """Distribution, the extra that it belongs to, what it is for."""
 
 
-def examine() -> tuple[Table, bool]:
+def examine() -> tuple[Report, bool]:
     """Findings, and whether all that is needed is there."""
-    table, good = Table("", "found", ""), True
-    table.add_row("emclutch", __version__, "ok")
-    table.add_row("python", sys.version.split()[0], "ok")
+    rows, good = [("emclutch", __version__, "ok"), ("python", sys.version.split()[0], "ok")], True
     for name, module in NEEDED.items():
         try:
             import_module(module)
-            table.add_row(name, metadata.version(name), "ok")
+            rows.append((name, metadata.version(name), "ok"))
         except (ImportError, OSError) as error:  # OSError: a shared library that gmsh loads is missing
             good = False
-            table.add_row(name, "-", str(error))
+            rows.append((name, "-", str(error)))
     for name, extra, use in OPTIONAL:
         try:
-            table.add_row(name, metadata.version(name), f"ok: {use}")
+            rows.append((name, metadata.version(name), f"ok: {use}"))
         except metadata.PackageNotFoundError:
-            table.add_row(name, "-", f"optional, extra {extra}: {use}")
-    table.add_row("cores", str(os.cpu_count()), "ok")
-    table.add_row("threads of the kernels", str(most_threads() if good else "-"), "ok" if good else "not known")
-    table.add_row("memory", _gigabytes(_memory()), "ok")
-    table.add_row("free disk here", _gigabytes(shutil.disk_usage(".").free), "ok")
-    table.add_row("this folder", str(Path.cwd()), "ok" if os.access(".", os.W_OK) else "read-only: use --out")
-    return table, good
+            rows.append((name, "-", f"optional, extra {extra}: {use}"))
+    rows += [
+        ("cores", str(os.cpu_count()), "ok"),
+        ("threads of the kernels", str(most_threads() if good else "-"), "ok" if good else "not known"),
+        ("memory", _gigabytes(_memory()), "ok"),
+        ("free disk here", _gigabytes(shutil.disk_usage(".").free), "ok"),
+        ("this folder", str(Path.cwd()), "ok" if os.access(".", os.W_OK) else "read-only: use --out"),
+    ]
+    report = Report("What this machine has", data={name: [found, state] for name, found, state in rows})
+    return report.add("Packages and machine", Table(rows, ("", "found", "")), Shown.TERMINAL), good
 
 
 def most_threads() -> int:

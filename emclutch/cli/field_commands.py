@@ -5,12 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import typer
-from rich.console import Console
 
 from emclutch.cli import options as opt
 from emclutch.cli.errors import explained
 from emclutch.cli.input import load, read_line, read_list, refuse_beside
-from emclutch.cli.output import print_json
+from emclutch.cli.output import show
 from emclutch.scene.errors import Fault, SceneError, bad_input_for
 from emclutch.scene.usual_ranges import USUAL_FRICTION
 
@@ -28,19 +27,12 @@ def field(
     with explained():
         read = load(case, sets, trust_scripts)
         from emclutch.scene.units import Quantity
-        from emclutch.studies import field as field_study
         from emclutch.studies.field_result import field as solve_field
 
         currents = None if current is None else read_list(current, Quantity("a current", "A", "0.5 A"), "--current")
         lines = [read_line(text) for text in line or ()]
         found = solve_field(read, currents, lines, out)
-        for warning in found.summary["warnings"]:
-            typer.echo(f"warning: {warning}", err=True)
-        if as_json:
-            print_json(found.summary)
-        else:
-            Console().print(*field_study.tables_of(found.summary), sep="\n")
-            typer.echo(f"results and pictures: {found.folder}")
+        show(found.report(), as_json)
 
 
 def heat(
@@ -55,18 +47,12 @@ def heat(
     """Warm the device through hours of duty: temperatures, permitted slip power; needs [effects.heat]."""
     with explained():
         read = load(case, sets, trust_scripts)
-        from emclutch.cli import heat as command
+        from emclutch.scene.units import Quantity
         from emclutch.studies import heat as study
 
-        speeds = study.SPEEDS if speed is None else read_list(speed, command.SLIP_SPEED, "--speed")
-        found = study.heat(read, run, speeds, out)
-        if as_json:
-            print_json(command.as_data(found))
-        else:
-            Console().print(*command.tables_of(found), sep="\n")
-            for text in command.in_words(found):
-                typer.echo(text)
-            typer.echo(f"results and pictures: {found.folder}")
+        slip = Quantity("an angular speed", "rad/s", "100 rpm", 0.0, 1e5, open_minimum=True, angular=True)
+        speeds = study.SPEEDS if speed is None else read_list(speed, slip, "--speed")
+        show(study.heat(read, run, speeds, out).report(), as_json)
 
 
 def mesh(
@@ -103,10 +89,8 @@ def materials(
             with bad_input_for(picture):
                 laws = materials_command.laws_of(names or materials_command.material_names())
                 typer.echo(str(materials_command.draw_materials(laws, picture)))
-        elif as_json:
-            print_json(materials_command.materials_as_data(names))
         else:
-            materials_command.materials_page(names)
+            show(materials_command.materials_report(names), as_json)
 
 
 def shear_cell(
@@ -134,11 +118,7 @@ def shear_cell(
             rolling=rolling_friction, model=model,
         )  # fmt: skip
         folder, rows = command.shear_cell(name, points, out, quiet=as_json)
-        if as_json:
-            print_json(command.as_data(name, folder, rows))
-        else:
-            Console().print(command.table_of(name, rows))
-            typer.echo(f"results and pictures: {folder}")
+        show(command.cell_report(name, folder, rows), as_json)
 
 
 def powder(
@@ -164,22 +144,12 @@ def powder(
                       "--out": out}  # fmt: skip
             refuse_beside("--friction", {name: one is not None for name, one in others.items()})
             found = command.bulk_of(friction, rolling_friction)
-            if as_json:
-                print_json(found)
-            else:
-                typer.echo(command.bulk_in_words(found))
+            show(command.bulk_report(found), as_json)
             return
         line = command.line_of(repose, internal_friction, uncertainty or opt.USUAL_UNCERTAINTY)
         if out is not None:
             command.draw(line, out)
-        if as_json:
-            print_json(command.as_data(line))
-            return
-        Console().print(command.table_of(line))
-        for text in command.in_words(line):
-            typer.echo(text)
-        if out is not None:
-            typer.echo(str(out))
+        show(command.line_report(line, out), as_json)
 
 
 def _tell_pair_force(names: list[str], picture: Path | None, out: Path | None, as_json: bool) -> None:
@@ -188,6 +158,4 @@ def _tell_pair_force(names: list[str], picture: Path | None, out: Path | None, a
         raise SceneError([Fault("--pair-force", "", message)], "command line")
     from emclutch.cli.pair_force import pair_force
 
-    path, table = pair_force(names[0], out)
-    Console().print(table)
-    typer.echo(str(path))
+    show(pair_force(names[0], out))

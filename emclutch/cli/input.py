@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from emclutch.scene.units import Quantity
 
 
-def load(path: Path, sets: list[str] | None = None, trust_scripts: bool = False) -> Case:
+def load(path: Path, sets: list[str] | None = None, trust_scripts: bool = False, warns: bool = True) -> Case:
     from emclutch.scene.case import load_case, read_toml
 
     values = assignments(sets)
@@ -30,7 +30,8 @@ def load(path: Path, sets: list[str] | None = None, trust_scripts: bool = False)
         others = {key: value for key, value in values.items() if key not in adding}
         values = {key: {} for key in adding if key not in kept} | others
     case = load_case(path, values, trust_scripts=trust_scripts)
-    warn(case.warnings)
+    if warns:
+        warn(case.warnings)
     return case
 
 

@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from emclutch.results.new_path import new_path
+from emclutch.results.report.report import Mark, Report, Shown, Statement, Statements, Table, note
 from emclutch.scene.errors import Fault, SceneError
 from field import TableLaw
 from field.laws.coercivity import coercivity, misfit_of_curve
@@ -151,47 +153,38 @@ def laws_of(names: list[str]) -> list[Law]:
     return laws
 
 
-def materials_page(names: list[str] | None) -> None:
-    """Print the list of all built-in materials, or of the named ones."""
-    from rich.console import Console
-    from rich.table import Table
-
+def materials_report(names: list[str] | None) -> Report:
+    """Return the list of all built-in materials, or of the named ones."""
     chosen = [characteristics(law) for law in laws_of(names or material_names())]
-    console = Console()
-    table = Table("", "law", "initial mu_r", "largest mu_r", "J_s [T]", "conductivity [S/m]")
+    report = Report("Magnetic materials", data=materials_as_data(names))
+    rows = []
     for one in chosen:
         sigma = "?" if one.conductivity is None else f"{one.conductivity:.3g}"
-        table.add_row(
-            one.name,
-            one.law,
-            f"{one.initial_mu_r:.4g}",
-            f"{one.largest_mu_r:.4g}",
-            f"{one.J_s:.3f}",
-            f"about {sigma}" if one.conductivity_is_rough else sigma,
-        )
-    console.print(table)
-    lines = ["J_s = B - mu_0 H far in saturation; sources:"]
+        permeability = f"{one.initial_mu_r:.4g}", f"{one.largest_mu_r:.4g}"
+        sigma = f"about {sigma}" if one.conductivity_is_rough else sigma
+        rows.append((one.name, one.law, *permeability, f"{one.J_s:.3f}", sigma))
+    head = ("", "law", "initial mu_r", "largest mu_r", "J_s [T]", "conductivity [S/m]")
+    report.add("Materials", Table(rows, head, (2, 3, 4, 5)), Shown.TERMINAL)
+    lines = [note("J_s = B - mu_0 H far in saturation. Sources:")]
     for one in chosen:
         also = f" (also {', '.join(one.also)})" if one.also else ""
         sigma_source = "" if one.conductivity is None else f" Conductivity: {conductivity(one.name).source}."
-        H_c_source = ""
+        lines.append(note(f"{one.name}{also}: {one.source}.{sigma_source}"))
         if one.coercivity and not one.loop:
-            H_c_source = (
-                f" Coercivity: {one.coercivity:g} A/m, {coercivity(one.name).source}; remanence that follows: "
-                f"{one.remanence:.2g} T."
-            )
-        lines.append(f"{one.name}{also}: {one.source}.{sigma_source}{H_c_source}")
+            remanence = f"remanence that follows: {one.remanence:.2g} T"
+            source = coercivity(one.name).source
+            lines.append(note(f"{one.name}: coercivity {one.coercivity:g} A/m, {source}; {remanence}."))
         if one.loop:
-            lines.append(f"{one.name}: {one.loop}")
+            lines.append(note(f"{one.name}: {one.loop}"))
         if one.warning:
-            lines.append(f"warning: {one.name}: {one.warning}")
-    if not names:
-        lines.append("grains of powders, as [particles] takes susceptibility and saturation:")
-        for name in grain_names():
-            law, source = grain_material(name)
-            lines.append(f"{name}: susceptibility = {law.chi:g}, saturation = {law.Ms or 0.0:.4g} A/m; {source}.")
-    for line in lines:
-        console.print(line, highlight=False, markup=False, soft_wrap=True)
+            lines.append(Statement(Mark.WARNING, f"{one.name}: {one.warning}"))
+    report.add("Sources", Statements(lines), Shown.TERMINAL)
+    if names:
+        return report
+    grains = {name: grain_material(name) for name in grain_names()}
+    powders = [(name, f"{law.chi:g}", f"{law.Ms or 0.0:.4g}", source) for name, (law, source) in grains.items()]
+    grain_head = ("grains of powders", "susceptibility", "saturation [A/m]", "source")
+    return report.add("Grains", Table(powders, grain_head, (1, 2)), Shown.TERMINAL)
 
 
 def materials_as_data(names: list[str] | None) -> dict[str, Any]:
@@ -221,13 +214,11 @@ def draw_materials(laws: list[Law], path: str | Path) -> Path:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    from emclutch.results.errors import OutputError
 
     path = Path(path)
     if path.suffix.lower() not in (".png", ".svg", ".pdf"):
         raise ValueError(f"{path}: a picture ends in .png, .svg or .pdf; change the file's ending")
-    if path.exists():
-        raise OutputError(f"{path} exists; name another file with --plot")
+    new_path(path, "--plot")
     figure = Figure(figsize=(13.5, 4.6), layout="constrained")
     FigureCanvasAgg(figure)
     plain, logarithmic, permeability = figure.subplots(1, 3)

@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import io
-import itertools
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from emclutch.results.atomic_file import replace_bytes
+from emclutch.results.new_path import new_path, numbered_file
+from emclutch.results.report.report import Report, Shown, Statements, Table, note
 from emclutch.scene.errors import Fault, SceneError
 from field.laws.materials import grain_material
 from field.laws.reluctivity import MU_0
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from field.spheres.pair_table import PairTable
 
 # Applied fields of the picture and the table [A/m], gaps of the table [radii]; of grains of this radius [m].
@@ -27,7 +26,7 @@ _RADIUS = 50e-6
 _NECK = 0.1
 
 
-def pair_force(name: str, out: Path | None = None) -> tuple[Path, Table]:
+def pair_force(name: str, out: Path | None = None) -> Report:
     """Draw and tabulate the force between two grains of a powder by its name.
 
     Parameters
@@ -44,7 +43,6 @@ def pair_force(name: str, out: Path | None = None) -> tuple[Path, Table]:
     OutputError
         There is a file already; nothing is overwritten.
     """
-    from emclutch.results.errors import OutputError
     from emclutch.results.progress import Progress
     from field.spheres.pair_table import pair_table
 
@@ -52,39 +50,35 @@ def pair_force(name: str, out: Path | None = None) -> tuple[Path, Table]:
         law, _ = grain_material(name)
     except ValueError as error:
         raise SceneError([Fault("", "", str(error))], "command line") from None
-    if out is None:
-        numbered = (Path(f"{name}-pair-force-{number}.png") for number in itertools.count(1))
-        out = next(path for path in numbered if not path.exists())
+    out = numbered_file(Path(), f"{name}-pair-force", ".png") if out is None else new_path(out)
     if out.suffix.lower() != ".png":
         raise SceneError([Fault("--out", str(out), "is not a picture; change its ending to .png")], "command line")
-    if out.exists():
-        raise OutputError(f"{out} exists; name another file with --out")
     with Progress(f"two grains of {name}") as progress:
         table = pair_table(law, progress=lambda done, of: progress.update(done / of))
-    return _draw(name, table, out), _tabulate(name, table)
+    return _report(name, table, _draw(name, table, out))
 
 
-def _tabulate(name: str, table: PairTable) -> Table:
+def _report(name: str, table: PairTable, picture: Path) -> Report:
     """Forces at a few gaps and fields, with the two-zone estimate in brackets."""
-    from rich.table import Table
-
     from field.spheres.neck_estimate import two_zone_force
 
     unit = MU_0 * table.Ms**2 * _RADIUS**2
-    rows = Table(
-        "gap/radius",
-        *(f"{H / 1e3:g} kA/m" for H in _FIELDS),
-        title=f"{name}: attraction of two grains of {1e6 * _RADIUS:g} um radius on a line along the field [uN]",
-        caption="in brackets the estimate by the neck's two zones; forces go as the square of the radius",
-    )
-    h = np.array(_FIELDS) / table.Ms
+    h, rows = np.array(_FIELDS) / table.Ms, []
     for gap in _GAPS:
         F, estimate = 1e6 * unit * table.force_of(gap, h), 1e6 * unit * two_zone_force(gap, h)
         shown = [
             _figures(a) if gap > _NECK else f"{_figures(a)} ({_figures(b)})" for a, b in zip(F, estimate, strict=True)
         ]
-        rows.add_row(f"{gap:g}", *shown)
-    return rows
+        rows.append((f"{gap:g}", *shown))
+    grains = f"two grains of {1e6 * _RADIUS:g} µm radius on a line along the field"
+    lines = [
+        note(f"{name}: attraction of {grains} [µN]; it goes as the square of the radius."),
+        note("In brackets the estimate by the neck's two zones."),
+    ]
+    head = ("gap/radius", *(f"{H / 1e3:g} kA/m" for H in _FIELDS))
+    report = Report(f"{name}: attraction of {grains}", closing=str(picture))
+    report.add("Force", [Statements(lines), Table(rows, head, range(len(head)))], Shown.TERMINAL)
+    return report
 
 
 def _figures(value: float) -> str:

@@ -5,7 +5,6 @@ A study stands for its points. Pictures that a killed run still owes its folder 
 
 from __future__ import annotations
 
-import itertools
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -15,6 +14,7 @@ from emclutch.cli.input import number_or_text
 from emclutch.results import OutputError, Result, load_result
 from emclutch.results.columns import SHEAR_STRESS
 from emclutch.results.measured_table import OVER_RATED, read_band, read_measured
+from emclutch.results.new_path import new_path, numbered_file
 from emclutch.results.seed_average import averaged_over_seeds
 from emclutch.results.study_folder import is_study, read_study, refresh_in_words
 from emclutch.results.torque_curves import PER_GAP, TorqueCurve, band_over_rated, row_of_run, torque_curves
@@ -91,11 +91,7 @@ def plot_runs(
         at = _current(rated)
         curves = [curve.over_rated(at) for curve in curves]
         predicted = None if predicted is None else band_over_rated(predicted, at)
-    if out is None:
-        numbered = (folders[0] / f"{kind}-{number}.png" for number in itertools.count(1))
-        out = next(path for path in numbered if not path.exists())
-    if out.exists():
-        raise OutputError(f"{out} exists; name another file with --out")
+    out = numbered_file(folders[0], kind, ".png") if out is None else new_path(out)
     title = _title(folders, results)
     if kind == TORQUE and len(results) == 1 and SHEAR_STRESS in results[0].history:
         from emclutch.results.pictures.sheared_box import stress_picture

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from emclutch.cli.input import number_or_text
-from emclutch.results import OutputError
 from emclutch.results.atomic_file import json_values, replace_bytes
+from emclutch.results.new_path import new_path
+from emclutch.results.report.report import Mark, Report, Shown, Statement, Statements, Table, note, sentence
 from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.repose import (
     DRY_STEEL,
@@ -27,7 +28,6 @@ from particles.bulk_friction.friction_table import SOFTNESS, FrictionPair, measu
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from rich.table import Table
 
 _REPOSE = Quantity("an angle", "rad", "34 deg", 0.0, 0.5 * math.pi, open_minimum=True, angular=True)
 _SPREAD = Quantity("an angle", "rad", "1 deg", 0.0, 0.5, angular=True)
@@ -113,12 +113,11 @@ def bulk_of(friction: float, rolling: float) -> dict[str, float]:
     return {"bulk_friction": mean, "standard_error": error, "repose": math.asin(mean)}
 
 
-def bulk_in_words(found: dict[str, float]) -> str:
-    """Return what a pair gives."""
-    return (
-        f"angle of repose {angle_in_words(found['repose'])}: bulk friction {found['bulk_friction']:.3f} +- "
-        f"{found['standard_error']:.3f} (standard error of the table)"
-    )
+def bulk_report(found: dict[str, float]) -> Report:
+    """Return the report on a pair of coefficients (`bulk_of`)."""
+    bulk = f"bulk friction {found['bulk_friction']:.3f} ± {found['standard_error']:.3f} (standard error of the table)"
+    line = Statement(Mark.GOOD, f"Angle of repose: {angle_in_words(found['repose'])}; {bulk}.")
+    return Report("Angle of repose", data=found).add("Result", Statements([line]), Shown.TERMINAL)
 
 
 def as_data(line: FrictionLine) -> dict[str, Any]:
@@ -133,21 +132,15 @@ def as_data(line: FrictionLine) -> dict[str, Any]:
     )  # fmt: skip
 
 
-def table_of(line: FrictionLine) -> Table:
-    """The line for a terminal."""
-    from rich.box import SIMPLE
-    from rich.table import Table
-
-    table = Table("friction", "rolling friction", "from", "to", box=SIMPLE)
-    for pair in line.pairs:
-        to = "any" if math.isinf(pair.highest) else f"{pair.highest:.2g}"
-        table.add_row(f"{pair.friction:.2f}", f"{pair.rolling:.2g}", f"{pair.lowest:.2g}", to)
-    return table
-
-
-def in_words(line: FrictionLine) -> list[str]:
-    """Return what the ends of the line are, what a scene takes, and what is assumed."""
+def line_report(line: FrictionLine, picture: Path | None = None) -> Report:
+    """Return the pairs that give an angle of repose, what a scene takes, and what is assumed."""
     table, taken = measured_table(), line.taken
+    report = Report("Friction of a powder", data=as_data(line), closing="" if picture is None else str(picture))
+    rows = [
+        (f"{pair.friction:.2f}", f"{pair.rolling:.2g}", f"{pair.lowest:.2g}",
+         "any" if math.isinf(pair.highest) else f"{pair.highest:.2g}")
+        for pair in line.pairs
+    ]  # fmt: skip
     low, high = line.ends
     if line.pairs[-1].rolling < 1e-3:
         end = f"friction {high:.2f} without rolling friction: perfect spheres"
@@ -158,14 +151,18 @@ def in_words(line: FrictionLine) -> list[str]:
             f"friction {high:g}, the last one measured (clean iron): spheres that roll freely reach "
             f"{angle_in_words(math.asin(table.mean[:, 0].max()))} at most, whatever their friction"
         )
+    repose = angle_in_words(line.repose)
     lines = [
-        f"angle of repose {angle_in_words(line.repose)}: bulk friction {line.bulk:.3f} +- {line.spread:.3f}, given by "
-        f"the pairs above; their lower ends include {100.0 * SOFTNESS:g} % for the softness of the table's contacts",
-        f"ends: friction {low:.2f} with hindered rolling (grains slide before they roll), and {end}",
-        f"particles.repose = '{angle_in_words(line.repose)}' takes friction {taken.friction:.3g} and rolling friction "
-        f"{taken.rolling:.2g}, the pair nearest to the sliding friction of dry steel, {DRY_STEEL:g}",
-    ]
-    return lines if line.angle is None else [*lines, tangent_in_words(line.angle)]
+        Statement(Mark.GOOD, f"particles.repose = '{repose}' takes friction {taken.friction:.3g} and rolling friction "
+                  f"{taken.rolling:.2g}, the pair nearest to the friction of dry steel, {DRY_STEEL:g}."),
+        note(f"Angle of repose {repose}: bulk friction {line.bulk:.3f} ± {line.spread:.3f}, given by the pairs below."),
+        note(f"Their lower ends include {100.0 * SOFTNESS:g} % for the softness of the table's contacts."),
+        note(f"Ends: friction {low:.2f} with hindered rolling (grains slide before they roll), and {end}."),
+    ]  # fmt: skip
+    lines += [] if line.angle is None else [note(sentence(tangent_in_words(line.angle)))]
+    report.add("Result", Statements(lines), Shown.TERMINAL)
+    head = ("friction", "rolling friction", "from", "to")
+    return report.add("Pairs", Table(rows, head, (0, 1, 2, 3)), Shown.TERMINAL)
 
 
 def draw(line: FrictionLine, path: Path) -> None:
@@ -180,8 +177,7 @@ def draw(line: FrictionLine, path: Path) -> None:
     """
     if path.suffix.lower() != ".png":
         raise SceneError([Fault("--out", str(path), "is not a picture; change its ending to .png")], "command line")
-    if path.exists():
-        raise OutputError(f"{path} exists; name another file with --out")
+    new_path(path)
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 

@@ -76,14 +76,14 @@ def report(
 ) -> None:
     """Write a run or a study as Markdown; with --html as one page for a browser, pictures inside."""
     with explained():
-        from emclutch.results.report.content import page_of
         from emclutch.results.report.render import markdown, write_new, write_page
+        from emclutch.results.report.report import Picture, Section
+        from emclutch.results.report.study_report import report_on
         from emclutch.simulation.check import omitted_effects_of
 
-        page = page_of(folder, omitted_effects_of)
+        page = report_on(folder, omitted_effects_of)
         if measured is not None:
             from emclutch.cli import plot as drawn
-            from emclutch.results.report.content import Picture
 
             def draw(path: Path) -> Path:
                 return drawn.plot_runs([folder], drawn.TORQUE_CURRENT, measured=measured, out=path)
@@ -91,7 +91,7 @@ def report(
             picture = Picture(f"torque against current, with {measured.name} laid over", draw=draw)
             if not html:
                 picture.png()  # a wrong table is an error, of a page without pictures too
-            page.sections["Pictures"].insert(0, picture)
+            page.sections.insert(1, Section("Beside measured torques", [picture]))
         if html:
             typer.echo(str(write_page(page, out)))
         elif out is None:

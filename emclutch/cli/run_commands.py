@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import sys
 from contextlib import nullcontext
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -25,14 +24,11 @@ from emclutch.cli.input import (
     study_to_check,
     warn,
 )
-from emclutch.cli.output import (
-    print_design,
-    print_json,
-    print_plan,
-    print_points,
-    print_study,
-)
+from emclutch.cli.output import print_points, show
 from emclutch.scene.errors import Fault, SceneError
+
+if TYPE_CHECKING:
+    from emclutch.scene.case import Case
 
 
 def run(
@@ -55,12 +51,12 @@ def run(
             refuse_beside("--dry-run", given)
         if resume and (case.is_dir() or case.suffix == ".h5"):
             case, out = run_to_resume(case, out)
-        read = load(case, sets, trust_scripts)
+        read = load(case, sets, trust_scripts, warns=not dry_run)
         if resume and out is None and read.scene.output.folder is None:
             message = f"needs a run; name the run's folder: emclutch run FOLDER --resume, not the scene {case}"
             raise SceneError([Fault("--resume", "", message)], "command line")
         if dry_run:
-            print_plan(read, as_json, threads)
+            show_plan(read, as_json, threads)
             return
         from emclutch.results import Progress
         from emclutch.studies.accuracy.target import run as run_scene
@@ -69,14 +65,7 @@ def run(
             result = run_scene(
                 read, out=out, threads=threads, resume=resume, progress=progress, force=force, measured=measured
             )
-        if as_json:
-            print_json(result.summary)
-        else:
-            from emclutch.results.report.verdict import closing_lines
-
-            for line in closing_lines(result):
-                typer.echo(line)
-            typer.echo(f"results and pictures: {result.folder.path}")
+        show(result.report(), as_json)
 
 
 def check(
@@ -90,9 +79,18 @@ def check(
     """Validate a scene and estimate its torque, cost and errors; of a study each point's plan, and the time of all."""
     with explained():
         if (study := study_to_check(case, sets, jobs, details, trust_scripts)) is not None:
-            print_study(study, jobs, as_json)
+            from emclutch.studies.forecast import predict_study
+
+            show(predict_study(study, jobs).report(), as_json)
             return
-        print_plan(load(case, sets, trust_scripts), as_json, details=details)
+        show_plan(load(case, sets, trust_scripts, warns=False), as_json, details=details)
+
+
+def show_plan(case: Case, as_json: bool, threads: int | None = None, details: bool = False) -> None:
+    """Print what a scene is expected to give and take, or with `details` all decisions."""
+    from emclutch.simulation.check import check as check_scene
+
+    show(check_scene(case, threads).report(), as_json, details)
 
 
 def sweep(
@@ -159,7 +157,7 @@ def sweep(
             with StudyTable() as table:
                 folder = sweep_study(read, **{"jobs": jobs, **how}, progress=table)
         if which is None:
-            _print_tables(folder, points=not sys.stderr.isatty())  # on a terminal they stand above
+            show_study(folder)
         else:
             typer.echo(
                 f"part {which[0]} of {which[1]} is done; tables of all: emclutch sweep {study} --out {out} --gather"
@@ -177,25 +175,18 @@ def _gather(study: Path, out: Path | None, trust_scripts: bool) -> None:
     found = gather(read_study(study, trust_scripts=trust_scripts), out)
     for line in found.lines():
         typer.echo(line)
-    _print_tables(found.folder)
+    show_study(found.folder)
     if not found.complete:
         raise typer.Exit(FAILED if found.failed else INCOMPLETE)
 
 
-def _print_tables(folder: Path, points: bool = True) -> None:
-    """Print what a study's tables say in words, and where they are; with the `points` too, if there are few."""
-    from emclutch.results.study_result import best_estimate_lines, grain_size_lines, point_lines
+def show_study(folder: Path) -> None:
+    """Print what the tables of a study say."""
+    from emclutch.results.report.study_report import state_of, state_report
+    from emclutch.results.study_folder import read_study
 
-    for line in point_lines(folder) if points else []:
-        typer.echo(line)
-    for line in best_estimate_lines(folder):
-        typer.echo(line)
-    for words in (folder / "methods.txt", folder / "adaptive_curve.txt"):
-        if words.is_file():
-            typer.echo(words.read_text(encoding="utf-8"), nl=False)
-    for line in grain_size_lines(folder):
-        typer.echo(line)
-    typer.echo(f"results and pictures: {folder}")
+    study = read_study(folder)
+    show(state_report(state_of(study), study.points))
 
 
 def accuracy(
@@ -226,8 +217,7 @@ def accuracy(
         if dry_run:
             given = {"--effects": effects, "--resume": resume, "--out": out is not None, "--for": targets is not None}
             refuse_beside("--dry-run", given)
-            for line in preview(read, seconds, jobs):
-                typer.echo(line)
+            show(preview(read, seconds, jobs))
             return
 
         options: dict[str, Any] = {"out": out, "budget": seconds, "jobs": jobs, "resume": resume}
@@ -237,9 +227,7 @@ def accuracy(
                 found = effect_contributions(read, **options, progress=progress)
             else:
                 found = measure_accuracy(read, **options, targets=wanted, progress=progress)
-        for line in found.lines:
-            typer.echo(line)
-        typer.echo(f"results and pictures: {found.folder}")
+        show(found.report())
 
 
 def design(
@@ -269,7 +257,7 @@ def design(
             found = design_search.design(
                 asked, like=like, out=out, runs=runs, tolerance=tolerance, threads=threads, progress=progress
             )
-        print_design(found, as_json)
+        show(found.report(), as_json)
 
 
 def fit(
@@ -308,8 +296,4 @@ def fit(
                 common_error=common_error_of(common_error), out=out, jobs=jobs, threads=threads, resume=resume,
                 progress=table, force=force,
             )  # fmt: skip
-        if as_json:
-            print_json(study.as_data(found))
-        else:
-            for line in study.in_words(found):
-                typer.echo(line)
+        show(found.report(), as_json)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import json
 
 import typer
-from rich.console import Console
 
 from emclutch.cli import options as opt
 from emclutch.cli.errors import FAILED, explained, stop
+from emclutch.cli.output import show
 
 
 def new(file: opt.NewScene, kind: opt.SceneKind = "drum") -> None:
@@ -40,8 +40,8 @@ def doctor() -> None:
     """Check whether this machine has what the program needs."""
     from emclutch.cli.doctor import examine
 
-    table, good = examine()
-    Console().print(table)
+    report, good = examine()
+    show(report)
     if not good:
         stop(
             "something is missing; run `make setup`: it installs it, and names the shared libraries that gmsh lacks",

@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from emclutch.cli.input import number_or_text, read_list
-from emclutch.results import OutputError, RunFolder
 from emclutch.results.atomic_file import json_values, replace_bytes, replace_json, replace_text
+from emclutch.results.new_path import new_folder
 from emclutch.results.pictures.figure import make_logarithmic
 from emclutch.results.progress import Progress
+from emclutch.results.report.report import Report, Shown, Statements, Table, note
 from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.units import Quantity
 from emclutch.simulation.forecast.sheared_points import (
@@ -27,7 +28,6 @@ from emclutch.simulation.forecast.sheared_points import (
 )
 
 if TYPE_CHECKING:
-    from rich.table import Table
 
     from coupling.powder_cell import ShearParameters
     from field.laws.powder_law import GrainLaw
@@ -137,9 +137,7 @@ def shear_cell(
         A cell too small for its fill.
     """
     _check(points)
-    folder = Path(out) if out is not None else RunFolder.next_path(f"{name.replace(' ', '-')}-shear-cell")
-    if folder.exists():
-        raise OutputError(f"{folder} exists; name another folder with --out")
+    folder = new_folder(out, f"{name.replace(' ', '-')}-shear-cell")
     folder.mkdir(parents=True)
     done: list[dict[str, Any]] = []
     with Progress(f"{name}: {len(points)} points", stream=io.StringIO() if quiet else None) as progress:
@@ -193,34 +191,31 @@ def as_data(name: str, folder: Path, rows: list[StressOfField]) -> dict[str, Any
     )
 
 
-def table_of(name: str, rows: list[StressOfField]) -> Table:
-    """The table for a terminal."""
-    from rich.box import SIMPLE
-    from rich.table import Column, Table
-
-    table = Table(
-        "fill", "H", Column("tau", no_wrap=True), "slope", "power", "Carlson", "mu_r 0", "mu_r", "Carlson", "I",
-        title=f"{name}: shear stress across the field; H in kA/m, stresses in kPa",
-        caption="+-: standard error, of few seeds; "
-        "slope: d ln tau/d ln H from the line above; power: tau by what contacts dissipate; mu_r 0: of the "
-        "random packing, mu_r: sheared; Carlson: fits for iron in oil (2005); I: inertial number",
-        box=SIMPLE, padding=(0, 1, 0, 0),
+def cell_report(name: str, folder: Path, rows: list[StressOfField]) -> Report:
+    """Return the shear stress across the field, a row a fill and a field."""
+    report = Report(f"{name}: shear stress across the field", data=as_data(name, folder, rows),
+                    closing=f"Results and pictures: {folder}")  # fmt: skip
+    head = (
+        "fill", "H [kA/m]", "tau [kPa]", "slope", "power [kPa]", "Carlson [kPa]", "mu_r at rest", "mu_r", "Carlson",
+        "I",
     )  # fmt: skip
-    for row in rows:
-        error = "" if row.tau_error is None else f" +-{row.tau_error / 1e3:.2g}"
-        table.add_row(
-            f"{row.fill:g}",
-            f"{row.H / 1e3:g}",
-            f"{row.tau / 1e3:.3g}{error}",
-            "" if row.exponent is None else f"{row.exponent:.2f}",
-            f"{row.power / 1e3:.3g}",
-            f"{row.carlson_tau / 1e3:.3g}",
-            f"{row.mu_r_at_rest:.2f}",
-            f"{row.mu_r:.2f}",
-            f"{row.carlson_mu_r:.2f}",
+    table = [
+        (
+            f"{row.fill:g}", f"{row.H / 1e3:g}",
+            f"{row.tau / 1e3:.3g}{'' if row.tau_error is None else f' ± {row.tau_error / 1e3:.2g}'}",
+            "" if row.exponent is None else f"{row.exponent:.2f}", f"{row.power / 1e3:.3g}",
+            f"{row.carlson_tau / 1e3:.3g}", f"{row.mu_r_at_rest:.2f}", f"{row.mu_r:.2f}", f"{row.carlson_mu_r:.2f}",
             f"{row.inertial_number:.1e}",
         )
-    return table
+        for row in rows
+    ]  # fmt: skip
+    report.add("Shear stress", Table(table, head, range(len(head))), Shown.TERMINAL)
+    notes = [
+        note("±: standard error, of few seeds. Slope: d ln tau/d ln H from the line above. I: inertial number."),
+        note("Power: tau by what contacts dissipate. mu_r at rest: of the random packing; mu_r: sheared."),
+        note("Carlson: fits for iron in oil (2005)."),
+    ]
+    return report.add("Columns", Statements(notes), Shown.TERMINAL)
 
 
 def _draw(path: Path, name: str, rows: list[StressOfField]) -> None:

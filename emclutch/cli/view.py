@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from emclutch.results import OutputError
+from emclutch.results.new_path import new_path
 from emclutch.results.text import format_time
 from emclutch.results.view.look import FIELDS, LOOKS
 from emclutch.results.view.run_files import RunFiles, read_run_files
@@ -118,7 +119,6 @@ def _moment(text: str, times: list[float]) -> float:
 def _writable(option: str, path: Path, endings: tuple[str, ...]) -> None:
     if path.suffix not in endings:
         raise SceneError([Fault(option, str(path), f"must end in {' or '.join(endings)}")], "command line")
-    if path.exists():
-        raise OutputError(f"{path} exists; name another file with {option}")
+    new_path(path, option)
     if not path.parent.is_dir():
         raise OutputError(f"{path.parent} is not a folder; make it first")

@@ -16,8 +16,8 @@ from __future__ import annotations
 
 from math import inf
 
+from emclutch.device_model.decision import Decision
 from emclutch.device_model.excitation import Excitation
-from emclutch.device_model.warning_text import with_warnings
 from emclutch.scene.units import format_number
 from field.coil.winding import ROOM, resistance_ratio
 
@@ -104,7 +104,7 @@ def coil_heat_in_words(scene, coil: Excitation, shape) -> str:
     text += "housing's "
     text += f"{1e4 * surface:.3g} cm^2"
     if rise > ABSURD:
-        return with_warnings(text, "copper melts; are current, turns and window in the units that were meant?")
+        return Decision(text, "copper melts; are current, turns and window in the units that were meant?")
     if rise > WARM:
         text += f"; for short duty only: the copper warms by {format_number(rate)} K/s at first"
     return text

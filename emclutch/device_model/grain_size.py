@@ -89,16 +89,16 @@ class GrainSize:
         `measured`: an accuracy study of the device knows the error of the size, and the general law is not printed.
         """
         if not self.is_coarser or self.real_diameter is None:
-            return f"the gap holds {self.across:.2g} grains of real size, the device {self.count:.2g}"
+            return f"{self.across:.2g} grains of real size per gap, {self.count:.2g} in the device"
         text = (
-            f"the gap holds {self.across:.2g} simulated grains, really {self.gap / self.real_diameter:.2g} of "
-            f"{1e6 * self.real_diameter:.3g} um; the device {self.count:.2g}, really {self.real_count:.2g}; at the "
-            f"same speed inertia of the grains counts {self.coarse_graining:.2g} times as much as in reality"
+            f"{self.across:.2g} simulated grains per gap; really {self.gap / self.real_diameter:.2g} of "
+            f"{1e6 * self.real_diameter:.3g} µm. Their inertia counts {self.coarse_graining:.2g} times as much as in "
+            "reality"
         )
         excess = self.torque_excess()
         if measured or excess is None or excess[0] > MAX_EXCESS:  # a warning has it
             return text
-        return f"{text}; so coarse grains typically raise the torque by {excess_in_words(excess)}"
+        return f"{text}. Coarse grains typically raise the torque by {excess_in_words(excess)}"
 
     def warnings(self, measured: bool = False) -> list[str]:
         """Return what makes the torque doubtful: few grains without a word on the real ones, effects with a size.
@@ -128,8 +128,7 @@ class GrainSize:
         """
         note, excess = self.in_words(measured=True), self.torque_excess()
         if not measured and excess is not None:
-            note += f"; so coarse grains typically raise the raw torque by {excess_in_words(excess)}, for which the "
-            note += "best estimate is corrected"
+            note += f". Coarse grains typically raise the torque by {excess_in_words(excess)}, which is corrected"
         found = {"across": self.across, "grains": self.count, "note": note}
         if self.real_diameter is not None:
             found |= {

@@ -365,7 +365,7 @@ class ShearedBoxGeometry(GeometrySection):
 
     def words(self, scene: Scene, end: float) -> Iterator[tuple[str, str]]:
         """Yield the box, its rate with the inertial number, the strain and the stress that is expected."""
-        from emclutch.device_model.warning_text import with_warnings
+        from emclutch.device_model.decision import Decision
         from emclutch.results.steady_torque import MIN_AVERAGED_STRAIN
         from emclutch.scene.start_up import start_up_strain
         from particles.diagnostics.inertial_number import inertial_number
@@ -383,7 +383,7 @@ class ShearedBoxGeometry(GeometrySection):
                 f"{1e3 * needed:.3g} mm, where a grain would meet a neighbour twice: make it higher, or fill it more"
             )
             text += f"its height follows {format_number(self.pressure)} Pa"
-            yield "box", with_warnings(text, too_low if low < needed else "")
+            yield "box", Decision(text, too_low if low < needed else "")
         stress, text = self.expected_stress(scene), f"rate {rate:.4g} 1/s, strain {rate * end:.3g} at the end"
         if self.pressure is not None:
             text += f"; inertial number {float(inertial_number(rate, d, density, self.pressure)):.2g} of the pressure"
@@ -400,7 +400,7 @@ class ShearedBoxGeometry(GeometrySection):
             "inertial number of 1: raise geometry.pressure, or lower geometry.shear_rate"
         )
         flies = self.pressure is not None and self.pressure < flight
-        yield "shear", with_warnings(text, short if rate * end < needed else "", apart if flies else "")
+        yield "shear", Decision(text, short if rate * end < needed else "", apart if flies else "")
         if stress is not None:
             yield "expected stress", f"{format_number(stress)} Pa within a factor of two, of chains along the field"
 

@@ -17,7 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from emclutch.results.setting_errors import NORMAL, SMALL_ERROR, SettingErrors, own_place
+from emclutch.results.fits import NORMAL, student
+from emclutch.results.setting_errors import SMALL_ERROR, SettingErrors, own_place
 
 SMALL = 0.01
 """Half width of an error that needs no decision."""
@@ -106,6 +107,9 @@ class SettingError:
         """Return whether the interval of the bias excludes zero, or lies within 1 %."""
         low, high = self.interval
         return low * high > 0.0 or max(-low, high) <= SMALL
+
+
+Draws = tuple[np.ndarray, SettingError]
 
 
 @dataclass(frozen=True)
@@ -238,6 +242,8 @@ class AccuracyStudy:
     settings : tuple of MeasuredSetting
     unknown : dict of str to str
         Settings that were not measured, with the reason.
+    over_budget : tuple of str
+        Those of them that the budget had no room for.
     machine : dict of str to Any
         Processor, cores, versions, date.
     """
@@ -253,6 +259,7 @@ class AccuracyStudy:
     seconds: float
     settings: tuple[MeasuredSetting, ...]
     unknown: dict[str, str] = field(default_factory=dict)
+    over_budget: Sequence[str] = ()
     machine: dict[str, Any] = field(default_factory=dict)
 
     def setting(self, name: str) -> MeasuredSetting | None:
@@ -307,12 +314,10 @@ class AccuracyStudy:
         return {one.name: h for one in self.settings if (h := one.own_step_size) is not None}
 
     @cached_property
-    def _known(self) -> dict[tuple[str, float, float | None], tuple[np.ndarray, SettingError]]:
+    def _known(self) -> dict[tuple[str, float, float | None], Draws]:
         return {}
 
-    def draws(
-        self, setting: str, step_size: float, limit: float | None = None
-    ) -> tuple[np.ndarray, SettingError] | None:
+    def draws(self, setting: str, step_size: float, limit: float | None = None) -> Draws | None:
         """Return draws of ln(T/T_0) at a value, and of their noise, (2, s), and the error; None where it is not known.
 
         `limit`: step size without error, where it is another one than that of the study.
@@ -401,13 +406,6 @@ class AccuracyStudy:
         if not 0.0 < abs(entries["torque"]) < math.inf:
             raise ValueError(f"torque = {entries['torque']!r} is out of range; allowed: any finite number but 0")
         return cls(**entries, settings=tuple(settings))
-
-
-def student(freedom: float) -> float:
-    """Return the quantile of Student's t of a 95 % interval."""
-    from scipy.special import stdtrit
-
-    return 1.96 if math.isinf(freedom) else float(stdtrit(freedom, 0.5 + 0.5 * CONFIDENCE))
 
 
 def pooled_scatter(groups: Sequence[tuple[Sequence[float], float]]) -> tuple[float, float]:

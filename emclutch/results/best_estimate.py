@@ -25,17 +25,16 @@ def best_estimate(raw: Estimate, summary: Mapping[str, Any]) -> Estimate:
         ``summary.json`` of the run: its `discretisation_error` and `grain_size` count.
     """
     if error := summary.get("discretisation_error"):
-        what, bias, half = "the numerical settings", error["bias"], error["half_width"]
+        bias, half = error["bias"], error["half_width"]
     elif (size := summary.get("grain_size") or {}).get("torque_excess") is not None:
-        what, bias = "the grains' size", size["torque_excess"]
+        bias = size["torque_excess"]
         half = 0.5 * (size["torque_excess_high"] - size["torque_excess_low"]) / (1.0 + bias)
     else:
         return raw
     if not raw.mean:
         return raw
-    reason = f"{raw.reason}; corrected by {-100.0 * bias / (1.0 + bias):+.2g} % for {what}"
     mean = raw.mean / (1.0 + bias)
-    scaled = replace(raw, mean=mean, standard_error=None, drift=None, drift_error=None, fluctuation=None, reason=reason)
+    scaled = replace(raw, mean=mean, standard_error=None, drift=None, drift_error=None, fluctuation=None)
     statistical = raw.half_width()
     if statistical is None:
         return scaled

@@ -21,7 +21,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from emclutch.results.columns import TIME, TORQUE_DISC
-from emclutch.results.statistics import Estimate, correlation_samples
+from emclutch.results.fits import Measured
+from emclutch.results.statistics import correlation_samples
 from emclutch.results.steady_torque import MIN_AVERAGED_STRAIN, SteadyConditions, durations, shear_strain
 
 if TYPE_CHECKING:
@@ -74,10 +75,8 @@ class RampBin:
         Mean current [A], with its sign.
     means : ndarray (m,)
         Mean torque [N m] of each replica.
-    error : float or None
-        Standard error of their mean [N m]; None: unknown.
-    freedom : float
-        Degrees of freedom of the error.
+    torque : Measured
+        Mean of these [N m]; error nan: unknown.
     correlated : float
         Bins that one correlation time of a single replica lasts, at least 1: their noise is the same.
     settled : bool
@@ -90,20 +89,9 @@ class RampBin:
     high: float
     current: float
     means: np.ndarray
-    error: float | None
-    freedom: float
+    torque: Measured
     correlated: float = 1.0
     settled: bool = True
-
-    @property
-    def torque(self) -> float:
-        """Mean torque [N m]."""
-        return float(self.means.mean())
-
-    @property
-    def half_width(self) -> float | None:
-        """Half the 95 % interval [N m]; None: unknown."""
-        return _half_width(self.torque, self.error, self.freedom)
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,8 +111,7 @@ class CurrentRamp:
 
         rows = []
         for one in self.bins:
-            half = one.half_width
-            ends = (None, None) if half is None else (one.torque - half, one.torque + half)
+            low, high = one.torque.interval()
             rows.append(
                 {
                     "branch": one.branch + 1,
@@ -132,10 +119,10 @@ class CurrentRamp:
                     "current": one.current,
                     "current_low": one.low,
                     "current_high": one.high,
-                    "torque": one.torque,
-                    "standard_error": one.error,
-                    "low": ends[0],
-                    "high": ends[1],
+                    "torque": one.torque.value,
+                    "standard_error": one.torque.error,
+                    "low": low,
+                    "high": high,
                     "replicas": one.means.size,
                 }
             )
@@ -156,7 +143,7 @@ class CurrentRamp:
                     and one.branch > falling[0].branch]  # fmt: skip
         if residual:
             left = residual[0]
-            found["residual"] = _in_numbers(left.means, left.error, left.freedom, "torque")
+            found["residual"] = _in_numbers(left.torque, "torque")
             found["residual"]["decay_included"] = not left.settled
         pairs = [(up, down) for up in rising for down in falling if up.low == down.low and up.high == down.high
                  and abs(abs(up.current) - abs(down.current)) <= _APART * (up.high - up.low)]  # fmt: skip
@@ -174,15 +161,14 @@ class CurrentRamp:
                 continue
             weight = np.array([np.interp(at, x, row) for row in np.eye(x.size)])
             low, high = weight @ up, weight @ down
-            alone, freedom = _of_weighted(weight, pairs)
             mean, of_falling = float(low.mean()), float(high.mean())
             ratio = of_falling / mean if mean else None
-            width = _in_numbers(high - low, _error(high - low, alone), freedom, "width")
+            width = _in_numbers(_of_weighted(high - low, weight, pairs), "width")
             found["loop"].append({"share": share, "rising": mean, "falling": of_falling, "ratio": ratio} | width)
         step = np.gradient(x)
         area = step @ (down - up) / (self.largest * at_top) if at_top else np.full(up.shape[1], np.nan)
-        alone, freedom = _of_weighted(step / abs(self.largest * at_top or 1.0), pairs)
-        found["area"] = _in_numbers(area, _error(area, alone), freedom, "share") if at_top else None
+        shares = _of_weighted(area, step / abs(self.largest * at_top or 1.0), pairs)
+        found["area"] = _in_numbers(shares, "share") if at_top else None
         return found
 
     def _first(self, kind: str, after: int = -1) -> list[RampBin]:
@@ -288,61 +274,56 @@ def _bins_of(
         both = list(zip(replicas, chosen, strict=True))
         means = np.array([np.average(torque[one], weights=time[one]) for (_, torque, time), one in both])
         at = float(np.mean([current[one].mean() for (current, _, _), one in both]))
-        error, freedom, correlated = _error(means, None), means.size - 1.0, 1.0
-        if means.size == 1:
-            error, freedom, correlated = _of_one_replica(replicas[0][0], replicas[0][1], places[0], k)
+        torque, correlated = (
+            (Measured.of(means), 1.0)
+            if means.size > 1
+            else _of_one_replica(float(means[0]), replicas[0][0], replicas[0][1], places[0], k)
+        )
         low, high = float(edges[k]), float(edges[k + 1])
-        found.append(RampBin(number, branch.kind, low, high, at, means, error, freedom, correlated))
+        found.append(RampBin(number, branch.kind, low, high, at, means, torque, correlated))
     return found
 
 
 def _of_one_replica(
-    current: np.ndarray, torque: np.ndarray, place: np.ndarray, k: int
-) -> tuple[float | None, float, float]:
-    """Standard error [N m] of bin k by the fluctuation in it and beside it, degrees of freedom, `correlated`."""
+    mean: float, current: np.ndarray, torque: np.ndarray, place: np.ndarray, k: int
+) -> tuple[Measured, float]:
+    """Mean [N m] of bin k with the error by the fluctuation in it and beside it, and `correlated`."""
     order = min(3, max(current.size // 8, 0)) if np.ptp(current) > 0.0 else 0
     fit = np.polynomial.Polynomial.fit(current, torque, order) if order else lambda x: np.full(x.shape, torque.mean())
     rest = torque - fit(current)
     near = np.abs(place - k) <= _AROUND
     n, here = np.count_nonzero(near), np.count_nonzero(place == k)
     if n < 3 * _WINDOWS or not rest[near].any():
-        return None, 0.0, 1.0
+        return Measured(mean, math.nan), 1.0
     samples = correlation_samples(rest / max(float(np.abs(rest).max()), 1e-300))
     freedom = n / samples - 1.0
     if freedom < 1.0:
-        return None, 0.0, 1.0
-    return float(rest[near].std()) * math.sqrt(min(1.0, samples / here)), freedom, max(1.0, samples / here)
+        return Measured(mean, math.nan), 1.0
+    error = float(rest[near].std()) * math.sqrt(min(1.0, samples / here))
+    return Measured(mean, error, freedom), max(1.0, samples / here)
 
 
-def _of_weighted(weight: np.ndarray, pairs: Sequence[tuple[RampBin, RampBin]]) -> tuple[float, float]:
-    """Standard error of the sum of weights (n,) times falling less rising torque, of one replica; nan: unknown.
+def _of_weighted(values: np.ndarray, weight: np.ndarray, pairs: Sequence[tuple[RampBin, RampBin]]) -> Measured:
+    """Return the mean of replicas' sums (m,) of weights (n,) times falling less rising torque.
 
-    And its degrees of freedom, the fewest of the bins in it. Bins that share their noise with `correlated` - 1
-    others have that many times the variance of independent ones, and at most that of errors which add linearly.
+    The error of one replica's has the fewest degrees of freedom of the bins in it. Bins that share their noise with
+    `correlated` - 1 others have that many times the variance of independent ones, and at most that of errors which add
+    linearly.
     """
+    if values.size > 1:
+        return Measured.of(values)
     variance, freedom = 0.0, math.inf
     for branch in zip(*pairs, strict=True):
         used = [(abs(w), one) for w, one in zip(weight, branch, strict=True) if abs(w) > 1e-9 * np.abs(weight).max()]
-        errors = np.array([w * (math.nan if one.error is None else one.error) for w, one in used])
+        errors = np.array([w * one.torque.error for w, one in used])
         variance += min(float(errors**2 @ [one.correlated for _, one in used]), float(errors.sum()) ** 2)
-        freedom = min(freedom, *(one.freedom for _, one in used))
-    return math.sqrt(variance), freedom
+        freedom = min(freedom, *(one.torque.freedom for _, one in used))
+    return Measured(float(values[0]), math.sqrt(variance), freedom)
 
 
-def _error(values: np.ndarray, alone: float | None) -> float | None:
-    """Standard error of the mean of replicas' values; `alone` of one replica. None: unknown."""
-    if values.size == 1:
-        return None if alone is None or math.isnan(alone) else alone
-    return float(values.std(ddof=1)) / math.sqrt(values.size)
-
-
-def _in_numbers(values: np.ndarray, error: float | None, freedom: float, name: str) -> dict[str, Any]:
-    mean = float(values.mean())
-    return {name: mean, "half_width": _half_width(mean, error, freedom)}
-
-
-def _half_width(mean: float, error: float | None, freedom: float) -> float | None:
-    return Estimate(mean, error, 0, None, None, True, "", degrees_of_freedom=freedom).half_width()
+def _in_numbers(mean: Measured, name: str) -> dict[str, Any]:
+    half = mean.half_width()
+    return {name: mean.value, "half_width": None if math.isnan(half) else half}
 
 
 def in_words(found: dict[str, Any]) -> list[str]:

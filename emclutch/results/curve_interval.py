@@ -19,7 +19,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import cho_solve, solve_triangular
-from scipy.special import stdtrit
+
+from emclutch.results.fits import student
 
 LENGTHS = np.geomspace(0.15, 3.0, 8)
 """Of the kernel, in parts of the range."""
@@ -111,7 +112,7 @@ def curve_interval(x: np.ndarray, torque: np.ndarray, at: np.ndarray) -> CurveIn
     models: _Models = tuple((float(one), covariances[n], noises[n]) for one, n in zip(share, kept, strict=True))
     mean = share @ np.array(means)[kept]
     apart = share @ (np.array(means)[kept] - mean) ** 2
-    quantile = float(stdtrit(free, 0.975))
+    quantile = student(free)
     half_width = quantile * np.sqrt(_mean_variance(models) + apart)
     noise = float(np.sqrt(sum(weight * one for weight, _, one in models)))
     return CurveInterval(at, np.exp(mean), half_width, noise, models, quantile)

@@ -23,8 +23,9 @@ from typing import Any
 import numpy as np
 
 from emclutch.results.accuracy_study import Basis, MeasuredSetting, MeasuredValue
+from emclutch.results.fits import NORMAL, student
 from emclutch.results.setting_errors import SettingErrors
-from emclutch.results.torque_curves import NORMAL, TorqueCurve
+from emclutch.results.torque_curves import TorqueCurve
 
 EXPONENT = 2.0  # of the grains per gap: Kamrin and Henann 2015
 NO_LAW = "no law of the grain size: fewer than two sizes have a torque of known error; run longer, or add sizes"
@@ -129,9 +130,8 @@ def grain_size_law(curve: TorqueCurve, exponent: float = EXPONENT) -> GrainSizeL
         at = n == size
         weight = error[at] ** -2
         mean = float(weight @ torque[at] / weight.sum())
-        values.append(
-            MeasuredValue(size, 1.0 / size, mean, float(weight.sum() ** -0.5) / abs(mean), int(at.sum()), 0.0)
-        )
+        spread = float(weight.sum() ** -0.5) / abs(mean)
+        values.append(MeasuredValue(size, 1.0 / size, mean, spread, int(at.sum()), 0.0))
     limit = 0.0 if curve.real_across is None else 1.0 / curve.real_across
     finest = float(sizes[-1])
     setting = MeasuredSetting(NAME, "", Basis.TORQUE, finest, exponent, limit, tuple(values), freedom, True)
@@ -163,9 +163,8 @@ def _errors_of(curve: TorqueCurve, known: np.ndarray) -> tuple[np.ndarray, float
     error, seeds = curve.error[known], curve.seeds[known] if curve.seeds is not None else np.zeros(1)
     if not (seeds > 1).all():
         return error, math.inf
-    from scipy.special import stdtrit
-
     freedom, torque = seeds - 1.0, curve.torque[known]
-    scatter = error * NORMAL / stdtrit(freedom, 0.975) * np.sqrt(seeds) / np.abs(torque)  # that of each size alone
+    quantile = np.array([student(one) for one in freedom])
+    scatter = error * NORMAL / quantile * np.sqrt(seeds) / np.abs(torque)  # that of each size alone
     pooled = math.sqrt(float(freedom @ scatter**2 / freedom.sum()))
     return pooled * np.abs(torque) / np.sqrt(seeds), float(freedom.sum())

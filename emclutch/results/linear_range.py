@@ -30,14 +30,15 @@ from __future__ import annotations
 import math
 import warnings
 from dataclasses import asdict, dataclass, replace
-from itertools import islice
+from itertools import combinations, islice
 from typing import Any
 
 import numpy as np
 
+from emclutch.results.fits import NORMAL, line
+
 MIN_POINTS = 4  # of a curve: three always leave a line of one degree of freedom and nothing that could end it
 SIGNIFICANCE = 0.05  # of both tests: a true line is cut short by a point in one case of ten
-END = 1.96  # standard errors of the same significance
 CENTRAL = 1.645  # standard errors from the middle of a normal distribution within which 90 % of it lie
 KNEE = 3.0  # standard errors by which the next torque must be below the line: 1 in 700 by chance
 ABOVE = 3  # points at most above the knee; a curve is no line for long
@@ -107,123 +108,92 @@ def linear_range(current: Any, torque: Any, error: Any, converged: Any = None) -
             "no linear range: no three neighbouring torques lie on a rising line within their errors; add currents "
             "between them"
         )
-    line = _with_knee(x, y, sigma, best)
+    found = _with_knee(x, y, sigma, best)
     redrawn = [(one, part) for one, part in zip(sets[1:], parts, strict=True) if part is not None]
-    lines = [_line(x[part], one[part], sigma[part]) for one, part in redrawn]
-    knees = (_with_knee(x, one, sigma, part).knee for one, part in redrawn if line.knee is not None)
-    found = islice((knee for knee in knees if knee is not None), REDRAWN_KNEES)
-    line = _with_errors(line, slope=[one[0] for one in lines], offset=[one[1] for one in lines], knee=list(found))
+    lines = [line(x[part], one[part], sigma[part]) for one, part in redrawn]
+    knees = (_with_knee(x, one, sigma, part).knee for one, part in redrawn if found.knee is not None)
+    some = islice((knee for knee in knees if knee is not None), REDRAWN_KNEES)
+    found = _with_errors(
+        found, slope=[one.slope.value for one in lines], offset=[one.zero().value for one in lines], knee=list(some)
+    )
     unsure = int(np.count_nonzero(steady[best] == 0.0))
     if not unsure:
-        return line
+        return found
     reason = (
-        f"{line.reason}; not tested: {unsure} of these {line.points} torques are not converged; run longer, or more "
+        f"{found.reason}; not tested: {unsure} of these {found.points} torques are not converged; run longer, or more "
         "replicas"
     )
-    return replace(line, reason=reason, is_tested=False, unconverged=unsure)
+    return replace(found, reason=reason, is_tested=False, unconverged=unsure)
 
 
-def _with_errors(line: LinearRange, **redrawn: list[float]) -> LinearRange:
+def _with_errors(found: LinearRange, **redrawn: list[float]) -> LinearRange:
     """Return a line with the errors of its numbers from those of sets with added noise, and not less than before."""
     errors = {}
     for name, values in redrawn.items():
         if values:
-            changes = np.abs(np.array(values) - getattr(line, name))
+            changes = np.abs(np.array(values) - getattr(found, name))
             error = float(np.quantile(changes, 0.9)) / CENTRAL
-            errors[f"{name}_error"] = max(error, getattr(line, f"{name}_error"))
-    return replace(line, **errors)
+            errors[f"{name}_error"] = max(error, getattr(found, f"{name}_error"))
+    return replace(found, **errors)
 
 
 def _unweighted(x: np.ndarray, y: np.ndarray, known: int) -> LinearRange:
-    slope, offset, errors = _line(x, y, np.ones_like(x))
-    scatter = math.sqrt(float(np.sum((y - slope * (x - offset)) ** 2)) / (x.size - 2))
+    fit = line(x, y)
+    slope, offset = fit.slope, fit.zero()
     return LinearRange(
         f"a line through all points, unweighted: {known} of them have an error, {MIN_POINTS} needed to find where it "
         "holds; run longer",
-        slope, scatter * errors[0], offset, scatter * errors[1], first=float(x[0]), last=float(x[-1]), points=x.size,
+        slope.value, slope.error, offset.value, offset.error, first=float(x[0]), last=float(x[-1]), points=x.size,
     )  # fmt: skip
 
 
 def _with_knee(x: np.ndarray, y: np.ndarray, sigma: np.ndarray, part: slice) -> LinearRange:
     """Return the line through a part of the points, and the knee at its end."""
     n, end = part.stop - part.start, part.stop
-    slope, offset, errors = _line(x[part], y[part], sigma[part])
-    line = LinearRange(
+    fit = line(x[part], y[part], sigma[part])
+    slope, offset = fit.slope, fit.zero()
+    found = LinearRange(
         f"a line through {n} points from {x[part.start]:.3g} to {x[end - 1]:.3g} A",
-        slope, errors[0], offset, errors[1],
+        slope.value, slope.error, offset.value, offset.error,
         first=float(x[part.start]), last=float(x[end - 1]), points=n, is_tested=True,
     )  # fmt: skip
     if end == x.size:
-        return replace(line, reason=f"{line.reason}, the largest current: no knee was reached")
-    if -math.copysign(1.0, slope) * _distance(x[part], y[part], sigma[part], x[end], y[end], sigma[end]) < KNEE:
+        return replace(found, reason=f"{found.reason}, the largest current: no knee was reached")
+    there = fit.at(x[end])
+    if math.copysign(1.0, slope.value) * (there.value - y[end]) < KNEE * math.hypot(there.error, sigma[end]):
         reason = f"the next torque is not below it by {KNEE:g} standard errors: no knee; add currents there"
-        return replace(line, reason=f"{line.reason}; {reason}")
+        return replace(found, reason=f"{found.reason}; {reason}")
     middle, half = 0.5 * float(x[end - 1] + x[end]), float(x[end] - x[end - 1]) / math.sqrt(12.0)
     for last in range(min(x.size, end + ABOVE), end + 1, -1):
         both = slice(part.start, last)
-        corner = _corner(x[both], y[both], sigma[both], (slope, offset, middle, slope))
+        corner = _corner(x[both], y[both], sigma[both], (slope.value, offset.value, middle, slope.value))
         if corner is not None:
-            reason = f"{line.reason}; the knee is its corner with a line through the next {last - end} points"
-            return replace(line, reason=reason, knee=corner[0], knee_error=corner[1])
-    reason = f"{line.reason}; the knee lies between the last of them and the next one"
-    return replace(line, reason=reason, knee=middle, knee_error=half)
+            reason = f"{found.reason}; the knee is its corner with a line through the next {last - end} points"
+            return replace(found, reason=reason, knee=corner[0], knee_error=corner[1])
+    reason = f"{found.reason}; the knee lies between the last of them and the next one"
+    return replace(found, reason=reason, knee=middle, knee_error=half)
 
 
 def _straightest(x: np.ndarray, sets: np.ndarray, sigma: np.ndarray) -> list[slice | None]:
-    """Return of each set of torques (sets, n) the points on a line along which the torque rises most; None without one.
-
-    The lines of all runs of points i to j - 1 come at once, from differences [i, j] of cumulated sums.
-    """
+    """Return of each set of torques (m, n) the points on a line along which the torque rises most; None without one."""
     from scipy.special import chdtrc
 
-    def sums(of: np.ndarray) -> np.ndarray:
-        total = np.concatenate([np.zeros((*of.shape[:-1], 1)), np.cumsum(of, axis=-1)], axis=-1)
-        return total[..., None, :] - total[..., None]
-
-    w, n = sigma**-2.0, x.size
-    trend = np.polyfit(x, sets[0], 1, w=1.0 / sigma)  # sums of small numbers lose fewer digits
-    x, y = x - w @ x / w.sum(), sets - np.polyval(trend, x)
-    new = np.append(1.0, np.diff(x) > 0.0)
-    first, last = np.arange(n + 1)[:, None], np.arange(n + 1)
-    points, currents = last - first, sums(new) + 1.0 - np.append(new, 1.0)[:, None]
-    possible = currents >= 3
-    with np.errstate(all="ignore"):  # of runs that are not possible
-        W = sums(w)
-        X, Y = sums(w * x) / W, sums(w * y) / W
-        spread = sums(w * x * x) - W * X * X
-        slope = (sums(w * x * y) - W * X * Y) / spread
-        chi2 = sums(w * y * y) - W * Y * Y - slope * slope * spread
-
-        def distance(part: tuple[slice, slice], end: np.ndarray) -> np.ndarray:
-            """Return how far the ends are from the lines of parts without them, in standard errors."""
-            off = x[end] - X[part]
-            variance = sigma[end] ** 2 + 1.0 / W[part] + off * off / spread[part]
-            return np.abs(y[:, end] - Y[:, *part] - slope[:, *part] * off) / np.sqrt(variance)
-
-        straight = possible & (chdtrc(points - 2.0, np.maximum(chi2, 0.0)) >= SIGNIFICANCE)
-        straight[:, :-1, :] &= distance((slice(1, None), slice(None)), np.arange(n)[:, None]) < END
-        straight[:, :, 1:] &= distance((slice(None), slice(None, -1)), np.arange(n)[None, :]) < END
-        ends = np.append(x, np.nan)
-        rise = np.where(straight, np.abs(slope + trend[0]) * (np.roll(ends, 1) - ends[:, None]), 0.0)
-    best = rise.reshape(len(sets), -1).argmax(axis=1)
-    found = rise.reshape(len(sets), -1).max(axis=1) > 0.0
-    return [slice(*map(int, divmod(one, n + 1))) if some else None for one, some in zip(best, found, strict=True)]
-
-
-def _line(x: np.ndarray, y: np.ndarray, sigma: np.ndarray) -> tuple[float, float, tuple[float, float]]:
-    """Return slope and offset of the weighted line, and their standard errors."""
-    (slope, level), covariance = np.polyfit(x, y, 1, w=1.0 / sigma, cov="unscaled")
-    if slope == 0.0:
-        return 0.0, 0.0, (math.sqrt(covariance[0, 0]), math.inf)
-    offset = -level / slope
-    by = np.array([offset, 1.0]) / slope  # derivatives of the offset by slope and level, but for their sign
-    return float(slope), float(offset), (math.sqrt(covariance[0, 0]), math.sqrt(by @ covariance @ by))
-
-
-def _distance(x: np.ndarray, y: np.ndarray, sigma: np.ndarray, at: float, torque: float, error: float) -> float:
-    """Return how far above the line of some points another one is, in standard errors of that distance."""
-    line, covariance = np.polyfit(x - at, y, 1, w=1.0 / sigma, cov="unscaled")
-    return (torque - line[1]) / math.hypot(error, math.sqrt(covariance[1, 1]))
+    best: list[slice | None] = [None] * len(sets)
+    most = np.zeros(len(sets))
+    fits = {
+        (i, j): line(x[i:j], sets[:, i:j], sigma[i:j]) for i, j in combinations(range(x.size + 1), 2) if x[j - 1] > x[i]
+    }
+    for (i, j), fit in fits.items():
+        if np.unique(x[i:j]).size < 3:
+            continue
+        straight = chdtrc(j - i - 2.0, fit.squares) >= SIGNIFICANCE
+        for end, others in ((i, fits[i + 1, j]), (j - 1, fits[i, j - 1])):
+            there = others.at(x[end])
+            straight &= np.abs(sets[:, end] - there.value) < NORMAL * math.hypot(there.error, sigma[end])
+        rise = np.where(straight, np.abs(fit.slope.value) * (x[j - 1] - x[i]), 0.0)
+        for n in np.flatnonzero(rise > most):
+            best[n], most[n] = slice(i, j), rise[n]
+    return best
 
 
 def _corner(
@@ -231,6 +201,7 @@ def _corner(
 ) -> tuple[float, float] | None:
     """Return the knee of the nearest broken line with its standard error; None where it does not fit."""
     from scipy.optimize import OptimizeWarning, curve_fit
+    from scipy.special import chdtrc
 
     def torque(current, slope, offset, knee, bend):
         return slope * (current - offset) - bend * np.maximum(0.0, current - knee)
@@ -243,14 +214,8 @@ def _corner(
         return None
     slope, _, knee, bend = (float(value) for value in found)
     inside = np.count_nonzero(x < knee) >= 2 and np.count_nonzero(x > knee) >= 2
-    if not inside or bend * slope <= 0.0 or not _is_noise(y - torque(x, *found), sigma, 4):
+    squares, freedom = np.sum(((y - torque(x, *found)) / sigma) ** 2), x.size - 4.0
+    is_noise = freedom <= 0.0 or chdtrc(freedom, squares) >= SIGNIFICANCE
+    if not inside or bend * slope <= 0.0 or not is_noise:
         return None
     return knee, math.sqrt(float(covariance[2, 2]))
-
-
-def _is_noise(residuals: np.ndarray, sigma: np.ndarray, numbers: int) -> bool:
-    """True if chi^2 of the residuals of a fit of so many numbers is one that noise alone would leave."""
-    from scipy.special import chdtrc
-
-    freedom = residuals.size - numbers
-    return freedom <= 0 or float(chdtrc(freedom, float(np.sum((residuals / sigma) ** 2)))) >= SIGNIFICANCE

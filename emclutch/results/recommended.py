@@ -20,11 +20,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from emclutch.results.accuracy_study import AccuracyStudy, Basis, MeasuredSetting, MeasuredValue, Total
+from emclutch.results.fits import NORMAL, student
 from emclutch.results.replicated_mean import DRIFT_CONFIDENCE, DRIFT_LIMIT
 from emclutch.results.setting_errors import PAIRS
 from emclutch.results.statistics import STOPPING_ALLOWANCE
 from emclutch.results.text import format_duration, format_percent
-from emclutch.results.torque_curves import NORMAL
 
 OWN_REPLICAS = 4
 """Of the scene's own settings, where nothing is asked for."""
@@ -34,7 +34,7 @@ STATISTICS = "statistics"
 """Name of the part that is no setting's: of the mean over replicas."""
 MAX_VALUES = 4  # of a setting, that are combined with those of others
 MAX_COMBINATIONS = 1_000_000
-REL_TOL = 1.0 - 1e-6
+REL_TOL = 1e-6
 FINER = 2  # replicas at a finer value, which a longer study measures besides
 NEGLIGIBLE = 0.002
 """Error at the scene's own value that makes finer ones pointless, whatever they are predicted to cost."""
@@ -125,6 +125,8 @@ class LimitingError:
         The combination that comes nearest.
     at_least : bool
         Whether `seconds` is a lower bound: the time of a finer value, after which the remaining error is not known.
+    needs_budget : bool
+        Whether it was not measured for want of budget.
     """
 
     setting: str
@@ -133,6 +135,7 @@ class LimitingError:
     reason: str = ""
     best: Choice | None = None
     at_least: bool = False
+    needs_budget: bool = False
 
     def in_words(self) -> str:
         """Return why a target is not reached."""
@@ -285,7 +288,7 @@ def limiting_error(study: AccuracyStudy, target: float) -> LimitingError:
     if unknown := unknown_of(study):
         (setting, reason), *others = unknown.items()
         more = f"; nor was {', '.join(name for name, _ in others)} measured" if others else ""
-        return LimitingError(setting, None, None, reason + more)
+        return LimitingError(setting, None, None, reason + more, needs_budget=setting in study.over_budget)
     best = Combinations(study).nearest()
     noise = best.total.noise
     room = target**2 - (best.half_width**2 - noise**2)
@@ -328,14 +331,12 @@ def own_choice(study: AccuracyStudy, replicas: int = OWN_REPLICAS) -> Choice:
     return choice_of(study, {}, replicas, study.scatter)
 
 
-def choice_with(
-    study: AccuracyStudy, setting: MeasuredSetting, measured: MeasuredValue, replicas: int
-) -> Choice | None:
+def choice_with(study: AccuracyStudy, setting: MeasuredSetting, at: MeasuredValue, replicas: int) -> Choice | None:
     """Return the scene's own settings but for one; None where its error is not known."""
-    if measured.result is None or study.draws(setting.name, measured.step_size) is None:
+    if at.result is None or study.draws(setting.name, at.step_size) is None:
         return None
-    scatter = study.scatter * _scatter_ratio(study, setting, measured)
-    return choice_of(study, {setting.name: measured}, replicas, scatter, measured.cost)
+    scatter = study.scatter * _scatter_ratio(study, setting, at)
+    return choice_of(study, {setting.name: at}, replicas, scatter, at.cost)
 
 
 def choice_of(
@@ -356,13 +357,11 @@ def statistical_half_width(study: AccuracyStudy, scatter: float, replicas: int) 
     width for which the rule may end a run that does not drift, if all scatter is fluctuation within a replica: a slope
     of noise makes its ends differ by sqrt(12) times its mean (`emclutch.results.replicated_mean.steadiness`).
     """
-    from scipy.special import stdtrit
-
     error, freedom = scatter / math.sqrt(replicas), study.freedom + replicas - 1
-    half = float(stdtrit(freedom, 1.0 - STOPPING_ALLOWANCE * 0.025)) * error
+    half = student(freedom, 1.0 - STOPPING_ALLOWANCE * 0.025) * error
     if "start_up" in study.told:
         return half
-    drift = (1.0 + float(stdtrit(3 * replicas - 1, DRIFT_CONFIDENCE))) * math.sqrt(12.0) * error
+    drift = (1.0 + student(3 * replicas - 1, DRIFT_CONFIDENCE)) * math.sqrt(12.0) * error
     return max(half, drift / DRIFT_LIMIT)
 
 
@@ -403,7 +402,7 @@ def _candidates(study: AccuracyStudy, setting: MeasuredSetting, most: int) -> li
     found = []
     for measured in setting.values:
         found_error = None if measured.result is None else study.draws(setting.name, measured.step_size)
-        if found_error is None or (setting.basis is Basis.START_UP and measured.value < setting.own * REL_TOL):
+        if found_error is None or (setting.basis is Basis.START_UP and measured.value < setting.own * (1.0 - REL_TOL)):
             continue  # an average that begins in the start-up drifts, and a run goes on until it knows by how much
         draws, error = found_error
         shared = float(unit @ draws[0]) / len(unit) if setting.basis is Basis.TORQUE else 0.0

@@ -23,8 +23,7 @@
    for, or by more than `USUAL`, beyond its 95 % error. It is never converged, since its error leaves out the scatter
    between replicas (`Estimate.steady_alone`).
 4. **Verdict** (`steadiness`): steady, drifting or not settled. To exclude a drift takes several times the replicas that
-   the interval needs; it need not be excluded where an accuracy study has measured the start-up, on more replicas than
-   a run has.
+   the interval needs; it need not be excluded where an accuracy study has measured the start-up, on more replicas.
 
 Coverage and power, measured with synthetic series: tests/results/test_stopping_rule.py.
 """
@@ -38,8 +37,12 @@ from enum import Enum
 
 import numpy as np
 
+from emclutch.results.fits import Measured, student
 from emclutch.results.statistics import (
+    CONSTANT,
     MIN_SAMPLES,
+    NOT_CONVERGED,
+    RUN_LONGER,
     Estimate,
     checked_signal,
     correlation_samples,
@@ -132,10 +135,11 @@ def replicated_mean(
         late = min(first, size // 2)
         mean = float(np.average(y[:, late:].mean(axis=0), weights=dt[late:size])) if size else None
         start = float(t[late] - dt[late]) if size else None
-        reason = f"not converged: {size} windows, {MIN_SAMPLES} needed; run longer"
-        short = Estimate(mean, None, 0, None, start, False, reason, count, end=end, settled=nominal)
+        reason = f"{size} windows, {MIN_SAMPLES} needed"
+        short = Estimate(mean, None, 0, None, start, False, reason, count, end=end, settled=nominal,
+                         status=NOT_CONVERGED, remedy=RUN_LONGER)  # fmt: skip
         return short if size < MIN_SAMPLES else _too_short(short, nominal)
-    fit = _StretchFit(rows, dt, first)
+    own, drift = _mean_and_drift(rows, dt, first)
     starting = False
     if average_from is None:
         latest = max(first, size - MIN_AVERAGED)
@@ -146,30 +150,30 @@ def replicated_mean(
         cut = min(cut, int(MAX_MSER_CUT * size))
         if cut > first:
             first = min(cut, latest)
-            fit = _StretchFit(rows, dt, first)
+            own, drift = _mean_and_drift(rows, dt, first)
     start, length = float(t[first] - dt[first]), farthest - float(t[first] - dt[first])
     averaged = np.concatenate([row[first:] for row in rows])
     if np.ptp(averaged) <= 1e-13 * np.max(np.abs(averaged)):  # round-off of a value that does not change
-        reason = "not converged: the signal does not change, so nothing in it says how far off its mean is"
-        return Estimate(fit.mean, None, 0, None, start, False, reason, count, end=farthest, settled=nominal)
+        return Estimate(own.value, None, 0, None, start, False, CONSTANT, count, end=farthest, settled=nominal,
+                        status=NOT_CONVERGED)  # fmt: skip
     even = np.array([rebinned(dt[first:size], row, size - first) for row in y[:, first:]])
     samples = correlation_samples(even)
-    error, freedom, pooled = _pooled(fit, count, scatter, scatter_freedom)
+    average, pooled = _pooled(own, scatter, scatter_freedom)
     found = Estimate(
-        fit.mean,
-        error,
+        average.value,
+        average.error,
         count,
         (end - start) / even.shape[1] * samples,
         start,
         False,
         "",
         count,
-        degrees_of_freedom=freedom,
+        degrees_of_freedom=average.freedom,
         end=farthest,
         settled=min(nominal, start),
-        drift=fit.drift / length,
-        drift_error=fit.drift_error / length,
-        drift_freedom=3.0 * count - 1.0,
+        drift=drift.value / length,
+        drift_error=drift.error / length,
+        drift_freedom=drift.freedom,
         starts_up=starting,
         fluctuation=math.sqrt(float(even.var(axis=1).mean()) * min(1.0, samples / even.shape[1])),
         exclude_drift=exclude_drift,
@@ -177,18 +181,19 @@ def replicated_mean(
         pooled_scatter=scatter if pooled else None,
         pooled_freedom=scatter_freedom if pooled else None,
     )
-    return judged(found, wanted(fit.mean))
+    return judged(found, wanted(average.value))
 
 
-def _pooled(fit: _StretchFit, count: int, scatter: float, freedom: float) -> tuple[float, float, bool]:
-    """Standard error of the mean, its degrees of freedom, and whether a study's scatter is pooled in it."""
+def _pooled(mean: Measured, scatter: float, freedom: float) -> tuple[Measured, bool]:
+    """The mean of replicas with a study's scatter pooled in its error, and whether it is."""
     from scipy.special import fdtri
 
-    own, known = fit.error**2 * count, (scatter * fit.mean) ** 2
-    if known <= 0.0 or freedom <= 0.0 or own > known * fdtri(count - 1, freedom, 1.0 - POOLING_SIGNIFICANCE):
-        return fit.error, count - 1.0, False
-    both = freedom + count - 1.0
-    return math.sqrt((freedom * known + (count - 1.0) * own) / both / count), both, True
+    count = mean.freedom + 1.0
+    own, known = mean.error**2 * count, (scatter * mean.value) ** 2
+    if known <= 0.0 or freedom <= 0.0 or own > known * fdtri(mean.freedom, freedom, 1.0 - POOLING_SIGNIFICANCE):
+        return mean, False
+    both = freedom + mean.freedom
+    return Measured(mean.value, math.sqrt((freedom * known + mean.freedom * own) / both / count), both), True
 
 
 def _without_drift(
@@ -199,20 +204,22 @@ def _without_drift(
         return found
     t, y, dt = checked_signal(*signal)
     late = t - 0.5 * dt > found.start
-    drift, error = drift_of(rebinned(dt[late], y[late], found.batches))
+    drift = drift_of(rebinned(dt[late], y[late], found.batches))
     limit = min(wanted(found.mean), USUAL * abs(found.mean))
-    if abs(drift) <= max(limit, _quantile(found.batches - 2.0, 0.975) * error):
+    if abs(drift.value) <= max(limit, drift.half_width()):
         return found
-    size = 100.0 * abs(drift / found.mean)
-    how = "falls" if drift * found.mean < 0.0 else "rises"
-    reason = f"not converged: the signal {how} by {size:.2g} % over the averaged part"
-    return replace(found, converged=False, reason=f"{reason}; run longer, or average from later")
+    size = 100.0 * abs(drift.value / found.mean)
+    how = "falls" if drift.value * found.mean < 0.0 else "rises"
+    reason = f"the signal {how} by {size:.2g} % over the averaged part"
+    remedy = "run longer, or average from later"
+    return replace(found, converged=False, reason=reason, status=NOT_CONVERGED, remedy=remedy)
 
 
 def _too_short(found: Estimate, nominal: float) -> Estimate:
     """The estimate of a run that ends before its start-up does, at `nominal` [s] at the earliest."""
-    reason = f"not settled: the run is hardly longer than its start-up ({nominal:.3g} s at the least); run longer"
-    return replace(found, converged=False, standard_error=None, reason=reason)
+    reason = f"the run is hardly longer than its start-up ({nominal:.3g} s at the least)"
+    short = replace(found, converged=False, standard_error=None, reason=reason)
+    return replace(short, status=Steadiness.NOT_SETTLED.value, remedy=RUN_LONGER)
 
 
 def judged(found: Estimate, wanted: float) -> Estimate:
@@ -220,22 +227,24 @@ def judged(found: Estimate, wanted: float) -> Estimate:
     verdict = steadiness(found, wanted)
     part = f"{found.replicas} replicas, averaged from {found.start:.3g} to {found.end:.3g} s"
     share = f"{drift_in_words(found)} over the averaged part"
+    remedy = RUN_LONGER
     if verdict is Steadiness.STEADY:
-        reason = f"steady: {part}; drift {share}"
+        reason, remedy = f"{part}; drift {share}", ""
     elif verdict is Steadiness.DRIFTING:
-        reason = f"drifting: by {share}; the interval is of this part ({part}); run longer"
+        reason = f"by {share}; the interval is of this part ({part})"
     elif found.starts_up:
         reason = (
-            f"not settled: the start-up takes more than {START_UP_LIMIT:g} of the run, and the interval is of the rest "
-            f"({part}); run longer"
+            f"the start-up takes more than {START_UP_LIMIT:g} of the run, and the interval is of the rest ({part})"
         )
     else:
         limit = DRIFT_LIMIT * wanted
         reason = (
-            f"not settled: a drift of {_relative(limit, found.mean)} over the averaged part is not excluded "
-            f"({share}), and the interval is of this part ({part}); more replicas, or run longer"
+            f"a drift of {_relative(limit, found.mean)} over the averaged part is not excluded ({share}), and the "
+            f"interval is of this part ({part})"
         )
-    return replace(found, converged=verdict is Steadiness.STEADY, reason=reason)
+        remedy = "more replicas, or run longer"
+    is_steady = verdict is Steadiness.STEADY
+    return replace(found, converged=is_steady, reason=reason, status=verdict.value, remedy=remedy)
 
 
 def steadiness(found: Estimate, wanted: float) -> Steadiness:
@@ -251,20 +260,19 @@ def steadiness(found: Estimate, wanted: float) -> Steadiness:
         return Steadiness.STEADY if found.converged else Steadiness.NOT_SETTLED
     if not found.exclude_drift:
         return Steadiness.DRIFTING if drifts_significantly(found, wanted) else Steadiness.STEADY
-    drift, error = _nominal_drift(found)
-    excluded = drift + _quantile(found.drift_freedom, DRIFT_CONFIDENCE) * error < DRIFT_LIMIT * wanted
+    drift = _nominal_drift(found)
+    excluded = drift.value + student(drift.freedom, DRIFT_CONFIDENCE) * drift.error < DRIFT_LIMIT * wanted
     if excluded and not found.starts_up:
         return Steadiness.STEADY
-    zero_excluded = drift > _quantile(found.drift_freedom, 0.975) * error
-    return Steadiness.DRIFTING if zero_excluded else Steadiness.NOT_SETTLED
+    return Steadiness.DRIFTING if drift.is_significant() else Steadiness.NOT_SETTLED
 
 
 def drifts_significantly(found: Estimate, wanted: float) -> bool:
     """True if a drift beyond `MAX_DRIFT` times `wanted` is certain (95 %): more replicas do not cure it."""
     if found.drift is None or found.drift_error is None or found.drift_freedom is None:
         return False
-    drift, error = _nominal_drift(found)
-    return drift - _quantile(found.drift_freedom, 0.95) * error > MAX_DRIFT * wanted
+    drift = _nominal_drift(found)
+    return drift.value - student(drift.freedom, 0.95) * drift.error > MAX_DRIFT * wanted
 
 
 def may_be_zero(found: Estimate) -> bool:
@@ -303,8 +311,8 @@ def _expected_drift(found: Estimate, count: int, factor: float, wanted: float) -
     """True if a drift is expected to be excluded, if there is none."""
     if not found.exclude_drift or found.drift_error is None or found.end is None or found.settled is None:
         return True
-    error = _nominal_drift(found)[1] * math.sqrt(found.replicas / count / factor)
-    return bool((1.0 + _quantile(3.0 * count - 1.0, DRIFT_CONFIDENCE)) * error < DRIFT_LIMIT * wanted)
+    error = _nominal_drift(found).error * math.sqrt(found.replicas / count / factor)
+    return bool((1.0 + student(3.0 * count - 1.0, DRIFT_CONFIDENCE)) * error < DRIFT_LIMIT * wanted)
 
 
 def drift_in_words(found: Estimate) -> str:
@@ -312,50 +320,42 @@ def drift_in_words(found: Estimate) -> str:
     if found.drift is None or found.drift_error is None or found.start is None or found.end is None or not found.mean:
         return "unknown"
     length, scale = found.end - found.start, 100.0 / abs(found.mean)
-    half = _quantile(found.drift_freedom or 1.0, 0.975) * found.drift_error * length
+    half = student(found.drift_freedom or 1.0) * found.drift_error * length
     sign = 1.0 if found.mean > 0.0 else -1.0
     return f"{sign * found.drift * length * scale:.2g} +- {half * scale:.2g} %"
 
 
-def _nominal_drift(found: Estimate) -> tuple[float, float]:
-    """Magnitude and standard error of the drift from the end of the start-up to the end of the run."""
+def _nominal_drift(found: Estimate) -> Measured:
+    """Magnitude of the drift from the end of the start-up to the end of the run."""
     span = (found.end or 0.0) - (found.settled or 0.0)
-    return abs(found.drift or 0.0) * span, (found.drift_error or 0.0) * span
+    return Measured(abs(found.drift or 0.0) * span, (found.drift_error or 0.0) * span, found.drift_freedom or 1.0)
 
 
 def _relative(value: float, mean: float | None) -> str:
     return f"{100.0 * value / abs(mean):.2g} %" if mean else f"{value:.2g}"
 
 
-def _quantile(freedom: float, probability: float) -> float:
-    """Student's t."""
-    from scipy.special import stdtrit
+def _mean_and_drift(rows: Sequence[np.ndarray], dt: np.ndarray, first: int) -> tuple[Measured, Measured]:
+    """Return mean and drift over the longest part, of Legendre polynomials up to the cubic through each replica.
 
-    return float(stdtrit(freedom, probability))
-
-
-class _StretchFit:
-    """Legendre coefficients up to the cubic of each replica over its part; mean and drift with their errors."""
-
-    def __init__(self, rows: Sequence[np.ndarray], dt: np.ndarray, first: int) -> None:
-        """From the means over windows of lengths dt (n,) of each replica, from the window `first` to its own end."""
-        count, longest = len(rows), float(dt[first:].sum())
-        means, slopes, scales, curvature = [], [], [], 0.0
-        for size in sorted({row.size for row in rows}):
-            width, same = dt[first:size], [row[first:] for row in rows if row.size == size]
-            x = (2.0 * np.arange(width.size) + 1.0) / width.size - 1.0
-            basis, triangle = np.linalg.qr(np.polynomial.legendre.legvander(x, 3))
-            even = np.array([rebinned(width, row, width.size) for row in same])
-            coefficients = even @ basis  # of one variance for white noise, in all replicas
-            means += list(np.average(same, weights=width, axis=1))
-            slopes += list(coefficients[:, 1])
-            scales += [0.5 * triangle[1, 1] * float(width.sum()) / longest] * len(same)  # 1 on [-1, 1] drifts by 2
-            curvature += float((coefficients[:, 2:] ** 2).sum())
-        self.mean, self.error = float(np.mean(means)), float(np.std(means, ddof=1)) / math.sqrt(count)
-        scale = float(np.dot(scales, scales))
-        self.drift = float(np.dot(scales, slopes)) / scale  # over the longest part, by least squares
-        squares = float(((np.array(slopes) - self.drift * np.array(scales)) ** 2).sum()) + curvature
-        self.drift_error = math.sqrt(squares / (3.0 * count - 1.0) / scale)
+    From the means over windows of lengths dt (n,) of each replica, from the window `first` to its own end.
+    """
+    longest = float(dt[first:].sum())
+    means, slopes, scales, curvature = [], [], [], 0.0
+    for size in sorted({row.size for row in rows}):
+        width, same = dt[first:size], [row[first:] for row in rows if row.size == size]
+        x = (2.0 * np.arange(width.size) + 1.0) / width.size - 1.0
+        basis, triangle = np.linalg.qr(np.polynomial.legendre.legvander(x, 3))
+        even = np.array([rebinned(width, row, width.size) for row in same])
+        coefficients = even @ basis  # of one variance for white noise, in all replicas
+        means += list(np.average(same, weights=width, axis=1))
+        slopes += list(coefficients[:, 1])
+        scales += [0.5 * triangle[1, 1] * float(width.sum()) / longest] * len(same)  # 1 on [-1, 1] drifts by 2
+        curvature += float((coefficients[:, 2:] ** 2).sum())
+    scale = float(np.dot(scales, scales))
+    drift, freedom = float(np.dot(scales, slopes)) / scale, 3.0 * len(rows) - 1.0
+    squares = float(((np.array(slopes) - drift * np.array(scales)) ** 2).sum()) + curvature
+    return Measured.of(means), Measured(drift, math.sqrt(squares / freedom / scale), freedom)
 
 
 def _on_common_windows(

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from html import escape
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from emclutch.results.best_estimate import best_estimate
 from emclutch.results.columns import SHEAR_STRESS, TORQUE_DISC
 from emclutch.results.errors import OutputError
+from emclutch.results.report.report import Report, Reported
 from emclutch.results.run_folder import RunFolder
 from emclutch.results.statistics import Estimate
 from emclutch.results.steady_stress import steady_stress
@@ -18,14 +19,23 @@ if TYPE_CHECKING:
     import pandas
 
     from emclutch.results.record import Record
-    from emclutch.results.report.verdict import Statement
+    from emclutch.results.report.report import Statement
 
 
-class Result:
-    """A run's history, torque, summary and record; everything is read when it is first asked for."""
+class Result(Reported):
+    """A run's history, torque, summary and record; everything is read when it is first asked for, once.
 
-    def __init__(self, folder: RunFolder) -> None:
+    Parameters
+    ----------
+    folder : RunFolder
+    summary : dict
+        Its ``summary.json`` where that is not written yet.
+    """
+
+    def __init__(self, folder: RunFolder, summary: dict[str, Any] | None = None) -> None:
         self.folder = folder
+        if summary is not None:
+            self.summary = summary
         self._history: pandas.DataFrame | None = None
         self._torque: Estimate | None = None
 
@@ -42,7 +52,7 @@ class Result:
             self._history = history
         return self._history
 
-    @property
+    @cached_property
     def summary(self) -> dict[str, Any]:
         """``summary.json``; empty where the run was cut off before it was written."""
         return self.folder.read_summary()
@@ -112,23 +122,20 @@ class Result:
 
     @property
     def verdict(self) -> list[Statement]:
-        """Torque with its interval, error budget, what to do next and its cost, balances, warnings.
+        """The number to quote, what it leaves out, raw value, next step and its price, balances, warnings.
 
-        Each has a `mark` (good, poor or note) and a `text`; `emclutch run` prints the same. OutputError where there is
-        no window yet.
+        Each has a `mark` (good, note, warning or unusable) and a `text`; `emclutch run` prints the same. OutputError
+        where there is no window yet.
         """
         from emclutch.results.report.verdict import verdict  # local: it imports this module
 
         return verdict(self)
 
-    def _repr_html_(self) -> str:
-        from emclutch.results.report.content import run_page  # local, as above
-        from emclutch.results.report.render import fragment
+    def report(self) -> Report:
+        """Return the report on the run; OutputError where there is no window yet."""
+        from emclutch.results.report.run_report import run_report  # local, as above
 
-        try:
-            return fragment(run_page(self, lambda result: ()).short())
-        except OutputError as error:  # a notebook shows the object all the same
-            return f"<p>{escape(str(error))}</p>"
+        return run_report(self)
 
     def open_record(self) -> Record:
         """The HDF5 record, for reading."""

@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from emclutch.results.columns import CURRENT, GAP_FLUX_DENSITY, TIME, TORQUE_DISC
+from emclutch.results.fits import Measured, student
 from emclutch.results.statistics import MIN_SAMPLES, correlation_samples
 from emclutch.results.text import format_time
 
@@ -86,9 +87,7 @@ def rise_times(
     if isinstance(with_current, float) and isinstance(with_torque, float):
         found["torque_lag"] = with_torque / with_current
     if found["current_rise_time"] is None:
-        found["current_rise_time_note"] = (
-            f"the current went up to {current.max():.3g} A of {final:.3g} A: run longer than {time[-1]:.3g} s"
-        )
+        found["current_rise_time_note"] = f"the current went up to {current.max():.3g} A of {final:.3g} A"
     if abs(current[-1] - final) > SETTLED * final:
         unsettled = f"the current is {current[-1]:.3g} A at the end and goes to {final:.3g} A"
     elif _still_moves(time, field):
@@ -97,7 +96,7 @@ def rise_times(
         found["gap_flux_density_rise_time"] = time_to_reach(time, field, float(field[-1]))
         found["gap_flux_density_rise_time_90"] = time_to_reach(time, field, float(field[-1]), LATE)
         return found
-    found["gap_flux_density_rise_time_note"] = f"{unsettled}: run longer than {time[-1]:.3g} s"
+    found["gap_flux_density_rise_time_note"] = unsettled
     return found
 
 
@@ -155,7 +154,7 @@ def _torque_rise(width: float, torque: np.ndarray, current_late: float) -> dict[
         "torque_rise_required_end": required if too_short else None,
     }
     if not settled:
-        found["torque_rise_time_note"] = f"the torque still changes: time.end = {format_time(required)} or later"
+        found["torque_rise_time_note"] = "the torque still changes"
         return found
     found["torque_after_rise"] = final
     length = max(width, SMOOTHING * (late - (_reached(middle, rough, EARLY * final) or 0.0)))
@@ -170,8 +169,7 @@ def _torque_rise(width: float, torque: np.ndarray, current_late: float) -> dict[
         near = np.abs(middle - time) <= max(0.5 * length, 0.51 * width)
         half = _half_width(after, length / width, share, int(last.sum()))
         if replicas > 1:
-            scatter = np.std(torque[:, near].mean(axis=1) - share * finals, ddof=1)
-            half = max(half, _quantile(replicas - 1.0) * scatter / math.sqrt(replicas))
+            half = max(half, Measured.of(torque[:, near].mean(axis=1) - share * finals).half_width())
         level = share * final
         found[f"{name}_interval"] = [_reached(middle, curve, level + sign * half) for sign in (-1.0, 1.0)]
     return found
@@ -187,14 +185,7 @@ def _half_width(after: np.ndarray, length: float, share: float, last: int) -> fl
     independent = max(1.25, after.shape[1] / correlated)  # samples of each replica; fewer say nothing of their variance
     variance = float(after.var(axis=1).mean()) * independent / (independent - 1.0)
     factor = min(1.0, correlated / length) + share**2 * min(1.0, correlated / last)
-    return _quantile(len(after) * (independent - 1.0)) * math.sqrt(variance * factor / len(after))
-
-
-def _quantile(freedom: float) -> float:
-    """Student's t, two-sided 95 %."""
-    from scipy.special import stdtrit
-
-    return float(stdtrit(freedom, 0.975))
+    return student(len(after) * (independent - 1.0)) * math.sqrt(variance * factor / len(after))
 
 
 def _moving_mean(value: np.ndarray, length: float) -> np.ndarray:
@@ -262,15 +253,16 @@ def in_words(summary: Mapping[str, Any]) -> list[str]:
             half, most = (
                 _interval_in_words(summary.get(f"{name}_rise_time{suffix}_interval")) for suffix in ("", "_90")
             )
-            then = "it does not reach 90 %" if late is None else f"90 % after {format_time(late)}{most}"
-            lines.append(f"The {name} reaches 63 % of its final {final} after {format_time(early)}{half}, {then}")
+            then = "not 90 %" if late is None else f"90 % at {format_time(late)}{most}"
+            lines.append(f"{name.capitalize()}: 63 % of its final {final} at {format_time(early)}{half}, {then}")
         elif note := summary.get(f"{name}_rise_time_note"):
-            lines.append(f"The rise of the {name} is not over at the end of the run: {note.partition(':')[0]}")
+            lines.append(f"The rise of the {name} is not over at the end of the run: {note}; run longer")
     if (lag := summary.get("torque_lag")) is not None:
-        lines[-1] += f"; {lag:.3g} times as long as the current for 63 %"
+        lines.append(f"The torque takes {lag:.3g} times as long as the current to 63 %")
     if summary.get("torque_rise_time_interval") and summary.get("torque_rise_replicas") == 1:
         lines.append(
-            "The intervals of the torque's rise leave out the scatter between replicas; accuracy.replicas = 4 has it"
+            "One replica: the intervals of the torque's rise leave out the scatter between replicas "
+            "(accuracy.replicas = 4 includes it)"
         )
     if summary.get("torque_rise_too_short"):
         needed = format_time(summary["torque_rise_required_end"])

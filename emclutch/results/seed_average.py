@@ -7,13 +7,13 @@ Student's, of n - 1 degrees of freedom. Runs of equal weight: their own errors, 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-CONFIDENCE = 0.95
+from emclutch.results.fits import Measured
+
 OF_A_RUN = ("standard_error", "steady_alone", "seconds", "figure_of_merit", "reason", "folder", "started_from")
 """Columns of a single run that have no average over seeds."""
 
@@ -55,7 +55,7 @@ def _average(group: Sequence[Mapping[str, Any]], seed: str, others: Sequence[str
             numbers = all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in values)
             if numbers and name.endswith("_error") and name.removesuffix("_error") in first:  # not the runs' own
                 of = [row[name.removesuffix("_error")] for row in group]
-                found[name] = float(np.std(of, ddof=1)) / math.sqrt(len(of)) if len(of) > 1 else None
+                found[name] = Measured.of(of).error if len(of) > 1 else None
             else:
                 found[name] = float(np.mean(values)) if numbers else None
     return found
@@ -63,15 +63,8 @@ def _average(group: Sequence[Mapping[str, Any]], seed: str, others: Sequence[str
 
 def _spread(torques: Sequence[float | None]) -> dict[str, float | None]:
     """Mean torque [N m] and what its scatter says of it."""
-    from scipy.special import stdtrit
-
-    known = [torque for torque in torques if torque is not None]
-    n = len(known)
-    if n < len(torques) or not known:
-        return {"torque": None, "standard_error": None, "low": None, "high": None}
-    mean = float(np.mean(known))
-    if n == 1:
-        return {"torque": mean, "standard_error": None, "low": None, "high": None}
-    error = float(np.std(known, ddof=1)) / math.sqrt(n)
-    half = float(stdtrit(n - 1, 0.5 + 0.5 * CONFIDENCE)) * error
-    return {"torque": mean, "standard_error": error, "low": mean - half, "high": mean + half}
+    if len(torques) == 1 or None in torques:
+        return {"torque": torques[0] if len(torques) == 1 else None, "standard_error": None, "low": None, "high": None}
+    mean = Measured.of(torques)
+    low, high = mean.interval()
+    return {"torque": mean.value, "standard_error": mean.error, "low": low, "high": high}

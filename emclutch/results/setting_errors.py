@@ -8,7 +8,7 @@ with the mean m at the scene's own settings, the error b_k + d_k of its own valu
 step size h, L is the step size without error), and the deviation d of single values from the law, as grains that order
 in layers have it. The torque without errors is exp(m - sum of b_k + d_k). A large error follows T_0 (1 + a h^p): for it
 g = ln(1 + a h^p), with a from a line through the torques, and b is the error of its coarsest value. All settings that
-are measured by torques share m; one that is measured on standing grains, or on later parts of the same histories, has
+are measured by torques share m; one measured on a frozen packing, or on later parts of the same histories, has
 an m of its own.
 
 **Priors.**
@@ -46,6 +46,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from emclutch.results.fits import NORMAL
+
 if TYPE_CHECKING:
     from emclutch.results.accuracy_study import MeasuredSetting
 
@@ -64,7 +66,6 @@ MODEL = 0.05
 """Part of each error that is unknown, 95 %."""
 PAIRS = 3.0
 """Times the product of two errors that may be added to them, 95 %."""
-NORMAL = 1.96
 LOWEST_EXCESS, LARGEST_EXCESS = -0.5, 10.0
 LARGEST = 1.0  # scale of an error or a deviation
 HIGHEST_ORDER = 10.0
@@ -124,9 +125,7 @@ class SharedMean:
         self._deviation = DEVIATION * large if self._is_noisy else np.full(len(settings), OF_RANGE * extent)
         self._excess = [_excess(setting) if setting.is_large else None for setting in settings]
         counts = [len(some) if scale else 0 for some, scale in zip(self._values, self._deviation, strict=True)]
-        self._first = np.cumsum(
-            [1 + len(settings), *counts]
-        )  # latent d of each setting's first value, where it has any
+        self._first = np.cumsum([1 + len(settings), *counts])  # latent d of the first value of each, where it has any
         has_factor = self._is_noisy and math.isfinite(settings[0].freedom)
         self._is_used = np.r_[np.ones(len(settings), dtype=bool), ~self._is_flat, self._deviation > 0.0, has_factor]
 

@@ -35,6 +35,8 @@ from typing import Any
 
 import numpy as np
 
+from emclutch.results.fits import Measured, line, student
+
 MIN_BATCHES = 10
 MAX_BATCHES = 30  # Schmeiser 1982
 MIN_SAMPLES = 20  # fewer give neither a cut nor a correlation time worth its name
@@ -46,8 +48,8 @@ STOPPING_ALLOWANCE = 0.6
 for 95 %."""
 REPLICAS = 4  # from which on the interval is of a useful width
 ONE_REPLICA = "one replica, whose interval leaves out the scatter between replicas"
-TOO_FEW = "needed; run longer"
-"""End of a reason that time alone mends."""
+NOT_CONVERGED, RUN_LONGER = "not converged", "run longer"
+CONSTANT = "the signal does not change, so nothing in it says how far off its mean is"
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +66,9 @@ class Estimate:
     start : beginning of the steady part [s].
     converged : steady; of a single series without drift, and at least 10 batches each longer than 4 correlation times.
         Of a run of one replica never: its error leaves out the scatter between replicas.
-    reason : the verdict in words, with the remedy.
+    reason : why it is known, or not.
+    status : verdict in a word or two: "steady", "converged", "drifting", "not settled", "not converged".
+    remedy : what to do where it is not known; empty where it is, or where nothing helps.
     replicas : independent runs behind it.
     degrees_of_freedom : of the error; None: one less than the batches.
     end : end of the averaged part [s]; None of a single series.
@@ -105,6 +109,13 @@ class Estimate:
     several_looks: bool = False
     pooled_scatter: float | None = None
     pooled_freedom: float | None = None
+    status: str = ""
+    remedy: str = ""
+
+    def in_words(self) -> str:
+        """Return status, reason and remedy."""
+        text = ": ".join(filter(None, (self.status, self.reason)))
+        return "; ".join(filter(None, (text, self.remedy)))
 
     @property
     def is_steady(self) -> bool:
@@ -115,8 +126,9 @@ class Estimate:
         """Return the estimate of a run of one replica: not converged, though it may be steady."""
         if not self.converged:
             return self
-        reason = f"not converged: {ONE_REPLICA}; set accuracy.replicas = {REPLICAS}"
-        return replace(self, converged=False, steady_alone=True, reason=reason)
+        remedy = f"set accuracy.replicas = {REPLICAS}"
+        found = replace(self, converged=False, steady_alone=True, status=NOT_CONVERGED, remedy=remedy)
+        return replace(found, reason=ONE_REPLICA)
 
     def half_width(self, confidence: float = 0.95) -> float | None:
         """Half the width of the mean's two-sided confidence interval by Student's t; None: unknown.
@@ -135,10 +147,8 @@ class Estimate:
 
     def quantile(self, freedom: float, confidence: float = 0.95) -> float:
         """Half the width of a two-sided confidence interval over the standard error, with the allowance for looks."""
-        from scipy.special import stdtrit
-
         allowance = STOPPING_ALLOWANCE if self.several_looks else 1.0
-        return float(stdtrit(freedom, 1.0 - allowance * 0.5 * (1.0 - confidence)))
+        return student(freedom, 1.0 - allowance * 0.5 * (1.0 - confidence))
 
     @property
     def known(self) -> bool:
@@ -232,7 +242,9 @@ def steady_mean(
             correlation_time=None,
             start=float(t[0] - dt[0]) if t.size else None,
             converged=False,
-            reason=f"not converged: {t.size} samples{where}, {MIN_SAMPLES} needed; run longer",
+            reason=f"{t.size} samples{where}, {MIN_SAMPLES} needed",
+            status=NOT_CONVERGED,
+            remedy=RUN_LONGER,
         )
     steady = True
     if average_from is None:
@@ -247,7 +259,8 @@ def steady_mean(
             correlation_time=None,
             start=start,
             converged=False,
-            reason="not converged: the signal does not change, so nothing in it says how far off its mean is",
+            reason=CONSTANT,
+            status=NOT_CONVERGED,
         )
     mean = float(np.average(y, weights=dt))
     even = y if np.ptp(dt) <= 1e-6 * dt.mean() else rebinned(dt, y, y.size)
@@ -259,17 +272,19 @@ def steady_mean(
     drift = False
     if batches >= 2:
         means = rebinned(dt, y, batches)
-        error = max(error, float(np.std(means, ddof=1)) / math.sqrt(batches))
-        drift = batches >= MIN_BATCHES and _drifts(means)
+        error = max(error, Measured.of(means).error)
+        drift = batches >= MIN_BATCHES and drift_of(means).is_significant(1.0 - DRIFT_SIGNIFICANCE)
 
+    status, remedy = NOT_CONVERGED, RUN_LONGER
     if not steady:
-        reason = "not converged: no steady part found, the signal still changes; run longer"
+        reason = "no steady part found, the signal still changes"
     elif batches < MIN_BATCHES:
-        reason = f"not converged: {batches} uncorrelated batches, {MIN_BATCHES} {TOO_FEW}"
+        reason = f"{batches} uncorrelated batches, {MIN_BATCHES} needed"
     elif drift:
-        reason = "not converged: the signal drifts; run longer or set a later average_from"
+        reason, remedy = "the signal drifts", "run longer or set a later average_from"
     else:
-        reason = f"converged: {batches} batches of {total / batches:.2g} s, correlation time {tau:.2g} s"
+        reason = f"{batches} batches of {total / batches:.2g} s, correlation time {tau:.2g} s"
+        status, remedy = "converged", ""
     return Estimate(
         mean=mean,
         standard_error=error,
@@ -278,6 +293,8 @@ def steady_mean(
         start=start,
         converged=steady and not drift and batches >= MIN_BATCHES,
         reason=reason,
+        status=status,
+        remedy=remedy,
     )
 
 
@@ -332,23 +349,9 @@ def rebinned(duration: np.ndarray, value: np.ndarray, bins: int) -> np.ndarray:
     return np.diff(np.interp(new_edges, edges, integral)) / (edges[-1] / bins)
 
 
-def _drifts(means: np.ndarray) -> bool:
-    """Student's t test of the slope of a line through the batch means."""
-    from scipy.special import stdtrit
-
-    drift, error = drift_of(means)
-    return abs(drift) > float(stdtrit(means.size - 2, 1.0 - 0.5 * DRIFT_SIGNIFICANCE)) * error
-
-
-def drift_of(means: np.ndarray) -> tuple[float, float]:
-    """Return the drift from begin to end of a line through batch means (n,), and its standard error."""
-    n = means.size
-    x = np.arange(n) - 0.5 * (n - 1)
-    y = means - means.mean()
-    slope = float(x @ y) / float(x @ x)
-    rest = y - slope * x
-    error = math.sqrt(float(rest @ rest) / (n - 2) / float(x @ x))
-    return n * slope, n * error
+def drift_of(means: np.ndarray) -> Measured:
+    """Return the drift from begin to end of a line through batch means (n,), positive where they rise."""
+    return line(np.arange(means.size), means).slope.scaled(means.size)
 
 
 def checked_signal(

@@ -24,7 +24,7 @@ from emclutch.results.columns import (
     SOLID_FRACTION,
     TIME,
 )
-from emclutch.results.statistics import Estimate
+from emclutch.results.statistics import NOT_CONVERGED, Estimate
 from emclutch.results.steady_torque import (
     MIN_AVERAGED_STRAIN,
     SteadyConditions,
@@ -78,7 +78,8 @@ def steady_stress(histories: Sequence[pandas.DataFrame], conditions: SteadyCondi
     of_ratio = replace(conditions, negligible=0.0)  # what is asked for in Pa says nothing of a number without a unit
     friction = steady_mean_of(linear, _RATIO, of_ratio, start)
     if friction.is_steady and not shear.is_steady:
-        friction = replace(friction, converged=False, steady_alone=False, reason=shear.reason)
+        friction = replace(friction, converged=False, steady_alone=False, reason=shear.reason, status=shear.status,
+                           remedy=shear.remedy)  # fmt: skip
     return SteadyStress(shear, normal, friction)
 
 
@@ -100,11 +101,10 @@ def _sheared_enough(found: Estimate, histories: Sequence[pandas.DataFrame]) -> E
         if averaged < MIN_AVERAGED_STRAIN:
             end = float(history[TIME].iloc[-1])
             needed = end * (begin + MIN_AVERAGED_STRAIN) / float(strain[-1])
-            reason = (
-                f"not converged: the box was sheared by {averaged:.2g} only while averaging, {MIN_AVERAGED_STRAIN:g} "
-                f"needed; raise time.end to {1.05 * needed:.2g} s"
-            )
-            return replace(found, converged=False, steady_alone=False, reason=reason, missing=1.05 * needed - end)
+            reason = f"the box was sheared by {averaged:.2g} only while averaging, {MIN_AVERAGED_STRAIN:g} needed"
+            remedy, missing = f"raise time.end to {1.05 * needed:.2g} s", 1.05 * needed - end
+            found = replace(found, converged=False, steady_alone=False, status=NOT_CONVERGED, missing=missing)
+            return replace(found, reason=reason, remedy=remedy)
     return found
 
 

@@ -29,13 +29,14 @@ from emclutch.results.columns import (
     TORQUE_ROTOR,
 )
 from emclutch.results.replicated_mean import USUAL, replicated_mean
-from emclutch.results.statistics import MIN_BATCHES, Estimate, more_time
+from emclutch.results.statistics import MIN_BATCHES, NOT_CONVERGED, RUN_LONGER, Estimate, more_time
 
 if TYPE_CHECKING:
     import pandas
 
 MIN_AVERAGED_STRAIN = 5.0  # shear of the gap, slip times radius over width, while averaging: several correlation times
 MAX_IMBALANCE = 0.05  # of the torque
+NO_PROBLEM = "", "", 0.0
 HOLDS = 0.01  # of the rotor's fastest speed: shafts whose slip falls below it do not shear the gap
 
 
@@ -155,7 +156,7 @@ def steady_torque(
     """
     found = _judged(history, conditions, replicas)
     if not found.is_steady and (changing := changing_drive(history, found.start)):
-        return replace(found, reason=f"not converged: {changing}", missing=None)
+        return replace(found, reason=changing, status=NOT_CONVERGED, remedy="", missing=None)
     return found
 
 
@@ -166,18 +167,18 @@ def _judged(history: pandas.DataFrame, conditions: SteadyConditions, replicas: S
         return _negligible(found, conditions.negligible)
     if not found.is_steady or found.mean is None or found.start is None:
         text, missing = _how_much_longer(found, history, conditions)
-        return replace(found, reason=found.reason + text, missing=missing)
+        return replace(found, remedy=found.remedy + text, missing=missing)
     for each in (history, *replicas):
         duration = durations(each)
         late = each[TIME].to_numpy() - 0.5 * duration > found.start
         error = (found.standard_error or 0.0) * found.replicas**0.5  # of one of them
-        problem, least = _imbalance(each[late], duration[late], found.mean, error)
+        problem, remedy, least = _imbalance(each[late], duration[late], found.mean, error)
         if not problem:
-            problem, least = _little_shear(each, duration, late, conditions)
+            problem, remedy, least = _little_shear(each, duration, late, conditions)
         if problem:
             text, missing = _how_much_longer(found, history, conditions, least)
-            reason = f"not converged: {problem}{text}"
-            return replace(found, converged=False, steady_alone=False, reason=reason, missing=missing)
+            found = replace(found, converged=False, steady_alone=False, status=NOT_CONVERGED, missing=missing)
+            return replace(found, reason=problem, remedy=remedy + text)
     return found
 
 
@@ -190,7 +191,7 @@ def _is_negligible(histories: Sequence[pandas.DataFrame], conditions: SteadyCond
         late = history[TIME].to_numpy() > 0.5 * history[TIME].iloc[-1]
         if history[TORQUE_DISC].abs()[late].max() >= conditions.negligible:
             return False
-        if _little_shear(history, duration, late, conditions)[0]:
+        if _little_shear(history, duration, late, conditions) != NO_PROBLEM:
             return False
     return True
 
@@ -205,7 +206,7 @@ def _negligible(found: Estimate, bound: float) -> Estimate:
         unit = replace(found, standard_error=1.0, degrees_of_freedom=freedom).half_width()
         found = replace(found, standard_error=bound / (unit or 1.0), degrees_of_freedom=freedom)
     below = f"below {bound:g} N m in every window of the later half"
-    found = replace(found, converged=True, reason=f"converged: {below}")
+    found = replace(found, converged=True, reason=below, status="converged", remedy="")
     return found.of_one_replica() if found.replicas == 1 else found
 
 
@@ -226,8 +227,8 @@ def _how_much_longer(
     return f" (estimate: about {max(more, least):.2g} s more for {aim})", max(more, least)
 
 
-def _imbalance(late: pandas.DataFrame, duration: np.ndarray, mean: float, error: float) -> tuple[str, float]:
-    """Return the error in the balance of mean torques on the powder, and how much longer [s] helps.
+def _imbalance(late: pandas.DataFrame, duration: np.ndarray, mean: float, error: float) -> tuple[str, str, float]:
+    """Return the error in the balance of mean torques on the powder, the remedy, and how much longer [s] helps.
 
     Empty where it holds.
     """
@@ -236,38 +237,38 @@ def _imbalance(late: pandas.DataFrame, duration: np.ndarray, mean: float, error:
         kept = late[ANGULAR_MOMENTUM].to_numpy()
         left = float((kept[-1] - kept[0]) / duration[1:].sum())
     elif len(columns) == 1:  # a history without the torque on anything else has no balance
-        return "", 0.0
+        return NO_PROBLEM
     else:
         left = float(np.average(late[columns].sum(axis=1), weights=duration))
     if abs(left) <= MAX_IMBALANCE * abs(mean) + 3.0 * error:
-        return "", 0.0
-    text = f"{left:.2g} N m more goes into the powder than comes out of it, which still speeds up; run longer"
-    return text, float(late[TIME].iloc[-1])
+        return NO_PROBLEM
+    text = f"{left:.2g} N m more goes into the powder than comes out of it, which still speeds up"
+    return text, RUN_LONGER, float(late[TIME].iloc[-1])
 
 
 def _little_shear(
     history: pandas.DataFrame, duration: np.ndarray, late: np.ndarray, conditions: SteadyConditions
-) -> tuple[str, float]:
-    """Fault of the gap's shear while averaging, and how much longer [s] helps.
+) -> tuple[str, str, float]:
+    """Fault of the gap's shear while averaging, the remedy, and how much longer [s] helps.
 
     Empty where it suffices or the shafts hold.
     """
     if ROTOR_SPEED not in history or DISC_SPEED not in history or conditions.shear_gap == 0.0:
-        return "", 0.0
+        return NO_PROBLEM
     if _holds(history):
-        return "", 0.0
+        return NO_PROBLEM
     if conditions.shear_gap is None:
-        text = "the folder does not say how wide the gap is, so its shear is unknown; continue with --resume, which"
-        return f"{text} writes it", 0.0
+        text = "the folder does not say how wide the gap is, so its shear is unknown"
+        return text, "continue with --resume, which writes it", 0.0
     strain = shear_strain(history, duration, conditions)
     if strain is None:
-        return "", 0.0
+        return NO_PROBLEM
     averaged = float(strain[-1] - np.append(0.0, strain)[:-1][late][0])  # from the begin of the first of its windows
     if averaged >= MIN_AVERAGED_STRAIN:
-        return "", 0.0
+        return NO_PROBLEM
     more = float(history[TIME].iloc[-1]) * (MIN_AVERAGED_STRAIN / max(averaged, 0.1) - 1.0)
-    text = f"the gap was sheared by {averaged:.2g} only while averaging, {MIN_AVERAGED_STRAIN:g} needed; run longer"
-    return text, more
+    text = f"the gap was sheared by {averaged:.2g} only while averaging, {MIN_AVERAGED_STRAIN:g} needed"
+    return text, RUN_LONGER, more
 
 
 def shear_strain(history: pandas.DataFrame, duration: np.ndarray, conditions: SteadyConditions) -> np.ndarray | None:

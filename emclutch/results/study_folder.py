@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Any
 
 from emclutch.results.atomic_file import replace_json, replace_text
 from emclutch.results.errors import OutputError
+from emclutch.results.quantities import QUANTITIES
 from emclutch.results.result import Result, load_result
 from emclutch.results.run_end import seconds_of
 from emclutch.results.run_folder import Failure, RunFolder
-from emclutch.results.torque_curves import PER_GAP, REAL_PER_GAP
+from emclutch.results.torque_curves import BEST_ESTIMATE
 
 if TYPE_CHECKING:
     import pandas
@@ -22,38 +23,12 @@ if TYPE_CHECKING:
 TABLE, ABOUT = "study.csv", "study.json"
 AFTER_VALUES = "end_time"
 """Column of `study.csv` that follows those of the study's values."""
-UNITS = {
+UNITS = {one.column: one.unit or "1" for one in QUANTITIES if one.column} | {
     "end_time": "s",
-    "current": "A",
-    "torque": "N m",
-    "standard_error": "N m",
-    "low": "N m",
-    "high": "N m",
-    "torque_rotor": "N m",
-    "drag_torque": "N m",
-    "torque_with_drag": "N m",
-    "expected_low": "N m",
-    "expected_torque": "N m",
-    "expected_high": "N m",
-    "gap_flux_density": "T",
-    "typical_overlap": "1",
-    "inertial_number": "1",
-    "seconds": "s",
-    "figure_of_merit": "1/s",
+    **dict.fromkeys(("torque", "standard_error", "low", "high", *BEST_ESTIMATE), "N m"),
     "rotor_speed": "rad/s",
     "output_start_time": "s",
     "output_start_speed": "rad/s",
-    "lock_up_time": "s",
-    "shear_stress": "Pa",
-    "shear_stress_error": "Pa",
-    "field_strength_powder": "A/m",
-    "fill_powder": "1",
-    "solid_fraction": "1",
-    "relative_permeability": "1",
-    "normal_stress": "Pa",
-    "effective_friction": "1",
-    PER_GAP: "1",
-    REAL_PER_GAP: "1",
 }
 """Of the columns after the study's values."""
 

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass, field
-from math import isnan, nan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from emclutch.results.errors import OutputError
+from emclutch.results.report.report import Report, Reported
 from emclutch.results.result import Result, load_result
 from emclutch.results.study_folder import read_study
-from emclutch.results.text import format_duration, format_mean
 from emclutch.results.torque_curves import BEST_ESTIMATE
 
 if TYPE_CHECKING:
@@ -20,7 +19,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class StudyResult:
+class StudyResult(Reported):
     """The points of a study that are done.
 
     Attributes
@@ -45,11 +44,11 @@ class StudyResult:
     grain_size: pandas.DataFrame | None = None
     grain_size_laws: list[dict[str, Any]] = field(default_factory=list)
 
-    def _repr_html_(self) -> str:
-        from emclutch.results.report.content import study_page  # local, as below
-        from emclutch.results.report.render import fragment
+    def report(self) -> Report:
+        """Return the report on the study, with the verdict on each point."""
+        from emclutch.results.report.study_report import study_report  # local: it imports this module
 
-        return fragment(study_page(read_study(self.folder), lambda result: ()).short())
+        return study_report(read_study(self.folder), lambda result: ())
 
     def to_xarray(self) -> xarray.Dataset:
         """Return the table as one object over the study's values and replicas, with units as attributes.
@@ -88,23 +87,6 @@ def load_study(folder: str | Path) -> StudyResult:
     return StudyResult(folder, table, points, seeds, sizes, _grain_size_curves(folder))
 
 
-def point_lines(folder: Path, most: int = 40) -> list[str]:
-    """Return a line a point that is done: values, torque, verdict, duration; of more than `most` points none."""
-    study = read_study(folder)
-    if not 0 < len(study.table) <= most:
-        return []
-    cells = []
-    for label, (_, row) in zip(study.labels(), study.table.astype(object).iterrows(), strict=True):
-        torque, low, high, stress = (float(row.get(name, nan)) for name in ("torque", "low", "high", "shear_stress"))
-        shown = format_mean(None if isnan(torque) else torque, None if isnan(low + high) else (low, high))
-        if isnan(torque) and not isnan(stress):  # of a sheared box
-            shown = f"{stress:.4g} Pa"
-        verdict = "converged" if str(row["converged"]) == "True" else "not converged"
-        cells.append((label, shown, verdict, format_duration(float(row["seconds"]))))
-    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
-    return ["  ".join(one.ljust(width) for one, width in zip(line, widths, strict=True)).rstrip() for line in cells]
-
-
 def best_estimate_lines(folder: Path) -> list[str]:
     """Return how far a study's raw torques are from their best estimates, in words; empty where they are the same."""
     table = read_study(folder).table
@@ -119,8 +101,8 @@ def best_estimate_lines(folder: Path) -> list[str]:
     share = f"{excess[0]} %" if len(excess) == 1 else f"{excess[0]} to {excess[-1]} %"
     points = "all points" if len(known) == len(table) else f"{len(known)} of {len(table)} points"
     return [
-        f"The settings, coarse grains among them, change the raw torque of {points} by {share}: use the best estimates "
-        f"({', '.join(BEST_ESTIMATE)} of study.csv)."
+        f"Numerical settings and coarse grains change the raw torque of {points} by {share}, which is corrected in the "
+        f"best estimates ({', '.join(BEST_ESTIMATE)} of study.csv)."
     ]
 
 

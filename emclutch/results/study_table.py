@@ -32,9 +32,10 @@ class PointRow:
     label : its values.
     state : WAITING, RUNNING, DONE, KEPT, FAILED or STOPPED.
     fraction : of it that is done.
-    torque, interval, converged : of a point that is done: mean and ends of its 95 % interval [N m].
+    torque, interval, converged : of a point that is done: best estimate and ends of its 95 % interval [N m].
     seconds : wall-clock time of the whole run [s].
     began : reading of the clock when it began here [s].
+    stress : of a point without a torque that is done: shear stress [Pa].
     marched, first : reading of the clock [s] when it was first seen to have done a part, and how much; what goes
         before, compiling and packing, says nothing about the rest.
     """
@@ -49,6 +50,7 @@ class PointRow:
     began: float = 0.0
     marched: float | None = None
     first: float = 0.0
+    stress: float | None = None
 
 
 class StudyTable:

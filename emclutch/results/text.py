@@ -39,6 +39,33 @@ def format_percent(share: float) -> str:
     return f"{float(f'{100.0 * share:.2g}'):g} %"
 
 
+def in_words(name: str) -> str:
+    """Return a name of the program as words: ``grains_per_gap`` as ``grains per gap``."""
+    return name.replace("_", " ")
+
+
+def format_estimate(found: Estimate, unit: str = "N m") -> str:
+    """Return a torque, or a stress in Pa, with half its 95 % interval relative to it.
+
+    Examples
+    --------
+    ``0.607 N m ± 7.3 % (95 %)``
+    """
+    half, mean = found.half_width(), found.mean
+    if mean is None:
+        return "unknown"
+    factor = 1.0
+    if unit == "Pa" and abs(mean) >= 1e3:
+        unit, factor = "kPa", 1e-3
+    if half is None or not math.isfinite(half):
+        return f"{factor * mean:.3g} {unit}, error unknown"
+    value, error = factor * mean, factor * half
+    if not mean or half >= abs(mean):
+        return f"{value:.2g} ± {error:.2g} {unit} (95 %)"
+    digits = 2 + math.floor(math.log10(abs(mean))) - math.floor(math.log10(half)) if half else 4
+    return f"{value:.{min(max(digits, 2), 5)}g} {unit} ± {format_percent(half / abs(mean))} (95 %)"
+
+
 def format_torque(torque: Estimate, unit: str = "N m", factor: float = 1.0) -> str:
     """Return a torque with its 95 % interval by Student's t, in a unit that is `factor` from N m.
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from emclutch.results.errors import OutputError
+from emclutch.results.fits import NORMAL
 
 if TYPE_CHECKING:
     from emclutch.results.result import Result
@@ -18,7 +19,13 @@ PER_GAP, REAL_PER_GAP = "grains_per_gap", "real_grains_per_gap"
 BEST_ESTIMATE = "best_torque", "best_low", "best_high"
 """Columns [N m] of torques that are corrected for their settings (`emclutch.results.best_estimate`): with the ends of
 the 95 % interval."""
-NORMAL = 1.96  # half of a normal distribution's 95 % interval, in standard errors
+
+
+def best_of(row: Mapping[str, Any]) -> tuple[float | None, tuple[float, float] | None]:
+    """Return the best estimate of a row of ``study.csv`` and its 95 % interval [N m]; the raw torque without one."""
+    names = BEST_ESTIMATE if row.get(BEST_ESTIMATE[0]) is not None else ("torque", "low", "high")
+    torque, low, high = (row.get(name) for name in names)
+    return torque, None if low is None or high is None else (low, high)
 
 
 @dataclass(frozen=True, slots=True)

@@ -75,10 +75,15 @@ class TorqueTarget:
         """The half width that is good enough for a torque [N m], or stress [Pa], of this mean."""
         return max(0.0 if self.relative is None else self.relative * abs(mean), self.absolute or 0.0)
 
-    def __str__(self) -> str:
+    @property
+    def size(self) -> str:
+        """The half width as text, without the quantity."""
         share = None if self.relative is None else f"{100.0 * self.relative:.6g} %"
         size = None if self.absolute is None else f"{self.absolute!r} {self.unit}"
-        return f"{self.quantity} " + " or ".join(filter(None, (share, size)))
+        return " or ".join(filter(None, (share, size)))
+
+    def __str__(self) -> str:
+        return f"{self.quantity} {self.size}"
 
 
 class TorqueTargetEntry(Entry):

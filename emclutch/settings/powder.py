@@ -12,7 +12,9 @@ from emclutch.scene.units import number
 from emclutch.settings.magnetism import sector_width
 from emclutch.settings.setting import HISTORIES, Setting
 
-COUNT = "particles.count"
+COUNT, SECTOR_KEY, DIAMETER_KEY = "particles.count", "particles.sector", "particles.diameter"
+SAME_WIDTH = 0.02
+"""Difference of two widths of the sector, relative, by which a whole number of them in the ring comes out otherwise."""
 
 
 def grains_per_gap(scene) -> float:
@@ -21,173 +23,68 @@ def grains_per_gap(scene) -> float:
     return gap.width / scene.grains.mean_diameter
 
 
-class GrainsPerGap(Setting):
-    """Simulated grains per gap, where they stand for finer ones."""
+def width_beside(width: float, finer: float) -> float:
+    """Return the width [diameters] of a sector for grains that are finer by a factor: it is as wide as it was.
 
-    name = "grains_per_gap"
-    key = "particles.diameter"
-    entry = number("8", 1.0, 1000.0)
-    theory = (
-        "torque of a sheared layer of n grains: 1 + a/n^2 (Kamrin and Henann 2015), too large; cost n^3 of coarser "
-        "grains on a sector of as many diameters, n^4 of finer ones on one as wide as it was"
-    )
-    order = 2.0
-    finer_is_larger = True
-    is_large = True
-
-    @classmethod
-    def applies(cls, scene):
-        grains = scene.grains
-        sized = grains.real_diameter is not None and grains.diameter is not None and grains.packing != "file"
-        return sized and _has_a_gap(scene)
-
-    @classmethod
-    def own(cls, scene, plan):
-        return grains_per_gap(scene)
-
-    @classmethod
-    def usual(cls, scene, plan):
-        real = grains_per_gap(scene) * scene.grains.mean_diameter / scene.grains.real_diameter
-        return tuple(n for n in (4.0, 5.0, 6.0, 8.0, 12.0, 16.0, real) if n <= min(real, 16.0))
-
-    @classmethod
-    def keys(cls, scene):
-        return (cls.key, SectorWidth.key, COUNT)
-
-    @classmethod
-    def entries(cls, scene, plan, value):
-        grains, finer = scene.grains, value / grains_per_gap(scene)
-        diameter, angle = float(f"{grains.diameter / finer:.6g}"), grains.sector
-        found: dict[str, Any] = {cls.key: diameter}
-        if angle is not None:
-            width = _width(scene, angle, diameter) if finer > 1.0 else sector_width(scene)
-            found |= _sector_entry(scene, width, diameter)
-            angle = _angle(scene, width, diameter)
-        return found | _count_entry(scene, finer**3 * (1.0 if angle is None else angle / grains.sector))
-
-    @classmethod
-    def limit(cls, scene, plan):
-        return scene.grains.real_diameter / (grains_per_gap(scene) * scene.grains.mean_diameter)
+    Of coarser grains it has as many diameters. One of finer grains that has as many diameters as before is narrower
+    than the gap sooner or later, and its torque is too large (docs/accuracy.md).
+    """
+    return width * max(1.0, finer)
 
 
-class SectorWidth(Setting):
-    """Width of the cyclic sector in diameters."""
+def width_as_measured(width: float, finer: float, own: float) -> float:
+    """Return the width [diameters] with the same error at the size of grains that others are finer than.
 
-    name = "sector"
-    key = "particles.sector"
-    entry = number("6", 1.0, 1e6)
-    theory = (
-        "a periodic sector repeats itself around the ring: the error falls faster than any power beyond the "
-        "correlation of the flow, and as 1/L^2 at the least; twice the sector costs twice as much and scatters less by "
-        "the root of 2"
-    )
-    order = 2.0
-    finer_is_larger = True
-    unit = "diameters"
-    WHOLE = 0.02
-    """Difference of two widths, relative, by which a whole number of sectors in the ring comes out otherwise."""
-
-    @classmethod
-    def applies(cls, scene):
-        return scene.grains.sector is not None and scene.grains.packing != "file"
-
-    @classmethod
-    def own(cls, scene, plan):
-        return sector_width(scene)
-
-    @classmethod
-    def usual(cls, scene, plan):
-        wider = [n for factor in (2.0, 4.0) if (n := sectors_of(scene, factor * scene.grains.sector)) > 1]
-        sectors = wider or [sectors_of(scene, 0.5 * scene.grains.sector)]
-        return tuple(_width(scene, 2.0 * pi / n, scene.grains.largest_diameter) for n in sectors)
-
-    @classmethod
-    def keys(cls, scene):
-        return (cls.key, COUNT)
-
-    @staticmethod
-    def beside(width, finer):
-        """Return the width [diameters] of a sector for grains that are finer by a factor: it is as wide as it was.
-
-        Of coarser grains it has as many diameters. One of finer grains that has as many diameters as before is narrower
-        than the gap sooner or later, and its torque is too large (docs/accuracy.md).
-        """
-        return width * max(1.0, finer)
-
-    @classmethod
-    def as_measured(cls, width, finer, own):
-        """Return the width [diameters] with the same error at the size of grains that others are finer than.
-
-        `own`: of the scene with these; the angle of finer grains is the same, their smallest radius almost.
-        """
-        measured = width / max(1.0, finer)
-        return own if math.isclose(measured, own, rel_tol=cls.WHOLE) else measured
-
-    @classmethod
-    def entries(cls, scene, plan, value):
-        d = scene.grains.largest_diameter
-        ratio = _angle(scene, value, d) / scene.grains.sector
-        return _sector_entry(scene, value, d) | _count_entry(scene, ratio)
+    `own`: of the scene with these; the angle of finer grains is the same, their smallest radius almost.
+    """
+    measured = width / max(1.0, finer)
+    return own if math.isclose(measured, own, rel_tol=SAME_WIDTH) else measured
 
 
-class InertialNumber(Setting):
-    """Inertial number at which the gap is sheared, where the scene leaves the speed to it."""
-
-    name = "inertial_number"
-    key = "accuracy.inertial_number"
-    entry = number("0.1", 0.0, 1.0, above=True)
-    theory = (
-        "friction rises with the inertial number, first order in it; the steps of a strain are inversely proportional "
-        "to it"
-    )
-    order = 1.0
-
-    @classmethod
-    def applies(cls, scene):
-        return scene.accuracy.inertial_number is not None
-
-    @classmethod
-    def own(cls, scene, plan):
-        return scene.accuracy.inertial_number
-
-    @classmethod
-    def usual(cls, scene, plan):
-        own = scene.accuracy.inertial_number
-        return tuple(own * factor for factor in (4.0, 2.0, 0.5) if own * factor <= 1.0)
-
-    @classmethod
-    def limit(cls, scene, plan):
-        return plan.scaled.real
+def _has_sizes(scene) -> bool:
+    grains = scene.grains
+    sized = grains.real_diameter is not None and grains.diameter is not None and grains.packing != "file"
+    return sized and _has_a_gap(scene)
 
 
-class StartUp(Setting):
-    """Shear strain from which on the torque is averaged."""
+def _usual_sizes(scene, plan) -> tuple[float, ...]:
+    real = grains_per_gap(scene) * scene.grains.mean_diameter / scene.grains.real_diameter
+    return tuple(n for n in (4.0, 5.0, 6.0, 8.0, 12.0, 16.0, real) if n <= min(real, 16.0))
 
-    name = "start_up"
-    key = "time.average_from"
-    entry = number("9", 0.0, 1e6, above=True)
-    theory = "the torque of the start-up is too large in magnetised powder; averages from later on need longer runs"
-    order = None
-    measured_on = HISTORIES
-    finer_is_larger = True
-    unit = "strain"
-    factors = (0.5, 1.5)
 
-    @classmethod
-    def applies(cls, scene):
-        from emclutch.scene.slip_checks import why_no_slip  # local: the schema imports the settings
+def _size_entries(scene, plan, value) -> dict[str, Any]:
+    grains, finer = scene.grains, value / grains_per_gap(scene)
+    diameter, angle = float(f"{grains.diameter / finer:.6g}"), grains.sector
+    found: dict[str, Any] = {DIAMETER_KEY: diameter}
+    if angle is not None:
+        width = _width(scene, angle, diameter) if finer > 1.0 else sector_width(scene)
+        found |= _sector_entry(scene, width, diameter)
+        angle = _angle(scene, width, diameter)
+    return found | _count_entry(scene, finer**3 * (1.0 if angle is None else angle / grains.sector))
 
-        is_time = isinstance(scene.time.average_from, float)
-        return _has_a_gap(scene) and not is_time and not why_no_slip(scene)
 
-    @classmethod
-    def own(cls, scene, plan):
-        given = scene.time.average_from
-        return start_up_strain(scene) if given is None else given.value
+def _usual_sectors(scene, plan) -> tuple[float, ...]:
+    wider = [n for factor in (2.0, 4.0) if (n := sectors_of(scene, factor * scene.grains.sector)) > 1]
+    sectors = wider or [sectors_of(scene, 0.5 * scene.grains.sector)]
+    return tuple(_width(scene, 2.0 * pi / n, scene.grains.largest_diameter) for n in sectors)
 
-    @classmethod
-    def entries(cls, scene, plan, value):
-        return {cls.key: f"strain {value:g}"}
+
+def _sector_entries(scene, plan, value) -> dict[str, Any]:
+    d = scene.grains.largest_diameter
+    ratio = _angle(scene, value, d) / scene.grains.sector
+    return _sector_entry(scene, value, d) | _count_entry(scene, ratio)
+
+
+def _starts_up(scene) -> bool:
+    from emclutch.scene.slip_checks import why_no_slip  # local: the schema imports the settings
+
+    is_time = isinstance(scene.time.average_from, float)
+    return _has_a_gap(scene) and not is_time and not why_no_slip(scene)
+
+
+def _own_start(scene, plan) -> float:
+    given = scene.time.average_from
+    return start_up_strain(scene) if given is None else given.value
 
 
 def _has_a_gap(scene) -> bool:
@@ -224,11 +121,77 @@ def _sector_entry(scene, width: float, diameter: float) -> dict[str, Any]:
     """Return the entry of a width; with slots as an angle, which smaller grains leave as it is."""
     if _pitches(scene) is None:
         places = 3 - floor(log10(width))  # rounded down: rounded up the ring might have a sector less
-        return {SectorWidth.key: DIAMETERS.format(f"{floor(width * 10.0**places) / 10.0**places:.12g}")}
-    return {SectorWidth.key: f"{degrees(_angle(scene, width, diameter)):.12g} deg"}
+        return {SECTOR_KEY: DIAMETERS.format(f"{floor(width * 10.0**places) / 10.0**places:.12g}")}
+    return {SECTOR_KEY: f"{degrees(_angle(scene, width, diameter)):.12g} deg"}
 
 
 def _count_entry(scene, factor: float) -> dict[str, Any]:
     """Return the entry of so many times the grains; none where the scene does not count them."""
     count = scene.grains.count
     return {} if count is None else {COUNT: max(1, round(factor * count))}
+
+
+GRAINS_PER_GAP = Setting(
+    name="grains_per_gap",
+    key=DIAMETER_KEY,
+    summary="Simulated grains per gap, where they stand for finer ones.",
+    theory="torque of a sheared layer of n grains: 1 + a/n^2 (Kamrin and Henann 2015), too large; cost n^3 of coarser "
+    "grains on a sector of as many diameters, n^4 of finer ones on one as wide as it was",
+    entry=number("8", 1.0, 1000.0),
+    order=2.0,
+    applies=_has_sizes,
+    own=lambda scene, plan: grains_per_gap(scene),
+    usual_of=_usual_sizes,
+    keys_of=lambda scene: (DIAMETER_KEY, SECTOR_KEY, COUNT),
+    entries_of=_size_entries,
+    limit_of=lambda scene, plan: scene.grains.real_diameter / (grains_per_gap(scene) * scene.grains.mean_diameter),
+    finer_is_larger=True,
+    is_large=True,
+)
+SECTOR = Setting(
+    name="sector",
+    key=SECTOR_KEY,
+    summary="Width of the cyclic sector in diameters.",
+    theory="a periodic sector repeats itself around the ring: the error falls faster than any power beyond the "
+    "correlation of the flow, and as 1/L^2 at the least; twice the sector costs twice as much and scatters less by the "
+    "root of 2",
+    entry=number("6", 1.0, 1e6),
+    order=2.0,
+    applies=lambda scene: scene.grains.sector is not None and scene.grains.packing != "file",
+    own=lambda scene, plan: sector_width(scene),
+    usual_of=_usual_sectors,
+    keys_of=lambda scene: (SECTOR_KEY, COUNT),
+    entries_of=_sector_entries,
+    finer_is_larger=True,
+    unit="diameters",
+)
+INERTIAL_NUMBER = Setting(
+    name="inertial_number",
+    key="accuracy.inertial_number",
+    summary="Inertial number at which the gap is sheared, where the scene leaves the speed to it.",
+    theory="friction rises with the inertial number, first order in it; the steps of a strain are inversely "
+    "proportional to it",
+    entry=number("0.1", 0.0, 1.0, above=True),
+    order=1.0,
+    applies=lambda scene: scene.accuracy.inertial_number is not None,
+    own=lambda scene, plan: scene.accuracy.inertial_number,
+    usual_of=lambda scene, plan: tuple(
+        own for factor in (4.0, 2.0, 0.5) if (own := factor * scene.accuracy.inertial_number) <= 1.0
+    ),
+    limit_of=lambda scene, plan: plan.scaled.real,
+)
+START_UP = Setting(
+    name="start_up",
+    key="time.average_from",
+    summary="Shear strain from which on the torque is averaged.",
+    theory="the torque of the start-up is too large in magnetised powder; averages from later on need longer runs",
+    entry=number("9", 0.0, 1e6, above=True),
+    order=None,
+    applies=_starts_up,
+    own=_own_start,
+    factors=(0.5, 1.5),
+    entries_of=lambda scene, plan, value: {"time.average_from": f"strain {value:g}"},
+    measured_on=HISTORIES,
+    finer_is_larger=True,
+    unit="strain",
+)

@@ -7,38 +7,38 @@ from typing import TYPE_CHECKING, Annotated, Any
 from pydantic import Field, create_model
 
 from emclutch.scene.section import Section
-from emclutch.settings.contact import ContactStep, Overlap, RigidStep, RigidSweeps, RigidTolerance
-from emclutch.settings.field import ElementOrder, FieldMesh, FieldTolerance
+from emclutch.settings.contact import CONTACT_STEP, OVERLAP, RIGID_STEP, RIGID_SWEEPS, RIGID_TOLERANCE
+from emclutch.settings.field import ELEMENT_ORDER, FIELD_MESH, FIELD_TOLERANCE
 from emclutch.settings.magnetism import (
-    CouplingWindow,
-    FeedbackTolerance,
-    MomentTolerance,
-    RigidUpdateInterval,
-    SmearWidth,
-    UpdateInterval,
+    COUPLING_WINDOW,
+    FEEDBACK_TOLERANCE,
+    MOMENT_TOLERANCE,
+    RIGID_UPDATE_INTERVAL,
+    SMEAR_WIDTH,
+    UPDATE_INTERVAL,
 )
-from emclutch.settings.powder import GrainsPerGap, InertialNumber, SectorWidth, StartUp
+from emclutch.settings.powder import GRAINS_PER_GAP, INERTIAL_NUMBER, SECTOR, START_UP
 from emclutch.settings.setting import Setting
 
-SETTINGS: tuple[type[Setting], ...] = (
-    GrainsPerGap,  # what others follow from comes first: a scene is given its values in this order
-    SectorWidth,
-    InertialNumber,
-    StartUp,
-    FieldMesh,
-    FieldTolerance,
-    ElementOrder,
-    SmearWidth,
-    MomentTolerance,
-    FeedbackTolerance,
-    Overlap,
-    ContactStep,
-    UpdateInterval,
-    CouplingWindow,
-    RigidStep,
-    RigidUpdateInterval,
-    RigidTolerance,
-    RigidSweeps,
+SETTINGS: tuple[Setting, ...] = (
+    GRAINS_PER_GAP,  # what others follow from comes first: a scene is given its values in this order
+    SECTOR,
+    INERTIAL_NUMBER,
+    START_UP,
+    FIELD_MESH,
+    FIELD_TOLERANCE,
+    ELEMENT_ORDER,
+    SMEAR_WIDTH,
+    MOMENT_TOLERANCE,
+    FEEDBACK_TOLERANCE,
+    OVERLAP,
+    CONTACT_STEP,
+    UPDATE_INTERVAL,
+    COUPLING_WINDOW,
+    RIGID_STEP,
+    RIGID_UPDATE_INTERVAL,
+    RIGID_TOLERANCE,
+    RIGID_SWEEPS,
 )
 
 _DOC = "Values of each setting that `emclutch accuracy` measures, beside the scene's own; default: a choice for each."
@@ -58,7 +58,7 @@ else:
         **{
             one.name: (
                 tuple[Annotated[float, one.entry], ...] | None,
-                Field(default=None, description=f"{one.key}: {one.__doc__.splitlines()[0]}"),
+                Field(default=None, description=f"{one.key}: {one.summary}"),
             )
             for one in SETTINGS
         },

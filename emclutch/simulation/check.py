@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from emclutch.device_model.decision import Decision, warnings_of
 from emclutch.device_model.grain_size import grain_size
-from emclutch.device_model.warning_text import with_warnings
-from emclutch.effects.omitted_effect import ABSENT, ALWAYS, OFF, OmittedEffect
+from emclutch.effects.omitted_effect import OmittedEffect
+from emclutch.results.report.report import Mark, Report, Reported, Shown, Statement, Statements, Table, warning
+from emclutch.results.report.run_report import effects_table
+from emclutch.results.text import in_words
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import SceneError, bad_input_for
 from emclutch.scene.grain_smear import moments_are_fed_back
@@ -35,8 +37,18 @@ if TYPE_CHECKING:
     from emclutch.simulation.forecast.expected_torque import ExpectedTorque
 
 
+FIRST = {
+    "expected torque": "torque",
+    "cost": "cost",
+    "field": "field",
+    "accuracy": "accuracy",
+    "grain size": "grain size",
+}
+"""Decisions that the first screen shows, and their labels there."""
+
+
 @dataclass(frozen=True, slots=True)
-class Checked:
+class Checked(Reported):
     """Plan of a valid scene, as `emclutch check` prints it.
 
     Attributes
@@ -61,24 +73,30 @@ class Checked:
     omitted_effects: tuple[OmittedEffect, ...]
     expected: ExpectedTorque
 
-    def left_out_tables(self) -> list[tuple[Sequence[str], Sequence[Sequence[str]]]]:
-        """Return head and rows of a table for each place where effects are left out: scene, program, every scene."""
-        tables = []
-        for where, name in ((OFF, "not in this scene"), (ABSENT, "not in this program"), (ALWAYS, "in every scene")):
-            lines = [one for one in self.omitted_effects if one.where == where]
-            rows = [(one.effect.replace("_", " "), one.verdict, one.on_torque, one.in_words()) for one in lines]
-            tables.append(((name, "relevant?", "torque, about", "criterion (limit)"), rows))
-        return [(head, rows) for head, rows in tables if rows]
+    def report(self) -> Report:
+        """Return torque, cost, field, accuracy and grain size, a line each, and warnings; then all decisions."""
+        report = Report(self.title, data=self._data(), closing="All decisions: emclutch check CASE --details")
+        report.add("Result", Statements([Statement(Mark.GOOD, f"{self.title}: the scene is valid.")]), Shown.TERMINAL)
+        first = [(label, self.decisions[name]) for name, label in FIRST.items() if name in self.decisions]
+        report.add("Estimates", Table(first), Shown.TERMINAL)
+        doubts = [*map(warning, self.warnings)]
+        of_decisions = warnings_of(self.decisions)
+        doubts += [warning(f"{label}: {text}") for label, texts in of_decisions.items() for text in texts]
+        doubts += [
+            warning(f"left out, although it may matter: {in_words(one.effect)} ({one.in_words()})")
+            for one in self.omitted_effects
+            if one.is_reservation
+        ]
+        report.add("Warnings", Statements(doubts), Shown.TERMINAL)
+        report.add("Plan", Table([*self.decisions.items()]))
+        return report.add("Effects, on and off", effects_table(self.effects, self.omitted_effects))
 
-    def _repr_html_(self) -> str:
-        from emclutch.results.report.content import Block, Page, Table  # local: they import what draws
-        from emclutch.results.report.render import fragment
-
-        sections: dict[str, list[Block]] = {
-            "What follows": [Table([*self.decisions.items()])],
-            "Left out": [Table(rows, head) for head, rows in self.left_out_tables()],
-        }
-        return fragment(Page(Path(), f"{self.title}: OK", f"effects: {', '.join(self.effects)}", sections))
+    def _data(self) -> dict[str, Any]:
+        return {
+            "title": self.title, "effects": self.effects, "warnings": self.warnings, "plan": self.decisions,
+            "plan_warnings": warnings_of(self.decisions),
+            "left_out": [line.as_dict() for line in self.omitted_effects], **self.expected.as_dict(),
+        }  # fmt: skip
 
 
 def check(case: Case | str | Path, threads: int | None = None) -> Checked:
@@ -101,7 +119,7 @@ def _check(case: Case, threads: int | None) -> Checked:
     device, made = make_plan(case, threads=threads)
     words, B_max = plan_in_words(device, made), 0.0
     coil, even, phi = device.section_coil, made.peak_section, device.fill.solid_fraction
-    magnetised = f"grains magnetised up to {made.M_max / 1e3:.3g} kA/m"
+    words["largest magnetisation"] = f"{made.M_max / 1e3:.3g} kA/m of the grains"
     if coil is not None and even is not None:
         faces = device.shears_faces
         midline = coil.shape.face_midline() if faces else coil.shape.gap_midline()
@@ -110,20 +128,19 @@ def _check(case: Case, threads: int | None) -> Checked:
             return float(np.linalg.norm(field.B_along(midline), axis=1).max())
 
         B_max = largest(even)
-        words["field"] = f"|B| in the {'face' if faces else 'rim'} gap up to {B_max:.3g} T"
+        words["field"] = f"up to {B_max:.3g} T in the {'face' if faces else 'rim'} gap"
         if moments_are_fed_back(scene) and coil.largest_current > 0.0:
             with suppress(ConvergenceError):  # the expected torque says so
                 sheared = field_of_sheared_powder(coil, coil.uniform_fill(phi), scene, coil.largest_current, even)
                 words["field"] += sheared_in_words(coil, even, sheared, largest(sheared), faces)
-        words["field"] += f"; {magnetised}"
         words |= {"powder in that field": powder_in_words(scene, phi)} | ampere_turns_row(coil, even)
     elif device.coil is not None and made.peak_field is not None:
         B_max = device.coil.gap_flux_density(made.peak_field)
-        words["field"] = f"|B| under the poles {B_max:.3g} T on average; {magnetised}"
+        words["field"] = f"{B_max:.3g} T under the poles, mean"
         words["powder in that field"] = powder_in_words(scene, phi)
     beyond = [] if made.peak_field is None else driven_beyond_their_tables([made.peak_field])
     if doubtful := [text for text in (FLUX_DENSITY.remark("|B|", B_max), *beyond) if text]:
-        words["field"] = with_warnings(words["field"], *doubtful)
+        words["field"] = Decision(words["field"], *doubtful)
     if device.coil is not None:
         words |= steel_row(scene, device.coil)
         words["copper"] = coil_heat_in_words(scene, device.coil, device.coil.shape)
@@ -131,11 +148,11 @@ def _check(case: Case, threads: int | None) -> Checked:
     if compared:
         words["method"] = f"{scene.contact.method}; {compared}"
     expected = expected_torque(scene, device, made.peak_field)
-    words["expected torque"] = expected.in_words()
+    words |= {"expected torque": expected.in_words()} | expected.details()
     size = grain_size(scene, device)
     if size is not None:
         measured = has_accuracy_study(case) or bool(expected.parts)  # the powder's law has the torque of both
-        words["grain size"] = with_warnings(size.in_words(measured), *size.warnings(measured))
+        words["grain size"] = Decision(size.in_words(measured), *size.warnings(measured))
     if scene.geometry.measured == "torque" and scene.geometry.has_axis:
         words["accuracy"] = accuracy_in_words(case, made)
     words |= paths_in_words(case)

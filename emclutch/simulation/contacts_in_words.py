@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from coupling.expected_load import NECK_MARGIN
-from emclutch.device_model.warning_text import with_warnings
+from emclutch.device_model.decision import Decision
 from emclutch.effects.effect import Load
 from emclutch.simulation.dvi_plan import TOLERANCE, RigidContacts
 from emclutch.simulation.stiffness import Stiffness
@@ -50,7 +50,7 @@ def stiffness_in_words(stiffness: Stiffness) -> str:
         )
     if stiffness.is_soft:
         warnings.append(f"above {100 * SOFT:g} % grains are too soft for peaks of the torque")
-    return with_warnings(text, *warnings)
+    return Decision(text, *warnings)
 
 
 def load_in_words(load: Load, speed: float) -> str:

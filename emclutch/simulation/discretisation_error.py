@@ -18,7 +18,7 @@ from emclutch.results.accuracy_studies import SHIPPED, device_hash, find_accurac
 from emclutch.results.accuracy_study import AccuracyStudy, Total
 from emclutch.results.recommended import STATISTICS, LimitingError, recommended
 from emclutch.results.statistics import Estimate
-from emclutch.results.text import format_duration, format_percent
+from emclutch.results.text import format_duration, format_percent, in_words
 from emclutch.scene.case import Case
 from emclutch.scene.flat import flat_scene, keys_at_default
 from emclutch.scene.input_files import file_contents
@@ -171,7 +171,7 @@ def accuracy_in_words(case: Case, plan: Plan) -> str:
     except OutputError as error:
         return str(error)
     if found is None and target is None:
-        return f"error of the settings unknown: no accuracy study of this device yet; run it with: {how_to_find(case)}"
+        return f"error of the settings unknown; measure it with: {how_to_find(case)}"
     if found is None:
         return (
             f"{target}: no accuracy study of this device yet; it is run first, takes up to {budget} (accuracy.budget), "
@@ -181,21 +181,18 @@ def accuracy_in_words(case: Case, plan: Plan) -> str:
     if target is not None:
         answer = cheapest_case(case, study, target)
         words = answer.in_words() if isinstance(answer, LimitingError) else answer[0].in_words()
-        return f"{target}: {words}; by {_shown(path)}"
+        return f"{target}: {words}"
     total = total_at(study, setting_values(case, plan), plan)
     low, high = (100.0 * end for end in total.whole.interval)
-    text = f"numerical settings change the torque by {100.0 * total.bias:+.2g} % (95 %: {low:+.2g} to {high:+.2g} %)"
+    text = f"numerical settings change the torque by {low:+.2g} to {high:+.2g} % (95 %), which a run corrects"
     if total.largest is not None:
-        size = format_percent(total.widths[total.largest])
-        text += f"; largest part: {total.largest.replace('_', ' ')}, {size}"
-    text += "".join(f"; not included: {name.replace('_', ' ')} ({why})" for name, why in total.unknown.items())
-    return f"{text}; measured by {how_to_find(case)}, in {_shown(path)}"
+        text += f"; dominant: {in_words(total.largest)}, {format_percent(total.widths[total.largest])}"
+    text += "".join(f"; not included: {in_words(name)} ({why})" for name, why in total.unknown.items())
+    return text if path.parent == SHIPPED else f"{text}; by {_shown(path)}"
 
 
 def _shown(path: Path) -> str:
     """Return where a study lies: short, as lines of `check` are."""
-    if path.parent == SHIPPED:
-        return "the accuracy study that comes with emclutch"
     return str(path.relative_to(Path.cwd())) if path.is_relative_to(Path.cwd()) else str(path)
 
 

@@ -6,10 +6,10 @@ import numpy as np
 
 from emclutch.device_model.body_forces import forces_in_words, movable_bodies
 from emclutch.device_model.coil_heat import coil_heat_in_words
+from emclutch.device_model.decision import Decision
 from emclutch.device_model.device import CoilDevice, solved_coil
 from emclutch.device_model.device_3d import CoilDevice3D
 from emclutch.device_model.materials import hysteresis_of, region_materials
-from emclutch.device_model.warning_text import with_warnings
 from emclutch.scene.case import Case
 from emclutch.scene.model import Scene
 from emclutch.simulation.plan_in_words import paths_in_words
@@ -31,7 +31,7 @@ def field_plan(case: Case) -> dict[str, str]:
     words |= steel_row(scene, coil)
     if coil.largest_current > 0.0 and isinstance(coil, CoilDevice):
         solution = coil.solve_at_peak(None)
-        words["field"] = with_warnings(_field_in_words(coil, solution), *driven_beyond_their_tables([solution]))
+        words["field"] = Decision(_field_in_words(coil, solution), *driven_beyond_their_tables([solution]))
         words |= ampere_turns_row(coil, solution)
         for body, regions, force in forces_in_words(solution, movable_bodies(coil, solution)):
             words[f"force on the {body}"] = f"{force}, on {', '.join(regions)}"
@@ -41,7 +41,7 @@ def field_plan(case: Case) -> dict[str, str]:
 def steel_row(scene: Scene, coil: CoilDevice | CoilDevice3D) -> dict[str, str]:
     """Row of the plan: coercivity and remanence of the steels; none without hysteresis."""
     steels, warnings = hysteresis_of(scene, region_materials(scene, coil.mesh).values())
-    return {"steel": with_warnings(steels, *warnings)} if steels else {}
+    return {"steel": Decision(steels, *warnings)} if steels else {}
 
 
 def ampere_turns_row(coil: CoilDevice, solution: MagneticField) -> dict[str, str]:

@@ -8,14 +8,14 @@ from time import perf_counter
 from emclutch.results import Result, load_result
 from emclutch.results.errors import Interrupted, RunError
 from emclutch.results.grain_profiles import write_profiles
-from emclutch.results.report.render import write_failed_index, write_index
+from emclutch.results.report.run_report import write_failed_index, write_index
 from emclutch.results.run_folder import RESTART_HINT
 from emclutch.results.vtk.wall_surface import write_wall_pressure_surfaces
 from emclutch.results.wall_loads import write_wall_pressure
 from emclutch.simulation.run_observers import RunObservers
 from emclutch.simulation.run_request import RunRequest
 from emclutch.simulation.started_run import StartedRun
-from emclutch.simulation.summary import summarise
+from emclutch.simulation.summary import FinishedRun, summarise
 from geometry.kernels.cache import specialisations
 from geometry.kernels.machine_code import machine_code_digest
 
@@ -50,7 +50,8 @@ def finish_run(request: RunRequest, started: StartedRun, observers: RunObservers
     seconds = {"whole_run": perf_counter() - request.opened.begin, "compiling": compiled.seconds}
     load = {} if observers.profiles is None else observers.profiles.walls.summary()
     stopped = early.is_by_callback
-    summarise(case, folder, started.planned, started.simulation, seconds, others, stopped=stopped, wall_load=load)
+    histories = [folder.read_history(), *others]
+    summarise(FinishedRun(case, folder, started.planned, started.simulation, histories, seconds, stopped, load))
     if case.scene.output.pictures:
         request.progress.update(1.0, "pictures")
         from emclutch.simulation.pictures import draw_run  # local: the libraries that draw are heavy

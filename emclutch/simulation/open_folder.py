@@ -12,7 +12,7 @@ from time import perf_counter
 from emclutch.results import OutputError, RunFolder
 from emclutch.results.errors import Interrupted, RunError
 from emclutch.results.folder_lock import locked_folder
-from emclutch.results.report.render import write_failed_index
+from emclutch.results.report.run_report import write_failed_index
 from emclutch.scene.case import Case
 from emclutch.simulation.forecast.space import NotEnoughSpace
 from emclutch.simulation.kernel_compilation import Compiled, reported_compilation

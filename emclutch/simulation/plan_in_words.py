@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from emclutch.device_model.decision import Decision
 from emclutch.device_model.device import CoilDevice, Device
 from emclutch.device_model.excitation import Excitation
-from emclutch.device_model.warning_text import with_warnings
 from emclutch.results.steady_torque import MIN_AVERAGED_STRAIN
 from emclutch.scene.case import Case
 from emclutch.scene.grain_smear import moments_are_fed_back, smear_width
@@ -71,7 +71,7 @@ def plan_in_words(device: Device, plan: Plan) -> dict[str, str]:
     if coil is not None:
         words["mesh"] = coil.mesh_in_words()
     words |= dict(end_in_words(scene, device, plan))
-    words["cost"] = plan.cost.in_words()
+    words |= {"cost": plan.cost.in_words(), "cost by part": plan.cost.parts_in_words()}
     return words
 
 
@@ -109,7 +109,7 @@ def sector_in_words(scene) -> str:
         f"{degrees(particles.sector):.5g} deg, {particles.n_sectors} in the ring; {1e3 * chord:.3g} mm, "
         f"{chord / particles.largest_diameter:.3g} diameters, wide at r = {1e3 * radius:.3g} mm"
     )
-    return with_warnings(text, narrow_sector(scene))
+    return Decision(text, narrow_sector(scene))
 
 
 def narrow_sector(scene) -> str:
@@ -160,7 +160,7 @@ def coil_in_words(scene, coil: Excitation, resistance: float, field: MagneticFie
         text += f": time constant about {tau:.3g} s"
         if scene.time.end_time < MIN_RISE * tau:
             short = f"time.end = {scene.time.end_time:.3g} s is below {MIN_RISE:g} time constants of the coil"
-            return with_warnings(text, f"{short}; for rise times take {10.0 * tau:.2g} s, ten of them, or more")
+            return Decision(text, f"{short}; for rise times take {10.0 * tau:.2g} s, ten of them, or more")
     return text
 
 
@@ -214,10 +214,9 @@ def end_in_words(scene, device: Device, plan: Plan) -> Iterator[tuple[str, str]]
     if until is not None:
         strain = rate * end if rate else inf
         least = needed + MIN_AVERAGED_STRAIN
-        aim = str(until).removeprefix(f"{until.quantity} ")
-        text = f"as soon as half the {measured}'s 95 % interval is {aim}, at the latest at {end:.4g} s"
+        text = f"as soon as half the {measured}'s 95 % interval is {until.size}, at the latest at {end:.4g} s"
         if strain < least and not scene.geometry.is_periodic:  # which says so of itself
-            text = with_warnings(
+            text = Decision(
                 text,
                 f"until then the gap is sheared by {strain:.2g}, and no torque counts as known below "
                 f"{least:g}: raise time.end to {end * 1.2 * least / max(strain, 1e-9):.2g} s",

@@ -5,8 +5,8 @@ from __future__ import annotations
 import logging
 from dataclasses import dataclass
 
+from emclutch.device_model.decision import warnings_of
 from emclutch.device_model.device import Device
-from emclutch.device_model.warning_text import WarningText
 from emclutch.results.steady_torque import SteadyConditions
 from emclutch.scene.input_files import hashed_input_files
 from emclutch.scene.model import Scene
@@ -57,8 +57,10 @@ def plan_run(request: RunRequest) -> PlannedRun:
     decisions = plan_in_words(device, plan)
     for label, reason in decisions.items():
         log.info("%s: %s", label, reason)
-        if isinstance(reason, WarningText):
-            progress.log(f"{label}: {reason}")
+    for label, texts in warnings_of(decisions).items():
+        for text in texts:
+            log.warning("%s: %s", label, text)
+            progress.log(f"warning: {label}: {text}")
     refuse_too_much(request.replicas.count * plan.cost.memory, force=request.force)
     if not request.opened.is_resumed:  # else most of it is there
         refuse_full_disk(plan.cost.disk, folder.path, force=request.force)
@@ -80,6 +82,7 @@ def plan_run(request: RunRequest) -> PlannedRun:
             "contact": plan.contact_data,
             "steady_torque": conditions.as_dict(),
             "decisions": decisions,
+            "warnings": warnings_of(decisions),
             "shear_rate": strain_rate(plan.scene, device),
             "omitted_effects": {line.effect: line.in_words() for line in missing if line.is_reservation},
         }

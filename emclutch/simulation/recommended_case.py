@@ -64,9 +64,7 @@ def cheapest_case(case: Case, study: AccuracyStudy, target: float) -> tuple[Choi
 
 def whole_ring(case: Case, study: AccuracyStudy) -> LimitingError | None:
     """Return why a study's costs are not those of a case: its replicas have a sector, and the case the whole ring."""
-    if case.scene.grains.sector is not None or "sector" not in {one.name for one in study.settings} | set(
-        study.unknown
-    ):
+    if case.scene.grains.sector is not None or (study.setting("sector") is None and "sector" not in study.unknown):
         return None
     reason = "replicas of the study have a sector of the ring, the scene has all of it, which costs more"
     return LimitingError("sector", None, None, f"{reason}; set particles.sector")

@@ -7,12 +7,12 @@ are sheared faster, so that the steps that a strain takes do not grow with 1/d.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from emclutch.device_model.decision import Decision
 from emclutch.device_model.device import Device
-from emclutch.device_model.warning_text import with_warnings
+from emclutch.results.quantity import RPM
 from emclutch.scene.scaled import Scaled
 from emclutch.scene.timing import instant_in_words, not_before
 from geometry.time_profile import TimeProfile
@@ -61,7 +61,7 @@ class ScaledSlip:
     def in_words(self) -> str:
         """Return one line for people, with warnings."""
         text = f"{self.note()}; slip power and heat of the run are {self.factor:.3g} times those of the device"
-        return with_warnings(text, *self.warnings())
+        return Decision(text, *self.warnings())
 
     def note(self) -> str:
         """Return what was scaled."""
@@ -115,7 +115,7 @@ class ScaledSlip:
 
 
 def _rpm(speed: float) -> str:
-    return f"{speed * 30.0 / math.pi:.4g} rpm"
+    return f"{RPM * speed:.4g} rpm"
 
 
 def strain_rate(scene: Scene, device: Device) -> float:

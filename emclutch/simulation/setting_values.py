@@ -10,7 +10,7 @@ from typing import Any
 from emclutch.results.accuracy_study import AccuracyStudy, Total
 from emclutch.scene.case import Case
 from emclutch.settings import SETTINGS, Setting, settings_of
-from emclutch.settings.powder import GrainsPerGap, SectorWidth
+from emclutch.settings.powder import GRAINS_PER_GAP, SAME_WIDTH, SECTOR, width_as_measured, width_beside
 from emclutch.simulation.plan import Plan, make_plan
 
 DIMENSIONAL = ("s", "m/s")
@@ -44,7 +44,7 @@ def as_measured(values: Mapping[str, float], study: AccuracyStudy) -> dict[str, 
     """Return some values as those of a study: the sector's width with the same error at its size of grains."""
     known, per_gap, sector = dict(values), grains_per_gap_of(study), study.setting("sector")
     if per_gap is not None and sector is not None and "sector" in known and "grains_per_gap" in known:
-        known["sector"] = SectorWidth.as_measured(known["sector"], known["grains_per_gap"] / per_gap, sector.own)
+        known["sector"] = width_as_measured(known["sector"], known["grains_per_gap"] / per_gap, sector.own)
     return known
 
 
@@ -54,7 +54,7 @@ def grains_per_gap_of(study: AccuracyStudy) -> float | None:
     return None if grains is None else grains.own
 
 
-def applying(values: Mapping[str, float]) -> list[type[Setting]]:
+def applying(values: Mapping[str, float]) -> list[Setting]:
     """Return the settings of some values."""
     return [one for one in SETTINGS if one.name in values]
 
@@ -83,11 +83,11 @@ def with_settings(case: Case, values: Mapping[str, float], per_gap: float | None
         if setting.name not in own:
             continue
         wanted, before = values[setting.name], own[setting.name]
-        if setting is SectorWidth:
-            if per_gap is not None and GrainsPerGap.applies(case.scene):
-                wanted = SectorWidth.beside(wanted, GrainsPerGap.own(case.scene, plan) / per_gap)
-            before = SectorWidth.own(case.scene, plan)
-        if abs(wanted / before - 1.0) > (SectorWidth.WHOLE if setting is SectorWidth else SAME):
+        if setting is SECTOR:
+            if per_gap is not None and GRAINS_PER_GAP.applies(case.scene):
+                wanted = width_beside(wanted, GRAINS_PER_GAP.own(case.scene, plan) / per_gap)
+            before = SECTOR.own(case.scene, plan)
+        if abs(wanted / before - 1.0) > (SAME_WIDTH if setting is SECTOR else SAME):
             if setting.unit in DIMENSIONAL:
                 wanted *= setting.own(case.scene, plan) / before
             value = float(f"{wanted:.6g}")

@@ -104,7 +104,7 @@ class StoppingRule:
     lengths : tuple of float
         Times [s] of the looks, rising; the last one is the end of the longest run.
     max_count : int
-        Packings at most.
+        Largest number of replicas.
     """
 
     target: TorqueTarget
@@ -185,7 +185,7 @@ def remedy(torque: Estimate, target: TorqueTarget, end: float) -> str:
     """Return why a torque, or stress, is not known well enough at the end of its run at `end` [s], and what helps."""
     half = torque.half_width()
     if half is None or torque.mean is None:
-        return torque.reason
+        return torque.in_words()
     wanted = target.half_width(torque.mean)
     if may_be_zero(torque) and not target.absolute:
         return (
@@ -195,17 +195,17 @@ def remedy(torque: Estimate, target: TorqueTarget, end: float) -> str:
     if torque.replicas < 2:
         time = enough(torque, wanted, end)[1]
         if time is None:
-            return torque.reason
-        short = f"half the interval is {half:.2g} {target.unit}, {wanted:.2g} asked for"
-        return f"{short}; raise time.end to about {time:.2g} s; {torque.reason}"
+            return torque.in_words()
+        short = f"± {half:.2g} {target.unit}; ± {wanted:.2g} {target.unit} was requested"
+        return f"{short}; raise time.end to about {time:.2g} s; {torque.in_words()}"
     if drifts_significantly(torque, wanted):
-        return f"{torque.reason}; raise time.end above {end:.3g} s: more replicas do not help"
+        return f"{torque.status}: {torque.reason}; raise time.end above {end:.3g} s: more replicas do not help"
     if torque.missing or (not torque.converged and torque.drift_error is None):
-        return torque.reason
+        return torque.in_words()
     count, time = enough(torque, wanted, end)
     ways = [f"accuracy.max_replicas (or replicas) to {count}"] if count else []
     ways += [f"time.end to {time:.2g} s"] if time else []
-    text = f"half the interval is {half:.2g} {target.unit}, {wanted:.2g} asked for"
+    text = f"± {half:.2g} {target.unit}; ± {wanted:.2g} {target.unit} was requested"
     if steadiness(torque, wanted) is not Steadiness.STEADY:
-        text += "; " + torque.reason.partition(";")[0]
+        text += f"; {torque.status}"
     return f"{text}; estimate: raise {' or '.join(ways)}" if ways else f"{text}; ask for less"

@@ -96,12 +96,12 @@ class TorqueTrigger:
             error = "" if half is None else f" +- {half:.2g}"
             text = f"{target.quantity} {torque.mean:.4g}{error} {target.unit} (95 %{requested}), {replicas}"
         if isinstance(following, Stop):
-            text += ": target precision reached" if following.reached else f"; {torque.reason}"
+            text += ": target precision reached" if following.reached else f"; {torque.in_words()}"
         else:
             done, left = now.count * now.length, following.count * following.length - now.count * now.length
             seconds = (time.monotonic() - self._began) * left / max(done - self._simulated, 1e-300)
             what = f"{following.count} replicas" if following.count > now.count else f"{1e3 * following.length:.3g} ms"
-            text += f"; {torque.reason.partition(':')[0]}; next look at {what}, in about {format_rough_time(seconds)}"
+            text += f"; {torque.status}; next look at {what}, in about {format_rough_time(seconds)}"
         self.progress.log(text)
 
     def _update(self, here: float) -> None:

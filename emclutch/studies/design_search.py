@@ -17,6 +17,7 @@ torque), and runs end when a torque is within a tolerance of the wanted.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field, replace
 from math import inf, log
 from pathlib import Path
@@ -25,8 +26,11 @@ from typing import TYPE_CHECKING, Any
 from scipy.optimize import brentq
 
 from emclutch.device_model.device import build_device
-from emclutch.results import OutputError, Result, RunFolder, load_result
+from emclutch.results import OutputError, Result, load_result
 from emclutch.results.atomic_file import replace_json, replace_text
+from emclutch.results.new_path import new_folder
+from emclutch.results.report.report import Mark, Report, Reported, Shown, Statement, Statements, Table, note, warning
+from emclutch.results.text import format_estimate
 from emclutch.scene.case import Case, as_case, load_case
 from emclutch.scene.design import Search, search_of
 from emclutch.scene.errors import Fault, SceneError, bad_input_for
@@ -98,7 +102,7 @@ class Trial:
 
 
 @dataclass(frozen=True, slots=True)
-class DesignResult:
+class DesignResult(Reported):
     """The answer of a design search.
 
     Attributes
@@ -162,18 +166,13 @@ class DesignResult:
         """True if the whole 95 % interval of that torque is within the tolerance; False where it is not known."""
         return self.nearest is not None and all(self._is_within(abs(end)) for end in self.nearest.run.best.interval())
 
-    def _repr_html_(self) -> str:
-        from emclutch.results.report.content import Block, Page, Statements, Table  # local: they import what draws
-        from emclutch.results.report.render import fragment
-        from emclutch.results.report.verdict import Mark, Statement
-
-        lines = [Statement(Mark.NOTE, line) for line in (*in_words(self), *run_in_words(self))]
+    def report(self) -> Report:
+        """Return the value found, its estimate and its runs."""
+        report = Report(f"Design search: {self.search.case.name}", data=as_data(self), folder=self.folder,
+                        closing=f"Scene: {self.folder / 'found.toml'}")  # fmt: skip
+        report.add("Result", Statements([*_answer(self), *_of_the_runs(self)]), Shown.TERMINAL)
         tried = [(self.search.shown(value), f"{torque:.4g}") for value, torque in self.tried]
-        sections: dict[str, list[Block]] = {
-            "Answer": [Statements(lines)],
-            "Tried": [Table(tried, (self.search.key, "expected torque [N m]"), numbers=[1])],
-        }
-        return fragment(Page(self.folder, self.folder.name, f"design search, {self.search.case.name}", sections))
+        return report.add("Tried", Table(tried, (self.search.key, "expected torque [N m]"), numbers=[1]), Shown.PAGE)
 
     def _is_within(self, torque: float) -> bool:
         return abs(torque / self.search.torque - 1.0) <= self.tolerance
@@ -229,9 +228,7 @@ def design(
     """
     search = case if isinstance(case, Search) else search_of(as_case(case), vary, between, target)
     search = search if like is None else replace(search, like=Path(like))
-    folder = Path(out) if out is not None else RunFolder.next_path(search.case.name, "designs")
-    if folder.exists():
-        raise OutputError(f"{folder} exists; name another folder with --out")
+    folder = new_folder(out, search.case.name, "designs")
     law = _Expectation(search)
     correction = None if search.like is None else correction_by(search.like)
     ratio = 1.0 if correction is None else correction.ratio
@@ -410,50 +407,45 @@ def as_data(result: DesignResult) -> dict[str, Any]:
     }
 
 
-def in_words(result: DesignResult) -> list[str]:
-    """Return the answer for a terminal, line by line."""
+def _answer(result: DesignResult) -> Iterator[Statement]:
+    """Say the value, its estimate and its range."""
     search, expected, correction = result.search, result.expected, result.correction
     torque = (expected.torque or 0.0) * (correction.ratio if correction else 1.0)
-    low, high = (
-        f"{search.shown(end)}{' (end of the range)' if is_cut else ''}"
-        for end, is_cut in zip(result.bracket, result.is_cut, strict=True)
-    )
-    lines = [
-        f"{search.key} = {search.shown(result.value)}: {torque:.4g} N m expected, {search.torque:g} N m wanted",
-        f"law: {expected.in_words()}",
-    ]
+    value = search.shown(result.value)
+    mark = Mark.WARNING if any(result.is_cut) or not result.is_monotone else Mark.GOOD
+    yield Statement(mark, f"{search.key} = {value}: {torque:.4g} N m expected, {search.torque:g} N m wanted.")
+    yield note(f"Estimate: {expected.in_words()}")
     if correction is not None:
         ends = correction.interval
         spread = "its error unknown" if ends is None else f"95 %: {ends[0]:.2f} to {ends[1]:.2f}"
-        lines.append(f"times {correction.ratio:.2f} ({spread}), the ratio of {correction.folder} to its expectation")
+        yield note(f"Times {correction.ratio:.2f} ({spread}), the ratio of {correction.folder} to its estimate.")
+    low, high = map(search.shown, result.bracket)
     if all(result.is_cut):
-        lines.append(f"uncertainty too large: any {search.key} of the range may be right")
-    elif correction is not None and correction.interval is not None:
-        lines.append(f"the error of that run allows {low} to {high}, if its ratio is the same there")
+        yield note(f"Uncertainty too large: any value from {low} to {high} may be right.")
     else:
-        lines.append(f"the uncertainty of the law allows {low} to {high}")
+        by_run = correction is not None and correction.interval is not None
+        whose = "The error of that run" if by_run else "The uncertainty of the law"
+        beyond = ", perhaps beyond the end of the range" if any(result.is_cut) else ""
+        yield note(f"{whose} allows {low} to {high}{beyond}.")
     if not result.is_monotone:
-        lines.append("WARNING: the torque rises and falls between both values: other answers may exist, see design.csv")
-    lines.append(f"scene: {result.folder / 'found.toml'}")
-    return lines
+        yield warning("the torque rises and falls between both values: other answers may exist, see design.csv")
 
 
-def run_in_words(result: DesignResult) -> list[str]:
-    """Return what the runs gave, and what follows from them."""
-    search, lines = result.search, []
+def _of_the_runs(result: DesignResult) -> Iterator[Statement]:
+    """Say what the runs gave, and what follows from them."""
+    search = result.search
     for trial in result.trials:
-        torque, found = trial.torque, trial.run.best
-        known = "no torque" if torque is None else f"{torque:.4g} N m"
-        if torque is not None and found.known:
-            low, high = sorted(map(abs, found.interval()))
-            known += f" ({low:.4g} to {high:.4g})"
-        lines.append(f"run at {search.shown(trial.value)}: {known}, {trial.expected:.4g} N m expected")
+        estimate = trial.run.best
+        known = "no torque" if trial.torque is None else format_estimate(estimate)
+        yield note(f"Run at {search.shown(trial.value)}: {known}; {trial.expected:.4g} N m expected.")
     if not result.trials:
-        return lines
+        return
     wanted, within = f"{search.torque:g} N m", f"{100.0 * result.tolerance:g} %"
-    if result.is_met:
-        rest = "" if result.is_certain else ", but its 95 % interval is wider or unknown: a longer run would tell"
-        return [*lines, f"the last is within {within} of {wanted}{rest}"]
-    if result.next_value is None:
-        return [*lines, f"by the runs no value of {search.key} in the range gives {wanted}"]
-    return [*lines, f"not within {within} of {wanted}; by the runs {search.shown(result.next_value)} gives it"]
+    if result.is_met and result.is_certain:
+        yield Statement(Mark.GOOD, f"The last run is within {within} of {wanted}.")
+    elif result.is_met:
+        yield warning(f"the last run is within {within} of {wanted}; its 95 % interval is wider or unknown: run longer")
+    elif result.next_value is None:
+        yield warning(f"by the runs no value of {search.key} in the range gives {wanted}")
+    else:
+        yield warning(f"not within {within} of {wanted}; by the runs {search.shown(result.next_value)} gives it")

@@ -14,14 +14,12 @@ from time import perf_counter
 
 import numpy as np
 import pandas
-from rich.markup import escape
-from rich.table import Table
 
 from emclutch.device_model.body_forces import MOVABLE, forces_on, movable_bodies, stress_force
 from emclutch.device_model.device import CoilDevice, field_goals, field_is_needed, solved_coil
 from emclutch.device_model.device_3d import CoilDevice3D
 from emclutch.device_model.materials import grain_law, hysteresis_of, region_laws, region_materials
-from emclutch.results import OutputError, RunFolder
+from emclutch.results.new_path import new_folder
 from emclutch.results.pictures import section_picture
 from emclutch.results.pictures.field import line_picture, saturation_picture
 from emclutch.results.vtk.field_arrays import field_arrays
@@ -74,26 +72,6 @@ DETAIL_UNITS = {
     "ampere_turns_by_part": "A",
 }
 """Of what field.json holds for the last current; the rest are pure numbers."""
-
-IN_TERMINAL = (
-    {
-        "current": "I",
-        "gap_flux_density": "B gap",
-        "flux_linkage": "linkage",
-        "apparent_inductance": "L",
-        "incremental_inductance": "L incr.",
-        "copper_loss": "loss",
-    },
-    {
-        "current": "I",
-        "energy": "energy",
-        "coenergy": "co-energy",
-        "hysteresis_loss": "heat",
-        **{f"axial_force_{body}": f"F_z {body}" for body in MOVABLE},
-    },
-)
-"""Columns that the terminal shows, and how they are headed there, in tables that fit into 80 letters."""
-
 
 def field_study(
     case: Case,
@@ -149,9 +127,7 @@ def field_study(
                 f"the line {line} m does not lie in the mesh; it reaches to r = "
                 f"{coil.mesh.points[:, 0].max():.4g} m, with r >= 0; bare numbers are metres, write '27 mm'"
             )
-    folder = Path(out) if out is not None else RunFolder.next_path(f"{case.name}-field")
-    if folder.exists():
-        raise OutputError(f"{folder} exists; name another folder with --out")
+    folder = new_folder(out, f"{case.name}-field")
     currents = [coil.largest_current] if currents is None else list(currents)
     amount = None if scene.particles is None else fill_of(coil.shape, scene.particles, scene.scene.seed)
     phi = None if amount is None or scene.effects.feedback is None else amount.solid_fraction
@@ -219,38 +195,6 @@ def field_study(
     }
     (folder / "field.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
     return folder
-
-
-def tables_of(summary: dict) -> list[Table]:
-    """Text of `field.json` for a terminal: a row per current, and the results at the last one."""
-    rows, tables = summary["currents"], []
-    for columns in IN_TERMINAL:
-        shown = [name for name in columns if name in rows[0]]
-        tables.append(Table(*(escape(f"{columns[name]} [{UNITS[name]}]") for name in shown)))
-        for row in rows:
-            tables[-1].add_row(*(f"{row[name]:.4g}" for name in shown))
-    if parts := summary["at_last_current"].get("ampere_turns_by_part"):
-        whole = sum(parts.values())
-        tables.append(Table("part", escape("ampere-turns [A]"), escape("share [%]")))
-        for name, value in parts.items():
-            tables[-1].add_row(name, f"{value:.4g}", f"{100.0 * value / whole:.1f}")
-    last = Table("at the last current", "")
-    for name, value in summary["at_last_current"].items():
-        if name == "ampere_turns_by_part":
-            continue  # a table of its own
-        unit = f" [{DETAIL_UNITS[name]}]" if name in DETAIL_UNITS else ""
-        last.add_row(escape(name.replace("_", " ") + unit), escape(_in_words(value)))
-    return [*tables, last]
-
-
-def _in_words(value: object) -> str:
-    if isinstance(value, dict):
-        return "; ".join(f"{name.replace('_', ' ')}: {_in_words(part)}" for name, part in value.items())
-    if isinstance(value, list):
-        return ", ".join(map(_in_words, value))
-    if value is None:
-        return "none"
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
 def _row(

@@ -11,7 +11,7 @@ import numpy as np
 import pandas
 
 from emclutch.device_model.device_3d import CoilDevice3D, gap_map
-from emclutch.results import OutputError, RunFolder
+from emclutch.results.new_path import new_folder
 from emclutch.results.pictures.field import gap_map_picture
 from emclutch.results.vtk.field_arrays import field_arrays_3d
 from emclutch.results.vtk.series import PvdSeries
@@ -54,9 +54,7 @@ def field_study_3d(
                 f"the line {line} m does not lie in the mesh, which reaches "
                 f"{np.linalg.norm(device.mesh.points, axis=1).max():.4g} m far; bare numbers are metres, write '27 mm'"
             )
-    folder = Path(out) if out is not None else RunFolder.next_path(f"{case.name}-field")
-    if folder.exists():
-        raise OutputError(f"{folder} exists; name another folder with --out")
+    folder = new_folder(out, f"{case.name}-field")
     folder.mkdir(parents=True)
     assert case.scene.coil is not None
     resistance = case.scene.coil.resistance_in(device.shape.coil_area, device.shape.coil_mean_radius)

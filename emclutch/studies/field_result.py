@@ -9,6 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from emclutch.results.report.report import Report, Reported
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import bad_input_for
 
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class FieldResult:
+class FieldResult(Reported):
     """A field study as it stands in its folder.
 
     Attributes
@@ -52,10 +53,11 @@ class FieldResult:
         count = len(list(self.folder.glob("line-*.csv")))
         return tuple(pandas.read_csv(self.folder / f"line-{number}.csv") for number in range(1, count + 1))
 
-    def _repr_html_(self) -> str:
-        from emclutch.results.report.render import folder_fragment  # local: it imports what draws
+    def report(self) -> Report:
+        """Return a table of the currents, and what is known at the last one."""
+        from emclutch.studies.field_report import field_report  # local: it imports the packages of the physics
 
-        return folder_fragment(self.folder, self.table, self.units)
+        return field_report(self.folder, self.summary)
 
 
 def field(

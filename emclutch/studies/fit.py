@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from itertools import product
 from pathlib import Path
@@ -19,7 +19,9 @@ import tomli_w
 
 from emclutch.results import OutputError, RunFolder
 from emclutch.results.atomic_file import json_values, replace_json, replace_text
+from emclutch.results.fits import NORMAL
 from emclutch.results.pictures.figure import legend_below, make_logarithmic, new_figure, save_picture
+from emclutch.results.report.report import Mark, Picture, Report, Reported, Shown, Statement, Statements, note, warning
 from emclutch.results.study_result import load_study
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import Fault, SceneError
@@ -72,7 +74,7 @@ def rolling_key(scene: Scene) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class FitResult:
+class FitResult(Reported):
     """A fit with its folder.
 
     Attributes
@@ -98,6 +100,14 @@ class FitResult:
     fit: TorqueFit
     doubtful: int
     case: Case
+
+    def report(self) -> Report:
+        """Return the parameters with their intervals."""
+        scene, picture = self.folder / "fitted.toml", self.folder / "fit.png"
+        report = Report(f"Fit: {self.case.scene.scene.title}", data=as_data(self), folder=self.folder,
+                        closing=f"Scene: {scene}, picture: {picture}")  # fmt: skip
+        report.add("Result", Statements([*_statements(self)]), Shown.TERMINAL)
+        return report.add("Picture", Picture("measured and fitted torque", picture), Shown.PAGE)
 
 
 def fit(
@@ -298,7 +308,7 @@ def _draw(result: FitResult) -> None:
     several = len(fitted.parameters) > 1
     title = f"{result.case.scene.scene.title}: fitted torque"
     figure, axes = new_figure(9.0 if several else 5.0, 4.6, title, columns=2 if several else 1)
-    bars = None if measured.error is None else 1.96 * measured.error
+    bars = None if measured.error is None else NORMAL * measured.error
     axes[0].errorbar(measured.drive, measured.torque, yerr=bars, fmt="ko", ms=4, capsize=3, label="measured")
     axes[0].plot(measured.drive, fitted.torque, color="C0", label="fitted")
     axes[0].fill_between(measured.drive, fitted.low, fitted.high, color="C0", alpha=0.25, label="95 %")
@@ -330,32 +340,29 @@ def as_data(result: FitResult) -> dict[str, Any]:
     )  # fmt: skip
 
 
-def in_words(result: FitResult) -> list[str]:
-    """Return the fit for a terminal, line by line."""
-    fitted, lines = result.fit, []
+def _statements(result: FitResult) -> Iterator[Statement]:
+    """Say the parameters with their intervals, how well they fit, and what would bound them."""
+    fitted = result.fit
     for one in fitted.parameters:
         ends = ("" if bounded else ", the end of what was simulated" for bounded in one.bounded)
         low, high = (f"{value:.3g}{end}" for value, end in zip((one.low, one.high), ends, strict=True))
-        lines.append(f"{one.name} = {one.value:.3g} (95 %: {low} to {high})")
+        mark = Mark.GOOD if all(one.bounded) else Mark.WARNING
+        yield Statement(mark, f"{one.name} = {one.value:.3g} (95 %: {low} to {high}).")
     if len(fitted.parameters) > 1 and len(fitted.valley) > 1:
         pairs = " to ".join("(" + ", ".join(f"{v:.3g}" for v in row) + ")" for row in fitted.valley[[0, -1]])
-        lines.append(f"they go together along the valley {pairs}, see valley.csv")
+        yield note(f"They vary together from {pairs}, see valley.csv.")
     if names := ", ".join(one.name for one in fitted.parameters if not any(one.bounded)):
-        lines.append(f"the curve does not bound {names}: add another measurement, e.g. --repose '34 deg'")
+        yield note(f"The curve does not bound {names}: add another measurement, e.g. --repose '34 deg'.")
     if names := ", ".join(one.name for one in fitted.parameters if sum(one.bounded) == 1):
-        lines.append(f"{names} may lie beyond the values that were simulated: widen their range")
-    lines.append(
-        f"measured over fitted torques scatter by {100.0 * fitted.scatter:.2g} %, {len(result.measured.drive)} points"
-        + (f", {result.left_out} left out (0, or beyond the simulated drives)" if result.left_out else "")
-    )
+        yield note(f"{names} may lie beyond the values that were simulated: widen their range.")
+    left = f", {result.left_out} left out (0, or beyond the simulated drives)" if result.left_out else ""
+    points = f"{len(result.measured.drive)} points{left}"
+    yield note(f"Scatter of measured over fitted torques: {100.0 * fitted.scatter:.2g} %, {points}.")
     if common := result.measured.common_error:
-        lines.append(f"the intervals contain a common error of {100.0 * common:.3g} % of all measured torques")
+        yield note(f"The intervals contain a common error of {100.0 * common:.3g} % of all measured torques.")
     if fitted.is_poor:
-        lines.append(
-            f"WARNING: no parameters within the range fit this curve within its errors (probability "
-            f"{fitted.probability:.1g}): widen the range, or the difference is not one of these parameters"
-        )
+        probability = f"probability {fitted.probability:.1g}"
+        yield Statement(Mark.UNUSABLE, f"No parameters in the range fit this curve within its errors ({probability}).")
+        yield note("Widen the range, or the difference is not one of these parameters.")
     if result.doubtful:
-        lines.append(f"WARNING: {result.doubtful} simulated torques are not converged; run longer, or more replicas")
-    lines.append(f"scene: {result.folder / 'fitted.toml'}, pictures: {result.folder / 'fit.png'}")
-    return lines
+        yield warning(f"{result.doubtful} simulated torques are not converged; run longer, or take more replicas")

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
+from emclutch.results.report.report import Mark, Report, Reported, Shown, Statement, Statements, Table, note, warning
 from emclutch.scene.case import Case
 from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.replica_count import cores_at_hand, replica_count
@@ -44,7 +45,7 @@ class PointForecast:
 
 
 @dataclass(frozen=True, slots=True)
-class StudyForecast:
+class StudyForecast(Reported):
     """Prediction for a study.
 
     Attributes
@@ -85,16 +86,29 @@ class StudyForecast:
     def in_words(self) -> str:
         """One line: the sum, and what stands against it."""
         kept = f" ({self.done} more are done)" if self.done else ""
-        first = (
-            "; accuracy studies of devices without one are run first (accuracy.budget)" if self.needs_studies else ""
-        )
+        first = "; missing accuracy studies of devices are run first (accuracy.budget)" if self.needs_studies else ""
         text = (
             f"{len(self.points)} {'point' if len(self.points) == 1 else 'points'}{kept}, {self.jobs} at a time: "
             f"{time_in_words(self.seconds, self.earliest)}, up to {self.memory:.0f} MiB of memory, "
             f"{self.disk:.0f} MiB on disk; predicted, without compiling{first}"
         )
-        warning = shortage(self.memory)
-        return f"{text}; WARNING: {warning}; or take fewer --jobs" if warning else text
+        return text
+
+    def report(self) -> Report:
+        """Return the cost of each point, and of all."""
+        report = Report(self.title, data=self.as_dict())
+        statements = [Statement(Mark.GOOD, f"{self.title}: the study is valid."), note(f"{self.in_words()}.")]
+        statements += [warning(f"{lack}; or take fewer --jobs")] if (lack := shortage(self.memory)) else []
+        report.add("Result", Statements(statements), Shown.TERMINAL)
+        table = [
+            (
+                point.label, str(point.steps), str(point.grains), str(point.replicas),
+                time_in_words(point.seconds, point.earliest), f"{point.memory:.0f} MiB", f"{point.disk:.0f} MiB",
+            )
+            for point in self.points
+        ]  # fmt: skip
+        head = ("point", "steps", "grains", "replicas", "takes", "memory", "disk")
+        return report.add("Points", Table(table, head, (1, 2, 3, 5, 6)), Shown.TERMINAL)
 
 
 def time_in_words(seconds: float, earliest: float) -> str:

@@ -15,8 +15,9 @@ from typing import Any
 
 from emclutch.results import OutputError, RunFolder
 from emclutch.results.lease import lease_holder
-from emclutch.results.report.study_page import FailedPoint, StudyState, write_study_page
+from emclutch.results.report.study_report import StudyState, write_study_page
 from emclutch.results.study_table import DONE, FAILED, RUNNING, WAITING, PointRow
+from emclutch.results.torque_curves import best_of
 from emclutch.scene.study import StudySection, read_study
 from emclutch.studies.accuracy.target import cases_of
 from emclutch.studies.point_index import PARTS, PointIndex, lease_of, parts_in
@@ -155,22 +156,18 @@ def _write_page(
 ) -> None:
     found = {point.folder.name: point for point in done}
     left = {point.folder: point for point in unfinished}
-    rows = []
+    points = {}
     for name in names:
         label = label_of(study, (found.get(name) or left[name]).values) or name
         if name in found:
             row = found[name].row
-            interval = None if row["low"] is None else (row["low"], row["high"])
-            rows.append(PointRow(label, DONE, 1.0, row["torque"], interval, row["converged"], row["seconds"]))
+            points[name] = PointRow(label, DONE, 1.0, *best_of(row), row["converged"], row["seconds"])
         else:
             one = left[name]
-            rows.append(PointRow(label, FAILED if one.failure else RUNNING if one.holder else WAITING))
-    failures = [
-        FailedPoint(folder / one.folder, label_of(study, one.values), one.failure) for one in unfinished if one.failure
-    ]
-    table = [point.values | point.row for point in done]
+            points[name] = PointRow(label, FAILED if one.failure else RUNNING if one.holder else WAITING)
+    failures = {one.folder: one.failure for one in unfinished if one.failure}
     with suppress(OSError):  # as in a study that runs
-        write_study_page(StudyState(folder, study.title, study.values, names, rows, table, failures))
+        write_study_page(StudyState(folder, study.title, points, failures))
 
 
 def _open_point(number: int, values: dict[str, Any], target: PointFolder, failures: dict[str, str]) -> OpenPoint:

@@ -17,7 +17,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
-from math import inf, isclose, pi
+from math import inf, isclose
 from pathlib import Path
 from typing import Any
 
@@ -36,17 +36,20 @@ from emclutch.device_model.heat_model import (
     resistance_at_20,
 )
 from emclutch.effects.heat import HeatSection, TorqueCurveSection
-from emclutch.results import OutputError, RunFolder, load_result
+from emclutch.results import load_result
 from emclutch.results.errors import RunError
+from emclutch.results.new_path import new_folder
 from emclutch.results.pictures.temperature import duty_picture, temperature_picture
+from emclutch.results.quantity import RPM
+from emclutch.results.report.report import Report, Reported
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import Fault, SceneError, bad_input_for
 from emclutch.scene.model import Scene
+from emclutch.studies.heat_report import heat_report
 from field.heat.conduction import HeatNotConverged, HeatProblem, Powers, ThermalRunaway
 from field.heat.transient import HeatInTime, HeatState, Ripple
 
-RPM = 2.0 * pi / 60.0
-SPEEDS = tuple(n * RPM for n in (50.0, 100.0, 200.0, 500.0, 1000.0, 1500.0))
+SPEEDS = tuple(n / RPM for n in (50.0, 100.0, 200.0, 500.0, 1000.0, 1500.0))
 """At which the permitted slip power is given where none are asked for [rad/s]."""
 
 MAX_RESOLVED_PERIODS = 300
@@ -93,7 +96,7 @@ surface and coil stay below their limits, the smaller of both, and its torque.""
 
 
 @dataclass(frozen=True)
-class HeatResult:
+class HeatResult(Reported):
     """A thermal study as it stands in its folder.
 
     Attributes
@@ -113,10 +116,9 @@ class HeatResult:
     table: pandas.DataFrame
     permitted: pandas.DataFrame
 
-    def _repr_html_(self) -> str:
-        from emclutch.results.report.render import folder_fragment  # local: it imports what draws
-
-        return folder_fragment(self.folder, self.table, UNITS)
+    def report(self) -> Report:
+        """Return temperatures, limits and permitted slip power."""
+        return heat_report(self.folder, self.summary, self.permitted)
 
 
 def heat(
@@ -145,9 +147,7 @@ def heat(
         No slip power is found at which a limit of the temperature is reached.
     """
     case = as_case(case)
-    folder = Path(out) if out is not None else RunFolder.next_path(f"{case.name}-heat")
-    if folder.exists():
-        raise OutputError(f"{folder} exists; name another folder with --out")
+    folder = new_folder(out, f"{case.name}-heat")
     with bad_input_for(case.path):
         if case.scene.effects.thermal is None:
             raise ValueError("the scene has no [effects.heat]; add the table, or --set effects.heat=on")

@@ -10,8 +10,8 @@ import numpy as np
 
 from emclutch.results import Estimate, Result
 from emclutch.results.columns import DISC_SPEED, MISSED_STEPS, ROTOR_SPEED, STEPS, TIME, TORQUE_DISC
+from emclutch.results.fits import NORMAL
 from emclutch.results.text import format_duration, format_mean, format_percent
-from emclutch.results.torque_curves import NORMAL
 
 METHOD = "contact.method"
 WANTED = 0.05

@@ -26,6 +26,7 @@ from emclutch.results.run_end import seconds_of
 from emclutch.results.run_folder import logging_to
 from emclutch.results.study_folder import is_study
 from emclutch.results.study_table import DONE, FAILED, STOPPED, WAITING, StudyTable
+from emclutch.results.torque_curves import best_of
 from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.replica_count import replica_count
 from emclutch.scene.study import StudySection, read_study
@@ -384,8 +385,8 @@ class _StudyRun:
         (values, _), path = self.points[number], self.targets[number].path
         found = self.index.point(path)
         row = found.row
-        interval = None if row["low"] is None else (row["low"], row["high"])
-        self.table.set_done(number, row["torque"], interval, row["seconds"], kept=kept, converged=row["converged"])
+        torque, interval = best_of(row)
+        self.table.set_done(number, torque, interval, row["seconds"], kept=kept, converged=row["converged"])
         if not kept:
             log.info("%s is done", path.name)
         self.done[number] = DonePoint(values, path, row, found.speeds_vary)
@@ -399,17 +400,13 @@ class _StudyRun:
         self.write_page(at_once=True)
 
     def _write_page(self) -> None:
-        from emclutch.results.report.study_page import FailedPoint, StudyState, write_study_page
+        from emclutch.results.report.study_report import StudyState, write_study_page
 
-        names, rows = [target.path.name for target in self.targets], self.table.rows
-        failures = [
-            FailedPoint(self.targets[n].path, rows[n].label, self.failures[n].message) for n in sorted(self.failures)
-        ]
-        done = [one.values | one.row for _, one in sorted(self.done.items())]
+        names = [target.path.name for target in self.targets]
+        failures = {names[n]: self.failures[n].message for n in sorted(self.failures)}
+        points = dict(zip(names, self.table.rows, strict=True))
         left = None if self.is_over else self.table.seconds_left()
-        state = StudyState(
-            self.folder, self.study.title, self.study.values, names, rows, done, failures, left, not self.is_over
-        )
+        state = StudyState(self.folder, self.study.title, points, failures, left, not self.is_over)
         with suppress(OSError):  # results meet the same disk, and are missed more
             write_study_page(state)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,7 @@ from emclutch.results.pictures.torque_curves import (
     torque_against_grain_size_picture,
     torque_against_speed_picture,
 )
+from emclutch.results.quantities import QUANTITIES
 from emclutch.results.run_end import seconds_of
 from emclutch.results.seed_average import averaged_over_seeds
 from emclutch.results.statistics import Estimate
@@ -35,12 +36,12 @@ MOST_COURSES = 100
 """Of `speeds.png`: of more points every second, third, ... is drawn."""
 STARTED = 0.01  # of the motor's fastest speed: an output that dry friction holds chatters below it
 SEED, CURRENT, VOLTAGE, SPEED = "scene.seed", "coil.current", "coil.voltage", "motion.rotor.speed"
-DRAG = "drag_torque", "torque_with_drag"
-"""Of seals and bearings, without an interval of its own, and the torque on the disc's shaft with it."""
+COLUMNS = tuple(one for one in QUANTITIES if one.column)
 SIZES = "particles.diameter", "particles.sizes"
 SIZE_COLUMNS = (PER_GAP, REAL_PER_GAP, "seeds", "torque", "standard_error", "low", "high", "converged",
                 "inertial_number", "grains", "seconds")  # fmt: skip
 """Of `grain_size.csv`, after the values: grains per gap, those of the real powder, torque, what it cost."""
+
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,51 +178,23 @@ def _write_csv(path: Path, rows: Sequence[dict[str, Any]]) -> None:
 
 
 def row_of(values: dict[str, Any], result: Result) -> dict[str, Any]:
-    """A point's row of `study.csv`."""
-    torque, summary = disc_torque(result), result.summary
+    """A point's row of `study.csv`: its values, then the quantities that are columns."""
+    torque, summary, history = disc_torque(result), result.summary, result.history
     low, high = torque.interval() if torque.known else (None, None)
     end = seconds_of(result.folder.read_scene()["time"]["end"], result.folder)  # resumed alone to a later one perhaps
-    row = {**values, "end_time": end}  # [s]
-    if "current" in summary:
-        row["current"] = summary["current"]
-    row |= {
-        "torque": torque.mean,
-        "standard_error": torque.standard_error,
-        "low": low,
-        "high": high,
-        "converged": torque.converged,
-        "steady_alone": torque.steady_alone,
-        "torque_rotor": summary.get("torque_rotor", {}).get("mean"),
-        "gap_flux_density": summary.get("gap_flux_density"),
-        **{name: summary[name] for name in DRAG if name in summary},
-        "typical_overlap": summary["typical_overlap"],
-        "inertial_number": summary.get("inertial_number"),
-        "seconds": summary["seconds"]["whole_run"],
-        "figure_of_merit": summary.get("figure_of_merit"),
-        "reason": torque.reason,
-        "folder": result.folder.path.name,
-    }
-    if TORQUE_DISC in result.history and (best := result.best) != torque:
+    row = {**values, "end_time": end, "torque": torque.mean, "standard_error": torque.standard_error,
+           "low": low, "high": high, "converged": torque.converged, "steady_alone": torque.steady_alone}  # fmt: skip
+    row |= {one.column: one.value(summary) for one in COLUMNS if one.is_in(summary)}
+    row |= {"reason": torque.in_words(), "folder": result.folder.path.name}
+    if TORQUE_DISC in history and (best := result.best) != torque:
         ends = best.interval() if best.known else (None, None)
         row |= dict(zip(BEST_ESTIMATE, (best.mean, *ends), strict=True))
     if (start := result.folder.read_provenance().get("grains_from")) is not None:
         row["started_from"] = Path(start["folder"]).name  # a study's point
-    if expected := summary.get("expected_torque_scene"):  # as the torque of this row, of the scene's own grains
-        row |= {"expected_low": expected["low"], "expected_torque": expected["mean"], "expected_high": expected["high"]}
-    for name in ("shear_stress", "shear_stress_error", "field_strength_powder", "fill_powder", "solid_fraction",
-                 "relative_permeability"):  # fmt: skip
-        if name in summary:  # between pole faces, or in a sheared box: a point of the powder's law tau(H, phi)
-            row[name] = summary[name]
-    if size := summary.get("grain_size"):
-        row |= {PER_GAP: size["across"], REAL_PER_GAP: size.get("real_across"), "grains": summary["grains"]}
-    for name in ("normal_stress", "effective_friction"):
-        if name in summary:
-            row[name] = None if summary[name] is None else summary[name]["mean"]
-    if ROTOR_SPEED in result.history:
-        row["rotor_speed"] = float(result.history[ROTOR_SPEED].iloc[-1])
+    if ROTOR_SPEED in history:
+        row["rotor_speed"] = float(history[ROTOR_SPEED].iloc[-1])
     if "lock_up_time" in summary:  # a shaft is free
-        row["output_start_time"], row["output_start_speed"] = output_start(result.history) or (None, None)
-        row["lock_up_time"] = summary["lock_up_time"]
+        row["output_start_time"], row["output_start_speed"] = output_start(history) or (None, None)
     return row
 
 
@@ -233,8 +206,7 @@ def disc_torque(result: Result) -> Estimate:
     if TORQUE_DISC in result.history:
         return result.torque
     if result.steady is not None:
-        steady = result.steady
-        return Estimate(None, None, 0, None, None, steady.converged, steady.reason, steady_alone=steady.steady_alone)
+        return replace(result.steady, mean=None, standard_error=None)
     return Estimate(None, None, 0, None, None, False, "the scene has no disc")
 
 

@@ -18,7 +18,7 @@ import numpy as np
 import pandas
 
 import emclutch
-from emclutch.results.accuracy_study import student
+from emclutch.results.fits import Measured
 from emclutch.scene.replica_count import replica_seed
 from emclutch.studies.accuracy.planned_values import is_sheared
 
@@ -82,7 +82,7 @@ def judge(runs: pandas.DataFrame, references: pandas.DataFrame) -> pandas.DataFr
     for (scene, target), some in runs.groupby(["scene", "target"], sort=False):
         torques = references.torque[references.scene == scene]
         truth = torques.mean()
-        of_truth = student(len(torques) - 1.0) * torques.std(ddof=1) / len(torques) ** 0.5 / truth
+        of_truth = Measured.of(torques).half_width() / truth
         error = (some.corrected / truth - 1.0).abs()
         median, half = error.median(), some.half_width.median()
         rows.append({

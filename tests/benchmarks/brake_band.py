@@ -39,8 +39,9 @@ from scipy.special import ndtri
 from scipy.stats import sobol_indices, uniform
 
 from emclutch.device_model.grain_size import COEFFICIENT, EXPONENT
+from emclutch.results.fits import NORMAL
 from emclutch.results.pictures import torque_against_current_picture
-from emclutch.results.torque_curves import NORMAL, TorqueCurve
+from emclutch.results.torque_curves import TorqueCurve
 from particles.bulk_friction.friction_table import FrictionTable, measured_table
 
 PERCENTILES = 5.0, 50.0, 95.0

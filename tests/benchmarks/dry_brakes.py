@@ -19,11 +19,11 @@ from pathlib import Path
 
 import numpy as np
 
+from emclutch.results.fits import NORMAL, power_law
 from emclutch.results.linear_range import linear_range
 from emclutch.results.measured_table import read_measured
 from emclutch.results.pictures import torque_against_current_picture
-from emclutch.results.pictures.speeds import power_law
-from emclutch.results.torque_curves import NORMAL, TorqueCurve
+from emclutch.results.torque_curves import TorqueCurve
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "project"))  # the table of record
 from measured import ROOT, table
@@ -51,7 +51,7 @@ def exponent(branch: np.ndarray, low: float, high: float) -> tuple[float, float]
     """d ln T/d ln I between two currents with its standard error; None where the points do not span them."""
     x, torque = branch[(branch[:, 0] > low - 0.011) & (branch[:, 0] < high + 0.011)].T
     law = power_law(x, torque, errors(torque))
-    return None if law is None or x[-1] < low + 0.6 * (high - low) else law[1:]
+    return None if law is None or x[-1] < low + 0.6 * (high - low) else (law[1].value, law[1].error)
 
 
 def ours() -> list[TorqueCurve]:

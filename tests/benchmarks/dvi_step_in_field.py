@@ -25,10 +25,10 @@ from typing import Any
 import numba
 import numpy as np
 import pandas as pd
-from scipy.stats import t as student
 
 import emclutch
 from emclutch.results.errors import RunError
+from emclutch.results.fits import student
 from emclutch.scene.case import Case, case_from
 from emclutch.simulation.plan import make_plan
 
@@ -159,7 +159,7 @@ def table_of(path: Path) -> pd.DataFrame:
         groups = good.groupby(names)["stress"]
         freedom = int((groups.count() - 1).sum())
         scatter = np.sqrt(((good.stress / groups.transform("mean") - 1.0) ** 2).sum() / freedom)
-        spread = student.ppf(0.975, freedom) * scatter  # of one replica, relative
+        spread = student(freedom) * scatter  # of one replica, relative
         line = good[(good.method == "dem") & (good.stiffness == 1.0)]["stress"]
         for key, group in here.groupby(names):
             kept = group.dropna(subset=["stress"])

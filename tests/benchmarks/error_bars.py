@@ -14,11 +14,11 @@ from pathlib import Path
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
-from scipy.special import stdtrit
 
 import emclutch
 from emclutch.cli.input import assignments
 from emclutch.results import Estimate, load_result
+from emclutch.results.fits import Measured
 from emclutch.results.steady_torque import SteadyConditions, steady_torque
 
 FIRST_SEED = 77_000
@@ -41,13 +41,12 @@ def share_within(found: list[Estimate]) -> tuple[int, int]:
     for a, b in zip(found[::2], found[1::2], strict=False):
         if a.standard_error is None or b.standard_error is None or a.mean is None or b.mean is None:
             continue
-        parts = np.array([a.standard_error, b.standard_error]) ** 2
-        freedom = np.array([e.batches - 1 if e.degrees_of_freedom is None else e.degrees_of_freedom for e in (a, b)])
-        if (freedom < 1).any():
+        freedom = [e.batches - 1.0 if e.degrees_of_freedom is None else e.degrees_of_freedom for e in (a, b)]
+        if min(freedom) < 1.0:
             continue
-        half = stdtrit(parts.sum() ** 2 / (parts**2 / freedom).sum(), 0.975) * np.sqrt(parts.sum())
+        difference = Measured(a.mean, a.standard_error, freedom[0]) - Measured(b.mean, b.standard_error, freedom[1])
         pairs += 1
-        inside += bool(abs(a.mean - b.mean) <= half)
+        inside += not difference.is_significant()
     return inside, pairs
 
 

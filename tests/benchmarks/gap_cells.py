@@ -34,6 +34,7 @@ import numpy as np
 from scipy.stats import chi2
 from scipy.stats.qmc import Halton
 
+from emclutch.results.fits import NORMAL
 from emclutch.scene.case import case_from
 from emclutch.simulation.forecast.powder_law import POWDERS, PowderLaws
 from emclutch.simulation.run import run
@@ -212,12 +213,12 @@ def print_fits(table: Table, path: Path) -> None:
     """Print the laws of the table, each number with half of its 95 % interval."""
     laws = powder_laws(table, path)
     names = ("p", "m", "k", "l", "q", "r")
-    pairs = zip(names, laws.common, 1.96 * laws.common_errors, strict=True)
+    pairs = zip(names, laws.common, NORMAL * laws.common_errors, strict=True)
     print(", ".join(f"{name} {value:.3f} ± {half:.3f}" for name, value, half in pairs), end="")
     print(f"; deviation of a cell {laws.deviation:.2%}; N_1 {laws.permeability[0]:.3f}, N_2 {laws.permeability[1]:.4f}")
     print("| friction | rolling friction | chi | cells | 100 A | phi_1 | N_0 |\n|---|---|---|---|---|---|---|")
     for (friction, rolling, chi), cells, own, error in zip(
-        laws.powders, laws.cells, laws.own, 1.96 * laws.own_errors, strict=True
+        laws.powders, laws.cells, laws.own, NORMAL * laws.own_errors, strict=True
     ):
         A, fill = np.exp(own[:2])
         print(f"| {friction:g} | {rolling:g} | {chi:g} | {cells} | {100 * A:.2f} ± {100 * A * error[0]:.2f} | ", end="")
@@ -273,7 +274,7 @@ def ratio_of(one: Table, other: Table) -> tuple[float, float]:
     """Stress of a cell over that of another, and half of its 95 % interval by the errors within runs."""
     ratio = float(one["shear_stress"][0] / other["shear_stress"][0])
     relative = [cell["standard_error"][0] / cell["shear_stress"][0] for cell in (one, other)]
-    return ratio, 1.96 * ratio * float(np.hypot(*relative))
+    return ratio, NORMAL * ratio * float(np.hypot(*relative))
 
 
 def print_seeds(table: Table) -> None:

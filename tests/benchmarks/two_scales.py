@@ -31,6 +31,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from emclutch.device_model.device import Device, build_device
+from emclutch.results.fits import NORMAL
 from emclutch.scene.case import Case, case_from, load_case
 from emclutch.simulation.forecast.expected_field import expected_magnetisation
 from emclutch.simulation.forecast.expected_torque import ExpectedTorque, expected_torque
@@ -214,7 +215,7 @@ def predicted(row: Row) -> Row:
     """Return a line with what is expected of it."""
     found, device = expected(row)
     assert found.scene is not None
-    error = np.log(found.scene.high / found.scene.mean) / 1.96
+    error = np.log(found.scene.high / found.scene.mean) / NORMAL
     return row | {
         "predicted": f"{found.scene.mean:.5g}", "predicted_error": f"{error:.3g}",
         "nominal_fill": f"{device.fill.solid_fraction:.4g}", "guess": "" if found.parts else found.law,
@@ -237,16 +238,16 @@ def print_table(rows: list[Row]) -> None:
     for row, miss, _, half in zip(rows, *misfit(rows), strict=True):
         powder = ", ".join(f"{row[name]}" for name in ("friction", "rolling_friction", "susceptibility") if row[name])
         run, error, law = (float(row[name]) for name in ("torque", "standard_error", "predicted"))
-        outside = " **outside**" if abs(miss) > 1.96 * half else ""
+        outside = " **outside**" if abs(miss) > NORMAL * half else ""
         print(f"| {row['name']}, {row['base']} | {powder} | {float(row['across']):.3g} | ", end="")
         print(
-            f"{float(row['nominal_fill']):.3f}, {float(row['zone_fill']):.3f} | {run:.4g} ± {1.96 * error:.1g} | ",
+            f"{float(row['nominal_fill']):.3f}, {float(row['zone_fill']):.3f} | {run:.4g} ± {NORMAL * error:.1g} | ",
             end="",
         )
-        print(f"{law:.4g} ± {100.0 * np.expm1(1.96 * half):.0f} % | {np.exp(miss):.3f}{outside} |")
+        print(f"{law:.4g} ± {100.0 * np.expm1(NORMAL * half):.0f} % | {np.exp(miss):.3f}{outside} |")
     for use in dict.fromkeys(row["use"] for row in rows):
         miss, _, half = misfit([row for row in rows if row["use"] == use])
-        within, scatter = int((np.abs(miss) < 1.96 * half).sum()), miss.std(ddof=1) if len(miss) > 1 else 0.0
+        within, scatter = int((np.abs(miss) < NORMAL * half).sum()), miss.std(ddof=1) if len(miss) > 1 else 0.0
         print(f"{use}: {within} of {len(miss)} in their interval, run/predicted {np.exp(miss.mean()):.3f}", end="")
         print(f", standard deviation {scatter:.1%}")
 
@@ -261,7 +262,7 @@ def draw(rows: list[Row], path: Path) -> None:
         if own:
             miss, _, half = misfit(own)
             law = np.array([float(row["predicted"]) for row in own])
-            axes.errorbar(law, np.exp(miss), np.exp(miss) * np.sinh(1.96 * half), fmt=marker, color=color, ms=5, lw=1,
+            axes.errorbar(law, np.exp(miss), np.exp(miss) * np.sinh(NORMAL * half), fmt=marker, color=color, ms=5, lw=1,
                           capsize=2, label=f"{use}, {len(own)} devices")  # fmt: skip
     axes.axhline(1.0, color="k", lw=0.8)
     axes.set(xscale="log", xlabel="torque by the powder's law [N m]", ylabel="torque of the run / by the law",

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from emclutch.studies.accuracy.tables import changes_in_words
 
 from emclutch.results.accuracy_studies import SHIPPED, VARIABLE, device_hash
 from emclutch.results.accuracy_study import AccuracyStudy
@@ -13,7 +14,6 @@ from emclutch.scene.flat import flat_scene, keys_at_default
 from emclutch.simulation.discretisation_error import accuracy_in_words, accuracy_study_of_device, device_of
 from emclutch.simulation.plan import make_plan
 from emclutch.simulation.recommended_case import cheapest_case
-from emclutch.studies.accuracy.tables import changes_in_words
 
 CASES = Path(__file__).parents[2] / "cases"
 STUDIES = sorted(SHIPPED.glob("*.json"))

@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import pandas
 import pytest
+from emclutch.results.report.content import run_page
 from measured import table
 from typer.testing import CliRunner
 
 import emclutch
 from emclutch.cli.main import app
-from emclutch.results.report.content import run_page
 from emclutch.results.report.render import html, markdown
 from emclutch.results.report.verdict import closing_lines
 from emclutch.results.rise_time import time_to_reach

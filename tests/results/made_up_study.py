@@ -29,10 +29,9 @@ def cell(**values):
 
 def contact_step(bias, half_width=0.0, own=20.0):
     """Three values that follow the second order, and are off by `bias` at 20 steps a contact."""
+    error = half_width / 2.0
     values = [
-        MeasuredValue(
-            n, 1.0 / n, 2.0 * (1.0 + bias) ** ((20.0 / n) ** 2), half_width / 2.0, 4, 3.0 * n / 20.0, n / 20.0
-        )
+        MeasuredValue(n, 1.0 / n, 2.0 * (1.0 + bias) ** ((20.0 / n) ** 2), error, 4, 3.0 * n / 20.0, n / 20.0)
         for n in (10, 20, 40)
     ]
     return MeasuredSetting("contact_step", "time.steps_per_contact", Basis.TORQUE, own, 2.0, 0.0, tuple(values), 30.0)

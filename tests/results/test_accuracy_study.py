@@ -56,12 +56,11 @@ def few_draws(monkeypatch):
     monkeypatch.setattr(setting_errors, "PILOT", 512)
 
 
-def setting_of(h, values, errors=None, *, name="setting", own=0, order=2.0, limit=0.0, freedom=16.0, is_large=False):
+def setting(h, values, errors=None, *, name="a", own=0, order=2.0, limit=0.0, freedom=16.0, is_large=False):
     errors = np.zeros(len(h)) if errors is None else errors
     basis = Basis.TORQUE if np.any(errors) else Basis.MOMENTS
-    measured = tuple(
-        MeasuredValue(1.0 / a, a, float(v), float(e), 2, 1.0) for a, v, e in zip(h, values, errors, strict=True)
-    )
+    rows = zip(h, values, errors, strict=True)
+    measured = tuple(MeasuredValue(1.0 / a, a, float(v), float(e), 2, 1.0) for a, v, e in rows)
     freedom = freedom if np.any(errors) else math.inf
     return MeasuredSetting(name, "key", basis, 1.0 / h[own], order, limit, measured, freedom, is_large)
 
@@ -81,8 +80,8 @@ def held(random, h, law, *, own=0, order=2.0, limit=0.0, is_large=False, deviati
     noise = random.standard_t(3, len(h)) / math.sqrt(3.0) if student else random.standard_normal(len(h))
     torque = np.exp(law + off) * (1.0 + errors * noise)
     measured = errors * math.sqrt(random.chisquare(16.0) / 16.0)
-    setting = setting_of(h, torque, measured, own=own, order=order, limit=limit, is_large=is_large)
-    found = study_of(setting).error("setting")
+    one = setting(h, torque, measured, own=own, order=order, limit=limit, is_large=is_large)
+    found = study_of(one).error("a")
     miss = abs(math.log1p(found.bias) - law[own] - off[own])
     return miss <= found.half_width, found.half_width, miss
 
@@ -122,7 +121,7 @@ def test_the_errors_of_settings_that_share_one_mean_hold_their_sum(few_draws):
                   for e in errors]  # fmt: skip
         scatter, freedom = pooled_scatter([(base, 1.0), *((one, 1.0) for some in others for one in some)])
         settings = [
-            setting_of(h, [base.mean(), *(one.mean() for one in some)], scatter / np.sqrt([4, 2, 2]),
+            setting(h, [base.mean(), *(one.mean() for one in some)], scatter / np.sqrt([4, 2, 2]),
                        name=f"setting {n}", order=1.0, freedom=freedom)
             for n, some in enumerate(others)
         ]  # fmt: skip
@@ -136,7 +135,7 @@ def test_the_errors_of_settings_that_share_one_mean_hold_their_sum(few_draws):
 
 def test_without_torques_of_other_settings_the_best_estimate_is_that_of_the_replicas():
     """A short study has measured a frozen packing only."""
-    whole = study_of(setting_of(np.array([1.0, 0.5, 0.25]), [1.02, 1.005, 1.0]), torque=-0.727, freedom=3.0)
+    whole = study_of(setting(np.array([1.0, 0.5, 0.25]), [1.02, 1.005, 1.0]), torque=-0.727, freedom=3.0)
     torque, half = whole.best_estimate()
     assert torque == pytest.approx(-0.727 / (1.0 + whole.total(whole.told).bias), rel=0.003)
     assert half == pytest.approx(math.hypot(whole.statistical, whole.total(whole.told).half_width), rel=0.1)
@@ -146,25 +145,25 @@ def test_without_torques_of_other_settings_the_best_estimate_is_that_of_the_repl
 @pytest.mark.parametrize("order", [1.3, 2.0])
 def test_the_order_of_values_without_noise_is_found(order):
     h = np.array([2.0, 1.4, 1.0, 0.7, 0.5])
-    whole = study_of(setting_of(h, 3.0 * np.exp(0.02 * h**order), own=2, order=None))
-    middle, low, high = whole.posterior.order("setting")
+    whole = study_of(setting(h, 3.0 * np.exp(0.02 * h**order), own=2, order=None))
+    middle, low, high = whole.posterior.order("a")
     assert middle == pytest.approx(order, abs=0.2) and low < order < high
-    error = whole.error("setting")
+    error = whole.error("a")
     assert abs(math.log1p(error.bias) - 0.02) < error.half_width < 0.01 and error.is_significant
 
 
 def test_values_without_noise_that_go_up_and_down_have_a_half_width_that_covers_them():
     h, values = np.array([2.0, 1.0, 0.5, 0.25]), (1.0, 1.02, 1.0, 1.02)
-    whole = study_of(setting_of(h, values, order=None))
+    whole = study_of(setting(h, values, order=None))
     for a, value in zip(h, values, strict=True):
-        error = whole.error("setting", a)
+        error = whole.error("a", a)
         assert all(abs(math.log(value / other / (1.0 + error.bias))) <= error.half_width for other in values[-2:])
 
 
 def test_the_posterior_is_that_of_a_dense_integration():
     """Mean and spread of b of one small setting with two values: by quadrature over order and scale."""
     h, y, errors = np.array([4.0, 1.0]), np.array([0.03, 0.0]), np.array([0.01, 0.005])
-    setting = setting_of(h, np.exp(y), errors, own=1, order=1.0, freedom=math.inf)
+    small = setting(h, np.exp(y), errors, own=1, order=1.0, freedom=math.inf)
     p = np.exp(setting_errors.ORDER_SPREAD * np.linspace(-4.0, 4.0, 161))
     weight_p = np.exp(-0.5 * np.linspace(-4.0, 4.0, 161) ** 2)
     b = np.linspace(-0.3, 0.3, 6001)
@@ -178,7 +177,7 @@ def test_the_posterior_is_that_of_a_dense_integration():
     posterior /= posterior.sum()
     mean = float(posterior @ b)
     deviation = math.sqrt(float(posterior @ (b - mean) ** 2))
-    model = setting_errors.SharedMean([setting])
+    model = setting_errors.SharedMean([small])
     draws = model.posterior(np.random.default_rng(2)).latent[:, 1]
     assert draws.mean() == pytest.approx(mean, abs=0.15 * deviation)
     assert draws.std() == pytest.approx(deviation, rel=0.1)
@@ -187,28 +186,26 @@ def test_the_posterior_is_that_of_a_dense_integration():
 def test_there_is_no_error_at_the_limit():
     """Grains of their real size have no error of size; others that of ln(1 + a h^p)."""
     h = np.array([0.25, 0.2, 0.125])
-    whole = study_of(setting_of(h, 1.0 + 3.0 * h**2, [0.001] * 3, **GRAINS))
-    assert whole.error("setting", LIMIT) == SettingError(0.0, 0.0, 0.0)
+    whole = study_of(setting(h, 1.0 + 3.0 * h**2, [0.001] * 3, **GRAINS))
+    assert whole.error("a", LIMIT) == SettingError(0.0, 0.0, 0.0)
     expected = (1.0 + 3.0 / 16.0) / (1.0 + 3.0 * LIMIT**2) - 1.0
-    assert abs(whole.error("setting").bias - expected) < 0.5 * whole.error("setting").half_width
+    assert abs(whole.error("a").bias - expected) < 0.5 * whole.error("a").half_width
 
 
 def test_coarser_than_all_values_the_error_is_known_less_well_and_without_an_order_nothing_is_said():
     h = np.array([1.0, 0.5, 0.25])
-    known = study_of(setting_of(h, np.exp(0.02 * h), [1e-4] * 3, order=1.0))
-    assert known.error("setting", 4.0).half_width > 3.0 * known.error("setting", 1.0).half_width
-    assert abs(math.log1p(known.error("setting", 4.0).bias) - 0.08) < known.error("setting", 4.0).half_width
-    free = study_of(setting_of(h, [1.0, 1.02, 1.0], order=None))
-    assert free.error("setting", 1.1) is None and free.error("setting", 0.7) is not None
+    known = study_of(setting(h, np.exp(0.02 * h), [1e-4] * 3, order=1.0))
+    assert known.error("a", 4.0).half_width > 3.0 * known.error("a", 1.0).half_width
+    assert abs(math.log1p(known.error("a", 4.0).bias) - 0.08) < known.error("a", 4.0).half_width
+    free = study_of(setting(h, [1.0, 1.02, 1.0], order=None))
+    assert free.error("a", 1.1) is None and free.error("a", 0.7) is not None
 
 
 def test_a_setting_with_one_value_is_not_known():
-    one = MeasuredSetting(
-        "setting", "key", Basis.TORQUE, 1.0, 2.0, 0.0, (MeasuredValue(1.0, 1.0, 1.0, 0.01, 4, 1.0),), 4.0
-    )
-    total = study_of(one, unknown={"other": "about 3 min"}).total({"setting": 1.0, "other": 1.0})
+    one = MeasuredSetting("a", "key", Basis.TORQUE, 1.0, 2.0, 0.0, (MeasuredValue(1.0, 1.0, 1.0, 0.01, 4, 1.0),), 4.0)
+    total = study_of(one, unknown={"other": "about 3 min"}).total({"a": 1.0, "other": 1.0})
     assert total.parts == {} and total.half_width == 0.0
-    assert total.unknown == {"setting": "the accuracy study has not measured it", "other": "about 3 min"}
+    assert total.unknown == {"a": "the accuracy study has not measured it", "other": "about 3 min"}
 
 
 def test_an_interval_has_both_ends():
@@ -221,7 +218,7 @@ def test_an_interval_has_both_ends():
 def test_without_the_prior_of_small_errors_the_half_width_is_larger_and_chi2_counts_them():
     h = np.array([2.0, 1.0])
     settings = [
-        setting_of(h, [1.0 + 0.02 * n, 1.0], [0.012, 0.008], name=f"setting {n}", own=1, order=1.0) for n in range(4)
+        setting(h, [1.0 + 0.02 * n, 1.0], [0.012, 0.008], name=f"setting {n}", own=1, order=1.0) for n in range(4)
     ]
     whole = study_of(*settings)
     assert whole.without_prior > 1.2 * whole.total(whole.told).half_width
@@ -232,7 +229,7 @@ def test_without_the_prior_of_small_errors_the_half_width_is_larger_and_chi2_cou
 
 
 def test_a_study_of_another_version_is_refused():
-    whole = study_of(setting_of(FIVE, [1.2, 1.1, 1.08, 1.03, 1.0], [0.01] * 5, name="grains_per_gap", **GRAINS))
+    whole = study_of(setting(FIVE, [1.2, 1.1, 1.08, 1.03, 1.0], [0.01] * 5, name="grains_per_gap", **GRAINS))
     text = whole.to_json()
     with pytest.raises(ValueError, match=rf"version 1 of accuracy studies; this program reads {VERSION}"):
         AccuracyStudy.from_json(text.replace(f'"version": {VERSION}', '"version": 1'))
@@ -243,9 +240,7 @@ def test_a_study_of_another_version_is_refused():
     [{"freedom": 0}, {"freedom": math.nan}, {"scatter": -0.1}, {"torque": 0.0}, {"seconds": math.inf}, {"replicas": 0}],
 )
 def test_a_study_with_a_number_that_no_study_has_is_refused_by_name(entries):
-    text = study_of(
-        setting_of(FIVE, [1.2, 1.1, 1.08, 1.03, 1.0], [0.01] * 5, name="grains_per_gap", **GRAINS)
-    ).to_json()
+    text = study_of(setting(FIVE, [1.2, 1.1, 1.08, 1.03, 1.0], [0.01] * 5, name="grains_per_gap", **GRAINS)).to_json()
     with pytest.raises(ValueError, match=f"{next(iter(entries))} = .* is out of range; allowed: "):
         AccuracyStudy.from_json(json.dumps(json.loads(text) | entries))
 
@@ -253,8 +248,8 @@ def test_a_study_with_a_number_that_no_study_has_is_refused_by_name(entries):
 def test_a_study_is_read_as_it_was_written_and_gives_the_same_errors():
     h = np.array([1.0, 0.5, 0.25])
     settings = (
-        setting_of(h, (1.1, 1.02, 1.0), [0.01] * 3, freedom=5.0),
-        setting_of(h, (1.1, 1.02, 1.0), name="b", order=None),
+        setting(h, (1.1, 1.02, 1.0), [0.01] * 3, freedom=5.0),
+        setting(h, (1.1, 1.02, 1.0), name="b", order=None),
     )
     whole = AccuracyStudy(
         "abc", "case", {"coil.current": 1.0}, 1.0, 0.1, 5.0, 9.0, 4, 1.0, settings, {"a": "b"}, {"cores": 2}
@@ -280,9 +275,7 @@ def study_of_seven(noise=0.01):
         values = np.exp(error * (steps**order - 1.0) + noise * random.standard_normal(5))
         values[3] = 1.0
         settings.append(
-            setting_of(
-                steps, values, np.full(5, noise), name=f"setting {number}", own=3, order=2.0, is_large=number == 0
-            )
+            setting(steps, values, np.full(5, noise), name=f"setting {number}", own=3, order=2.0, is_large=number == 0)
         )
     return settings
 
@@ -306,13 +299,13 @@ def test_a_limit_at_one_of_the_values_gives_finite_errors(place, is_large, few_d
     """Of the value at the limit there is no error; without another value the law has no unit."""
     values, errors = [1.2, 1.05, 1.02], [0.02, 0.02, 0.02]
     for own in (0, 1, 2):
-        study = study_of(setting_of(THREE, values, errors, own=own, limit=THREE[place], is_large=is_large))
-        found = [study.error("setting", h) for h in THREE]
+        study = study_of(setting(THREE, values, errors, own=own, limit=THREE[place], is_large=is_large))
+        found = [study.error("a", h) for h in THREE]
         assert all(math.isfinite(one.bias) and math.isfinite(one.half_width) for one in found)
         assert found[place].half_width == 0.0
-    alone = setting_errors.SharedMean([setting_of(THREE[:1], values[:1], errors[:1], limit=THREE[0])])
+    alone = setting_errors.SharedMean([setting(THREE[:1], values[:1], errors[:1], limit=THREE[0])])
     u = np.zeros((1, 4))
-    assert np.isfinite(alone.direction(u, "setting", THREE[2])).all()
+    assert np.isfinite(alone.direction(u, "a", THREE[2])).all()
 
 
 def test_torques_without_scatter_have_errors_like_values_without_noise(few_draws):
@@ -332,20 +325,20 @@ def test_values_far_apart_have_finite_errors(finest, few_draws):
     """At high orders the coarsest value has many powers of ten the error of the finest: covariances were singular."""
     h = np.array([1.0, math.sqrt(finest), finest])
     for errors in (None, [0.02, 0.02, 0.02]):
-        found = study_of(setting_of(h, [1.2, 1.05, 1.02], errors, own=2, order=None)).error("setting")
+        found = study_of(setting(h, [1.2, 1.05, 1.02], errors, own=2, order=None)).error("a")
         assert math.isfinite(found.bias)
         assert 0.0 <= found.half_width < 0.2
 
 
 def test_far_beyond_all_values_the_error_is_a_finite_number(few_draws):
-    found = study_of(setting_of(THREE, [1.2, 1.05, 1.02], [0.02] * 3, own=1)).error("setting", 1e6)
+    found = study_of(setting(THREE, [1.2, 1.05, 1.02], [0.02] * 3, own=1)).error("a", 1e6)
     assert np.isfinite([found.bias, found.half_width, *found.interval]).all()
 
 
 def test_errors_do_not_depend_on_the_unit_or_the_sign_of_the_torque(few_draws):
     values = np.array([1.2, 1.05, 1.02])
     one, *others = (
-        study_of(setting_of(THREE, factor * values, [0.02] * 3, own=1, **GRAINS)).error("setting")
+        study_of(setting(THREE, factor * values, [0.02] * 3, own=1, **GRAINS)).error("a")
         for factor in (1.0, 1e-9, -1e6)
     )
     for other in others:
@@ -354,7 +347,7 @@ def test_errors_do_not_depend_on_the_unit_or_the_sign_of_the_torque(few_draws):
 
 def test_the_best_estimate_is_that_of_the_study_where_no_setting_was_measured_by_torques(few_draws):
     """It was 1 N m of any torque, with the half width of the errors alone."""
-    solved = setting_of(THREE, [1.2, 1.05, 1.02], own=1)
+    solved = setting(THREE, [1.2, 1.05, 1.02], own=1)
     for settings in ((), (solved,)):
         study = study_of(*settings, torque=-3.0)
         error = study.total(study.told)
@@ -368,7 +361,7 @@ def test_a_scatter_that_is_far_too_small_gives_finite_errors(freedom, few_draws)
     """The values are 1e5 of their standard errors off any law: a coordinate of 8 was a division by zero."""
     random = np.random.default_rng(0)
     values = 1.0 + 0.1 * random.standard_normal(5)
-    found = study_of(setting_of(FIVE, values, [1e-6] * 5, freedom=freedom)).error("setting")
+    found = study_of(setting(FIVE, values, [1e-6] * 5, freedom=freedom)).error("a")
     assert math.isfinite(found.bias)
     assert 0.0 < found.half_width < 10.0
 
@@ -377,10 +370,10 @@ def test_the_part_by_noise_is_what_exact_values_would_remove():
     """Deviations from the law, unknown orders and noise-free values had been counted as noise that replicas lower."""
     values, halves = power_law(FIVE, 0.2, 2.0, 0, LIMIT), []
     for noise in (1e-2, 5e-3, 1e-5):
-        found = study_of(setting_of(FIVE, np.exp(values), [noise] * 5, freedom=math.inf, **GRAINS)).error("setting")
+        found = study_of(setting(FIVE, np.exp(values), [noise] * 5, freedom=math.inf, **GRAINS)).error("a")
         halves.append(found.noise)
         assert found.noise <= found.half_width
     assert halves[1] == pytest.approx(0.5 * halves[0], rel=0.25)
     assert halves[2] < 1e-4
-    exact = study_of(setting_of(FIVE, [1.2, 1.1, 1.12, 1.05, 1.02])).error("setting")
+    exact = study_of(setting(FIVE, [1.2, 1.1, 1.12, 1.05, 1.02])).error("a")
     assert exact.noise == 0.0 < exact.half_width

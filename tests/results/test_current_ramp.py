@@ -16,6 +16,7 @@ from emclutch.results.current_ramp import (
     current_ramp,
     in_words,
 )
+from emclutch.results.fits import Measured
 from emclutch.results.pictures import current_ramp_picture
 from emclutch.results.steady_torque import SteadyConditions
 from geometry.time_profile import TimeProfile
@@ -81,7 +82,7 @@ def test_the_difference_is_taken_replica_by_replica():
     found = current_ramp([history(RAMP, 0.2, seed=n, spread=0.1) for n in range(4)], RAMP, GAP)
     middle = next(one for one in found.bins if one.kind == RISING and one.low >= 1.0)
     loop = found.summary()["loop"][1]
-    assert loop["half_width"] < 0.3 * middle.half_width and loop["half_width"] < 0.3 * loop["width"]
+    assert loop["half_width"] < 0.3 * middle.torque.half_width() and loop["half_width"] < 0.3 * loop["width"]
 
 
 def test_fewer_bins_of_a_faster_ramp_and_none_of_a_switching():
@@ -116,15 +117,16 @@ def of_one_replica(change=lambda branch, k: {}, count=5):
     for branch, kind in enumerate((RISING, FALLING)):
         for k in range(count):
             at = (k + 0.5) / count
-            given = {"error": 0.01, "freedom": 4.0, "current": at} | change(branch, k)
-            means = np.array([at + 0.1 * branch])
-            bins.append(RampBin(branch, kind, k / count, (k + 1) / count, means=means, **given))
+            given = {"error": 0.01, "freedom": 4.0, "correlated": 1.0} | change(branch, k)
+            means, correlated = np.array([at + 0.1 * branch]), given.pop("correlated")
+            torque = Measured(float(means[0]), **given)
+            bins.append(RampBin(branch, kind, k / count, (k + 1) / count, at, means, torque, correlated))
     return CurrentRamp(tuple(bins)).summary()
 
 
 def test_an_unknown_error_of_a_bin_is_not_zero():
     """It makes unknown what the bin is part of, and nothing else."""
-    found = of_one_replica(lambda branch, k: {"error": None} if branch == 0 and k == 0 else {})
+    found = of_one_replica(lambda branch, k: {"error": np.nan} if branch == 0 and k == 0 else {})
     assert [one["half_width"] is None for one in found["loop"]] == [True, False, False]
     assert found["area"]["half_width"] is None and found["area"]["share"] > 0.0
     assert "difference 0.1 N m (error unknown)" in in_words(found)[0]
@@ -155,7 +157,7 @@ def test_noise_that_lasts_bins_adds_up_in_the_area():
 def test_bins_know_how_many_their_noise_lasts():
     """Noise of 8 windows in bins of 6 and of 50 windows."""
     short = [current_ramp([history(RAMP, 0.2, seed=n, noise=0.05, windows=240)], RAMP, GAP) for n in range(20)]
-    middle = [one.bins[10].correlated for one in short if one.bins[10].error is not None]
+    middle = [one.bins[10].correlated for one in short if np.isfinite(one.bins[10].torque.error)]
     assert len(middle) >= 10 and 1.1 < np.mean(middle) < 1.6
     assert all(one.correlated == 1.0 for one in current_ramp([history(RAMP, 0.2, noise=0.05)], RAMP, GAP).bins)
 

@@ -6,13 +6,13 @@ from html.parser import HTMLParser
 import numpy as np
 import pandas
 import pytest
+from emclutch.results.report.content import FILES, page_of, run_page, study_page
 from typer.testing import CliRunner
 from written_run import written_run, written_study
 
 from emclutch.cli.main import app
 from emclutch.effects import EffectsSection
 from emclutch.results import OutputError, RunFolder, load_result
-from emclutch.results.report.content import FILES, page_of, run_page, study_page
 from emclutch.results.report.render import html, markdown, write_failed_index, write_index, write_page
 from emclutch.results.report.verdict import Mark, verdict
 from emclutch.results.study_folder import read_study

@@ -97,9 +97,7 @@ def test_an_unknown_error_is_no_bar():
 def test_cost_against_error(to):
     """With targets that are reached and not, and a setting that was not measured."""
     step = contact_step(0.05, 0.01)
-    values = tuple(
-        dataclasses.replace(measured, cost=cost) for measured, cost in zip(step.values, (0.5, 1.0, 2.0), strict=True)
-    )
+    values = tuple(dataclasses.replace(one, cost=cost) for one, cost in zip(step.values, (0.5, 1.0, 2.0), strict=True))
     of = study("abc", dataclasses.replace(step, values=values), scatter=0.02, unknown={"sector": "about 3 min more"})
     targets = [(target, recommended(of, target)) for target in (0.05, 0.001)]
     accuracy_picture(to / "a.png", of, targets)

@@ -1,6 +1,4 @@
-"""Speeds against time: measured tables are read as people write them; power laws and parabolas are the nearest ones."""
-
-import math
+"""Speeds against time: measured tables are read as people write them; parabolas are the nearest ones."""
 
 import numpy as np
 import pytest
@@ -8,7 +6,7 @@ import pytest
 from emclutch.results import OutputError
 from emclutch.results.measured_table import read_measured
 from emclutch.results.pictures.figure import draw_measured, new_figure
-from emclutch.results.pictures.speeds import explained_share, power_law, quadratic_factor, speeds_vary
+from emclutch.results.pictures.speeds import explained_share, quadratic_factor, speeds_vary
 
 AXES = "time [s]", "speed [rpm]"
 
@@ -20,28 +18,6 @@ def test_speeds_are_drawn_where_a_shaft_changes_its_speed():
     assert speeds_vary({**still, "disc_speed": np.arange(5.0)})
     assert speeds_vary({"rotor_speed": np.arange(5.0), "disc_speed": np.zeros(5)})
     assert not speeds_vary({"rotor_speed": np.arange(5.0)})  # a box has no disc
-
-
-def test_the_exponents_error_is_that_of_least_squares():
-    """Against numpy's polyfit; errors smaller than the scatter are widened by it, larger ones are kept."""
-    rng = np.random.default_rng(1)
-    speed = np.linspace(20.0, 100.0, 12)
-    for noise in (0.01, 0.2):
-        torque = 0.05 * speed**2 * np.exp(noise * rng.normal(size=12))
-        sigma = 0.05 * torque * rng.uniform(0.5, 2.0, 12)
-        weight = torque / sigma
-        fit, covariance = np.polyfit(np.log(speed), np.log(torque), 1, w=weight, cov="unscaled")
-        left = np.log(torque) - np.polyval(fit, np.log(speed))
-        scatter = float(np.sum((weight * left) ** 2)) / 10
-        assert (scatter > 1.0) == (noise == 0.2)
-        error = math.sqrt(covariance[0, 0] * max(1.0, scatter))
-        assert power_law(speed, torque, sigma) == pytest.approx((math.exp(fit[1]), fit[0], error), rel=1e-9)
-    sigma[3] = np.nan  # one unknown error: all points count alike
-    fit, covariance = np.polyfit(np.log(speed), np.log(torque), 1, cov=True)
-    assert power_law(speed, torque, sigma)[1:] == pytest.approx((fit[0], math.sqrt(covariance[0, 0])), rel=1e-9)
-    for few in ([0.0, 10.0, 20.0], [10.0, 10.0, 10.0], []):
-        assert power_law(few, np.ones(len(few))) is None
-    assert power_law([10.0, 20.0, 30.0], [1.0, -1.0, 2.0]) is None  # two that transmit
 
 
 def test_the_parabola_is_the_nearest_one_and_has_its_r_squared():

@@ -4,14 +4,14 @@ import xml.etree.ElementTree as ElementTree
 
 import pandas
 import pytest
+from emclutch.results.report.content import study_page as content_page
+from emclutch.results.report.study_page import FailedPoint, StudyState, study_page, write_study_page
 from matplotlib.figure import Figure
 from written_run import written_study
 
 from emclutch.results import RunFolder, load_result
 from emclutch.results.pictures.torque_curves import BEST, _draw_torques
-from emclutch.results.report.content import study_page as content_page
 from emclutch.results.report.render import html
-from emclutch.results.report.study_page import FailedPoint, StudyState, study_page, write_study_page
 from emclutch.results.study_folder import read_study
 from emclutch.results.study_result import best_estimate_lines
 from emclutch.results.study_table import DONE, FAILED, RUNNING, WAITING, PointRow

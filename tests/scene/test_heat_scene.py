@@ -5,10 +5,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from emclutch.cli.heat import averaging_in_words
 from typer.testing import CliRunner
 
 import emclutch
-from emclutch.cli.heat import averaging_in_words
 from emclutch.cli.main import app
 from emclutch.device_model.coil_heat import housing_rise, steady_rise
 from emclutch.device_model.heat_model import COIL, POWDER, Drive, HeatModel, heat_problem, resistance_at_20

@@ -10,7 +10,7 @@ from emclutch.scene.errors import SceneError
 from emclutch.scene.slip_checks import why_no_slip
 from emclutch.scene.start_up import start_up_strain
 from emclutch.settings import FROZEN, HISTORIES, SETTINGS, settings_of
-from emclutch.settings.powder import GrainsPerGap, SectorWidth
+from emclutch.settings.powder import GRAINS_PER_GAP, SAME_WIDTH, SECTOR
 from emclutch.simulation.plan import Plan, plan
 from emclutch.simulation.setting_values import with_settings
 
@@ -73,7 +73,7 @@ def powder(case: Case, planning: Plan) -> float:
 
 def test_a_sector_between_slots_keeps_a_whole_number_of_pitches():
     scene = (case := load_case(CASES / "slotted_disc.toml")).scene
-    for setting, values in ((SectorWidth, SectorWidth.usual(scene, None)), (GrainsPerGap, (5.0, 12.0))):
+    for setting, values in ((SECTOR, SECTOR.usual(scene, None)), (GRAINS_PER_GAP, (5.0, 12.0))):
         for value in values:
             turned = case.with_values(setting.entries(scene, None, value))
             assert setting.own(turned.scene, None) == pytest.approx(value, rel=1e-3)
@@ -83,10 +83,10 @@ def test_a_sector_between_slots_keeps_a_whole_number_of_pitches():
 
 def test_finer_grains_leave_the_sector_as_wide_as_it_is_and_coarser_ones_keep_its_diameters():
     scene = (case := load_case(CASES / "quickstart.toml")).scene  # 4 grains per gap
-    own = SectorWidth.own(scene, None)
+    own = SECTOR.own(scene, None)
     for across, width in ((2.0, own), (5.0, 1.25 * own), (12.0, 3.0 * own)):
-        turned = case.with_values(GrainsPerGap.entries(scene, None, across)).scene
-        assert SectorWidth.own(turned, None) == pytest.approx(width, rel=SectorWidth.WHOLE)
+        turned = case.with_values(GRAINS_PER_GAP.entries(scene, None, across)).scene
+        assert SECTOR.own(turned, None) == pytest.approx(width, rel=SAME_WIDTH)
         assert turned.grains.n_sectors == scene.grains.n_sectors or across < 4.0
 
 
@@ -94,7 +94,7 @@ def test_finer_grains_leave_the_sector_as_wide_as_it_is_and_coarser_ones_keep_it
 def test_finer_grains_that_are_counted_are_as_much_powder(sector):
     case = load_case(CASES / "quickstart.toml")
     case = case.with_values({"particles.sector": sector, "particles.solid_fraction": None, "particles.count": 400})
-    finer = case.with_values(GrainsPerGap.entries(case.scene, None, 12.0)).scene.grains
+    finer = case.with_values(GRAINS_PER_GAP.entries(case.scene, None, 12.0)).scene.grains
     assert finer.n_sectors == case.scene.grains.n_sectors
     assert finer.count * finer.grain_volume == pytest.approx(400 * case.scene.grains.grain_volume, rel=1e-3)
 
@@ -102,14 +102,14 @@ def test_finer_grains_that_are_counted_are_as_much_powder(sector):
 def test_values_of_grains_and_sector_mean_the_same_whatever_the_scene_has_of_them():
     """A width is that beside the study's grains, here 4 per gap: three times finer ones have three times as many."""
     case = load_case(CASES / "quickstart.toml")
-    own = SectorWidth.own(case.scene, None)
+    own = SECTOR.own(case.scene, None)
     finer = with_settings(case, {"grains_per_gap": 12.0}, 4.0)
-    wider = case.with_values(SectorWidth.entries(case.scene, None, 2.0 * own))
+    wider = case.with_values(SECTOR.entries(case.scene, None, 2.0 * own))
     for begin in (case, finer, wider, with_settings(finer, {"sector": 2.0 * own}, 4.0)):
         for width in (own, 2.0 * own):
             found = with_settings(begin, {"grains_per_gap": 12.0, "sector": width}, 4.0).scene
-            assert GrainsPerGap.own(found, None) == pytest.approx(12.0, rel=1e-3)
-            assert SectorWidth.own(found, None) == pytest.approx(3.0 * width, rel=0.03)  # a sector less in the ring
+            assert GRAINS_PER_GAP.own(found, None) == pytest.approx(12.0, rel=1e-3)
+            assert SECTOR.own(found, None) == pytest.approx(3.0 * width, rel=0.03)  # a sector less in the ring
 
 
 def test_values_of_a_scene_are_taken_as_they_stand():

@@ -12,7 +12,7 @@ from emclutch.results.accuracy_study import Basis, MeasuredSetting, MeasuredValu
 from emclutch.results.statistics import Estimate
 from emclutch.scene.case import load_case
 from emclutch.settings import settings_of
-from emclutch.settings.powder import SectorWidth
+from emclutch.settings.powder import SAME_WIDTH
 from emclutch.simulation.discretisation_error import (
     corrected,
     device_of,
@@ -61,9 +61,8 @@ def test_keys_of_a_setting_are_those_that_its_entries_set():
     for entries in ({}, counted, {"contact__stiffness": None}, {"time__average_from": None}):
         case, plan = planned(**entries)
         for setting in settings_of(case.scene):
-            assert set(setting.entries(case.scene, plan, setting.own(case.scene, plan))) <= set(
-                setting.keys(case.scene)
-            )
+            own = setting.own(case.scene, plan)
+            assert set(setting.entries(case.scene, plan, own)) <= set(setting.keys(case.scene))
 
 
 def test_grains_that_are_counted_are_of_the_device_by_their_volume():
@@ -102,10 +101,8 @@ def test_a_run_has_the_error_of_its_study(folder, tmp_path):
     summary = emclutch.run(case, out=tmp_path / "run").summary
     error = summary["discretisation_error"]
     assert error["bias"] == pytest.approx(0.04, abs=0.002) and error["parts"]["contact_step"]["value"] == 20.0
-    assert (
-        error["accuracy_study"]["file"] == str(file)
-        and "coil.current = 1.0 instead of None" in error["accuracy_study"]["note"]
-    )
+    known = error["accuracy_study"]
+    assert known["file"] == str(file) and "coil.current = 1.0 instead of None" in known["note"]
     assert error["unknown"]["sector"] == "no time" and "discretisation_error_note" not in summary
     assert error["best_estimate"]["mean"] == pytest.approx(summary["torque"]["mean"] / (1.0 + error["bias"]))
     relative = summary["torque"]["standard_error"] / summary["torque"]["mean"]
@@ -135,7 +132,7 @@ def test_a_sector_of_finer_grains_has_the_error_of_one_as_wide(folder):
     here = total_at(known, widths, plan).parts["sector"]
     finer, fine_plan = planned(**own, particles__diameter=0.5 * case.scene.grains.diameter)
     there = {name: setting_values(finer, fine_plan)[name] for name in widths}
-    assert there["sector"] == pytest.approx(2.0 * widths["sector"], rel=SectorWidth.WHOLE)
+    assert there["sector"] == pytest.approx(2.0 * widths["sector"], rel=SAME_WIDTH)
     assert total_at(known, there, fine_plan).parts["sector"] == here
     narrow = total_at(known, there | {"sector": widths["sector"]}, fine_plan).parts["sector"]
     assert narrow.bias == pytest.approx(4.0 * here.bias, rel=0.3)

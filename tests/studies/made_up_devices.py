@@ -124,19 +124,9 @@ class Device:
     def accuracy_study(self, run, scatter, freedom):
         torques = {key: float(np.mean(some)) for key, some in run.items()}
         count = {key: len(some) for key, some in run.items()}
-        settings = tuple(one.measured(torques, count, scatter, freedom) for one in self.offers)
-        return AccuracyStudy(
-            "abc",
-            "made up",
-            {},
-            torques[OWN],
-            scatter,
-            freedom,
-            None,
-            count[OWN],
-            SECONDS,
-            (self.start_up(), *settings),
-        )
+        settings = self.start_up(), *(one.measured(torques, count, scatter, freedom) for one in self.offers)
+        n, mean = count[OWN], torques[OWN]
+        return AccuracyStudy("abc", "made up", {}, mean, scatter, freedom, None, n, SECONDS, settings)
 
     @staticmethod
     def start_up():

@@ -134,7 +134,7 @@ def test_the_study_has_every_setting_and_runs_of_the_device_find_it(replicas, tm
 def test_replicas_are_planned_for_the_targets_that_are_asked_for(replicas, tmp_path, monkeypatch):
     """At the scene's own settings, and at those that come nearest to each target; what a replica leaves is kept."""
     plan, aims = study.more_replicas, []
-    monkeypatch.setattr(study, "more_packings", lambda *given: aims.append(given[-1]) or plan(*given))
+    monkeypatch.setattr(study, "more_replicas", lambda *given: aims.append(given[-1]) or plan(*given))
     found = emclutch.accuracy(case_from(CELL), out=tmp_path / "out", budget=BUDGET, jobs=1, targets=(0.3, 0.02))
     assert json.loads((tmp_path / "out" / "plan.json").read_text())["targets"] == [0.3, 0.02]
     assert len(aims) == 2 and all(len(some) > 1 for some in aims)

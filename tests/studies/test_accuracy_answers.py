@@ -31,7 +31,7 @@ def own(case):
 def settings(own):
     wide, step = own["sector"], contact_step(0.004, 0.01, own["contact_step"])
     values = [
-        MeasuredValue(f * wide, 1.0 / (f * wide), 1.948 + 0.06 / f**2, 0.01 / f**0.5, 2, 3.0 * f, f) for f in (1.0, 2.0)
+        MeasuredValue(f * wide, 1 / (f * wide), 1.948 + 0.06 / f**2, 0.01 / f**0.5, 2, 3 * f, f) for f in (1.0, 2.0)
     ]
     failed = MeasuredValue(80.0, 1.0 / 80.0, None, 0.0, 0, 0.1, 1.2, "does not converge")
     sector = MeasuredSetting("sector", "particles.sector", Basis.TORQUE, wide, 2.0, 0.0, tuple(values), 20.0)
@@ -60,9 +60,8 @@ def test_scenes_have_the_settings_of_the_study(tmp_path, case, own, rest, withou
         plan = make_plan(found)[1]
         for setting in settings_of(found.scene):
             if setting.name in choice.values:  # some are whole numbers
-                assert setting.own(found.scene, plan) == pytest.approx(choice.values[setting.name], rel=0.02), (
-                    setting.name
-                )
+                expected = choice.values[setting.name]
+                assert setting.own(found.scene, plan) == pytest.approx(expected, rel=0.02), setting.name
         statistical = found.scene.time.until.relative
         assert math.hypot(statistical, choice.total.half_width) == pytest.approx(target, rel=0.01)
         assert statistical >= choice.statistical

@@ -23,33 +23,26 @@ from emclutch.studies.accuracy.plan import (
 OWN_VALUE = OfferedValue(20.0, 1 / 20, 10.0, 1.0)
 
 
-def setting(name, *seconds, order=2.0, variance=1.0):
+def offer(name, *seconds, order=2.0, variance=1.0):
     """A setting whose values, of a half, a third, ... of the own step size's inverse, take these seconds."""
     values = tuple(OfferedValue(20.0 / (n + 2), (n + 2) / 20.0, one, variance) for n, one in enumerate(seconds))
     return OfferedSetting(name, order, 0.0, OWN_VALUE, values)
 
 
 def seconds_of(settings, replicas, base=10.0):
-    seconds = {(one.name, offered.value): offered.seconds for one in settings for offered in one.values} | {OWN: base}
+    seconds = {(one.name, v.value): v.seconds for one in settings for v in one.values} | {OWN: base}
     return [seconds[one] for one in replicas]
 
 
 def measured(settings, replicas, torque=lambda name, h: 1.0, scatter=0.02):
     """Counts and torques after some replicas: four of the scene's own, one of each other."""
     count = {OWN: 4} | {one: replicas.count(one) for one in replicas}
-    h = {(one.name, offered.value): offered.step_size for one in settings for offered in one.values} | {
-        OWN: OWN_VALUE.step_size
-    }
+    h = {(one.name, v.value): v.step_size for one in settings for v in one.values} | {OWN: OWN_VALUE.step_size}
     return count, Torques({one: torque(one[0], h[one]) for one in count}, scatter, 3.0)
 
 
 def test_every_setting_that_can_be_paid_gets_a_replica_and_the_dearest_are_left_out():
-    settings = [
-        setting("dear", 400.0),
-        setting("cheap", 5.0, 5.0),
-        setting("usual", 10.0, 12.0),
-        setting("endless", 1e6),
-    ]
+    settings = [offer("dear", 400.0), offer("cheap", 5.0, 5.0), offer("usual", 10.0, 12.0), offer("endless", 1e6)]
     found = first_replicas(settings, 4, 300.0, 2)
     assert sorted(name for name, _ in found) == ["cheap", "usual"]
     assert left_out(settings, found) == {"dear": 400.0, "endless": 1e6}
@@ -59,7 +52,7 @@ def test_every_setting_that_can_be_paid_gets_a_replica_and_the_dearest_are_left_
 @pytest.mark.parametrize("room", [0.0, 20.0, 75.0, 200.0])
 @pytest.mark.parametrize("jobs", [1, 2, 5])
 def test_the_budget_is_kept(room, jobs):
-    settings = [setting("a", 7.0, 9.0), setting("b", 31.0, 17.0, variance=0.5), setting("c", 60.0)]
+    settings = [offer("a", 7.0, 9.0), offer("b", 31.0, 17.0, variance=0.5), offer("c", 60.0)]
     first = first_replicas(settings, 4, room, jobs)
     assert makespan(seconds_of(settings, first), jobs) <= room
     given = measured(settings, first)
@@ -71,7 +64,7 @@ def test_the_budget_is_kept(room, jobs):
 
 
 def test_dearer_values_get_fewer_replicas_and_more_of_them_lower_the_half_width():
-    settings = [setting("dear", 40.0), setting("cheap", 10.0)]
+    settings = [offer("dear", 40.0), offer("cheap", 10.0)]
     first = first_replicas(settings, 4, 500.0, 2)
     count, found = measured(settings, first)
     more = more_replicas(settings, count, found, 10.0, 500.0, 2, [Aim()])
@@ -84,16 +77,14 @@ def test_dearer_values_get_fewer_replicas_and_more_of_them_lower_the_half_width(
 def half_width(settings, found, counts, step_sizes=None):
     """Of the error of all settings at some step sizes, default their own, if the torques do not change."""
     torques = {one: found.means.get(one, 1.0) for one in counts}
-    measured_settings = tuple(one.measured(torques, counts, found.scatter, found.freedom) for one in settings)
-    whole = AccuracyStudy(
-        "abc", "case", {}, 1.0, found.scatter, found.freedom, None, counts[OWN], 10.0, measured_settings
-    )
+    some = tuple(one.measured(torques, counts, found.scatter, found.freedom) for one in settings)
+    whole = AccuracyStudy("abc", "case", {}, 1.0, found.scatter, found.freedom, None, counts[OWN], 10.0, some)
     return whole.total(step_sizes or {one.name: one.own.step_size for one in settings}).half_width
 
 
 def test_a_large_error_gets_a_third_value_and_small_ones_more_replicas():
     """ln T = 25 h^2 of one setting: its order is known only from three values on."""
-    settings = [setting("large", 40.0, 40.0), setting("small", 40.0, 40.0)]
+    settings = [offer("large", 40.0, 40.0), offer("small", 40.0, 40.0)]
     first = first_replicas(settings, 4, 100.0, 2)
     assert len(first) == 2
     given = measured(
@@ -106,7 +97,7 @@ def test_a_large_error_gets_a_third_value_and_small_ones_more_replicas():
 
 def test_replicas_go_to_the_errors_of_the_settings_that_are_asked_for():
     """At the own settings b has the wider error; those that are asked for have none of it, and 16 times that of a."""
-    settings = [setting("a", 10.0, variance=0.25), setting("b", 10.0, order=0.5)]
+    settings = [offer("a", 10.0, variance=0.25), offer("b", 10.0, order=0.5)]
     count, found = measured(settings, first_replicas(settings, 4, 100.0, 1))
     aim = {"a": 4 / 20, "b": 1e-9}
 
@@ -127,14 +118,14 @@ def test_a_value_is_ranked_by_the_error_of_two_means_and_its_time():
 
 
 def test_an_ample_budget_ends_at_the_largest_number_of_replicas():
-    settings = [setting("a", 1.0)]
+    settings = [offer("a", 1.0)]
     count, found = measured(settings, first_replicas(settings, 4, 1e6, 1))
     more = more_replicas(settings, count, found, 1.0, 1e6, 1, [Aim()])
     assert more.count(OWN) == MAX_REPLICAS - 4 and more.count(("a", 10.0)) == MAX_REPLICAS - 1
 
 
 def test_without_a_value_nothing_is_run():
-    settings = [setting("a")]
+    settings = [offer("a")]
     assert (
         first_replicas(settings, 4, 100.0, 1)
         == ()
@@ -151,14 +142,14 @@ def test_replicas_for_a_difference():
 @pytest.mark.parametrize("is_large", [False, True])
 def test_a_scene_at_the_limit_of_a_setting_is_planned(is_large):
     """Without another value of that setting its law has no unit: it was a division by zero."""
-    at_limit = dataclasses.replace(setting("b", 10.0, 12.0), limit=OWN_VALUE.step_size, is_large=is_large)
-    count, found = measured([setting("a", 10.0, 12.0)], [("a", 10.0)])
-    more = more_replicas([setting("a", 10.0, 12.0), at_limit], count, found, 10.0, 200.0, 1, [Aim()])
+    at_limit = dataclasses.replace(offer("b", 10.0, 12.0), limit=OWN_VALUE.step_size, is_large=is_large)
+    count, found = measured([offer("a", 10.0, 12.0)], [("a", 10.0)])
+    more = more_replicas([offer("a", 10.0, 12.0), at_limit], count, found, 10.0, 200.0, 1, [Aim()])
     assert more and set(more) <= {OWN, ("a", 10.0), ("a", 20.0 / 3.0), ("b", 10.0), ("b", 20.0 / 3.0)}
 
 
 def test_torques_of_different_signs_are_no_use_and_alike_ones_need_no_other():
-    settings = [setting("a", 10.0, 12.0), setting("b", 10.0, 12.0)]
+    settings = [offer("a", 10.0, 12.0), offer("b", 10.0, 12.0)]
     count, found = measured(settings, [("a", 10.0), ("b", 10.0)])
     opposite = dataclasses.replace(found, means=found.means | {("a", 10.0): -1.0})
     assert "a" not in {name for name, _ in more_replicas(settings, count, opposite, 10.0, 200.0, 1, [Aim()])}

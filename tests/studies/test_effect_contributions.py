@@ -11,7 +11,7 @@ from scipy.stats import ttest_ind
 
 import emclutch
 from emclutch.results.atomic_file import replace_json
-from emclutch.results.effect_contributions import Contributions, Without, difference
+from emclutch.results.effect_contributions import Contributions, Without
 from emclutch.results.errors import Interrupted
 from emclutch.scene.case import case_from, load_case
 from emclutch.scene.errors import SceneError
@@ -61,8 +61,8 @@ def test_the_interval_of_a_difference_is_that_of_welch():
     rng = np.random.default_rng(3)
     a, b = rng.normal(1.0, 0.1, 6), rng.normal(0.8, 0.3, 3)
     low, high = ttest_ind(a, b, equal_var=False).confidence_interval(0.95)
-    found = difference(a, b)
-    assert (found.mean - found.half_width, found.mean + found.half_width) == pytest.approx((low, high), rel=1e-6)
+    found = Contributions("two", Without("", (), tuple(a)), (), ()).torque(Without("effect", (), tuple(b)))
+    assert found.interval() == pytest.approx((low, high), rel=1e-6)
 
 
 def contributions() -> Contributions:

@@ -5,13 +5,13 @@ import logging
 
 import pandas
 import pytest
+from emclutch.results.report.content import study_page
 from stand_in_runs import FRICTION, study_file
 
 from emclutch.cli.plot import plot_runs
 from emclutch.results import OutputError, RunFolder
 from emclutch.results.errors import Interrupted, RunError
 from emclutch.results.folder_lock import locked_folder
-from emclutch.results.report.content import study_page
 from emclutch.results.report.render import html
 from emclutch.results.study_folder import read_study as read_folder
 from emclutch.scene.study import read_study

@@ -6,13 +6,13 @@ import json
 import numpy as np
 import pandas
 import pytest
+from emclutch.results.report.content import study_page
 from rich.console import Console
 from written_run import written_study
 
 from emclutch.results import HistoryWriter, OutputError
 from emclutch.results.history import last_time
 from emclutch.results.measured_table import keep_measured, measured_in
-from emclutch.results.report.content import study_page
 from emclutch.results.seed_average import averaged_over_seeds
 from emclutch.results.study_folder import read_study
 from emclutch.results.study_result import grain_size_lines, load_study

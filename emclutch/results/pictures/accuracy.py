@@ -34,6 +34,7 @@ MOVES_UP = 50
 """Of a label over others, by 2 points each."""
 TIMES = (1, 3, 10, 30, 60, 180, 600, 1800, 3600, 3 * 3600, 10 * 3600, 30 * 3600, 100 * 3600, 300 * 3600, 1000 * 3600)
 REACHED, NOT_REACHED = "#1d7a3a", "0.4"
+_Line = list[tuple[float, float, float]]
 
 
 def accuracy_picture(
@@ -86,7 +87,7 @@ class _Look:
     marker: str
 
 
-def _line(study: AccuracyStudy, setting: MeasuredSetting) -> list[tuple[float, float, float]]:
+def _line(study: AccuracyStudy, setting: MeasuredSetting) -> _Line:
     """Return value, processor time [s] and total half width [%] of the values of a setting, from coarse to fine."""
     return [
         (measured.value, choice.seconds, 100.0 * choice.half_width)
@@ -95,19 +96,14 @@ def _line(study: AccuracyStudy, setting: MeasuredSetting) -> list[tuple[float, f
     ]
 
 
-def _moves(line: list[tuple[float, float, float]]) -> float:
+def _moves(line: _Line) -> float:
     """Return the factor over which the values of a setting move the total error."""
     half = [one[2] for one in line]
     return max(half) / min(half) if half else 1.0
 
 
 def _draw_setting(
-    axis: Axes,
-    study: AccuracyStudy,
-    setting: MeasuredSetting,
-    line: list[tuple[float, float, float]],
-    look: _Look,
-    is_named: bool,
+    axis: Axes, study: AccuracyStudy, setting: MeasuredSetting, line: _Line, look: _Look, is_named: bool
 ) -> list[Annotation]:
     """Draw the values of a setting, with their numbers and its name where it is one of those that count most."""
     labels = []

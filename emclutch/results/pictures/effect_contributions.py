@@ -26,8 +26,8 @@ def effects_picture(path: str | Path, found: Contributions, *, title: str | None
     )
     whole = found.whole.torque
     assert whole is not None
-    torque.axvspan(whole.mean - whole.half_width, whole.mean + whole.half_width, color="black", alpha=0.1, lw=0.0)
-    torque.axvline(whole.mean, color="black", lw=0.8, ls=":")
+    torque.axvspan(*whole.interval(), color="black", alpha=0.1, lw=0.0)
+    torque.axvline(whole.value, color="black", lw=0.8, ls=":")
     for place, one in enumerate(rows):
         _draw_row(torque, time, found, one, place)
     torque.set_yticks(range(len(rows)), [_label(one) for one in rows], fontsize=9)
@@ -54,9 +54,9 @@ def _draw_row(torque, time, found: Contributions, one: Without, place: int) -> N
                         color=NOT_SIGNIFICANT, va="center", style="italic")  # fmt: skip
         return
     added = None if one is found.whole else found.torque(one)
-    significant = added is None or added.is_significant
+    significant = added is None or added.is_significant()
     colour = WHOLE if added is None else SIGNIFICANT if significant else NOT_SIGNIFICANT
-    torque.errorbar(mean.mean, place, xerr=mean.half_width, fmt="o", ms=7, capsize=4, lw=1.6, color=colour,
+    torque.errorbar(mean.value, place, xerr=mean.half_width(), fmt="o", ms=7, capsize=4, lw=1.6, color=colour,
                     mfc=colour if significant else "white")  # fmt: skip
     time.barh(place, one.seconds, height=0.55, color=WHOLE if added is None else TIME, alpha=0.8)
     text = f"{one.seconds:.3g} s"

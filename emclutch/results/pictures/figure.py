@@ -12,7 +12,7 @@ import numpy as np
 
 from emclutch.results.atomic_file import replace_bytes
 from emclutch.results.errors import OutputError
-from emclutch.results.torque_curves import NORMAL
+from emclutch.results.fits import NORMAL
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MM = 1e3
-RPM = 60.0 / (2.0 * np.pi)
 BODY_COLOURS = {"disc": "#0b5fa5", "rotor": "#c4540a", "housing": "#6a6a6a"}
 OTHER_BODY = "#333333"
 COLOURS = ("#0b5fa5", "#c4540a", "#2a8c3f", "#8a1c7c", "#7f6000", "#0a7d7d", "#b5179e", "#6a6a6a")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -14,13 +13,13 @@ from emclutch.results.errors import OutputError
 from emclutch.results.pictures.figure import (
     BODY_COLOURS,
     LINES,
-    RPM,
     draw_measured,
     finish_axis,
     mark_lock_up,
     new_figure,
     save_picture,
 )
+from emclutch.results.quantity import RPM
 from emclutch.results.text import time_unit
 
 OUTPUTS = ("#0b5fa5", "#2a8c3f", "#8a1c7c", "#b5179e", "#0a7d7d", "#7f6000")
@@ -137,27 +136,6 @@ def explained_share(factor: float, speed: np.ndarray, torque: np.ndarray) -> flo
     total = float(np.sum((torque - np.mean(torque)) ** 2))
     left = float(np.sum((torque - factor * np.square(speed)) ** 2))
     return 1.0 - left / total if total > 0.0 else None
-
-
-def power_law(speed: Any, torque: Any, error: Any = None) -> tuple[float, float, float] | None:
-    """Factor [N m s^p] and exponent p of the law factor speed^p nearest to the torques, and the error of p.
-
-    Least squares in ln torque over ln speed, each point by its standard ``error`` [N m] (all alike where one is
-    missing); where the points scatter more than their errors say, the scatter counts. None with fewer than three points
-    that turn and transmit, of two speeds at the least.
-    """
-    speed, torque = np.asarray(speed, dtype=np.float64), np.asarray(torque, dtype=np.float64)
-    used = (speed > 0.0) & (torque > 0.0)
-    if np.count_nonzero(used) < 3 or not np.ptp(speed[used]):
-        return None
-    x, y = np.log(speed[used]), np.log(torque[used])
-    sigma = np.ones_like(torque) if error is None else np.asarray(error, dtype=np.float64)
-    known = bool(np.all(np.isfinite(sigma[used]) & (sigma[used] > 0.0))) and error is not None
-    weight = torque[used] / sigma[used] if known else np.ones_like(x)
-    law, covariance = np.polyfit(x, y, 1, w=weight, cov="unscaled")
-    scatter = float(np.sum((weight * (y - np.polyval(law, x))) ** 2)) / (len(x) - 2)
-    variance = float(covariance[0, 0]) * (max(1.0, scatter) if known else scatter)
-    return math.exp(law[1]), float(law[0]), math.sqrt(variance)
 
 
 def _column(history: Any, name: str) -> np.ndarray:

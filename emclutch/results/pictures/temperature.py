@@ -9,7 +9,6 @@ import numpy as np
 
 from emclutch.results.pictures.figure import (
     MM,
-    RPM,
     label_panel,
     legend_below,
     make_logarithmic,
@@ -17,6 +16,7 @@ from emclutch.results.pictures.figure import (
     save_picture,
 )
 from emclutch.results.pictures.section import draw_outlines
+from emclutch.results.quantity import RPM
 
 if TYPE_CHECKING:
     from field.heat.conduction import HeatProblem

@@ -24,12 +24,12 @@ from emclutch.results.pictures.figure import (
     BODY_COLOURS,
     COLOURS,
     LINES,
-    RPM,
     finish_axis,
     mark_lock_up,
     new_figure,
     save_picture,
 )
+from emclutch.results.quantity import RPM
 from emclutch.results.statistics import Estimate
 from emclutch.results.text import format_torque, time_unit
 

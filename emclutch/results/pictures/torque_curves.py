@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from emclutch.results.fits import NORMAL, power_law
 from emclutch.results.grain_size_law import EXPONENT, GrainSizeLaw
 from emclutch.results.linear_range import LinearRange
 from emclutch.results.pictures.figure import (
     BODY_COLOURS,
-    RPM,
     draw_measured,
     legend_below,
     legend_beside,
@@ -21,8 +21,8 @@ from emclutch.results.pictures.figure import (
     new_figure,
     save_picture,
 )
-from emclutch.results.pictures.speeds import power_law
-from emclutch.results.torque_curves import NORMAL, TorqueCurve
+from emclutch.results.quantity import RPM
+from emclutch.results.torque_curves import TorqueCurve
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -96,12 +96,12 @@ def torque_against_speed_picture(path: str | Path, curves: Sequence[TorqueCurve]
         speed = np.abs(curve.x)
         law = power_law(speed, np.abs(curve.torque), curve.error)
         if law is not None:
-            factor, exponent, error = law
+            factor, exponent = law
             along = np.linspace(0.0, float(speed.max()), 201)[1:]
-            power = f"{exponent:.2f} ± {NORMAL * error:.2f}, 95 %"
-            label = f"{factor * (1000.0 / RPM) ** exponent:.3g} N m · (rpm/1000)^({power})"
+            power = f"{exponent.value:.2f} ± {exponent.half_width():.2f}, 95 %"
+            label = f"{factor * (1000.0 / RPM) ** exponent.value:.3g} N m · (rpm/1000)^({power})"
             sign = np.sign(np.nansum(curve.torque))
-            axis.plot(RPM * along, sign * factor * along**exponent, color=LAW, lw=1.2, label=label)
+            axis.plot(RPM * along, sign * factor * along**exponent.value, color=LAW, lw=1.2, label=label)
     axis.set_xlabel("speed of the motor [rpm]")
     axis.set_xlim(left=0.0)
     legend_below(axis, 2)

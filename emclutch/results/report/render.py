@@ -1,4 +1,4 @@
-"""A report as one page of HTML that needs nothing else, or as Markdown.
+"""A report as lines of the terminal, as one page of HTML that needs nothing else, or as Markdown.
 
 The HTML opens without a network, on a telephone and on paper: pictures are inside it, nothing is fetched. Text of
 scenes is untrusted: every value is escaped by the templates, and the page's own policy forbids scripts and anything
@@ -8,83 +8,89 @@ from elsewhere.
 from __future__ import annotations
 
 import base64
+import datetime
 import io
 import itertools
 import os
 import textwrap
-from collections.abc import Mapping
-from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from urllib.parse import quote
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from emclutch import __version__
-from emclutch.results import OutputError, Result, RunFolder
-from emclutch.results.atomic_file import replace_text
-from emclutch.results.report.content import Block, Links, Page, Picture, Table, run_page
-from emclutch.results.report.verdict import verdict
-
-if TYPE_CHECKING:
-    import pandas
+from emclutch.results.errors import OutputError
+from emclutch.results.report.report import Picture, Report, Shown, Statements, Table, Text
 
 TEMPLATES = Path(__file__).parent / "templates"
-CLASSES = {"on": "good", "off": "soft", "YES": "poor", "NO": "poor"}
+CLASSES = {"on": "good", "off": "soft", "YES": "poor", "not converged": "poor", "failed": "poor"}
 """Colours of cells that have these words."""
 
 
-def html(page: Page, small: bool = False) -> str:
+def terminal(report: Report, details: bool = False) -> str:
+    """Return a report as text for the terminal: the sections for it, with `details` all; the page to open comes last.
+
+    A note follows the statement above it, so that it is indented and has no sign.
+    """
+    lines: list[str] = []
+    for section in report.sections if details else report.up_to(Shown.TERMINAL).sections:
+        for block in section.blocks:
+            if isinstance(block, Statements):
+                lines += [f"{one.mark.sign} {one.text}" for one in block.lines]
+            elif isinstance(block, Table):
+                title = block.folded or (section.heading if details else "")
+                lines += [*([title] if title else []), *table_lines(block)]
+            elif isinstance(block, Text):
+                lines += block.text.splitlines()
+    return "\n".join([*lines, *([report.closing] if report.closing else [])])
+
+
+def table_lines(table: Table) -> list[str]:
+    """Return a table as lines of the terminal's width."""
+    from rich import box  # local: rich takes a while to import
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.table import Table as Grid
+
+    grid = Grid(box=box.SIMPLE_HEAD, show_header=bool(table.head), pad_edge=False, show_edge=False)
+    for number, name in enumerate(table.head or table.rows[0]):
+        grid.add_column(escape(name), justify="right" if number in table.numbers else "left", overflow="fold")
+    for row in table.rows:
+        grid.add_row(*(escape(str(cell)) for cell in row))
+    stream = io.StringIO()
+    width = Console().width
+    Console(file=stream, width=width, no_color=True).print(grid)
+    return [line.rstrip() for line in stream.getvalue().rstrip().splitlines()]
+
+
+def html(report: Report, small: bool = False) -> str:
     """Return a page of HTML with its pictures inside; `small`: in fewer colours, for a file of some 300 kB."""
     environment = _environment(autoescape=True)
     environment.filters["embedded"] = (lambda one: embed_small(one.png())) if small else _embed
-    return environment.get_template("report.html.j2").render(page=page, classes=CLASSES, version=__version__)
+    written = datetime.datetime.now().astimezone().strftime("%Y-%m-%d %H:%M:%S")
+    template = environment.get_template("page.html.j2")
+    return template.render(page=report, classes=CLASSES, version=__version__, written=written)
 
 
-def fragment(page: Page) -> str:
-    """Return a page as HTML to be shown in another one, as in a notebook."""
+def fragment(report: Report) -> str:
+    """Return a report as HTML to be shown in another page, as in a notebook."""
     environment = _environment(autoescape=True)
     environment.filters["embedded"] = lambda one: embed_small(one.png())
-    return environment.get_template("fragment.html.j2").render(page=page, classes=CLASSES)
+    return environment.get_template("fragment.html.j2").render(page=report, classes=CLASSES)
 
 
-def folder_fragment(folder: Path, frame: pandas.DataFrame, units: Mapping[str, str]) -> str:
-    """Return the table of a study as HTML for a notebook, with its folder; columns without a unit are pure numbers."""
-    head = [f"{name} [{units[name]}]" if units.get(name) else name for name in map(str, frame.columns)]
-    rows = [[f"{one:.4g}" if isinstance(one, float) else str(one) for one in row] for row in frame.to_numpy(object)]
-    return fragment(Page(folder, folder.name, str(folder), {"Results": [Table(rows, head)]}))
-
-
-def write_index(result: Result) -> Path:
-    """Write a run's ``index.html``, the short form of its report, and the verdict into its summary; return the page."""
-    folder = result.folder
-    lines = [{"mark": one.mark.value, "text": one.text} for one in verdict(result)]
-    folder.write_summary(result.summary | {"verdict": lines})
-    replace_text(folder.index, html(run_page(result, lambda run: ()).short(), small=True))
-    return folder.index
-
-
-def write_failed_index(folder: RunFolder, reason: str) -> None:
-    """Write that a run fails for its scene, and an ``index.html`` that says so: what, at which time, what to do."""
-    folder.write_failure(reason)
-    with suppress(OSError, OutputError):  # what it failed of is reported all the same
-        if (found := folder.read_failure()) is not None:
-            title = folder.read_scene().get("scene", {}).get("title") or folder.path.name
-            sections: dict[str, list[Block]] = {"Log": [Links([(folder.log.name, "log of the run")])]}
-            replace_text(folder.index, html(Page(folder.path, f"{title}: failed", found.in_words(), sections)))
-
-
-def markdown(page: Page, place: Path) -> str:
+def markdown(report: Report, place: Path) -> str:
     """Return Markdown; `place` is the folder in which it will be, from which its links to pictures count."""
     environment = _environment(finalize=_escape)
-    folder = Path(os.path.relpath(page.folder.resolve(), place.resolve()))
+    folder = Path(os.path.relpath((report.folder or place).resolve(), place.resolve()))
     environment.filters["link"] = lambda path: quote((folder / path.name).as_posix())
     environment.filters["code"] = lambda text: Markup(textwrap.indent(text, "    "))
-    return environment.get_template("report.md.j2").render(page=page)
+    return environment.get_template("page.md.j2").render(page=report)
 
 
-def write_page(page: Page, out: Path | None = None) -> Path:
+def write_page(report: Report, out: Path | None = None) -> Path:
     """Write a page of HTML and return its file.
 
     Parameters
@@ -92,9 +98,10 @@ def write_page(page: Page, out: Path | None = None) -> Path:
     out : new file; default: the next free report.html, report-1.html, ... in the folder.
     """
     if out is None:
+        folder = report.folder or Path()
         names = itertools.chain(["report.html"], (f"report-{number}.html" for number in itertools.count(1)))
-        out = next(page.folder / name for name in names if not (page.folder / name).exists())
-    return write_new(out, html(page))
+        out = next(folder / name for name in names if not (folder / name).exists())
+    return write_new(out, html(report))
 
 
 def write_new(path: Path, text: str) -> Path:
@@ -105,11 +112,6 @@ def write_new(path: Path, text: str) -> Path:
     except FileExistsError as error:
         raise OutputError(f"{path} exists; name another file with --out") from error
     return path
-
-
-def page_template(name: str) -> Template:
-    """Return a template of HTML; what is put into it is escaped."""
-    return _environment(autoescape=True).get_template(name)
 
 
 def _environment(**options: Any) -> Environment:

@@ -1,21 +1,20 @@
-"""Verdict on a run: torque with its interval, error budget, what to do next and what it costs, balances, warnings.
+"""Statements on a run: the number to quote, what it leaves out, raw value, next step, balances, warnings.
 
-The same statements stand at the end of `emclutch run`, in ``summary.json``, in the pages and in `emclutch.Result`.
+`emclutch run` prints them; they stand in ``summary.json``, at the head of the pages and in `emclutch.Result.verdict`.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from enum import Enum
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from emclutch.results import Estimate, Result
-from emclutch.results.changing_drive import changing_drive
+from emclutch.results.changing_drive import STEADY, changing_drive
 from emclutch.results.columns import (
+    CURRENT,
     DISC_SPEED,
     ROTOR_SPEED,
     SHEAR_STRESS,
@@ -24,7 +23,8 @@ from emclutch.results.columns import (
     TORQUE_HOUSING,
     TORQUE_ROTOR,
 )
-from emclutch.results.current_ramp import in_words as in_words_of_ramp
+from emclutch.results.current_ramp import in_words as ramp_in_words
+from emclutch.results.quantity import RPM
 from emclutch.results.recommended import STATISTICS
 from emclutch.results.replicated_mean import (
     Steadiness,
@@ -33,218 +33,190 @@ from emclutch.results.replicated_mean import (
     more_replicas_suffice,
     steadiness,
 )
-from emclutch.results.rise_time import in_words as in_words_of_rise
-from emclutch.results.statistics import ONE_REPLICA, REPLICAS
-from emclutch.results.text import format_duration, format_percent, format_stress, format_time, format_torque
+from emclutch.results.report.report import Mark, Statement, note, sentence, warning
+from emclutch.results.result import Result
+from emclutch.results.rise_time import in_words as rise_in_words
+from emclutch.results.statistics import REPLICAS, Estimate
+from emclutch.results.text import format_duration, format_estimate, format_percent, format_time, in_words
 from particles.dem.overlap_limits import SOFT
 
-RPM = 30.0 / math.pi
 CLOSES = 0.01
-"""A balance that is off by less, of the largest torque or of the energy supplied, exchanged and dissipated, says
-nothing of the results: the statistical errors are larger."""
-
+"""A balance that is off by less, of the largest torque or of the energy converted, says nothing of the results: the
+statistical errors are larger."""
 MAX_REPLICAS = 64
 """Of accuracy.replicas and accuracy.max_replicas."""
-
 ROUGH = 0.1
 """A torque whose 95 % interval reaches further than this fraction of it is known roughly only."""
 
 
-class Mark(Enum):
-    """Rating of a statement."""
-
-    GOOD = "good"
-    POOR = "poor"
-    NOTE = "note"
-
-    @property
-    def sign(self) -> str:
-        """The mark as one letter."""
-        return {"good": "✓", "poor": "✗", "note": "–"}[self.value]
-
-
-@dataclass(frozen=True, slots=True)
-class Statement:
-    """One line of a verdict."""
-
-    mark: Mark
-    text: str
-
-
 def verdict(result: Result) -> list[Statement]:
-    """Return the statements on a run, finished or not; the torque first, unless the run failed."""
-    summary, torque, end = result.summary, list(_measured(result)), list(_end(result))
-    failed = not summary and result.folder.read_failure() is not None
-    begin = [*end, *torque] if failed else [*torque, *end]
-    found = [*begin, *_total_error(summary), *_target(summary), *_next(result), *_balances(result),
-             *_warnings(summary), *_left_out(result), *_gaps(result)]  # fmt: skip
-    return [Statement(one.mark, sentence(one.text)) for one in found]
-
-
-def closing_lines(result: Result) -> list[str]:
-    """Return the verdict as lines of text, each after its mark."""
-    return [f"{one.mark.sign} {one.text}" for one in verdict(result)]
-
-
-def soft_grains(summary: dict[str, Any]) -> str:
-    """Return a warning where grains that press in overlapped too much; else empty."""
-    overlap = summary.get("max_overlap") or 0.0
-    compliant = (summary.get("contact") or {}).get("compliant", "solver" not in summary)
-    if overlap <= SOFT or not compliant:
-        return ""
-    return (
-        f"the largest overlap is {100 * overlap:.2g} % of the diameter: grains too soft; torque peaks are not to be "
-        "trusted"
-    )
-
-
-def sentence(text: str) -> str:
-    """Return a text with a capital letter and a full stop."""
-    return f"{text[:1].upper()}{text[1:].rstrip('.')}."
-
-
-def _measured(result: Result) -> Iterator[Statement]:
-    """Say how well torque or stress is known."""
-    yield from (Statement(Mark.NOTE, line) for line in in_words_of_rise(result.summary))
-    if ramp := result.summary.get("torque_against_current"):
-        yield from (Statement(Mark.NOTE, line) for line in in_words_of_ramp(ramp))
-    elif TORQUE_DISC in result.history:
-        yield from _best(result)
-        yield from _known(result, "torque on the disc", result.torque, format_torque(result.torque))
-    elif SHEAR_STRESS in result.history:
-        friction = (result.summary.get("effective_friction") or {}).get("mean")
-        ratio = "" if friction is None else f", effective friction {friction:.3g}"
-        yield from _known(result, "shear stress", result.stress, f"{format_stress(result.stress)}{ratio}")
-
-
-def _best(result: Result) -> Iterator[Statement]:
-    """Say the best estimate with its total error, where the raw torque has a known error of its settings."""
-    if (text := best_in_words(result)) is None:
-        return
-    found, error = result.best, result.summary.get("discretisation_error") or {}
-    half, reached = found.half_width(), (result.summary.get("accuracy_target") or {}).get("reached", True)
-    if not found.converged or half is None or not reached:
-        yield Statement(Mark.POOR, text)
-        return
-    rough = half > ROUGH * abs(found.mean or 0.0) or error.get("unknown")
-    yield Statement(Mark.NOTE if rough else Mark.GOOD, text)
-
-
-def best_in_words(result: Result) -> str | None:
-    """Return the best estimate of a torque with its total error and its correction; None where it is the raw one."""
-    raw, best = result.torque, result.best
-    if best == raw or not best.mean or not raw.mean:
-        return None
-    half, bias = best.half_width(), 100.0 * (raw.mean / best.mean - 1.0)
-    scope = "in all" if raw.replicas > 1 else "without the scatter between replicas"
-    size = "" if half is None else f", ± {format_percent(half / abs(best.mean))} {scope}"
-    what = "numerical settings" if result.summary.get("discretisation_error") else "coarse grains"
-    return (
-        f"best estimate of the torque on the disc: {format_torque(best)}{size}; {what} change the raw torque of "
-        f"{raw.mean:.4g} N m by {bias:+.2g} %, which is corrected"
-    )
-
-
-def _known(result: Result, name: str, found: Estimate, words: str) -> Iterator[Statement]:
-    name = f"raw {name}" if name.startswith("torque") and best_in_words(result) is not None else name
-    half, until = found.half_width(), result.summary.get("until")
-    if not found.is_steady and (changing := changing_drive(result.history, found.start)):
-        yield Statement(Mark.NOTE, f"The run has no steady {name}: {changing}.")
-        return
-    if found.steady_alone:
-        yield Statement(Mark.POOR, f"The {name} of this replica is {words}; {found.reason}.")
-    elif not found.converged:
-        yield Statement(Mark.POOR, f"The {name} is not known: {words}; {found.reason}.")
-    elif half is None or not found.mean:
-        yield Statement(Mark.POOR, f"The {name} is not known: {words}.")
-    else:
-        share, short = half / abs(found.mean), until is not None and not until["reached"]
-        pooled = "" if found.pooled_scatter is None else ", their scatter pooled with that of the accuracy study"
-        replicas = f"of {found.replicas} replicas{pooled}"
-        yield Statement(
-            Mark.POOR if short or share >= 1.0 else Mark.NOTE if share > ROUGH else Mark.GOOD,
-            f"The {name} is known to {100.0 * share:.2g} %: {words}, {replicas}; {found.reason}.",
-        )
-    if known := result.conditions.replica_scatter if found.known and found.pooled_scatter is None else 0.0:
-        yield Statement(
-            Mark.NOTE,
-            f"the scatter of accuracy.replica_scatter ({format_percent(known)}) is not pooled: these replicas scatter "
-            "significantly more, or the run is shorter than time.end",
-        )
-    if found.replicas == 1 and not found.steady_alone:
-        yield Statement(Mark.POOR, f"It is of {ONE_REPLICA}; accuracy.replicas = {REPLICAS} includes it.")
-
-
-def _end(result: Result) -> Iterator[Statement]:
-    if result.summary:
-        yield from (Statement(Mark.NOTE, line) for line in _end_lines(result))
-    elif (failed := result.folder.read_failure()) is not None:
-        yield Statement(Mark.POOR, failed.in_words())
-    else:
-        reached = format_time(float(result.history[TIME].iloc[-1]))
-        how = f"continue with: emclutch run {result.folder.path} --resume"
-        yield Statement(Mark.POOR, f"The run is not finished: it has come to {reached}; {how}")
-
-
-def _end_lines(result: Result) -> Iterator[str]:
-    """Say what ended a run early, and whether its output is locked."""
+    """Return the statements on a run, finished or not; the number to quote first, unless the run failed."""
     summary = result.summary
-    if "stopped" in summary:
-        yield f"stopped {summary['stopped']}"
-    if (total := summary.get("torque_with_drag")) is not None:
-        yield (
-            f"the torque on the disc's shaft is {total:.4g} N m, with {abs(summary['drag_torque']):.3g} N m of drag of "
-            "seals and bearings (motion.drag_torque, taken as exact)"
-        )
+    found = [*_not_finished(result), *_transient(result), *_torque(result), *_stress(result), *_ended(summary),
+             *_next(result), *_balances(result), *_warnings(result), *_remarks(summary)]  # fmt: skip
+    return [replace(one, text=sentence(one.text)) for one in found]
+
+
+def measured_name(result: Result) -> str:
+    """Return what a run measures: the torque on the disc, or the shear stress of a box."""
+    return "shear stress" if SHEAR_STRESS in result.history else "torque on the disc"
+
+
+def current_is_steady(result: Result) -> bool:
+    """Return whether the current is the same, to 1 %, in all windows that the torque is the mean of."""
+    if CURRENT not in result.history or result.steady is None or result.steady.start is None:
+        return True
+    averaged = result.history[CURRENT][result.history[TIME] >= result.steady.start]
+    return bool(np.ptp(averaged) <= STEADY * averaged.abs().max())
+
+
+def _not_finished(result: Result) -> Iterator[Statement]:
+    """Say why a run has no summary."""
+    if result.summary:
+        return
+    if (failed := result.folder.read_failure()) is not None:
+        yield Statement(Mark.UNUSABLE, failed.in_words())
+        return
+    reached = format_time(float(result.history[TIME].iloc[-1]))
+    yield Statement(Mark.UNUSABLE, f"the run is not finished: it has reached {reached}")
+    yield note(f"continue with: emclutch run {result.folder.path} --resume")
+
+
+def _transient(result: Result) -> Iterator[Statement]:
+    """Say the times of a transient: rise of current and torque, lock-up; and torque against a ramp of current."""
+    summary = result.summary
     if "lock_up_time" in summary:
-        history = result.history
+        history, time = result.history, summary["lock_up_time"]
         rotor, disc = (abs(float(history[name].iloc[-1])) * RPM for name in (ROTOR_SPEED, DISC_SPEED))
-        if summary["lock_up_time"] is not None:
-            yield f"output locked at {summary['lock_up_time']:.4g} s, at {disc:.4g} rpm at the end"
+        if time is not None:
+            yield Statement(
+                Mark.GOOD, f"the output locks at {format_time(time)} and turns at {disc:.4g} rpm at the end"
+            )
         else:
-            yield f"output not locked: {disc:.4g} rpm at the end, the motor {rotor:.4g} rpm"
+            yield note(f"the output is not locked at the end: it turns at {disc:.4g} rpm, the motor at {rotor:.4g} rpm")
+    lines = rise_in_words(summary)
+    first = Mark.NOTE if "lock_up_time" in summary else Mark.GOOD
+    yield from (Statement(Mark.NOTE if number else first, line) for number, line in enumerate(lines))
+    if ramp := summary.get("torque_against_current"):
+        yield from map(note, ramp_in_words(ramp))
 
 
-def _target(summary: dict[str, Any]) -> Iterator[Statement]:
-    if not (until := summary.get("until")):
+def _torque(result: Result) -> Iterator[Statement]:
+    """Say the torque with its error, what it leaves out, raw value and correction, and the parts of the error."""
+    summary = result.summary
+    if TORQUE_DISC not in result.history or "torque_against_current" in summary or SHEAR_STRESS in result.history:
         return
-    if until["reached"]:
-        yield Statement(Mark.GOOD, f"target precision reached ({until['asked']}) at t = {summary['time']:.4g} s")
+    raw, best = result.torque, result.best
+    yield from _headline(result, "torque on the disc", best, _operating_point(result))
+    if not raw.is_steady or not raw.mean:
+        return
+    if range_ := summary.get("expected_torque_unknown_powder"):
+        low, high = (f"{range_[name]:.2g}" for name in ("low", "high"))
+        yield note(f"friction and fill of the powder unknown: {low} to {high} N m (90 % range, estimate)")
     else:
-        judged = summary["stress"] if "stress" in summary else summary["torque"]
-        reason = f": {until['reason']}" if until["reason"] != judged["reason"] else ""
-        yield Statement(Mark.POOR, f"target precision not reached ({until['asked']}){reason}")
+        yield note("friction and fill of the powder are taken as given; their uncertainty is not in the error bar")
+    error = summary.get("discretisation_error")
+    if error is None and summary:
+        reason = summary.get("discretisation_error_note", "it is not measured")
+        yield note(f"the error of the numerical settings is not in the error bar: {reason}")
+    if best != raw:
+        what = "numerical settings" if error else "coarse grains"
+        excess = 100.0 * (raw.mean / (best.mean or raw.mean) - 1.0)
+        how = f"{'add' if excess > 0.0 else 'take off'} {abs(excess):.2g} %, which is corrected"
+        yield note(f"raw torque: {format_estimate(raw)}, {_replicas(raw)}; {what} {how}")
+    else:
+        yield note(f"{_replicas(raw)}; {raw.reason}")
+    if error:
+        yield from _error(summary, error)
 
 
-def _total_error(summary: dict[str, Any]) -> Iterator[Statement]:
-    """Say what the total error of the best estimate consists of, and by what it is limited."""
-    if not (summary.get("torque") or {}).get("mean") or "discretisation_error" not in summary:
+def _headline(result: Result, name: str, found: Estimate, at: str) -> Iterator[Statement]:
+    """Say the number to quote, or why there is none, and what helps."""
+    until, target = result.summary.get("until"), result.summary.get("accuracy_target")
+    if not found.is_steady and (changing := changing_drive(result.history, found.start)):
+        yield note(f"no steady {name}: {changing}")
         return
-    found = summary["discretisation_error"]
-    if found is None:
-        note = summary.get("discretisation_error_note", "not measured")
-        yield Statement(Mark.NOTE, f"the interval is statistical only, the error of the settings unknown: {note}")
+    if found.mean is None or not found.is_steady:
+        value = "" if found.mean is None else f", mean so far {found.mean:.3g} {_unit(name)}"
+        yield Statement(Mark.UNUSABLE, f"{name} not known{value}: {found.reason}")
+        if found.remedy:
+            yield note(f"to mend it: {found.remedy}")
         return
-    total, largest = found["total_error"], found["largest_part"]
-    text = f"error budget: settings {format_percent(found['half_width'])}"
+    half = found.half_width()
+    fraction = math.inf if half is None or not found.mean else half / abs(found.mean)
+    missed = [one for one in (until, target) if one is not None and not one["reached"]]
+    rough = fraction > ROUGH or bool(missed) or not found.converged
+    mark = Mark.UNUSABLE if fraction >= 1.0 else Mark.WARNING if rough else Mark.GOOD
+    yield Statement(mark, f"{name}: {format_estimate(found)}{at}")
+    if found.steady_alone:
+        how = f"accuracy.replicas = {REPLICAS} includes it"
+        yield note(f"one replica: the scatter between replicas is not in the error bar; {how}")
+    if until is not None and until["reached"]:
+        yield note(f"the requested precision ({until['asked']}) was reached at {format_time(result.summary['time'])}")
+    elif until is not None:
+        yield warning(f"the requested precision ({until['asked']}) was not reached: {until['reason']}")
+    if target is not None:
+        reached = "reached" if target["reached"] else "not reached"
+        text = f"the requested accuracy, accuracy.target = {format_percent(target['asked'])}, is {reached}"
+        yield note(text) if target["reached"] else warning(text)
+
+
+def _unit(name: str) -> str:
+    return "Pa" if name == "shear stress" else "N m"
+
+
+def _operating_point(result: Result) -> str:
+    """Return current and slip of a torque, after a comma."""
+    current = result.summary.get("current") if current_is_steady(result) else None
+    slip = result.summary.get("slip")
+    parts = [] if current is None else [f"{current:.4g} A"]
+    parts += [f"{slip * RPM:.4g} rpm of slip"] if slip else []
+    return f", at {' and '.join(parts)}" if parts else ""
+
+
+def _replicas(found: Estimate) -> str:
+    pooled = "" if found.pooled_scatter is None else ", scatter pooled with that of the accuracy study"
+    start = "" if found.start is None else f" averaged from {format_time(found.start)}"
+    return f"{found.replicas} replica{'s' * (found.replicas > 1)}{start}{pooled}"
+
+
+def _error(summary: dict[str, Any], error: dict[str, Any]) -> Iterator[Statement]:
+    """Say the parts of the error of the best estimate, and what is not in it."""
+    total, largest = error["total_error"], error["largest_part"]
+    text = f"error: settings {format_percent(error['half_width'])}"
     if total is not None:
-        statistical = math.sqrt(max(total**2 - found["half_width"] ** 2, 0.0))
-        text += f", replicas {format_percent(statistical)}, together {format_percent(total)}"
+        statistical = math.sqrt(max(total**2 - error["half_width"] ** 2, 0.0))
+        text += f", replicas {format_percent(statistical)}"
     if largest is not None:
-        text += f"; largest part: {in_words(largest['name'])}, {format_percent(largest['half_width'])}"
-    if found["unknown"]:
-        text += f"; not included, since not measured: {', '.join(map(in_words, found['unknown']))}"
-    text += "".join(f"; extrapolated: {in_words(name)} is {why}" for name, why in found["extrapolated"].items())
-    if found["accuracy_study"]["note"]:
-        text += f"; {found['accuracy_study']['note']}"
-    asked = summary.get("accuracy_target")
-    missed = asked is not None and not asked["reached"]
-    rough = total is None or total > ROUGH or bool(found["unknown"])
-    yield Statement(Mark.POOR if missed else Mark.NOTE if rough else Mark.GOOD, text)
-    if asked is not None:
-        reached = "reached" if asked["reached"] else "not reached"
-        mark = Mark.POOR if missed else Mark.GOOD
-        yield Statement(mark, f"the total error of accuracy.target = {format_percent(asked['asked'])} is {reached}")
+        text += f"; dominant: {in_words(largest['name'])}, {format_percent(largest['half_width'])}"
+    yield note(text)
+    if error["unknown"]:
+        names = ", ".join(map(in_words, error["unknown"]))
+        yield warning(f"not measured, and not in the error bar: the error of {names}")
+    for name, why in error["extrapolated"].items():
+        yield warning(f"the error of {in_words(name)} is extrapolated: the value is {why}")
+    if text := error["accuracy_study"]["note"]:
+        yield note(text)
+
+
+def _stress(result: Result) -> Iterator[Statement]:
+    """Say the stress of a sheared box with its error."""
+    if SHEAR_STRESS not in result.history:
+        return
+    yield from _headline(result, "shear stress", result.stress, "")
+    if result.stress.is_steady:
+        friction = (result.summary.get("effective_friction") or {}).get("mean")
+        ratio = "" if friction is None else f"effective friction {friction:.3g}; "
+        yield note(f"{ratio}{_replicas(result.stress)}; {result.stress.reason}")
+
+
+def _ended(summary: dict[str, Any]) -> Iterator[Statement]:
+    """Say who ended a run early, and the torque on the shaft."""
+    if "stopped" in summary:
+        yield note(f"stopped {summary['stopped']}")
+    if (total := summary.get("torque_with_drag")) is not None:
+        drag = abs(summary["drag_torque"])
+        yield note(f"torque on the disc's shaft: {total:.4g} N m, with {drag:.3g} N m of drag (motion.drag_torque)")
 
 
 def _next(result: Result) -> Iterator[Statement]:
@@ -265,11 +237,12 @@ def _next(result: Result) -> Iterator[Statement]:
         return
     if found.converged and found.replicas > 1 and largest not in (None, STATISTICS):
         if settings.get("next"):
-            how = f"{in_words(largest)} is the largest part of the error; {settings['next']}"
-            yield Statement(Mark.NOTE, f"next: {how}")
+            yield note(f"next: {settings['next']}")
     elif found.steady_alone and until.get("end") is None:
-        how = f"accuracy.replicas = {REPLICAS} measures the scatter between replicas, in about"
-        yield Statement(Mark.NOTE, f"next: {how} {format_duration(REPLICAS * spent)} of processor time in all")
+        cost = format_duration(REPLICAS * spent)
+        yield note(
+            f"next: accuracy.replicas = {REPLICAS} measures the scatter between replicas: {cost} of processor time"
+        )
     elif found.replicas == 1 or _runs_longer(found, wanted, until, end):
         later = until.get("end") or (0.0 if found.missing else 2.0 * end)
         yield _longer(result, max(later, end + (found.missing or 0.0)), end, spent)
@@ -293,32 +266,32 @@ def _more_replicas(
 ) -> Statement:
     """Say how many replicas reach `wanted`, or of what is `asked` what the settings' error leaves, or half the error.
 
-    `asked` holds the relative error that is asked for and that of the settings, the smaller one.
+    `asked` holds the requested relative error and that of the settings, the smaller one.
     """
     until, half = result.summary.get("until") or {}, found.half_width()
     assert half is not None and found.mean
-    share = wanted / abs(found.mean)
+    fraction = wanted / abs(found.mean)
     if asked is not None:
-        share, wanted = asked[0], abs(found.mean) * math.sqrt(asked[0] ** 2 - asked[1] ** 2)
+        fraction, wanted = asked[0], abs(found.mean) * math.sqrt(asked[0] ** 2 - asked[1] ** 2)
     elif half <= wanted and found.converged:
-        share, wanted = 0.5 * half / abs(found.mean), 0.5 * half
+        fraction, wanted = 0.5 * half / abs(found.mean), 0.5 * half
     judged = replace(found, exclude_drift=False) if found.converged else found  # a drift is excluded already
     counts = range(found.replicas + 1, MAX_REPLICAS + 1)
-    replicas = until.get("replicas") or next((one for one in counts if more_replicas_suffice(judged, one, wanted)), 0)
-    if not replicas:
-        how = f"is out of reach with {MAX_REPLICAS} replicas; run longer, or ask for less"
-        return Statement(Mark.NOTE, f"next: {format_percent(share)} {how}")
+    count = until.get("replicas") or next((one for one in counts if more_replicas_suffice(judged, one, wanted)), 0)
+    if not count:
+        return note(
+            f"next: ± {format_percent(fraction)} needs more than {MAX_REPLICAS} replicas; run longer, or ask for less"
+        )
     given = "replicas" in result.folder.read_scene().get("accuracy", {})
     key = "accuracy.max_replicas" if until and not given else "accuracy.replicas"
-    cost = format_duration(spent * replicas / found.replicas)
-    how = f"{format_percent(share)} takes about {replicas} replicas ({key} = {replicas})"
-    return Statement(Mark.NOTE, f"next: {how}, {cost} of processor time in all")
+    cost = format_duration(spent * count / found.replicas)
+    return note(f"next: ± {format_percent(fraction)} takes {key} = {count}, {cost} of processor time")
 
 
 def _longer(result: Result, until: float, end: float, spent: float) -> Statement:
     how = f"emclutch run {result.folder.path} --resume --set time.end='{1e3 * until:.4g} ms'"
     cost = format_duration(spent * (until / end - 1.0))
-    return Statement(Mark.NOTE, f"next: run to {format_time(until)} ({how}), about {cost} of processor time more")
+    return note(f"next: run to {format_time(until)}, {cost} of processor time more: {how}")
 
 
 def _spent(seconds: dict[str, Any]) -> float:
@@ -328,77 +301,73 @@ def _spent(seconds: dict[str, Any]) -> float:
     return max(windows, seconds.get("processor", whole) - seconds.get("compiling", 0.0))
 
 
-def in_words(name: str) -> str:
-    """Return the name of a numerical setting as words."""
-    return name.replace("_", " ")
-
-
 def _balances(result: Result) -> Iterator[Statement]:
+    """Say whether the balances of torques and energies close, and whether the solver of contacts converged."""
     history, summary = result.history, result.summary
     if not summary:
         return
+    found: list[tuple[str, float | None, str]] = []
     if TORQUE_DISC in history:
         names = [name for name in (TORQUE_DISC, TORQUE_ROTOR, TORQUE_HOUSING) if name in history]
         scale = float(np.sqrt((history[names] ** 2).mean()).max())
-        yield _balance("torques", summary["torque_residual_rms"] / scale if scale else None, "of the largest torque")
-    yield _balance("energies", summary["energy_residual_relative"], "of the energy supplied, exchanged and dissipated")
+        residual = summary["torque_residual_rms"] / scale if scale else None
+        found.append(("torque", residual, "of the largest torque"))
+    found.append(("energy", summary["energy_residual_relative"], "of the energy converted"))
+    closed = [f"{what} to {100.0 * abs(r):.1g} % {of}" for what, r, of in found if r is not None and abs(r) < CLOSES]
+    if closed:
+        yield Statement(Mark.GOOD, f"balances close: {' and '.join(closed)}")
+    for what, residual, of in found:
+        if residual is not None and abs(residual) >= CLOSES:
+            size = f"{100.0 * abs(residual):.1g} % {of}"
+            yield Statement(Mark.UNUSABLE, f"the balance of {what} does not close: it is off by {size}")
+        elif residual is None:
+            yield note(f"the balance of {what} has nothing to compare with: nothing moves or resists")
     solver = summary.get("solver")
     if solver and not solver.get("warnings"):
         stiffness = (summary.get("contact") or {}).get("stiffness")
         grains = "rigid grains" if stiffness is None else f"grains on springs of {stiffness:.3g} N/m"
-        share, tolerance = 100.0 * solver["missed_share"], solver["tolerance"]
-        missed = f"{share:.2g} % of the steps missed the tolerance of {tolerance:.2g} m/s"
-        yield Statement(Mark.GOOD, f"Contact solver (DVI, {grains}) converged: {missed}.")
-
-
-def _balance(what: str, share: float | None, of: str) -> Statement:
-    if share is None:
-        return Statement(Mark.NOTE, f"The balance of {what} has nothing to compare with: nothing moves or resists.")
-    size = f"{100.0 * abs(share):.1g} % {of}"
-    if abs(share) < CLOSES:
-        return Statement(Mark.GOOD, f"The balance of {what} closes to {size}.")
-    return Statement(Mark.POOR, f"The balance of {what} does not close: it is off by {size}.")
-
-
-def _warnings(summary: dict[str, Any]) -> Iterator[Statement]:
-    parts = "grain_size", "scaled_speed", "solver", "moments", "steel", "energy_made"
-    texts = [soft_grains(summary), *(text for part in parts for text in (summary.get(part) or {}).get("warnings", []))]
-    yield from (Statement(Mark.POOR, text) for text in texts if text)
-    yield from (Statement(Mark.NOTE, text) for text in (summary.get("scene") or {}).get("warnings", []))
-
-
-def _left_out(result: Result) -> Iterator[Statement]:
-    """Name the effects that the scene leaves out although they may matter, as the run's plan found them."""
-    for effect, number in result.folder.read_plan().get("omitted_effects", {}).items():
-        yield Statement(Mark.POOR, f"left out, although it may matter ({number}): {in_words(effect)}")
-
-
-def _wall_load(summary: dict[str, Any]) -> str:
-    """Return the pressure on the pole faces in words; empty where it was not measured."""
-    poles = (summary.get("wall_pressure") or {}).get("poles") or {}
-    parts = []
-    for body, load in poles.items():
-        ratio = "" if load["mu"] is None else f", tau/P {load['mu']:.2f}"
-        parts.append(
-            f"{1e-3 * load['pressure']:.3g} kPa on the {body} ({1e-3 * load['magnetic_pull']:.3g} kPa of it magnetic "
-            f"pull on the nearer half of the gap){ratio}"
+        missed = (
+            f"{100.0 * solver['missed_share']:.2g} % of the steps missed the tolerance of {solver['tolerance']:.2g} m/s"
         )
-    return f"between the poles grains press with {'; '.join(parts)}" if parts else ""
+        yield Statement(Mark.GOOD, f"contacts (DVI, {grains}) converged: {missed}")
 
 
-def _gaps(result: Result) -> Iterator[Statement]:
-    """Say what the numbers do not hold."""
+def soft_grains(summary: dict[str, Any]) -> str:
+    """Return a warning where grains that are compressed overlapped too much; else empty."""
+    overlap = summary.get("max_overlap") or 0.0
+    compliant = (summary.get("contact") or {}).get("compliant", "solver" not in summary)
+    if overlap <= SOFT or not compliant:
+        return ""
+    return f"the largest overlap is {100 * overlap:.2g} % of the diameter: grains too soft; peak torques are unreliable"
+
+
+def _warnings(result: Result) -> Iterator[Statement]:
+    """Say what makes the numbers doubtful, and which effects are left out although they may matter."""
     summary = result.summary
-    if "grain_size" in summary:
-        yield Statement(Mark.NOTE, summary["grain_size"]["note"])
-    if "scaled_speed" in summary:
-        yield Statement(Mark.NOTE, summary["scaled_speed"]["note"])
-    if load := _wall_load(summary):
-        yield Statement(Mark.NOTE, load)
+    parts = "grain_size", "scaled_speed", "solver", "moments", "steel", "energy_made", "scene"
+    texts = [soft_grains(summary), *(text for part in parts for text in (summary.get(part) or {}).get("warnings", []))]
+    yield from (warning(text) for text in texts if text)
+    scatter = result.conditions.replica_scatter
+    if (found := result.steady) is not None and found.known and found.pooled_scatter is None and scatter:
+        yield note(
+            f"accuracy.replica_scatter ({format_percent(scatter)}) is not used: these replicas scatter significantly "
+            "more, or the run is shorter than time.end"
+        )
+    for effect, number in result.folder.read_plan().get("omitted_effects", {}).items():
+        yield warning(f"left out, although it may matter: {in_words(effect)} ({number})")
+    if result.folder.lacks_pictures():
+        yield warning(f"its pictures are missing; draw them with: emclutch plot {result.folder.path}")
+
+
+def _remarks(summary: dict[str, Any]) -> Iterator[Statement]:
+    """Say how the run differs from the device, the load of the pole faces, and the error of the mesh."""
+    for part in ("grain_size", "scaled_speed"):
+        if part in summary:
+            yield note(summary[part]["note"])
+    for body, load in ((summary.get("wall_pressure") or {}).get("poles") or {}).items():
+        ratio = "" if load["mu"] is None else f", tau/P {load['mu']:.2f}"
+        pull = f"{1e-3 * load['magnetic_pull']:.3g} kPa of it magnetic pull"
+        yield note(f"pressure on the poles of the {body}: {1e-3 * load['pressure']:.3g} kPa ({pull}){ratio}")
     if errors := summary.get("field_error_estimate"):
         worst = max(errors, key=lambda name: abs(errors[name]))
-        yield Statement(
-            Mark.NOTE, f"The estimated error of the field's mesh is {100.0 * abs(errors[worst]):.2g} % ({worst})."
-        )
-    if result.folder.lacks_pictures():
-        yield Statement(Mark.POOR, f"Its pictures are missing; draw them with: emclutch plot {result.folder.path}")
+        yield note(f"estimated error of the field mesh: {100.0 * abs(errors[worst]):.2g} % ({worst})")

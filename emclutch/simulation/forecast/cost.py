@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from emclutch.device_model.warning_text import with_warnings
+from emclutch.device_model.decision import Decision
 from emclutch.scene.replica_count import cores_at_hand, replica_count, replicas_side_by_side
 from emclutch.simulation.forecast.machine_speed import slowness
 from emclutch.simulation.forecast.space import disk, memory, shortage
@@ -88,9 +88,8 @@ class Cost:
         return sum(self.loop.values()) * time / self.end
 
     def in_words(self) -> str:
-        """One line: time by part, memory, disk, and what stands against them."""
+        """One line: time, memory and disk, with warnings where they are large."""
         seconds = self.seconds
-        parts = ", ".join(f"{part} {format_rough_time(value)}" for part, value in seconds.items() if part != "total")
         threads = "one thread" if self.threads == 1 else f"{self.threads} threads"
         if self.replicas > 1:
             threads += f" for each of {self.replicas} replicas at a time"
@@ -98,12 +97,17 @@ class Cost:
             threads += f", in {self.rounds} rounds"
         each = " each" if self.replicas > 1 else ""
         text = (
-            f"{self.steps} steps of {self.grains} grains: about {format_rough_time(seconds['total'])} on idle "
-            f"cores, within a factor of two, on {threads} ({parts}; without compiling), {self.memory:.0f} MiB of memory"
-            f"{each}, {self.disk:.0f} MiB on disk"
+            f"about {format_rough_time(seconds['total'])} on {threads}, idle cores, within a factor of two: "
+            f"{self.steps} steps of {self.grains} grains; {self.memory:.0f} MiB of memory{each}, {self.disk:.0f} "
+            "MiB on disk"
         )
         long = "more than a day; are all lengths and times in the units that were meant?"
-        return with_warnings(text, shortage(self.replicas * self.memory), long if seconds["total"] > 86400.0 else "")
+        return Decision(text, shortage(self.replicas * self.memory), long if seconds["total"] > 86400.0 else "")
+
+    def parts_in_words(self) -> str:
+        """One line: time by part, without that of compiling."""
+        parts = ((part, value) for part, value in self.seconds.items() if part != "total")
+        return ", ".join(f"{part} {format_rough_time(value)}" for part, value in parts)
 
 
 def predict(

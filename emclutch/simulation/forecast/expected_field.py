@@ -113,10 +113,10 @@ def powder_in_words(scene, phi: float | None) -> str:
 
 def sheared_in_words(coil: CoilDevice, even: MagneticField, sheared: MagneticField, B_max: float, faces: bool) -> str:
     """Return the largest |B| [T] in the gap with sheared powder, and both means under the poles."""
-    text = f" ({B_max:.3g} T with the permeability of sheared powder)"
+    text = f" ({B_max:.3g} T with sheared powder)"
     if coil.has_poles:
         means = [coil.gap_flux_density(field, faces=faces) for field in (even, sheared)]
-        text += f", mean under the poles {means[0]:.3g} T ({means[1]:.3g} T)"
+        text += f"; mean under the poles {means[0]:.3g} T ({means[1]:.3g} T)"
     return text
 
 

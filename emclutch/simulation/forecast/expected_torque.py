@@ -34,6 +34,8 @@ from coupling.powder_pressure import magnetic_pressure
 from emclutch.device_model.device import CoilDevice, Device
 from emclutch.device_model.materials import grain_law
 from emclutch.device_model.pole_zone import ACROSS, ALONG
+from emclutch.results.fits import NORMAL
+from emclutch.results.report.report import sentence
 from emclutch.simulation.forecast.expected_field import field_of_sheared_powder
 from emclutch.simulation.forecast.powder_law import RANGES, PowderLaw, powder_of, shipped_laws
 from field import MU_0, ConvergenceError, MagneticField, ParticleLaw
@@ -132,7 +134,7 @@ class Interval:
     @classmethod
     def within(cls, mean: float, error: float) -> Interval:
         """Of a torque whose logarithm has a standard error."""
-        factor = exp(1.96 * error)
+        factor = exp(NORMAL * error)
         return cls(mean, mean / factor, mean * factor)
 
     def as_dict(self) -> dict[str, float]:
@@ -149,7 +151,7 @@ class Interval:
             return f"of the order of {mean}" if factor > 5.0 else f"{mean} within a factor of {factor:.2g}"
         if factor > 1.5:
             return f"{mean} (95 %: {self.low:.3g} to {self.high:.3g})"
-        return f"{mean} +- {100.0 * (factor - 1.0):.2g} % (95 %)"
+        return f"{mean} ± {100.0 * (factor - 1.0):.2g} % (95 %)"
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,16 +214,23 @@ class ExpectedTorque:
         return found
 
     def in_words(self) -> str:
-        """Return the torque, that of the scene's own grains, the range of unknown powder, and the law."""
+        """Return the torque and the range of unknown powder; of a guess why it is one."""
         if self.real is None:
             return f"unknown: {self.law}"
         text = self.real.in_words()
-        if self.scene is not None and self.scene != self.real:
-            text += f"; {self.scene.in_words()} with grains of the scene's size"
         if self.unknown_powder is not None:
-            low, high = (f"{torque:.3g}" for torque in self.unknown_powder)
-            text += f"; {low} to {high} N m: 90 % range for unknown friction and powder position"
-        return f"{text}. {self.law[:1].upper()}{self.law[1:]}"
+            low, high = (f"{torque:.2g}" for torque in self.unknown_powder)
+            text += f"; friction and fill of the powder unknown: {low} to {high} N m (90 % range)"
+        return f"{text}. {sentence(self.law)}" if self.real.is_guess else text
+
+    def details(self) -> dict[str, str]:
+        """Return the torque with the scene's own grains, and the law, by their labels."""
+        if self.real is None:
+            return {}
+        found = {"law of the expected torque": self.law}
+        if self.scene is not None and self.scene != self.real:
+            found["expected torque of the scene's grains"] = self.scene.in_words()
+        return found
 
 
 def expected_torque(
@@ -328,7 +337,7 @@ class _Grains:
         """The 95 % interval, with the doubts of the device and a torque [N m] that a guess may have besides."""
         if not (doubts or self.doubts):
             return Interval.within(self.torque, float(np.linalg.norm(list(self.parts.values()))))
-        found = Interval.within(self.torque, log(self.factor) / 1.96)
+        found = Interval.within(self.torque, log(self.factor) / NORMAL)
         return replace(found, high=found.high + most, is_guess=True)
 
 
@@ -362,7 +371,7 @@ class _Sheared:
             law,
             scene.interval(self.doubts, most),
             self._of_unknown_powder(real) if unknown_powder and not doubts else None,
-            {} if doubts else {name: 1.96 * part for name, part in found.parts.items()},
+            {} if doubts else {name: NORMAL * part for name, part in found.parts.items()},
         )
 
     def _of(self, diameter: float, scene: bool = False, part: float = 1.0, law: PowderLaw | None = None) -> _Grains:

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from emclutch.results.atomic_file import replace_json
+from emclutch.results.fits import Measured
 from emclutch.results.statistics import Estimate, steady_mean
 from field.laws.reluctivity import MU_0
 from field.spheres.table_files import cache_folder
@@ -158,7 +159,7 @@ def stress_of_field(points: list[dict[str, Any]]) -> list[StressOfField]:
         own = [point["tau"]["standard_error"] for point in alike]
         error = None if None in own else float(np.sqrt(np.sum(np.square(own)))) / len(alike)
         if len(alike) > 1:
-            error = max(error or 0.0, float(np.std(tau, ddof=1)) / np.sqrt(len(alike)))
+            error = max(error or 0.0, Measured.of(tau).error)
         exponent = None
         if rows and rows[-1].fill == fill and rows[-1].tau > 0.0 and tau.mean() > 0.0:
             exponent = float(np.log(tau.mean() / rows[-1].tau) / np.log(H / rows[-1].H))

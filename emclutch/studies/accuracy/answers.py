@@ -1,8 +1,7 @@
-"""Output of an accuracy study: tables, a picture, scenes for wanted accuracies, and one sentence."""
+"""Files of an accuracy study: tables, a picture, a page, and scenes for wanted accuracies."""
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -12,24 +11,19 @@ import tomli_w
 from emclutch.results.accuracy_study import AccuracyStudy
 from emclutch.results.atomic_file import replace_text
 from emclutch.results.pictures.accuracy import accuracy_picture
-from emclutch.results.recommended import STATISTICS, Choice, LimitingError, own_choice
+from emclutch.results.recommended import Choice, LimitingError
 from emclutch.results.report.render import html, markdown
 from emclutch.results.text import format_duration, format_percent
 from emclutch.scene.case import Case
 from emclutch.scene.input_files import input_files
 from emclutch.simulation.recommended_case import cheapest_case
-from emclutch.studies.accuracy.tables import (
-    BOLD_HTML,
-    BOLD_MARKDOWN,
-    Answer,
-    parts_in_words,
-    rows_of,
-    study_page,
-)
+from emclutch.studies.accuracy.report import Answer, accuracy_report, parts_in_words, rows_of
 
 
-def present(case: Case, study: AccuracyStudy, folder: Path, targets: Sequence[float]) -> list[str]:
-    """Write tables, a picture, a page and a scene for each target that is reached; return what the terminal shows.
+def write_answers(
+    case: Case, study: AccuracyStudy, folder: Path, targets: Sequence[float], remarks: Sequence[str]
+) -> tuple[Answer, ...]:
+    """Write tables, a picture, a page and a scene for each target that is reached; return what reaches the targets.
 
     Writes ``accuracy.csv``, ``accuracy.png``, ``accuracy.md``, ``accuracy.html`` and scenes as
     ``target_10_percent.toml``, in place of earlier ones.
@@ -37,36 +31,16 @@ def present(case: Case, study: AccuracyStudy, folder: Path, targets: Sequence[fl
     Parameters
     ----------
     targets : half widths of the torque's 95 % interval that are wanted, relative
+    remarks : sentences that are added to the report
     """
-    answers = [_answer(case, study, folder, target) for target in sorted(targets, reverse=True)]
+    answers = tuple(_answer(case, study, folder, target) for target in sorted(targets, reverse=True))
     _write_csv(folder / "accuracy.csv", rows_of(study))
-    accuracy_picture(
-        folder / "accuracy.png",
-        study,
-        [(one.target, one.found) for one in answers],
-        title=f"Accuracy and processor time: {study.case}",
-    )
-    replace_text(folder / "accuracy.md", markdown(study_page(study, answers, folder, BOLD_MARKDOWN), folder))
-    replace_text(folder / "accuracy.html", html(study_page(study, answers, folder, BOLD_HTML)))
-    return [*_terminal_table(answers), *(one.in_words() for one in answers), closing_sentence(study, answers)]
-
-
-def closing_sentence(study: AccuracyStudy, answers: Sequence[Answer]) -> str:
-    """Return the result of the study in one sentence."""
-    own = own_choice(study)
-    found = [(one.target, one.found) for one in answers if isinstance(one.found, Choice)]
-    reached = [f"{format_percent(target)} for {format_duration(choice.seconds)}" for target, choice in found]
-    costs = f"; {', '.join(reached)} of processor time" if reached else "; no target is reached by what was measured"
-    torque, half = study.best_estimate()
-    parts = own.total.widths | {STATISTICS: study.statistical}
-    largest = max(parts, key=lambda name: parts[name])
-    unknown = ", ".join(name.replace("_", " ") for name in own.total.unknown)
-    return (
-        f"{study.case}: best estimate {torque:.3g} N m ± {format_percent(half)}"
-        f"{f', and the unknown error of {unknown}' if unknown else ''} (raw {study.torque:.3g} N m, mean of "
-        f"{study.replicas} replicas; {'measured settings' if unknown else 'numerical settings'} add "
-        f"{100.0 * own.total.bias:.2g} %); largest part of the error: {largest.replace('_', ' ')}{costs}."
-    )
+    found = [(one.target, one.found) for one in answers]
+    accuracy_picture(folder / "accuracy.png", study, found, title=f"Accuracy and processor time: {study.case}")
+    report = accuracy_report(study, answers, folder, remarks)
+    replace_text(folder / "accuracy.md", markdown(report, folder))
+    replace_text(folder / "accuracy.html", html(report))
+    return answers
 
 
 def _answer(case: Case, study: AccuracyStudy, folder: Path, target: float) -> Answer:
@@ -116,27 +90,3 @@ def _write_csv(path: Path, rows: Sequence[dict[str, Any]]) -> None:
     import pandas
 
     replace_text(path, pandas.DataFrame(list(rows)).to_csv(index=False))
-
-
-def _terminal_table(answers: Sequence[Answer]) -> list[str]:
-    """Return the answers as lines of a table."""
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table("target", "replicas", "processor time", "uncertainty", "largest part", "scene")
-    for one in answers:
-        if isinstance(one.found, Choice):
-            name, half = next(iter(one.found.parts.items()))
-            table.add_row(
-                format_percent(one.target),
-                str(one.found.replicas),
-                format_duration(one.found.seconds),
-                f"± {format_percent(one.found.half_width)}",
-                f"{name} {format_percent(half)}",
-                "" if one.file is None else one.file.name,
-            )
-    if not table.rows:
-        return []
-    stream = io.StringIO()
-    Console(file=stream, width=100).print(table)
-    return stream.getvalue().rstrip().splitlines()

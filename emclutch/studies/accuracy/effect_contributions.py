@@ -21,9 +21,8 @@ from emclutch.results import RunFolder
 from emclutch.results.atomic_file import replace_text
 from emclutch.results.effect_contributions import Contributions, Without
 from emclutch.results.pictures.effect_contributions import effects_picture
-from emclutch.results.report.content import Page, Picture, Statements, Table
 from emclutch.results.report.render import markdown
-from emclutch.results.report.verdict import Mark, Statement
+from emclutch.results.report.report import Mark, Picture, Report, Reported, Shown, Statement, Statements, Table, note
 from emclutch.results.text import format_duration
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import Fault, SceneError
@@ -62,12 +61,15 @@ class Removal:
 
 
 @dataclass(frozen=True, slots=True)
-class EffectsResult:
+class EffectsResult(Reported):
     """A study of what each effect adds."""
 
     folder: Path
     contributions: Contributions
-    lines: tuple[str, ...]
+
+    def report(self) -> Report:
+        """Return torque and processor time without each effect."""
+        return effects_report(self.contributions, self.folder)
 
 
 def removals(case: Case) -> list[Removal]:
@@ -144,8 +146,8 @@ def effect_contributions(
 
     with begun_study(case, folder, PLAN, resume=resume, budget=budget, jobs=jobs, begin=begin) as (known, queue):
         found = _EffectsRun(case, folder, known, queue, progress).measure()
-        lines = present(found, folder)
-    return EffectsResult(folder, found, tuple(lines))
+        write_effects(found, folder)
+    return EffectsResult(folder, found)
 
 
 def _begun(case: Case, budget: float, jobs: int) -> dict[str, Any]:
@@ -267,30 +269,31 @@ class _EffectsRun(ResumableStudy):
         self.log(words)
 
 
-def present(found: Contributions, folder: Path) -> list[str]:
-    """Write ``effects.csv``, ``effects.png`` and ``effects.md``; return what the terminal shows."""
+def write_effects(found: Contributions, folder: Path) -> None:
+    """Write ``effects.csv``, ``effects.png`` and ``effects.md``."""
     import pandas
 
     replace_text(folder / "effects.csv", pandas.DataFrame(rows_of(found)).to_csv(index=False))
-    title = f"What each effect adds: {found.case}"
-    effects_picture(folder / "effects.png", found, title=title)
-    table = _table(found)
+    effects_picture(folder / "effects.png", found, title=f"What each effect adds: {found.case}")
+    replace_text(folder / "effects.md", markdown(effects_report(found, folder), folder))
+
+
+def effects_report(found: Contributions, folder: Path) -> Report:
+    """Return the report on what each effect adds to torque and processor time."""
+    report = Report(f"What each effect adds: {found.case}", folder=folder, data={"effects": rows_of(found)},
+                    closing=f"Page: {folder / 'effects.md'}")  # fmt: skip
+    report.add("Result", Statements([Statement(Mark.GOOD, line) for line in found.in_words()]), Shown.TERMINAL)
+    report.add("Torque and cost", _table(found), Shown.TERMINAL)
     remarks = [
-        Statement(Mark.NOTE, found.in_words()),
-        Statement(
-            Mark.NOTE,
-            'What an effect adds is the whole scene less the scene without it, and without what needs it ("nor"); '
-            "95 % intervals by Student's t over the replicas. Not significant: the interval holds zero.",
-        ),
-        *(Statement(Mark.NOTE, f"{one.effect}: {one.reason}") for one in found.without if one.reason),
+        note("What an effect adds: the whole scene less the scene without it, and without what needs it (nor)."),
+        note("Intervals of 95 % by Student's t over the replicas. Not significant: the interval holds zero."),
+        *(note(f"{one.effect}: {one.reason}.") for one in found.without if one.reason),
     ]
     if found.absent:
-        absent = f"Effects that the scene does not have, and that cost it no time: {', '.join(found.absent)}."
-        remarks.append(Statement(Mark.NOTE, absent))
-    picture = Picture("torque and processor time without each effect", folder / "effects.png")
-    page = Page(folder, title, "", {"Torque and cost": [table, Statements(remarks)], "Picture": [picture]})
-    replace_text(folder / "effects.md", markdown(page, folder))
-    return [*_in_columns(table), found.in_words()]
+        remarks.append(note(f"Effects that the scene does not have, and that cost no time: {', '.join(found.absent)}."))
+    report.add("Remarks", Statements(remarks), Shown.PAGE)
+    what = "torque and processor time without each effect"
+    return report.add("Picture", Picture(what, folder / "effects.png"), Shown.PAGE)
 
 
 def rows_of(found: Contributions) -> list[dict[str, Any]]:
@@ -303,11 +306,11 @@ def rows_of(found: Contributions) -> list[dict[str, Any]]:
                 "left_out": one.effect,
                 "with_it": " ".join(one.others),
                 "replicas": len(one.torques),
-                "torque": None if torque is None else torque.mean,
-                "half_width": None if torque is None else torque.half_width,
-                "adds_torque": None if added is None else added.mean,
-                "adds_half_width": None if added is None else added.half_width,
-                "significant": None if added is None else added.is_significant,
+                "torque": None if torque is None else torque.value,
+                "half_width": None if torque is None else torque.half_width(),
+                "adds_torque": None if added is None else added.value,
+                "adds_half_width": None if added is None else added.half_width(),
+                "significant": None if added is None else added.is_significant(),
                 "seconds": one.seconds,
                 "adds_seconds": found.seconds(one) if one.effect else None,
                 "reason": one.reason,
@@ -333,7 +336,7 @@ def _table(found: Contributions) -> Table:
         if not one.effect:
             rows.append((*row, "", "", seconds, ""))
             continue
-        mark = "" if added.is_significant else "not significant: "
+        mark = "" if added.is_significant() else "not significant: "
         cost = (found.whole.seconds - one.seconds) / found.whole.seconds
         rows.append(
             (
@@ -345,16 +348,3 @@ def _table(found: Contributions) -> Table:
             )
         )
     return Table(rows, head, (1, 2, 3, 4, 5, 6))
-
-
-def _in_columns(table: Table) -> list[str]:
-    """Return a table as lines for the terminal."""
-    lines = [table.head, *table.rows]
-    widths = [max(len(line[n]) for line in lines) for n in range(len(table.head))]
-    return [
-        "  ".join(
-            cell.rjust(width) if n in table.numbers else cell.ljust(width)
-            for n, (cell, width) in enumerate(zip(line, widths, strict=True))
-        ).rstrip()
-        for line in lines
-    ]

@@ -106,17 +106,18 @@ class Measured:
         return self.base.plan.cost.grains / planned.grains
 
 
-def accuracy_study_of(found: Measured) -> AccuracyStudy:
+def study_of(found: Measured) -> AccuracyStudy:
     """Return the study of a device; RunError where the torque at the scene's own settings has no sign."""
     refuse_no_torque(found.own)
     scatter, freedom = found.scatter
-    settings, unknown = [], {}
+    settings, unknown, over_budget = [], {}, []
     for setting in settings_of(found.base.scene):
         measured = _measured_setting(setting, found, scatter, freedom)
         if sum(one.result is not None for one in measured.values) > 1:
             settings.append(measured)
         else:
-            unknown[setting.name] = _why_unknown(setting.name, measured, found)
+            unknown[setting.name], has_no_room = _why_unknown(setting.name, measured, found)
+            over_budget += [setting.name] * has_no_room
     flat = flat_scene(found.case.toml())
     return AccuracyStudy(
         device=device_of(found.case),
@@ -130,12 +131,8 @@ def accuracy_study_of(found: Measured) -> AccuracyStudy:
         seconds=found.seconds,
         settings=tuple(settings),
         unknown=unknown,
-        machine={
-            **found.machine,
-            "jobs": found.jobs,
-            "budget": found.budget,
-            "processor_seconds": round(found.spent),
-        },
+        over_budget=over_budget,
+        machine={**found.machine, "jobs": found.jobs, "budget": found.budget, "processor_seconds": round(found.spent)},
     )
 
 
@@ -164,7 +161,7 @@ def failure_of(some: Sequence[TaskResult], torque: float) -> str:
     return ""
 
 
-def _measured_setting(setting: type[Setting], found: Measured, scatter: float, freedom: float) -> MeasuredSetting:
+def _measured_setting(setting: Setting, found: Measured, scatter: float, freedom: float) -> MeasuredSetting:
     own = float(setting.own(found.base.scene, found.base.plan))
     basis = Basis.TORQUE
     if setting.measured_on == FROZEN:
@@ -181,7 +178,7 @@ def _measured_setting(setting: type[Setting], found: Measured, scatter: float, f
     )
 
 
-def _torque_values(setting: type[Setting], own: float, found: Measured, scatter: float) -> list[MeasuredValue]:
+def _torque_values(setting: Setting, own: float, found: Measured, scatter: float) -> list[MeasuredValue]:
     """Return the values of a setting; those that were not run have their predicted cost."""
     keys = {(setting.name, one.value): one for one in found.planned if one.setting == setting.name}
     values = [_torque_value(own, setting.step_size(own), found.own, found.torque, scatter, found.seconds)]
@@ -214,7 +211,7 @@ def _unmeasured(planned: PlannedValue, found: Measured) -> MeasuredValue:
     return MeasuredValue(planned.value, planned.step_size, None, 0.0, 0, cost * found.seconds, cost)
 
 
-def _frozen_values(setting: type[Setting], own: float, found: Measured) -> list[MeasuredValue]:
+def _frozen_values(setting: Setting, own: float, found: Measured) -> list[MeasuredValue]:
     values = []
     planned = {one.value: one for one in found.planned if one.setting == setting.name}
     for value in (own, *planned):
@@ -228,7 +225,7 @@ def _frozen_values(setting: type[Setting], own: float, found: Measured) -> list[
     return values
 
 
-def _start_up_values(setting: type[Setting], found: Measured) -> tuple[list[MeasuredValue], float]:
+def _start_up_values(setting: Setting, found: Measured) -> tuple[list[MeasuredValue], float]:
     """Return the values of the start-up: each replica against itself, averaged from the latest start on.
 
     The mean over all replicas of the study, by their grains, of (T - T_latest)/T_latest; its standard error is that of
@@ -267,18 +264,17 @@ def _averaged_strain(found: Measured) -> float | None:
     return None if start is None or found.base.strain is None else found.base.strain - start
 
 
-def _why_unknown(name: str, measured: MeasuredSetting, found: Measured) -> str:
-    if name in found.left_out:
-        wall = found.left_out[name] / found.jobs
-        return f"not measured in this budget: about {format_duration(wall)} more"
+def _why_unknown(name: str, measured: MeasuredSetting, found: Measured) -> tuple[str, bool]:
+    """Return why the error of a setting is not known, and whether the budget had no room for it."""
+    open_values = [one.seconds for one in measured.values if not one.replicas]
+    if name in found.left_out or (open_values and not any(one.failure for one in measured.values)):
+        wall = found.left_out.get(name, min(open_values, default=0.0)) / found.jobs
+        return f"not measured in this budget: about {format_duration(wall)} more", True
     if failed := [f"{one.value:.4g}: {one.failure}" for one in measured.values if one.failure]:
-        return f"fewer than two values have a result ({'; '.join(failed)})"
+        return f"fewer than two values have a result ({'; '.join(failed)})", False
     if not measured.values:
-        return "the replicas end before the start-up does, or nothing is sheared; raise accuracy.time_end"
-    if any(not one.replicas for one in measured.values):
-        wall = min(one.seconds for one in measured.values if not one.replicas) / found.jobs
-        return f"not measured in this budget: about {format_duration(wall)} more"
-    return ONE_VALUE
+        return "the replicas end before the start-up does, or nothing is sheared; raise accuracy.time_end", False
+    return ONE_VALUE, False
 
 
 def this_machine() -> dict[str, Any]:

@@ -19,7 +19,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from emclutch.results.accuracy_study import Basis, MeasuredSetting, MeasuredValue
-from emclutch.results.setting_errors import NORMAL, SharedMean, own_place
+from emclutch.results.fits import NORMAL
+from emclutch.results.setting_errors import SharedMean, own_place
 from emclutch.studies.task_queue import makespan
 
 MAX_REPLICAS = 64
@@ -172,11 +173,8 @@ def more_replicas(
     `aims`: settings whose error is to be lowered.
     """
     seconds, count = _seconds_of(settings, base_seconds), dict(count)
-    settings = [
-        one
-        for one in settings
-        if one.values and own_place(one.measured(found.means, count, found.scatter, 1.0)) is not None
-    ]
+    settings = [one for one in settings if one.values]
+    settings = [one for one in settings if own_place(one.measured(found.means, count, found.scatter, 1.0)) is not None]
     chosen: list[Key] = []
     open_to = set(seconds) if settings else set()
 
@@ -219,12 +217,10 @@ class _Prediction:
         self._torques = dict(found.means)
         for one in settings:
             here = model.direction(self._u, one.name, one.own.step_size)
-            for offered in one.values:
-                step = model.direction(self._u, one.name, offered.step_size) - here
-                self._torques.setdefault(
-                    (one.name, offered.value),
-                    found.means[OWN] * math.exp(float(model.moments(self._u, step)[0].mean())),
-                )
+            for v in one.values:
+                step = model.direction(self._u, one.name, v.step_size) - here
+                expected = found.means[OWN] * math.exp(float(model.moments(self._u, step)[0].mean()))
+                self._torques.setdefault((one.name, v.value), expected)
 
     def half_widths(self, count: Mapping[Key, int], freedom: float) -> list[float]:
         """Return those at each of the settings, with so many replicas."""
@@ -248,17 +244,11 @@ class _Prediction:
 def left_out(settings: Sequence[OfferedSetting], replicas: Sequence[Key]) -> dict[str, float]:
     """Return the settings without a replica, with the processor time of their cheapest value [s]."""
     run = {name for name, _ in replicas}
-    return {
-        one.name: min(offered.seconds for offered in one.values)
-        for one in settings
-        if one.values and one.name not in run
-    }
+    return {one.name: min(v.seconds for v in one.values) for one in settings if one.values and one.name not in run}
 
 
 def _seconds_of(settings: Sequence[OfferedSetting], base_seconds: float) -> dict[Key, float]:
-    return {(one.name, offered.value): offered.seconds for one in settings for offered in one.values} | {
-        OWN: base_seconds
-    }
+    return {(one.name, v.value): v.seconds for one in settings for v in one.values} | {OWN: base_seconds}
 
 
 def _longest_first(replicas: Sequence[Key], seconds: Mapping[Key, float]) -> list[Key]:
@@ -267,4 +257,4 @@ def _longest_first(replicas: Sequence[Key], seconds: Mapping[Key, float]) -> lis
 
 def replicas_for(difference: float, scatter: float) -> int:
     """Return how many replicas at each of two values tell such a relative difference from none, 95 %."""
-    return max(1, math.ceil(2.0 * (1.96 * scatter / difference) ** 2))
+    return max(1, math.ceil(2.0 * (NORMAL * scatter / difference) ** 2))

@@ -16,7 +16,7 @@ from emclutch.scene.scaled import STRAIN, Scaled
 from emclutch.scene.start_up import start_up_strain
 from emclutch.scene.timing import instant_in_words
 from emclutch.settings import HISTORIES, SETTINGS, Setting, settings_of
-from emclutch.settings.powder import StartUp
+from emclutch.settings.powder import START_UP
 from emclutch.simulation.forecast.machine_speed import slowness
 from emclutch.simulation.plan import Plan, make_plan
 from emclutch.simulation.scaled_slip import strain_rate
@@ -152,7 +152,7 @@ def compiling_run(plan: Plan) -> dict[str, Any]:
 def is_sheared(case: Case) -> bool:
     """Return whether the gap is sheared at a constant rate, so that lengths are strains."""
     scene = case.scene
-    return StartUp.applies(scene) and has_steady_torque(scene) and scene.motion.largest_slip > 0.0
+    return START_UP.applies(scene) and has_steady_torque(scene) and scene.motion.largest_slip > 0.0
 
 
 def refuse_unmeasurable(case: Case) -> None:
@@ -183,10 +183,10 @@ def starts_of(base: Base) -> list[float | str]:
     """
     if base.strain is None:
         return [0.5 * base.plan.end]
-    own = StartUp.own(base.scene, base.plan)
+    own = START_UP.own(base.scene, base.plan)
     if own >= base.strain:
         return [STRAIN.format(f"{0.5 * base.strain:g}")]
-    kept = [one for one in StartUp.values(base.scene, base.plan) if one < base.strain * (1.0 - 1e-9) and one != own]
+    kept = [one for one in START_UP.values(base.scene, base.plan) if one < base.strain * (1.0 - 1e-9) and one != own]
     return [STRAIN.format(f"{one:g}") for one in (own, *kept)]
 
 
@@ -262,7 +262,7 @@ def accepted_values(base: Base, tasks: Sequence[ValueTask], found: Sequence[Plan
     return [one.planned for one in found if one.planned is not None]
 
 
-def _faults(base: Base, setting: type[Setting], value: float, why: Sequence[str]) -> list[Fault]:
+def _faults(base: Base, setting: Setting, value: float, why: Sequence[str]) -> list[Fault]:
     """Return the fault of a value that the scene lists; of the usual ones none, they are left out."""
     if getattr(base.scene.accuracy.values, setting.name) is None:
         return []
@@ -286,7 +286,7 @@ def _lists_of_nothing(scene: Scene) -> list[Fault]:
     return faults
 
 
-def _late_starts(base: Base, setting: type[Setting]) -> list[Fault]:
+def _late_starts(base: Base, setting: Setting) -> list[Fault]:
     asked = getattr(base.scene.accuracy.values, setting.name) or ()
     end = instant_in_words(base.scene.span.end)
     end = end if base.strain is None or end.startswith("strain") else f"{end}, a strain of {base.strain:.4g}"

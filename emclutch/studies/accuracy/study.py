@@ -23,19 +23,14 @@ from emclutch.results.atomic_file import replace_text
 from emclutch.results.errors import Interrupted, OutputError
 from emclutch.results.history import last_time
 from emclutch.results.recommended import ONE_VALUE, STATISTICS, Choice, LimitingError, own_choice, recommended
-from emclutch.results.text import format_duration
+from emclutch.results.report.report import Report, Reported, Shown, Statements, Table, note, warning
+from emclutch.results.text import format_duration, in_words
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.replica_count import replica_seed
 from emclutch.settings import FROZEN, TORQUE, Setting, settings_of
 from emclutch.simulation.plan_in_words import narrow_sector
-from emclutch.studies.accuracy.measured_study import (
-    Measured,
-    accuracy_study_of,
-    refuse_no_torque,
-    scatter_of,
-    this_machine,
-)
+from emclutch.studies.accuracy.measured_study import Measured, refuse_no_torque, scatter_of, study_of, this_machine
 from emclutch.studies.accuracy.plan import (
     BASE,
     OWN,
@@ -63,6 +58,7 @@ from emclutch.studies.accuracy.planned_values import (
     starts_of,
     value_tasks,
 )
+from emclutch.studies.accuracy.report import Answer, accuracy_report
 from emclutch.studies.accuracy.tasks import GRAINS, AccuracyTask, TaskResult
 from emclutch.studies.resumable import BUDGET, ResumableStudy, begun_study, checked_jobs
 from emclutch.studies.task_queue import TaskQueue, update_progress
@@ -86,20 +82,27 @@ PLAN = "plan.json"
 
 
 @dataclass(frozen=True)
-class AccuracyResult:
+class AccuracyResult(Reported):
     """Result of an accuracy study.
 
     Attributes
     ----------
     folder : Path
     study : AccuracyStudy
-    lines : tuple of str
-        Its findings, in words.
+    answers : tuple of Answer
+        What reaches each target.
+    remarks : tuple of str
+        Sentences on an earlier study.
     """
 
     folder: Path
     study: AccuracyStudy
-    lines: tuple[str, ...] = ()
+    answers: tuple[Answer, ...] = ()
+    remarks: tuple[str, ...] = ()
+
+    def report(self) -> Report:
+        """Return best estimate, settings for the targets, and errors."""
+        return accuracy_report(self.study, self.answers, self.folder, self.remarks)
 
 
 def accuracy(
@@ -154,15 +157,16 @@ def accuracy(
         study = running.measure()
         replace_text(folder / "accuracy_study.json", study.to_json())
         earlier = _earlier_study(study.device)
-        lines = _presented(case, study, folder, targets)
+        remarks: tuple[str, ...] = ()
         if running.performed or earlier is None:  # one that was finished may have a later study in its place
             save_accuracy_study(study)
-            lines += _replaced(study, earlier)
-    return AccuracyResult(folder, study, tuple(lines))
+            remarks = _replaced(study, earlier)
+        answers = _answers(case, study, folder, targets, remarks)
+    return AccuracyResult(folder, study, answers, remarks)
 
 
-def preview(case: Case, budget: float | None = None, jobs: int | None = None) -> list[str]:
-    """Return what `accuracy` would measure and what that is estimated to cost, in lines; nothing runs or is written.
+def preview(case: Case, budget: float | None = None, jobs: int | None = None) -> Report:
+    """Return what `accuracy` would measure and what that is estimated to cost; nothing runs or is written.
 
     `budget` [s], `jobs` and what is raised before anything runs are as of `accuracy`. Costs are processor times of one
     replica each, within a factor of two, and on a frozen packing of mesh and field alone, without that of the moments;
@@ -174,23 +178,25 @@ def preview(case: Case, budget: float | None = None, jobs: int | None = None) ->
     _refuse_small_budget(case, base, budget, jobs)
     tasks, own = value_tasks(base), base.plan.cost.seconds["total"]
     planned = _distinct(base, accepted_values(base, tasks, [plan_value(one) for one in tasks]))
-    lines = [f"{BASE_REPLICAS} replicas at the scene's own settings: {format_duration(BASE_REPLICAS * own)}"]
+    report = Report(f"Accuracy study of {case.name}")
+    first = f"{BASE_REPLICAS} replicas at the scene's own settings take {format_duration(BASE_REPLICAS * own)}"
+    room = f"{format_duration(budget)} with {jobs} at a time are enough for some {jobs * budget / own:.0f} replicas"
+    statements = [note(f"{first} and run in any case."), note(f"{room} at the scene's own settings.")]
+    statements += [warning(narrow)] if (narrow := narrow_sector(base.scene)) else []
+    report.add("Cost", Statements(statements), Shown.TERMINAL)
+    table = []
     for setting in settings_of(base.scene):
         frozen = setting.measured_on == FROZEN
-        found = [
-            f"{one.value:.4g} (field alone: {format_duration(one.planning)})"
-            if frozen
-            else f"{one.value:.4g} ({format_duration(own * one.seconds / base.seconds)})"
+        values = ", ".join(
+            f"{one.value:.4g} ({format_duration(one.planning if frozen else own * one.seconds / base.seconds)})"
             for one in planned
             if one.setting == setting.name
-        ]
-        how = "on a frozen packing" if frozen else "a replica each"
-        own_value = f"{setting.name.replace('_', ' ')}, {setting.own(base.scene, base.plan):.4g} in the scene"
-        lines.append(f"{own_value}: {', '.join(found)}, {how}" if found else f"{own_value}: {ONE_VALUE}")
-    number = jobs * budget / own
-    room = f"in {format_duration(budget)} with {jobs} at a time there is time for some {number:.0f} replicas"
-    lines += [f"WARNING: {narrow}"] if (narrow := narrow_sector(base.scene)) else []
-    return [*lines, f"{room} at the scene's own settings; the four above run in any case"]
+        )
+        how = "frozen packing, field alone" if frozen else "a replica each"
+        own_value = f"{setting.own(base.scene, base.plan):.4g}"
+        table.append((in_words(setting.name), own_value, values or ONE_VALUE, how if values else ""))
+    head = ("setting", "in the scene", "values", "measured on")
+    return report.add("Values", Table(table, head, (1,)), Shown.TERMINAL)
 
 
 def _earlier_study(device: str) -> tuple[AccuracyStudy, Path] | None:
@@ -200,25 +206,25 @@ def _earlier_study(device: str) -> tuple[AccuracyStudy, Path] | None:
         return None
 
 
-def _replaced(study: AccuracyStudy, earlier: tuple[AccuracyStudy, Path] | None) -> list[str]:
+def _replaced(study: AccuracyStudy, earlier: tuple[AccuracyStudy, Path] | None) -> tuple[str, ...]:
     """Say that a study has taken the place of one that took longer."""
     if earlier is None:
-        return []
+        return ()
     spent, before = (float(one.machine.get("processor_seconds") or 0.0) for one in (study, earlier[0]))
     if before <= spent:
-        return []
+        return ()
     where = accuracy_study_folder() / f"{study.device}.json"
-    return [
-        f"runs of this device now have their errors from this study, in place of one of {format_duration(before)} of "
-        f"processor time ({earlier[0].machine.get('date')}); "
-        + (f"remove {where} to have that one back" if earlier[1].parent == SHIPPED else "repeat that study to go back")
-    ]
+    longer = f"one of {format_duration(before)} of processor time ({earlier[0].machine.get('date')})"
+    back = f"Remove {where} to go back." if earlier[1].parent == SHIPPED else "Repeat that study to go back."
+    return f"Runs of this device now have their errors from this study, in place of {longer}.", back
 
 
-def _presented(case: Case, study: AccuracyStudy, folder: Path, targets: Sequence[float]) -> list[str]:
-    from emclutch.studies.accuracy.answers import present  # local: it draws
+def _answers(
+    case: Case, study: AccuracyStudy, folder: Path, targets: Sequence[float], remarks: Sequence[str]
+) -> tuple[Answer, ...]:
+    from emclutch.studies.accuracy.answers import write_answers  # local: it draws
 
-    return present(case, study, folder, targets)
+    return write_answers(case, study, folder, targets, remarks)
 
 
 def _refuse_small_budget(case: Case, base: Base, budget: float, jobs: int) -> None:
@@ -300,7 +306,7 @@ class _StudyRun(ResumableStudy):
         self._tell_scatter()
         self._measure_frozen()
         self._measure_torque()
-        return accuracy_study_of(self._measured())
+        return study_of(self._measured())
 
     # what is done -----------------------------------------------------------------------------------------------
 
@@ -347,7 +353,7 @@ class _StudyRun(ResumableStudy):
         measured = self._measured()
         count = {key: len(some) for key, some in measured.replicas.items()}
         found = Torques(measured.means, *measured.scatter)
-        return more_replicas(offers, count, found, self._seconds(), room, jobs, self._aims(accuracy_study_of(measured)))
+        return more_replicas(offers, count, found, self._seconds(), room, jobs, self._aims(study_of(measured)))
 
     def _aims(self, study: AccuracyStudy) -> list[Aim]:
         """Return the scene's own settings, and those that come nearest to each target."""
@@ -361,10 +367,8 @@ class _StudyRun(ResumableStudy):
 
     def _aim(self, choice: Choice) -> Aim:
         step_sizes = {name: self.settings[name].step_size(one) for name, one in choice.values.items()}
-        rest = [
-            half for name, half in choice.parts.items()
-            if name != INTERACTION and (name == STATISTICS or self.settings[name].measured_on != TORQUE)
-        ]  # fmt: skip
+        rest = [half for name, half in choice.parts.items() if name == STATISTICS or
+                (name != INTERACTION and self.settings[name].measured_on != TORQUE)]  # fmt: skip
         return Aim(step_sizes, math.hypot(*rest))
 
     def _do_replicas(self, begin: int, end: int) -> None:
@@ -395,7 +399,7 @@ class _StudyRun(ResumableStudy):
     def _offers(self) -> list[OfferedSetting]:
         return [self._offer(one) for one in self.settings.values() if one.measured_on == TORQUE]
 
-    def _offer(self, setting: type[Setting]) -> OfferedSetting:
+    def _offer(self, setting: Setting) -> OfferedSetting:
         own = float(setting.own(self.base.scene, self.base.plan))
         here = OfferedValue(own, setting.step_size(own), self._seconds(), 1.0)
         others = tuple(
@@ -465,7 +469,7 @@ class _StudyRun(ResumableStudy):
             keeps_grains=name == replica_name(BASE, 0.0, 0),
         )
 
-    def _frozen(self, setting: type[Setting], planned: PlannedValue | None) -> AccuracyTask:
+    def _frozen(self, setting: Setting, planned: PlannedValue | None) -> AccuracyTask:
         """Return the task of a value on the frozen packing; None: the scene's own."""
         own_key = setting.key if setting.key.startswith("effects.") and setting.key.endswith(".tolerance") else ""
         if planned is None:
@@ -536,7 +540,7 @@ class _StudyRun(ResumableStudy):
         )
         self.log(words)
         if narrow := narrow_sector(self.base.scene):
-            self.log(f"WARNING: {narrow}")
+            self.log(f"Warning: {narrow}")
 
     def _tell_scatter(self) -> None:
         values = [self.results[replica_name(BASE, 0.0, n)].result for n in range(BASE_REPLICAS)]

@@ -210,7 +210,7 @@ def _unreachable(case: Case, found: LimitingError) -> SceneError:
     command, ways = f"emclutch accuracy {case.path or 'CASE'}", []
     if found.setting == STATISTICS:
         ways.append(f"measure longer replicas: {command} --set accuracy.time_end={_longer_end(case)}")
-    elif found.seconds is not None or "budget" in found.reason:
+    elif found.seconds is not None or found.needs_budget:
         ways.append(f"run a longer accuracy study: {command} --budget {_longer(case, found)}")
     elif found.setting in (one.name for one in settings_of(case.scene)):
         ways.append(f"list other values in accuracy.values.{found.setting}, and measure again: {command}")

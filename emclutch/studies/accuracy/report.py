@@ -1,21 +1,18 @@
-"""Tables of an accuracy study: rows of accuracy.csv, and the page that is written as Markdown and as HTML."""
+"""The report on an accuracy study: best estimate, settings for wanted accuracies, errors; the rows of accuracy.csv."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from markupsafe import Markup
-
 from emclutch.results.accuracy_study import AccuracyStudy, Basis, MeasuredSetting, SettingError
-from emclutch.results.recommended import Choice, LimitingError, own_choice, unknown_of
-from emclutch.results.report.content import Block, Page, Picture, Statements, Table
-from emclutch.results.report.verdict import Mark, Statement
+from emclutch.results.recommended import STATISTICS, Choice, LimitingError, own_choice, unknown_of
+from emclutch.results.report.report import Mark, Picture, Report, Shown, Statement, Statements, Table, note, warning
 from emclutch.results.setting_errors import ORDER_SPREAD, SMALL_ERROR
-from emclutch.results.text import format_duration, format_percent
+from emclutch.results.text import format_duration, format_percent, in_words
 from emclutch.scene.replica_count import cores_at_hand
 from emclutch.settings import SETTINGS
 
@@ -25,11 +22,8 @@ MACHINE = ("date", "processor", "cores", "jobs")
 """Entries of a study's machine that stand at the head of the page."""
 SMALLEST_PART = 0.1
 """Of the half width: smaller parts are not named."""
-BOLD_MARKDOWN, BOLD_HTML = "**{}**", "<b>{}</b>"
-NOT_IN_IT = (
-    "Not in these errors: what the model is made of. Friction, rolling friction, fill and contact law change the "
-    "torque by more (docs/explanation/sensitivities.md)."
-)
+ROUGH = 0.1
+"""A half width of the best estimate beyond which it is known roughly only, relative."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,13 +42,6 @@ class Answer:
     target: float
     found: Choice | LimitingError
     file: Path | None = None
-
-    def in_words(self) -> str:
-        """Return a line for the terminal."""
-        found = self.found
-        if isinstance(found, Choice):
-            return f"{format_percent(self.target)}: emclutch run {self.file}"
-        return f"{format_percent(self.target)}: {found.in_words()}"
 
 
 def error_in_words(error: SettingError | None) -> str:
@@ -114,59 +101,89 @@ def rows_of(study: AccuracyStudy) -> list[dict[str, Any]]:
     return rows
 
 
-def study_page(study: AccuracyStudy, answers: Sequence[Answer], folder: Path, bold: str) -> Page:
-    """Return the page of a study; `bold` is the form of what is set in bold, ``**{}**`` or ``<b>{}</b>``."""
+def accuracy_report(study: AccuracyStudy, answers: Sequence[Answer], folder: Path, remarks: Sequence[str]) -> Report:
+    """Return the report on a study in a folder; `remarks` are added to its statements."""
     known = {key: study.machine[key] for key in MACHINE if key in study.machine}
     if "processor_seconds" in study.machine:
         known["processor time"] = format_duration(study.machine["processor_seconds"])
     machine = ", ".join(f"{key} {value}" for key, value in known.items())
-    picture: list[Block] = []
-    if (folder / "accuracy.png").is_file():
-        picture = [Picture("total error against cost: a line for each setting", folder / "accuracy.png")]
-    return Page(
-        folder,
-        f"Accuracy and processor time: {study.case}",
-        f"device {study.device}{f'; {machine}' if machine else ''}",
-        {
-            "Settings for wanted accuracies": [_answers(study, answers, bold), Statements(_remarks(study, answers))],
-            "Cost against error": picture,
-            "Errors at the scene's own settings": [_own(study, bold)],
-            "All values that were measured": [_values(study)],
-        },
-    )
+    subtitle = f"device {study.device}{f'; {machine}' if machine else ''}"
+    report = Report(f"Accuracy and processor time: {study.case}", subtitle, folder=folder,
+                    data={"settings": rows_of(study)}, closing=f"Page: {folder / 'accuracy.html'}")  # fmt: skip
+    statements = [*_statements(study), *_limits(answers), *map(note, remarks)]
+    report.add("Result", Statements(statements), Shown.TERMINAL)
+    report.add("Settings for wanted accuracies", _answers(study, answers), Shown.TERMINAL)
+    report.add("These settings", [_choices(study, answers), Statements([*_explanations(study, answers)])], Shown.PAGE)
+    if (picture := folder / "accuracy.png").is_file():
+        what = "total error against cost: a line a setting, all others as in the scene"
+        report.add("Cost against error", Picture(what, picture), Shown.PAGE)
+    report.add("Errors at the scene's own settings", _own(study), Shown.PAGE)
+    return report.add("All values that were measured", _values(study), Shown.PAGE)
 
 
-def _answers(study: AccuracyStudy, answers: Sequence[Answer], bold: str) -> Table:
-    """Return a row for the scene as it is, and one for each target."""
-    own = own_choice(study)
-    rows = [_answer_row("this scene", study, own, bold, "")]
+def _statements(study: AccuracyStudy) -> Iterator[Statement]:
+    """Say the best estimate with its error, what is not in it, the raw torque and the dominant error."""
+    own, (torque, half) = own_choice(study), study.best_estimate()
+    parts = own.total.widths | {STATISTICS: study.statistical}
+    largest = max(parts, key=lambda name: parts[name])
+    mark = Mark.WARNING if half > ROUGH or own.total.unknown else Mark.GOOD
+    yield Statement(mark, f"Torque on the disc: {torque:.3g} N m ± {format_percent(half)} (95 %), best estimate.")
+    yield note("Friction, rolling friction, fill and contact law are taken as given and change the torque by more.")
+    for name, reason in unknown_of(study).items():
+        yield warning(f"the error of {in_words(name)} is not included: {reason}")
+    what, bias = "measured" if own.total.unknown else "numerical", 100.0 * own.total.bias
+    how = f"the {what} settings {'add' if bias > 0.0 else 'take off'} {abs(bias):.2g} %"
+    yield note(f"Raw torque: {study.torque:.3g} N m, mean of {study.replicas} replicas; {how}, which is corrected.")
+    yield note(f"Dominant error: {in_words(largest)}, {format_percent(parts[largest])}.")
+
+
+def _limits(answers: Sequence[Answer]) -> Iterator[Statement]:
+    """Say why targets are not reached."""
+    limits: dict[str, list[str]] = {}
     for one in answers:
-        if isinstance(one.found, Choice):
-            name = one.file.name if one.file else ""
-            rows.append(_answer_row(format_percent(one.target), study, one.found, bold, name))
-        else:
-            rows.append((format_percent(one.target), one.found.in_words(), *[""] * 7))
-    head = (
-        "target", "settings that differ", "replicas", "processor time", f"on {cores_at_hand()} cores", "bias",
-        "uncertainty", "parts", "figure of merit [1/h]", "scene",
-    )  # fmt: skip
-    return Table([row + ("",) * (len(head) - len(row)) for row in rows], head, (2, 3, 4, 5, 6, 8))
+        if isinstance(one.found, LimitingError):
+            limits.setdefault(one.found.in_words(), []).append(format_percent(one.target))
+    for reason, targets in limits.items():
+        yield warning(f"{', '.join(targets)}: {reason}")
 
 
-def _answer_row(target: str, study: AccuracyStudy, choice: Choice, bold: str, scene: str) -> tuple[str, ...]:
-    rounds = math.ceil(choice.replicas / cores_at_hand())
-    return (
-        target,
-        changes_in_words(study, choice) or "none",
-        str(choice.replicas),
-        format_duration(choice.seconds),
-        format_duration(choice.seconds / choice.replicas * rounds),
-        f"{100.0 * choice.total.bias:+.2g} %",
-        f"± {format_percent(choice.half_width)}",
-        parts_in_words(choice, bold),
-        f"{3600.0 * choice.figure_of_merit:.3g}",
-        scene,
-    )
+def _answers(study: AccuracyStudy, answers: Sequence[Answer]) -> Table:
+    """Return what the scene as it is and each target that is reached take."""
+    rows, cores = [], cores_at_hand()
+    for target, choice, file in _choices_of(study, answers):
+        name, half = next(iter(choice.parts.items()))
+        rounds = math.ceil(choice.replicas / cores)
+        rows.append(
+            (
+                target, str(choice.replicas), format_duration(choice.seconds),
+                format_duration(choice.seconds / choice.replicas * rounds), f"± {format_percent(choice.half_width)}",
+                f"{in_words(name)}, {format_percent(half)}", file,
+            )
+        )  # fmt: skip
+    head = ("target", "replicas", "processor time", f"on {cores} cores", "uncertainty", "dominant error", "scene")
+    return Table(rows, head, (1, 2, 3, 4))
+
+
+def _choices(study: AccuracyStudy, answers: Sequence[Answer]) -> Table:
+    """Return which settings differ from the scene's, and the parts of the error."""
+    rows = [
+        (
+            target, changes_in_words(study, choice) or "none", f"{100.0 * choice.total.bias:+.2g} %",
+            parts_in_words(choice), f"{3600.0 * choice.figure_of_merit:.3g}",
+        )
+        for target, choice, _ in _choices_of(study, answers)
+    ]  # fmt: skip
+    return Table(rows, ("target", "settings that differ", "bias", "parts", "figure of merit [1/h]"), (2, 4))
+
+
+def _choices_of(study: AccuracyStudy, answers: Sequence[Answer]) -> list[tuple[str, Choice, str]]:
+    """Return target, choice and scene file of the scene as it is and of each target that is reached."""
+    reached = [
+        (format_percent(one.target), one.found, one.file.name if one.file else "")
+        for one in answers
+        if isinstance(one.found, Choice)
+    ]
+    return [("this scene", own_choice(study), ""), *reached]
 
 
 def changes_in_words(study: AccuracyStudy, choice: Choice) -> str:
@@ -178,34 +195,25 @@ def changes_in_words(study: AccuracyStudy, choice: Choice) -> str:
     )
 
 
-def parts_in_words(choice: Choice, bold: str = "{}") -> Markup:
-    """Return the parts of the half width that count, the largest in bold."""
-    parts = [
-        f"{name} {format_percent(half)}"
+def parts_in_words(choice: Choice) -> str:
+    """Return the parts of the half width that count, the largest first."""
+    return ", ".join(
+        f"{in_words(name)} {format_percent(half)}"
         for name, half in choice.parts.items()
         if half >= SMALLEST_PART * choice.half_width
-    ]
-    return Markup(", ").join([Markup(bold).format(parts[0]), *parts[1:]])
+    )
 
 
-def _remarks(study: AccuracyStudy, answers: Sequence[Answer]) -> list[Statement]:
-    corrected = any(isinstance(one.found, Choice) and abs(one.found.total.bias) > one.target for one in answers)
-    remarks = [
-        Statement(
-            Mark.NOTE,
-            "The bias is the relative error of the raw torque; the best estimate is the raw torque over 1 + bias. The "
-            "uncertainty is half its 95 % interval: that of the replicas and that of the settings, in quadrature. "
-            "Figure of merit: 1 / (error² × processor time), with half the uncertainty as the error.",
-        ),
-        Statement(Mark.NOTE, prior_in_words(study)),
-    ]
-    if corrected:
-        remarks.append(Statement(Mark.NOTE, "Some targets are reached by that correction: the bias alone is larger."))
-    remarks += [
-        Statement(Mark.POOR, f"Error of {name.replace('_', ' ')} not included: {reason}.")
-        for name, reason in unknown_of(study).items()
-    ]
-    return [*remarks, Statement(Mark.NOTE, NOT_IN_IT)]
+def _explanations(study: AccuracyStudy, answers: Sequence[Answer]) -> Iterator[Statement]:
+    """Say what the columns are, and what is assumed."""
+    yield note("Bias: what the settings add to the torque, which is to be divided by 1 + bias.")
+    yield note(
+        "Uncertainty: half the 95 % interval of the torque so corrected, of replicas and settings in quadrature."
+    )
+    yield note("Figure of merit: 1/(error² processor time), the error being half of the uncertainty.")
+    yield note(prior_in_words(study))
+    if any(isinstance(one.found, Choice) and abs(one.found.total.bias) > one.target for one in answers):
+        yield note("Some targets are reached by that correction: the bias alone is larger.")
 
 
 def prior_in_words(study: AccuracyStudy) -> str:
@@ -221,7 +229,7 @@ def prior_in_words(study: AccuracyStudy) -> str:
     )
 
 
-def _own(study: AccuracyStudy, bold: str) -> Table:
+def _own(study: AccuracyStudy) -> Table:
     """Return the error of each setting at the scene's own value, the widest first."""
     choice = own_choice(study)
     theory = {one.name: one.theory for one in SETTINGS}
@@ -230,13 +238,12 @@ def _own(study: AccuracyStudy, bold: str) -> Table:
     rows: list[tuple[str, ...]] = []
     for name in [*known, *(one for one in of if one not in known)]:
         setting = of[name]
-        shown = error_in_words(study.error(name))
         rows.append(
             (
                 name,
                 setting.key,
                 f"{setting.own:.4g} {UNITS.get(name, '')}".strip(),
-                Markup(bold).format(shown) if name == next(iter(known), None) else shown,
+                error_in_words(study.error(name)),
                 order_in_words(study, setting),
                 theory.get(name, ""),
             )

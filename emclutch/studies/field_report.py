@@ -1,0 +1,80 @@
+"""The report on a field study: gap field and inductance, a row a current, magnetic circuit, forces, winding, solver."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from emclutch.results.report.report import Mark, Report, Shown, Statement, Statements, Table, note, warning
+from emclutch.results.text import format_percent, in_words
+
+HEADS = (
+    ("current", "I"),
+    ("gap_flux_density", "B gap"),
+    ("flux_linkage", "linkage"),
+    ("apparent_inductance", "L"),
+    ("incremental_inductance", "L incr."),
+    ("copper_loss", "loss"),
+    ("energy", "energy"),
+    ("coenergy", "co-energy"),
+    ("hysteresis_loss", "heat"),
+)
+"""Columns of field.csv that the terminal shows, and how they are headed there; axial forces besides."""
+FORCE = "axial_force_"
+
+
+def field_report(folder: Path, summary: dict[str, Any]) -> Report:
+    """Return the report on ``field.json``."""
+    report = Report(f"Field: {folder.name}", data=summary, folder=folder, closing=f"Results and pictures: {folder}")
+    report.add("Result", Statements([*_statements(summary)]), Shown.TERMINAL)
+    report.add("Currents", _currents(summary), Shown.TERMINAL)
+    if parts := summary["at_last_current"].get("ampere_turns_by_part"):
+        whole = sum(parts.values())
+        table = [(in_words(name), f"{one:.4g}", format_percent(one / whole)) for name, one in parts.items()]
+        report.add("Magnetic circuit", Table(table, ("part", "ampere-turns [A]", "fraction"), (1, 2)), Shown.TERMINAL)
+    return report.add("At the last current", Table([*_details(summary)]), Shown.TERMINAL)
+
+
+def _statements(summary: dict[str, Any]) -> Iterator[Statement]:
+    """Say the field of the gap and the inductance at the last current, and the error of the mesh."""
+    last, details = summary["currents"][-1], summary["at_last_current"]
+    at = f"at {last['current']:.4g} A"
+    if (B := last.get("gap_flux_density")) is not None:
+        sheared = details.get("gap_flux_density_sheared")
+        more = "" if sheared is None else f" ({sheared:.3g} T with the permeability of sheared powder)"
+        yield Statement(Mark.GOOD, f"Mean flux density in the gap: {B:.3g} T {at}{more}.")
+    inductance = last.get("apparent_inductance")
+    text = "" if inductance is None else f"; inductance {inductance:.3g} H"
+    yield note(f"Flux linkage: {last['flux_linkage']:.4g} Wb {at}{text}.")
+    errors = details.get("estimated_relative_error") or {}
+    if errors:
+        worst = max(errors, key=lambda name: abs(errors[name]))
+        yield note(f"Estimated error of the mesh: {format_percent(abs(errors[worst]))} ({worst}).")
+    yield from map(warning, summary["warnings"])
+
+
+def _currents(summary: dict[str, Any]) -> Table:
+    rows, units = summary["currents"], summary["units"]
+    forces = [(name, f"F_z {name.removeprefix(FORCE)}") for name in rows[0] if name.startswith(FORCE)]
+    shown = [(name, head) for name, head in (*HEADS, *forces) if name in rows[0]]
+    table = [[in_cells(row.get(name)) for name, _ in shown] for row in rows]
+    return Table(table, [f"{head} [{units[name]}]" for name, head in shown], range(len(shown)))
+
+
+def _details(summary: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    units = summary["units"]
+    for name, value in summary["at_last_current"].items():
+        if name != "ampere_turns_by_part":  # a table of its own
+            yield in_words(name) + (f" [{units[name]}]" if name in units else ""), in_cells(value)
+
+
+def in_cells(value: object) -> str:
+    """Return a value of ``field.json`` as text of a cell."""
+    if isinstance(value, dict):
+        return "; ".join(f"{in_words(name)}: {in_cells(part)}" for name, part in value.items())
+    if isinstance(value, list):
+        return ", ".join(map(in_cells, value))
+    if value is None:
+        return "none"
+    return f"{value:.4g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,104 @@
+"""The report on a thermal study: limits and when they are passed, temperatures, permitted slip power, heat flows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pandas
+
+from emclutch.device_model.coil_heat import HOTTEST
+from emclutch.results.quantity import RPM
+from emclutch.results.report.report import Mark, Report, Shown, Statement, Statements, Table, note, warning
+from emclutch.results.text import format_duration, in_words
+
+PLACES = {"coil_hottest": "coil", "powder_hottest": "powder", "surface": "surface"}
+
+
+def heat_report(folder: Path, summary: dict[str, Any], permitted: pandas.DataFrame) -> Report:
+    """Return the report on ``heat.json`` and ``permitted.csv``."""
+    data = summary | {"permitted": permitted.to_dict("records"), "folder": str(folder)}
+    report = Report(f"Temperatures: {folder.name}", data=data, folder=folder, closing=f"Results and pictures: {folder}")
+    report.add("Result", Statements([*_limits(summary), *_remarks(summary, permitted)]), Shown.TERMINAL)
+    report.add("Temperatures", _temperatures(summary), Shown.TERMINAL)
+    return report.add("Permitted slip power", _permitted(permitted), Shown.TERMINAL)
+
+
+def _temperatures(summary: dict[str, Any]) -> Table:
+    """Return the temperatures of the steady state and through the duty."""
+    steady, duty = summary["steady"], summary["duty"]
+    table = []
+    if "surface" in steady:
+        table.append(("steady, on all the time", *(f"{steady[key]:.1f}" for key in PLACES)))
+    table.append(("maximum over the duty cycle", *(f"{duty[f'largest_{key}']:.1f}" for key in PLACES)))
+    if duty.get("steady"):
+        table.append(("maximum, duty repeated for ever", *(f"{duty['steady'][key]:.1f}" for key in PLACES)))
+    return Table(table, ("temperature [°C]", *(f"{name}, hottest" for name in PLACES.values())), (1, 2, 3))
+
+
+def _permitted(permitted: pandas.DataFrame) -> Table:
+    table = []
+    for row in permitted.to_dict("records"):
+        shown = (row["by_surface"], row["by_coil"], row["slip_power"], row["torque"])
+        table.append((f"{RPM * row['speed']:.0f}", *(f"{value:.3g}" for value in shown)))
+    head = ("slip [1/min]", "limited by surface [W]", "limited by coil [W]", "permitted slip power [W]", "torque [N m]")
+    return Table(table, head, range(len(head)))
+
+
+def _limits(summary: dict[str, Any]) -> Iterator[Statement]:
+    """Say whether the duty passes the limits of surface and coil, and when."""
+    duty, passed = summary["duty"], False
+    for key in ("surface", "coil_hottest"):
+        if (after := duty[f"{key}_limit_passed_after"]) is not None:
+            passed = True
+            yield warning(f"the {PLACES[key]} exceeds its limit after {format_duration(after)} of the duty")
+    if not passed:
+        yield Statement(Mark.GOOD, "Surface and coil stay below their limits through the duty.")
+
+
+def _remarks(summary: dict[str, Any], permitted: pandas.DataFrame) -> Iterator[Statement]:
+    """Say the torque, the heat flows, the largest currents and the errors."""
+    steady, duty, torque, largest = summary["steady"], summary["duty"], summary["torque"], summary["largest_current"]
+    value = f"{torque['value']:.3g} N m; " if "value" in torque else ""
+    yield note(f"Torque: {value}{torque['source']}.")
+    if "surface" in steady:
+        flows = {key.removeprefix("heat_out_"): heat for key, heat in steady.items() if key.startswith("heat_out_")}
+        out = ", ".join(f"{in_words(name)} {heat:.3g} W" for name, heat in flows.items())
+        copper, slip = f"{steady['copper_loss']:.3g} W of the coil", f"{steady['slip_power']:.3g} W of slip"
+        yield note(f"Steady state at {steady['current']:.3g} A: {copper} and {slip} flow out through {out}.")
+    else:
+        limit = f"{largest['at_a_mean_of_250_degrees']:.3g} A"
+        yield warning(f"no steady state: {steady['state']}")
+        yield note(
+            f"Without slip there is one up to {limit}. Lower current or slip power, cool better, or shorten the duty."
+        )
+    yield note(
+        f"Duty: {duty['state']}, {duty['steps']} steps; residual of the energy balance {abs(duty['energy_error']):.1e}."
+    )
+    if "heat_error" in duty:
+        yield note(
+            f"Error of the heat produced, relative to the integral of the duty's power: {duty['heat_error']:+.1e}."
+        )
+    if "ripple" in duty:
+        yield note(averaging_in_words(duty))
+    if not permitted[["rotor_speed", "disc_speed"]].to_numpy().any():
+        yield note("The permitted slip power is that of bodies cooled as at rest: neither turns in [motion].")
+    coil, hot = f"{largest['at_the_coil_limit']:.3g} A", f"{largest['at_a_mean_of_250_degrees']:.3g} A"
+    yield note(
+        f"Largest current without slip: {coil} at the coil's limit, {hot} with a steady state below {HOTTEST:g} °C."
+    )
+    error = summary["error_of_the_mesh"]
+    if isinstance(error, dict):
+        yield note(f"Error of the mesh in the steady state: {max(map(abs, error.values())):.2g} K.")
+
+
+def averaging_in_words(duty: dict[str, Any]) -> str:
+    """Say how a duty of many periods was computed, its ripple and the error of its mean."""
+    sizes = ", ".join(f"{name} {duty['ripple'][key]:.2g} K" for key, name in PLACES.items())
+    error = duty["error_of_the_mean"]
+    known = "not known, as the mean power has no steady temperatures" if error is None else f"{error:.1g} K"
+    return (
+        f"The {duty['averaged_periods']:.0f} periods of the duty are averaged: mean power in long steps, one period "
+        f"resolved. Ripple from smallest to largest: {sizes}. Error of the mean by the ripple: {known}."
+    )
