@@ -89,11 +89,11 @@ class GrainSize:
         `measured`: an accuracy study of the device knows the error of the size, and the general law is not printed.
         """
         if not self.is_coarser or self.real_diameter is None:
-            return f"{self.across:.2g} grains of real size per gap, {self.count:.2g} in the device"
+            return f"{self.across:.2g} grains of real size span the gap, {self.count:.2g} fill the device"
         text = (
-            f"{self.across:.2g} simulated grains per gap; really {self.gap / self.real_diameter:.2g} of "
-            f"{1e6 * self.real_diameter:.3g} µm. Their inertia counts {self.coarse_graining:.2g} times as much as in "
-            "reality"
+            f"{self.across:.2g} simulated grains span the gap; the real powder has "
+            f"{self.gap / self.real_diameter:.2g} ({1e6 * self.real_diameter:.3g} µm). Inertia counts "
+            f"{self.coarse_graining:.2g} times as much as in reality"
         )
         excess = self.torque_excess()
         if measured or excess is None or excess[0] > MAX_EXCESS:  # a warning has it
@@ -128,7 +128,7 @@ class GrainSize:
         """
         note, excess = self.in_words(measured=True), self.torque_excess()
         if not measured and excess is not None:
-            note += f". Coarse grains typically raise the torque by {excess_in_words(excess)}, which is corrected"
+            note += f". Coarse grains typically raise the torque by {excess_in_words(excess)}"
         found = {"across": self.across, "grains": self.count, "note": note}
         if self.real_diameter is not None:
             found |= {

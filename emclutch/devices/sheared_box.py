@@ -379,7 +379,7 @@ class ShearedBoxGeometry(GeometrySection):
         else:
             low, needed = self._lowest(scene), _shortest_edge(scene)
             too_low = (
-                f"at a fill of {COMPACTED:g} it would be {1e3 * low:.3g} mm high, and a run stops below "
+                f"at a fill of {COMPACTED:g} the box would be {1e3 * low:.3g} mm high, and a run stops below "
                 f"{1e3 * needed:.3g} mm, where a grain would meet a neighbour twice: make it higher, or fill it more"
             )
             text += f"its height follows {format_number(self.pressure)} Pa"

@@ -341,7 +341,7 @@ def _too_strong(field_strength: float, saturation: float) -> Iterator[str]:
     strongest = STRONGEST_FIELD * saturation
     if field_strength > strongest:
         yield (
-            f"the mean field in the powder is {field_strength / 1e3:.3g} kA/m: beyond {strongest / 1e3:.3g} kA/m in "
-            "the powder model = 'near_field' makes grains with several contacts attract each other too strongly, by "
-            "12 % there and the more the stronger the field"
+            f"the mean field in the powder is {field_strength / 1e3:.3g} kA/m, above the limit of "
+            f"{strongest / 1e3:.3g} kA/m. There effects.dipoles.model = 'near_field' overestimates the attraction of "
+            "grains with several contacts by 12 %, in stronger fields by more"
         )

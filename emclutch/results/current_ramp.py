@@ -331,10 +331,10 @@ def in_words(found: dict[str, Any]) -> list[str]:
     lines = []
     for one in found["loop"]:
         width = _with_half(one["width"], one["half_width"], "N m")
-        ratio = "" if one["ratio"] is None else f", falling over rising {one['ratio']:.3g}"
+        ratio = "" if one["ratio"] is None else f" ({one['ratio']:.3g} times)"
         lines.append(
-            f"torque on the disc at {one['share'] * found['largest_current']:.4g} A: rising {one['rising']:.4g} N m, "
-            f"falling {one['falling']:.4g} N m{ratio}, difference {width}"
+            f"torque on the disc at {one['share'] * found['largest_current']:.4g} A: {one['rising']:.4g} N m rising, "
+            f"{one['falling']:.4g} N m falling{ratio}, difference {width}"
         )
     if found["area"] is not None:
         share = _with_half(100.0 * found["area"]["share"], _times(100.0, found["area"]["half_width"]), "%")
@@ -347,7 +347,7 @@ def in_words(found: dict[str, Any]) -> list[str]:
 
 
 def _with_half(value: float, half: float | None, unit: str) -> str:
-    return f"{value:.3g} {unit} (error unknown)" if half is None else f"{value:.3g} +- {half:.2g} {unit} (95 %)"
+    return f"{value:.3g} {unit} (error unknown)" if half is None else f"{value:.3g} ± {half:.2g} {unit} (95 %)"
 
 
 def _times(factor: float, value: float | None) -> float | None:

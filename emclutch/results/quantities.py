@@ -111,7 +111,9 @@ def judged(run: Any) -> dict[str, Any]:
 @group(Quantity("lock_up_time", "lock-up time", "s", NUMBERS, "lock_up_time"))
 def lock_up(run: Any) -> dict[str, float | None]:
     """Time at which the output locks, where a shaft is free."""
-    return {"lock_up_time": lock_up_time(run.history)} if run.has_free_shaft else {}
+    bodies = run.simulation.motion.bodies  # walls of a box may be on one shaft alone
+    is_free = {"rotor", "disc"} <= {body.name for body in bodies} and any(body.is_free for body in bodies)
+    return {"lock_up_time": lock_up_time(run.history)} if is_free else {}
 
 
 @group(
@@ -130,6 +132,11 @@ def lock_up(run: Any) -> dict[str, float | None]:
     Quantity("gap_flux_density_rise_time_90", "rise of the gap field to 90 %", "s", NUMBERS),
     Quantity("torque_rise_time", "rise of the torque to 63 %", "s", NUMBERS),
     Quantity("torque_rise_time_90", "rise of the torque to 90 %", "s", NUMBERS),
+    Quantity("torque_after_rise", "", "N m"),
+    Quantity("torque_rise_time_interval", "", "s"),
+    Quantity("torque_rise_time_90_interval", "", "s"),
+    Quantity("torque_rise_required_end", "", "s"),
+    Quantity("torque_rise_replicas"),
     Quantity("torque_lag", "rise of the torque over that of the current, 63 % (class: 1.7 to 4)", "", NUMBERS),
 )  # fmt: skip
 def coil(run: Any) -> dict[str, Any]:
@@ -137,7 +144,8 @@ def coil(run: Any) -> dict[str, Any]:
     coil, source, history = run.coil, run.source, run.history
     if coil is None or source.solution is None:
         return {}
-    current, resistance = float(history[CURRENT].iloc[-1]), run.resistance
+    current, shape = float(history[CURRENT].iloc[-1]), coil.shape
+    resistance = run.case.scene.coil.resistance_in(shape.coil_area, shape.coil_mean_radius)
     begins_off = not getattr(source, "begin_steady", coil.currents(0.0) != 0.0)
     return {
         "current": current,
@@ -170,6 +178,8 @@ def slip(run: Any) -> dict[str, float]:
 
 @group(
     Quantity("expected_torque.mean", "", "N m"),
+    Quantity("expected_torque_unknown_powder.low", "", "N m"),
+    Quantity("expected_torque_unknown_powder.high", "", "N m"),
     Quantity("expected_torque_scene.low", "", "N m", column="expected_low"),
     Quantity("expected_torque_scene.mean", "", "N m", column="expected_torque"),
     Quantity("expected_torque_scene.high", "", "N m", column="expected_high"),
@@ -208,8 +218,8 @@ def poles(run: Any) -> dict[str, Any]:
 
     Where the walls' load was measured: the fraction of the disc's torque that acts outside of the pole faces, too.
     """
-    zone, torque = run.zone, run.torque
-    if zone is None or torque is None:
+    zone, torque = run.planned.device.pole_zone, run.torque
+    if run.simulation.magnetised is None or zone is None or torque is None:
         return {}
     late = [each[each[TIME] > (torque.start or 0.0)] for each in run.histories]
     found: dict[str, float | None] = {
@@ -376,6 +386,8 @@ GROUPS: tuple[Group, ...] = (
 )  # fmt: skip
 SHEARED_BOX = (
     Quantity("shear_rate", "shear rate", "1/s", NUMBERS),
+    Quantity("shear_stress_lower", "", "Pa"),
+    Quantity("shear_stress_upper", "", "Pa"),
     Quantity("shear_strain", "shear strain at the end", "", NUMBERS),
     Quantity("inertial_number_of_shear_stress", "inertial number of the shear stress", "", NUMBERS),
     Quantity("solid_fraction", "solid fraction of the box", "", NUMBERS, "solid_fraction"),
@@ -383,6 +395,7 @@ SHEARED_BOX = (
     Quantity("relative_permeability", "relative permeability of the powder", "", NUMBERS, "relative_permeability"),
     Quantity("normal_stress.mean", "normal stress", "Pa", NUMBERS, "normal_stress", ("kPa", 1e-3)),
     Quantity("effective_friction.mean", "effective friction", "", NUMBERS, "effective_friction"),
+    Quantity("demagnetising_factor"),
     Quantity("flux_density", "flux density of the box", "T", NUMBERS),
     Quantity("magnetisation", "magnetisation of the grains", "A/m", NUMBERS, shown_in=("kA/m", 1e-3)),
 )

@@ -51,6 +51,7 @@ from emclutch.results.statistics import (
     rebinned,
     steady_mean,
 )
+from emclutch.results.text import format_time
 
 USUAL = 0.05
 """Half the 95 % interval over the mean, for which verdicts and estimates are given where nothing is asked for."""
@@ -217,7 +218,7 @@ def _without_drift(
 
 def _too_short(found: Estimate, nominal: float) -> Estimate:
     """The estimate of a run that ends before its start-up does, at `nominal` [s] at the earliest."""
-    reason = f"the run is hardly longer than its start-up ({nominal:.3g} s at the least)"
+    reason = f"the run is hardly longer than its start-up ({format_time(nominal)} at the least)"
     short = replace(found, converged=False, standard_error=None, reason=reason)
     return replace(short, status=Steadiness.NOT_SETTLED.value, remedy=RUN_LONGER)
 
@@ -231,7 +232,7 @@ def judged(found: Estimate, wanted: float) -> Estimate:
     if verdict is Steadiness.STEADY:
         reason, remedy = f"{part}; drift {share}", ""
     elif verdict is Steadiness.DRIFTING:
-        reason = f"by {share}; the interval is of this part ({part})"
+        reason = f"the drift is {share}; the interval is of this part ({part})"
     elif found.starts_up:
         reason = (
             f"the start-up takes more than {START_UP_LIMIT:g} of the run, and the interval is of the rest ({part})"
@@ -316,13 +317,13 @@ def _expected_drift(found: Estimate, count: int, factor: float, wanted: float) -
 
 
 def drift_in_words(found: Estimate) -> str:
-    """The drift over the averaged part with its 95 % half width, relative to the mean: ``1.2 +- 0.8 %``."""
+    """The drift over the averaged part with its 95 % half width, relative to the mean: ``1.2 ± 0.8 %``."""
     if found.drift is None or found.drift_error is None or found.start is None or found.end is None or not found.mean:
         return "unknown"
     length, scale = found.end - found.start, 100.0 / abs(found.mean)
     half = student(found.drift_freedom or 1.0) * found.drift_error * length
     sign = 1.0 if found.mean > 0.0 else -1.0
-    return f"{sign * found.drift * length * scale:.2g} +- {half * scale:.2g} %"
+    return f"{sign * found.drift * length * scale:.2g} ± {half * scale:.2g} %"
 
 
 def _nominal_drift(found: Estimate) -> Measured:

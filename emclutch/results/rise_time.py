@@ -256,7 +256,9 @@ def in_words(summary: Mapping[str, Any]) -> list[str]:
             then = "not 90 %" if late is None else f"90 % at {format_time(late)}{most}"
             lines.append(f"{name.capitalize()}: 63 % of its final {final} at {format_time(early)}{half}, {then}")
         elif note := summary.get(f"{name}_rise_time_note"):
-            lines.append(f"The rise of the {name} is not over at the end of the run: {note}; run longer")
+            is_told = name == "torque" and summary.get("torque_rise_too_short")
+            more = f"run to {format_time(summary['torque_rise_required_end'])} or later" if is_told else "run longer"
+            lines.append(f"The rise of the {name} is not over at the end of the run: {note}; {more}")
     if (lag := summary.get("torque_lag")) is not None:
         lines.append(f"The torque takes {lag:.3g} times as long as the current to 63 %")
     if summary.get("torque_rise_time_interval") and summary.get("torque_rise_replicas") == 1:
@@ -264,7 +266,7 @@ def in_words(summary: Mapping[str, Any]) -> list[str]:
             "One replica: the intervals of the torque's rise leave out the scatter between replicas "
             "(accuracy.replicas = 4 includes it)"
         )
-    if summary.get("torque_rise_too_short"):
+    if summary.get("torque_rise_too_short") and not summary.get("torque_rise_time_note"):
         needed = format_time(summary["torque_rise_required_end"])
         lines.append(f"The run is too short for the torque to reach its final value: time.end = {needed} or later")
     return lines

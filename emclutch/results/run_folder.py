@@ -135,8 +135,9 @@ class RunFolder:
             if resume:
                 folder.has_checkpoint()
             if not resume and folder.path.is_dir() and has_files(folder.path):
-                can_resume = folder.is_begun() and folder.read_failure() is None
-                remedy = "continue it with --resume, or " if can_resume else ""
+                failed = folder.read_failure() is not None
+                remedy = "continue it with --resume, or " if folder.is_begun() and not failed else ""
+                remedy = "it has a run that failed: remove it, or " if failed else remedy
                 raise OutputError(f"{folder.path} is not empty; {remedy}write elsewhere with --out")
             folder.path.mkdir(parents=True, exist_ok=True)
             for place in (folder.path, *(series.with_suffix("") for series in folder.series())):

@@ -102,7 +102,7 @@ def best_estimate_lines(folder: Path) -> list[str]:
     points = "all points" if len(known) == len(table) else f"{len(known)} of {len(table)} points"
     return [
         f"Numerical settings and coarse grains change the raw torque of {points} by {share}, which is corrected in the "
-        f"best estimates ({', '.join(BEST_ESTIMATE)} of study.csv)."
+        f"best estimates ({BEST_ESTIMATE[0]} of study.csv)."
     ]
 
 

@@ -9,10 +9,12 @@ from __future__ import annotations
 from emclutch.settings.setting import FROZEN, HISTORIES, TORQUE, Setting
 from emclutch.settings.values_section import SETTINGS
 
+UNITS = {one.name: one.unit for one in SETTINGS}
+
 
 def settings_of(scene) -> tuple[Setting, ...]:
     """Return the settings that a scene of grains has."""
     return tuple(one for one in SETTINGS if one.applies(scene))
 
 
-__all__ = ["FROZEN", "HISTORIES", "SETTINGS", "TORQUE", "Setting", "settings_of"]
+__all__ = ["FROZEN", "HISTORIES", "SETTINGS", "TORQUE", "UNITS", "Setting", "settings_of"]

@@ -12,6 +12,7 @@ import numpy as np
 from emclutch.device_model.decision import Decision, warnings_of
 from emclutch.device_model.grain_size import grain_size
 from emclutch.effects.omitted_effect import OmittedEffect
+from emclutch.results.quantity import RPM
 from emclutch.results.report.report import Mark, Report, Reported, Shown, Statement, Statements, Table, warning
 from emclutch.results.report.run_report import effects_table
 from emclutch.results.text import in_words
@@ -77,13 +78,18 @@ class Checked(Reported):
         """Return torque, cost, field, accuracy and grain size, a line each, and warnings; then all decisions."""
         report = Report(self.title, data=self._data(), closing="All decisions: emclutch check CASE --details")
         report.add("Result", Statements([Statement(Mark.GOOD, f"{self.title}: the scene is valid.")]), Shown.TERMINAL)
-        first = [(label, self.decisions[name]) for name, label in FIRST.items() if name in self.decisions]
+        point = self.decisions.get("operating point", "")
+        first = [
+            (label, f"{point}: {self.decisions[name]}" if point and label == "torque" else self.decisions[name])
+            for name, label in FIRST.items()
+            if name in self.decisions
+        ]
         report.add("Estimates", Table(first), Shown.TERMINAL)
         doubts = [*map(warning, self.warnings)]
         of_decisions = warnings_of(self.decisions)
         doubts += [warning(f"{label}: {text}") for label, texts in of_decisions.items() for text in texts]
         doubts += [
-            warning(f"left out, although it may matter: {in_words(one.effect)} ({one.in_words()})")
+            warning(f"left out, although it may matter: {in_words(one.effect)}; {one.in_words()}")
             for one in self.omitted_effects
             if one.is_reservation
         ]
@@ -95,7 +101,7 @@ class Checked(Reported):
         return {
             "title": self.title, "effects": self.effects, "warnings": self.warnings, "plan": self.decisions,
             "plan_warnings": warnings_of(self.decisions),
-            "left_out": [line.as_dict() for line in self.omitted_effects], **self.expected.as_dict(),
+            "omitted_effects": [line.as_dict() for line in self.omitted_effects], **self.expected.as_dict(),
         }  # fmt: skip
 
 
@@ -148,6 +154,9 @@ def _check(case: Case, threads: int | None) -> Checked:
     if compared:
         words["method"] = f"{scene.contact.method}; {compared}"
     expected = expected_torque(scene, device, made.peak_field)
+    if device.coil is not None and scene.geometry.has_axis:
+        slip = f"{RPM * scene.motion.largest_slip:.4g} rpm of slip"
+        words["operating point"] = f"{device.coil.largest_current:.4g} A, {slip}"
     words |= {"expected torque": expected.in_words()} | expected.details()
     size = grain_size(scene, device)
     if size is not None:

@@ -148,7 +148,7 @@ def _too_soft(contact: ContactSection, overlap: Callable[[ContactSection], float
     given_by = " and ".join(f"contact.{name} = {value:.4g} {unit}" for name, value in given.items())
     higher = " and ".join(f"'{factor * value:.2g} {unit}'" for value in given.values())
     return (
-        f"{given_by} is too soft: grains overlap by {100 * overlap(contact):.2g} % of the diameter under {why}, and "
-        f"a run stops at {100 * STOPS:g} %; raise it to about {higher}, or leave it out: it then follows from "
+        f"{given_by} is too soft: grains overlap by {100 * overlap(contact):.3g} % of the diameter (limit "
+        f"{100 * STOPS:g} %) under {why}. Raise it to about {higher}, or leave it out: it then follows from "
         f"contact.max_overlap = {contact.max_overlap:g}"
     )

@@ -41,15 +41,16 @@ def stiffness_in_words(stiffness: Stiffness) -> str:
         f"overlap {100 * stiffness.overlap:.2g} % of the diameter" + (f" under {why}" if why else "")
     )
     if stiffness.snap is not None:
-        text += f"; grains that snap together from afar press in by {100 * stiffness.snap:.2g} % for an instant"
+        text += f"; short overlaps of {100 * stiffness.snap:.2g} % when grains jump together"
     warnings = []
     if stiffness.is_below_necks:
         warnings.append(
-            f"less than {NECK_MARGIN:g} times the negative stiffness of saturated necks, "
-            f"{stiffness.neck:.3g} N/m: contacts close by more than their overlap says"
+            f"k_n is less than {NECK_MARGIN:g} times the negative stiffness of saturated necks, "
+            f"{stiffness.neck:.3g} N/m: contacts close by more than their overlap"
         )
     if stiffness.is_soft:
-        warnings.append(f"above {100 * SOFT:g} % grains are too soft for peaks of the torque")
+        size = f"{100 * stiffness.overlap:.2g} % of the diameter, above {100 * SOFT:g} %"
+        warnings.append(f"the overlap is {size}: grains are too soft for peaks of the torque")
     return Decision(text, *warnings)
 
 

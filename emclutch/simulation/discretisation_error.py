@@ -158,9 +158,9 @@ def _next(case: Case, study: AccuracyStudy, total: float | None) -> str | None:
     found, share = whole_ring(case, study) or recommended(study, target), format_percent(target)
     if isinstance(found, LimitingError):
         budget = "" if found.seconds is None else f": {how_to_find(case)} --budget {math.ceil(found.seconds / 60.0)}min"
-        return f"{share} is {found.in_words()}{budget}"
+        return f"± {share}: {found.in_words()}{budget}"
     cost = f"{found.replicas} replicas, {format_duration(found.seconds)} of processor time"
-    return f"{share} takes about {cost}, with the settings of: {how_to_find(case)} --for '{share}'"
+    return f"± {share} takes about {cost}, with the settings of: {how_to_find(case)} --for '{share}'"
 
 
 def accuracy_in_words(case: Case, plan: Plan) -> str:

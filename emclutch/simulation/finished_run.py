@@ -8,7 +8,8 @@ from time import perf_counter
 from emclutch.results import Result, load_result
 from emclutch.results.errors import Interrupted, RunError
 from emclutch.results.grain_profiles import write_profiles
-from emclutch.results.report.run_report import write_failed_index, write_index
+from emclutch.results.report.render import write_index
+from emclutch.results.report.run_report import write_failed_index
 from emclutch.results.run_folder import RESTART_HINT
 from emclutch.results.vtk.wall_surface import write_wall_pressure_surfaces
 from emclutch.results.wall_loads import write_wall_pressure
@@ -59,7 +60,7 @@ def finish_run(request: RunRequest, started: StartedRun, observers: RunObservers
         draw_run(case, folder, started.planned.device, started.simulation, observers.profiles)
     result = load_result(folder.path)
     if request.control is None:  # nobody asks of the other replicas
-        write_index(result)
+        write_index(result.report())
     return result
 
 

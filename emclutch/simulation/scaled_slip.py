@@ -60,7 +60,7 @@ class ScaledSlip:
 
     def in_words(self) -> str:
         """Return one line for people, with warnings."""
-        text = f"{self.note()}; slip power and heat of the run are {self.factor:.3g} times those of the device"
+        text = f"{self.note()}. Slip power and heat of the run are {self.factor:.3g} times those of the device"
         return Decision(text, *self.warnings())
 
     def note(self) -> str:
@@ -69,8 +69,7 @@ class ScaledSlip:
             f"{name} turned at {_rpm(self.factor * speed)} instead of {_rpm(speed)}"
             for name, speed in self.speeds.items()
         )
-        asked = f"an inertial number of {self.inertial_number:.2g} is asked for"
-        return f"{turned}: {asked} instead of {self.own:.2g} (expected magnetic pressure)"
+        return f"{turned}. Inertial number: {self.inertial_number:.2g} requested, {self.own:.2g} at the scene's speeds"
 
     def warnings(self) -> list[str]:
         """Return why the torque may be another one than at the scene's speeds."""
@@ -106,7 +105,7 @@ class ScaledSlip:
         """Return entries of the summary of a finished run that had an inertial number, by a pressure in words."""
         if inertial_number is None:
             return {}
-        note = f"{self.note()}; the run had {inertial_number:.2g} ({pressure} pressure)"
+        note = f"{self.note()}, {inertial_number:.2g} in the run ({pressure} pressure)"
         found: dict[str, Any] = {"inertial_number_of_the_run": inertial_number, "note": note}
         if inertial_number > QUASI_STATIC >= self.inertial_number:
             text = f"the run had an inertial number of {inertial_number:.2g}, and above {QUASI_STATIC:g} the torque "

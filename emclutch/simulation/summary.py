@@ -29,7 +29,6 @@ from particles.diagnostics.inertial_number import FRICTION, MAGNETIC, MEASURED
 if TYPE_CHECKING:
     import pandas
 
-    from emclutch.device_model.pole_zone import PoleZone
     from emclutch.scene.case import Case
     from emclutch.simulation.planned_run import PlannedRun
 
@@ -97,18 +96,6 @@ class FinishedRun:
         return None if until is None or self.estimate is None else how_it_ended(self.estimate, self.history, until)
 
     @property
-    def has_free_shaft(self) -> bool:
-        """Whether the speed of rotor or disc follows from the torques."""
-        bodies = self.simulation.motion.bodies  # walls of a box may be on one alone
-        return {"rotor", "disc"} <= {body.name for body in bodies} and any(body.is_free for body in bodies)
-
-    @property
-    def resistance(self) -> float:
-        """Resistance of the coil [ohm]."""
-        assert self.case.scene.coil is not None and self.coil is not None
-        return self.case.scene.coil.resistance_in(self.coil.shape.coil_area, self.coil.shape.coil_mean_radius)
-
-    @property
     def beyond_tables(self) -> list[str]:
         """Warnings of steel that is driven beyond its table."""
         solved = [one for one in (self.plan.peak_field, self.source.solution) if one is not None]
@@ -135,11 +122,6 @@ class FinishedRun:
     def size(self) -> GrainSize | None:
         """Coarseness of the grains; None where there is no torque."""
         return None if self.torque is None else grain_size(self.case.scene, self.planned.device)
-
-    @property
-    def zone(self) -> PoleZone | None:
-        """The powder between the pole faces; None where the grains have no moments."""
-        return None if self.simulation.magnetised is None else self.planned.device.pole_zone
 
     @cached_property
     def inertial_number(self) -> tuple[float | None, str]:

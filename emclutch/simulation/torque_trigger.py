@@ -92,9 +92,10 @@ class TorqueTrigger:
             text = f"{target.quantity} unknown, {replicas}"
         else:
             wanted = target.half_width(torque.mean)
-            requested = "" if half is None or not wanted else f"; +- {wanted:.2g} {target.unit} was requested"
-            error = "" if half is None else f" +- {half:.2g}"
-            text = f"{target.quantity} {torque.mean:.4g}{error} {target.unit} (95 %{requested}), {replicas}"
+            requested = f"; ± {wanted:.2g} {target.unit} was requested" if wanted else ""
+            error = ", error unknown" if half is None else f" (95 %{requested})"
+            mean = f"{torque.mean:.4g}" if half is None else f"{torque.mean:.4g} ± {half:.2g}"
+            text = f"{target.quantity} {mean} {target.unit}{error}, {replicas}"
         if isinstance(following, Stop):
             text += ": target precision reached" if following.reached else f"; {torque.in_words()}"
         else:

@@ -30,7 +30,7 @@ BEGIN, REPLICAS, BATCH = 4, 2, 4
 
 
 @dataclass(frozen=True, slots=True)
-class Measured:
+class MeasuredPlace:
     """Result of a point.
 
     Attributes
@@ -66,7 +66,7 @@ class AdaptiveCurve:
         """True if the interval is as narrow as wanted everywhere."""
         return self.curve is not None and bool((self.curve.half_width <= np.log1p(self.error)).all())
 
-    def next_batch(self, measured: Mapping[int, Measured], failed: Collection[int] = ()) -> list[int]:
+    def next_batch(self, measured: Mapping[int, MeasuredPlace], failed: Collection[int] = ()) -> list[int]:
         """Return the next candidates to run, by number; none where the aim, or the end of the candidates, is reached.
 
         All that were chosen before must have been `measured` or have `failed`.
@@ -86,7 +86,7 @@ class AdaptiveCurve:
         self.chosen += batch
         return batch
 
-    def _best(self, known: list[int], measured: Mapping[int, Measured]) -> list[int]:
+    def _best(self, known: list[int], measured: Mapping[int, MeasuredPlace]) -> list[int]:
         x, torque, cost = (
             np.array(one)
             for one in (
@@ -175,14 +175,14 @@ class AdaptiveStudy:
                 if (torque := point.row["torque"]) is None:
                     raise ValueError(f"{point.folder} has no mean torque; run longer")
                 summary = load_result(point.folder).summary
-                measured[number] = Measured(torque, float(summary["steps"]) * summary["grains"])
+                measured[number] = MeasuredPlace(torque, float(summary["steps"]) * summary["grains"])
         batch = curve.next_batch(measured, failed)
         self._ended = not batch
         if curve.curve is not None:
             self._write(curve.curve, measured)
         return batch
 
-    def _write(self, curve: CurveInterval, measured: Mapping[int, Measured]) -> None:
+    def _write(self, curve: CurveInterval, measured: Mapping[int, MeasuredPlace]) -> None:
         """Write the curve with its interval, and say where it is widest."""
         replicas = [sum(self._curve.places[number] == place for number in measured) for place in curve.x]
         lines = [f"{self._key},torque,low,high,replicas"]
@@ -196,7 +196,7 @@ class AdaptiveStudy:
             state += ", and there are no more points: list more scene.seed, or raise study.sample.count"
         most, where = np.expm1(curve.half_width[widest]), self._entry_of[curve.x[widest]]
         text = (
-            f"after {len(measured)} replicas the curve's 95 % interval is at most +- {100.0 * most:.2g} %, at "
+            f"after {len(measured)} replicas the curve's 95 % interval is at most ± {100.0 * most:.2g} %, at "
             f"{self._key} = {where}: {state}; one replica scatters by {100.0 * curve.noise:.2g} %"
         )
         if (seeds := self._curve.replica.max() + 1) < BEGIN * REPLICAS:

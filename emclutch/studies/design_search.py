@@ -29,7 +29,18 @@ from emclutch.device_model.device import build_device
 from emclutch.results import OutputError, Result, load_result
 from emclutch.results.atomic_file import replace_json, replace_text
 from emclutch.results.new_path import new_folder
-from emclutch.results.report.report import Mark, Report, Reported, Shown, Statement, Statements, Table, note, warning
+from emclutch.results.report.render import write_index
+from emclutch.results.report.report import (
+    Mark,
+    Report,
+    Reported,
+    Shown,
+    Statement,
+    Statements,
+    Table,
+    note,
+    warning,
+)
 from emclutch.results.text import format_estimate
 from emclutch.scene.case import Case, as_case, load_case
 from emclutch.scene.design import Search, search_of
@@ -168,8 +179,7 @@ class DesignResult(Reported):
 
     def report(self) -> Report:
         """Return the value found, its estimate and its runs."""
-        report = Report(f"Design search: {self.search.case.name}", data=as_data(self), folder=self.folder,
-                        closing=f"Scene: {self.folder / 'found.toml'}")  # fmt: skip
+        report = Report(f"Design search: {self.search.case.name}", data=as_data(self), folder=self.folder)
         report.add("Result", Statements([*_answer(self), *_of_the_runs(self)]), Shown.TERMINAL)
         tried = [(self.search.shown(value), f"{torque:.4g}") for value, torque in self.tried]
         return report.add("Tried", Table(tried, (self.search.key, "expected torque [N m]"), numbers=[1]), Shown.PAGE)
@@ -375,6 +385,7 @@ def _write(result: DesignResult) -> None:
     rows = "".join(f"{value!r},{torque!r}\n" for value, torque in result.tried)
     replace_text(result.folder / "design.csv", f"{result.search.key},expected_torque\n{rows}")
     replace_json(result.folder / "design.json", as_data(result))
+    write_index(result.report())
 
 
 def as_data(result: DesignResult) -> dict[str, Any]:
@@ -429,6 +440,7 @@ def _answer(result: DesignResult) -> Iterator[Statement]:
         yield note(f"{whose} allows {low} to {high}{beyond}.")
     if not result.is_monotone:
         yield warning("the torque rises and falls between both values: other answers may exist, see design.csv")
+    yield note(f"Scene: {result.folder / 'found.toml'}")
 
 
 def _of_the_runs(result: DesignResult) -> Iterator[Statement]:

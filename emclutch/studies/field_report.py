@@ -6,7 +6,17 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from emclutch.results.report.report import Mark, Report, Shown, Statement, Statements, Table, note, warning
+from emclutch.results.report.report import (
+    Mark,
+    Picture,
+    Report,
+    Shown,
+    Statement,
+    Statements,
+    Table,
+    note,
+    warning,
+)
 from emclutch.results.text import format_percent, in_words
 
 HEADS = (
@@ -26,14 +36,16 @@ FORCE = "axial_force_"
 
 def field_report(folder: Path, summary: dict[str, Any]) -> Report:
     """Return the report on ``field.json``."""
-    report = Report(f"Field: {folder.name}", data=summary, folder=folder, closing=f"Results and pictures: {folder}")
+    report = Report(f"Field: {folder.name}", data=summary, folder=folder)
     report.add("Result", Statements([*_statements(summary)]), Shown.TERMINAL)
     report.add("Currents", _currents(summary), Shown.TERMINAL)
     if parts := summary["at_last_current"].get("ampere_turns_by_part"):
         whole = sum(parts.values())
         table = [(in_words(name), f"{one:.4g}", format_percent(one / whole)) for name, one in parts.items()]
         report.add("Magnetic circuit", Table(table, ("part", "ampere-turns [A]", "fraction"), (1, 2)), Shown.TERMINAL)
-    return report.add("At the last current", Table([*_details(summary)]), Shown.TERMINAL)
+    report.add("At the last current", Table([*_details(summary)]), Shown.TERMINAL)
+    pictures = [Picture(in_words(one.stem), one) for one in sorted(folder.glob("*.png"))]
+    return report.add("Pictures", pictures, Shown.PAGE)
 
 
 def _statements(summary: dict[str, Any]) -> Iterator[Statement]:

@@ -9,6 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from emclutch.results.report.render import write_index
 from emclutch.results.report.report import Report, Reported
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import bad_input_for
@@ -91,4 +92,6 @@ def field(
     asked = [float(currents)] if isinstance(currents, (int, float)) else currents
     with bad_input_for(case.path):
         folder = field_study(case, asked, lines, out)
-    return FieldResult(folder, json.loads((folder / "field.json").read_text(encoding="utf-8")))
+    found = FieldResult(folder, json.loads((folder / "field.json").read_text(encoding="utf-8")))
+    write_index(found.report())
+    return found

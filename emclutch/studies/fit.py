@@ -21,7 +21,18 @@ from emclutch.results import OutputError, RunFolder
 from emclutch.results.atomic_file import json_values, replace_json, replace_text
 from emclutch.results.fits import NORMAL
 from emclutch.results.pictures.figure import legend_below, make_logarithmic, new_figure, save_picture
-from emclutch.results.report.report import Mark, Picture, Report, Reported, Shown, Statement, Statements, note, warning
+from emclutch.results.report.render import write_index
+from emclutch.results.report.report import (
+    Mark,
+    Picture,
+    Report,
+    Reported,
+    Shown,
+    Statement,
+    Statements,
+    note,
+    warning,
+)
 from emclutch.results.study_result import load_study
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import Fault, SceneError
@@ -103,11 +114,9 @@ class FitResult(Reported):
 
     def report(self) -> Report:
         """Return the parameters with their intervals."""
-        scene, picture = self.folder / "fitted.toml", self.folder / "fit.png"
-        report = Report(f"Fit: {self.case.scene.scene.title}", data=as_data(self), folder=self.folder,
-                        closing=f"Scene: {scene}, picture: {picture}")  # fmt: skip
+        report = Report(f"Fit: {self.case.scene.scene.title}", data=as_data(self), folder=self.folder)
         report.add("Result", Statements([*_statements(self)]), Shown.TERMINAL)
-        return report.add("Picture", Picture("measured and fitted torque", picture), Shown.PAGE)
+        return report.add("Picture", Picture("measured and fitted torque", self.folder / "fit.png"), Shown.PAGE)
 
 
 def fit(
@@ -300,6 +309,7 @@ def _write(result: FitResult) -> None:
     replace_text(folder / "valley.csv", f"{names}\n{valley}")
     replace_text(folder / "fitted.toml", result.case.toml())
     _draw(result)
+    write_index(result.report())
 
 
 def _draw(result: FitResult) -> None:
@@ -366,3 +376,4 @@ def _statements(result: FitResult) -> Iterator[Statement]:
         yield note("Widen the range, or the difference is not one of these parameters.")
     if result.doubtful:
         yield warning(f"{result.doubtful} simulated torques are not converged; run longer, or take more replicas")
+    yield note(f"Scene: {result.folder / 'fitted.toml'}")

@@ -15,7 +15,8 @@ from typing import Any
 
 from emclutch.results import OutputError, RunFolder
 from emclutch.results.lease import lease_holder
-from emclutch.results.report.study_report import StudyState, write_study_page
+from emclutch.results.report.render import write_index
+from emclutch.results.report.study_report import StudyState, state_report
 from emclutch.results.study_table import DONE, FAILED, RUNNING, WAITING, PointRow
 from emclutch.results.torque_curves import best_of
 from emclutch.scene.study import StudySection, read_study
@@ -167,7 +168,7 @@ def _write_page(
             points[name] = PointRow(label, FAILED if one.failure else RUNNING if one.holder else WAITING)
     failures = {one.folder: one.failure for one in unfinished if one.failure}
     with suppress(OSError):  # as in a study that runs
-        write_study_page(StudyState(folder, study.title, points, failures))
+        write_index(state_report(StudyState(folder, study.title, points, failures)))
 
 
 def _open_point(number: int, values: dict[str, Any], target: PointFolder, failures: dict[str, str]) -> OpenPoint:

@@ -41,6 +41,7 @@ from emclutch.results.errors import RunError
 from emclutch.results.new_path import new_folder
 from emclutch.results.pictures.temperature import duty_picture, temperature_picture
 from emclutch.results.quantity import RPM
+from emclutch.results.report.render import write_index
 from emclutch.results.report.report import Report, Reported
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import Fault, SceneError, bad_input_for
@@ -176,7 +177,9 @@ def heat(
     effect = case.scene.effects.thermal
     limits = {"surface": effect.surface_limit, "coil_hottest": effect.coil_limit}
     duty_picture(folder / "heat.png", table, permitted, limits, title=summary["title"])
-    return HeatResult(folder, summary, table, permitted)
+    found = HeatResult(folder, summary, table, permitted)
+    write_index(found.report())
+    return found
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,17 @@ import pandas
 
 from emclutch.device_model.coil_heat import HOTTEST
 from emclutch.results.quantity import RPM
-from emclutch.results.report.report import Mark, Report, Shown, Statement, Statements, Table, note, warning
+from emclutch.results.report.report import (
+    Mark,
+    Picture,
+    Report,
+    Shown,
+    Statement,
+    Statements,
+    Table,
+    note,
+    warning,
+)
 from emclutch.results.text import format_duration, in_words
 
 PLACES = {"coil_hottest": "coil", "powder_hottest": "powder", "surface": "surface"}
@@ -19,10 +29,12 @@ PLACES = {"coil_hottest": "coil", "powder_hottest": "powder", "surface": "surfac
 def heat_report(folder: Path, summary: dict[str, Any], permitted: pandas.DataFrame) -> Report:
     """Return the report on ``heat.json`` and ``permitted.csv``."""
     data = summary | {"permitted": permitted.to_dict("records"), "folder": str(folder)}
-    report = Report(f"Temperatures: {folder.name}", data=data, folder=folder, closing=f"Results and pictures: {folder}")
+    report = Report(f"Temperatures: {folder.name}", data=data, folder=folder)
     report.add("Result", Statements([*_limits(summary), *_remarks(summary, permitted)]), Shown.TERMINAL)
     report.add("Temperatures", _temperatures(summary), Shown.TERMINAL)
-    return report.add("Permitted slip power", _permitted(permitted), Shown.TERMINAL)
+    report.add("Permitted slip power", _permitted(permitted), Shown.TERMINAL)
+    pictures = [Picture(in_words(one.stem), one) for one in sorted(folder.glob("*.png"))]
+    return report.add("Pictures", pictures, Shown.PAGE)
 
 
 def _temperatures(summary: dict[str, Any]) -> Table:
@@ -69,7 +81,7 @@ def _remarks(summary: dict[str, Any], permitted: pandas.DataFrame) -> Iterator[S
         yield note(f"Steady state at {steady['current']:.3g} A: {copper} and {slip} flow out through {out}.")
     else:
         limit = f"{largest['at_a_mean_of_250_degrees']:.3g} A"
-        yield warning(f"no steady state: {steady['state']}")
+        yield warning(steady["state"])
         yield note(
             f"Without slip there is one up to {limit}. Lower current or slip power, cool better, or shorten the duty."
         )

@@ -11,7 +11,6 @@ import numpy as np
 from emclutch.results import Estimate, Result
 from emclutch.results.columns import DISC_SPEED, MISSED_STEPS, ROTOR_SPEED, STEPS, TIME, TORQUE_DISC
 from emclutch.results.fits import NORMAL
-from emclutch.results.text import format_duration, format_mean, format_percent
 
 METHOD = "contact.method"
 WANTED = 0.05
@@ -93,40 +92,3 @@ def _speeds_apart(dem: Any, dvi: Any) -> float | None:
     column = ROTOR_SPEED if ROTOR_SPEED in dem else DISC_SPEED
     scale = float(np.abs(dem[column]).max())
     return float(np.abs(apart[0] - apart[1]).max() / scale) if scale > 0.0 else None
-
-
-def comparison_lines(rows: Sequence[Mapping[str, Any]], keys: Sequence[str]) -> list[str]:
-    """The rows in words; ``keys``: the study's other values."""
-    lines = []
-    for row in rows:
-        parts = []
-        if {"torque_dem", "torque_dvi"} <= row.keys():
-            parts.append("torque " + ", ".join(_format_torque(row, method) for method in ("dvi", "dem")))
-            if row["torque_difference"] is not None:
-                bars = row["torque_difference_bars"]
-                over = "" if bars is None else f", {bars:.2g} standard errors"
-                parts[-1] += f" ({100.0 * row['torque_difference']:+.2g} %{over})"
-        if "lock_up_time_dem" in row:
-            times = [row[f"lock_up_time_{name}"] for name in ("dvi", "dem")]
-            dvi, dem = ("not at all" if t is None else f"at {t:.4g} s" for t in times)
-            parts.append("neither locks" if times == [None, None] else f"locks {dvi} by DVI, {dem} by DEM")
-        if row.get("speed_difference"):
-            apart = max(100.0 * row["speed_difference"], 0.01)
-            parts.append(f"output speeds at most {apart:.2g} % of the motor's apart")
-        parts.append(f"{row['seconds_dvi']:.3g} s of wall-clock time against {row['seconds_dem']:.3g} s")
-        spent = [row[f"processor_to_5_percent_{name}"] for name in ("dvi", "dem")]
-        if None not in spent:
-            dvi, dem = (format_duration(one) for one in spent)
-            parts.append(f"for ± {format_percent(WANTED)} about {dvi} of processor time against {dem}")
-        if row["missed_steps_dvi"]:
-            parts.append(f"{100.0 * row['missed_steps_dvi']:.2g} % of the steps by DVI missed their tolerance")
-        place = ", ".join(f"{key} = {row[key]}" for key in keys)
-        lines.append(f"{place}: " * bool(place) + "; ".join(parts))
-    return lines
-
-
-def _format_torque(row: Mapping[str, Any], method: str) -> str:
-    """A method's torque with its 95 % interval, and that it is not converged where it is not."""
-    torque, low, high = (row[f"{name}_{method}"] for name in ("torque", "torque_low", "torque_high"))
-    doubt = "" if row[f"torque_converged_{method}"] else ", not converged"
-    return f"{format_mean(torque, None if low is None else (low, high))} by {method.upper()}{doubt}"

@@ -67,7 +67,7 @@ def sweep(
     `seeds.csv`, averages over `scene.seed`; `torque_vs_current.csv`, `.json` (linear range) and `.png` of a study over
     `coil.current` or `coil.voltage`; `torque_vs_speed.csv` and `.png` of one over constant `motion.rotor.speed`;
     `grain_size.csv`, `.json` (law and extrapolation) and `.png` of one over `particles.diameter` or `particles.sizes`
-    in a sheared gap; `speeds.png` where shafts change their speed; `methods.csv` and `methods.txt` of one over
+    in a sheared gap; `speeds.png` where shafts change their speed; `methods.csv` of one over
     `contact.method`.
 
     Parameters
@@ -400,7 +400,8 @@ class _StudyRun:
         self.write_page(at_once=True)
 
     def _write_page(self) -> None:
-        from emclutch.results.report.study_report import StudyState, write_study_page
+        from emclutch.results.report.render import write_index
+        from emclutch.results.report.study_report import StudyState, state_report
 
         names = [target.path.name for target in self.targets]
         failures = {names[n]: self.failures[n].message for n in sorted(self.failures)}
@@ -408,7 +409,7 @@ class _StudyRun:
         left = None if self.is_over else self.table.seconds_left()
         state = StudyState(self.folder, self.study.title, points, failures, left, not self.is_over)
         with suppress(OSError):  # results meet the same disk, and are missed more
-            write_study_page(state)
+            write_index(state_report(state))
 
     def _write(self) -> None:
         """Write tables and failures, as far as the study has come; an old table stays until there is a new row."""

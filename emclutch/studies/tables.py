@@ -28,7 +28,7 @@ from emclutch.results.statistics import Estimate
 from emclutch.results.study_folder import write_about, write_empty_table
 from emclutch.results.torque_curves import BEST_ESTIMATE, PER_GAP, REAL_PER_GAP, TorqueCurve, torque_curves
 from emclutch.scene.study import StudySection
-from emclutch.studies.method_comparison import METHOD, compare_methods, comparison_lines
+from emclutch.studies.method_comparison import METHOD, compare_methods
 
 DIGITS = 8
 """Of a number in a table: more than any torque is known to; all of them are in the summary of its run."""
@@ -76,9 +76,7 @@ def write_tables(folder: Path, study: StudySection, done: Sequence[DonePoint]) -
     if METHOD in study.values:
         compared = compare_methods([(point.values, load_result(point.folder)) for point in done])
         if compared:
-            others = [key for key in study.values if key != METHOD]
             _write_csv(folder / "methods.csv", compared)
-            replace_text(folder / "methods.txt", "\n".join(comparison_lines(compared, others)) + "\n")
 
 
 def write_failures(folder: Path, failures: Sequence[tuple[str, dict[str, Any], str]]) -> None:

@@ -20,7 +20,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "studies"))
 from synthetic_curve import CURRENTS, core_hours, replica, torque
 
 from emclutch.results.curve_interval import CurveInterval, curve_interval
-from emclutch.studies.adaptive import AdaptiveCurve, Measured
+from emclutch.studies.adaptive import AdaptiveCurve, MeasuredPlace
 
 AIM = 0.03
 GRID = np.linspace(0.2, 2.0, 12)
@@ -33,7 +33,7 @@ def adaptive(scatter: float, seed: int) -> tuple[float, int, CurveInterval]:
     while batch := curve.next_batch(measured):
         for number in batch:
             place = float(places[number])
-            measured[number] = Measured(float(replica(place, scatter, random)), core_hours(place))
+            measured[number] = MeasuredPlace(float(replica(place, scatter, random)), core_hours(place))
     return sum(one.cost for one in measured.values()), len(measured), curve.curve
 
 

@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import pytest
-from emclutch.studies.accuracy.tables import changes_in_words
 
 from emclutch.results.accuracy_studies import SHIPPED, VARIABLE, device_hash
 from emclutch.results.accuracy_study import AccuracyStudy
@@ -14,6 +13,7 @@ from emclutch.scene.flat import flat_scene, keys_at_default
 from emclutch.simulation.discretisation_error import accuracy_in_words, accuracy_study_of_device, device_of
 from emclutch.simulation.plan import make_plan
 from emclutch.simulation.recommended_case import cheapest_case
+from emclutch.studies.accuracy.report import changes_in_words
 
 CASES = Path(__file__).parents[2] / "cases"
 STUDIES = sorted(SHIPPED.glob("*.json"))
@@ -24,7 +24,7 @@ def test_the_quickstart_has_one(monkeypatch, tmp_path):
     case = load_case(CASES / "quickstart.toml")
     _, path = accuracy_study_of_device(case)
     assert path in STUDIES
-    assert "largest part: " in accuracy_in_words(case, make_plan(case)[1])
+    assert "dominant: " in accuracy_in_words(case, make_plan(case)[1])
 
 
 def test_an_old_file_is_named_once_and_the_shipped_one_used(monkeypatch, tmp_path, caplog):

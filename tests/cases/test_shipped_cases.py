@@ -10,15 +10,17 @@ from pathlib import Path
 import numpy as np
 import pandas
 import pytest
-from emclutch.results.report.content import run_page
 from measured import table
 from typer.testing import CliRunner
+from written_run import undefined
 
 import emclutch
 from emclutch.cli.main import app
-from emclutch.results.report.render import html, markdown
-from emclutch.results.report.verdict import closing_lines
+from emclutch.results.report.render import html, markdown, terminal
+from emclutch.results.report.run_report import run_report
+from emclutch.results.report.study_report import state_of, state_report
 from emclutch.results.rise_time import time_to_reach
+from emclutch.results.study_folder import read_study
 from emclutch.results.text import format_torque
 from emclutch.results.vtk.series import read_pvd
 from emclutch.scene.design import read_design
@@ -34,7 +36,7 @@ def files(result):
 
 
 def report_text(result):
-    return markdown(run_page(result, lambda result: ()), result.folder.path)
+    return markdown(run_report(result), result.folder.path)
 
 
 def test_quickstart_at_toy_size(tmp_path):
@@ -72,11 +74,12 @@ def test_quickstart_at_toy_size(tmp_path):
     } <= files(result)
     moments = [[time for time, _ in read_pvd(series)] for series in result.folder.series()]
     assert moments[0][0] == 0.0 and len(moments[0]) == 3 and all(each == moments[0] for each in moments)
+    assert undefined(result.summary) == set()
     # magnetic circuit: two gaps of 1 mm in series, B = mu_0 mu_powder N I/(2 g), ideal steel, at most
     assert 0.2 < result.summary["gap_flux_density"] < 4e-7 * math.pi * 3.0 * 500 / 2e-3
     assert result.history["torque_disc"].iloc[-1] > 0.0  # the rotor drags the disc along
     assert not result.torque.converged  # 0.05 ms are no steady torque, and it says so
-    assert "run longer" in result.torque.reason
+    assert "run longer" in result.torque.remedy
     # cut off before its summary it would say the same, from the numbers that it wrote at its start
     assert result.folder.read_plan()["steady_torque"] == {
         "average_from": None, "shear_gap": pytest.approx(1e-3), "shear_radius": pytest.approx(20.5e-3),
@@ -145,8 +148,8 @@ def test_powder_clutch_at_toy_size(tmp_path):
     assert (history["rotor_speed"] / (100.0 * math.pi / 30.0)).to_numpy() == pytest.approx(factor)
     sheared = (history["time"].diff().fillna(history["time"]) * history["rotor_speed"]).sum() * 45.0
     assert 0.017 < sheared <= 0.02 * (1.0 + 1e-9)  # in whole windows
-    load, said = result.summary["wall_pressure"], "\n".join(closing_lines(result))
-    for words in (size["note"][1:], "instead of 100 rpm", "Pa on the disc", "Best estimate of the torque on the disc"):
+    load, said = result.summary["wall_pressure"], "\n".join(one.text for one in result.verdict)
+    for words in (size["note"][1:], "instead of 100 rpm", "Pressure on the poles of the disc: ", "Torque on the disc"):
         assert words in said
     # both pole faces, 12 mm long, of the disc at 44.5 mm and of the rotor at 45.5 mm
     for body, radius in (("disc", 44.5e-3), ("rotor", 45.5e-3)):
@@ -249,8 +252,10 @@ def test_switch_on_at_toy_size(tmp_path):
     time, field = history["time"].to_numpy(), history["gap_flux_density"].to_numpy()
     assert 0.0 < time_to_reach(time, current.to_numpy(), current.iloc[-1]) < time_to_reach(time, field, field[-1])
     # a run that ends before the current is there knows no rise times, and says so
+    summary = result.summary
+    assert undefined(summary) == set()
     for name in ("current", "gap_flux_density"):
-        assert result.summary[f"{name}_rise_time"] is None and "run longer" in result.summary[f"{name}_rise_time_note"]
+        assert summary[f"{name}_rise_time"] is None and "the current " in summary[f"{name}_rise_time_note"]
     assert "not over: the current went up to" in report_text(result)
     # the first row is of the end of a window of 40 us, in which the steel keeps the flux out
     assert (voltage == 34.0).all() and current.iloc[0] < 0.06 and current.is_monotonic_increasing
@@ -332,7 +337,7 @@ def test_centrifugal_at_toy_size(tmp_path):
     assert result.folder.grains_picture.read_bytes() == grains
     matter = {line.effect: line.in_words() for line in omitted_effects_of(result) if line.is_reservation}
     assert result.folder.read_plan()["omitted_effects"] == matter
-    page = html(run_page(result, omitted_effects_of))
+    page = html(run_report(result, omitted_effects_of(result)))
     assert page.count("data:image/png") == 3 and "Stokes number in air" in page  # pictures, and what is left out
 
 
@@ -350,7 +355,8 @@ def test_centrifugal_study_at_toy_size(tmp_path):
     assert table["contact.method"].tolist() == ["dem", "dem", "dvi", "dvi"]
     compared = pandas.read_csv(folder / "methods.csv")
     assert compared["particles.count"].tolist() == [2, 24] and (compared["missed_steps_dvi"] == 0.0).all()
-    assert (folder / "methods.txt").read_text().count("neither locks") == 2
+    printed = terminal(state_report(state_of(read_study(folder))))
+    assert "locks" in printed and printed.count("none") == 6  # no difference in standard errors, no times of locking
     steps = 10e-3 / 40e-6  # of rigid grains: the row has the speed of the last one, at its begin
     assert table["rotor_speed"].to_numpy() == pytest.approx(100 * math.pi / 30, rel=1.001 / steps)
     assert table[["output_start_time", "output_start_speed", "lock_up_time"]].isna().all(axis=None)

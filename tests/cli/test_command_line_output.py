@@ -136,9 +136,11 @@ import emclutch.cli.main
 
 
 def test_a_notebook_shows_no_foreign_markup(tmp_path):
-    summary = {"units": {"current": "A"}, "currents": [{"current": 0.5, "material": "<steel>"}]}
+    rows = [{"current": 0.5, "flux_linkage": 0.1}]
+    summary = {"units": {"current": "A", "flux_linkage": "Wb"}, "currents": rows, "at_last_current": {"<steel>": 1.0},
+               "warnings": []}  # fmt: skip
     shown = FieldResult(tmp_path / "field", summary)._repr_html_()
-    assert "current [A]" in shown and "0.5" in shown and "&lt;steel&gt;" in shown
+    assert "I [A]" in shown and "0.5" in shown and "&lt;steel&gt;" in shown
 
 
 def test_a_torque_has_two_digits_of_the_half_of_its_interval():
@@ -153,23 +155,23 @@ DRIFT = {"start": 0.1, "end": 0.2, "settled": 0.1, "converged": False, "drift_fr
 BIASED = {"bias": 0.2, "half_width": 0.03, "unknown": {}, "extrapolated": {}, "total_error": 0.1,
           "best_estimate": {"mean": 0.75, "half_width": 0.057},
           "accuracy_study": {"note": "", "file": "x", "date": "y"},
-          "largest_part": {"name": "statistics", "half_width": 0.071}, "next": "9 packings"}  # fmt: skip
+          "largest_part": {"name": "statistics", "half_width": 0.071}, "next": "9 replicas"}  # fmt: skip
 
 
 @pytest.mark.parametrize(
     ("torque", "until", "more", "following"),
     [
         # 5 %, 0.045, less a margin of a tenth: 2.57 * 0.04 / sqrt(6) = 0.0420, 2.45 * 0.04 / sqrt(7) = 0.0370
-        ({"mean": 0.9}, {}, {}, "(accuracy.replicas = 7), 9 s of processor time"),  # 5 s for 4
-        ({"mean": 0.9, "several_looks": True}, {}, {}, "(accuracy.replicas = 8), 10 s of processor time"),  # 97 %
-        ({"mean": 0.9, "standard_error": 0.005}, {}, {}, "0.88 % takes about 10 replicas"),  # half of what it has
-        ({"replicas": 2, "batches": 2}, {}, {}, "5 replicas"),  # by Student's t; 144 by Gauss's law
-        ({"replicas": 3, "batches": 3}, {}, {}, "5 replicas"),
+        ({"mean": 0.9}, {}, {}, "accuracy.replicas = 7, 9 s of processor time"),  # 5 s for 4
+        ({"mean": 0.9, "several_looks": True}, {}, {}, "accuracy.replicas = 8, 10 s of processor time"),  # 97 %
+        ({"mean": 0.9, "standard_error": 0.005}, {}, {}, "± 0.88 % takes accuracy.replicas = 10"),  # half of it
+        ({"replicas": 2, "batches": 2}, {}, {}, "replicas = 5"),  # by Student's t; 144 by Gauss's law
+        ({"replicas": 3, "batches": 3}, {}, {}, "replicas = 5"),
         ({"replicas": 1, "converged": False, "steady_alone": True}, {}, {}, "accuracy.replicas = 4 measures"),
-        ({"standard_error": 0.2}, {}, {}, "out of reach"),
+        ({"standard_error": 0.2}, {}, {}, "needs more than 64 replicas"),
         ({"standard_error": 0.5}, {}, {}, None),  # it may be 0, of which there is no fraction
         ({"mean": 0.9}, {}, {"discretisation_error": BIASED, "accuracy_target": {"asked": 0.05, "reached": False}},
-         "9 replicas"),  # of which 4 % are left, 5^2 - 3^2
+         "replicas = 9"),  # of which 4 % are left, 5^2 - 3^2
         ({}, {}, {"accuracy_target": {"asked": 0.1, "reached": True}}, None),
         ({"replicas": 1, "converged": False, "missing": 0.12}, {}, {}, "time.end='320 ms'"),  # of 0.2 s
         ({**DRIFT, "drift": 1.0, "drift_error": 0.01}, UNTIL, {}, "time.end='400 ms'"),  # by 10 %
@@ -177,8 +179,8 @@ BIASED = {"bias": 0.2, "half_width": 0.03, "unknown": {}, "extrapolated": {}, "t
         ({**DRIFT, "drift": 0.7, "drift_error": 0.25}, UNTIL | {"replicas": 6, "end": 0.36}, {}, "time.end='360 ms'"),
         ({**DRIFT, "drift": 0.0, "drift_error": 0.01, "missing": 0.2}, {}, {}, "time.end='400 ms'"),
         ({}, UNTIL | {"end": 0.3}, {}, "time.end='300 ms'"),  # the cheaper of the two
-        ({}, UNTIL | {"end": 0.5}, {}, "8 replicas"),
-        ({}, UNTIL, {}, "(accuracy.max_replicas = 8)"),
+        ({}, UNTIL | {"end": 0.5}, {}, "replicas = 8"),
+        ({}, UNTIL, {}, "accuracy.max_replicas = 8"),
     ],
 )  # fmt: skip
 def test_what_to_do_next_is_what_reaches_the_target(tmp_path, torque, until, more, following):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import tomllib
+from html import unescape
 from importlib import import_module
 from pathlib import Path
 
@@ -14,7 +15,7 @@ import sheared_annulus
 
 import emclutch
 from emclutch.results.checkpoint import read_checkpoint
-from emclutch.results.report.verdict import closing_lines
+from emclutch.results.report.render import terminal
 from emclutch.scene.case import case_from
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -38,7 +39,7 @@ def test_a_run_that_a_callback_stopped_goes_on_to_the_bits_of_an_undisturbed_one
     stopped = run(tmp_path / "stopped", lambda state: seen.append(state.window) or state.window == 4)
     assert seen == [1, 2, 3, 4] and len(stopped.history) == 4
     assert stopped.stopped.startswith("by the callback at t = ") and whole.stopped is None
-    assert not stopped.torque.converged and f"– Stopped {stopped.stopped}." in closing_lines(stopped)
+    assert not stopped.torque.converged and f"  Stopped {stopped.stopped}." in terminal(stopped.report())
     resumed = run(tmp_path / "stopped", resume=True)
     assert resumed.stopped is None and len(resumed.history) == len(whole.history)
     ends = grains(tmp_path / "whole"), grains(tmp_path / "stopped")
@@ -87,10 +88,11 @@ def test_check_and_plan_tell_the_same_run():
     assert f"{plan.windows} windows" in checked.decisions["coupling window"]
     assert checked.decisions["expected torque"] == checked.expected.in_words()
     assert checked.expected.torque > 0.0 and checked.omitted_effects
-    page, tables = checked._repr_html_(), checked.left_out_tables()  # a notebook shows what a terminal prints
-    assert [head[0] for head, _ in tables] == ["not in this scene", "not in this program", "in every scene"]
-    assert sum(len(rows) for _, rows in tables) == len(checked.omitted_effects)
-    assert all(f"<th>{cell}</th>" in page for head, _ in tables for cell in head)
+    table = checked.report().sections[-1].blocks[0]  # every effect, on or off, and what no scene can have
+    assert {one.effect.replace("_", " ") for one in checked.omitted_effects} <= {name for name, *_ in table.rows}
+    assert {"on", "off", "not in this program", "in every scene"} == {state for _, state, *_ in table.rows}
+    page = unescape(checked._repr_html_())  # a notebook shows what a terminal prints
+    assert all(one.text in page for one in checked.report().statements())
 
 
 def test_field_and_mesh_give_what_they_write(tmp_path):

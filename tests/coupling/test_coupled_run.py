@@ -207,7 +207,7 @@ def test_a_free_disc_is_carried_along(tmp_path):
 def test_lock_up_time_is_when_the_slip_ends_for_good():
     import pandas
 
-    from emclutch.simulation.summary import lock_up_time
+    from emclutch.results.quantities import lock_up_time
 
     time = np.arange(1, 7) * 1e-3
     table = pandas.DataFrame({"time": time, "rotor_speed": 10.0, "disc_speed": [0, 5.0, 9.95, 8.0, 9.95, 10.0]})

@@ -129,7 +129,7 @@ def test_how_the_moments_did_is_in_the_summary(tmp_path):
 def test_beyond_an_eighth_of_the_saturation_near_field_says_that_its_necks_are_too_strong(tmp_path):
     """Before a run by the field given, after it by that of the grains; of mutual dipoles nothing is said."""
     strong = NEAR | {"field.field_strength": "400 kA/m", "time.end": "5 us", "effects.dipoles.update_every": 10}
-    said = "kA/m in the powder model = 'near_field' makes grains"
+    said = "effects.dipoles.model = 'near_field' overestimates the attraction of grains"
     assert any(said in text for text in emclutch.check(case_from(CELL, strong)).warnings)
     assert not any(said in text for text in emclutch.check(case_from(CELL, NEAR)).warnings)
     mutual = emclutch.check(case_from(CELL, strong | {"effects.dipoles.model": "mutual"}))

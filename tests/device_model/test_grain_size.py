@@ -33,7 +33,7 @@ def test_numbers_of_real_grains():
     summary = size.as_dict()
     assert summary["coarse_graining"] == pytest.approx(1.0 / 0.3)
     assert summary["real_across"] == pytest.approx(1.0 / 0.06)
-    assert "the gap holds 5 simulated grains, really 17 of 60 um" in summary["note"]
+    assert "5 simulated grains span the gap; the real powder has 17 (60 µm)" in summary["note"]
 
 
 def test_coarse_grains_add_what_the_law_of_their_size_says():

@@ -1,6 +1,7 @@
 """Stress, field and fill between pole faces are those of the torque, the field and the grains that make them."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas
@@ -9,12 +10,11 @@ import pytest
 import emclutch
 from emclutch.device_model.device import build_device
 from emclutch.effects.dipoles import STRONGEST_FIELD
-from emclutch.results import Estimate
+from emclutch.results import Estimate, quantities
 from emclutch.scene.grain_smear import element_layers, smear_width
 from emclutch.simulation.assembly import assemble
 from emclutch.simulation.forecast.expected_field import mean_field_strength
 from emclutch.simulation.plan import make_plan
-from emclutch.simulation.summary import zone_summary
 from field import RadialField
 
 CASE = emclutch.load_case(Path(__file__).resolve().parents[2] / "cases" / "powder_clutch.toml").with_values(
@@ -105,11 +105,11 @@ def test_the_torque_outside_of_the_pole_faces_is_measured_or_not_said(zone):
     load = {"poles": {"disc": {"torque": 3.0}, "rotor": {"torque": -3.5}},
             "walls": {"rim": {"body": "disc", "torque": 3.2}, "face": {"body": "disc", "torque": 0.8},
                       "bore": {"body": "rotor", "torque": -4.0}}}  # fmt: skip
-    found = zone_summary(zone, (history,), torque, load)
-    assert found["torque_outside_of_the_poles"] == pytest.approx(0.25)
-    assert found["shear_stress_note"].endswith("25 % of it outside")
-    unknown = zone_summary(zone, (history,), torque, {})
-    assert "%" not in unknown["shear_stress_note"] and "torque_outside_of_the_poles" not in unknown
+    planned, simulation = SimpleNamespace(device=SimpleNamespace(pole_zone=zone)), SimpleNamespace(magnetised=True)
+    run = SimpleNamespace(planned=planned, simulation=simulation, histories=(history,), torque=torque, wall_load=load)
+    assert quantities.poles.of(run)["torque_outside_of_the_poles"] == pytest.approx(0.25)
+    run.wall_load = {}
+    assert "torque_outside_of_the_poles" not in quantities.poles.of(run)
 
 
 def test_the_mean_field_of_check_is_that_of_the_run():

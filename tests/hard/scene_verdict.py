@@ -153,7 +153,7 @@ def _refusal(scene: RandomScene, result: Result) -> Verdict:
 def _not_run(case: Any, plan: dict[str, str]) -> str:
     """Why a scene that is right is not run here; empty where it is."""
     scene = case.scene
-    steps, grains = map(int, re.match(r"(\d+) steps of (\d+) grains", plan["cost"]).groups())  # type: ignore
+    steps, grains = map(int, re.search(r"(\d+) steps of (\d+) grains", plan["cost by part"]).groups())  # type: ignore
     windows = int(re.search(r"(\d+) windows", plan["coupling window"])[1])  # type: ignore
     settles = scene.particles.settles and (scene.particles.settle_longest or 1.0) > 2e-3
     if "replicas" in plan:

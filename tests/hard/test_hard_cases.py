@@ -66,7 +66,7 @@ def test_stays_bounded(values, tmp_path, steel_cylinders):
 
 def test_a_contact_too_soft_for_its_load_is_refused_or_stops_with_an_explanation(tmp_path, monkeypatch):
     soft = {"contact.stiffness": 5.0, "time.end": "5 ms"}
-    with pytest.raises(RuntimeError, match=r"contact.stiffness = 5 N/m is too soft.*raise it to about"):
+    with pytest.raises(RuntimeError, match=r"contact.stiffness = 5 N/m is too soft.*Raise it to about"):
         run(tmp_path, "refused", soft)
     monkeypatch.setattr("emclutch.simulation.contact_plan.STOPS", np.inf)  # as where the plan does not see it coming
     with pytest.raises(RuntimeError, match=r"overlaps .* % of the diameter .*raise contact.stiffness = 5 fourfold"):

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from emclutch.simulation.summary import structure_summary
+from emclutch.simulation.summary import structure_of
 from particles.diagnostics.coordination import contacts_per_grain, coordination
 from particles.diagnostics.fabric import fabric
 from particles.diagnostics.force_chains import force_chains
@@ -283,8 +283,8 @@ def test_a_run_says_how_its_grains_stand():
     x = np.zeros((6, 3))
     x[:, 0], x[:, 2] = 10.0 * D, D * np.arange(6)
     pairs = [(k, k + 1) for k in range(5)]
-    found = structure_summary(Standing(Grains.create(x, 0.5 * D, 1000.0), table(x, pairs, 1.0)))
+    found = structure_of(Standing(Grains.create(x, 0.5 * D, 1000.0), table(x, pairs, 1.0)))
     assert found["coordination"] == pytest.approx(10 / 6) and found["rattlers"] == pytest.approx(2 / 6)
     assert found["fabric_anisotropy"] == pytest.approx(1.0) and found["force_anisotropy"] == pytest.approx(1.0)
-    alone = structure_summary(Standing(Grains.create(x, 0.4 * D, 1000.0), table(x, [], 1.0)))
+    alone = structure_of(Standing(Grains.create(x, 0.4 * D, 1000.0), table(x, [], 1.0)))
     assert alone["coordination"] == alone["in_chains"] == 0.0 and alone["fabric_anisotropy"] is None

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from emclutch.simulation.summary import structure_summary
+from emclutch.simulation.summary import structure_of
 from geometry.annular_cell import ShearCell
 from geometry.box import Box
 from geometry.time_profile import TimeProfile
@@ -58,7 +58,7 @@ def test_diagnostics_leave_the_trajectory_bitwise_unchanged(make):
     for _ in range(6):
         totals, other = asked.run(40), left_alone.run(40)
         before = asked.state()
-        profile, structure = profile_across(asked), structure_summary(asked)
+        profile, structure = profile_across(asked), structure_of(asked)
         after = asked.state()
         assert before.keys() == after.keys()
         for name, value in before.items():

@@ -142,7 +142,7 @@ def run_of(signal: Signal, target: float, seed: int, known_start_up: float = 0.0
     mean, middle = found.mean or 0.0, 0.5 * ((found.start or 0.0) + (found.end or 0.0))
     right = abs(mean - 1.0 - signal.drift * middle) <= half
     at_end = abs(mean - 1.0 - signal.drift * (found.end or 0.0)) <= half
-    return Run(known, right, at_end, found.reason.startswith("drifting"), half / mean, count, length)
+    return Run(known, right, at_end, found.status == "drifting", half / mean, count, length)
 
 
 def summary_of(runs: Sequence[Run]) -> SimpleNamespace:
@@ -190,7 +190,7 @@ def recorded(packings: Packings, seed: int, target: float, reference: float) -> 
     found, known, count, length = ended(torque_of, rule, START_UP)
     half, mean = found.half_width() or 0.0, found.mean or 0.0
     right = abs(mean - reference) <= half
-    return Run(known, right, right, found.reason.startswith("drifting"), half / mean, count, length)
+    return Run(known, right, right, found.status == "drifting", half / mean, count, length)
 
 
 FRESH = read_packings("run")

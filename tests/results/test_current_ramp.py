@@ -61,7 +61,7 @@ def test_the_loop_has_its_width_area_and_residual_torque():
     # integral of 0.2 I + 0.01 from 0 to 2 A, over 2 A times the middle of both branches at 2 A
     assert found["area"]["share"] == pytest.approx(0.42 / (2.0 * 4.2), rel=0.02)
     assert found["residual"]["torque"] == pytest.approx(LEFT)
-    assert len(in_words(found)) == 6 and "rising 1.004 N m" in in_words(found)[1]
+    assert len(in_words(found)) == 6 and "1.004 N m rising" in in_words(found)[1]
 
 
 @pytest.mark.parametrize("replicas", [1, 4])

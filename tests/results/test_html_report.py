@@ -6,18 +6,19 @@ from html.parser import HTMLParser
 import numpy as np
 import pandas
 import pytest
-from emclutch.results.report.content import FILES, page_of, run_page, study_page
 from typer.testing import CliRunner
 from written_run import written_run, written_study
 
 from emclutch.cli.main import app
 from emclutch.effects import EffectsSection
 from emclutch.results import OutputError, RunFolder, load_result
-from emclutch.results.report.render import html, markdown, write_failed_index, write_index, write_page
-from emclutch.results.report.verdict import Mark, verdict
+from emclutch.results.report.render import html, markdown, write_index, write_page
+from emclutch.results.report.report import Mark
+from emclutch.results.report.run_report import FILES, run_report, write_failed_index
+from emclutch.results.report.study_report import report_on, study_report
 from emclutch.results.study_folder import read_study
 from emclutch.results.study_result import load_study
-from emclutch.results.text import format_percent, format_torque
+from emclutch.results.text import format_estimate, format_torque
 from emclutch.simulation.check import omitted_effects_of
 
 HOSTILE = "<script>alert(1)</script> & \"><img src=x onerror='x'>"
@@ -47,7 +48,7 @@ class Page(HTMLParser):
 def test_the_page_of_a_run(tmp_path):
     """The title does nothing; pictures are inside; each effect is on or off; the torque has its interval."""
     result = load_result(written_run(tmp_path / "hostile", HOSTILE).path)
-    text = html(run_page(result, omitted_effects_of))
+    text = html(run_report(result, omitted_effects_of(result)))
     page = Page(text)
     assert HOSTILE in page.text and {tag for tag, _ in page.elements}.isdisjoint({"script", "iframe", "object", "link"})
     assert not [name for _, given in page.elements for name in given if name.startswith("on")]
@@ -59,14 +60,14 @@ def test_the_page_of_a_run(tmp_path):
     effects = {name.replace("_", " ") for name in EffectsSection.names()}
     assert effects <= set(state) and {name for name in effects if state[name] == "on"} == {"dipoles"}
     assert format_torque(result.torque) in page.text and "(95 %: " in format_torque(result.torque)
-    for short in (write_index(result).read_text(encoding="utf-8"), result._repr_html_()):
+    for short in (write_index(result.report()).read_text(encoding="utf-8"), result._repr_html_()):
         assert format_torque(result.torque) in short and "<script" not in short
 
 
 def test_the_page_in_markdown(tmp_path):
     folder = written_run(tmp_path / "a run", "<script> [a](http://b) | c")
     folder.torque_picture.write_bytes(b"")
-    text = markdown(run_page(load_result(folder.path), omitted_effects_of), tmp_path)
+    text = markdown(run_report(load_result(folder.path)), tmp_path)
     acts = [line for line in text.splitlines() if not line.startswith("    ")]  # what is indented is shown as it is
     assert "# &lt;script> [a]\\(http://b) \\| c" in acts and not [line for line in acts if "<script>" in line]
     assert "](a%20run/torque.png)" in text
@@ -82,12 +83,10 @@ def test_a_run_that_fails_has_a_page_that_says_why(tmp_path):
 @pytest.mark.parametrize(
     ("written", "changed", "marks"),
     [
-        ({}, {}, {"torque on the disc": Mark.POOR, "balance of": Mark.GOOD, "leaves out the scatter": Mark.POOR}),
-        ({"windows": 10}, {}, {"torque on the disc": Mark.POOR}),  # too few to know the error
-        ({"mean": 0.0}, {}, {"torque on the disc": Mark.POOR}),
-        ({"off": 0.3}, {}, {"balance of": Mark.POOR}),
-        ({"finished": False}, {}, {"not finished": Mark.POOR}),
-        ({}, {"max_overlap": 0.05}, {"overlap": Mark.POOR}),
+        ({}, {}, {"Balances close": Mark.GOOD}),
+        ({"mean": 0.0}, {}, {"orque on the disc": Mark.UNUSABLE}),
+        ({"off": 0.3}, {}, {"balance of": Mark.UNUSABLE}),
+        ({}, {"max_overlap": 0.05}, {"overlap": Mark.WARNING}),
         ({}, {"max_overlap": 0.05, "contact": {"compliant": False}}, {"overlap": None}),  # rigid grains
     ],
 )
@@ -96,8 +95,8 @@ def test_the_verdict_follows_the_numbers(tmp_path, written, changed, marks):
     if changed:
         folder.write_summary(folder.read_summary() | changed)
     folder.write_plan(folder.read_plan() | {"omitted_effects": {"eddy_currents": "0.6"}})
-    found = verdict(load_result(folder.path))
-    assert [one.mark for one in found if "eddy currents" in one.text] == [Mark.POOR]
+    found = load_result(folder.path).verdict
+    assert [one.mark for one in found if "eddy currents" in one.text] == [Mark.WARNING]
     for word, mark in marks.items():
         assert {one.mark for one in found if word in one.text} == {mark} - {None}, word
 
@@ -105,9 +104,9 @@ def test_the_verdict_follows_the_numbers(tmp_path, written, changed, marks):
 def test_warnings_of_the_scene_are_in_the_verdict_of_its_run(tmp_path):
     """A run started from Python prints no warning of its scene, so its result has it."""
     folder = written_run(tmp_path)
-    text = "particles.density = 7.87 kg/m^3 is outside the usual range"
+    text = "particles.density = 7.87 kg/m^3 is outside the usual range; is the unit kg/m^3?"
     folder.write_summary(folder.read_summary() | {"scene": {"warnings": [text]}})
-    assert (Mark.NOTE, f"P{text[1:]}.") in [(one.mark, one.text) for one in load_result(tmp_path).verdict]
+    assert (Mark.WARNING, text) in [(one.mark, one.text) for one in load_result(tmp_path).verdict]
 
 
 @pytest.mark.parametrize(("bias", "half"), [(0.23, 0.08), (0.05, 0.02)])
@@ -123,14 +122,13 @@ def test_the_best_estimate_comes_first_with_its_total_error(tmp_path, bias, half
     torque = summary["torque"] | {"replicas": 4}
     folder.write_summary(summary | {"discretisation_error": error, "grain_size": size, "torque": torque})
     result = load_result(tmp_path)
-    best, raw, *others = result.verdict
-    budget = next(one for one in others if "budget" in one.text)
-    assert best.text.startswith("Best estimate of the torque on the disc: ") and format_torque(result.best) in best.text
-    assert f"± {format_percent(result.best.half_width() / result.best.mean)} in all" in best.text
-    assert f"by {100.0 * bias:+.2g} %, which is corrected" in best.text and best.mark is Mark.GOOD
-    assert raw.text.startswith("The raw torque on the disc is known to ") and budget.mark is not Mark.POOR
+    best, *others = result.verdict
+    assert best.text == f"Torque on the disc: {format_estimate(result.best)}." and best.mark is Mark.GOOD
+    raw = next(one.text for one in others if one.text.startswith(f"Raw torque: {format_estimate(result.torque)}"))
+    assert raw.endswith(f"numerical settings add {100.0 * bias:.2g} %, which is corrected.")
+    assert any(f"dominant: grains per gap, {100.0 * half:.2g} %" in one.text for one in others)
     assert not any("28 %" in one.text for one in result.verdict)  # the general law is silent
-    assert format_torque(result.best) in write_index(result).read_text(encoding="utf-8")
+    assert format_estimate(result.best) in write_index(result.report()).read_text(encoding="utf-8")
 
 
 def test_a_torque_belongs_to_a_current_that_stays(tmp_path):
@@ -140,26 +138,26 @@ def test_a_torque_belongs_to_a_current_that_stays(tmp_path):
     history = pandas.read_csv(folder.history)
     for start, said in ((0.0, True), (1.0, False)):
         history.assign(current=np.linspace(start, 0.0, len(history))).to_csv(folder.history, index=False)
-        assert (" at 0 A" in write_index(load_result(folder.path)).read_text(encoding="utf-8")) == said
+        assert (", at 0 A" in write_index(load_result(folder.path).report()).read_text(encoding="utf-8")) == said
 
 
 def test_a_study_shows_its_points_and_which_are_missing_failed_or_newer_than_its_table(tmp_path):
     folder = written_study(tmp_path, [1.0, 2.0], HOSTILE)
     study = read_study(folder)
-    page = Page(html(study_page(study, omitted_effects_of)))
+    page = Page(html(study_report(study, omitted_effects_of)))
     assert set(study.results()) == {"current 1 A", "current 2 A"} and HOSTILE in page.text
     for text in (page.text, load_study(folder)._repr_html_(), CliRunner().invoke(app, ["report", str(folder)]).output):
-        assert "2 of 3 points are done" in text
+        assert "2 of 3 points done" in text
     assert all(format_torque(result.torque) in page.text for result in study.results().values())
     written_run(folder / "later", mean=3.0).summary.replace(folder / "point-001" / "summary.json")
     RunFolder.create(folder / "point-002", "").write_failure("raise contact.stiffness")
-    reported = Page(html(study_page(read_study(folder), omitted_effects_of))).text
+    reported = Page(html(study_report(read_study(folder), omitted_effects_of))).text
     for text in ("older than", "raise contact.stiffness"):
         assert text in reported and text not in page.text
 
 
 def test_nothing_is_overwritten(tmp_path):
-    page = page_of(written_run(tmp_path / "run").path, omitted_effects_of)
+    page = report_on(written_run(tmp_path / "run").path, omitted_effects_of)
     assert [write_page(page).name for _ in range(2)] == ["report.html", "report-1.html"]
     with pytest.raises(OutputError, match="exists"):
         write_page(page, tmp_path / "run" / "report.html")

@@ -51,7 +51,7 @@ def test_ramp_is_not_converged(noise):
     time = np.arange(1.0, 401.0)
     signal = time / 400.0 + noise * np.random.default_rng(1).standard_normal(400)
     estimate = steady_mean(time, signal)
-    assert not estimate.converged and estimate.reason.startswith("not converged: ")
+    assert not estimate.converged and estimate.status == "not converged"
 
 
 def test_noisy_ramp_after_a_chosen_start_is_not_converged():
@@ -74,7 +74,7 @@ def test_a_signal_that_does_not_change_has_an_unknown_error(value, transient):
 @pytest.mark.parametrize("count", [0, 1, 2, 5, 19])
 def test_short_series_says_so_without_nan(count):
     estimate = steady_mean(np.arange(1.0, count + 1.0), np.arange(count) % 2)
-    assert not estimate.converged and f"{count} samples, 20 needed; run longer" in estimate.reason
+    assert not estimate.converged and f"{count} samples, 20 needed; run longer" in estimate.in_words()
     assert estimate.standard_error is None and estimate.interval() == UNKNOWN and not estimate.known
     assert (estimate.mean is None) == (count == 0)
 
@@ -83,7 +83,7 @@ def test_too_few_uncorrelated_batches_are_counted():
     y = autoregressive(0.98, 400, 1)[0]
     estimate = steady_mean(np.arange(1.0, 401.0), y, average_from=0.0)
     assert not estimate.converged
-    assert f"{estimate.batches} uncorrelated batches, 10 needed; run longer" in estimate.reason
+    assert f"{estimate.batches} uncorrelated batches, 10 needed; run longer" in estimate.in_words()
 
 
 def test_a_run_that_goes_on_as_long_as_estimated_reaches_the_precision():

@@ -14,7 +14,7 @@ from emclutch.results.steady_torque import MIN_AVERAGED_STRAIN, SteadyConditions
 from emclutch.scene.case import case_from
 from emclutch.simulation.forecast.expected_torque import ExpectedTorque
 from emclutch.simulation.planned_run import PlannedRun
-from emclutch.simulation.summary import summarise
+from emclutch.simulation.summary import FinishedRun, summarise
 from emclutch.studies.method_comparison import compare_methods
 from particles.grains import Grains
 from particles.neighbours.contact_table import ContactTable
@@ -62,6 +62,7 @@ NO_TORQUE = ExpectedTorque(None, "no gap")
 NO_FIELD = SimpleNamespace(  # a device without a gap: nothing is expected of it
     coil=None,
     imposed=None,
+    pole_zone=None,
 )
 
 
@@ -87,7 +88,7 @@ def three_ways(path, rows, conditions):
         cost=cost, peak_field=None,
     )  # fmt: skip
     planned = PlannedRun(NO_FIELD, plan, conditions, {}, NO_TORQUE)
-    summarise(CASE, folder, planned, simulation, {"whole_run": 1.0})
+    summarise(FinishedRun(CASE, folder, planned, simulation, [folder.read_history()], {"whole_run": 1.0}))
     written = Estimate.from_dict(folder.read_summary()["torque"])
     result = load_result(path)
     (row,) = compare_methods([({"contact.method": method}, result) for method in ("dem", "dvi")])
@@ -183,7 +184,7 @@ def test_a_torque_that_does_not_count_is_known_once_the_gap_was_sheared():
 def test_how_much_longer_is_said_for_what_the_scene_asks_for():
     """Without an aim it is for 5 %; a fiftieth of that takes 2500 times as long."""
     rows, quick = history().iloc[:30], replace(CONDITIONS, average_from=0.0)
-    reported = {share: steady_torque(rows, replace(quick, share=share)).reason for share in (0.0, 0.001)}
+    reported = {share: steady_torque(rows, replace(quick, share=share)).remedy for share in (0.0, 0.001)}
     words = r"estimate: about (\S+) s more for"
     seconds = {share: float(re.search(words, text)[1]) for share, text in reported.items()}
     assert reported[0.0].endswith("more for 5 %)") and reported[0.001].endswith("more for 0.1 %)")

@@ -9,7 +9,7 @@ from written_run import written_run
 
 from emclutch.results import load_result
 from emclutch.results.changing_drive import changing_drive
-from emclutch.results.report.verdict import closing_lines
+from emclutch.results.report.report import Mark
 from emclutch.results.rise_time import in_words, rise_times
 from emclutch.results.steady_torque import SteadyConditions, steady_torque
 from emclutch.scene.torque_target import TorqueTarget
@@ -33,19 +33,16 @@ def history(end, tau=TAU, windows=400):
 def test_the_rise_of_current_and_torque_is_said_with_its_final_values():
     run = history(8.0 * TAU)
     lines = in_words({"final_current": 1.0} | rise_times(run, 1.0, begins_off=True))
-    assert lines[0] == "The current reaches 63 % of its final 1 A after 5 ms, 90 % after 11.5 ms"
-    assert lines[1].startswith("The torque reaches 63 % of its final 1.9") or "of its final 2" in lines[1]
-    assert " ms to " in lines[1] and "times as long as the current" in lines[1]
-    assert len(lines) == 3 and lines[2].startswith(
-        "The intervals of the torque's rise leave out the scatter between replicas"
-    )
+    assert lines[0] == "Current: 63 % of its final 1 A at 5 ms, 90 % at 11.5 ms"
+    assert lines[1].startswith(("Torque: 63 % of its final 1.9", "Torque: 63 % of its final 2"))
+    assert " ms to " in lines[1] and "times as long as the current" in lines[2]
+    assert len(lines) == 4 and lines[3].startswith("One replica: the intervals of the torque's rise leave out")
     four = in_words({"final_current": 1.0} | rise_times(run, 1.0, begins_off=True, replicas=[run] * 3))
-    assert len(four) == 2
+    assert len(four) == 3
     early = in_words({"final_current": 1.0} | rise_times(history(5.0 * TAU), 1.0, begins_off=True))
     assert early[-1].startswith("The run is too short for the torque to reach its final value: time.end = 3")
     short = in_words({"final_current": 1.0} | rise_times(history(0.5 * TAU), 1.0, begins_off=True))
-    assert short[0].endswith("is not over at the end of the run: the current went up to 0.393 A of 1 A")
-    assert "run longer" not in " ".join(short)
+    assert short[0].endswith("is not over at the end of the run: the current went up to 0.393 A of 1 A; run longer")
     assert in_words({"final_current": 1.0} | rise_times(run.assign(current=1.0), 1.0)) == []
 
 
@@ -56,7 +53,7 @@ def test_no_longer_run_is_advised_where_the_drive_changes(tau):
     assert "the current changes by" in changing_drive(run)
     torque = steady_torque(run, GAP)
     assert not torque.converged and torque.missing is None
-    assert torque.reason.startswith("not converged: the current changes by")
+    assert torque.in_words().startswith("not converged: the current changes by") and not torque.remedy
     ended = how_it_ended(torque, run, TorqueTarget(relative=0.02))
     assert not ended["reached"] and "raise" not in ended["reason"] and "longer" not in ended["reason"]
     steady = steady_torque(run.assign(current=1.0, torque_disc=np.linspace(0.0, 1.0, 400)), GAP)
@@ -78,13 +75,14 @@ def test_the_verdict_begins_with_the_rise_times(tmp_path, changes):
     current = 1.0 - np.exp(-table["time"] / (15e-3 if changes else 1e-3))
     table.assign(current=current).to_csv(folder.history, index=False)
     torque = load_result(folder.path).torque
-    torque = replace(torque, start=20e-3, converged=False, reason="not converged: run longer")
+    torque = replace(torque, start=20e-3, converged=False, steady_alone=False, remedy="run longer")
     rise = {"final_current": 1.0, "current_rise_time": 15e-3, "current_rise_time_90": 34.5e-3, "torque_after_rise": 2.0,
             "torque_rise_time": 20e-3, "torque_rise_time_90": None, "torque_lag": 4.0 / 3.0}  # fmt: skip
     folder.write_summary(folder.read_summary() | rise | {"torque": torque.as_dict()})
-    lines = closing_lines(load_result(folder.path))
-    assert lines[0] == "– The current reaches 63 % of its final 1 A after 15 ms, 90 % after 34.5 ms."
-    assert lines[1].startswith("– The torque reaches 63 % of its final 2 N m after 20 ms, it does not reach 90 %")
+    said = load_result(folder.path).verdict
+    lines = [one.text for one in said]
+    assert said[0].mark is Mark.GOOD and lines[0] == "Current: 63 % of its final 1 A at 15 ms, 90 % at 34.5 ms."
+    assert lines[1] == "Torque: 63 % of its final 2 N m at 20 ms, not 90 %."
     advice = any("run longer" in line or "run to" in line for line in lines)
     assert advice != changes, lines
-    assert changes == any("has no steady torque on the disc: the current changes by" in line for line in lines)
+    assert changes == any("No steady torque on the disc: the current changes by" in line for line in lines)

@@ -5,6 +5,7 @@ import tomli_w
 
 from emclutch.results import HistoryWriter, RunFolder
 from emclutch.results.atomic_file import replace_json
+from emclutch.results.quantities import QUANTITIES
 from emclutch.results.statistics import steady_mean
 
 SCENE = {"scene": {"title": "", "seed": 1}, "effects": {"dipoles": {}}, "output": {"pictures": False}}
@@ -57,3 +58,10 @@ def written_study(path, means, title="a study"):
     pandas.DataFrame(rows).to_csv(path / "study.csv", index=False)
     replace_json(path / "study.json", {"title": title, "values": {}, "points": len(means) + 1})
     return path
+
+
+def undefined(summary):
+    """Names of numbers in a summary that no quantity defines."""
+    known = {one.key.split(".")[0] for one in QUANTITIES}
+    numbers = {key for key, value in summary.items() if isinstance(value, float | int) and not isinstance(value, bool)}
+    return numbers - known

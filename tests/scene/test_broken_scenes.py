@@ -335,11 +335,11 @@ def test_what_a_clutch_of_shot_cannot_have():
     scene = str(Path(__file__).parents[2] / "cases" / "thesis" / "centrifugal.toml")
     refused(["check", scene, "--set", "particles.sector=60 deg"], "particles.sector", "vanes and ribs do not repeat")
     refused(["check", scene, "--set", "geometry.coil_radius=3 mm"], "geometry.coil_radius", "which has no coil")
-    refused(["check", scene, "--set", "contact.stiffness=100 kN/m"], "impacts at 12.1 m/s", "a run stops at 10 %")
+    refused(["check", scene, "--set", "contact.stiffness=100 kN/m"], "impacts at 12.1 m/s", "limit 10 %")
     reported = CliRunner().invoke(app, ["check", scene, "--json", "--set", "particles.settle=true"])
-    plan = json.loads(reported.stdout)["plan"]
-    assert "impacts at 12.1 m/s" in plan["stiffness"] and "WARNING" in plan["stiffness"]
-    assert "longest: 100 falls" in plan["packing"]
+    told = json.loads(reported.stdout)
+    assert "impacts at 12.1 m/s" in told["plan"]["stiffness"] and told["plan_warnings"]["stiffness"]
+    assert "longest: 100 falls" in told["plan"]["packing"]
 
 
 def test_schema_overwrites_nothing(tmp_path):

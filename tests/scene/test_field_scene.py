@@ -28,7 +28,7 @@ def alone(tmp_path_factory):
 
 
 def invoke(*arguments):
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+    return CliRunner().invoke(app, [str(argument) for argument in arguments], env={"COLUMNS": "160"})
 
 
 def test_it_stands_alone_and_comes_back_from_its_resolved_form(alone):

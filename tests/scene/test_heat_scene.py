@@ -5,7 +5,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from emclutch.cli.heat import averaging_in_words
 from typer.testing import CliRunner
 
 import emclutch
@@ -16,6 +15,7 @@ from emclutch.scene.case import case_from
 from emclutch.scene.errors import SceneError
 from emclutch.studies import heat as heat_study
 from emclutch.studies.heat import HOTTEST_PLACES, _Study, _where_reached, heat
+from emclutch.studies.heat_report import averaging_in_words
 from field.heat.conduction import HeatNotConverged, HeatProblem, ThermalRunaway
 
 RPM = np.pi / 30.0
@@ -104,7 +104,7 @@ def test_the_duty_ends_in_the_steady_state_and_writes_its_files(found):
     for key in ("coil_mean", "powder_hottest", "surface"):
         assert last[key] == pytest.approx(steady[key], abs=0.05 * (steady[key] - 20.0))
         assert np.all(np.diff(found.table[key]) > -1e-6)
-    assert {"heat.csv", "permitted.csv", "heat.json", "temperature.png", "heat.png"} == {
+    assert {"heat.csv", "permitted.csv", "heat.json", "temperature.png", "heat.png", "index.html"} == {
         path.name for path in found.folder.iterdir()
     }
     assert json.loads((found.folder / "heat.json").read_text())["steady"]["surface"] == steady["surface"]
@@ -260,7 +260,8 @@ def test_a_current_without_a_steady_state_runs_away_and_says_so(tmp_path):
     )
     assert done.exit_code == 0, done.output
     words = " ".join(done.output.split())
-    assert "thermal runaway" in words and "lower the current" in words and "stopped: winding above 250" in words
+    assert words.count("No steady state: winding above 250") == 1 and "stopped: winding above 250" in words
+    assert "Lower current or slip power" in words
     told = json.loads((tmp_path / "hot" / "heat.json").read_text())
     limit = told["largest_current"]["at_a_mean_of_250_degrees"]
     assert 0.5 < told["largest_current"]["at_the_coil_limit"] < limit < 4.0

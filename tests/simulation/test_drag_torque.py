@@ -1,15 +1,15 @@
 """Drag of seals and bearings opposes the slip: on the disc it acts the way the rotor turns against it."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import pandas
 import pytest
 
-from emclutch.results import load_result
+from emclutch.results import load_result, quantities
 from emclutch.scene.case import load_case
 from emclutch.scene.motion import MotionSection
 from emclutch.simulation.discretisation_error import device_of
-from emclutch.simulation.summary import drag_summary
 from emclutch.studies.tables import row_of
 from tests.results.written_run import written_run
 
@@ -19,17 +19,22 @@ def history(rotor, disc):
 
 
 def test_drag_has_the_sign_of_the_slip_and_is_nothing_where_it_is_off():
-    def drag(given):
-        return drag_summary(0.2, given, 1.0)["drag_torque"]
+    def of(given, table, torque=1.0):
+        motion = SimpleNamespace(drag_torque=given)
+        case = SimpleNamespace(scene=SimpleNamespace(motion=motion))
+        return quantities.drag.of(SimpleNamespace(case=case, history=table, torque=SimpleNamespace(mean=torque)))
+
+    def drag(table):
+        return of(0.2, table)["drag_torque"]
 
     assert drag(history(100.0, 0.0)) == 0.2
     assert drag(history(0.0, 100.0)) == -0.2  # the disc is the faster one, and is braked
     assert drag(history(-100.0, 0.0)) == -0.2
     assert drag(pandas.DataFrame({"disc_speed": [1.0]})) == 0.0  # no second shaft
-    locked = drag_summary(0.2, history(50.0, 50.0), 1.5)
+    locked = of(0.2, history(50.0, 50.0), 1.5)
     assert locked == {"drag_torque": 0.0, "torque_with_drag": 1.5}  # a point without slip keeps its columns
-    assert drag_summary(0.2, history(1.0, 0.0), None)["torque_with_drag"] is None
-    assert drag_summary(0.0, history(100.0, 0.0), 1.0) == {}
+    assert of(0.2, history(1.0, 0.0), None)["torque_with_drag"] is None
+    assert of(0.0, history(100.0, 0.0)) == {}
 
 
 def test_a_free_shaft_has_it_in_its_load():
@@ -46,7 +51,7 @@ def test_it_is_no_other_device_for_what_was_measured_of_its_settings():
 
 def test_it_has_its_columns_in_a_studys_table_where_it_is_given(tmp_path):
     folder = written_run(tmp_path / "point-000")
-    text = folder.case.read_text() + '\n[time]\nend = 0.2\n'
+    text = folder.case.read_text() + "\n[time]\nend = 0.2\n"
     folder.case.write_text(text)
     without = row_of({}, load_result(folder.path))
     assert not {"drag_torque", "torque_with_drag"} & set(without)
@@ -55,4 +60,4 @@ def test_it_has_its_columns_in_a_studys_table_where_it_is_given(tmp_path):
     row = row_of({}, result)
     assert row["drag_torque"] == -0.2 and row["torque_with_drag"] == pytest.approx(row["torque"] - 0.2)
     assert {name: row[name] for name in without} == without  # interval and all else are those of the powder
-    assert "with 0.2 N m of drag of seals and bearings (motion.drag_torque, taken as exact)" in str(result.verdict)
+    assert "with 0.2 N m of drag (motion.drag_torque)" in str(result.verdict)

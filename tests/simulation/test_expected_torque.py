@@ -106,7 +106,7 @@ def test_without_a_pull_across_the_gap_there_is_friction_of_the_centrifugal_forc
     mass = 0.35 * 7700.0 * pi * (OUTER**2 - INNER**2) * HEIGHT
     speed = 3.0 * pi / 30.0
     assert found.torque == pytest.approx(0.3 * mass * speed**2 * MIDDLE**2, rel=0.02)  # a whole number of grains
-    assert "friction of weight and centrifugal force" in found.in_words() and found.real.low == 0.0
+    assert "friction of weight and centrifugal force" in found.law and found.real.low == 0.0
     weight = expected(**values, **{"effects.gravity": {}}).torque - found.torque
     assert weight == pytest.approx(0.3 * mass * 9.81 * MIDDLE, rel=0.02)
 
@@ -123,7 +123,7 @@ def test_a_shot_clutch_has_its_closed_form():
 
 
 def test_intervals_say_what_they_are():
-    assert Interval.within(2.0, 0.05).in_words() == "2 N m +- 10 % (95 %)"
+    assert Interval.within(2.0, 0.05).in_words() == "2 N m ± 10 % (95 %)"
     assert Interval(2.0, 1.0, 4.0).in_words() == "2 N m (95 %: 1 to 4)"
     assert Interval(2.0, 1.0, 4.0, is_guess=True).in_words() == "2 N m within a factor of 2"
     assert Interval(2.0, 0.2, 20.0, is_guess=True).in_words() == "of the order of 2 N m"
@@ -243,8 +243,9 @@ def test_permeability_of_the_solve_is_that_of_the_law_at_its_own_field():
 
 
 def test_check_tells_the_torque_in_a_line():
-    words = check(quickstart(), threads=1).decisions["expected torque"]
-    assert "N m +- " in words and "with grains of the scene's size" in words and "unknown friction" in words
+    told = check(quickstart(), threads=1).decisions
+    assert "N m ± " in told["expected torque"] and "friction and fill of the powder unknown" in told["expected torque"]
+    assert "N m ± " in told["expected torque of the scene's grains"]
 
 
 def test_a_field_that_does_not_settle_makes_the_torque_a_guess_and_no_run_fails(monkeypatch):

@@ -132,6 +132,6 @@ def test_a_coil_that_is_switched_faster_than_its_field_can_follow_and_one_of_too
     assert "gravity" not in lines and lines["back_reaction"].value > 0.0
     much = ("--json", "--set", "field.size_factor=3", "--set", "coil.current=400 A")
     reported = json.loads(CliRunner().invoke(app, ["check", str(GOOD), *much]).stdout)
-    assert "T is outside the usual range of 0 to 2.5 T" in reported["plan"]["field"]
+    assert "T is outside the usual range of 0 to 2.5 T" in reported["plan_warnings"]["field"][0]
     assert any("current density" in warning for warning in reported["warnings"])
     assert len(reported["omitted_effects"]) > len(lines) / 2

@@ -163,10 +163,10 @@ def little_memory(monkeypatch, mib):
 
 def test_check_warns_where_too_little_memory_is_free(monkeypatch):
     little_memory(monkeypatch, 100.0)
-    words = cost().in_words()
-    assert "WARNING" in words and "100 MiB are free" in words and "particles.sector" in words
+    (words,) = cost().in_words().warnings
+    assert "100 MiB are free" in words and "particles.sector" in words
     little_memory(monkeypatch, None)  # unknown: nothing to warn of
-    assert "WARNING" not in cost().in_words()
+    assert cost().in_words().warnings == ()
 
 
 def test_a_run_that_needs_too_much_is_refused(monkeypatch, tmp_path):

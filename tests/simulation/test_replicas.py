@@ -86,7 +86,7 @@ def test_all_replicas_end_at_the_same_window_once_the_torque_is_known(known):
     assert known.summary["until"]["reached"] and known.torque.converged
     assert known.torque.half_width() == known.summary["until"]["half_width"] <= 1.0
     log = known.folder.log.read_text()
-    looks = re.findall(r"\+- (\S+) N m \(95 %; \+- (\S+) N m was requested\), 3 replicas to (\S+) ms", log)
+    looks = re.findall(r"± (\S+) N m \(95 %; ± (\S+) N m was requested\), 3 replicas to (\S+) ms", log)
     assert float(looks[-1][0]) <= float(looks[-1][1]) and [float(length) for *_, length in looks] == pytest.approx(
         [1.2 * 1.5**k for k in range(len(looks))], rel=0.01
     )

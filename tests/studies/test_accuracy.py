@@ -79,7 +79,7 @@ def replicas(monkeypatch, tmp_path):
     monkeypatch.setenv("EMCLUTCH_ACCURACY_STUDIES", str(tmp_path / "accuracy_studies"))
     monkeypatch.setattr(accuracy_tasks, "_replica", found)
     monkeypatch.setattr(accuracy_tasks, "_squared_moments", found.pull)
-    monkeypatch.setattr(study, "_presented", lambda *given: ["found"])
+    monkeypatch.setattr(study, "_answers", lambda *given: ("found",))
     for module in (accuracy_tasks, planned_values):
         monkeypatch.setattr(module, "process_time", lambda: found.clock)
     monkeypatch.setattr(accuracy_tasks, "perf_counter", lambda: found.clock)
@@ -115,7 +115,7 @@ def test_the_study_has_every_setting_and_runs_of_the_device_find_it(replicas, tm
     case = case_from(CELL)
     found = emclutch.accuracy(case, out=tmp_path / "out", budget=BUDGET, jobs=1)
     measured = found.study
-    assert find_accuracy_study(measured.device)[0] == measured and found.lines == ("found",)
+    assert find_accuracy_study(measured.device)[0] == measured and found.answers == ("found",)
     assert {one.name for one in measured.settings} == {
         "sector", "start_up", "moment_tolerance", "overlap", "contact_step", "update_interval",
     } - set(measured.unknown)  # fmt: skip
@@ -233,9 +233,11 @@ def test_a_finished_study_that_is_shown_again_leaves_a_later_study_in_place(repl
     case = case_from(CELL)
     early = emclutch.accuracy(case, out=tmp_path / "early", budget=BUDGET, jobs=1)
     later = emclutch.accuracy(case, out=tmp_path / "later", budget=0.75 * BUDGET, jobs=1)
-    assert any("now have their errors from this study, in place of one of" in line for line in later.lines)
+    assert any(
+        "now take their errors from this study" in line and "no longer from one of" in line for line in later.remarks
+    )
     again = emclutch.accuracy(case, out=tmp_path / "early", jobs=1, resume=True)
-    assert again.lines == early.lines and find_accuracy_study(device_of(case))[0].to_json() == later.study.to_json()
+    assert again.remarks == early.remarks and find_accuracy_study(device_of(case))[0].to_json() == later.study.to_json()
 
 
 def test_a_replica_without_memory_stops_the_study_and_is_run_when_it_continues(replicas, tmp_path, monkeypatch):

@@ -14,7 +14,8 @@ from emclutch.scene.case import load_case
 from emclutch.settings import settings_of
 from emclutch.simulation.plan import make_plan
 from emclutch.simulation.recommended_case import case_for
-from emclutch.studies.accuracy.answers import present, scene_text
+from emclutch.studies.accuracy.answers import scene_text, write_answers
+from emclutch.studies.accuracy.report import accuracy_report
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +54,7 @@ def whole(own, rest, **values):
 
 
 def test_scenes_have_the_settings_of_the_study(tmp_path, case, own, rest, without_picture):
-    present(case, whole(own, rest), tmp_path, (0.05, 0.1))
+    write_answers(case, whole(own, rest), tmp_path, (0.05, 0.1), ())
     for target in (0.05, 0.1):
         found = load_case(tmp_path / f"target_{100 * target:g}_percent.toml")
         choice = recommended(whole(own, rest), target)
@@ -89,28 +90,34 @@ def test_a_combination_that_the_scene_refuses_is_passed_over(tmp_path, case, own
     of = study("abc", MeasuredSetting("sector", "particles.sector", Basis.TORQUE, own["sector"], 2.0, 0.0,
                                   (*sector.values, wide), 20.0), *others, *rest, scatter=0.02)  # fmt: skip
     assert recommended(of, 0.1).values["sector"] == 500.0
-    present(case, of, tmp_path, (0.1,))
+    write_answers(case, of, tmp_path, (0.1,), ())
     assert load_case(tmp_path / "target_10_percent.toml").scene.grains.sector < 3.2
 
 
 def test_what_is_not_reached_has_a_reason_and_no_scene(tmp_path, case, own, rest, without_picture):
     (tmp_path / "target_0.1_percent.toml").write_text("of an earlier study")
-    lines = present(case, whole(own, rest), tmp_path, (0.001,))
-    assert any("limited by" in line for line in lines) and not list(tmp_path.glob("target*"))
+
+    def said(of, target):
+        answers = write_answers(case, of, tmp_path, (target,), ())
+        return [one.text for one in accuracy_report(of, answers, tmp_path, ()).statements()]
+
+    assert any("0.1 %: not reach" in line and "limited by" in line for line in said(whole(own, rest), 0.001))
+    assert not list(tmp_path.glob("target*"))
     reason = {"grains_per_gap": "not measured in this budget: about 9 min more"}
-    lines = present(case, whole(own, rest, unknown=reason), tmp_path, (0.1,))
-    assert any("limited by grains_per_gap" in line and "9 min" in line for line in lines)
+    lines = said(whole(own, rest, unknown=reason), 0.1)
+    assert any("± 10 %: not reachable before" in line for line in lines)
+    assert any("grains per gap" in line and "9 min" in line for line in lines)
 
 
 def test_tables_have_every_value(tmp_path, case, own, rest):
     of = whole(own, rest)
-    present(case, of, tmp_path, (0.05,))
+    write_answers(case, of, tmp_path, (0.05,), ())
     table = pandas.read_csv(tmp_path / "accuracy.csv")
     assert len(table) == sum(len(one.values) for one in of.settings) and table["own"].sum() == len(of.settings)
     row = table[(table.setting == "sector") & table.own].iloc[0]
     assert row.bias == pytest.approx(of.error("sector").bias)
     assert table.failure.dropna().tolist() == ["does not converge"]
-    text, page = ((tmp_path / name).read_text() for name in ("accuracy.md", "accuracy.html"))
+    text, page = ((tmp_path / name).read_text() for name in ("accuracy.md", "index.html"))
     assert "(accuracy.png)" in text and "data:image/png" in page and (tmp_path / "accuracy.png").stat().st_size > 1000
     for name in ("sector", "update_interval", "friction"):
         assert name in text and name in page

@@ -107,7 +107,8 @@ def test_what_cannot_be_reached_is_an_error_with_its_limit_and_a_remedy(folder):
     with_study(case, contact_step(0.04, 0.2), scatter=0.2)
     with pytest.raises(SceneError, match=r"24 replicas have a statistics part.*accuracy.time_end='strain 72'"):
         with_target(case)
-    with_study(case, contact_step(0.0, 0.001), unknown={"sector": "not measured in this budget: about 4 min"})
+    unknown = {"sector": "not measured in this budget: about 4 min"}
+    with_study(case, contact_step(0.0, 0.001), unknown=unknown, over_budget=("sector",))
     with pytest.raises(
         SceneError,
         match=r"limited by sector: not measured in this budget: about 4 min; .*emclutch accuracy CASE --budget \d+",

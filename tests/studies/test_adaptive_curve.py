@@ -15,7 +15,7 @@ from emclutch.results import HistoryWriter, RunFolder, load_result
 from emclutch.results.checkpoint import write_checkpoint
 from emclutch.results.curve_interval import curve_interval
 from emclutch.studies import tasks as study_tasks
-from emclutch.studies.adaptive import AdaptiveCurve, Measured
+from emclutch.studies.adaptive import AdaptiveCurve, MeasuredPlace
 
 GOOD = Path(__file__).parents[1] / "scene" / "broken" / "good.toml"
 
@@ -59,7 +59,7 @@ def adaptive(seed, error=0.05, scatter=0.05):
     while batch := curve.next_batch(measured):
         for number in batch:
             place = places[number]
-            measured[number] = Measured(float(replica(place, scatter, random)), float(core_hours(place)))
+            measured[number] = MeasuredPlace(float(replica(place, scatter, random)), float(core_hours(place)))
     assert curve.is_reached
     off = np.abs(curve.curve.torque / torque(CURRENTS) - 1.0)
     return sum(one.cost for one in measured.values()), off.max(), (off < np.expm1(curve.curve.half_width)).mean()

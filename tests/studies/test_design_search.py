@@ -98,7 +98,7 @@ def test_runs_of_twice_the_expected_torque_halve_the_expectation_that_is_sought(
     again = design(case, 0.01, tmp_path / "again", like=tmp_path / "once" / "run")
     assert again.value == pytest.approx(once.next_value, abs=1e-3 * 399e3)
     page = found._repr_html_()  # in a notebook
-    assert "not within 5 % of 0.01 N m" in once._repr_html_() and "the last is within 5 % of 0.01 N m" in page
+    assert "Not within 5 % of 0.01 N m" in once._repr_html_() and "The last run is within 5 % of 0.01 N m" in page
     assert page.count("<tr>") == 1 + len(found.tried) and FIELD in page
     low, high = again.correction.interval
     assert low < 2.0 < high and high - low < 0.5

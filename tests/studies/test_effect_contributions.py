@@ -16,7 +16,7 @@ from emclutch.results.errors import Interrupted
 from emclutch.scene.case import case_from, load_case
 from emclutch.scene.errors import SceneError
 from emclutch.studies import resumable
-from emclutch.studies.accuracy.effect_contributions import effect_contributions, present, removals
+from emclutch.studies.accuracy.effect_contributions import effect_contributions, removals, write_effects
 from emclutch.studies.accuracy.tasks import STOPPED, TaskResult
 
 CASES = Path(__file__).parents[2] / "cases"
@@ -81,23 +81,23 @@ def contributions() -> Contributions:
 
 
 def test_the_sentence_names_what_carries_the_torque_and_what_is_not_significant():
-    text = contributions().in_words()
+    text = " ".join(contributions().in_words())
     assert "dipoles (with wall_images)" in text
     assert "68 % of the time" in text
-    assert text.endswith("not significant with so many replicas: wall_images.")
+    assert text.endswith("Not significant with so many replicas: wall_images.")
 
 
 def test_tables_have_every_effect_and_the_reason_of_those_that_stay(tmp_path):
-    lines = present(contributions(), tmp_path)
+    write_effects(contributions(), tmp_path)
     rows = list(csv.DictReader((tmp_path / "effects.csv").read_text().splitlines()))
     assert [row["left_out"] for row in rows] == ["", "dipoles", "saturation", "wall_images"]
     assert float(rows[1]["adds_torque"]) == pytest.approx(0.785 - 0.05)
     assert (rows[1]["significant"], rows[3]["significant"]) == ("True", "False")
     assert rows[2]["reason"] == "is needed by near_field"
     page = (tmp_path / "effects.md").read_text()
-    assert "cost it no time: gravity" in page
+    assert "cost no time: gravity" in page
     assert "effects.png" in page
-    assert lines[-1].startswith("toy: ")
+    assert page.startswith("# What each effect adds: toy\n")
 
 
 class Replicas:

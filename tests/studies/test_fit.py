@@ -53,7 +53,7 @@ def test_the_friction_of_a_run_is_found_again(tmp_path):
     (friction,) = found["parameters"]
     assert friction["name"] == "contact.friction" and 0.1 < friction["value"] < 0.6
     assert (found["measured_points"], found["left_out"], found["common_error"]) == (2, 1, 0.03)
-    assert "the intervals contain a common error of 3 % of all measured torques" in done.output
+    assert "The intervals contain a common error of 3 % of all measured torques" in done.output
     fitted = emclutch.load_case(tmp_path / "fit" / "fitted.toml").scene
     assert fitted.contact.friction == friction["value"] and fitted.particles.repose is None
     assert fitted.effects.rolling is None

@@ -324,12 +324,13 @@ def test_the_page_of_a_study_is_there_while_it_runs_and_is_gathered_from_parts(t
     runs.acts = {0.2: lambda _: seen.append(page.read_text()), 0.5: fails}
     with pytest.raises(RunError, match="the grains are gone"):
         sweep(study, out=page.parent)
-    assert "1 done" in seen[0] and 'http-equiv="refresh"' in seen[0]
+    assert "1 of 6 points done" in seen[0] and 'http-equiv="refresh"' in seen[0]
     ended = page.read_text()
-    assert "5 done" in ended and "1 failed" in ended and "refresh" not in ended
+    assert "5 of 6 points done, 1 failed" in ended and "refresh" not in ended
     assert "point-004" in ended and "the grains are gone" in ended
     runs.acts, out = {}, tmp_path / "out"
     sweep(study, out=out, part=(1, 3), resume=True)
     assert not (out / "index.html").exists()
     gather(study, out)
-    assert "2 done" in (out / "index.html").read_text() and "4 waiting" in (out / "index.html").read_text()
+    gathered = (out / "index.html").read_text()
+    assert "2 of 6 points done" in gathered and gathered.count(">waiting<") == 4

@@ -5,7 +5,6 @@ import logging
 
 import pandas
 import pytest
-from emclutch.results.report.content import study_page
 from stand_in_runs import FRICTION, study_file
 
 from emclutch.cli.plot import plot_runs
@@ -13,6 +12,7 @@ from emclutch.results import OutputError, RunFolder
 from emclutch.results.errors import Interrupted, RunError
 from emclutch.results.folder_lock import locked_folder
 from emclutch.results.report.render import html
+from emclutch.results.report.study_report import study_report
 from emclutch.results.study_folder import read_study as read_folder
 from emclutch.scene.study import read_study
 from emclutch.studies import sweep as run_study
@@ -46,8 +46,8 @@ def test_a_study_whose_first_point_fails_says_so(tmp_path, monkeypatch, runs):
         sweep(study, out=out)
     found = read_folder(out)
     assert len(found.table) == 0 and found.varied == [] and found.points == 2
-    page = html(study_page(found, lambda result: ()))
-    assert "0 of 2 points are done" in page and "point-000: the run failed before its first window" in page
+    page = html(study_report(found, lambda result: ()))
+    assert "0 of 2 points done" in page and "point-000: the run failed before its first window" in page
     with pytest.raises(OutputError, match="no point of the study"):
         plot_runs([out], out=tmp_path / "picture.png", log=print)
     sweep(study, out=out, resume=True)

@@ -14,17 +14,22 @@ import itertools
 import os
 import textwrap
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from emclutch import __version__
+from emclutch.results.atomic_file import replace_text
 from emclutch.results.errors import OutputError
 from emclutch.results.report.report import Picture, Report, Shown, Statements, Table, Text
+from emclutch.results.run_folder import INDEX
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
 
 TEMPLATES = Path(__file__).parent / "templates"
+MAX_WIDTH = 120
 CLASSES = {"on": "good", "off": "soft", "YES": "poor", "not converged": "poor", "failed": "poor"}
 """Colours of cells that have these words."""
 
@@ -44,24 +49,30 @@ def terminal(report: Report, details: bool = False) -> str:
                 lines += [*([title] if title else []), *table_lines(block)]
             elif isinstance(block, Text):
                 lines += block.text.splitlines()
-    return "\n".join([*lines, *([report.closing] if report.closing else [])])
+    page = "" if report.folder is None else f"Page: {report.folder / INDEX}"
+    return "\n".join(filter(None, [*lines, report.closing or page]))
 
 
 def table_lines(table: Table) -> list[str]:
-    """Return a table as lines of the terminal's width."""
+    """Return a table as lines of the terminal's width; wider ones where words and numbers would be broken."""
     from rich import box  # local: rich takes a while to import
     from rich.console import Console
     from rich.markup import escape
+    from rich.measure import Measurement
     from rich.table import Table as Grid
 
     grid = Grid(box=box.SIMPLE_HEAD, show_header=bool(table.head), pad_edge=False, show_edge=False)
     for number, name in enumerate(table.head or table.rows[0]):
-        grid.add_column(escape(name), justify="right" if number in table.numbers else "left", overflow="fold")
+        is_number = number in table.numbers
+        words = " ".join([name, *(str(row[number]) for row in table.rows)]).split() if is_number else [""]
+        least = max(map(len, words))
+        grid.add_column(escape(name), justify="right" if is_number else "left", overflow="fold", min_width=least)
     for row in table.rows:
         grid.add_row(*(escape(str(cell)) for cell in row))
     stream = io.StringIO()
-    width = Console().width
-    Console(file=stream, width=width, no_color=True).print(grid)
+    widest = Console(width=MAX_WIDTH)
+    width = max(Console().width, Measurement.get(widest, widest.options, grid).minimum)
+    Console(file=stream, width=width, no_color=True).print(grid, crop=False)
     return [line.rstrip() for line in stream.getvalue().rstrip().splitlines()]
 
 
@@ -104,6 +115,14 @@ def write_page(report: Report, out: Path | None = None) -> Path:
     return write_new(out, html(report))
 
 
+def write_index(report: Report) -> Path:
+    """Write the page of a report, ``index.html``, into its folder in one step, and return it."""
+    assert report.folder is not None
+    path = report.folder / INDEX
+    replace_text(path, html(report.up_to(Shown.PAGE), small=True))
+    return path
+
+
 def write_new(path: Path, text: str) -> Path:
     """Write a new file and return it; OutputError where there is one."""
     try:
@@ -115,6 +134,8 @@ def write_new(path: Path, text: str) -> Path:
 
 
 def _environment(**options: Any) -> Environment:
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined  # local: the terminal needs no templates
+
     return Environment(
         loader=FileSystemLoader(TEMPLATES), undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, **options
     )

@@ -46,8 +46,10 @@ def warning(text: str) -> Statement:
 
 
 def sentence(text: str) -> str:
-    """Return a text with a capital letter and a full stop."""
-    return f"{text[:1].upper()}{text[1:].rstrip('.')}."
+    """Return a text with a capital letter, unless a key of the scene begins it, and a full stop."""
+    is_key = "." in text.partition(" ")[0].rstrip(".")
+    found = text if is_key else text[:1].upper() + text[1:]
+    return found if found.endswith("?") else f"{found.rstrip('.')}."
 
 
 class Link(str):
@@ -159,7 +161,7 @@ class Report:
     reload : int
         Seconds after which a browser loads the page again; 0: never.
     closing : str
-        Last line of the terminal: the page to open.
+        Last line of the terminal; default: the page to open, where there is a folder.
     """
 
     title: str

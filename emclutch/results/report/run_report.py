@@ -10,7 +10,6 @@ from typing import Any
 from emclutch.effects import EffectsSection
 from emclutch.effects.omitted_effect import ALWAYS, OFF, OmittedEffect
 from emclutch.results.accuracy_study import SettingError
-from emclutch.results.atomic_file import replace_text
 from emclutch.results.columns import (
     COLUMNS,
     DISSIPATED,
@@ -29,12 +28,13 @@ from emclutch.results.grain_profiles import profile_column, read_profiles
 from emclutch.results.quantities import QUANTITIES
 from emclutch.results.quantity import NUMBERS, OPERATING_POINT, rows
 from emclutch.results.replicated_mean import drift_in_words
-from emclutch.results.report.render import html
+from emclutch.results.report.render import write_index
 from emclutch.results.report.report import Block, Links, Picture, Report, Shown, Statements, Table, Text
 from emclutch.results.report.verdict import current_is_steady, measured_name, verdict
 from emclutch.results.result import Result
 from emclutch.results.run_folder import RunFolder
 from emclutch.results.text import format_percent, format_stress, format_time, format_torque, in_words
+from emclutch.settings import UNITS
 
 RARE = 0.1  # of the replicas have a state whose chance to be missed is said
 
@@ -91,9 +91,7 @@ def run_report(result: Result, omitted: Sequence[OmittedEffect] = ()) -> Report:
     folder, summary, name = result.folder, result.summary, result.folder.path.resolve().name
     known = [COLUMNS[one] for one in result.history.columns]
     columns = [(one, one.unit, f"{one.meaning} ({one.when.value})") for one in known]
-    report = Report(
-        summary.get("title") or name, f"run {name}", data=summary, folder=folder.path, closing=f"Page: {folder.index}"
-    )
+    report = Report(summary.get("title") or name, f"run {name}", data=summary, folder=folder.path)
     report.add("Result", Statements(verdict(result)), Shown.TERMINAL)
     report.add("Operating point", Table(_operating_point(result)), Shown.PAGE)
     report.add("Pictures", _pictures(result), Shown.PAGE)
@@ -109,12 +107,6 @@ def run_report(result: Result, omitted: Sequence[OmittedEffect] = ()) -> Report:
     return report
 
 
-def write_index(result: Result) -> Path:
-    """Write a run's ``index.html``, the short form of its report, and return it."""
-    replace_text(result.folder.index, html(run_report(result).up_to(Shown.PAGE), small=True))
-    return result.folder.index
-
-
 def write_failed_index(folder: RunFolder, reason: str) -> None:
     """Write that a run fails for its scene, and an ``index.html`` that says so: what, at which time, what to do."""
     folder.write_failure(reason)
@@ -122,8 +114,8 @@ def write_failed_index(folder: RunFolder, reason: str) -> None:
         if (failed := folder.read_failure()) is not None:
             title = folder.read_scene().get("scene", {}).get("title") or folder.path.name
             report = Report(f"{title}: failed", failed.in_words(), folder=folder.path)
-            report.add("Log", Links([(folder.log.name, "log of the run")]))
-            replace_text(folder.index, html(report))
+            report.add("Log", Links([(folder.log.name, "log of the run")]), Shown.PAGE)
+            write_index(report)
 
 
 def effects_of(result: Result) -> list[str]:
@@ -230,7 +222,7 @@ def _torques(result: Result) -> list[tuple[str, str]]:
     for name, part in error.get("parts", {}).items():
         low, high = SettingError(part["bias"], part["half_width"]).interval
         text = f"{100.0 * part['bias']:+.2g} % (95 %: {100.0 * low:+.2g} to {100.0 * high:+.2g} %)"
-        table.append((f"error of {in_words(name)}", f"{text}, at {part['value']:.4g}"))
+        table.append((f"error of {in_words(name)}", f"{text}, at {part['value']:.4g} {UNITS.get(name, '')}".rstrip()))
     if error:
         study = error["accuracy_study"]
         table.append(("accuracy study", f"{study['file']} ({study['date']})"))

@@ -12,9 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from emclutch.effects import EffectsSection
-from emclutch.results.atomic_file import replace_text
 from emclutch.results.columns import TORQUE_DISC
-from emclutch.results.report.render import html
 from emclutch.results.report.report import (
     Block,
     Link,
@@ -55,6 +53,18 @@ PICTURES = {
     "grain_size.png": "torque against the size of the grains",
     "speeds.png": "speeds of the shafts against time",
 }
+METHODS = {
+    "torque_dvi": "torque by DVI [N m]",
+    "torque_dem": "by DEM [N m]",
+    "torque_difference_bars": "difference [standard errors]",
+    "lock_up_time_dvi": "locks by DVI [s]",
+    "lock_up_time_dem": "by DEM [s]",
+    "speed_difference": "speed difference",
+    "missed_steps_dvi": "missed steps",
+    "seconds_dvi": "time by DVI [s]",
+    "seconds_dem": "by DEM [s]",
+}
+"""Columns of `methods.csv` that are shown, and their heads."""
 MAX_ROWS, MAX_FAILURES, MAX_LINES, FEW = 300, 20, 6, 40
 RELOAD = 10
 """Seconds after which a browser loads the page of a running study again."""
@@ -109,13 +119,6 @@ def report_on(folder: Path, omitted_of: OmittedEffectsOf) -> Report:
     return run_report(result, omitted_of(result))
 
 
-def write_study_page(state: StudyState) -> Path:
-    """Write ``index.html`` into the study's folder in one step, and return it."""
-    path = state.folder / INDEX
-    replace_text(path, html(state_report(state).up_to(Shown.PAGE), small=True))
-    return path
-
-
 def state_report(state: StudyState, total: int | None = None) -> Report:
     """Return the report on a study, running or not; of its points the torques alone. `total`: points of the study."""
     report = Report(
@@ -123,15 +126,14 @@ def state_report(state: StudyState, total: int | None = None) -> Report:
         f"study {state.folder.resolve().name}",
         folder=state.folder,
         reload=RELOAD if state.is_running else 0,
-        closing=f"Page: {state.folder / INDEX}",
     )
     report.add("Result", Statements([*_progress(state, total), *_corrections(state.folder)]), Shown.TERMINAL)
     few = len(state.points) <= FEW
     report.add("Points", _points(state), Shown.TERMINAL if few else Shown.PAGE)
     report.add("Size of the grains", Text("\n".join(grain_size_lines(state.folder))), Shown.TERMINAL)
-    for heading, name in (("Methods", "methods.txt"), ("Adaptive curve", "adaptive_curve.txt")):
-        path = state.folder / name
-        report.add(heading, Text(path.read_text(encoding="utf-8") if path.is_file() else ""), Shown.TERMINAL)
+    report.add("DVI against DEM", _methods(state.folder / "methods.csv"), Shown.TERMINAL)
+    curve = state.folder / "adaptive_curve.txt"
+    report.add("Adaptive curve", Text(curve.read_text(encoding="utf-8") if curve.is_file() else ""), Shown.TERMINAL)
     report.add("Failures", _failures(state), Shown.PAGE)
     return report.add("Pictures", pictures_in(state.folder, PICTURES), Shown.PAGE).add(
         "Files", links(state.folder), Shown.PAGE
@@ -182,13 +184,15 @@ def _progress(state: StudyState, total: int | None) -> list[Statement]:
     text += "".join(f", {counts[name]} {name}" for name in (RUNNING, FAILED, STOPPED) if counts[name])
     if state.seconds_left is not None and state.is_running:
         text += f"; about {format_duration(state.seconds_left)} left"
-    complete = done == number and not counts[FAILED]
-    lines = [Statement(Mark.GOOD if complete else Mark.NOTE if state.is_running else Mark.WARNING, f"{text}.")]
     if done and len(known) < done:
-        lines.append(warning(f"the torque of {done - len(known)} of {done} points has not converged"))
+        text += f"; the torque of {len(known)} of them has converged"
     if widest is not None:
-        lines.append(note(f"Largest half width of a 95 % interval: {50.0 * widest:.2g} %."))
-    return lines
+        text += f", to ± {50.0 * widest:.2g} % or better (95 %)"
+    if done and len(known) < done and not state.is_running:
+        text += "; reasons and remedies: column reason of study.csv"
+    complete = done == number == len(known)
+    lines = [Statement(Mark.GOOD if complete else Mark.NOTE if state.is_running else Mark.WARNING, f"{text}.")]
+    return [*lines, note("Friction and fill of the powder are taken as given; emclutch check estimates their range.")]
 
 
 def _corrections(folder: Path) -> list[Statement]:
@@ -221,12 +225,29 @@ def _cells(name: str, point: PointRow) -> tuple[str, ...]:
     )
 
 
+def _methods(path: Path) -> Table | None:
+    """Return torque, time of locking and wall-clock time by both contact methods, of each point; None without them."""
+    if not path.is_file():
+        return None
+    import pandas  # local, as above
+
+    table = pandas.read_csv(path)
+    names = list(table.columns)
+    values = names[: next(k for k, name in enumerate(names) if name.endswith(("_dem", "_dvi")))]
+    shown = [name for name in METHODS if name in names]
+    cells = table[shown].map(lambda value: "none" if pandas.isna(value) else f"{value:.4g}")
+    rows = pandas.concat([table[values].astype(str), cells], axis=1).to_numpy().tolist()
+    head = [*(name.rpartition(".")[2] for name in values), *(METHODS[name] for name in shown)]
+    return Table(rows, head, range(len(values), len(head)))
+
+
 def _failures(state: StudyState) -> list[Block]:
     """Return what points have failed of, with the last lines of their logs."""
     blocks: list[Block] = []
     for name, reason in [*state.failures.items()][:MAX_FAILURES]:
         label = state.points[name].label if name in state.points else name
-        blocks.append(Statements([Statement(Mark.UNUSABLE, f"{name} ({label}): {reason}")]))
+        what = name if label == name else f"{name} ({label})"
+        blocks.append(Statements([Statement(Mark.UNUSABLE, f"{what}: {reason}")]))
         blocks.append(Text(_last_lines(state.folder / name / "run.log")))
     more = max(0, len(state.failures) - MAX_FAILURES)
     return [*blocks, Text(f"{more} more, in failures.csv" if more else "")]

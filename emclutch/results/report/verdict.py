@@ -52,8 +52,8 @@ ROUGH = 0.1
 def verdict(result: Result) -> list[Statement]:
     """Return the statements on a run, finished or not; the number to quote first, unless the run failed."""
     summary = result.summary
-    found = [*_not_finished(result), *_transient(result), *_torque(result), *_stress(result), *_ended(summary),
-             *_next(result), *_balances(result), *_warnings(result), *_remarks(summary)]  # fmt: skip
+    found = [*_not_finished(result), *_transient(result), *_torque(result), *_stress(result), *_requested(result),
+             *_ended(summary), *_next(result), *_balances(result), *_warnings(result), *_remarks(summary)]  # fmt: skip
     return [replace(one, text=sentence(one.text)) for one in found]
 
 
@@ -85,17 +85,17 @@ def _not_finished(result: Result) -> Iterator[Statement]:
 def _transient(result: Result) -> Iterator[Statement]:
     """Say the times of a transient: rise of current and torque, lock-up; and torque against a ramp of current."""
     summary = result.summary
+    good = Mark.WARNING if result.folder.read_plan().get("omitted_effects") else Mark.GOOD
     if "lock_up_time" in summary:
         history, time = result.history, summary["lock_up_time"]
         rotor, disc = (abs(float(history[name].iloc[-1])) * RPM for name in (ROTOR_SPEED, DISC_SPEED))
         if time is not None:
-            yield Statement(
-                Mark.GOOD, f"the output locks at {format_time(time)} and turns at {disc:.4g} rpm at the end"
-            )
+            yield Statement(good, f"the output locks at {format_time(time)} and turns at {disc:.4g} rpm at the end")
         else:
             yield note(f"the output is not locked at the end: it turns at {disc:.4g} rpm, the motor at {rotor:.4g} rpm")
     lines = rise_in_words(summary)
-    first = Mark.NOTE if "lock_up_time" in summary else Mark.GOOD
+    known = Mark.UNUSABLE if summary.get("current_rise_time") is None else good
+    first = Mark.NOTE if "lock_up_time" in summary else known
     yield from (Statement(Mark.NOTE if number else first, line) for number, line in enumerate(lines))
     if ramp := summary.get("torque_against_current"):
         yield from map(note, ramp_in_words(ramp))
@@ -107,7 +107,8 @@ def _torque(result: Result) -> Iterator[Statement]:
     if TORQUE_DISC not in result.history or "torque_against_current" in summary or SHEAR_STRESS in result.history:
         return
     raw, best = result.torque, result.best
-    yield from _headline(result, "torque on the disc", best, _operating_point(result))
+    quoted = best if raw.is_steady else raw
+    yield from _headline(result, "torque on the disc", quoted, _operating_point(result))
     if not raw.is_steady or not raw.mean:
         return
     if range_ := summary.get("expected_torque_unknown_powder"):
@@ -125,7 +126,7 @@ def _torque(result: Result) -> Iterator[Statement]:
         how = f"{'add' if excess > 0.0 else 'take off'} {abs(excess):.2g} %, which is corrected"
         yield note(f"raw torque: {format_estimate(raw)}, {_replicas(raw)}; {what} {how}")
     else:
-        yield note(f"{_replicas(raw)}; {raw.reason}")
+        yield note(_averaged(raw))
     if error:
         yield from _error(summary, error)
 
@@ -139,7 +140,7 @@ def _headline(result: Result, name: str, found: Estimate, at: str) -> Iterator[S
     if found.mean is None or not found.is_steady:
         value = "" if found.mean is None else f", mean so far {found.mean:.3g} {_unit(name)}"
         yield Statement(Mark.UNUSABLE, f"{name} not known{value}: {found.reason}")
-        if found.remedy:
+        if found.remedy and next(_next(result), None) is None and not rise_in_words(result.summary):
             yield note(f"to mend it: {found.remedy}")
         return
     half = found.half_width()
@@ -147,10 +148,16 @@ def _headline(result: Result, name: str, found: Estimate, at: str) -> Iterator[S
     missed = [one for one in (until, target) if one is not None and not one["reached"]]
     rough = fraction > ROUGH or bool(missed) or not found.converged
     mark = Mark.UNUSABLE if fraction >= 1.0 else Mark.WARNING if rough else Mark.GOOD
-    yield Statement(mark, f"{name}: {format_estimate(found)}{at}")
+    yield Statement(mark, f"{name}: {format_estimate(found, _unit(name))}{at}")
     if found.steady_alone:
-        how = f"accuracy.replicas = {REPLICAS} includes it"
-        yield note(f"one replica: the scatter between replicas is not in the error bar; {how}")
+        yield note("one replica: the scatter between replicas is not in the error bar")
+
+
+def _requested(result: Result) -> Iterator[Statement]:
+    """Say whether the precision and the accuracy that were requested are reached."""
+    until, target = result.summary.get("until"), result.summary.get("accuracy_target")
+    if result.steady is None or not result.steady.is_steady:
+        return
     if until is not None and until["reached"]:
         yield note(f"the requested precision ({until['asked']}) was reached at {format_time(result.summary['time'])}")
     elif until is not None:
@@ -180,6 +187,10 @@ def _replicas(found: Estimate) -> str:
     return f"{found.replicas} replica{'s' * (found.replicas > 1)}{start}{pooled}"
 
 
+def _averaged(found: Estimate) -> str:
+    return _replicas(found) if found.steady_alone else f"{_replicas(found)}; {found.reason}"
+
+
 def _error(summary: dict[str, Any], error: dict[str, Any]) -> Iterator[Statement]:
     """Say the parts of the error of the best estimate, and what is not in it."""
     total, largest = error["total_error"], error["largest_part"]
@@ -207,7 +218,7 @@ def _stress(result: Result) -> Iterator[Statement]:
     if result.stress.is_steady:
         friction = (result.summary.get("effective_friction") or {}).get("mean")
         ratio = "" if friction is None else f"effective friction {friction:.3g}; "
-        yield note(f"{ratio}{_replicas(result.stress)}; {result.stress.reason}")
+        yield note(f"{ratio}{_averaged(result.stress)}")
 
 
 def _ended(summary: dict[str, Any]) -> Iterator[Statement]:
@@ -228,10 +239,10 @@ def _next(result: Result) -> Iterator[Statement]:
     if changing_drive(result.history, found.start):
         return
     until, asked = summary.get("until") or {}, summary.get("accuracy_target") or {}
-    if until.get("reached") or asked.get("reached"):
-        return
     settings = summary.get("discretisation_error") or {}
     largest, own = (settings.get("largest_part") or {}).get("name"), settings.get("half_width") or 0.0
+    if asked.get("reached") or (until.get("reached") and largest in (None, STATISTICS)):
+        return
     wanted, end = result.conditions.wanted(found.mean or 0.0), float(summary.get("time") or 0.0)
     if not end or (may_be_zero(found) and not result.conditions.negligible):
         return
@@ -354,7 +365,7 @@ def _warnings(result: Result) -> Iterator[Statement]:
             "more, or the run is shorter than time.end"
         )
     for effect, number in result.folder.read_plan().get("omitted_effects", {}).items():
-        yield warning(f"left out, although it may matter: {in_words(effect)} ({number})")
+        yield warning(f"left out, although it may matter: {in_words(effect)}; {number}")
     if result.folder.lacks_pictures():
         yield warning(f"its pictures are missing; draw them with: emclutch plot {result.folder.path}")
 

@@ -92,22 +92,22 @@ class Cost:
         seconds = self.seconds
         threads = "one thread" if self.threads == 1 else f"{self.threads} threads"
         if self.replicas > 1:
-            threads += f" for each of {self.replicas} replicas at a time"
+            threads = f"{self.replicas} replicas at a time on {threads} each"
         if self.rounds > 1:
-            threads += f", in {self.rounds} rounds"
+            threads += f", {self.rounds} rounds"
         each = " each" if self.replicas > 1 else ""
         text = (
-            f"about {format_rough_time(seconds['total'])} on {threads}, idle cores, within a factor of two: "
-            f"{self.steps} steps of {self.grains} grains; {self.memory:.0f} MiB of memory{each}, {self.disk:.0f} "
-            "MiB on disk"
+            f"about {format_rough_time(seconds['total'])} on idle cores, within a factor of two ({threads}); "
+            f"{self.memory:.0f} MiB of memory{each}, {self.disk:.0f} MiB on disk"
         )
-        long = "more than a day; are all lengths and times in the units that were meant?"
+        long = "the run takes more than a day; are all lengths and times in the units that were meant?"
         return Decision(text, shortage(self.replicas * self.memory), long if seconds["total"] > 86400.0 else "")
 
     def parts_in_words(self) -> str:
-        """One line: time by part, without that of compiling."""
+        """One line: steps and grains, and the time by part, without that of compiling."""
         parts = ((part, value) for part, value in self.seconds.items() if part != "total")
-        return ", ".join(f"{part} {format_rough_time(value)}" for part, value in parts)
+        times = ", ".join(f"{part} {format_rough_time(value)}" for part, value in parts)
+        return f"{self.steps} steps of {self.grains} grains: {times}"
 
 
 def predict(

@@ -12,7 +12,7 @@ from emclutch.results.accuracy_study import AccuracyStudy
 from emclutch.results.atomic_file import replace_text
 from emclutch.results.pictures.accuracy import accuracy_picture
 from emclutch.results.recommended import Choice, LimitingError
-from emclutch.results.report.render import html, markdown
+from emclutch.results.report.render import markdown, write_index
 from emclutch.results.text import format_duration, format_percent
 from emclutch.scene.case import Case
 from emclutch.scene.input_files import input_files
@@ -25,7 +25,7 @@ def write_answers(
 ) -> tuple[Answer, ...]:
     """Write tables, a picture, a page and a scene for each target that is reached; return what reaches the targets.
 
-    Writes ``accuracy.csv``, ``accuracy.png``, ``accuracy.md``, ``accuracy.html`` and scenes as
+    Writes ``accuracy.csv``, ``accuracy.png``, ``accuracy.md``, ``index.html`` and scenes as
     ``target_10_percent.toml``, in place of earlier ones.
 
     Parameters
@@ -39,7 +39,7 @@ def write_answers(
     accuracy_picture(folder / "accuracy.png", study, found, title=f"Accuracy and processor time: {study.case}")
     report = accuracy_report(study, answers, folder, remarks)
     replace_text(folder / "accuracy.md", markdown(report, folder))
-    replace_text(folder / "accuracy.html", html(report))
+    write_index(report)
     return answers
 
 
@@ -77,7 +77,7 @@ def _head(case: Case, study: AccuracyStudy, choice: Choice, target: float, name:
         "",
         f"Run:    emclutch run {name}",
         f"Takes:  {format_duration(choice.seconds)} of processor time, for about {choice.replicas} replicas",
-        f"Error:  +- {format_percent(choice.half_width)}: {parts}",
+        f"Error:  ± {format_percent(choice.half_width)}: {parts}",
         f"Bias:   {100.0 * choice.total.bias:+.2g} % by the settings; the torque of a run is to be divided by "
         f"{1.0 + choice.total.bias:.4g}",
         f"From:   accuracy study of device {study.device}{f' ({machine})' if machine else ''}",

@@ -21,8 +21,18 @@ from emclutch.results import RunFolder
 from emclutch.results.atomic_file import replace_text
 from emclutch.results.effect_contributions import Contributions, Without
 from emclutch.results.pictures.effect_contributions import effects_picture
-from emclutch.results.report.render import markdown
-from emclutch.results.report.report import Mark, Picture, Report, Reported, Shown, Statement, Statements, Table, note
+from emclutch.results.report.render import markdown, write_index
+from emclutch.results.report.report import (
+    Mark,
+    Picture,
+    Report,
+    Reported,
+    Shown,
+    Statement,
+    Statements,
+    Table,
+    note,
+)
 from emclutch.results.text import format_duration
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import Fault, SceneError
@@ -270,18 +280,19 @@ class _EffectsRun(ResumableStudy):
 
 
 def write_effects(found: Contributions, folder: Path) -> None:
-    """Write ``effects.csv``, ``effects.png`` and ``effects.md``."""
+    """Write ``effects.csv``, ``effects.png``, ``effects.md`` and ``index.html``."""
     import pandas
 
     replace_text(folder / "effects.csv", pandas.DataFrame(rows_of(found)).to_csv(index=False))
     effects_picture(folder / "effects.png", found, title=f"What each effect adds: {found.case}")
-    replace_text(folder / "effects.md", markdown(effects_report(found, folder), folder))
+    report = effects_report(found, folder)
+    replace_text(folder / "effects.md", markdown(report, folder))
+    write_index(report)
 
 
 def effects_report(found: Contributions, folder: Path) -> Report:
     """Return the report on what each effect adds to torque and processor time."""
-    report = Report(f"What each effect adds: {found.case}", folder=folder, data={"effects": rows_of(found)},
-                    closing=f"Page: {folder / 'effects.md'}")  # fmt: skip
+    report = Report(f"What each effect adds: {found.case}", folder=folder, data={"effects": rows_of(found)})
     report.add("Result", Statements([Statement(Mark.GOOD, line) for line in found.in_words()]), Shown.TERMINAL)
     report.add("Torque and cost", _table(found), Shown.TERMINAL)
     remarks = [

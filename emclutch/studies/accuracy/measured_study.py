@@ -26,7 +26,7 @@ from emclutch.studies.accuracy.tasks import TaskResult, strain_of
 
 
 @dataclass(frozen=True)
-class Measured:
+class StudyRuns:
     """Results of the tasks of a study.
 
     Attributes
@@ -106,7 +106,7 @@ class Measured:
         return self.base.plan.cost.grains / planned.grains
 
 
-def study_of(found: Measured) -> AccuracyStudy:
+def study_of(found: StudyRuns) -> AccuracyStudy:
     """Return the study of a device; RunError where the torque at the scene's own settings has no sign."""
     refuse_no_torque(found.own)
     scatter, freedom = found.scatter
@@ -161,7 +161,7 @@ def failure_of(some: Sequence[TaskResult], torque: float) -> str:
     return ""
 
 
-def _measured_setting(setting: Setting, found: Measured, scatter: float, freedom: float) -> MeasuredSetting:
+def _measured_setting(setting: Setting, found: StudyRuns, scatter: float, freedom: float) -> MeasuredSetting:
     own = float(setting.own(found.base.scene, found.base.plan))
     basis = Basis.TORQUE
     if setting.measured_on == FROZEN:
@@ -178,7 +178,7 @@ def _measured_setting(setting: Setting, found: Measured, scatter: float, freedom
     )
 
 
-def _torque_values(setting: Setting, own: float, found: Measured, scatter: float) -> list[MeasuredValue]:
+def _torque_values(setting: Setting, own: float, found: StudyRuns, scatter: float) -> list[MeasuredValue]:
     """Return the values of a setting; those that were not run have their predicted cost."""
     keys = {(setting.name, one.value): one for one in found.planned if one.setting == setting.name}
     values = [_torque_value(own, setting.step_size(own), found.own, found.torque, scatter, found.seconds)]
@@ -201,17 +201,17 @@ def _torque_value(
     return MeasuredValue(value, step_size, result, error, len(some), seconds, seconds / own_seconds, failure)
 
 
-def _predicted_cost(planned: PlannedValue, found: Measured) -> float:
+def _predicted_cost(planned: PlannedValue, found: StudyRuns) -> float:
     """Return the cost of a value over that of the scene's own, rounded: equal ones do not differ by round-off."""
     return float(f"{planned.seconds / found.base.seconds:.9g}")
 
 
-def _unmeasured(planned: PlannedValue, found: Measured) -> MeasuredValue:
+def _unmeasured(planned: PlannedValue, found: StudyRuns) -> MeasuredValue:
     cost = _predicted_cost(planned, found)
     return MeasuredValue(planned.value, planned.step_size, None, 0.0, 0, cost * found.seconds, cost)
 
 
-def _frozen_values(setting: Setting, own: float, found: Measured) -> list[MeasuredValue]:
+def _frozen_values(setting: Setting, own: float, found: StudyRuns) -> list[MeasuredValue]:
     values = []
     planned = {one.value: one for one in found.planned if one.setting == setting.name}
     for value in (own, *planned):
@@ -225,7 +225,7 @@ def _frozen_values(setting: Setting, own: float, found: Measured) -> list[Measur
     return values
 
 
-def _start_up_values(setting: Setting, found: Measured) -> tuple[list[MeasuredValue], float]:
+def _start_up_values(setting: Setting, found: StudyRuns) -> tuple[list[MeasuredValue], float]:
     """Return the values of the start-up: each replica against itself, averaged from the latest start on.
 
     The mean over all replicas of the study, by their grains, of (T - T_latest)/T_latest; its standard error is that of
@@ -259,12 +259,12 @@ def _start_up_values(setting: Setting, found: Measured) -> tuple[list[MeasuredVa
     return values, freedom
 
 
-def _averaged_strain(found: Measured) -> float | None:
+def _averaged_strain(found: StudyRuns) -> float | None:
     start = strain_of(found.starts[0])
     return None if start is None or found.base.strain is None else found.base.strain - start
 
 
-def _why_unknown(name: str, measured: MeasuredSetting, found: Measured) -> tuple[str, bool]:
+def _why_unknown(name: str, measured: MeasuredSetting, found: StudyRuns) -> tuple[str, bool]:
     """Return why the error of a setting is not known, and whether the budget had no room for it."""
     open_values = [one.seconds for one in measured.values if not one.replicas]
     if name in found.left_out or (open_values and not any(one.failure for one in measured.values)):

@@ -3,20 +3,29 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from emclutch.results.accuracy_study import AccuracyStudy, Basis, MeasuredSetting, SettingError
-from emclutch.results.recommended import STATISTICS, Choice, LimitingError, own_choice, unknown_of
-from emclutch.results.report.report import Mark, Picture, Report, Shown, Statement, Statements, Table, note, warning
+from emclutch.results.recommended import Choice, LimitingError, own_choice, unknown_of
+from emclutch.results.report.report import (
+    Mark,
+    Picture,
+    Report,
+    Shown,
+    Statement,
+    Statements,
+    Table,
+    note,
+    warning,
+)
 from emclutch.results.setting_errors import ORDER_SPREAD, SMALL_ERROR
 from emclutch.results.text import format_duration, format_percent, in_words
 from emclutch.scene.replica_count import cores_at_hand
-from emclutch.settings import SETTINGS
+from emclutch.settings import SETTINGS, UNITS
 
-UNITS = {one.name: one.unit for one in SETTINGS}
 SHORT = {Basis.TORQUE: "torque", Basis.MOMENTS: "squared moments", Basis.START_UP: "torque, start-up"}
 MACHINE = ("date", "processor", "cores", "jobs")
 """Entries of a study's machine that stand at the head of the page."""
@@ -109,8 +118,8 @@ def accuracy_report(study: AccuracyStudy, answers: Sequence[Answer], folder: Pat
     machine = ", ".join(f"{key} {value}" for key, value in known.items())
     subtitle = f"device {study.device}{f'; {machine}' if machine else ''}"
     report = Report(f"Accuracy and processor time: {study.case}", subtitle, folder=folder,
-                    data={"settings": rows_of(study)}, closing=f"Page: {folder / 'accuracy.html'}")  # fmt: skip
-    statements = [*_statements(study), *_limits(answers), *map(note, remarks)]
+                    data={"settings": rows_of(study)})  # fmt: skip
+    statements = [*_statements(study), *_limits(answers), *map(warning, remarks)]
     report.add("Result", Statements(statements), Shown.TERMINAL)
     report.add("Settings for wanted accuracies", _answers(study, answers), Shown.TERMINAL)
     report.add("These settings", [_choices(study, answers), Statements([*_explanations(study, answers)])], Shown.PAGE)
@@ -124,27 +133,35 @@ def accuracy_report(study: AccuracyStudy, answers: Sequence[Answer], folder: Pat
 def _statements(study: AccuracyStudy) -> Iterator[Statement]:
     """Say the best estimate with its error, what is not in it, the raw torque and the dominant error."""
     own, (torque, half) = own_choice(study), study.best_estimate()
-    parts = own.total.widths | {STATISTICS: study.statistical}
-    largest = max(parts, key=lambda name: parts[name])
     mark = Mark.WARNING if half > ROUGH or own.total.unknown else Mark.GOOD
     yield Statement(mark, f"Torque on the disc: {torque:.3g} N m ± {format_percent(half)} (95 %), best estimate.")
     yield note("Friction, rolling friction, fill and contact law are taken as given and change the torque by more.")
-    for name, reason in unknown_of(study).items():
-        yield warning(f"the error of {in_words(name)} is not included: {reason}")
+    for reason, names in _grouped((reason, in_words(name)) for name, reason in unknown_of(study).items()).items():
+        yield warning(f"not measured, and not in the error bar: {', '.join(names)}; {reason}")
     what, bias = "measured" if own.total.unknown else "numerical", 100.0 * own.total.bias
     how = f"the {what} settings {'add' if bias > 0.0 else 'take off'} {abs(bias):.2g} %"
-    yield note(f"Raw torque: {study.torque:.3g} N m, mean of {study.replicas} replicas; {how}, which is corrected.")
-    yield note(f"Dominant error: {in_words(largest)}, {format_percent(parts[largest])}.")
+    excess = 100.0 * (study.torque / torque - 1.0)
+    beside = f"{abs(excess):.2g} % {'above' if excess > 0.0 else 'below'} the best estimate of all replicas"
+    yield note(f"Raw torque: {study.torque:.3g} N m, mean of {study.replicas} replicas, {beside}; {how}.")
+    whole, dominant = (format_percent(one) for one in (own.half_width, own.parts[own.largest]))
+    yield note(f"A run of this scene: ± {whole}; dominant error: {in_words(own.largest)}, {dominant}.")
 
 
 def _limits(answers: Sequence[Answer]) -> Iterator[Statement]:
     """Say why targets are not reached."""
-    limits: dict[str, list[str]] = {}
-    for one in answers:
-        if isinstance(one.found, LimitingError):
-            limits.setdefault(one.found.in_words(), []).append(format_percent(one.target))
-    for reason, targets in limits.items():
-        yield warning(f"{', '.join(targets)}: {reason}")
+    limits = [(one.found, format_percent(one.target)) for one in answers if isinstance(one.found, LimitingError)]
+    unknown = "not reachable before these errors are measured; continue with --resume and a larger --budget"
+    reasons = _grouped((unknown if one.half_width is None else one.in_words(), target) for one, target in limits)
+    for reason, targets in reasons.items():
+        yield warning(f"± {', '.join(targets)}: {reason}")
+
+
+def _grouped(pairs: Iterable[tuple[str, str]]) -> dict[str, list[str]]:
+    """Return the second members of pairs by the first."""
+    found: dict[str, list[str]] = {}
+    for key, value in pairs:
+        found.setdefault(key, []).append(value)
+    return found
 
 
 def _answers(study: AccuracyStudy, answers: Sequence[Answer]) -> Table:

@@ -30,7 +30,7 @@ from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.replica_count import replica_seed
 from emclutch.settings import FROZEN, TORQUE, Setting, settings_of
 from emclutch.simulation.plan_in_words import narrow_sector
-from emclutch.studies.accuracy.measured_study import Measured, refuse_no_torque, scatter_of, study_of, this_machine
+from emclutch.studies.accuracy.measured_study import StudyRuns, refuse_no_torque, scatter_of, study_of, this_machine
 from emclutch.studies.accuracy.plan import (
     BASE,
     OWN,
@@ -193,7 +193,7 @@ def preview(case: Case, budget: float | None = None, jobs: int | None = None) ->
             if one.setting == setting.name
         )
         how = "frozen packing, field alone" if frozen else "a replica each"
-        own_value = f"{setting.own(base.scene, base.plan):.4g}"
+        own_value = f"{setting.own(base.scene, base.plan):.4g} {setting.unit}".rstrip()
         table.append((in_words(setting.name), own_value, values or ONE_VALUE, how if values else ""))
     head = ("setting", "in the scene", "values", "measured on")
     return report.add("Values", Table(table, head, (1,)), Shown.TERMINAL)
@@ -214,9 +214,10 @@ def _replaced(study: AccuracyStudy, earlier: tuple[AccuracyStudy, Path] | None) 
     if before <= spent:
         return ()
     where = accuracy_study_folder() / f"{study.device}.json"
-    longer = f"one of {format_duration(before)} of processor time ({earlier[0].machine.get('date')})"
-    back = f"Remove {where} to go back." if earlier[1].parent == SHIPPED else "Repeat that study to go back."
-    return f"Runs of this device now have their errors from this study, in place of {longer}.", back
+    longer = f"one of {format_duration(before)} ({earlier[0].machine.get('date')})"
+    back = f"remove {where}" if earlier[1].parent == SHIPPED else "repeat that study"
+    text = f"runs of this device now take their errors from this study of {format_duration(spent)} of processor time"
+    return (f"{text}, no longer from {longer}. To go back {back}",)
 
 
 def _answers(
@@ -420,7 +421,7 @@ class _StudyRun(ResumableStudy):
             found.append(((setting, value), replica_name(setting, value, n)))
         return found
 
-    def _measured(self) -> Measured:
+    def _measured(self) -> StudyRuns:
         """Return all results, by setting and value; replicas that were not run are left out."""
         replicas: dict[tuple[str, float], list[TaskResult]] = {}
         first = [((BASE, 0.0), replica_name(BASE, 0.0, n)) for n in range(BASE_REPLICAS)]
@@ -436,7 +437,7 @@ class _StudyRun(ResumableStudy):
         for n in self.known["frozen"] or ():
             planned = self.planned[n]
             frozen[planned.setting, planned.value] = self._frozen(self.settings[planned.setting], planned).folder
-        return Measured(
+        return StudyRuns(
             case=self.case,
             base=self.base,
             planned=tuple(self.planned),
