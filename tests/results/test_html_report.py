@@ -141,6 +141,19 @@ def test_a_torque_belongs_to_a_current_that_stays(tmp_path):
         assert (", at 0 A" in write_index(load_result(folder.path).report()).read_text(encoding="utf-8")) == said
 
 
+def test_energies_of_the_table_close(tmp_path):
+    """Energy at the start is not recorded: work and losses of the first window are not in the sums."""
+    folder = written_run(tmp_path / "run", off=0.0)
+    history = pandas.read_csv(folder.history)
+    kinetic = 5.0 + np.arange(len(history))
+    work = np.where(np.arange(len(history)) == 0, 9.0, 2.0)
+    history.assign(kinetic_energy=kinetic, work_walls=work).to_csv(folder.history, index=False)
+    (section,) = (one for one in run_report(load_result(folder.path)).sections if one.heading == "Balances")
+    joule = {label: float(text.removesuffix(" J")) for label, text in section.blocks[0].rows if text.endswith(" J")}
+    change = joule["energy: change of kinetic energy"]
+    assert joule["energy: work walls"] == joule["energy: dissipated"] + change and change == len(history) - 1
+
+
 def test_a_study_shows_its_points_and_which_are_missing_failed_or_newer_than_its_table(tmp_path):
     folder = written_study(tmp_path, [1.0, 2.0], HOSTILE)
     study = read_study(folder)

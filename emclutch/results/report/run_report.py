@@ -15,6 +15,7 @@ from emclutch.results.columns import (
     DISSIPATED,
     ENERGY_RESIDUAL,
     SHEAR_STRESS,
+    TIME,
     TORQUE_DISC,
     WORK_BOX_MAGNETIC,
     WORK_LAGGED,
@@ -230,9 +231,14 @@ def _torques(result: Result) -> list[tuple[str, str]]:
 
 
 def _balances(result: Result) -> list[tuple[str, str]]:
-    """Return each balance and residual with what it is compared with; energies are sums over the run."""
+    """Return each balance and residual with what it is compared with.
+
+    Energies are known at the ends of windows: sums and changes are those from the end of the first one on.
+    """
     summary, history = result.summary, result.history
-    table = [(f"energy: {in_words(name)}", f"{history[name].sum():.4g} J") for name in ENERGIES if name in history]
+    after = history.iloc[1:]
+    table = [("energies", f"from {format_time(float(history[TIME].iloc[0]))} to the end of the run")]
+    table += [(f"energy: {in_words(name)}", f"{after[name].sum():.4g} J") for name in ENERGIES if name in history]
     table += [
         (f"energy: change of {in_words(name)}", f"{history[name].iloc[-1] - history[name].iloc[0]:.4g} J")
         for name in ("kinetic_energy", "elastic_energy", "magnetic_energy")
