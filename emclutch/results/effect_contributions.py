@@ -95,7 +95,7 @@ class Contributions:
         return [one for one in self.without if one.torque is not None]
 
     def in_words(self) -> list[str]:
-        """Return what carries the torque, what costs the time, and what is not significant, a sentence each."""
+        """Return sentences on the largest contributions to torque and time, and on insignificant effects."""
         torque, measured = self.whole.torque, self.measured
         assert torque is not None
         lines = [f"Torque: {torque.text()} N m for {self.whole.seconds:.3g} s of processor time a replica."]

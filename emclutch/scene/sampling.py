@@ -26,7 +26,7 @@ MOST = 10_000  # samples, and values of a range
 METHODS = ("latin_hypercube", "sobol", "saltelli", "one_at_a_time", "adaptive")
 _SPANNING = ("latin_hypercube", "sobol", "saltelli")
 """Methods that place points in the ranges without a count."""
-LEAST_PLACES, LEAST_REPLICAS = 4, 2
+MIN_PLACES, MIN_REPLICAS = 4, 2
 """Of an adaptive curve: values, and replicas of each."""
 _RANGE = ("from", "to", "count", "spacing", "whole")
 _EXAMPLE = '{ from = "0.25 A", to = "1 A" }'
@@ -199,9 +199,9 @@ def places_along(values: dict[str, list[Any]]) -> tuple[str, list[float]]:
         There is no such key, or a value is no number above 0 in the unit of the others.
     """
     along = [key for key, options in values.items() if key != SEED and len(options) > 1]
-    if len(along) != 1 or len(values[along[0]]) < LEAST_PLACES:
+    if len(along) != 1 or len(values[along[0]]) < MIN_PLACES:
         raise ValueError(
-            f"needs one value along which the curve goes, with at least {LEAST_PLACES} entries, and {SEED}; "
+            f"needs one value along which the curve goes, with at least {MIN_PLACES} entries, and {SEED}; "
             f"here: {', '.join(along) or 'none'}"
         )
     found = [_number_and_unit(one) for one in values[along[0]]]
@@ -214,8 +214,8 @@ def _adaptive_faults(values: dict[str, list[Any]]) -> list[Fault]:
     """Faults of the values of an adaptive curve."""
     if not all(isinstance(options, list) and options for options in values.values()):
         return []  # reported elsewhere
-    if len(values.get(SEED, ())) < LEAST_REPLICAS:
-        words = f"needs replicas to choose from; list {SEED}, at least {LEAST_REPLICAS}, e.g. 1 to 16"
+    if len(values.get(SEED, ())) < MIN_REPLICAS:
+        words = f"needs replicas to choose from; list {SEED}, at least {MIN_REPLICAS}, e.g. 1 to 16"
         return [Fault("study.sample.method", "'adaptive'", words)]
     try:
         places_along(values)

@@ -6,6 +6,7 @@ The text of a scene in it is untrusted: each renderer escapes it.
 from __future__ import annotations
 
 import tempfile
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum, IntEnum
@@ -199,12 +200,12 @@ def _is_empty(block: Block) -> bool:
     return content is not None and not getattr(block, content)
 
 
-class Reported:
+class Reported(ABC):
     """Base of a result that prints itself: `report` is what `emclutch` prints, writes and shows in a notebook."""
 
+    @abstractmethod
     def report(self) -> Report:
         """Return the report on the result."""
-        raise NotImplementedError
 
     def _repr_html_(self) -> str:
         from html import escape  # local, as the next: what draws pages is heavy

@@ -192,7 +192,7 @@ def _averaged(found: Estimate) -> str:
 
 
 def _error(summary: dict[str, Any], error: dict[str, Any]) -> Iterator[Statement]:
-    """Say the parts of the error of the best estimate, and what is not in it."""
+    """Say the parts of the error of the best estimate, and the errors that were not measured."""
     total, largest = error["total_error"], error["largest_part"]
     text = f"error: settings {format_percent(error['half_width'])}"
     if total is not None:
