@@ -12,6 +12,8 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from emclutch.devices.geometry_section import NO_MATERIALS, GeometrySection
+from emclutch.results.steady_stress import steady_stress, stress_summary
+from emclutch.results.steady_torque import MIN_AVERAGED_STRAIN, SteadyConditions
 from emclutch.scene.errors import Fault
 from emclutch.scene.fill import fill_of, grains_volume
 from emclutch.scene.partial_scene import PartialScene, size_key
@@ -23,7 +25,6 @@ if TYPE_CHECKING:
 
     from emclutch.device_model.device import Device
     from emclutch.effects.effect import Load
-    from emclutch.results.steady_torque import SteadyConditions
     from emclutch.scene.materials import Material
     from emclutch.scene.model import Scene
     from emclutch.simulation.forecast.expected_torque import ExpectedTorque
@@ -366,7 +367,6 @@ class ShearedBoxGeometry(GeometrySection):
     def words(self, scene: Scene, end: float) -> Iterator[tuple[str, str]]:
         """Yield the box, its rate with the inertial number, the strain and the stress that is expected."""
         from emclutch.device_model.decision import Decision
-        from emclutch.results.steady_torque import MIN_AVERAGED_STRAIN
         from emclutch.scene.start_up import start_up_strain
         from particles.diagnostics.inertial_number import inertial_number
 
@@ -408,8 +408,6 @@ class ShearedBoxGeometry(GeometrySection):
         self, histories: Sequence[pandas.DataFrame], conditions: SteadyConditions, scene: Scene
     ) -> dict[str, Any]:
         """See `GeometrySection.summarise`: stress, effective friction, inertial numbers."""
-        from emclutch.results.steady_stress import steady_stress, stress_summary
-
         found = steady_stress(histories, conditions)
         grains = scene.grains
         summary = stress_summary(found, histories, self.rate(scene), grains.mean_diameter, grains.density)

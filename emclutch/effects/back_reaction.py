@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from pydantic import Field
 
-from emclutch.effects.column import Column, When
 from emclutch.effects.effect import EffectSection
 from emclutch.effects.omitted_effect import OFF, OmittedEffect
+from emclutch.results.columns import Column, When
 from emclutch.scene.errors import Fault
 from emclutch.scene.fill import fill_of
 from emclutch.scene.grain_smear import MIN_WIDTH, TRUE_WIDTH, moments_are_fed_back, narrowest_gap, smear_width

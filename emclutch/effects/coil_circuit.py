@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from pydantic import Field
 
-from emclutch.effects.column import Column, When
 from emclutch.effects.drive import BEGINNING, ENERGY_COLUMNS, need_of_a_coil, switching_omitted
 from emclutch.effects.effect import EffectSection
+from emclutch.results.columns import Column, When
 from emclutch.scene.errors import Fault
 from emclutch.scene.partial_scene import PartialScene
 from emclutch.scene.section import Choice

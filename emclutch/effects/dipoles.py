@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from emclutch.effects.column import Column, When
 from emclutch.effects.effect import EffectSection, Load
 from emclutch.effects.omitted_effect import OFF, OmittedEffect
+from emclutch.results.columns import FIELD_STRENGTH_POWDER, STEPS, Column, When
 from emclutch.scene.errors import Fault
 from emclutch.scene.grain_smear import (
     MIN_WIDTH,
@@ -264,7 +264,6 @@ class DipolesSection(EffectSection):
     def summarise(self, history, simulation):
         """Convergence of the moments, and strength of necks relative to the contact's stiffness."""
         from coupling import MutuallyMagnetisedGrains
-        from emclutch.results.columns import FIELD_STRENGTH_POWDER, STEPS
         from particles import DEM, depth_warning, pull_stiffness_ratio
 
         if MOMENT_RESIDUAL not in history:

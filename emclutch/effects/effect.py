@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from emclutch.effects.column import Column
+from emclutch.results.columns import Column
 from emclutch.scene.errors import Fault
 from emclutch.scene.section import Section
 from emclutch.scene.usual_ranges import UsualRange

@@ -8,9 +8,9 @@ from typing import Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 
-from emclutch.effects.column import Column, When
 from emclutch.effects.effect import EffectSection, Load
 from emclutch.effects.omitted_effect import OFF, OmittedEffect
+from emclutch.results.columns import Column, When
 from emclutch.scene.errors import Fault, shown
 from emclutch.scene.partial_scene import PartialScene
 from emclutch.scene.section import refuse

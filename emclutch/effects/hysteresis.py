@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, ClassVar
 
 from pydantic import Field
 
-from emclutch.effects.column import Column, When
 from emclutch.effects.drive import need_of_a_coil
 from emclutch.effects.effect import EffectSection
 from emclutch.effects.omitted_effect import OFF, OmittedEffect
+from emclutch.results.columns import Column, When
 from emclutch.scene.errors import Fault
 from emclutch.scene.partial_scene import PartialScene
 from emclutch.scene.units import Coercivity

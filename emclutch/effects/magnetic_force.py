@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from emclutch.effects.column import Column, When
 from emclutch.effects.effect import EffectSection
 from emclutch.effects.omitted_effect import OFF, OmittedEffect
+from emclutch.results.columns import Column, When
 
 TORQUE_DISC_FIELD = Column(
     "torque_disc_field", "N m", "part of torque_disc: reaction to the pull of the field of its slots", When.MEAN

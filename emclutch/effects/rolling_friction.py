@@ -6,9 +6,9 @@ from typing import Annotated, ClassVar
 
 from pydantic import Field
 
-from emclutch.effects.column import Column, When
 from emclutch.effects.effect import EffectSection
 from emclutch.effects.omitted_effect import OFF, OmittedEffect
+from emclutch.results.columns import Column, When
 from emclutch.scene.units import number
 from emclutch.scene.usual_ranges import UsualRange
 

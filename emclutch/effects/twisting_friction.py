@@ -6,9 +6,9 @@ from typing import Annotated
 
 from pydantic import Field
 
-from emclutch.effects.column import Column, When
 from emclutch.effects.effect import EffectSection
 from emclutch.effects.omitted_effect import OFF, OmittedEffect
+from emclutch.results.columns import Column, When
 from emclutch.scene.units import number
 
 DISSIPATED_TWISTING = Column("dissipated_twisting", "J", "part of dissipated by twisting friction", When.SUM)

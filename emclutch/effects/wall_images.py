@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import ClassVar
 
-from emclutch.effects.column import Column, When
 from emclutch.effects.effect import EffectSection
 from emclutch.effects.omitted_effect import OFF, OmittedEffect
+from emclutch.results.columns import Column, When
 from emclutch.scene.errors import Fault
 from emclutch.scene.grain_smear import layers_change_the_field
 from emclutch.scene.partial_scene import PartialScene

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from emclutch.lazily import lazy_attributes
 
 if TYPE_CHECKING:  # as in emclutch
-    from emclutch.results.columns import COLUMNS
+    from emclutch.results.column_table import COLUMNS
     from emclutch.results.errors import OutputError
     from emclutch.results.history import HistoryWriter, read_history
     from emclutch.results.progress import Progress
@@ -30,7 +30,7 @@ __all__ = [
 __getattr__, __dir__ = lazy_attributes(
     __name__,
     {
-        "COLUMNS": "emclutch.results.columns:COLUMNS",
+        "COLUMNS": "emclutch.results.column_table:COLUMNS",
         "OutputError": "emclutch.results.errors:OutputError",
         "HistoryWriter": "emclutch.results.history:HistoryWriter",
         "read_history": "emclutch.results.history:read_history",

@@ -1,21 +1,54 @@
-"""Columns of ``history.csv``: the names by which code reads them, with unit and meaning, and their order in the file.
+"""Columns of ``history.csv``: the names by which code reads them, with unit and meaning.
 
-Columns of an effect are declared by the effect (`EffectSection.columns`); those of every run stand here. Column names
-carry no unit. A quantity that a scene does not have (its effect is off) has no column. A row is of a coupling window;
-each column says of which instant, or of what over the window, it is (`emclutch.effects.column.When`).
+Columns of an effect are declared by the effect (`EffectSection.columns`); those of every run stand here, and
+`emclutch.results.column_table` has both. Column names carry no unit. A quantity that a scene does not have (its effect
+is off) has no column. A row is of a coupling window; each column says of which instant, or of what over the window, it
+is (`When`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import fields
+from enum import Enum
 from typing import TYPE_CHECKING
-
-from emclutch.effects import EFFECTS
-from emclutch.effects.column import Column, When
 
 if TYPE_CHECKING:
     from coupling import WindowRow
+
+
+class When(Enum):
+    """What a column of a window's row is of; the value is how the reference says it."""
+
+    END = "instant: end of the window"
+    FIELD = "instant: last solve of the field"
+    MOMENTS = "instant: last evaluation of the moments"
+    MEAN = "mean over the window"
+    SUM = "sum over the window"
+    LARGEST = "largest of the window"
+
+
+class Column(str):
+    """Name of a column of ``history.csv``, so that ``history[column]`` is the column.
+
+    Attributes
+    ----------
+    unit : str
+        SI; "1" where it has none.
+    meaning : str
+    when : When
+    """
+
+    __slots__ = ("meaning", "unit", "when")
+    unit: str
+    meaning: str
+    when: When
+
+    def __new__(cls, name: str, unit: str = "1", meaning: str = "", when: When = When.END) -> Column:
+        """Make the column of a name."""
+        column = super().__new__(cls, name)
+        column.unit, column.meaning, column.when = unit, meaning, when
+        return column
+
 
 END, FIELD, MOMENTS, MEAN, SUM, LARGEST = When.END, When.FIELD, When.MOMENTS, When.MEAN, When.SUM, When.LARGEST
 
@@ -147,7 +180,7 @@ STABILISATION_WORK = Column(
 REBUILDS = Column("rebuilds", "1", "rebuilds of the neighbour list", SUM)
 STEPS = Column("steps", "1", "time steps of the grains", SUM)
 
-_OF_EVERY_RUN = tuple(value for value in list(globals().values()) if isinstance(value, Column))
+OF_EVERY_RUN = tuple(value for value in list(globals().values()) if isinstance(value, Column))
 
 WALL_FIELD = Column("wall_field", "s", "wall-clock time for the field", SUM)
 WALL_MAGNETIC = Column("wall_magnetic", "s", "wall-clock time for moments and lagged forces", SUM)
@@ -155,15 +188,7 @@ WALL_CONTACT = Column("wall_contact", "s", "wall-clock time for contacts and mot
 WALL_TOTAL = Column("wall_total", "s", "wall-clock time", SUM)
 PROCESSOR_TIME = Column("processor_time", "s", "processor time of all threads", SUM)
 
-COLUMNS: dict[str, Column] = {
-    column: column
-    for column in (
-        *_OF_EVERY_RUN,
-        *(column for effect in EFFECTS for column in effect.columns),
-        *(WALL_FIELD, WALL_MAGNETIC, WALL_CONTACT, WALL_TOTAL, PROCESSOR_TIME),
-    )
-}
-"""All columns by name, in the order of the file."""
+COMPUTING_TIMES = WALL_FIELD, WALL_MAGNETIC, WALL_CONTACT, WALL_TOTAL, PROCESSOR_TIME
 
 
 def speed_of(body: str) -> str:
@@ -217,39 +242,3 @@ def columns_of(row: WindowRow) -> dict[str, float | None]:
 def _present(values: dict[str, float | None]) -> dict[str, float | None]:
     """Return those of a scene that has them."""
     return {name: value for name, value in values.items() if value is not None}
-
-
-def units_of(names: Iterable[str]) -> dict[str, str]:
-    """Return the units of those of the names that are columns."""
-    return {name: COLUMNS[name].unit for name in names if name in COLUMNS}
-
-
-def reference() -> str:
-    """Return the reference of all columns in Markdown, docs/reference/columns.md."""
-    rows = [(f"`{one}`", one.unit, one.when.value, one.meaning.replace("|", "\\|")) for one in COLUMNS.values()]
-    lines = [f"| {' | '.join(row)} |" for row in rows]
-    return "\n".join([_BEFORE_THE_COLUMNS, "| column | unit | of | meaning |", "|---|---|---|---|", *lines, ""])
-
-
-_BEFORE_THE_COLUMNS = """# Columns of history.csv
-
-A row belongs to a coupling window; a quantity that the scene does not have has no column. The same rows are in
-`run.h5`, and `time` is the end of the window. The column *of* says for each quantity to which instant or interval it
-belongs:
-
-- **end of the window**: the state at `time`.
-- **last solve of the field**: the field is solved at the end of a window where the current has changed by more than 1
-  % of its largest value so far since the last solve, or the grains' moments by more than
-  `effects.back_reaction.tolerance`; else the quantity is that of the last solve. `current` is the current of that
-  field, so that `current`, `flux_linkage` and `field_energy` belong together in each row. A current that stays
-  constant is solved for exactly. With `effects.hysteresis` each turn of the current is a solve too, wherever it lies in
-  the window, and another one follows at the end of the window. With `effects.coil_circuit`, whose `tolerance` takes the
-  place of the 1 %, these three follow the circuit to the end of the window; with `effects.eddy_currents` they are of
-  the last step of the field.
-- **last evaluation of the moments**: moments are found at the start of each update interval and constant in it.
-- **mean, sum, largest**: over the window, whose steps are made in the field of its start. With eddy currents or
-  hysteresis a sum is over the steps of the field that end in the window.
-
-Frames for ParaView and the frames of `run.h5` have the grains, the walls and the field of their time; moments and
-magnetic forces are of their last evaluation, velocities are half a step earlier.
-"""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from emclutch.results.columns import units_of
+from emclutch.results.column_table import units_of
 from emclutch.results.grain_profiles import profile_column, read_profiles
 from emclutch.results.result import Result, load_result
 from emclutch.results.study_folder import UNITS, is_study, read_study

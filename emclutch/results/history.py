@@ -1,6 +1,6 @@
 """``history.csv``: one row a coupling window, written as it is computed.
 
-`emclutch.results.columns` has all columns. A value that is undefined in one window is an empty cell.
+`emclutch.results.column_table` has all columns. A value that is undefined in one window is an empty cell.
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from emclutch.results.atomic_file import replace_text
-from emclutch.results.columns import COLUMNS, TIME, units_of
+from emclutch.results.column_table import COLUMNS, units_of
+from emclutch.results.columns import TIME
 from emclutch.results.errors import OutputError
 
 if TYPE_CHECKING:

@@ -35,7 +35,8 @@ import numpy as np
 
 from emclutch.results.array_units import ARRAY_UNITS
 from emclutch.results.atomic_file import replace_bytes, replaced
-from emclutch.results.columns import COLUMNS, TIME
+from emclutch.results.column_table import COLUMNS
+from emclutch.results.columns import TIME
 from emclutch.results.errors import OutputError
 from emclutch.results.hdf5_file import DAMAGED, reading, refuse_links
 

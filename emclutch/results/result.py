@@ -9,7 +9,10 @@ from typing import TYPE_CHECKING, Any
 from emclutch.results.best_estimate import best_estimate
 from emclutch.results.columns import SHEAR_STRESS, TORQUE_DISC
 from emclutch.results.errors import OutputError
-from emclutch.results.report.report import Report, Reported
+from emclutch.results.report.render import Reported
+from emclutch.results.report.report import Report, Statement
+from emclutch.results.report.run_report import run_report
+from emclutch.results.report.verdict import verdict
 from emclutch.results.run_folder import RunFolder
 from emclutch.results.statistics import Estimate
 from emclutch.results.steady_stress import steady_stress
@@ -19,7 +22,6 @@ if TYPE_CHECKING:
     import pandas
 
     from emclutch.results.record import Record
-    from emclutch.results.report.report import Statement
 
 
 class Result(Reported):
@@ -127,14 +129,10 @@ class Result(Reported):
         Each has a `mark` (good, note, warning or unusable) and a `text`; `emclutch run` prints the same. OutputError
         where there is no window yet.
         """
-        from emclutch.results.report.verdict import verdict  # local: it imports this module
-
         return verdict(self)
 
     def report(self) -> Report:
         """Return the report on the run; OutputError where there is no window yet."""
-        from emclutch.results.report.run_report import run_report  # local, as above
-
         return run_report(self)
 
     def open_record(self) -> Record:

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from emclutch.results.errors import OutputError
-from emclutch.results.report.report import Report, Reported
+from emclutch.results.report.render import Reported
+from emclutch.results.report.report import Report
 from emclutch.results.result import Result, load_result
 from emclutch.results.study_folder import read_study
 from emclutch.results.torque_curves import BEST_ESTIMATE

@@ -13,7 +13,8 @@ from emclutch.device_model.decision import Decision, warnings_of
 from emclutch.device_model.grain_size import grain_size
 from emclutch.effects.omitted_effect import OmittedEffect
 from emclutch.results.quantity import RPM
-from emclutch.results.report.report import Mark, Report, Reported, Shown, Statement, Statements, Table, warning
+from emclutch.results.report.render import Reported
+from emclutch.results.report.report import Mark, Report, Shown, Statement, Statements, Table, warning
 from emclutch.results.report.run_report import effects_table
 from emclutch.results.text import in_words
 from emclutch.scene.case import Case, as_case

@@ -29,18 +29,8 @@ from emclutch.device_model.device import build_device
 from emclutch.results import OutputError, Result, load_result
 from emclutch.results.atomic_file import replace_json, replace_text
 from emclutch.results.new_path import new_folder
-from emclutch.results.report.render import write_index
-from emclutch.results.report.report import (
-    Mark,
-    Report,
-    Reported,
-    Shown,
-    Statement,
-    Statements,
-    Table,
-    note,
-    warning,
-)
+from emclutch.results.report.render import Reported, write_index
+from emclutch.results.report.report import Mark, Report, Shown, Statement, Statements, Table, note, warning
 from emclutch.results.text import format_estimate
 from emclutch.scene.case import Case, as_case, load_case
 from emclutch.scene.design import Search, search_of

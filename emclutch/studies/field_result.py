@@ -9,8 +9,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from emclutch.results.report.render import write_index
-from emclutch.results.report.report import Report, Reported
+from emclutch.results.report.render import Reported, write_index
+from emclutch.results.report.report import Report
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import bad_input_for
 

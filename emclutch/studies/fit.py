@@ -21,18 +21,8 @@ from emclutch.results import OutputError, RunFolder
 from emclutch.results.atomic_file import json_values, replace_json, replace_text
 from emclutch.results.fits import NORMAL
 from emclutch.results.pictures.figure import legend_below, make_logarithmic, new_figure, save_picture
-from emclutch.results.report.render import write_index
-from emclutch.results.report.report import (
-    Mark,
-    Picture,
-    Report,
-    Reported,
-    Shown,
-    Statement,
-    Statements,
-    note,
-    warning,
-)
+from emclutch.results.report.render import Reported, write_index
+from emclutch.results.report.report import Mark, Picture, Report, Shown, Statement, Statements, note, warning
 from emclutch.results.study_result import load_study
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import Fault, SceneError

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from emclutch.results.report.report import Mark, Report, Reported, Shown, Statement, Statements, Table, note, warning
+from emclutch.results.report.render import Reported
+from emclutch.results.report.report import Mark, Report, Shown, Statement, Statements, Table, note, warning
 from emclutch.scene.case import Case
 from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.replica_count import cores_at_hand, replica_count

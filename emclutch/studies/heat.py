@@ -41,8 +41,8 @@ from emclutch.results.errors import RunError
 from emclutch.results.new_path import new_folder
 from emclutch.results.pictures.temperature import duty_picture, temperature_picture
 from emclutch.results.quantity import RPM
-from emclutch.results.report.render import write_index
-from emclutch.results.report.report import Report, Reported
+from emclutch.results.report.render import Reported, write_index
+from emclutch.results.report.report import Report
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import Fault, SceneError, bad_input_for
 from emclutch.scene.model import Scene

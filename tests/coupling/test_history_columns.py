@@ -8,8 +8,8 @@ import pytest
 from sheared_annulus import CELL
 
 import emclutch
-from emclutch.effects.column import When
-from emclutch.results.columns import COLUMNS, reference
+from emclutch.results.column_table import COLUMNS, reference
+from emclutch.results.columns import When
 from emclutch.scene.case import case_from
 from emclutch.simulation.plan import make_plan
 
@@ -158,5 +158,5 @@ def test_a_row_of_a_circuit_is_the_circuit_at_its_time(tmp_path):
 
 def test_the_reference_is_that_of_the_columns():
     page = (ROOT / "docs" / "reference" / "columns.md").read_text(encoding="utf-8")
-    assert page == reference(), "write emclutch.results.columns.reference() to docs/reference/columns.md"
+    assert page == reference(), "write emclutch.results.column_table.reference() to docs/reference/columns.md"
     assert all(isinstance(column.when, When) for column in COLUMNS.values())

@@ -1,8 +1,10 @@
-"""Packages import one way, importing `emclutch` loads nothing heavy, and a file that hides a package is named."""
+"""Packages import one way, results in no circle; `emclutch` loads nothing heavy; a file hiding a package is named."""
 
+import ast
 import re
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import emclutch
@@ -16,7 +18,10 @@ BELOW = {
     "emclutch": {"emclutch", "coupling", "field", "particles", "geometry"},
 }
 FOLDERS = ("scene", "device_model", "results", "simulation", "studies", "cli")  # of emclutch, each imports those before
+WITHOUT_CIRCLE = ("results",)  # of emclutch
+STILL_IN_A_CIRCLE = {"emclutch.results.report.study_report", "emclutch.results.study_result"}
 IMPORT = re.compile(r"^ *(?:from|import) ([\w.]+)(?: import| as|$)", re.M)
+LAZY = re.compile(r'"(\w+)": "(emclutch[\w.]*):(\w+)"')  # of `emclutch.lazily`
 
 
 def test_packages_import_one_way():
@@ -30,6 +35,47 @@ def test_packages_import_one_way():
                 if top in set(BELOW) - below or (top == "emclutch" and inner[:1] and inner[0] in above):
                     wrong.append(f"{path.relative_to(ROOT)} imports {name}")
     assert wrong == []
+
+
+def imported_names(tree: ast.AST) -> Iterator[str]:
+    """Yield the dotted names that a module imports, also inside functions; not those for type checkers alone."""
+    for node in ast.iter_child_nodes(tree):
+        if isinstance(node, ast.ImportFrom):
+            yield from (f"{node.module}.{one.name}" for one in node.names)
+        elif isinstance(node, ast.Import):
+            yield from (one.name for one in node.names)
+        elif not (isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"):
+            yield from imported_names(node)
+
+
+def import_graph() -> dict[str, set[str]]:
+    """Return the modules of emclutch that each of them imports; a lazy attribute is the module that has it."""
+    paths = {".".join(path.relative_to(ROOT).with_suffix("").parts): path for path in (ROOT / "emclutch").rglob("*.py")}
+    texts = {name.removesuffix(".__init__"): path.read_text(encoding="utf-8") for name, path in paths.items()}
+    lazy = {f"{name}.{key}": f"{module}.{of}" for name, text in texts.items() for key, module, of in LAZY.findall(text)}
+
+    def module_of(name: str) -> str:
+        while name in lazy:
+            name = lazy[name]
+        return name if name in texts else name.rpartition(".")[0]
+
+    return {
+        name: {module_of(one) for one in imported_names(ast.parse(text))} & set(texts) - {name}
+        for name, text in texts.items()
+    }
+
+
+def test_results_are_in_no_circle_of_imports():
+    graph = import_graph()
+
+    def imports_itself(module: str) -> bool:
+        reached, new = set(), {module}
+        while new := {each for one in new for each in graph[one]} - reached:
+            reached |= new
+        return module in reached
+
+    checked = [name for name in graph if name.startswith(tuple(f"emclutch.{one}." for one in WITHOUT_CIRCLE))]
+    assert checked and {name for name in checked if imports_itself(name)} <= STILL_IN_A_CIRCLE
 
 
 def test_importing_emclutch_loads_nothing_heavy():

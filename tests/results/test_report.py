@@ -12,8 +12,8 @@ from written_run import undefined, written_run
 import emclutch
 from emclutch.results import load_result
 from emclutch.results.quantities import QUANTITIES, UNITS
-from emclutch.results.report.render import html, markdown, terminal
-from emclutch.results.report.report import Mark, Picture, Report, Reported, Shown, Statement, Statements, Table, Text
+from emclutch.results.report.render import Reported, html, markdown, terminal
+from emclutch.results.report.report import Mark, Picture, Report, Shown, Statement, Statements, Table, Text
 from emclutch.results.statistics import Estimate
 from emclutch.results.study_folder import write_about
 

@@ -2,7 +2,7 @@
 
 The HTML opens without a network, on a telephone and on paper: pictures are inside it, nothing is fetched. Text of
 scenes is untrusted: every value is escaped by the templates, and the page's own policy forbids scripts and anything
-from elsewhere.
+from elsewhere. A result that prints itself is a `Reported`.
 """
 
 from __future__ import annotations
@@ -13,6 +13,8 @@ import io
 import itertools
 import os
 import textwrap
+from abc import ABC, abstractmethod
+from html import escape as escape_html
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
@@ -90,6 +92,20 @@ def fragment(report: Report) -> str:
     environment = _environment(autoescape=True)
     environment.filters["embedded"] = lambda one: embed_small(one.png())
     return environment.get_template("fragment.html.j2").render(page=report, classes=CLASSES)
+
+
+class Reported(ABC):
+    """Base of a result that prints itself: `report` is what `emclutch` prints, writes and shows in a notebook."""
+
+    @abstractmethod
+    def report(self) -> Report:
+        """Return the report on the result."""
+
+    def _repr_html_(self) -> str:
+        try:
+            return fragment(self.report().up_to(Shown.PAGE))
+        except OutputError as error:  # a notebook shows the object all the same
+            return f"<p>{escape_html(str(error))}</p>"
 
 
 def markdown(report: Report, place: Path) -> str:

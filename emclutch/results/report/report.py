@@ -6,7 +6,6 @@ The text of a scene in it is untrusted: each renderer escapes it.
 from __future__ import annotations
 
 import tempfile
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum, IntEnum
@@ -198,22 +197,3 @@ class Report:
 def _is_empty(block: Block) -> bool:
     content = {"table": "rows", "statements": "lines", "text": "text", "links": "files"}.get(block.kind)
     return content is not None and not getattr(block, content)
-
-
-class Reported(ABC):
-    """Base of a result that prints itself: `report` is what `emclutch` prints, writes and shows in a notebook."""
-
-    @abstractmethod
-    def report(self) -> Report:
-        """Return the report on the result."""
-
-    def _repr_html_(self) -> str:
-        from html import escape  # local, as the next: what draws pages is heavy
-
-        from emclutch.results.errors import OutputError
-        from emclutch.results.report.render import fragment
-
-        try:
-            return fragment(self.report().up_to(Shown.PAGE))
-        except OutputError as error:  # a notebook shows the object all the same
-            return f"<p>{escape(str(error))}</p>"

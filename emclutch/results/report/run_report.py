@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from emclutch.effects import EffectsSection
 from emclutch.effects.omitted_effect import ALWAYS, OFF, OmittedEffect
 from emclutch.results.accuracy_study import SettingError
+from emclutch.results.column_table import COLUMNS
 from emclutch.results.columns import (
-    COLUMNS,
     DISSIPATED,
     ENERGY_RESIDUAL,
     SHEAR_STRESS,
@@ -32,14 +32,16 @@ from emclutch.results.replicated_mean import drift_in_words
 from emclutch.results.report.render import write_index
 from emclutch.results.report.report import Block, Links, Picture, Report, Shown, Statements, Table, Text
 from emclutch.results.report.verdict import current_is_steady, measured_name, verdict
-from emclutch.results.result import Result
 from emclutch.results.run_folder import RunFolder
 from emclutch.results.text import format_percent, format_stress, format_time, format_torque, in_words
 from emclutch.settings import UNITS
 
+if TYPE_CHECKING:
+    from emclutch.results.result import Result
+
 RARE = 0.1  # of the replicas have a state whose chance to be missed is said
 
-OmittedEffectsOf = Callable[[Result], Sequence[OmittedEffect]]
+OmittedEffectsOf = Callable[["Result"], Sequence[OmittedEffect]]
 """What the scene of a run leaves out, see `emclutch.simulation.check`."""
 
 PICTURES = {

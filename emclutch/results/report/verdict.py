@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -34,11 +34,13 @@ from emclutch.results.replicated_mean import (
     steadiness,
 )
 from emclutch.results.report.report import Mark, Statement, note, sentence, warning
-from emclutch.results.result import Result
 from emclutch.results.rise_time import in_words as rise_in_words
 from emclutch.results.statistics import REPLICAS, Estimate
 from emclutch.results.text import format_duration, format_estimate, format_percent, format_time, in_words
 from particles.dem.overlap_limits import SOFT
+
+if TYPE_CHECKING:
+    from emclutch.results.result import Result
 
 CLOSES = 0.01
 """A balance that is off by less, of the largest torque or of the energy converted, says nothing of the results: the

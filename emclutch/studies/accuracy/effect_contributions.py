@@ -21,18 +21,8 @@ from emclutch.results import RunFolder
 from emclutch.results.atomic_file import replace_text
 from emclutch.results.effect_contributions import Contributions, Without
 from emclutch.results.pictures.effect_contributions import effects_picture
-from emclutch.results.report.render import markdown, write_index
-from emclutch.results.report.report import (
-    Mark,
-    Picture,
-    Report,
-    Reported,
-    Shown,
-    Statement,
-    Statements,
-    Table,
-    note,
-)
+from emclutch.results.report.render import Reported, markdown, write_index
+from emclutch.results.report.report import Mark, Picture, Report, Shown, Statement, Statements, Table, note
 from emclutch.results.text import format_duration
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import Fault, SceneError

@@ -23,7 +23,8 @@ from emclutch.results.atomic_file import replace_text
 from emclutch.results.errors import Interrupted, OutputError
 from emclutch.results.history import last_time
 from emclutch.results.recommended import ONE_VALUE, STATISTICS, Choice, LimitingError, own_choice, recommended
-from emclutch.results.report.report import Report, Reported, Shown, Statements, Table, note, warning
+from emclutch.results.report.render import Reported
+from emclutch.results.report.report import Report, Shown, Statements, Table, note, warning
 from emclutch.results.text import format_duration, in_words
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import Fault, SceneError
