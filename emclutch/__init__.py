@@ -33,7 +33,6 @@ if TYPE_CHECKING:  # the same names for type checkers and editors, which do not 
     from emclutch.studies.gather import GatheredStudy, gather
     from emclutch.studies.heat import HeatResult, heat
     from emclutch.studies.mesh import MeshedScene, mesh
-    from emclutch.studies.sobol_indices import sobol_indices
     from emclutch.studies.sweep import sweep
 
 __version__ = "0.1.0"
@@ -71,7 +70,6 @@ __all__ = [
     "plan",
     "read_study",
     "run",
-    "sobol_indices",
     "sweep",
 ]
 
@@ -96,7 +94,6 @@ __getattr__, __dir__ = lazy_attributes(
         "HeatResult": "emclutch.studies.heat:HeatResult",
         "mesh": "emclutch.studies.mesh:mesh",
         "MeshedScene": "emclutch.studies.mesh:MeshedScene",
-        "sobol_indices": "emclutch.studies.sobol_indices:sobol_indices",
         "sweep": "emclutch.studies.sweep:sweep",
         "DaskExecutor": "emclutch.studies.dask_executor:DaskExecutor",
         "design": "emclutch.studies.design_search:design",

@@ -38,7 +38,7 @@ class SampleSection(Section):
 
     `latin_hypercube` and `sobol` sample the ranges without a count; listed values are combined with each point of the
     sample. `saltelli` has `count` points of Sobol's sequence and d + 1 more for each of them, of d ranges, from which
-    Sobol' indices follow (`emclutch.sobol_indices`). `one_at_a_time` begins with the first value of every key, and
+    Sobol' indices follow (docs/how_to/sensitivity.md). `one_at_a_time` begins with the first value of every key, and
     changes one key at a time to its others; it has no count and no seed. Values of `scene.seed` are replicas of every
     point. `adaptive` runs of all combinations of one value and `scene.seed` those that narrow the curve's 95 % interval
     most for what they cost, until it is `error` everywhere, or until `count` points have run.
