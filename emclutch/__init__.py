@@ -26,26 +26,22 @@ if TYPE_CHECKING:  # the same names for type checkers and editors, which do not 
     from emclutch.studies.accuracy.effect_contributions import EffectsResult, effect_contributions
     from emclutch.studies.accuracy.study import accuracy
     from emclutch.studies.accuracy.target import run
-    from emclutch.studies.dask_executor import DaskExecutor
     from emclutch.studies.design_search import DesignResult, design
     from emclutch.studies.field_result import FieldResult, field
     from emclutch.studies.fit import FitResult, fit
-    from emclutch.studies.gather import GatheredStudy, gather
     from emclutch.studies.heat import HeatResult, heat
     from emclutch.studies.mesh import MeshedScene, mesh
-    from emclutch.studies.sweep import sweep
+    from emclutch.studies.sweep import collect, sweep
 
 __version__ = "0.1.0"
 __all__ = [
     "CallbackError",
     "Case",
     "Checked",
-    "DaskExecutor",
     "DesignResult",
     "EffectsResult",
     "FieldResult",
     "FitResult",
-    "GatheredStudy",
     "HeatResult",
     "MeshedScene",
     "OutputError",
@@ -57,11 +53,11 @@ __all__ = [
     "WindowState",
     "accuracy",
     "check",
+    "collect",
     "design",
     "effect_contributions",
     "field",
     "fit",
-    "gather",
     "heat",
     "load_case",
     "load_result",
@@ -88,14 +84,12 @@ __getattr__, __dir__ = lazy_attributes(
         "FieldResult": "emclutch.studies.field_result:FieldResult",
         "fit": "emclutch.studies.fit:fit",
         "FitResult": "emclutch.studies.fit:FitResult",
-        "gather": "emclutch.studies.gather:gather",
-        "GatheredStudy": "emclutch.studies.gather:GatheredStudy",
         "heat": "emclutch.studies.heat:heat",
         "HeatResult": "emclutch.studies.heat:HeatResult",
         "mesh": "emclutch.studies.mesh:mesh",
         "MeshedScene": "emclutch.studies.mesh:MeshedScene",
         "sweep": "emclutch.studies.sweep:sweep",
-        "DaskExecutor": "emclutch.studies.dask_executor:DaskExecutor",
+        "collect": "emclutch.studies.sweep:collect",
         "design": "emclutch.studies.design_search:design",
         "DesignResult": "emclutch.studies.design_search:DesignResult",
         "accuracy": "emclutch.studies.accuracy.study:accuracy",

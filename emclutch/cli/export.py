@@ -14,7 +14,8 @@ import numpy as np
 from emclutch.results import OutputError, RunFolder, load_result
 from emclutch.results.exported_tables import tables_of
 from emclutch.results.study_dataset import dataset_of, refuse_without_xarray
-from emclutch.results.study_folder import is_study, read_study
+from emclutch.results.study_folder import is_study
+from emclutch.results.study_result import load_study
 
 if TYPE_CHECKING:
     import pandas
@@ -66,7 +67,7 @@ def export(folder: Path, to: Format, out: Path | None = None) -> Path:
         for place, runs in series.items():
             _copy_series(runs, out / place)
     elif to is Format.NETCDF:
-        dataset_of(read_study(folder)).to_netcdf(out / "study.nc", engine="scipy")
+        dataset_of(load_study(folder)).to_netcdf(out / "study.nc", engine="scipy")
     elif to is Format.MAT:
         _write_mat(out / "tables.mat", tables)
     else:
@@ -116,7 +117,7 @@ def _identifier(name: str) -> str:
 def _series(folder: Path) -> dict[str, RunFolder]:
     """The runs in a folder that have series for ParaView, by the subfolder that each gets."""
     if is_study(folder):
-        runs = {str(name): RunFolder(folder / str(name)) for name in read_study(folder).table["folder"]}
+        runs = {str(name): RunFolder(folder / str(name)) for name in load_study(folder).table["folder"]}
     else:
         runs = {"": load_result(folder).folder}
     found = {place: run for place, run in runs.items() if any(path.is_file() for path in run.series())}

@@ -220,29 +220,6 @@ def check_threads(threads: int | None) -> None:
         raise SceneError([Fault("--threads", str(threads), f"{message}; change it or leave it out")], "command line")
 
 
-def part_asked(text: str | None, out: Path | None, jobs: int) -> tuple[int, int] | None:
-    """Return which part of how many ``3/40`` is; SceneError for what is none, or cannot be used with other options."""
-    if text is None:
-        return None
-    which, slash, parts = (entry.strip() for entry in text.partition("/"))
-    faults = []
-    if not slash or not all(one.isascii() and one.isdigit() and len(one) < 10 and int(one) for one in (which, parts)):
-        message = "is not K/N, two whole numbers; allowed: 1/N to N/N; write it as in --part 3/40"
-        faults.append(Fault("--part", shown(text), message))
-    elif int(which) > int(parts):
-        faults.append(Fault("--part", text, f"is no part of {parts}; allowed: 1/{parts} to {parts}/{parts}"))
-    if out is None:
-        faults.append(Fault("--part", text, "needs the folder that all parts have in common; name it with --out"))
-    if jobs != 1:
-        message = (
-            "is for a study in one process; a part runs its points one after the other: remove it, take more parts"
-        )
-        faults.append(Fault("--jobs", str(jobs), message))
-    if faults:
-        raise SceneError(faults, "command line")
-    return int(which), int(parts)
-
-
 def refuse_beside(option: str, others: dict[str, bool]) -> None:
     """SceneError with every given option that cannot be combined with another one."""
     _refuse(others, f"cannot be combined with {option}; remove one of them")

@@ -136,10 +136,10 @@ Force = Annotated[bool, flag("--force", help="run also where more memory or disk
 Jobs = Annotated[
     int, typer.Option("--jobs", callback=_within(1), help="points that run at a time, each in a process of its own")
 ]
-PartAsked = Annotated[
-    str | None,
+PointAsked = Annotated[
+    int | None,
     typer.Option(
-        "--part", metavar="K/N", help="run only points K, K+N, ... of the study in --out, as one task of a job array"
+        "--point", metavar="K", help="run only point K of the study in --out, from 0, as a task of a job array"
     ),
 ]
 DaskAddress = Annotated[
@@ -149,9 +149,13 @@ DaskAddress = Annotated[
         help="run the points on the workers of this dask scheduler (tcp://node1:8786), by default on one thread each",
     ),
 ]  # fmt: skip
-GatherAsked = Annotated[
+ListAsked = Annotated[
     bool,
-    flag("--gather", help="run nothing: tables and pictures of the points in --out; exit code 3: some missing"),
+    flag("--list", help="run nothing: print the command of each point that is not done in --out, for job arrays"),
+]
+CollectAsked = Annotated[
+    bool,
+    flag("--collect", help="run nothing: tables and pictures of the points in --out; exit code 3: some missing"),
 ]
 JobsOfCores = Annotated[
     int | None,

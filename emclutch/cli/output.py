@@ -22,16 +22,14 @@ def show(report: Report, as_json: bool = False, details: bool = False) -> None:
         typer.echo(terminal(report, details))
 
 
-def print_points(study: StudySection, part: tuple[int, int] | None) -> None:
-    """Print the points of a study as lines of CSV, counted from 1 as parts count them; of a part its own."""
+def print_points(study: StudySection) -> None:
+    """Print the points of a study as lines of CSV, counted from 0."""
     import csv  # local, as above
     import sys
 
-    points = study.points()
     writer = csv.writer(sys.stdout, lineterminator="\n")
     writer.writerow(["point", *study.values])
-    for number in range(len(points)) if part is None else study.numbers_of(part):
-        writer.writerow([number + 1, *points[number].values()])
+    writer.writerows([number, *point.values()] for number, point in enumerate(study.points()))
 
 
 def print_json(values: Any) -> None:

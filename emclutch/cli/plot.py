@@ -16,7 +16,8 @@ from emclutch.results.columns import SHEAR_STRESS
 from emclutch.results.measured_table import OVER_RATED, read_band, read_measured
 from emclutch.results.new_path import new_path, numbered_file
 from emclutch.results.seed_average import averaged_over_seeds
-from emclutch.results.study_folder import is_study, read_study, refresh_in_words
+from emclutch.results.study_folder import is_study
+from emclutch.results.study_result import load_study
 from emclutch.results.torque_curves import PER_GAP, TorqueCurve, band_over_rated, row_of_run, torque_curves
 from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.units import Quantity
@@ -81,7 +82,7 @@ def plot_runs(
         except OutputError as error:  # what was asked for needs them not
             log(f"{result.folder.path} has no pictures, and they cannot be drawn: {error}")
     for folder in folders:
-        if is_study(folder) and (old := refresh_in_words(read_study(folder))):
+        if is_study(folder) and (old := load_study(folder).refresh_in_words()):
             log(f"{folder}: {old}")
     columns = _MEASURED.get(kind, OVER_RATED) if rated is None else OVER_RATED
     points = None if measured is None else read_measured(measured, *columns)
@@ -136,7 +137,7 @@ def runs_of(folders: Sequence[Path]) -> dict[str, Result]:
     for folder, name in zip(folders, _names(folders), strict=True):
         if is_study(folder):
             of = f"{name}: " if len(folders) > 1 else ""
-            runs |= {f"{of}{label}": result for label, result in read_study(folder).results().items()}
+            runs |= {f"{of}{label}": result for label, result in load_study(folder).results().items()}
         else:
             runs[name] = load_result(folder)
     return runs
@@ -160,7 +161,7 @@ def curves_of(folders: Sequence[Path], kind: str) -> list[TorqueCurve]:
     alone = []
     for folder, name in zip(folders, _names(folders), strict=True):
         if is_study(folder):
-            study = read_study(folder)
+            study = load_study(folder)
             rows = study.table.to_dict("records")
             others = [key for key in study.varied if key != SEED and not key.startswith(along)]
             if SEED in study.varied:
@@ -201,5 +202,5 @@ def _names(folders: Sequence[Path]) -> list[str]:
 
 def _title(folders: Sequence[Path], results: Sequence[Result]) -> str | None:
     if len(folders) == 1 and is_study(folders[0]):
-        return read_study(folders[0]).title
+        return load_study(folders[0]).title
     return results[0].summary.get("title") if len(results) == 1 else None

@@ -78,7 +78,7 @@ def report(
     with explained():
         from emclutch.results.report.render import markdown, write_new, write_page
         from emclutch.results.report.report import Picture, Section
-        from emclutch.results.report.study_report import report_on
+        from emclutch.results.study_result import report_on
         from emclutch.simulation.check import omitted_effects_of
 
         page = report_on(folder, omitted_effects_of)

@@ -13,7 +13,6 @@ from emclutch.cli.errors import FAILED, INCOMPLETE, explained
 from emclutch.cli.input import (
     check_threads,
     load,
-    part_asked,
     read_budget,
     read_shares,
     refuse_beside,
@@ -28,7 +27,9 @@ from emclutch.cli.output import print_points, show
 from emclutch.scene.errors import Fault, SceneError
 
 if TYPE_CHECKING:
+    from emclutch.results.report.study_report import StudyState
     from emclutch.scene.case import Case
+    from emclutch.scene.study import StudySection
 
 
 def run(
@@ -98,95 +99,91 @@ def sweep(
     out: opt.Out = None,
     resume: opt.Resume = False,
     jobs: opt.Jobs = 1,
-    part: opt.PartAsked = None,
-    gather: opt.GatherAsked = False,
     dask: opt.DaskAddress = None,
+    point: opt.PointAsked = None,
+    listed: opt.ListAsked = False,
+    collected: opt.CollectAsked = False,
     dry_run: opt.DryRunOfStudy = False,
     threads: opt.Threads = None,
     measured: opt.Catalogue = None,
     trust_scripts: opt.TrustScripts = False,
     force: opt.Force = False,
 ) -> None:
-    """Simulate every point of a study: several at a time with --jobs, on many machines with --part or --dask."""
+    """Simulate every point of a study: several at a time with --jobs, on many machines with --dask or --list."""
     with explained():
         from emclutch.results.measured_table import TORQUE_CURVE, read_measured
         from emclutch.scene.study import read_study
+        from emclutch.studies.sweep import collect, commands
 
         check_threads(threads)
-        if gather:
-            given = {"--part": part is not None, "--jobs": jobs != 1, "--resume": resume, "--force": force,
-                     "--dask": dask is not None, "--threads": threads is not None, "--dry-run": dry_run,
-                     "--with": measured is not None}  # fmt: skip
-            refuse_beside("--gather", given)
-            _gather(study, out, trust_scripts)
-            return
-        if dry_run:
-            given = {"--with": measured is not None, "--resume": resume, "--force": force, "--dask": dask is not None,
-                     "--jobs": jobs != 1, "--threads": threads is not None}  # fmt: skip
-            refuse_beside("--dry-run", given)
+        alone = {"--point": point is not None, "--list": listed, "--collect": collected, "--dry-run": dry_run}
+        of_all = {"--resume": resume, "--jobs": jobs != 1, "--dask": dask is not None, "--with": measured is not None}
+        for option in [name for name, given in alone.items() if given]:
+            own = {"--force": force, "--threads": threads is not None} if option in ("--collect", "--dry-run") else {}
+            refuse_beside(option, {name: given for name, given in alone.items() if name != option} | of_all | own)
+            if out is None and option != "--dry-run":
+                message = "needs the folder of the study; name it with --out"
+                raise SceneError([Fault(option, "", message)], "command line")
         refuse_to_resume_nothing("study", resume, out)
         if measured is not None:
-            refuse_beside("--with", {"--part": part is not None})
             read_measured(measured, *TORQUE_CURVE)  # before anything runs
         if dask is not None:
-            refuse_beside("--dask", {"--part": part is not None, "--jobs": jobs != 1})
-        which = part_asked(part, out, jobs)
-        read = read_study(study, trust_scripts=trust_scripts, part=which)
+            refuse_beside("--dask", {"--jobs": jobs != 1})
+        numbers = None if point is None else [point]
+        read = read_study(study, trust_scripts=trust_scripts, numbers=numbers)
         if dry_run:
-            print_points(read, which)
-            return
-        warn(read.warnings(which))
-        from emclutch.results.study_table import StudyTable
-        from emclutch.studies.dask_executor import DaskExecutor
-        from emclutch.studies.forecast import predict_study
-        from emclutch.studies.points import points_in
-        from emclutch.studies.sweep import sweep as sweep_study
-
-        how: dict[str, Any] = {"out": out, "resume": resume, "force": force, "threads": threads, "part": which,
-                               "measured": measured}
-        with nullcontext() if dask is None else DaskExecutor(dask) as executor:
-            if which is None:
-                begun = points_in(read, out) if resume and out is not None else []
-                predicted = predict_study(read, jobs, begun)
-                if predicted.points:
-                    typer.echo(predicted.in_words(), err=True)
-            if executor is not None:
-                executor.ask_for(max((point.memory * 2**20 for point in predicted.points), default=0.0))
-                typer.echo(f"{executor.workers} workers at {dask}", err=True)
-                how |= {"executor": executor, "threads": threads or 1, "jobs": None}
-            with StudyTable() as table:
-                folder = sweep_study(read, **{"jobs": jobs, **how}, progress=table)
-        if which is None:
-            show_study(folder)
+            print_points(read)
+        elif listed and out is not None:
+            given_on = ["--threads", str(threads)] if threads is not None else []
+            given_on += ["--force"] * force + ["--trust-scripts"] * trust_scripts
+            lines = commands(read, out, given_on)
+            typer.echo("\n".join(lines) if lines else "all points are done", err=not lines)
+        elif collected and out is not None:
+            state = collect(read, out)
+            show_study(out, state)
+            if not state.is_complete:
+                raise typer.Exit(FAILED if state.failures else INCOMPLETE)
         else:
-            typer.echo(
-                f"part {which[0]} of {which[1]} is done; tables of all: emclutch sweep {study} --out {out} --gather"
-            )
+            warn(read.warnings(numbers))
+            how = {"out": out, "force": force, "threads": threads, "measured": measured}
+            _sweep(read, how | ({"resume": resume, "jobs": jobs} if point is None else {"point": point}), dask)
 
 
-def _gather(study: Path, out: Path | None, trust_scripts: bool) -> None:
-    """Write the tables of a study from its folder, list the missing points, and exit with a code (0, 1 or 3)."""
-    if out is None:
-        message = "needs the folder of a study; name the one that its parts had with --out"
-        raise SceneError([Fault("--gather", "", message)], "command line")
-    from emclutch.scene.study import read_study
-    from emclutch.studies.gather import gather
+def _sweep(study: StudySection, how: dict[str, Any], dask: str | None) -> None:
+    """Run a study, or one point of it, and print what its tables say."""
+    from emclutch.results.study_table import StudyTable
+    from emclutch.studies.dask_executor import dask_executor
+    from emclutch.studies.forecast import predict_study
+    from emclutch.studies.point import tasks_of, time_reached
+    from emclutch.studies.sweep import sweep
 
-    found = gather(read_study(study, trust_scripts=trust_scripts), out)
-    for line in found.lines():
-        typer.echo(line)
-    show_study(found.folder)
-    if not found.complete:
-        raise typer.Exit(FAILED if found.failed else INCOMPLETE)
+    if "point" in how:
+        with StudyTable() as table:
+            sweep(study, **how, progress=table)
+        typer.echo(
+            f"point {how['point']} is done; tables of all: emclutch sweep {study.path} --out {how['out']} --collect"
+        )
+        return
+    out, memory = how["out"], 0.0
+    reached = [time_reached(task, out) for task in tasks_of(study, out)] if how["resume"] and out is not None else []
+    predicted = predict_study(study, how["jobs"], reached)
+    if predicted.points:
+        typer.echo(predicted.in_words(), err=True)
+        memory = max(point.memory for point in predicted.points) * 2**20
+    with nullcontext() if dask is None else dask_executor(dask, memory) as executor, StudyTable() as table:
+        if executor is not None:
+            how |= {"executor": executor, "threads": how["threads"] or 1, "jobs": None}
+        folder = sweep(study, **how, progress=table)
+    show_study(folder)
 
 
-def show_study(folder: Path) -> None:
-    """Print what the tables of a study say."""
+def show_study(folder: Path, state: StudyState | None = None) -> None:
+    """Print what the tables of a study say, or the state of its points."""
     from emclutch.results.report.study_report import state_of, state_report
-    from emclutch.results.study_folder import read_study
+    from emclutch.results.study_result import load_study
 
-    study = read_study(folder)
-    show(state_report(state_of(study), study.points))
+    study = load_study(folder)
+    show(state_report(state or state_of(study), study.total))
 
 
 def accuracy(

@@ -12,10 +12,12 @@ from dataclasses import dataclass
 from emclutch.results.fits import Measured
 from emclutch.results.text import format_percent
 
+WHOLE = "whole"
+
 
 @dataclass(frozen=True, slots=True)
 class Without:
-    """The replicas of a scene without an effect, or of the whole scene.
+    """A scene without an effect, or the whole scene, and its replicas.
 
     Attributes
     ----------
@@ -28,9 +30,9 @@ class Without:
     seconds : float
         Processor time of a replica [s].
     reason : str
-        Why there are no replicas of it.
+        Why there are no replicas of it, or fewer.
     was_run : bool
-        Whether any was begun.
+        Whether replicas are run: the scene can be without it.
     """
 
     effect: str
@@ -39,6 +41,16 @@ class Without:
     seconds: float = math.nan
     reason: str = ""
     was_run: bool = True
+
+    @property
+    def values(self) -> dict[str, None]:
+        """Return the entries of the scene without them, as `Case.with_values` takes them."""
+        return {f"effects.{name}": None for name in (self.effect, *self.others) if name}
+
+    @property
+    def folder(self) -> str:
+        """Return the folder of its replicas in that of the study."""
+        return f"without-{self.effect}" if self.effect else WHOLE
 
     @property
     def names(self) -> str:

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 from emclutch.results.column_table import units_of
 from emclutch.results.grain_profiles import profile_column, read_profiles
 from emclutch.results.result import Result, load_result
-from emclutch.results.study_folder import UNITS, is_study, read_study
+from emclutch.results.study_folder import UNITS, is_study
+from emclutch.results.study_result import load_study
 from emclutch.results.wall_loads import read_wall_pressure
 
 if TYPE_CHECKING:
@@ -30,7 +31,7 @@ def tables_of(folder: Path) -> dict[str, pandas.DataFrame]:
     """
     if not is_study(folder):
         return _tables_of_run(load_result(folder))
-    study = read_study(folder)
+    study = load_study(folder)
     found: dict[str, list[pandas.DataFrame]] = {}
     for name, result in zip(study.table["folder"].astype(str), study.results().values(), strict=True):
         for kind, table in _tables_of_run(result).items():

@@ -5,6 +5,9 @@ Two programs in one folder would interleave their rows and replace each other's 
 processes that run: the kernel releases it when its process ends, however it ends. So the file that a killed run leaves
 behind locks nothing, and a process number that is given out again deceives nobody. What stands in the file - process,
 host, time - is for the message alone.
+
+Some file systems of clusters have no locks (Lustre with ``noflock``). There the file is read instead: a process of this
+machine that lives is refused as ever; whether one of another machine does is not known, and it is taken for ended.
 """
 
 from __future__ import annotations
@@ -18,6 +21,7 @@ import platform
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 from emclutch.results.atomic_file import is_unfinished
 from emclutch.results.errors import OutputError
@@ -38,7 +42,7 @@ def locked_folder(folder: str | Path) -> Iterator[None]:
     FolderInUse
         Another process (or another part of this one) holds it.
     OutputError
-        It cannot be made or written, or its file system has no locks.
+        It cannot be made or written.
     """
     path = Path(folder) / LOCK
     try:
@@ -49,10 +53,6 @@ def locked_folder(folder: str | Path) -> Iterator[None]:
     except OSError as error:
         if error.errno == errno.ELOOP:  # of O_NOFOLLOW: what it points to belongs to somebody else
             raise OutputError(f"{path} is a symbolic link; remove it, then continue") from error
-        if error.errno in (errno.ENOLCK, errno.ENOTSUP):
-            raise OutputError(
-                f"the file system of {folder} has no locks (flock); write to a local disk with --out"
-            ) from error
         raise OutputError(
             f"cannot write to {folder}: {error.strerror or error}; write elsewhere with --out, free disk "
             "space or fix the write permission"
@@ -67,6 +67,21 @@ def locked_folder(folder: str | Path) -> Iterator[None]:
         os.close(descriptor)
 
 
+def refuse_in_use(folder: Path) -> None:
+    """Raise `FolderInUse` where a process holds a folder; nothing is made in it."""
+    path = folder / LOCK
+    try:
+        descriptor = os.open(path, os.O_RDWR | os.O_NOFOLLOW)
+    except FileNotFoundError:
+        return
+    try:
+        _lock(path, descriptor)
+    except BlockingIOError:
+        raise FolderInUse(f"{folder} is in use by {_holder(path)}; wait for it, or stop it") from None
+    finally:
+        os.close(descriptor)
+
+
 def has_files(folder: str | Path) -> bool:
     """True if anything lies in a folder but a lock and what a killed process had begun to write."""
     return any(entry.name != LOCK and not is_unfinished(entry) for entry in Path(folder).iterdir())
@@ -77,7 +92,7 @@ def _take(path: Path) -> int:
     while True:
         descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o644)
         try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            _lock(path, descriptor)
             if _is_still(path, descriptor):
                 os.ftruncate(descriptor, 0)
                 os.write(descriptor, _own_words())
@@ -93,6 +108,18 @@ def _take(path: Path) -> int:
         os.close(descriptor)  # the former holder removed it between our opening and locking
 
 
+def _lock(path: Path, descriptor: int) -> None:
+    """Lock an open file; BlockingIOError where somebody else has it."""
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        if error.errno not in (errno.ENOLCK, errno.ENOTSUP, errno.ENOSYS):
+            raise
+        holder = _read(path)
+        if holder.get("host") == platform.node() and holder.get("began") == _began(holder.get("pid")) is not None:
+            raise BlockingIOError(errno.EAGAIN, "held") from None
+
+
 def _is_still(path: Path, descriptor: int) -> bool:
     """True if an open file is the one of that name."""
     try:
@@ -103,13 +130,30 @@ def _is_still(path: Path, descriptor: int) -> bool:
 
 def _own_words() -> bytes:
     since = datetime.datetime.now().astimezone().isoformat(timespec="seconds")
-    return json.dumps({"pid": os.getpid(), "host": platform.node(), "since": since}).encode() + b"\n"
+    own = {"pid": os.getpid(), "host": platform.node(), "since": since, "began": _began(os.getpid())}
+    return json.dumps(own).encode() + b"\n"
+
+
+def _began(pid: Any) -> str | None:
+    """Return when a process of this machine began, in the kernel's ticks; None where it has ended."""
+    try:
+        fields = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
+    except OSError:
+        return None
+    return fields[19] if fields[0] not in "ZX" else None
 
 
 def _holder(path: Path) -> str:
     """Return who holds the lock, in words."""
-    try:
-        holder = json.loads(path.read_text(encoding="utf-8"))
-        return f"process {holder['pid']} on {holder['host']}, since {holder['since']}"
-    except (OSError, ValueError, KeyError, TypeError):  # it has not written that yet
+    holder = _read(path)
+    if not {"pid", "host", "since"} <= set(holder):  # it has not written that yet
         return "another process"
+    return f"process {holder['pid']} on {holder['host']}, since {holder['since']}"
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}

@@ -20,11 +20,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from emclutch.results.errors import OutputError
-from emclutch.results.study_folder import AFTER_VALUES, UNITS, StudyFolder
+from emclutch.results.study_folder import AFTER_VALUES, UNITS
 
 if TYPE_CHECKING:
     import pandas
     import xarray
+
+    from emclutch.results.study_result import StudyResult
 
 REPLICA, POINT, DONE = "replica", "point", "done"
 SEED = "scene.seed"
@@ -52,7 +54,7 @@ def refuse_without_xarray() -> None:
         raise OutputError("a study as one object needs the package xarray: pip install 'emclutch[xarray]'")
 
 
-def dataset_of(study: StudyFolder) -> xarray.Dataset:
+def dataset_of(study: StudyResult) -> xarray.Dataset:
     """Return the points of a study as one object, see the module.
 
     Raises
@@ -67,7 +69,7 @@ def dataset_of(study: StudyFolder) -> xarray.Dataset:
     keys = list(table.columns[: list(table.columns).index(AFTER_VALUES)])
     listed = {key: study.values.get(key) or list(dict.fromkeys(table[key])) for key in keys}
     several = [key for key in keys if len(listed[key]) > 1] or keys
-    is_grid = prod(len(listed[key]) for key in keys) == (study.points if study.values else len(table))
+    is_grid = prod(len(listed[key]) for key in keys) == (study.total if study.values else len(table))
     along = {REPLICA if key == SEED else key: [key] for key in several}
     if not is_grid:
         replicas = {REPLICA: along.pop(REPLICA)} if REPLICA in along else {}

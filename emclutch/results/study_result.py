@@ -1,18 +1,23 @@
-"""Results of a study, read from its folder."""
+"""A study read from its folder: table, points and reports."""
 
 from __future__ import annotations
 
 import json
 from dataclasses import dataclass, field
+from functools import cached_property
+from math import isclose
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from emclutch.results.errors import OutputError
 from emclutch.results.report.render import Reported
 from emclutch.results.report.report import Report
+from emclutch.results.report.run_report import OmittedEffectsOf, run_report
+from emclutch.results.report.study_report import grain_size_curves, study_report
 from emclutch.results.result import Result, load_result
-from emclutch.results.study_folder import read_study
-from emclutch.results.torque_curves import BEST_ESTIMATE
+from emclutch.results.run_end import seconds_of
+from emclutch.results.run_folder import Failure, RunFolder
+from emclutch.results.study_folder import ABOUT, AFTER_VALUES, TABLE, is_study
 
 if TYPE_CHECKING:
     import pandas
@@ -21,35 +26,100 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class StudyResult(Reported):
-    """The points of a study that are done.
+    """A study with the points that are done.
 
     Attributes
     ----------
     folder : Path
     table : pandas.DataFrame
         study.csv: a row a point in the study's order, its values, then torque, standard_error, low, high [N m], ...
-    points : tuple of Result
-        The runs of the rows, in the same order.
-    seeds : pandas.DataFrame or None
-        seeds.csv, means over `scene.seed`, of a study that varies it.
-    grain_size : pandas.DataFrame or None
-        grain_size.csv, torque over the grains per gap, of a study that varies their size.
-    grain_size_laws : list of dict
-        Of each of its curves, as `GrainSizeLaw.as_dict` says: other `values`, `law` or None, `reason` in words.
+    title : str
+    total : int or None
+        Number of points of the whole study; None where its folder does not say.
+    values : dict of str to list
+        Entries of each of the study's keys; of a sample that of every point. Empty where its folder does not say.
     """
 
     folder: Path
     table: pandas.DataFrame
-    points: tuple[Result, ...]
-    seeds: pandas.DataFrame | None = None
-    grain_size: pandas.DataFrame | None = None
-    grain_size_laws: list[dict[str, Any]] = field(default_factory=list)
+    title: str
+    total: int | None
+    values: dict[str, list[Any]] = field(default_factory=dict)
 
-    def report(self) -> Report:
+    @cached_property
+    def points(self) -> tuple[Result, ...]:
+        """Return the runs of the rows, in the same order; OutputError where one is gone."""
+        return tuple(load_result(self.folder / name) for name in self.table["folder"].astype(str))
+
+    @cached_property
+    def seeds(self) -> pandas.DataFrame | None:
+        """Return seeds.csv, means over `scene.seed`, of a study that varies it."""
+        return self._read("seeds.csv")
+
+    @cached_property
+    def grain_size(self) -> pandas.DataFrame | None:
+        """Return grain_size.csv, torque over the grains per gap, of a study that varies their size."""
+        return self._read("grain_size.csv")
+
+    @property
+    def grain_size_laws(self) -> list[dict[str, Any]]:
+        """Return the curves of grain_size.json: other `values`, `law` (`GrainSizeLaw.as_dict`) or None, `reason`."""
+        return grain_size_curves(self.folder)
+
+    def _read(self, name: str) -> pandas.DataFrame | None:
+        import pandas
+
+        return pandas.read_csv(self.folder / name) if (self.folder / name).is_file() else None
+
+    @property
+    def varied(self) -> list[str]:
+        """Return the keys in whose values the points differ."""
+        keys = list(self.table.columns[: list(self.table.columns).index(AFTER_VALUES)])
+        return [key for key in keys if self.table[key].astype(str).nunique() > 1]
+
+    def outdated(self) -> list[str]:
+        """Return the folders of points whose runs are not those of the table: resumed alone, or finished since."""
+        names = self.table["folder"].astype(str).tolist()
+        changed = []
+        for name, (_, row) in zip(names, self.table.iterrows(), strict=True):
+            torque = (RunFolder(self.folder / name).read_summary().get("torque") or {}).get("mean")
+            written = None if row["torque"] != row["torque"] else float(row["torque"])  # nan: none
+            same = torque == written or (torque is not None and written is not None and _is_same(torque, written))
+            end = _end_of(self.folder / name)
+            if not same or not (end is None or _is_same(end, row[AFTER_VALUES])):
+                changed.append(name)
+        done = {path.parent.name for path in self.folder.glob("*/row.json") if (path.parent / "summary.json").is_file()}
+        return [*changed, *sorted(done - set(names))]
+
+    def failures(self) -> dict[str, Failure]:
+        """Return the failures of points that failed for their scene, by the name of their folder."""
+        folders = sorted(path.parent for path in self.folder.glob("*/failure.json"))
+        found = {path.name: RunFolder(path).read_failure() for path in folders}
+        return {name: failure for name, failure in found.items() if failure is not None}
+
+    def labels(self) -> list[str]:
+        """Return of each point the values in which it differs from the others."""
+        texts = [", ".join(f"{key.rpartition('.')[2].replace('_', ' ')} {row[key]}" for key in self.varied)
+                 for _, row in self.table.iterrows()]  # fmt: skip
+        names = self.table["folder"].astype(str)
+        return [text or name for text, name in zip(texts, names, strict=True)]
+
+    def results(self) -> dict[str, Result]:
+        """Return the points' results by their labels, in the study's order."""
+        return dict(zip(self.labels(), self.points, strict=True))
+
+    def refresh_in_words(self) -> str:
+        """Return a warning where table and pictures are older than their points, with the remedy; else empty."""
+        if not (old := self.outdated()):
+            return ""
+        return (
+            f"the table and the pictures in the study's folder are older than {', '.join(old)}; renew them with: "
+            f"emclutch sweep STUDY.toml --out {self.folder} --resume"
+        )
+
+    def report(self, omitted_of: OmittedEffectsOf = lambda result: ()) -> Report:
         """Return the report on the study, with the verdict on each point."""
-        from emclutch.results.report.study_report import study_report  # local: it imports this module
-
-        return study_report(read_study(self.folder), lambda result: ())
+        return study_report(self, omitted_of)
 
     def to_xarray(self) -> xarray.Dataset:
         """Return the table as one object over the study's values and replicas, with units as attributes.
@@ -64,54 +134,53 @@ class StudyResult(Reported):
         """
         from emclutch.results.study_dataset import dataset_of  # local: xarray takes a second to import
 
-        return dataset_of(read_study(self.folder))
+        return dataset_of(self)
 
 
 def load_study(folder: str | Path) -> StudyResult:
-    """Table and runs of the study in a folder, as far as it has come.
+    """Read the study in a folder, as far as it has come.
 
     Raises
     ------
     OutputError
-        There is no ``study.csv`` in it, or a point's run is gone.
+        There is no ``study.csv`` in it, or it is damaged.
     """
     import pandas
 
     folder = Path(folder)
     if folder.is_file():
         raise OutputError(f"{folder} is a file, no folder of a study; read a study's file with emclutch.read_study")
-    table = read_study(folder).table
-    points = tuple(load_result(folder / name) for name in table["folder"].astype(str))
-    seeds, sizes = (
-        pandas.read_csv(path) if path.is_file() else None for path in (folder / "seeds.csv", folder / "grain_size.csv")
-    )
-    return StudyResult(folder, table, points, seeds, sizes, _grain_size_curves(folder))
+    if not is_study(folder):
+        raise OutputError(f"{folder} has no {TABLE}; name the folder of a study of which a point is done")
+    about: dict[str, Any] = {}
+    path = folder / ABOUT
+    try:
+        table = pandas.read_csv(folder / TABLE)
+        about = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+    except (OSError, ValueError) as error:
+        what = f"{folder} has a {TABLE} or {ABOUT} that cannot be read"
+        raise OutputError(f"{what}: {error}; resume the study") from error
+    if not {AFTER_VALUES, "folder", "torque"} <= set(table.columns):
+        raise OutputError(f"{folder / TABLE} is none that a study writes; name the folder of a study")
+    title = about.get("title") or folder.resolve().name
+    return StudyResult(folder, table, title, about.get("points"), about.get("values") or {})
 
 
-def best_estimate_lines(folder: Path) -> list[str]:
-    """Return how far a study's raw torques are from their best estimates, in words; empty where they are the same."""
-    table = read_study(folder).table
-    name = BEST_ESTIMATE[0]
-    if name not in table:
-        return []
-    known = table[table[name].notna() & table["torque"].notna()]
-    known = known[known[name] != 0.0]
-    excess = sorted({f"{100.0 * ratio - 100.0:+.2g}" for ratio in known["torque"] / known[name]}, key=float)
-    if not excess:
-        return []
-    share = f"{excess[0]} %" if len(excess) == 1 else f"{excess[0]} to {excess[-1]} %"
-    points = "all points" if len(known) == len(table) else f"{len(known)} of {len(table)} points"
-    return [
-        f"Numerical settings and coarse grains change the raw torque of {points} by {share}, which is corrected in the "
-        f"best estimates ({BEST_ESTIMATE[0]} of study.csv)."
-    ]
+def report_on(folder: Path, omitted_of: OmittedEffectsOf) -> Report:
+    """Return the report on the run or the study in a folder; OutputError where there is neither."""
+    if is_study(folder):
+        return load_study(folder).report(omitted_of)
+    result = load_result(folder)
+    return run_report(result, omitted_of(result))
 
 
-def grain_size_lines(folder: Path) -> list[str]:
-    """Return the laws of the grain size of a study in words; none where its grains have one size."""
-    return [line for curve in _grain_size_curves(folder) for line in curve["reason"].split("\n")]
+def _is_same(number: float, written: float) -> bool:
+    """True if a number is that of a table, which has fewer digits."""
+    return isclose(number, written, rel_tol=1e-6)
 
 
-def _grain_size_curves(folder: Path) -> list[dict[str, Any]]:
-    path = folder / "grain_size.json"
-    return json.loads(path.read_text(encoding="utf-8"))["curves"] if path.is_file() else []
+def _end_of(folder: Path) -> float | None:
+    """Return the end [s] of a run's scene; None where it has none, or a shear strain without a plan."""
+    run = RunFolder(folder)
+    end = run.read_scene().get("time", {}).get("end")
+    return None if end is None else seconds_of(end, run)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import copy
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from functools import lru_cache
+from dataclasses import dataclass, field, replace
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -46,6 +46,11 @@ class Case:
     data: dict[str, Any] = field(default_factory=dict, repr=False)
     trust_scripts: bool = False
 
+    def __reduce__(self):
+        """Pickle what the scene was made from, with an absolute path; it is checked again where it is loaded."""
+        path = None if self.path is None else self.path.resolve()
+        return partial(case_from, trust_scripts=self.trust_scripts), (self.data, None, path)
+
     @property
     def name(self) -> str:
         """Stem of the file's name, ``scene`` without a file."""
@@ -70,6 +75,17 @@ class Case:
             The scene is not valid with them.
         """
         return case_from(self.data, values, self.path, trust_scripts=self.trust_scripts)
+
+    def sharing(self, other: Case) -> Case:
+        """Return the same case with the sections of another one that are equal: of thousands one is kept."""
+        mine, theirs, data = dict(self.scene), dict(other.scene), {**self.data}
+        for name, section in mine.items():
+            if data.get(name) == other.data.get(name) and section == theirs[name]:
+                mine[name] = theirs[name]
+                if name in data:
+                    data[name] = other.data[name]
+        given, same = self.scene.model_fields_set, other.scene.model_fields_set
+        return replace(self, scene=Scene.model_construct(same if given == same else given, **mine), data=data)
 
     def resolved(self) -> dict[str, Any]:
         """Return the whole scene in SI, defaults written out; it loads to an equal scene."""

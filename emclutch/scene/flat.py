@@ -18,7 +18,7 @@ def flat_scene(text: str) -> dict[str, Any]:
         data = case_from(data).resolved()
     except SceneError:  # of another version, or its files are gone: what can be compared is the text
         pass
-    return _flat(data)
+    return flat(data)
 
 
 def differing_keys(old: dict[str, Any], new: dict[str, Any]) -> list[str]:
@@ -36,10 +36,10 @@ def keys_at_default(section: Section, prefix: str = "") -> Iterator[str]:
             yield prefix + name
 
 
-def _flat(table: dict, prefix: str = "") -> dict:
+def flat(table: dict[str, Any], prefix: str = "") -> dict[str, Any]:
     """Return nested tables as dotted keys; an empty table, as of an effect without keys, is an entry itself."""
-    flat: dict = {}
+    found: dict[str, Any] = {}
     for key, value in table.items():
         nested = isinstance(value, dict) and value
-        flat |= _flat(value, f"{prefix}{key}.") if nested else {prefix + key: value}
-    return flat
+        found |= flat(value, f"{prefix}{key}.") if nested else {prefix + key: value}
+    return found

@@ -92,70 +92,18 @@ class StudySection(Section):
             latest[chain] = number
         return found
 
-    def chains(self) -> list[list[int]]:
-        """Numbers, from 0, of the points that hand on their grains to one another; without `warm_start` each alone."""
-        chain_of: dict[int, list[int]] = {}
-        chains: list[list[int]] = []
-        for number, before in enumerate(self.predecessors()):
-            if before is None:
-                chains.append([])
-            chain_of[number] = chains[-1] if before is None else chain_of[before]
-            chain_of[number].append(number)
-        return chains
-
-    def numbers_of(self, part: tuple[int, int]) -> list[int]:
-        """The numbers, from 0, of the points of a part, e.g. (3, 40): points 3, 43, 83, ... counted from 1.
-
-        Points that hand on their grains (`warm_start`) stay together: then it is the chains that are counted.
-
-        Raises
-        ------
-        SceneError
-            There is no such part.
-        """
-        which, parts = part
-        if self.is_adaptive:
-            message = "cannot be used with study.sample.method = 'adaptive': each point depends on others; take --jobs"
-            raise SceneError([Fault("--part", f"{which}/{parts}", f"{message} or --dask")], str(self.path))
-        if parts > 1 and (twice := self._listed_twice()):
-            message = (
-                f"is listed twice: {twice}; parts would run it in one folder; list each value once, or sample fewer"
-            )
-            raise SceneError([Fault("study.values", "", message)], str(self.path))
-        chains = self.chains()
-        things = "points" if self.warm_start is None else f"chains of points along {self.warm_start}"
-        if not 1 <= parts <= len(chains):
-            message = (
-                f"is no part of this study, which has {len(chains)} {things}; allowed: 1/{len(chains)} to "
-                f"{len(chains)}/{len(chains)}, or fewer parts"
-            )
-        elif not 1 <= which <= parts:
-            message = f"is no part of {parts}; allowed: 1/{parts} to {parts}/{parts}"
-        else:
-            return sorted(number for chain in chains[which - 1 :: parts] for number in chain)
-        raise SceneError([Fault("--part", f"{which}/{parts}", message)], str(self.path))
-
-    def _listed_twice(self) -> str:
-        """A point that the study has twice, in words; empty where it has none."""
-        seen: set[str] = set()
-        for point in self.points():
-            if (text := _in_words(point)) in seen:
-                return text
-            seen.add(text)
-        return ""
-
     def changes(self, point: dict[str, Any]) -> dict[str, Any]:
         """Changes of a point in the scene; None removes a key, as in `Case.with_values`."""
         given = {**self.set, **point}
         return {key: None if removes(key, value) else value for key, value in given.items()}
 
-    def warnings(self, part: tuple[int, int] | None = None) -> list[str]:
-        """Warnings of the scenes of all points or those of a part, each once.
+    def warnings(self, numbers: Sequence[int] | None = None) -> list[str]:
+        """Return warnings of the scenes of all points, or of those of some numbers, each once.
 
         One that only some points have comes with the values of the first of them.
         """
         found: dict[str, list[str]] = {}
-        cases = list(self.cases(None if part is None else self.numbers_of(part)))
+        cases = list(self.cases(numbers))
         for values, case in cases:
             for text in case.warnings:
                 found.setdefault(text, []).append(_in_words(values))
@@ -193,17 +141,17 @@ class _PartialStudySection(StudySection):
 
 
 def read_study(
-    path: str | Path, *, trust_scripts: bool = False, part: tuple[int, int] | None = None
+    path: str | Path, *, trust_scripts: bool = False, numbers: Sequence[int] | None = None
 ) -> StudySection:
     """Read a study file and check every point of it; `trust_scripts` as in `emclutch.scene.case.load_case`.
 
-    With a `part` (`StudySection.numbers_of`) only the points of it are checked.
+    With `numbers`, from 0, only these points are checked.
 
     Raises
     ------
     SceneError
         The file, its scene or one of its points has faults: all of them at once. Those of the points come with the
-        point's values. There is no such part.
+        point's values. There is no such point.
     """
     path = Path(path)
     data = read_toml(path)
@@ -226,7 +174,7 @@ def read_study(
         elif study.case is not None:
             if wrong:  # the right values are checked each with each: the sample is unknown
                 study = study.model_copy(update={"sample": None})
-            faults += _faults_of_points(study, None if part is None or faults else study.numbers_of(part))
+            faults += _no_such_points(study, numbers or ()) or _faults_of_points(study, None if faults else numbers)
     if study is None or faults:
         raise SceneError(faults, str(path))
     return study
@@ -311,6 +259,16 @@ def _warm_start_faults(study: StudySection) -> list[Fault]:
     return []
 
 
+def _no_such_points(study: StudySection, numbers: Sequence[int]) -> list[Fault]:
+    total = len(study.points())
+    message = f"is no point of this study, which has {total}; allowed: 0 to {total - 1}"
+    faults = [Fault("--point", str(number), message) for number in numbers if not 0 <= number < total]
+    if numbers and study.is_adaptive:
+        message = "cannot be used with study.sample.method = 'adaptive': each point depends on others; take --jobs"
+        faults.append(Fault("--point", str(numbers[0]), message))
+    return faults
+
+
 def _faults_of_points(study: StudySection, numbers: Sequence[int] | None) -> list[Fault]:
     """Faults of the scene and of every point, with the valid part of the study; a common one is reported once.
 
@@ -331,15 +289,16 @@ def _faults_of_points(study: StudySection, numbers: Sequence[int] | None) -> lis
     valid = study.model_copy(update={"values": right, "set": fixed, "sample": sample})
     faults: dict[Fault, str] = {}
     points = valid.points()
+    path, last = study.case_path, None
     for point in [None, *(points if numbers is None else (points[number] for number in numbers))]:
         changes = {} if point is None else valid.changes(point)
         try:
-            case = case_from(data, changes, study.case_path, trust_scripts=study._trust_scripts)
+            case = case_from(data, changes, path, trust_scripts=study._trust_scripts)
         except SceneError as error:
             found = error.faults
         else:
             if point is not None:
-                study._checked[repr((study.case_path, changes))] = case
+                study._checked[repr((path, changes))] = last = case if last is None else case.sharing(last)
             found = () if point is None or case.scene.particles is not None else (NO_GRAINS,)
             if point is not None and study.warm_start is not None and not case.scene.output.checkpoint:
                 found += (NO_CHECKPOINT,)

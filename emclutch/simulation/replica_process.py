@@ -10,6 +10,7 @@ import sys
 import threading
 import tomllib
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
 
 from emclutch.results.errors import OutputError
@@ -23,6 +24,9 @@ def run_task(task: dict[str, Any], control: Any) -> int:
     from emclutch.results.errors import Interrupted, RunError
     from emclutch.simulation.run import run_replica
 
+    if not Path(task["folder"]).parent.is_dir():  # of the run, which another process has taken over
+        print(f"the folder of {task['folder']} is gone", file=sys.stderr)
+        return FAILED
     case = case_from(tomllib.loads(task["case"]), trust_scripts=task["trust_scripts"])
     try:
         settings = {name: task[name] for name in ("threads", "tune_threads", "resume", "start")}

@@ -133,7 +133,8 @@ class Replicas:
         home = self.folders[0]
         for number in range(len(self.folders), count):
             own = RunFolder(home.replicas / f"{number:02d}")
-            own.path.mkdir(parents=True, exist_ok=True)  # at once: how many there are is known from them
+            home.replicas.mkdir(exist_ok=True)  # in a folder that was moved none is made
+            own.path.mkdir(exist_ok=True)  # at once: how many there are is known from them
             self.folders.append(own)
         self.length = length
 

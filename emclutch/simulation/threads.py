@@ -21,9 +21,17 @@ def use_threads(threads: int | None, replicas: int = 1) -> int:
     available: int = getattr(numba.config, "NUMBA_NUM_THREADS")  # noqa: B009 (numba's stubs hide it)
     if threads is not None and not 1 <= threads <= available:
         raise ValueError(f"threads = {threads}; allowed: 1 to {available}, the cores of this machine")
-    chosen = threads or max(1, default_threads(available) // replicas)
+    chosen = threads or threads_of_a_process(replicas)
     numba.set_num_threads(chosen)
     return chosen
+
+
+def threads_of_a_process(processes: int) -> int:
+    """Return the threads of each of so many processes: ``OMP_NUM_THREADS`` or all cores, shared out."""
+    import numba
+
+    available: int = getattr(numba.config, "NUMBA_NUM_THREADS")  # noqa: B009 (as above)
+    return max(1, default_threads(available) // processes)
 
 
 def may_tune_threads(threads: int | None) -> bool:

@@ -14,6 +14,7 @@ import logging
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -22,7 +23,6 @@ from emclutch.results.atomic_file import replace_text
 from emclutch.results.curve_interval import CurveInterval, curve_interval
 from emclutch.scene.sampling import places_along
 from emclutch.scene.study import StudySection
-from emclutch.studies.tables import DonePoint
 
 log = logging.getLogger(__name__)
 BEGIN, REPLICAS, BATCH = 4, 2, 4
@@ -157,8 +157,8 @@ class AdaptiveStudy:
         )
         self._ended = False
 
-    def next_points(self, done: Mapping[int, DonePoint], failed: Collection[int]) -> list[int]:
-        """Return the numbers of the next points; none while others run, or where there are no more.
+    def next_points(self, done: Mapping[int, Mapping[str, Any]], failed: Collection[int]) -> list[int]:
+        """Return the numbers of the next points, none where there are no more; `done` are the rows of those done.
 
         Raises
         ------
@@ -171,10 +171,10 @@ class AdaptiveStudy:
         measured = {}
         for number in curve.chosen:
             if number in done:
-                point = done[number]
-                if (torque := point.row["torque"]) is None:
-                    raise ValueError(f"{point.folder} has no mean torque; run longer")
-                summary = load_result(point.folder).summary
+                row = done[number]
+                if (torque := row["torque"]) is None:
+                    raise ValueError(f"{row['folder']} has no mean torque; run longer")
+                summary = load_result(self._folder / row["folder"]).summary
                 measured[number] = MeasuredPlace(torque, float(summary["steps"]) * summary["grains"])
         batch = curve.next_batch(measured, failed)
         self._ended = not batch

@@ -73,6 +73,7 @@ DETAIL_UNITS = {
 }
 """Of what field.json holds for the last current; the rest are pure numbers."""
 
+
 def field_study(
     case: Case,
     currents: Sequence[float] | None = None,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
+from math import inf
 from typing import Any
 
 from emclutch.results.report.render import Reported
@@ -16,9 +17,8 @@ from emclutch.simulation.forecast.cost import format_rough_time
 from emclutch.simulation.forecast.space import shortage
 from emclutch.simulation.plan import make_plan
 from emclutch.simulation.stopping_rule import stopping_rule
+from emclutch.simulation.threads import threads_of_a_process
 from emclutch.studies.accuracy.target import cases_of
-from emclutch.studies.points import PointFolder
-from emclutch.studies.workers import threads_of_a_worker
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,10 +119,11 @@ def time_in_words(seconds: float, earliest: float) -> str:
     return f"about {format_rough_time(seconds)} at the latest, {format_rough_time(earliest)} at the earliest"
 
 
-def predict_study(study: StudySection, jobs: int = 1, folders: Sequence[PointFolder] = ()) -> StudyForecast:
+def predict_study(study: StudySection, jobs: int = 1, reached: Sequence[float] = ()) -> StudyForecast:
     """Plan every point of a study that is not done, and say what they cost, `jobs` at a time.
 
-    `folders` are those of all points where the study continues: of a point that has begun the rest is predicted.
+    `reached` are the simulated times [s] from which the points continue (`emclutch.studies.point.time_reached`), where
+    the study was begun: of a point that has begun the rest is predicted.
 
     Raises
     ------
@@ -133,17 +134,17 @@ def predict_study(study: StudySection, jobs: int = 1, folders: Sequence[PointFol
     planned: dict[str, PointForecast] = {}
     faults, needs_studies = [], False
     for number, (values, case) in enumerate(cases_of(study)):
-        if folders and folders[number].is_done:
+        begun = reached[number] if reached else 0.0
+        if begun == inf:
             continue
         needs_studies |= case.scene.accuracy.target is not None
-        reached = folders[number].reached if folders else 0.0
         label = ", ".join(f"{key} = {value}" for key, value in values.items())
         scene = case.resolved()
         scene["scene"].pop("seed", None)  # points that differ in it alone cost the same
-        alike = repr((reached, scene))
+        alike = repr((begun, scene))
         try:
             if alike not in planned:
-                planned[alike] = _predict(case, label, jobs, reached)
+                planned[alike] = _predict(case, label, jobs, begun)
         except ValueError as error:
             faults.append(Fault("", "", f"{error} (at {label})"))
             continue
@@ -158,7 +159,7 @@ def predict_study(study: StudySection, jobs: int = 1, folders: Sequence[PointFol
     return StudyForecast(
         study.title or study.path.stem,
         tuple(points.values()),
-        sum(one.is_done for one in folders),
+        sum(one == inf for one in reached),
         jobs,
         latest,
         min(earliest, latest),
@@ -169,7 +170,7 @@ def predict_study(study: StudySection, jobs: int = 1, folders: Sequence[PointFol
 def _predict(case: Case, label: str, jobs: int, reached: float) -> PointForecast:
     """One point, which continues from the simulated time `reached` [s]."""
     replicas = replica_count(case.scene)
-    device, plan = make_plan(case, threads=threads_of_a_worker(jobs * replicas) if jobs > 1 else None)
+    device, plan = make_plan(case, threads=threads_of_a_process(jobs * replicas) if jobs > 1 else None)
     cost = plan.cost
     busy, cores = cost.replicas * cost.threads, cores_at_hand()
     slower = max(cores, jobs * busy) / max(cores, busy)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,7 @@ from emclutch.results.columns import DISC_SPEED, ROTOR_SPEED, TIME, TORQUE_DISC
 from emclutch.results.grain_size_law import grain_size_law, law_in_words
 from emclutch.results.linear_range import linear_range
 from emclutch.results.measured_table import measured_in
-from emclutch.results.pictures.speeds import speed_picture
+from emclutch.results.pictures.speeds import speed_picture, speeds_vary
 from emclutch.results.pictures.torque_curves import (
     torque_against_current_picture,
     torque_against_grain_size_picture,
@@ -27,6 +27,7 @@ from emclutch.results.seed_average import averaged_over_seeds
 from emclutch.results.statistics import Estimate
 from emclutch.results.study_folder import write_about, write_empty_table
 from emclutch.results.torque_curves import BEST_ESTIMATE, PER_GAP, REAL_PER_GAP, TorqueCurve, torque_curves
+from emclutch.scene.scaled import Scaled
 from emclutch.scene.study import StudySection
 from emclutch.studies.method_comparison import METHOD, compare_methods
 
@@ -34,6 +35,8 @@ DIGITS = 8
 """Of a number in a table: more than any torque is known to; all of them are in the summary of its run."""
 MOST_COURSES = 100
 """Of `speeds.png`: of more points every second, third, ... is drawn."""
+SPEEDS_VARY = "speeds_vary"
+"""Value of a point's row that is no column: whether its shafts change their speed."""
 STARTED = 0.01  # of the motor's fastest speed: an output that dry friction holds chatters below it
 SEED, CURRENT, VOLTAGE, SPEED = "scene.seed", "coil.current", "coil.voltage", "motion.rotor.speed"
 COLUMNS = tuple(one for one in QUANTITIES if one.column)
@@ -43,38 +46,23 @@ SIZE_COLUMNS = (PER_GAP, REAL_PER_GAP, "seeds", "torque", "standard_error", "low
 """Of `grain_size.csv`, after the values: grains per gap, those of the real powder, torque, what it cost."""
 
 
+def write_tables(folder: Path, study: StudySection, done: Sequence[tuple[dict[str, Any], dict[str, Any]]]) -> None:
+    """Write all tables and pictures of the points that are done; of none the table's head.
 
-@dataclass(frozen=True, slots=True)
-class DonePoint:
-    """A point that is done.
-
-    Attributes
-    ----------
-    values : of the study's keys.
-    folder : Path
-    row : of `study.csv`, after the values.
-    speeds_vary : whether its shafts change their speed.
+    `done` : in the study's order, the values of each point and those of its row (`emclutch.studies.point.run_point`).
     """
-
-    values: dict[str, Any]
-    folder: Path
-    row: dict[str, Any]
-    speeds_vary: bool = False
-
-
-def write_tables(folder: Path, study: StudySection, done: Sequence[DonePoint]) -> None:
-    """All tables and pictures of the points that are done, given in the study's order; of none the table's head."""
     write_about(folder, study.title, study.values, len(study.points()))
     if not done:
         write_empty_table(folder, study.values)
         return
-    write_torques(folder, study, [point.values | point.row for point in done])
-    if any(point.speeds_vary for point in done):  # then an output that stands still is drawn too
+    write_torques(folder, study, [values | {k: v for k, v in row.items() if k != SPEEDS_VARY} for values, row in done])
+    if any(row[SPEEDS_VARY] for _, row in done):  # then an output that stands still is drawn too
         drawn = done[:: -(-len(done) // MOST_COURSES)]
-        courses = {label_of(study, one.values) or one.folder.name: load_result(one.folder).history for one in drawn}
+        histories = {label_of(study, values) or row["folder"]: folder / row["folder"] for values, row in drawn}
+        courses = {label: load_result(path).history for label, path in histories.items()}
         speed_picture(folder / "speeds.png", courses, title=study.title or None)
     if METHOD in study.values:
-        compared = compare_methods([(point.values, load_result(point.folder)) for point in done])
+        compared = compare_methods([(values, load_result(folder / row["folder"])) for values, row in done])
         if compared:
             _write_csv(folder / "methods.csv", compared)
 
@@ -175,15 +163,18 @@ def _write_csv(path: Path, rows: Sequence[dict[str, Any]]) -> None:
     replace_text(path, table.to_csv(index=False))
 
 
-def row_of(values: dict[str, Any], result: Result) -> dict[str, Any]:
-    """A point's row of `study.csv`: its values, then the quantities that are columns."""
+def row_of(result: Result, name: str, end: float | str | Scaled | None = None) -> dict[str, Any]:
+    """Return the row of a point in the folder `name`: the quantities that are columns of `study.csv`.
+
+    `end` : of the scene in its folder, None: unknown, as a point may have been continued alone to a later one.
+    """
     torque, summary, history = disc_torque(result), result.summary, result.history
     low, high = torque.interval() if torque.known else (None, None)
-    end = seconds_of(result.folder.read_scene()["time"]["end"], result.folder)  # resumed alone to a later one perhaps
-    row = {**values, "end_time": end, "torque": torque.mean, "standard_error": torque.standard_error,
+    end = seconds_of(result.folder.read_scene()["time"]["end"] if end is None else end, result.folder)
+    row: dict[str, Any] = {"end_time": end, "torque": torque.mean, "standard_error": torque.standard_error,
            "low": low, "high": high, "converged": torque.converged, "steady_alone": torque.steady_alone}  # fmt: skip
     row |= {one.column: one.value(summary) for one in COLUMNS if one.is_in(summary)}
-    row |= {"reason": torque.in_words(), "folder": result.folder.path.name}
+    row |= {"reason": torque.in_words(), "folder": name}
     if TORQUE_DISC in history and (best := result.best) != torque:
         ends = best.interval() if best.known else (None, None)
         row |= dict(zip(BEST_ESTIMATE, (best.mean, *ends), strict=True))
@@ -193,7 +184,7 @@ def row_of(values: dict[str, Any], result: Result) -> dict[str, Any]:
         row["rotor_speed"] = float(history[ROTOR_SPEED].iloc[-1])
     if "lock_up_time" in summary:  # a shaft is free
         row["output_start_time"], row["output_start_speed"] = output_start(history) or (None, None)
-    return row
+    return row | {SPEEDS_VARY: speeds_vary(history)}
 
 
 def disc_torque(result: Result) -> Estimate:

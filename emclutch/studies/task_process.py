@@ -1,7 +1,8 @@
 """A task in a child process of a worker: calls come on standard input, and end with it.
 
 The child is kept for the next task of the worker, as most of a short task's time is that of importing; it ends with the
-worker, however that ends, for then its input does. A child that dies takes its task with it: `TaskProcessEnded`.
+worker, however that ends, for then its input does. The worker itself imports nothing of a task, and so answers its
+scheduler whatever the task does.
 """
 
 from __future__ import annotations
@@ -12,22 +13,96 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
 
 ROOT = Path(__file__).resolve().parents[2]
-_idle: list[subprocess.Popen[bytes]] = []
-"""Children of this process that have no task. A list's pop and append are one step each: worker threads share it."""
+TRIES = 3
+"""Times that a call is begun whose child dies: the next child continues, unless the call kills each of them."""
 
 
 class TaskProcessEnded(RuntimeError):
     """The process of a task ended without a result."""
 
 
-def perform(call: bytes) -> bytes:
-    """Run a call in a child process. The worker reads neither the call nor its answer, and imports nothing for them.
+class Children:
+    """Child processes of this one; a list's pop, append and remove are one step each: threads share them."""
+
+    def __init__(self) -> None:
+        self._idle: list[subprocess.Popen[bytes]] = []
+        self._busy: list[subprocess.Popen[bytes]] = []
+        self._has_ended = False
+
+    def perform(self, call: bytes) -> bytes:
+        """Run a call in a child process, see `perform_call`."""
+        for tried in range(1, TRIES + 1):
+            try:
+                return self._performed(call)
+            except TaskProcessEnded:
+                if tried == TRIES or self._has_ended:
+                    raise
+        raise AssertionError("it is tried at least once")
+
+    def end(self) -> None:
+        """End all children; what they do is lost but for checkpoints."""
+        self._has_ended = True
+        for child in [*self._busy]:
+            child.kill()
+        while self._idle:
+            _discarded(self._idle.pop())
+
+    def _performed(self, call: bytes) -> bytes:
+        try:
+            child = self._idle.pop()
+        except IndexError:
+            child = _new_child()
+        if child.poll() is not None:  # it died while it had nothing to do
+            _discarded(child)
+            child = _new_child()
+        self._busy.append(child)
+        if self._has_ended:
+            child.kill()
+        try:
+            assert child.stdin is not None and child.stdout is not None
+            pickle.dump(call, child.stdin)
+            child.stdin.flush()
+            answer: bytes = pickle.load(child.stdout)
+        except (EOFError, BrokenPipeError, pickle.UnpicklingError):
+            code = _discarded(child)
+            raise TaskProcessEnded(
+                f"its process ended without a message ({f'signal {-code}' if code < 0 else f'code {code}'}); it was "
+                "killed, most often for want of memory"
+            ) from None
+        except BaseException:  # the worker's thread was stopped: nobody waits for this child any more
+            _discarded(child)
+            raise
+        finally:
+            self._busy.remove(child)
+        self._idle.append(child)
+        return answer
+
+
+class ChildProcesses(ThreadPoolExecutor):
+    """Executor that runs `perform_call`, so many at a time, in children of its own."""
+
+    def __init__(self, jobs: int) -> None:
+        super().__init__(jobs, thread_name_prefix="task")
+        self.children = Children()
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """See `concurrent.futures.Executor.submit`."""
+        return super().submit(self.children.perform if fn is perform_call else fn, *args, **kwargs)
+
+
+_children = Children()
+"""Those of a worker of any other executor."""
+
+
+def perform_call(call: bytes) -> bytes:
+    """Run a call in a child process; where that dies, in another one, `TRIES` times at most.
 
     Parameters
     ----------
@@ -41,32 +116,19 @@ def perform(call: bytes) -> bytes:
     Raises
     ------
     TaskProcessEnded
-        The child died.
+        The children died.
     """
-    try:
-        child = _idle.pop()
-    except IndexError:
-        child = _new_child()
-    try:
-        if child.poll() is not None:  # it died while it had nothing to do
-            child = _new_child()
-        assert child.stdin is not None and child.stdout is not None
-        pickle.dump(call, child.stdin)
-        child.stdin.flush()
-        answer: bytes = pickle.load(child.stdout)
-    except (EOFError, BrokenPipeError, pickle.UnpicklingError):
-        child.kill()
-        code = child.wait()
-        raise TaskProcessEnded(
-            f"its process ended without a message ({f'signal {-code}' if code < 0 else f'code {code}'}); it was "
-            "killed, most often for want of memory"
-        ) from None
-    except BaseException:  # the worker's thread was stopped: nobody waits for this child any more
-        child.kill()
-        child.wait()
-        raise
-    _idle.append(child)
-    return answer
+    return _children.perform(call)
+
+
+def _discarded(child: subprocess.Popen[bytes]) -> int:
+    """End a child, and return its code."""
+    child.kill()
+    for pipe in (child.stdin, child.stdout):
+        assert pipe is not None
+        with suppress(OSError):  # a call that was not read
+            pipe.close()
+    return child.wait()
 
 
 def call_of(fn: Callable[..., Any], *args: Any, **kwargs: Any) -> bytes:
@@ -107,14 +169,14 @@ def main() -> None:
     # The thread only reads; calls are imported and run by the main thread, which alone may handle signals.
     threading.Thread(target=read, name="calls", daemon=True).start()
     while True:
-        answer = _answer(calls.get())
+        found = answer(calls.get())
         with suppress(BrokenPipeError):
-            pickle.dump(answer, answers)
+            pickle.dump(found, answers)
             answers.flush()
 
 
-def _answer(call: bytes) -> bytes:
-    """The pickled result of a call, or its error."""
+def answer(call: bytes) -> bytes:
+    """Run a call in this process, and return the pickled result or error."""
     try:
         fn, args, kwargs = pickle.loads(call)
         return pickle.dumps((True, fn(*args, **kwargs)))

@@ -20,7 +20,7 @@ from emclutch.results.report.render import html, markdown, terminal
 from emclutch.results.report.run_report import run_report
 from emclutch.results.report.study_report import state_of, state_report
 from emclutch.results.rise_time import time_to_reach
-from emclutch.results.study_folder import read_study
+from emclutch.results.study_result import load_study
 from emclutch.results.text import format_torque
 from emclutch.results.vtk.series import read_pvd
 from emclutch.scene.design import read_design
@@ -200,14 +200,15 @@ def test_current_to_torque_at_toy_size(tmp_path):
     small._path = study.path
     folder = emclutch.sweep(small, out=tmp_path / "study")
     table = pandas.read_csv(folder / "torque_vs_current.csv")
-    assert table["current"].tolist() == [0.2, 0.94] and table["started_from"].tolist()[1] == "point-000"
+    (first,) = folder.glob("000_current=0.2A_*")
+    assert table["current"].tolist() == [0.2, 0.94] and table["started_from"].tolist()[1] == first.name
     found = json.loads((folder / "torque_vs_current.json").read_text())["curves"][0]["linear_range"]
     assert found["slope"] is None and "torques at 2 currents, 4 needed" in found["reason"]
     assert (folder / "torque_vs_current.png").stat().st_size > 10_000
     # nothing is repeated on resuming a study that is done
-    before = (folder / "point-000" / "history.csv").stat().st_mtime_ns
+    before = (first / "history.csv").stat().st_mtime_ns
     emclutch.sweep(small, out=tmp_path / "study", resume=True)
-    assert (folder / "point-000" / "history.csv").stat().st_mtime_ns == before
+    assert (first / "history.csv").stat().st_mtime_ns == before
 
 
 @pytest.mark.parametrize(
@@ -355,7 +356,7 @@ def test_centrifugal_study_at_toy_size(tmp_path):
     assert table["contact.method"].tolist() == ["dem", "dem", "dvi", "dvi"]
     compared = pandas.read_csv(folder / "methods.csv")
     assert compared["particles.count"].tolist() == [2, 24] and (compared["missed_steps_dvi"] == 0.0).all()
-    printed = terminal(state_report(state_of(read_study(folder))))
+    printed = terminal(state_report(state_of(load_study(folder))))
     assert "locks" in printed and printed.count("none") == 6  # no difference in standard errors, no times of locking
     steps = 10e-3 / 40e-6  # of rigid grains: the row has the speed of the last one, at its begin
     assert table["rotor_speed"].to_numpy() == pytest.approx(100 * math.pi / 30, rel=1.001 / steps)

@@ -93,8 +93,8 @@ def test_resume_names_the_folder_where_it_is_given_a_file_of_it(tmp_path):
 def test_a_dry_run_of_accuracy_writes_nothing(tmp_path, monkeypatch):
     """With two of the settings only: to plan each takes a second."""
     monkeypatch.chdir(tmp_path)
-    tasks = study.value_tasks
-    monkeypatch.setattr(study, "value_tasks", lambda base: tasks(base)[:2])
+    values = study.values_to_plan
+    monkeypatch.setattr(study, "values_to_plan", lambda base: values(base)[:2])
     found = called("accuracy", CASES / "quickstart.toml", "--dry-run", "--set", "field.size_factor=2")
     assert found.exit_code == 0 and "grains per gap" in found.output and not list(tmp_path.iterdir())
 

@@ -113,8 +113,8 @@ class KilledRun:
     def _moment(self, said: str) -> str:
         """At what a run was, from what it left; `said` is what it wrote into its log."""
         if self.command == "sweep":
-            done = len(list(self.folder.glob("point-*/summary.json")))
-            return f"point {done + 1}" if list(self.folder.glob("point-*")) else "start-up"
+            done = len(list(self.folder.glob("*/summary.json")))
+            return f"point {done + 1}" if done or (self.folder / "attempts").is_dir() else "start-up"
         unfinished = [path.name for path in self.folder.rglob("*.new") if is_unfinished(path)]
         if any("run.h5" in name for name in unfinished):
             return "record being written"

@@ -115,7 +115,7 @@ def _study(scene: RandomScene, folder: Path) -> Verdict:
         return _refusal(scene, swept)
     if swept.exit_code == 1:
         return Verdict("stopped", _in_short(swept.stderr))
-    points = sorted((folder / "study").glob("point-*"))
+    points = sorted((folder / "study").glob("[0-9]*_*"))
     return Verdict("ran", "a study", next(filter(None, (_not_finite(point) for point in points)), ""))
 
 

@@ -92,6 +92,10 @@ def test_links_lead_somewhere_and_files_that_the_text_names_are_in_the_tree():
 
 def check_line(words: list[str], folder: Path) -> None:
     """A shell line: options and files exist, and a scene is right with the values that the line sets."""
+    if "|" in words:
+        check_line(words[words.index("|") + 1 :], folder)
+        words = words[: words.index("|")]
+    words = [word.replace("$SLURM_ARRAY_TASK_ID", "0") for word in words]
     program, line = words[0].removeprefix(".venv/bin/"), shlex.join(words)
     if program == "emclutch" and words[1] not in ("--version", "--help"):
         given = COMMANDS[words[1]].make_context(words[1], words[2:]).params
@@ -105,9 +109,6 @@ def check_line(words: list[str], folder: Path) -> None:
             assert name != "CASE" or (ROOT / value).is_file(), line
     elif program.startswith("python"):
         assert words[1] in ("-m", "-c") or (ROOT / words[1]).is_file(), line
-    elif program == "parallel":  # the line that GNU parallel makes of its first argument
-        end = words.index(":::")
-        check_line([word.replace("{}", words[end + 1]) for word in words[words.index("emclutch") : end]], folder)
 
 
 def test_shell_lines_are_right_and_commands_that_the_text_names_exist():

@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from unittest.mock import ANY
 
 import pytest
 from typer.testing import CliRunner
@@ -97,14 +98,22 @@ def test_a_holder_whose_folder_was_moved_leaves_the_next_ones_lock(tmp_path):
     assert not (tmp_path / "run" / LOCK).exists()
 
 
-def test_a_file_system_without_locks_is_refused(tmp_path, monkeypatch):
+def test_without_locks_of_the_file_system_a_process_of_this_machine_that_lives_is_refused(tmp_path, monkeypatch):
+    """Its file says which; one that was killed, or is of another machine, has left the folder."""
+
     def none(descriptor, how):
         raise OSError(errno.ENOLCK, "No locks available")
 
     monkeypatch.setattr(folder_lock.fcntl, "flock", none)
-    with pytest.raises(OutputError, match=r"has no locks .*write to a local disk with --out"):
-        with locked_folder(tmp_path):
+    with locked_folder(tmp_path):
+        with pytest.raises(OutputError, match=f"in use by process {os.getpid()} "), locked_folder(tmp_path):
             pass
+        held = json.loads((tmp_path / LOCK).read_text())
+    for other in ({"began": "1"}, {"pid": 2**22 + 1}, {"host": "node7"}):
+        (tmp_path / LOCK).write_text(json.dumps(held | other))
+        with locked_folder(tmp_path):
+            assert json.loads((tmp_path / LOCK).read_text()) == held | {"since": ANY}
+    assert not (tmp_path / LOCK).exists()
 
 
 def test_a_place_that_cannot_be_written_is_explained(tmp_path):

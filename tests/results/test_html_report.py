@@ -15,9 +15,8 @@ from emclutch.results import OutputError, RunFolder, load_result
 from emclutch.results.report.render import html, markdown, write_index, write_page
 from emclutch.results.report.report import Mark
 from emclutch.results.report.run_report import FILES, run_report, write_failed_index
-from emclutch.results.report.study_report import report_on, study_report
-from emclutch.results.study_folder import read_study
-from emclutch.results.study_result import load_study
+from emclutch.results.report.study_report import study_report
+from emclutch.results.study_result import load_study, report_on
 from emclutch.results.text import format_estimate, format_torque
 from emclutch.simulation.check import omitted_effects_of
 
@@ -156,7 +155,7 @@ def test_energies_of_the_table_close(tmp_path):
 
 def test_a_study_shows_its_points_and_which_are_missing_failed_or_newer_than_its_table(tmp_path):
     folder = written_study(tmp_path, [1.0, 2.0], HOSTILE)
-    study = read_study(folder)
+    study = load_study(folder)
     page = Page(html(study_report(study, omitted_effects_of)))
     assert set(study.results()) == {"current 1 A", "current 2 A"} and HOSTILE in page.text
     for text in (page.text, load_study(folder)._repr_html_(), CliRunner().invoke(app, ["report", str(folder)]).output):
@@ -164,7 +163,7 @@ def test_a_study_shows_its_points_and_which_are_missing_failed_or_newer_than_its
     assert all(format_torque(result.torque) in page.text for result in study.results().values())
     written_run(folder / "later", mean=3.0).summary.replace(folder / "point-001" / "summary.json")
     RunFolder.create(folder / "point-002", "").write_failure("raise contact.stiffness")
-    reported = Page(html(study_report(read_study(folder), omitted_effects_of))).text
+    reported = Page(html(study_report(load_study(folder), omitted_effects_of))).text
     for text in ("older than", "raise contact.stiffness"):
         assert text in reported and text not in page.text
 

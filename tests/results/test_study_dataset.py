@@ -9,7 +9,7 @@ import emclutch
 from emclutch.cli.export import Format, export
 from emclutch.results.atomic_file import replace_json
 from emclutch.results.study_dataset import dataset_of
-from emclutch.results.study_folder import read_study
+from emclutch.results.study_result import load_study
 
 xarray = pytest.importorskip("xarray")
 CURRENT, FRICTION, SEED = "coil.current", "contact.friction", "scene.seed"
@@ -29,7 +29,7 @@ def write(folder, values, rows, points=None):
     ]  # fmt: skip
     pandas.DataFrame(whole).to_csv(folder / "study.csv", index=False)
     replace_json(folder / "study.json", {"title": "a study", "values": values, "points": points or len(rows)})
-    return read_study(folder)
+    return load_study(folder)
 
 
 @pytest.fixture
@@ -81,7 +81,7 @@ def test_entries_that_are_no_numbers_of_one_unit_stay_text(tmp_path):
 
 
 def test_netcdf_reads_back_equal(grid, tmp_path):
-    out = export(grid.path, Format.NETCDF, tmp_path / "out")
+    out = export(grid.folder, Format.NETCDF, tmp_path / "out")
     read = xarray.load_dataset(out / "study.nc", engine="scipy")
     xarray.testing.assert_identical(read, dataset_of(grid))
 

@@ -9,9 +9,8 @@ from emclutch.results import RunFolder, load_result
 from emclutch.results.pictures.torque_curves import BEST, _draw_torques
 from emclutch.results.report.render import html, terminal, write_index
 from emclutch.results.report.report import Shown
-from emclutch.results.report.study_report import StudyState, state_report, study_report
-from emclutch.results.study_folder import read_study
-from emclutch.results.study_result import best_estimate_lines
+from emclutch.results.report.study_report import StudyState, best_estimate_lines, state_report, study_report
+from emclutch.results.study_result import load_study
 from emclutch.results.study_table import DONE, FAILED, RUNNING, PointRow
 from emclutch.results.torque_curves import torque_curves
 from emclutch.studies.tables import row_of
@@ -65,13 +64,13 @@ def test_what_a_run_says_of_its_settings_a_study_says_of_its_points(tmp_path):
         run = RunFolder(folder / row["folder"])
         run.case.write_text(run.case.read_text() + "\n[time]\nend = 0.2\n")
         run.write_summary(run.read_summary() | size)
-        rows.append(row | row_of({"coil.current": row["coil.current"]}, load_result(run.path)))
+        rows.append(row | row_of(load_result(run.path), run.path.name))
         assert rows[-1]["best_torque"] == pytest.approx(rows[-1]["torque"] / 1.53)
         assert rows[-1]["best_low"] < rows[-1]["best_torque"] < rows[-1]["best_high"]
     pandas.DataFrame(rows).to_csv(folder / "study.csv", index=False)
     (line,) = best_estimate_lines(folder)
     assert "change the raw torque of all points by +53 %" in line and "best_torque" in line
-    report = study_report(read_study(folder), lambda result: ())
+    report = study_report(load_study(folder), lambda result: ())
     assert terminal(report).count(line) == html(report.up_to(Shown.PAGE)).count(line) == 1
     assert line in page_of(state_of(folder))
     (curve,) = torque_curves(rows, "current", [])

@@ -53,11 +53,11 @@ def test_it_has_its_columns_in_a_studys_table_where_it_is_given(tmp_path):
     folder = written_run(tmp_path / "point-000")
     text = folder.case.read_text() + "\n[time]\nend = 0.2\n"
     folder.case.write_text(text)
-    without = row_of({}, load_result(folder.path))
+    without = row_of(load_result(folder.path), "")
     assert not {"drag_torque", "torque_with_drag"} & set(without)
     folder.write_summary(folder.read_summary() | {"drag_torque": -0.2, "torque_with_drag": without["torque"] - 0.2})
     result = load_result(folder.path)
-    row = row_of({}, result)
+    row = row_of(result, "")
     assert row["drag_torque"] == -0.2 and row["torque_with_drag"] == pytest.approx(row["torque"] - 0.2)
     assert {name: row[name] for name in without} == without  # interval and all else are those of the powder
     assert "with 0.2 N m of drag (motion.drag_torque)" in str(result.verdict)

@@ -187,7 +187,7 @@ def test_force_is_not_refused(monkeypatch):
 @pytest.mark.parametrize("command", ["run", "sweep"])
 def test_the_command_line_hands_on_force(command, monkeypatch, tmp_path):
     import emclutch.studies.accuracy.target
-    import emclutch.studies.tasks
+    import emclutch.studies.point
 
     asked = {}
 
@@ -196,7 +196,7 @@ def test_the_command_line_hands_on_force(command, monkeypatch, tmp_path):
         raise RunError("seen")
 
     monkeypatch.setattr(emclutch.studies.accuracy.target, "run_scene", stand_in)
-    monkeypatch.setattr(emclutch.studies.tasks, "run", stand_in)
+    monkeypatch.setattr(emclutch.studies.point, "run", stand_in)
     case, study = tmp_path / "case.toml", tmp_path / "study.toml"
     case.write_text(case_from(DRY, {}).toml())
     study.write_text('[study]\ncase = "case.toml"\n[study.values]\n"scene.seed" = [1]\n')

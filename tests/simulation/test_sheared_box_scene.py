@@ -252,7 +252,7 @@ def test_a_resumed_run_is_the_same_bit_for_bit(base, method, tmp_path):
     assert stress["mean"] == whole.stress.mean and not stress["converged"]
     assert "torque" not in whole.summary and whole.summary["shear_strain"] > 0.0
     assert verdict(whole)[0].text.startswith("Shear stress not known")
-    row = row_of({}, whole)
+    row = row_of(whole, "")
     assert row["torque"] is None and row["shear_stress"] == whole.stress.mean and not row["converged"]
 
 

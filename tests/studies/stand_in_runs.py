@@ -12,10 +12,10 @@ FRICTION, SPEED = "contact.friction", "motion.rotor.speed"
 
 
 class Asked(NamedTuple):
-    point: str
+    point: int
     resume: bool
     end: float
-    start: str | None
+    start: int | None
     friction: float
     threads: int | None
 
@@ -35,8 +35,8 @@ class StandInRuns:
 
     def __call__(self, case, *, out, threads, progress, resume, start, force, accuracy_target=None):
         friction, end = case.scene.contact.friction, case.scene.time.end
-        start = None if start is None else Path(start).name
-        self.asked.append(Asked(Path(out).name, resume, end, start, friction, threads))
+        start = None if start is None else number_of(start)
+        self.asked.append(Asked(number_of(out), resume, end, start, friction, threads))
         folder = RunFolder.create(out, case.toml(), resume=resume)
         self.acts.get(friction, lambda progress: None)(progress)
         folder.write_provenance(input_files=hashed_input_files(case.scene))
@@ -46,6 +46,17 @@ class StandInRuns:
         torque = {"mean": self.torque or friction, "standard_error": 0.1, "converged": True, "reason": "", "start": 0.0}
         folder.write_summary({"torque": torque, "typical_overlap": 0.0, "seconds": {"whole_run": 1.0}})
         return load_result(folder.path)
+
+
+def number_of(folder):
+    """The number of a point by its folder."""
+    return int(Path(folder).name.partition("_")[0])
+
+
+def folder_of(study, number):
+    """The folder of a point that is at rest."""
+    (found,) = (path for path in study.glob("[0-9]*_*") if number_of(path) == number and "set-aside" not in path.name)
+    return found
 
 
 def study_file(folder, values, settings=None, **own):

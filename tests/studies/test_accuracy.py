@@ -6,6 +6,7 @@ is run.
 
 import json
 import zlib
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -20,11 +21,11 @@ from emclutch.scene.errors import SceneError
 from emclutch.simulation.discretisation_error import device_of
 from emclutch.simulation.forecast.space import NotEnoughSpace
 from emclutch.simulation.plan import make_plan
-from emclutch.studies import resumable
-from emclutch.studies.accuracy import planned_values, study
-from emclutch.studies.accuracy import tasks as accuracy_tasks
+from emclutch.studies import study as engine
+from emclutch.studies.accuracy import budgeted_study, planned_values, study
 from emclutch.studies.accuracy.frozen_state import frozen_state
-from emclutch.studies.accuracy.tasks import GRAINS, AccuracyTask, perform, result_in
+from emclutch.studies.accuracy.tasks import GRAINS, measure_moments, measure_replica
+from emclutch.studies.study import Task, perform, read_row
 
 CELL = {
     "scene": {"title": "sheared annulus", "seed": 3},
@@ -48,41 +49,41 @@ class Replicas:
     def __init__(self, slower=1.0):
         self.clock, self.done, self.kill_at, self.fails, self.slower = 0.0, [], None, {}, slower
 
-    def __call__(self, task, asked):
-        self._ends(task)
+    def __call__(self, task, folder, progress):
+        self._ends(task, folder)
         scene = task.case.scene
         for key, words in self.fails.items():
-            if key in task.folder:
+            if key in task.name:
                 raise RunError(words)
-        noise = np.random.default_rng(zlib.crc32(task.folder.encode())).normal(0.0, 0.05)
+        noise = np.random.default_rng(zlib.crc32(task.name.encode())).normal(0.0, 0.05)
         torque = (1.0 + 0.5 * (10.0 / scene.span.steps_per_contact) ** 2) * np.exp(noise)
-        self.clock += self.slower * (20.0 if task.folder != "warm-up" else 1.0)
-        return torque, [torque * (1.0 + 0.01 * n) for n, _ in enumerate(task.starts)], 57, 100
+        self.clock += self.slower * (20.0 if task.name != "warm-up" else 1.0)
+        means = [torque * (1.0 + 0.01 * n) for n, _ in enumerate(task.options["starts"])]
+        return {"torque": torque, "means": means, "grains": 57, "steps": 100}
 
-    def pull(self, task):
-        self._ends(task)
+    def pull(self, task, folder, progress):
+        self._ends(task, folder)
         self.clock += 1.0
-        return 2.0 + task.case.scene.effects.attraction.tolerance, [], 57, 0
+        return {"moments": 2.0 + task.case.scene.effects.attraction.tolerance, "grains": 57}
 
-    def _ends(self, task):
+    def _ends(self, task, folder):
         if self.kill_at is not None and len(self.done) == self.kill_at:
             self.kill_at = None
-            task.target.mkdir(parents=True)
-            (task.target / "history.csv").write_text("half a r")
+            (folder / "history.csv").write_text("half a r")
             raise Killed
-        self.done.append(task.folder)
+        self.done.append(task.name)
 
 
 @pytest.fixture
 def replicas(monkeypatch, tmp_path):
     found = Replicas()
     monkeypatch.setenv("EMCLUTCH_ACCURACY_STUDIES", str(tmp_path / "accuracy_studies"))
-    monkeypatch.setattr(accuracy_tasks, "_replica", found)
-    monkeypatch.setattr(accuracy_tasks, "_squared_moments", found.pull)
+    monkeypatch.setattr(study, "measure_replica", found)
+    monkeypatch.setattr(study, "measure_moments", found.pull)
     monkeypatch.setattr(study, "_answers", lambda *given: ("found",))
-    for module in (accuracy_tasks, planned_values):
-        monkeypatch.setattr(module, "process_time", lambda: found.clock)
-    monkeypatch.setattr(accuracy_tasks, "perf_counter", lambda: found.clock)
+    monkeypatch.setattr(planned_values, "process_time", lambda: found.clock)
+    clocks = dict.fromkeys(("process_time", "perf_counter", "monotonic"), lambda: found.clock)
+    monkeypatch.setattr(engine, "time", SimpleNamespace(**clocks))
     return found
 
 
@@ -178,8 +179,10 @@ def test_a_value_that_fails_says_so_and_the_scene_itself_ends_the_study(replicas
 
 
 def test_ctrl_c_keeps_what_is_done(replicas, tmp_path, monkeypatch):
-    monkeypatch.setattr(replicas, "pull", lambda task: (_ for _ in ()).throw(KeyboardInterrupt))
-    monkeypatch.setattr(accuracy_tasks, "_squared_moments", replicas.pull)
+    def stops(*given):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(study, "measure_moments", stops)
     with pytest.raises(Interrupted, match=r"stopped with 5 tasks done; continue with .* --resume"):
         emclutch.accuracy(case_from(CELL), out=tmp_path / "out", budget=BUDGET, jobs=1)
 
@@ -241,16 +244,17 @@ def test_a_finished_study_that_is_shown_again_leaves_a_later_study_in_place(repl
 
 
 def test_a_replica_without_memory_stops_the_study_and_is_run_when_it_continues(replicas, tmp_path, monkeypatch):
-    def short(task, asked):
-        if task.folder == "own/02":
-            raise RunError("needs 9 GiB") from NotEnoughSpace("needs 9 GiB of memory; 1 GiB are free")
-        return replicas(task, asked)
+    def short(task, *given):
+        if task.name == "own/02":
+            lack = NotEnoughSpace("needs 9 GiB of memory; 1 GiB are free")
+            raise RunError(f"{lack}\n(log: run.log)") from lack
+        return replicas(task, *given)
 
     case, out = case_from(CELL), tmp_path / "out"
-    monkeypatch.setattr(accuracy_tasks, "_replica", short)
+    monkeypatch.setattr(study, "measure_replica", short)
     with pytest.raises(Interrupted, match=r"own/02: needs 9 GiB of memory; 1 GiB are free\nstopped with"):
         emclutch.accuracy(case, out=out, budget=BUDGET, jobs=1)
-    monkeypatch.setattr(accuracy_tasks, "_replica", replicas)
+    monkeypatch.setattr(study, "measure_replica", replicas)
     cut, whole = emclutch.accuracy(case, out=out, jobs=1, resume=True), tmp_path / "whole"
     assert study_without_dates(cut) == study_without_dates(emclutch.accuracy(case, out=whole, budget=BUDGET, jobs=1))
 
@@ -265,7 +269,7 @@ def test_folders_of_other_studies_are_refused(replicas, tmp_path, monkeypatch):
     with pytest.raises(OutputError, match=r"is of another scene \(field.field_strength\)"):
         emclutch.accuracy(case.with_values({"field.field_strength": "1 kA/m"}), out=out, jobs=1, resume=True)
     with monkeypatch.context() as changed:
-        changed.setattr(resumable, "file_contents", lambda scene: {"particles.sizes.file": "changed"})
+        changed.setattr(budgeted_study, "file_contents", lambda scene: {"particles.sizes.file": "changed"})
         with pytest.raises(OutputError, match=r"is of other files \(changed since: particles.sizes.file\)"):
             emclutch.accuracy(case, out=out, jobs=1, resume=True)
     with pytest.raises(OutputError, match="has a budget of 6 min"):
@@ -276,20 +280,19 @@ def test_a_replica_gives_the_mean_torque_of_its_run_and_the_frozen_packing(tmp_p
     case = case_from(CELL).with_values({"accuracy.time_end": "strain 0.2"})
     base = planned_values.base_of(case)
     assert planned_values.starts_of(base) == ["strain 0.1"]  # a run shorter than the start-up: its second half
-    data = base.case.with_values({"output.energy_budget": True}).data  # the step that other tests compile
-    task = AccuracyTask(data, None, False, str(tmp_path), "own/00", ("strain 0.1",), keeps_grains=True)
-    found = perform(task)
-    history = load_result(task.target).history
-    assert found == result_in(task.target) and found.seconds > 0.0 and found.grains == 57
+    case = base.case.with_values({"output.energy_budget": True})  # the step that other tests compile
+    task = Task("own/00", case, measure_replica, {"starts": ["strain 0.1"], "keeps_grains": True})
+    found, target = perform(task, tmp_path), tmp_path / "own" / "00"
+    history = load_result(target).history
+    assert found == read_row(target) and found.seconds > 0.0 and found.values["grains"] == 57
     ends = np.append(0.0, history.time)
     impulse = np.append(0.0, np.cumsum(np.diff(ends) * history.torque_disc))
-    start = 0.1 / load_result(task.target).folder.read_plan()["shear_rate"]
+    start = 0.1 / load_result(target).folder.read_plan()["shear_rate"]
     expected = (impulse[-1] - np.interp(start, ends, impulse)) / (ends[-1] - start)
-    assert 1.9 * start < ends[-1] <= 2.0 * start * (1.0 + 1e-9) and found.result == pytest.approx(expected, rel=1e-9)
-    frozen = AccuracyTask(
-        base.case.data, None, False, str(tmp_path), "frozen/own", grains=f"own/00/{GRAINS}",
-        own_key="effects.dipoles.tolerance",
-    )  # fmt: skip
-    kept = np.load(task.target / GRAINS)
-    own, exact = perform(frozen).result, frozen_state(base.case, kept["position"], 2.0 * kept["radius"])
+    assert 1.9 * start < ends[-1] <= 2.0 * start * (1.0 + 1e-9)
+    assert found.values["torque"] == pytest.approx(expected, rel=1e-9)
+    options = {"grains": str(target / GRAINS), "own_key": "effects.dipoles.tolerance"}
+    own = perform(Task("frozen/own", base.case, measure_moments, options), tmp_path).values["moments"]
+    kept = np.load(target / GRAINS)
+    exact = frozen_state(base.case, kept["position"], 2.0 * kept["radius"])
     assert own != exact.squared_moments and own == pytest.approx(exact.squared_moments, rel=0.01)

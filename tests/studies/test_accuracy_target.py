@@ -90,7 +90,7 @@ def test_a_missing_study_is_run_within_the_budget(folder, monkeypatch):
         asked.update(given)
         with_study(case, contact_step(0.04, 0.004), scatter=0.02)
 
-    monkeypatch.setattr("emclutch.studies.accuracy.study.accuracy", stand_in)
+    monkeypatch.setattr(accuracy_target, "accuracy", stand_in)
     case = cell(accuracy__target="5 %", accuracy__budget="3 min", **ENDS)
     assert "up to 3 min (accuracy.budget)" in accuracy_in_words(case, make_plan(case)[1])
     assert with_target(case).scene.span.until is not None

@@ -14,7 +14,7 @@ from emclutch.cli.main import app
 from emclutch.results import HistoryWriter, RunFolder, load_result
 from emclutch.results.checkpoint import write_checkpoint
 from emclutch.results.curve_interval import curve_interval
-from emclutch.studies import tasks as study_tasks
+from emclutch.studies import point as study_point
 from emclutch.studies.adaptive import AdaptiveCurve, MeasuredPlace
 
 GOOD = Path(__file__).parents[1] / "scene" / "broken" / "good.toml"
@@ -119,9 +119,9 @@ error = "6 %"
 
 
 @pytest.fixture
-def runs(monkeypatch):
+def runs(monkeypatch, here):
     stand_in = Runs()
-    monkeypatch.setattr(study_tasks, "run", stand_in)
+    monkeypatch.setattr(study_point, "run", stand_in)
     return stand_in
 
 
@@ -141,13 +141,13 @@ def test_the_same_points_are_run_at_once_after_an_interruption_and_beside_each_o
     assert (curve["high"] / curve["torque"] - 1.0 <= 0.06 + 1e-9).all()
     assert "as narrow as wanted" in (alone / "adaptive_curve.txt").read_text()
     runs.asked.clear()
-    original = study_tasks.run
-    study_tasks.run = fails_after(original, 10)
+    original = study_point.run
+    study_point.run = fails_after(original, 10)
     try:
         with pytest.raises(emclutch.RunError):
             emclutch.sweep(study, out=tmp_path / "parts")
     finally:
-        study_tasks.run = original
+        study_point.run = original
     with ThreadPoolExecutor(3) as threads:
         parts = emclutch.sweep(study, out=tmp_path / "parts", resume=True, executor=threads)
     assert sorted(runs.asked) == sorted(asked)
@@ -184,10 +184,9 @@ def test_what_makes_no_curve_is_refused(change, message, tmp_path):
         emclutch.read_study(study_file(tmp_path, STUDY.replace(*change)))
 
 
-def test_parts_cannot_choose(tmp_path):
-    answer = CliRunner().invoke(
-        app, ["sweep", str(study_file(tmp_path)), "--part", "1/4", "--out", str(tmp_path / "out")]
-    )
+@pytest.mark.parametrize("option", [["--point", "1"], ["--list"]])
+def test_points_alone_cannot_choose(option, tmp_path):
+    answer = CliRunner().invoke(app, ["sweep", str(study_file(tmp_path)), *option, "--out", str(tmp_path / "out")])
     assert answer.exit_code == 2 and "each point depends on others" in " ".join(answer.stderr.split())
 
 

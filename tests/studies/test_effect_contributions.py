@@ -15,9 +15,9 @@ from emclutch.results.effect_contributions import Contributions, Without
 from emclutch.results.errors import Interrupted
 from emclutch.scene.case import case_from, load_case
 from emclutch.scene.errors import SceneError
-from emclutch.studies import resumable
+from emclutch.studies import study as engine
 from emclutch.studies.accuracy.effect_contributions import effect_contributions, removals, write_effects
-from emclutch.studies.accuracy.tasks import STOPPED, TaskResult
+from emclutch.studies.study import DONE, STOPPED, Row
 
 CASES = Path(__file__).parents[2] / "cases"
 TOY = {
@@ -106,19 +106,19 @@ class Replicas:
     def __init__(self):
         self.done, self.stops = [], 2
 
-    def __call__(self, task):
+    def __call__(self, task, study, progress):
         if len(self.done) == self.stops:
             self.stops = -1
-            return STOPPED
-        self.done.append(task.folder)
-        result = TaskResult(1.0 + (task.case.scene.scene.seed % 7) / 100.0, 1.0, 2.0)
-        task.target.mkdir(parents=True)
-        replace_json(task.target / "result.json", asdict(result))
-        return result
+            return Row(STOPPED)
+        self.done.append(task.name)
+        row = Row(DONE, {"torque": 1.0 + (task.case.scene.scene.seed % 7) / 100.0}, seconds=1.0, wall=2.0)
+        (study / task.name).mkdir(parents=True)
+        replace_json(study / task.name / "row.json", asdict(row))
+        return row
 
 
 def test_a_study_that_continues_runs_nothing_twice_and_ends_with_the_same_table(tmp_path, monkeypatch):
-    monkeypatch.setattr(resumable, "perform", replicas := Replicas())
+    monkeypatch.setattr(engine, "perform", replicas := Replicas())
     case, options = case_from(TOY), {"budget": 100.0, "jobs": 1}
     stopped, whole = tmp_path / "stopped", tmp_path / "whole"
     with pytest.raises(Interrupted, match="--resume"):

@@ -1,7 +1,6 @@
 """Points of a study on any executor: what is asked for is what runs, in whatever order, and nothing is lost."""
 
 import os
-import shutil
 import signal
 import subprocess
 import sys
@@ -13,13 +12,14 @@ from pathlib import Path
 
 import pandas
 import pytest
-from stand_in_runs import FRICTION, SPEED, study_file
+from stand_in_runs import FRICTION, SPEED, number_of, study_file
 
-from emclutch.results import OutputError, RunFolder, lease
+from emclutch.results import OutputError, RunFolder
 from emclutch.results.errors import Interrupted, RunError
 from emclutch.scene.study import read_study
-from emclutch.studies import tasks as study_tasks
+from emclutch.studies.study import STOP
 from emclutch.studies.sweep import sweep
+from emclutch.studies.task_process import TaskProcessEnded, call_of, perform_call, result_of
 
 ROOT = Path(__file__).parents[2]
 WAIT = 20.0  # s; a test that needs it has failed
@@ -61,13 +61,13 @@ def test_where_a_point_fails_the_others_go_on(tmp_path, runs, threads, error, be
     runs.acts = {0.2: fail, 0.4: fail}
     how = {"executor": threads, "jobs": 2} if beside else {}
     reasons = (
-        r"(?s)point-001 \(contact\.friction = 0\.2\): .*the grains are gone.*\npoint-003 .*2 failed; continue.*--resume"
+        r"(?s)001_.* \(contact\.friction = 0\.2\): .*the grains are gone.*\n003_.* .*2 failed; continue.*--resume"
     )
     with pytest.raises(RunError, match=reasons):
         sweep(study, out=tmp_path / "out", **how)
     assert frictions(tmp_path / "out") == [0.1, 0.3]
     failures = pandas.read_csv(tmp_path / "out" / "failures.csv")
-    assert failures["point"].tolist() == ["point-001", "point-003"] and failures[FRICTION].tolist() == [0.2, 0.4]
+    assert [*map(number_of, failures["point"])] == [1, 3] and failures[FRICTION].tolist() == [0.2, 0.4]
     assert failures["reason"].str.contains("the grains are gone").all()
     before = len(runs.asked)
     runs.acts = {}
@@ -81,7 +81,7 @@ def test_points_that_wait_for_one_that_failed_have_failed_too(tmp_path, runs):
         raise RunError("the grains are gone")
 
     runs.acts = {0.1: fail}
-    with pytest.raises(RunError, match=r"begins with the grains of point-000, which has failed"):
+    with pytest.raises(RunError, match=r"begins with the grains of 000_.*, which has failed"):
         sweep(
             study_of(tmp_path, {SPEED: ["1 rpm", "2 rpm"], FRICTION: [0.1, 0.2]}, warm_start=SPEED), out=tmp_path / "o"
         )
@@ -91,7 +91,7 @@ def test_a_point_that_fails_for_its_scene_is_not_only_to_be_resumed(tmp_path, ru
     study = study_of(tmp_path, {FRICTION: [0.1, 0.2]})
 
     def fail(progress):
-        RunFolder(tmp_path / "out" / "point-000").write_failure("the grains are gone")
+        RunFolder(progress._folder).write_failure("the grains are gone")
         raise RunError("the grains are gone")
 
     runs.acts = {0.1: fail}
@@ -117,7 +117,7 @@ def test_ctrl_c_asks_every_running_point_to_stop(tmp_path, runs, threads):
     study = study_of(tmp_path, {FRICTION: [0.1, 0.2, 0.3]})
     with pytest.raises(Interrupted, match=r"0 of 3 points done; continue with: emclutch sweep .* --resume --jobs 2"):
         sweep(study, out=tmp_path / "out", executor=threads, jobs=2)
-    assert len(runs.asked) == 2 and not (tmp_path / "out" / study_tasks.STOP).exists()
+    assert len(runs.asked) == 2 and not (tmp_path / "out" / STOP).exists()
 
 
 def test_what_a_worker_cannot_pass_on_is_the_points_failure(tmp_path, runs):
@@ -127,7 +127,7 @@ def test_what_a_worker_cannot_pass_on_is_the_points_failure(tmp_path, runs):
             future.set_exception(TypeError("cannot pickle"))
             return future
 
-    with pytest.raises(RunError, match=r"point-000.*TypeError: cannot pickle"):
+    with pytest.raises(RunError, match=r"000_.*TypeError: cannot pickle"):
         sweep(study_of(tmp_path, {FRICTION: [0.1]}), out=tmp_path / "out", executor=Refuses())
 
 
@@ -140,33 +140,37 @@ class Breaks(Executor):
         return future
 
 
-def test_a_worker_that_was_killed_is_explained(tmp_path, runs):
-    with pytest.raises(RunError, match=r"(?s)point-000.*killed, most often for want of memory.*fewer --jobs.*--resume"):
+def test_an_executor_that_breaks_is_told(tmp_path, runs):
+    with pytest.raises(RunError, match=r"executor has lost its workers .*terminated abruptly\); 0 tasks .*--resume"):
         sweep(study_of(tmp_path, {FRICTION: [0.1]}), out=tmp_path / "out", executor=Breaks())
 
 
-def test_a_worker_does_not_outlive_its_study(tmp_path):
-    """Killed itself, the study cannot end its processes: each would hold its point's folder, and then wait for ever."""
+def test_children_end_with_their_worker(tmp_path):
+    """Killed itself, the study cannot end them: each would hold its point's folder, and then wait for ever."""
     script = tmp_path / "study.py"
     script.write_text(
-        "import os, time\n"
-        "from emclutch.studies.workers import worker_pool\n"
-        "if __name__ == '__main__':\n"
-        "    with worker_pool(1) as pool:\n"
-        "        print(pool.submit(os.getpid).result(), flush=True)\n"
-        "        pool.submit(time.sleep, 60)\n"
-        "        time.sleep(60)\n"
+        "import os, threading, time\n"
+        "from emclutch.studies.task_process import call_of, perform_call, result_of\n"
+        "print(result_of(perform_call(call_of(os.getpid))), flush=True)\n"
+        "perform_call(call_of(time.sleep, 60))\n"
     )
     study = subprocess.Popen([sys.executable, str(script)], stdout=subprocess.PIPE, text=True, cwd=ROOT,
                              env={**os.environ, "PYTHONPATH": str(ROOT)})  # fmt: skip
-    worker = int(study.stdout.readline())
-    os.kill(worker, 0)
+    child = int(study.stdout.readline())
+    os.kill(child, 0)
     study.kill()
     study.communicate()
     last = time.monotonic() + WAIT
-    while lives(worker) and time.monotonic() < last:
+    while lives(child) and time.monotonic() < last:
         time.sleep(0.02)
-    assert not lives(worker)
+    assert not lives(child)
+
+
+def test_a_call_whose_child_dies_is_begun_again_three_times_at_most(tmp_path):
+    with pytest.raises(TaskProcessEnded, match=r"ended without a message \(code 3\)"):
+        perform_call(call_of(os._exit, 3))
+    with pytest.raises(ZeroDivisionError):
+        result_of(perform_call(call_of(divmod, 1, 0)))
 
 
 def lives(pid):
@@ -182,7 +186,7 @@ def test_a_point_that_cannot_be_written_is_bad_input(tmp_path, runs, threads):
         raise OutputError("no room")
 
     runs.acts = {0.1: fail}
-    with pytest.raises(OutputError, match=r"point-000 .*no room"):
+    with pytest.raises(OutputError, match=r"000_.* no room"):
         sweep(study_of(tmp_path, {FRICTION: [0.1]}), out=tmp_path / "out", executor=threads)
     with pytest.raises(ValueError, match="jobs = 0; allowed: 1 or more"):
         sweep(study_of(tmp_path, {FRICTION: [0.1]}), out=tmp_path / "out", jobs=0)
@@ -195,47 +199,4 @@ def test_grains_are_handed_on_along_one_value_and_chains_run_side_by_side(tmp_pa
     values = {SPEED: ["1 rpm", "2 rpm", "3 rpm"], FRICTION: [0.1, 0.2]}
     sweep(study_of(tmp_path, values, warm_start=SPEED), out=tmp_path / "out", executor=threads)
     chains = {friction: [asked.start for asked in runs.asked if asked.friction == friction] for friction in (0.1, 0.2)}
-    assert chains == {0.1: [None, "point-000", "point-002"], 0.2: [None, "point-001", "point-003"]}
-
-
-def test_a_point_that_another_process_has_is_waited_for_and_kept(tmp_path, runs, threads, monkeypatch):
-    """Its lease is held elsewhere; what that one has finished meanwhile is not run again."""
-    monkeypatch.setattr(lease, "WAIT_SECONDS", 0.01)
-    study, out = study_of(tmp_path, {FRICTION: [0.1, 0.2]}), tmp_path / "out"
-    both = sweep(study, out=tmp_path / "both")
-    first, go_on = threading.Event(), threading.Event()
-
-    def other(progress):
-        with lease.leased(out / "parts" / "point-001", "point-001"):
-            first.set()
-            assert go_on.wait(WAIT)
-            shutil.copytree(both / "point-001", out / "point-001")
-
-    holder = threading.Thread(target=other, args=(None,))
-    holder.start()
-    assert first.wait(WAIT)
-    runs.asked.clear()
-    runs.acts = {0.1: lambda _: go_on.set()}
-    sweep(study, out=out, executor=threads, resume=True)  # its folder has the lease
-    holder.join()
-    assert [asked.friction for asked in runs.asked] == [0.1] and frictions(out) == [0.1, 0.2]
-
-
-def test_a_point_whose_lease_was_lost_is_taken_in_turn_again(tmp_path, runs, threads, monkeypatch):
-    """As when this process was suspended: it leaves the point to the other one, and looks at what that has done."""
-    monkeypatch.setattr(lease, "EXPIRE_SECONDS", 0.0)
-    study, out = study_of(tmp_path, {FRICTION: [0.1]}), tmp_path / "out"
-
-    def loses(progress):
-        runs.acts = {}
-        held = out / "parts" / "point-000.1.lease"
-        text = held.read_text()
-        held.write_text("{}")
-        with pytest.raises(lease.LeaseLost):
-            _ = progress.stop_asked
-        held.write_text(text)
-        raise lease.LeaseLost("taken over")
-
-    runs.acts = {0.1: loses}
-    sweep(study, out=out, executor=threads)
-    assert [asked.friction for asked in runs.asked] == [0.1, 0.1] and frictions(out) == [0.1]
+    assert chains == {0.1: [None, 0, 2], 0.2: [None, 1, 3]}

@@ -15,7 +15,7 @@ from emclutch.scene.case import case_from
 from emclutch.scene.study import read_study
 from emclutch.simulation.stopping_rule import stopping_rule
 from emclutch.studies.forecast import predict_study, total_seconds
-from emclutch.studies.points import PointFolder
+from emclutch.studies.point import tasks_of, time_reached
 
 CELL = """
 [scene]
@@ -78,17 +78,18 @@ def test_a_target_may_end_points_early_and_the_words_say_so(study):
 
 def test_of_a_point_that_has_begun_the_rest_is_predicted(study, tmp_path):
     """Half of a run at constant speed is half the work of its loop; what is done at its end is still to come."""
-    folders = [PointFolder(tmp_path / f"point-{number:03d}") for number in range(3)]
-    for folder, time in zip(folders, ("0.0", "0.03", "0.06"), strict=True):
-        run = RunFolder(folder.path)
-        folder.path.mkdir()
+    read, out = read_study(study('"scene.seed" = [1, 2, 3]')), tmp_path / "out"
+    tasks = tasks_of(read, out)
+    for task, time in zip(tasks, ("0.0", "0.03", "0.06"), strict=True):
+        run = RunFolder(out / task.name)
+        run.path.mkdir(parents=True)
         run.checkpoint.touch()
         run.history.write_text(f"time\n{time}\n")
-    found = predict_study(read_study(study('"scene.seed" = [1, 2, 3]')), folders=folders)
+    found = predict_study(read, reached=[time_reached(task, out) for task in tasks])
     whole, half, none = (point.seconds for point in found.points)
     assert 0.0 < none < half < whole and half - none == pytest.approx(0.5 * (whole - none), rel=0.01)
-    RunFolder(folders[1].path).checkpoint.unlink()  # it restarts
-    assert predict_study(read_study(study('"scene.seed" = [1, 2, 3]')), folders=folders).points[1].seconds == whole
+    RunFolder(out / tasks[1].name).checkpoint.unlink()  # it restarts
+    assert predict_study(read, reached=[time_reached(task, out) for task in tasks]).points[1].seconds == whole
 
 
 def test_the_first_look_comes_after_three_times_the_start_up():

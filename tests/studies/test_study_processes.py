@@ -4,11 +4,12 @@ from pathlib import Path
 
 import pandas
 import pytest
+from stand_in_runs import folder_of
 
 import emclutch
 from emclutch.results.checkpoint import read_checkpoint
 from emclutch.results.errors import Interrupted
-from emclutch.results.study_folder import read_study
+from emclutch.results.study_result import load_study
 
 THESIS = Path(__file__).resolve().parents[2] / "cases" / "thesis"
 TOY = {
@@ -38,16 +39,16 @@ def test_processes_change_nothing(studied, tmp_path):
             first, second = first.drop(columns="seconds"), second.drop(columns="seconds")
         assert first.equals(second), name
     for number in range(4):  # bit for bit
-        first, second = (read_checkpoint(path / f"point-{number:03d}" / "checkpoint.h5") for path in (alone, folder))
+        first, second = (read_checkpoint(folder_of(path, number) / "checkpoint.h5") for path in (alone, folder))
         assert (first["dem"]["position_radius"] == second["dem"]["position_radius"]).all()
 
 
 def test_grains_go_on_where_the_point_before_has_left_them(studied):
     _, folder = studied
     table = pandas.read_csv(folder / "study.csv")
-    assert table["started_from"].fillna("").tolist() == ["", "", "point-000", "point-001"]
-    origin = emclutch.load_result(folder / "point-002").folder.read_provenance()["grains_from"]
-    before, after = (emclutch.load_result(folder / f"point-00{k}").history for k in (0, 2))
+    assert table["started_from"].fillna("").tolist() == ["", "", *(folder_of(folder, k).name for k in (0, 1))]
+    origin = emclutch.load_result(folder_of(folder, 2)).folder.read_provenance()["grains_from"]
+    before, after = (emclutch.load_result(folder_of(folder, k)).history for k in (0, 2))
     assert origin["time"] == pytest.approx(before["time"].iloc[-1]) and len(origin["checkpoint_sha256"]) == 64
     assert after["time"].iloc[0] == pytest.approx(2e-3, rel=0.01)  # time restarts
     # shot that 500 rpm has thrown out still flies: from rest, 250 rpm would give it a fourth of that at most
@@ -56,11 +57,11 @@ def test_grains_go_on_where_the_point_before_has_left_them(studied):
 
 def test_a_run_that_began_with_others_grains_is_resumed_bit_for_bit(studied, tmp_path):
     _, folder = studied
-    case = emclutch.load_case(folder / "point-002" / "case.toml")
+    case = emclutch.load_case(folder_of(folder, 2) / "case.toml")
     short = {"output.folder": None, "time.end": "4 ms"}
-    emclutch.run(case.with_values(short), out=tmp_path / "run", start=folder / "point-000")
+    emclutch.run(case.with_values(short), out=tmp_path / "run", start=folder_of(folder, 0))
     emclutch.run(case, out=tmp_path / "run", resume=True)
-    whole, parts = (read_checkpoint(path / "checkpoint.h5")["dem"] for path in (folder / "point-002", tmp_path / "run"))
+    whole, parts = (read_checkpoint(path / "checkpoint.h5")["dem"] for path in (folder_of(folder, 2), tmp_path / "run"))
     assert whole.keys() == parts.keys()
     assert [name for name in whole if (whole[name] != parts[name]).any()] == []
 
@@ -73,21 +74,21 @@ def test_killed_before_its_first_checkpoint_a_run_begins_with_others_grains_agai
 
     _, folder = studied
     short = {"output.folder": None, "time.end": "2 ms"}
-    case = emclutch.load_case(folder / "point-002" / "case.toml").with_values(short)
+    case = emclutch.load_case(folder_of(folder, 2) / "case.toml").with_values(short)
     with pytest.raises(Interrupted):
-        emclutch.run(case, out=tmp_path / "run", start=folder / "point-000", progress=Killed())
+        emclutch.run(case, out=tmp_path / "run", start=folder_of(folder, 0), progress=Killed())
     emclutch.run(case, out=tmp_path / "run", resume=True)
-    emclutch.run(case, out=tmp_path / "whole", start=folder / "point-000")
+    emclutch.run(case, out=tmp_path / "whole", start=folder_of(folder, 0))
     whole, parts = (read_checkpoint(tmp_path / name / "checkpoint.h5")["dem"] for name in ("whole", "run"))
     assert [name for name in whole if (whole[name] != parts[name]).any()] == []
 
 
 def test_grains_of_another_scene_or_of_no_checkpoint_are_refused(studied, tmp_path):
     _, folder = studied
-    case = emclutch.load_case(folder / "point-000" / "case.toml")
+    case = emclutch.load_case(folder_of(folder, 0) / "case.toml")
     other = case.with_values({"particles.count": 7})
     with pytest.raises(emclutch.OutputError, match=r"of another scene \(particles\.count: 8 -> 7\)"):
-        emclutch.run(other, out=tmp_path / "run", start=folder / "point-000")
+        emclutch.run(other, out=tmp_path / "run", start=folder_of(folder, 0))
     with pytest.raises(emclutch.OutputError, match=r"no grains to start from in .*no checkpoint\.h5"):
         emclutch.run(case, out=tmp_path / "run", start=tmp_path)
     assert not (tmp_path / "run").exists()
@@ -114,11 +115,11 @@ def test_a_point_that_was_killed_before_its_pictures_gets_them(tmp_path):
     small._path = study.path
     folder = emclutch.sweep(small, out=tmp_path / "study")
     names = ("grains.png", "torque.png")
-    drawn = {name: (folder / "point-000" / name).read_bytes() for name in names}
-    for name in names:
-        (folder / "point-000" / name).unlink()
+    drawn = {name: (folder_of(folder, 0) / name).read_bytes() for name in names}
+    for name in (*names, "row.json"):
+        (folder_of(folder, 0) / name).unlink()
     emclutch.sweep(small, out=folder, resume=True)
-    assert {name: (folder / "point-000" / name).read_bytes() for name in names} == drawn
+    assert {name: (folder_of(folder, 0) / name).read_bytes() for name in names} == drawn
     assert "had no pictures" in (folder / "study.log").read_text()
-    read = read_study(folder)
-    assert (read.title, read.points, list(read.results())) == (study.title, 1, ["point-000"])
+    read = load_study(folder)
+    assert (read.title, read.total, list(read.results())) == (study.title, 1, [folder_of(folder, 0).name])

@@ -1,6 +1,8 @@
 """A point costs the same in a study of any size: it is checked once, and no file is opened again for other points."""
 
+import json
 import os
+import shutil
 import sys
 from collections import Counter
 from itertools import count
@@ -11,12 +13,10 @@ import pytest
 from emclutch.results import HistoryWriter, RunFolder, load_result
 from emclutch.results.study_result import load_study
 from emclutch.scene import case as scene_case
+from emclutch.scene.case import load_case
 from emclutch.scene.study import read_study
-from emclutch.studies import tasks as study_tasks
-from emclutch.studies import throttle
-from emclutch.studies.gather import gather
-from emclutch.studies.point_index import INDEX
-from emclutch.studies.sweep import sweep
+from emclutch.studies import point, throttle
+from emclutch.studies.sweep import collect, sweep
 
 GOOD = Path(__file__).parents[1] / "scene" / "broken" / "good.toml"
 opened = Counter()
@@ -52,7 +52,7 @@ def checks(monkeypatch):
     found = []
     validate = scene_case._validate
     monkeypatch.setattr(scene_case, "_validate", lambda *given: found.append(1) or validate(*given))
-    monkeypatch.setattr(study_tasks, "run", run)
+    monkeypatch.setattr(point, "run", run)
     monkeypatch.setattr(throttle, "monotonic", count().__next__)  # to write them once takes 1
     monkeypatch.setattr(throttle, "MAX_FRACTION", 1e-9)
     yield found
@@ -69,51 +69,49 @@ def opens(folder, step):
 
 
 def work(tmp_path, checks, points):
-    """Opened files of a sweep, of continuing it, loading it, of 2 parts, of gathering them twice; checked scenes."""
+    """Opened files of a sweep, of continuing it, of collecting and loading it; checked scenes."""
     study = tmp_path / f"{points}.toml"
     study.write_text(
         f'[study]\ncase = "{GOOD}"\n[study.values]\n"contact.friction" = {{ from = 0.1, to = 0.6, count = {points} }}'
     )
-    one, parts = tmp_path / f"{points}" / "one", tmp_path / f"{points}" / "parts"
+    out = tmp_path / f"{points}"
     checks.clear()
-    found = {
-        "sweep": opens(one, lambda: sweep(study, out=one)),
-        "checked": len(checks),
-        "resume": opens(one, lambda: sweep(study, out=one, resume=True)),
-        "load": opens(one, lambda: load_study(one)),
-        "parts": opens(parts, lambda: [sweep(study, out=parts, part=(k, 2), resume=True) for k in (1, 2)]),
-        "gather": opens(parts, lambda: gather(study, parts)),
-    }
+    found = {"sweep": opens(out, lambda: sweep(study, out=out)), "checked": len(checks)}
     checks.clear()
-    return found | {"again": opens(parts, lambda: gather(study, parts)), "checked to gather": len(checks)}
+    found |= {"resume": opens(out, lambda: sweep(study, out=out, resume=True)), "checked again": len(checks)}
+    return found | {"collect": opens(out, lambda: collect(study, out)), "load": opens(out, lambda: load_study(out))}
 
 
 def test_the_work_per_point_does_not_grow_with_their_number(tmp_path, checks):
     few, more, many = (work(tmp_path, checks, points) for points in (4, 8, 16))
     assert {name: many[name] - more[name] for name in many} == {name: 2 * (more[name] - few[name]) for name in more}
     a_point = {name: (many[name] - more[name]) / 8 for name in many}
-    assert a_point["resume"] == a_point["load"] == a_point["gather"] == a_point["again"] == 0.0
-    assert a_point["checked"] == 2.0  # with the whole study, and by the process that runs the point
-    assert a_point["checked to gather"] == 1.0
+    assert a_point["resume"] == a_point["collect"] == 2.0 and a_point["load"] == 0.0  # its row and its summary
+    assert a_point["checked"] == a_point["checked again"] == 1.0
 
 
-def test_an_index_that_is_old_damaged_or_gone_changes_nothing(tmp_path, checks):
+def test_a_point_that_was_continued_alone_is_read_again_and_a_damaged_row_is_made_anew(tmp_path, checks):
     study = tmp_path / "study.toml"
     study.write_text(f'[study]\ncase = "{GOOD}"\n[study.values]\n"contact.friction" = [0.1, 0.2, 0.3]\n')
     out = sweep(study, out=tmp_path / "out")
-    table = (out / "study.csv").read_bytes()
-    folder = RunFolder(out / "point-001")
+    (folder,) = map(RunFolder, out.glob("001_*"))
     summary = folder.read_summary()
-    summary["torque"]["mean"] = 7.0  # it was resumed alone
+    summary["torque"]["mean"] = 7.0
     folder.write_summary(summary)
-    gather(study, out)
+    assert collect(study, out).is_complete
     assert load_study(out).table["torque"].tolist() == [0.1, 7.0, 0.3]
-    summary["torque"]["mean"] = 0.2
-    folder.write_summary(summary)
-    with (out / INDEX).open("a") as file:
-        file.write('{"name": "point-000", "sce')
-    gather(study, out)
-    assert (out / "study.csv").read_bytes() == table
-    (out / INDEX).unlink()
-    gather(study, out)
-    assert (out / "study.csv").read_bytes() == table and read_study(study) is not None
+    (folder.path / "row.json").write_text('{"state": "do')
+    sweep(study, out=out, resume=True)
+    assert load_study(out).table["torque"].tolist() == [0.1, 7.0, 0.3]
+    assert json.loads((folder.path / "row.json").read_text())["state"] == "done"
+    shutil.copytree(out, tmp_path / "copy", copy_function=shutil.copyfile)  # with other times
+    assert collect(study, tmp_path / "copy").is_complete
+
+
+def test_points_share_the_sections_that_are_the_same(tmp_path):
+    study = tmp_path / "study.toml"
+    study.write_text(f'[study]\ncase = "{GOOD}"\n[study.values]\n"contact.friction" = [0.1, 0.2]\n')
+    first, second = (case for _, case in read_study(study).cases())
+    assert second.scene.geometry is first.scene.geometry and second.data["geometry"] is first.data["geometry"]
+    assert (first.scene.contact.friction, second.scene.contact.friction) == (0.1, 0.2)
+    assert second == load_case(GOOD, {"contact.friction": 0.2})

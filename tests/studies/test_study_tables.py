@@ -12,10 +12,9 @@ from written_run import written_study
 from emclutch.results import HistoryWriter, OutputError
 from emclutch.results.history import last_time
 from emclutch.results.measured_table import keep_measured, measured_in
-from emclutch.results.report.study_report import study_report
+from emclutch.results.report.study_report import grain_size_lines, study_report
 from emclutch.results.seed_average import averaged_over_seeds
-from emclutch.results.study_folder import read_study
-from emclutch.results.study_result import grain_size_lines, load_study
+from emclutch.results.study_result import load_study
 from emclutch.results.study_table import FAILED, StudyTable
 from emclutch.scene.study import StudySection
 from emclutch.studies.tables import expected_band, write_torques
@@ -144,7 +143,7 @@ def test_the_law_of_the_grain_size_is_in_the_loaded_study_and_its_report(tmp_pat
     (curve,) = loaded.grain_size_laws
     limit = curve["law"]["limit"]
     assert limit["low"] < 2.0 < limit["high"] and curve["law"]["real_torque"] is None
-    page = study_report(read_study(folder), lambda result: [])
+    page = study_report(load_study(folder), lambda result: [])
     blocks = {one.heading: one.blocks for one in page.sections}
     assert blocks["Size of the grains"][0].text == curve["reason"]
     assert any(one.path == folder / "grain_size.png" for one in blocks["Pictures"])

@@ -6,10 +6,12 @@ The page in its folder has the same sections; it is written again while the stud
 from __future__ import annotations
 
 import itertools
+import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from emclutch.effects import EffectsSection
 from emclutch.results.columns import TORQUE_DISC
@@ -35,16 +37,16 @@ from emclutch.results.report.run_report import (
     flat,
     links,
     pictures_in,
-    run_report,
 )
 from emclutch.results.report.verdict import verdict
-from emclutch.results.result import load_result
 from emclutch.results.run_folder import INDEX
-from emclutch.results.study_folder import StudyFolder, is_study, read_study, refresh_in_words
-from emclutch.results.study_result import best_estimate_lines, grain_size_lines
+from emclutch.results.study_folder import TABLE, is_study
 from emclutch.results.study_table import DONE, FAILED, KEPT, RUNNING, STOPPED, WAITING, PointRow
 from emclutch.results.text import format_duration, format_mean, in_words
-from emclutch.results.torque_curves import best_of
+from emclutch.results.torque_curves import BEST_ESTIMATE, best_of
+
+if TYPE_CHECKING:
+    from emclutch.results.study_result import StudyResult
 
 PICTURES = {
     "torque_vs_current.png": "torque against the coil's current",
@@ -95,8 +97,13 @@ class StudyState:
     seconds_left: float | None = None
     is_running: bool = False
 
+    @property
+    def is_complete(self) -> bool:
+        """True if every point is done."""
+        return all(point.state in (DONE, KEPT) for point in self.points.values())
 
-def state_of(study: StudyFolder) -> StudyState:
+
+def state_of(study: StudyResult) -> StudyState:
     """Return the state of a study by the table in its folder."""
     import pandas  # local: `emclutch run` prints its report without tables of studies
 
@@ -108,15 +115,7 @@ def state_of(study: StudyFolder) -> StudyState:
         point.stress = known.get("shear_stress") if torque is None else None
         points[str(row["folder"])] = point
     failures = {name: one.in_words() for name, one in study.failures().items()}
-    return StudyState(study.path, study.title, points | {name: PointRow(name, FAILED) for name in failures}, failures)
-
-
-def report_on(folder: Path, omitted_of: OmittedEffectsOf) -> Report:
-    """Return the report on the run or the study in a folder; OutputError where there is neither."""
-    if is_study(folder):
-        return study_report(read_study(folder), omitted_of)
-    result = load_result(folder)
-    return run_report(result, omitted_of(result))
+    return StudyState(study.folder, study.title, points | {name: PointRow(name, FAILED) for name in failures}, failures)
 
 
 def state_report(state: StudyState, total: int | None = None) -> Report:
@@ -140,11 +139,11 @@ def state_report(state: StudyState, total: int | None = None) -> Report:
     )
 
 
-def study_report(study: StudyFolder, omitted_of: OmittedEffectsOf) -> Report:
+def study_report(study: StudyResult, omitted_of: OmittedEffectsOf) -> Report:
     """Return the report on the points of a study that are done, with the verdict on each."""
-    results, total = study.results(), study.points
+    results, total = study.results(), study.total
     report = state_report(state_of(study), total)
-    if outdated := refresh_in_words(study):
+    if outdated := study.refresh_in_words():
         report.add("Warnings", Statements([warning(outdated)]), Shown.TERMINAL)
     verdicts = {label: verdict(result) for label, result in results.items()}
     report.add("Warnings of the points", Statements(_on_points(verdicts)), Shown.PAGE)
@@ -196,17 +195,17 @@ def _progress(state: StudyState, total: int | None) -> list[Statement]:
 
 
 def _corrections(folder: Path) -> list[Statement]:
-    return [note(line) for line in best_estimate_lines(folder)] if (folder / "study.csv").is_file() else []
+    return [note(line) for line in best_estimate_lines(folder)] if is_study(folder) else []
 
 
 def _points(state: StudyState) -> list[Block]:
     """Return the table of the points, those that failed or run first."""
     names = sorted(state.points, key=lambda name: ORDER[state.points[name].state])
     table = [_cells(name, state.points[name]) for name in names[:MAX_ROWS]]
-    head = ("point", "values", "state", "best estimate", "verdict", "took")
+    head = ("point", "state", "best estimate", "verdict", "took")
     more = max(0, len(names) - MAX_ROWS)
     return [
-        Table(table, head, numbers=[5]),
+        Table(table, head, numbers=[4]),
         Text(f"{more} more points; finished ones are in study.csv" if more else ""),
     ]
 
@@ -217,7 +216,6 @@ def _cells(name: str, point: PointRow) -> tuple[str, ...]:
     measured = format_mean(point.torque, point.interval) if point.stress is None else f"{point.stress:.4g} Pa"
     return (
         Link(name, f"{name}/{INDEX}") if is_done else name,
-        point.label,
         state,
         measured if is_done else "",
         ("converged" if point.converged else "not converged") if is_done else "",
@@ -276,3 +274,34 @@ def _on_points(verdicts: Mapping[str, Sequence[Statement]]) -> list[Statement]:
         Statement(mark, f"{'all points' if len(labels) == every > 1 else '; '.join(labels)}: {text}")
         for (mark, text), labels in of.items()
     ]
+
+
+def best_estimate_lines(folder: Path) -> list[str]:
+    """Return how far a study's raw torques are from their best estimates, in words; empty where they are the same."""
+    import pandas  # local, as above
+
+    table, name = pandas.read_csv(folder / TABLE), BEST_ESTIMATE[0]
+    if name not in table:
+        return []
+    known = table[table[name].notna() & table["torque"].notna()]
+    known = known[known[name] != 0.0]
+    excess = sorted({f"{100.0 * ratio - 100.0:+.2g}" for ratio in known["torque"] / known[name]}, key=float)
+    if not excess:
+        return []
+    share = f"{excess[0]} %" if len(excess) == 1 else f"{excess[0]} to {excess[-1]} %"
+    points = "all points" if len(known) == len(table) else f"{len(known)} of {len(table)} points"
+    return [
+        f"Numerical settings and coarse grains change the raw torque of {points} by {share}, which is corrected in the "
+        f"best estimates ({BEST_ESTIMATE[0]} of study.csv)."
+    ]
+
+
+def grain_size_lines(folder: Path) -> list[str]:
+    """Return the laws of the grain size of a study in words; none where its grains have one size."""
+    return [line for curve in grain_size_curves(folder) for line in curve["reason"].split("\n")]
+
+
+def grain_size_curves(folder: Path) -> list[dict[str, Any]]:
+    """Return what ``grain_size.json`` has of each curve; none where the grains of a study have one size."""
+    path = folder / "grain_size.json"
+    return json.loads(path.read_text(encoding="utf-8"))["curves"] if path.is_file() else []

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import Path
 from statistics import fmean
@@ -19,7 +19,7 @@ from typing import Any
 from emclutch.effects import EFFECTS
 from emclutch.results import RunFolder
 from emclutch.results.atomic_file import replace_text
-from emclutch.results.effect_contributions import Contributions, Without
+from emclutch.results.effect_contributions import WHOLE, Contributions, Without
 from emclutch.results.pictures.effect_contributions import effects_picture
 from emclutch.results.report.render import Reported, markdown, write_index
 from emclutch.results.report.report import Mark, Picture, Report, Shown, Statement, Statements, Table, note
@@ -28,36 +28,17 @@ from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.replica_count import replica_seed
 from emclutch.simulation.plan import make_plan
+from emclutch.studies.accuracy.budgeted_study import BUDGET, BudgetedStudy
 from emclutch.studies.accuracy.planned_values import base_of, compiling_run, refuse_unmeasurable, source_of, starts_of
-from emclutch.studies.accuracy.tasks import AccuracyTask
-from emclutch.studies.resumable import BUDGET, ResumableStudy, begun_study, checked_jobs
-from emclutch.studies.task_queue import TaskQueue
+from emclutch.studies.accuracy.tasks import measure_replica
+from emclutch.studies.study import DONE, Task, checked_jobs, child_processes
 
 log = logging.getLogger(__name__)
 PLAN = "effects_plan.json"
 MIN_ROUNDS, MAX_ROUNDS = 3, 16
 """Rounds: in each one replica without each effect, and two of the whole scene, which is in all differences."""
 OF_WHOLE = 2
-WHOLE, WARM_UP = "whole", "warm-up"
-
-
-@dataclass(frozen=True, slots=True)
-class Removal:
-    """An effect that is left out, with those that need it, or the reason why the scene cannot be without it."""
-
-    effect: str
-    others: tuple[str, ...] = ()
-    reason: str = ""
-
-    @property
-    def values(self) -> dict[str, Any]:
-        """Return the entries of the scene without them."""
-        return {f"effects.{name}": None for name in (self.effect, *self.others) if name}
-
-    @property
-    def folder(self) -> str:
-        """Return the folder of its replicas in that of the study."""
-        return f"without-{self.effect}" if self.effect else WHOLE
+WARM_UP = "warm-up"
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +53,7 @@ class EffectsResult(Reported):
         return effects_report(self.contributions, self.folder)
 
 
-def removals(case: Case) -> list[Removal]:
+def removals(case: Case) -> list[Without]:
     """Return for each effect of a scene what is left out with it, the fewest others with which the scene is valid.
 
     An effect that a setting of another section or effect needs, as saturation is needed by necks, is not left out: the
@@ -81,22 +62,22 @@ def removals(case: Case) -> list[Removal]:
     return [_removal(case, name) for name in case.scene.effects.active]
 
 
-def _removal(case: Case, name: str) -> Removal:
+def _removal(case: Case, name: str) -> Without:
     active = case.scene.effects.active
     if not case.scene.effects.get(name).acts_on_grains:
-        return Removal(name, reason="a run of the grains does not depend on it")
-    for fault in _faults(case, Removal(name)):
+        return Without(name, was_run=False, reason="a run of the grains does not depend on it")
+    for fault in _faults(case, Without(name)):
         if fault.key.removeprefix("effects.") not in active:
-            return Removal(name, reason=str(fault))
+            return Without(name, was_run=False, reason=str(fault))
     others = [other for other in active if other != name]
     for size in range(len(others) + 1):
         for some in combinations(others, size):
-            if not _faults(case, Removal(name, some)):
-                return Removal(name, some)
-    return Removal(name, reason="the scene is not valid without it, whatever else is left out")
+            if not _faults(case, Without(name, some)):
+                return Without(name, some)
+    return Without(name, was_run=False, reason="the scene is not valid without it, whatever else is left out")
 
 
-def _faults(case: Case, removal: Removal) -> Sequence[Fault]:
+def _faults(case: Case, removal: Without) -> Sequence[Fault]:
     try:
         case.with_values(removal.values)
     except SceneError as error:
@@ -141,12 +122,12 @@ def effect_contributions(
         raise SceneError([Fault("effects", "", "has no table: there is nothing to leave out")], source_of(case))
     folder = Path(out) if out is not None else RunFolder.next_path(f"{case.name}-effects", "studies")
 
-    def begin(queue: TaskQueue) -> dict[str, Any]:
-        return _begun(case, BUDGET if budget is None else budget, jobs)
-
-    with begun_study(case, folder, PLAN, resume=resume, budget=budget, jobs=jobs, begin=begin) as (known, queue):
-        found = _EffectsRun(case, folder, known, queue, progress).measure()
-        write_effects(found, folder)
+    with child_processes(jobs) as executor:
+        running = _EffectsRun(case, folder, PLAN, executor, progress)
+        asked = BUDGET if budget is None else budget
+        with running.planned(lambda: _begun(case, asked, jobs), resume=resume, budget=budget):
+            found = running.measure()
+            write_effects(found, folder)
     return EffectsResult(folder, found)
 
 
@@ -154,13 +135,13 @@ def _begun(case: Case, budget: float, jobs: int) -> dict[str, Any]:
     """Plan every scene, and return what is decided before anything runs."""
     base, starts = _scene_of_replicas(case)
     rows, seconds = [], 0.0
-    for one in (Removal(""), *removals(base)):
+    for one in (Without(""), *removals(base)):
         predicted = 0.0
-        if not one.reason:
+        if one.was_run:
             try:
                 predicted = make_plan(base.with_values(one.values), threads=1)[1].cost.seconds["total"]
             except ValueError as error:
-                one = Removal(one.effect, one.others, reason=str(error))
+                one = replace(one, reason=str(error), was_run=False)
         seconds += predicted * (1 if one.effect else OF_WHOLE)
         rows.append({"effect": one.effect, "others": list(one.others), "reason": one.reason, "seconds": predicted})
     least = MIN_ROUNDS * seconds / jobs
@@ -191,79 +172,75 @@ def _scene_of_replicas(case: Case) -> tuple[Case, list[float | str]]:
     return scene, starts_of(base)[:1]
 
 
-class _EffectsRun(ResumableStudy):
+class _EffectsRun(BudgetedStudy):
     """Its replicas, round by round."""
-
-    def __init__(self, case: Case, folder: Path, known: dict[str, Any], queue: TaskQueue, progress: Any) -> None:
-        super().__init__(folder, PLAN, known, queue, progress)
-        self.case = case
-        self.base, _ = _scene_of_replicas(case)
-        self.rows = [Removal(row["effect"], tuple(row["others"]), row["reason"]) for row in known["rows"]]
-        self.run_rows = [one for one in self.rows if not one.reason]
 
     def measure(self) -> Contributions:
         """Run all replicas, and return what was found."""
+        self.base, _ = _scene_of_replicas(self.case)
+        self.removals = [
+            Without(row["effect"], tuple(row["others"]), reason=row["reason"], was_run=not row["reason"])
+            for row in self.known["rows"]
+        ]
+        self.removed = [one for one in self.removals if one.was_run]
         self._tell_cost()
-        self._run([self._warm_up(one) for one in self.run_rows], "short runs compile the kernels")
+        self._run([self._warm_up(one) for one in self.removed], "short runs compile the kernels")
         self._run(list(self._round(0)), "replicas")
         if self.known["rounds"] is None:
-            each = sum(self.results[task.folder].wall for task in self._round(0))
+            each = sum(self.rows[task.name].wall for task in self._round(0))
             self.decide(rounds=min(MAX_ROUNDS, max(MIN_ROUNDS, int(self.budget / each))))
         self._run([task for n in range(1, self.known["rounds"]) for task in self._round(n)], "replicas")
-        whole, *without = [self._found(one) for one in self.rows]
+        whole, *without = [self._found(one) for one in self.removals]
         absent = tuple(one.name for one in EFFECTS if one.name not in self.case.scene.effects.active)
         return Contributions(self.case.name, whole, tuple(without), absent)
 
-    def _round(self, number: int) -> Iterator[AccuracyTask]:
-        for row, one in enumerate(self.run_rows):
+    def _round(self, number: int) -> Iterator[Task]:
+        for row, one in enumerate(self.removed):
             each = OF_WHOLE if not one.effect else 1
             for n in range(each * number, each * (number + 1)):
                 seed = replica_seed(self.case.scene.scene.seed, n + 1000 * row)  # replicas of their own: independent
                 yield self._task(one, f"{one.folder}/{n:02d}", {"scene.seed": seed})
 
-    def _warm_up(self, one: Removal) -> AccuracyTask:
+    def _warm_up(self, one: Without) -> Task:
         case = self.base.with_values(one.values)
         plan = make_plan(case, threads=1)[1]
         return self._task(one, f"{WARM_UP}/{one.folder}", compiling_run(plan), starts=(0.0,))
 
-    def _task(self, one: Removal, folder: str, values: dict[str, Any], **more: Any) -> AccuracyTask:
-        case = self.base.with_values(one.values | values)
-        path = None if case.path is None else str(case.path.resolve())
-        options = {"starts": tuple(self.known["starts"])} | more
-        return AccuracyTask(case.data, path, case.trust_scripts, str(self.folder.resolve()), folder, **options)
+    def _task(self, one: Without, folder: str, values: dict[str, Any], **more: Any) -> Task:
+        options = {"starts": self.known["starts"]} | more
+        return Task(folder, self.base.with_values(one.values | values), measure_replica, options)
 
-    def _run(self, tasks: Sequence[AccuracyTask], text: str) -> None:
+    def _run(self, tasks: Sequence[Task], text: str) -> None:
         """Do those tasks that are not done yet; RunError where the whole scene fails."""
         self.do(tasks, text)
         for task in tasks:
-            if WHOLE in Path(task.folder).parts:
-                self.refuse_failed(task.folder)
+            if WHOLE in Path(task.name).parts:
+                self.refuse_failed(task.name)
 
     def fraction(self) -> float:
         rounds = self.known["rounds"] or max(MIN_ROUNDS, self.budget / self.known["round"])
-        spent = sum(one.seconds for name, one in self.results.items() if not name.startswith(WARM_UP))
+        spent = sum(one.seconds for name, one in self.rows.items() if not name.startswith(WARM_UP))
         return min(0.99, spent / max(rounds * self.known["round"], 1e-9))
 
-    def _found(self, one: Removal) -> Without:
-        if one.reason:
-            return Without(one.effect, one.others, reason=one.reason, was_run=False)
-        done = [self.results[name] for name in self.results if Path(name).parent == Path(one.folder)]
-        good = [found for found in done if found.result is not None]
-        failures = [found.failure for found in done if found.failure]
-        return Without(
-            one.effect,
-            one.others,
-            tuple(float(found.result) for found in good if found.result is not None),
-            fmean(found.seconds for found in good) if good else float("nan"),
-            f"{len(failures)} of {len(done)} replicas failed: {failures[0]}" if failures else "",
+    def _found(self, one: Without) -> Without:
+        if not one.was_run:
+            return one
+        done = [row for name, row in self.rows.items() if Path(name).parent == Path(one.folder)]
+        good = [row for row in done if row.state == DONE]
+        failures = [row.short_reason for row in done if row.state != DONE]
+        return replace(
+            one,
+            torques=tuple(row.values["torque"] for row in good),
+            seconds=fmean(row.seconds for row in good) if good else float("nan"),
+            reason=f"{len(failures)} of {len(done)} replicas failed: {failures[0]}" if failures else "",
         )
 
     def _tell_cost(self) -> None:
         known = self.known
         words = (
-            f"{len(self.run_rows) - 1} of {len(self.rows) - 1} effects can be left out; a replica without each of them "
-            f"and {OF_WHOLE} of the whole scene take about {format_duration(known['round'])} of processor time, by "
-            f"estimate; {format_duration(known['budget'])} with {known['jobs']} at a time are enough for some "
+            f"{len(self.removed) - 1} of {len(self.removals) - 1} effects can be left out; a replica without each of "
+            f"them and {OF_WHOLE} of the whole scene take about {format_duration(known['round'])} of processor time, "
+            f"by estimate; {format_duration(known['budget'])} with {known['jobs']} at a time are enough for some "
             f"{min(MAX_ROUNDS, self.budget / known['round']):.0f} of each"
         )
         self.log(words)

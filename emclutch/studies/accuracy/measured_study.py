@@ -22,7 +22,8 @@ from emclutch.simulation.discretisation_error import device_of
 from emclutch.simulation.forecast.machine_speed import slowness
 from emclutch.studies.accuracy.plan import BASE
 from emclutch.studies.accuracy.planned_values import Base, PlannedValue
-from emclutch.studies.accuracy.tasks import TaskResult, strain_of
+from emclutch.studies.accuracy.tasks import strain_of
+from emclutch.studies.study import DONE, Row
 
 
 @dataclass(frozen=True)
@@ -38,9 +39,9 @@ class StudyRuns:
         All values but the scene's own.
     starts : tuple
         From where on each replica is averaged, the scene's own first.
-    replicas : mapping of (setting, value) to list of TaskResult
+    replicas : mapping of (setting, value) to list of Row
         Those that were run; (`BASE`, 0): at the scene's own settings.
-    frozen : mapping of (setting, value) to TaskResult
+    frozen : mapping of (setting, value) to Row
         Results on the frozen packing, the scene's own values among them.
     left_out : mapping of str to float
         Settings that did not fit into the budget, and the processor time that they need [s].
@@ -57,8 +58,8 @@ class StudyRuns:
     base: Base
     planned: tuple[PlannedValue, ...]
     starts: tuple[float | str, ...]
-    replicas: Mapping[tuple[str, float], Sequence[TaskResult]]
-    frozen: Mapping[tuple[str, float], TaskResult]
+    replicas: Mapping[tuple[str, float], Sequence[Row]]
+    frozen: Mapping[tuple[str, float], Row]
     left_out: Mapping[str, float]
     budget: float
     jobs: int
@@ -66,14 +67,14 @@ class StudyRuns:
     machine: Mapping[str, Any]
 
     @property
-    def own(self) -> list[TaskResult]:
+    def own(self) -> list[Row]:
         """Return the replicas at the scene's own settings."""
         return list(self.replicas[BASE, 0.0])
 
     @property
     def torque(self) -> float:
         """Return their mean torque [N m]."""
-        return float(np.mean([one.result for one in self.own]))
+        return float(np.mean([one.values["torque"] for one in self.own]))
 
     @property
     def seconds(self) -> float:
@@ -84,7 +85,7 @@ class StudyRuns:
     def means(self) -> dict[tuple[str, float], float]:
         """Return the mean torque at each value that has one [N m]."""
         return {
-            key: float(np.mean([one.result for one in some]))
+            key: float(np.mean([one.values["torque"] for one in some]))
             for key, some in self.replicas.items()
             if some and not failure_of(some, self.torque)
         }
@@ -93,7 +94,7 @@ class StudyRuns:
     def scatter(self) -> tuple[float, float]:
         """Return the relative standard deviation of replicas at the scene's own settings, and its freedom."""
         return pooled_scatter([
-            ([float(one.result) for one in some if one.result is not None], self.variance(*key))
+            ([one.values["torque"] for one in some if one.state == DONE], self.variance(*key))
             for key, some in self.replicas.items()
             if not failure_of(some, self.torque)
         ])  # fmt: skip
@@ -136,9 +137,9 @@ def study_of(found: StudyRuns) -> AccuracyStudy:
     )
 
 
-def refuse_no_torque(own: Sequence[TaskResult]) -> None:
+def refuse_no_torque(own: Sequence[Row]) -> None:
     """Raise RunError where replicas at the scene's own settings disagree on the sign of the torque."""
-    torques = [one.result or 0.0 for one in own]
+    torques = [one.values.get("torque") or 0.0 for one in own]
     if min(torques) <= 0.0 <= max(torques):
         words = ", ".join(f"{torque:.3g}" for torque in torques)
         raise RunError(
@@ -152,11 +153,11 @@ def scatter_of(torques: Sequence[float]) -> float:
     return float(np.std(torques, ddof=1) / abs(np.mean(torques)))
 
 
-def failure_of(some: Sequence[TaskResult], torque: float) -> str:
+def failure_of(some: Sequence[Row], torque: float) -> str:
     """Return why there is no result at a value; empty where there is one."""
-    if failed := next((one.failure for one in some if one.failure), ""):
+    if failed := next((one.short_reason for one in some if one.state != DONE), ""):
         return failed
-    if any((one.result or 0.0) * torque <= 0.0 for one in some):
+    if any((one.values["torque"] or 0.0) * torque <= 0.0 for one in some):
         return "some of its replicas have a torque of the other sign"
     return ""
 
@@ -193,10 +194,10 @@ def _torque_values(setting: Setting, own: float, found: StudyRuns, scatter: floa
 
 
 def _torque_value(
-    value: float, step_size: float, some: Sequence[TaskResult], torque: float, scatter: float, own_seconds: float
+    value: float, step_size: float, some: Sequence[Row], torque: float, scatter: float, own_seconds: float
 ) -> MeasuredValue:
     failure, seconds = failure_of(some, torque), float(np.mean([one.seconds for one in some]))
-    result = None if failure else float(np.mean([one.result for one in some]))
+    result = None if failure else float(np.mean([one.values["torque"] for one in some]))
     error = 0.0 if failure else scatter / math.sqrt(len(some))
     return MeasuredValue(value, step_size, result, error, len(some), seconds, seconds / own_seconds, failure)
 
@@ -221,7 +222,8 @@ def _frozen_values(setting: Setting, own: float, found: StudyRuns) -> list[Measu
         if done is None:
             values.append(_unmeasured(planned[value], found))
         else:
-            values.append(MeasuredValue(value, step_size, done.result, 0.0, 1, done.seconds, cost, done.failure))
+            moments, failure = done.values.get("moments"), done.short_reason
+            values.append(MeasuredValue(value, step_size, moments, 0.0, 1, done.seconds, cost, failure))
     return values
 
 
@@ -239,8 +241,9 @@ def _start_up_values(setting: Setting, found: StudyRuns) -> tuple[list[MeasuredV
     for key, some in found.replicas.items():
         if failure_of(some, found.torque):
             continue
-        reference = float(np.mean([one.means[latest] for one in some]))
-        rows += [[(mean - one.means[latest]) / reference for mean in one.means] for one in some]
+        means = [one.values["means"] for one in some]
+        reference = float(np.mean([one[latest] for one in means]))
+        rows += [[(mean - one[latest]) / reference for mean in one] for one in means]
         weights += [1.0 / found.variance(*key)] * len(some)
     excess, weight = np.array(rows), np.array(weights) / sum(weights)
     mean, freedom = weight @ excess, len(rows) - 1.0

@@ -12,6 +12,7 @@
 
 from __future__ import annotations
 
+import heapq
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -21,7 +22,6 @@ import numpy as np
 from emclutch.results.accuracy_study import Basis, MeasuredSetting, MeasuredValue
 from emclutch.results.fits import NORMAL
 from emclutch.results.setting_errors import SharedMean, own_place
-from emclutch.studies.task_queue import makespan
 
 MAX_REPLICAS = 64
 """Largest number of replicas at one value."""
@@ -258,3 +258,10 @@ def _longest_first(replicas: Sequence[Key], seconds: Mapping[Key, float]) -> lis
 def replicas_for(difference: float, scatter: float) -> int:
     """Return how many replicas at each of two values tell such a relative difference from none, 95 %."""
     return max(1, math.ceil(2.0 * (NORMAL * scatter / difference) ** 2))
+
+def makespan(seconds: Sequence[float], jobs: int) -> float:
+    """Return the time until tasks are done that are begun in this order [s], `jobs` at a time."""
+    ends = [0.0] * max(1, jobs)
+    for one in seconds:
+        heapq.heappush(ends, heapq.heappop(ends) + one)
+    return max(ends)

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from time import process_time
-from typing import Any
+from typing import Any, NamedTuple
 
-from emclutch.scene.case import Case, case_from
+from emclutch.scene.case import Case
 from emclutch.scene.errors import Fault, SceneError, bad_input_for, shown
 from emclutch.scene.model import Scene
 from emclutch.scene.replica_count import has_steady_torque, packs_alike
@@ -73,24 +72,13 @@ class PlannedValue:
     planning: float
 
 
-@dataclass(frozen=True, slots=True)
-class ValueTask:
-    """One value to plan, as plain data for any process."""
+class ValueToPlan(NamedTuple):
+    """A scene with a value of a setting: the value as asked for, and the entries that make it."""
 
-    data: dict[str, Any]
-    path: str | None
-    trust_scripts: bool
+    case: Case
     setting: str
     entries: dict[str, Any]
     asked: float
-
-
-@dataclass(frozen=True, slots=True)
-class PlanningResult:
-    """A value that was planned, or the faults of its scene."""
-
-    planned: PlannedValue | None
-    faults: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,7 +178,7 @@ def starts_of(base: Base) -> list[float | str]:
     return [STRAIN.format(f"{one:g}") for one in (own, *kept)]
 
 
-def value_tasks(base: Base) -> list[ValueTask]:
+def values_to_plan(base: Base) -> list[ValueToPlan]:
     """Return the values to plan: all of each setting, but the scene's own.
 
     Raises
@@ -198,9 +186,8 @@ def value_tasks(base: Base) -> list[ValueTask]:
     SceneError
         Of a value in `accuracy.values` that the scene does not take, or of a list that says nothing: all at once.
     """
-    tasks, faults = [], _lists_of_nothing(base.scene)
+    found, faults = [], _lists_of_nothing(base.scene)
     case, plan = base.case, base.plan
-    path = None if case.path is None else str(case.path.resolve())
     for setting in settings_of(base.scene):
         if setting.measured_on == HISTORIES:
             faults += _late_starts(base, setting)
@@ -214,28 +201,23 @@ def value_tasks(base: Base) -> list[ValueTask]:
                 continue
             entries = setting.entries(base.scene, plan, value)
             try:
-                changed = case.with_values(entries)
+                found.append(ValueToPlan(case.with_values(entries), setting.name, entries, value))
             except SceneError as error:
                 faults += _faults(base, setting, value, [str(fault) for fault in error.faults])
-            else:
-                tasks.append(ValueTask(changed.data, path, case.trust_scripts, setting.name, entries, value))
     if faults:
         raise SceneError(faults, source_of(base.case))
-    return tasks
+    return found
 
 
-def plan_value(task: ValueTask) -> PlanningResult:
-    """Plan one value."""
+def plan_value(value: ValueToPlan) -> PlannedValue | list[str]:
+    """Plan one value, and return it, or the faults of its scene."""
     begin = process_time()
     try:
-        case = case_from(
-            task.data, None, None if task.path is None else Path(task.path), trust_scripts=task.trust_scripts
-        )
-        with bad_input_for(case.path):
-            _, plan = make_plan(case, threads=1)
+        with bad_input_for(value.case.path):
+            _, plan = make_plan(value.case, threads=1)
     except SceneError as error:
-        return PlanningResult(None, tuple(str(fault) for fault in error.faults))
-    return PlanningResult(planned_value(case, plan, task.setting, task.entries, process_time() - begin))
+        return [str(fault) for fault in error.faults]
+    return planned_value(value.case, plan, value.setting, value.entries, process_time() - begin)
 
 
 def planned_value(case: Case, plan: Plan, name: str, entries: dict[str, Any], planning: float) -> PlannedValue:
@@ -250,16 +232,18 @@ def _reference_seconds(plan: Plan) -> float:
     return plan.cost.seconds["total"] / slowness()
 
 
-def accepted_values(base: Base, tasks: Sequence[ValueTask], found: Sequence[PlanningResult]) -> list[PlannedValue]:
+def accepted_values(
+    base: Base, values: Sequence[ValueToPlan], found: Sequence[PlannedValue | list[str]]
+) -> list[PlannedValue]:
     """Return the values that the scene takes; SceneError for those of `accuracy.values` that it does not."""
     faults: list[Fault] = []
-    for task, one in zip(tasks, found, strict=True):
-        if one.planned is None:
-            setting = next(setting for setting in settings_of(base.scene) if setting.name == task.setting)
-            faults += _faults(base, setting, task.asked, one.faults)
+    for value, one in zip(values, found, strict=True):
+        if isinstance(one, list):
+            setting = next(setting for setting in settings_of(base.scene) if setting.name == value.setting)
+            faults += _faults(base, setting, value.asked, one)
     if faults:
         raise SceneError(faults, source_of(base.case))
-    return [one.planned for one in found if one.planned is not None]
+    return [one for one in found if isinstance(one, PlannedValue)]
 
 
 def _faults(base: Base, setting: Setting, value: float, why: Sequence[str]) -> list[Fault]:

@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import asdict, dataclass
 from itertools import chain
 from pathlib import Path
@@ -20,7 +21,7 @@ from emclutch.results import RunFolder
 from emclutch.results.accuracy_studies import SHIPPED, accuracy_study_folder, find_accuracy_study, save_accuracy_study
 from emclutch.results.accuracy_study import INTERACTION, AccuracyStudy
 from emclutch.results.atomic_file import replace_text
-from emclutch.results.errors import Interrupted, OutputError
+from emclutch.results.errors import OutputError
 from emclutch.results.history import last_time
 from emclutch.results.recommended import ONE_VALUE, STATISTICS, Choice, LimitingError, own_choice, recommended
 from emclutch.results.report.render import Reported
@@ -31,6 +32,7 @@ from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.replica_count import replica_seed
 from emclutch.settings import FROZEN, TORQUE, Setting, settings_of
 from emclutch.simulation.plan_in_words import narrow_sector
+from emclutch.studies.accuracy.budgeted_study import BUDGET, BudgetedStudy
 from emclutch.studies.accuracy.measured_study import StudyRuns, refuse_no_torque, scatter_of, study_of, this_machine
 from emclutch.studies.accuracy.plan import (
     BASE,
@@ -49,7 +51,6 @@ from emclutch.studies.accuracy.plan import (
 from emclutch.studies.accuracy.planned_values import (
     Base,
     PlannedValue,
-    PlanningResult,
     accepted_values,
     base_of,
     compiling_run,
@@ -57,12 +58,11 @@ from emclutch.studies.accuracy.planned_values import (
     refuse_unmeasurable,
     source_of,
     starts_of,
-    value_tasks,
+    values_to_plan,
 )
 from emclutch.studies.accuracy.report import Answer, accuracy_report
-from emclutch.studies.accuracy.tasks import GRAINS, AccuracyTask, TaskResult
-from emclutch.studies.resumable import BUDGET, ResumableStudy, begun_study, checked_jobs
-from emclutch.studies.task_queue import TaskQueue, update_progress
+from emclutch.studies.accuracy.tasks import GRAINS, measure_moments, measure_replica
+from emclutch.studies.study import DONE, FAILED, Row, Task, call_all, checked_jobs, child_processes
 
 log = logging.getLogger(__name__)
 BUDGET_OPTION = "--budget"
@@ -126,9 +126,8 @@ def accuracy(
     case : Case, or the path of a scene file.
     out : folder; default: the next free studies/<case>-accuracy-<nnn>.
     budget : wall-clock time [s]; default 20 min. Four replicas at the scene's own settings are run in any case.
-    jobs : replicas at a time, each on one thread of a process of its own; default: the cores at hand. A script that
-        asks for more than one must do so under ``if __name__ == "__main__":``. The result of a replica does not depend
-        on it.
+    jobs : replicas at a time, each on one thread of a process of its own; default: the cores at hand. The result of a
+        replica does not depend on it.
     resume : continue the study in `out`, with its own budget.
     targets : relative half widths of the torque's 95 % interval to find settings for.
     progress : as of `emclutch.run`; if it has log(text), it is called with what the study is going to cost.
@@ -149,21 +148,27 @@ def accuracy(
     refuse_unmeasurable(case)
     folder = Path(out) if out is not None else RunFolder.next_path(f"{case.name}-accuracy", "studies")
     base = base_of(case)
+    with child_processes(jobs) as executor:
+        running = _StudyRun(case, folder, PLAN, executor, progress)
 
-    def begin(queue: TaskQueue) -> dict[str, Any]:
-        return _begun(case, base, BUDGET if budget is None else budget, jobs, targets, queue, progress)
+        def begin() -> dict[str, Any]:
+            return _begun(case, base, BUDGET if budget is None else budget, jobs, targets, executor, progress)
 
-    with begun_study(case, folder, PLAN, resume=resume, budget=budget, jobs=jobs, begin=begin) as (known, queue):
-        running = _StudyRun(case, base, folder, known, queue, progress)
-        study = running.measure()
-        replace_text(folder / "accuracy_study.json", study.to_json())
-        earlier = _earlier_study(study.device)
-        remarks: tuple[str, ...] = ()
-        if running.performed or earlier is None:  # one that was finished may have a later study in its place
-            save_accuracy_study(study)
-            remarks = _replaced(study, earlier)
-        answers = _answers(case, study, folder, targets, remarks)
+        with running.planned(begin, resume=resume, budget=budget):
+            study = running.measure(base)
+            remarks = _saved(study, running)
+            answers = _answers(case, study, folder, targets, remarks)
     return AccuracyResult(folder, study, answers, remarks)
+
+
+def _saved(study: AccuracyStudy, running: _StudyRun) -> tuple[str, ...]:
+    """Keep a study for its device, and say what it replaces."""
+    replace_text(running.folder / "accuracy_study.json", study.to_json())
+    earlier = _earlier_study(study.device)
+    if not running.performed and earlier is not None:  # one that was finished may have a later study in its place
+        return ()
+    save_accuracy_study(study)
+    return _replaced(study, earlier)
 
 
 def preview(case: Case, budget: float | None = None, jobs: int | None = None) -> Report:
@@ -177,8 +182,8 @@ def preview(case: Case, budget: float | None = None, jobs: int | None = None) ->
     refuse_unmeasurable(case)
     base = base_of(case)
     _refuse_small_budget(case, base, budget, jobs)
-    tasks, own = value_tasks(base), base.plan.cost.seconds["total"]
-    planned = _distinct(base, accepted_values(base, tasks, [plan_value(one) for one in tasks]))
+    asked, own = values_to_plan(base), base.plan.cost.seconds["total"]
+    planned = _distinct(base, accepted_values(base, asked, [plan_value(one) for one in asked]))
     report = Report(f"Accuracy study of {case.name}")
     first = f"{BASE_REPLICAS} replicas at the scene's own settings take {format_duration(BASE_REPLICAS * own)}"
     room = f"{format_duration(budget)} with {jobs} at a time are enough for some {jobs * budget / own:.0f} replicas"
@@ -242,21 +247,23 @@ def _refuse_small_budget(case: Case, base: Base, budget: float, jobs: int) -> No
 
 
 def _begun(
-    case: Case, base: Base, budget: float, jobs: int, targets: Sequence[float], queue: TaskQueue, progress: Any
+    case: Case,
+    base: Base,
+    budget: float,
+    jobs: int,
+    targets: Sequence[float],
+    executor: Executor | None,
+    progress: Any,
 ) -> dict[str, Any]:
     """Plan every value, and return what stands in plan.json before anything runs."""
     _refuse_small_budget(case, base, budget, jobs)
-    tasks = value_tasks(base)
-    found: dict[int, PlanningResult] = {}
-
-    def take(number: int, one: PlanningResult) -> None:
-        found[number] = one
-        update_progress(progress, 0.0, f"values are planned: {len(found)} of {len(tasks)}")
-
-    queue.all(plan_value, enumerate(tasks), take)
-    if queue.stopped:
-        raise Interrupted("stopped before the study began")
-    planned = accepted_values(base, tasks, [found[n] for n in range(len(tasks))])
+    values = values_to_plan(base)
+    found = []
+    for one in call_all(executor, plan_value, values):
+        found.append(one)
+        if progress is not None:
+            progress.update(0.0, f"values are planned: {len(found)} of {len(values)}")
+    planned = accepted_values(base, values, found)
     return {
         "case": case.toml(),
         "budget": budget,
@@ -281,30 +288,29 @@ def _distinct(base: Base, planned: Sequence[PlannedValue]) -> list[PlannedValue]
     return kept
 
 
-class _StudyRun(ResumableStudy):
+class _StudyRun(BudgetedStudy):
     """The tasks of a study, and the order in which they are done."""
 
-    def __init__(
-        self, case: Case, base: Base, folder: Path, known: dict[str, Any], queue: TaskQueue, progress: Any
-    ) -> None:
-        super().__init__(folder, PLAN, known, queue, progress)
-        self.case, self.base = case, base
-        self.planned = [PlannedValue(**one) for one in known["values"]]
+    base: Base
+    share = told = 0.0
+    _begins: Mapping[str, int] = {}
+    """Number of each replica in the order of the stages, while these are run."""
+
+    def measure(self, base: Base) -> AccuracyStudy:
+        """Do all tasks, and return the study."""
+        self.base = base
+        self.values = [PlannedValue(**one) for one in self.known["values"]]
         self.settings = {one.name: one for one in settings_of(base.scene)}
         self.starts = tuple(starts_of(base))
-        self.share = self.told = 0.0
-
-    def measure(self) -> AccuracyStudy:
-        """Do all tasks, and return the study."""
         self._tell_cost()
         warm = self.base.case.with_values(compiling_run(self.base.plan))
-        self.do([self._task(warm, WARM_UP, starts=(0.0,))], "a short run compiles the kernels")
+        self.do([Task(WARM_UP, warm, measure_replica, {"starts": (0.0,)})], "a short run compiles the kernels")
         self.refuse_failed(WARM_UP)
         replicas = [self._replica(BASE, 0.0, replica_name(BASE, 0.0, n)) for n in range(BASE_REPLICAS)]
-        self.do(replicas, "replicas at the scene's own settings", look=self._look)
+        self.do(replicas, "replicas at the scene's own settings")
         for task in replicas:
-            self.refuse_failed(task.folder)
-        refuse_no_torque([self.results[task.folder] for task in replicas])
+            self.refuse_failed(task.name)
+        refuse_no_torque([self.rows[task.name] for task in replicas])
         self._tell_scatter()
         self._measure_frozen()
         self._measure_torque()
@@ -317,23 +323,23 @@ class _StudyRun(ResumableStudy):
         frozen = [one for one in self.settings.values() if one.measured_on == FROZEN]
         if not frozen:
             return
-        own = {task.folder: task for task in (self._frozen(setting, None) for setting in frozen)}
+        own = {task.name: task for task in (self._frozen(setting, None) for setting in frozen)}
         self.do(list(own.values()), "field and moments of a frozen packing")
         if self.known["frozen"] is None:
-            ratio = max(self.results[name].seconds for name in own) / max(self._planning(None), 1e-3)
-            room, chosen = FROZEN_SHARE * self.budget - sum(self.results[name].seconds for name in own), []
-            number = [n for n, one in enumerate(self.planned) if self.settings[one.setting].measured_on == FROZEN]
-            for n in sorted(number, key=lambda n: (self.planned[n].planning, n)):
-                room -= ratio * self._planning(self.planned[n])
+            ratio = max(self.rows[name].seconds for name in own) / max(self._planning(None), 1e-3)
+            room, chosen = FROZEN_SHARE * self.budget - sum(self.rows[name].seconds for name in own), []
+            number = [n for n, one in enumerate(self.values) if self.settings[one.setting].measured_on == FROZEN]
+            for n in sorted(number, key=lambda n: (self.values[n].planning, n)):
+                room -= ratio * self._planning(self.values[n])
                 if room >= 0.0:
                     chosen.append(n)
             self.decide(frozen=chosen)
-        tasks = [self._frozen(self.settings[self.planned[n].setting], self.planned[n]) for n in self.known["frozen"]]
+        tasks = [self._frozen(self.settings[self.values[n].setting], self.values[n]) for n in self.known["frozen"]]
         self.do(tasks, "field and moments of a frozen packing")
 
     def _planning(self, planned: PlannedValue | None) -> float:
         """Return the processor time of a value's mesh and field [s]; of the scene's own that of most others."""
-        all_of_them = sorted(one.planning for one in self.planned)
+        all_of_them = sorted(one.planning for one in self.values)
         usual = all_of_them[len(all_of_them) // 2] if all_of_them else 1.0
         return usual if planned is None else max(planned.planning, usual)
 
@@ -377,13 +383,17 @@ class _StudyRun(ResumableStudy):
         """Run those of the planned replicas that do not overrun the budget."""
         tasks = [self._replica(*key, name) for key, name in self._order()[begin:end]]
 
-        def may_begin(number: int) -> bool:
-            if self.known["begun"] is None and self._elapsed() + self.wall(tasks) > OVERRUN * self.known["budget"]:
-                log.warning("the budget is used up: %d replicas are not run", len(tasks) - number)
-                self.decide(begun=begin + number)
-            return self.known["begun"] is None or begin + number < self.known["begun"]
+        self._begins = {task.name: begin + number for number, task in enumerate(tasks)}
+        self.do(tasks, "replicas")
 
-        self.do(tasks, "replicas", may_begin, self._look)
+    def may_begin(self, task: Task) -> bool:
+        if task.name not in self._begins:
+            return True
+        number, tasks = self._begins[task.name], self._series[0]
+        if self.known["begun"] is None and self._elapsed() + self.wall(tasks) > OVERRUN * self.known["budget"]:
+            log.warning("the budget is used up: from replica %d on none is run", number)
+            self.decide(begun=number)
+        return self.known["begun"] is None or number < self.known["begun"]
 
     def _seconds(self, planned: PlannedValue | None = None) -> float:
         """Return the time of a replica at a value, or at the scene's own settings [s]; predicted before one was run."""
@@ -393,10 +403,10 @@ class _StudyRun(ResumableStudy):
             return self.base.plan.cost.seconds["total"]
         return self._seconds() * planned.seconds / self.base.seconds
 
-    def _run(self, setting: str, value: float) -> list[TaskResult]:
+    def _run(self, setting: str, value: float) -> list[Row]:
         """Return the first replicas at a value that were run."""
         names = [replica_name(setting, value, n) for n in range(BASE_REPLICAS)]
-        return [self.results[name] for name in names if name in self.results]
+        return [self.rows[name] for name in names if name in self.rows]
 
     def _offers(self) -> list[OfferedSetting]:
         return [self._offer(one) for one in self.settings.values() if one.measured_on == TORQUE]
@@ -406,8 +416,8 @@ class _StudyRun(ResumableStudy):
         here = OfferedValue(own, setting.step_size(own), self._seconds(), 1.0)
         others = tuple(
             OfferedValue(one.value, one.step_size, self._seconds(one), self.base.plan.cost.grains / one.grains)
-            for one in self.planned
-            if one.setting == setting.name and not any(run.failure for run in self._run(one.setting, one.value))
+            for one in self.values
+            if one.setting == setting.name and not any(run.state == FAILED for run in self._run(one.setting, one.value))
         )
         limit = setting.limit(self.base.scene, self.base.plan)
         return OfferedSetting(setting.name, setting.order, limit, here, others, setting.is_large)
@@ -424,27 +434,26 @@ class _StudyRun(ResumableStudy):
 
     def _measured(self) -> StudyRuns:
         """Return all results, by setting and value; replicas that were not run are left out."""
-        replicas: dict[tuple[str, float], list[TaskResult]] = {}
+        replicas: dict[tuple[str, float], list[Row]] = {}
         first = [((BASE, 0.0), replica_name(BASE, 0.0, n)) for n in range(BASE_REPLICAS)]
         for key, name in (*first, *self._order()):
-            if name in self.results and (key != OWN or self.results[name].result is not None):
-                replicas.setdefault(key, []).append(self.results[name])
+            if name in self.rows and (key != OWN or self.rows[name].state == DONE):
+                replicas.setdefault(key, []).append(self.rows[name])
         frozen = {}
         for setting in self.settings.values():
             if setting.measured_on == FROZEN:
-                frozen[setting.name, float(setting.own(self.base.scene, self.base.plan))] = self._frozen(
-                    setting, None
-                ).folder
+                own = float(setting.own(self.base.scene, self.base.plan))
+                frozen[setting.name, own] = self._frozen(setting, None).name
         for n in self.known["frozen"] or ():
-            planned = self.planned[n]
-            frozen[planned.setting, planned.value] = self._frozen(self.settings[planned.setting], planned).folder
+            planned = self.values[n]
+            frozen[planned.setting, planned.value] = self._frozen(self.settings[planned.setting], planned).name
         return StudyRuns(
             case=self.case,
             base=self.base,
-            planned=tuple(self.planned),
+            planned=tuple(self.values),
             starts=self.starts,
             replicas=replicas,
-            frozen={key: self.results[name] for key, name in frozen.items()},
+            frozen={key: self.rows[name] for key, name in frozen.items()},
             left_out=left_out(self._offers(), [key for key, _ in self._order()]),
             budget=self.known["budget"],
             jobs=self.known["jobs"],
@@ -454,7 +463,7 @@ class _StudyRun(ResumableStudy):
 
     # tasks ------------------------------------------------------------------------------------------------------
 
-    def _replica(self, setting: str, value: float, name: str) -> AccuracyTask:
+    def _replica(self, setting: str, value: float, name: str) -> Task:
         """Return the task of a replica, whose seed follows from its number, the last part of its name.
 
         Replicas with equal seeds at different settings have independent torques beyond a shear strain of 2 to 4
@@ -464,14 +473,10 @@ class _StudyRun(ResumableStudy):
         values: dict[str, Any] = {"scene.seed": replica_seed(self.case.scene.scene.seed, FIRST_SEED + number)}
         if setting != BASE:
             values |= self._planned_value(setting, value).entries
-        return self._task(
-            self.base.case.with_values(values),
-            name,
-            starts=self.starts,
-            keeps_grains=name == replica_name(BASE, 0.0, 0),
-        )
+        options = {"starts": self.starts, "keeps_grains": name == replica_name(BASE, 0.0, 0)}
+        return Task(name, self.base.case.with_values(values), measure_replica, options)
 
-    def _frozen(self, setting: Setting, planned: PlannedValue | None) -> AccuracyTask:
+    def _frozen(self, setting: Setting, planned: PlannedValue | None) -> Task:
         """Return the task of a value on the frozen packing; None: the scene's own."""
         own_key = setting.key if setting.key.startswith("effects.") and setting.key.endswith(".tolerance") else ""
         if planned is None:
@@ -479,42 +484,40 @@ class _StudyRun(ResumableStudy):
         else:
             value, case = planned.value, self.base.case.with_values(planned.entries)
         name = frozen_name(setting.name, value) if planned or own_key else frozen_name("own", 0.0)
-        return self._task(case, name, grains=f"{replica_name(BASE, 0.0, 0)}/{GRAINS}", own_key=own_key)
-
-    def _task(self, case: Case, name: str, **more: Any) -> AccuracyTask:
-        path = None if case.path is None else str(case.path.resolve())
-        return AccuracyTask(case.data, path, case.trust_scripts, str(self.folder.resolve()), name, **more)
+        grains = str((self.folder / replica_name(BASE, 0.0, 0) / GRAINS).resolve())
+        return Task(name, case, measure_moments, {"grains": grains, "own_key": own_key})
 
     def _planned_value(self, setting: str, value: float) -> PlannedValue:
-        return next(one for one in self.planned if one.setting == setting and one.value == value)
+        return next(one for one in self.values if one.setting == setting and one.value == value)
 
-    def _look(self, running: list[AccuracyTask]) -> None:
+    def look(self, running: Sequence[Task]) -> None:
         """Report the progress of the replicas that run."""
         part = 0.0
-        for task in running:
-            reached = None if task.grains else last_time(RunFolder(task.target).history)
-            part += (reached or 0.0) / self.base.plan.end * self._seconds()
+        if WARM_UP in self.rows:
+            names, folders = {task.name for task in running}, self.attempts_at(running)
+            times = (last_time(RunFolder(folder).history) or 0.0 for name, folder in folders.items() if name in names)
+            part = sum(times) / self.base.plan.end * self._seconds()
         now = self.fraction(part)
-        if now - self.told >= TELL_SHARE:
+        if now - self.told >= TELL_SHARE and self.progress is not None:
             self.told = now
-            update_progress(self.progress, now, None)
+            self.progress.update(now, None)
 
     def _spent(self) -> float:
         """Return the processor time so far [s], without that of compiling, once on a machine."""
-        tasks = sum(one.seconds for name, one in self.results.items() if name != WARM_UP)
-        return tasks + sum(one.planning for one in self.planned)
+        tasks = sum(one.seconds for name, one in self.rows.items() if name != WARM_UP)
+        return tasks + sum(one.planning for one in self.values)
 
     def _elapsed(self) -> float:
         """Return the wall-clock time so far [s], without that of compiling, once on a machine."""
-        warm_up = self.results[WARM_UP].wall
-        return self.elapsed - warm_up + sum(one.planning for one in self.planned) / self.known["jobs"]
+        warm_up = self.rows[WARM_UP].wall
+        return self.elapsed - warm_up + sum(one.planning for one in self.values) / self.known["jobs"]
 
     def _busy(self) -> float:
         """Return how much longer the replicas took than their processor time, since the machine does other work too.
 
         At most `MAX_LOAD`: on a machine that is busier still the study takes longer than its budget, and says so.
         """
-        run = [one for name, one in self.results.items() if name != WARM_UP and not name.startswith(FROZEN_FOLDER)]
+        run = [one for name, one in self.rows.items() if name != WARM_UP and not name.startswith(FROZEN_FOLDER)]
         found = sum(one.wall for one in run) / max(sum(one.seconds for one in run), 1e-9)
         return min(max(1.0, found), MAX_LOAD)
 
@@ -522,10 +525,10 @@ class _StudyRun(ResumableStudy):
         """Return how much of what is planned, or before that of the budget, is done."""
         total = self.budget
         if len(self.known["stages"]) == len(STAGE_FRACTIONS):
-            planned = {(one.setting, one.value): self._seconds(one) for one in self.planned} | {
+            planned = {(one.setting, one.value): self._seconds(one) for one in self.values} | {
                 (BASE, 0.0): self._seconds()
             }
-            left = [planned[key] for key, name in self._order() if name not in self.results]
+            left = [planned[key] for key, name in self._order() if name not in self.rows]
             total = self._spent() + sum(left)
         self.share = max(self.share, min((self._spent() + more) / total, 0.99))
         return self.share
@@ -535,7 +538,7 @@ class _StudyRun(ResumableStudy):
     def _tell_cost(self) -> None:
         each, jobs = self._seconds(), self.known["jobs"]
         words = (
-            f"{len(self.settings)} settings with {len(self.planned)} values beside the scene's own; a replica of "
+            f"{len(self.settings)} settings with {len(self.values)} values beside the scene's own; a replica of "
             f"{self.base.plan.cost.grains} grains takes about {format_duration(each)} of processor time, by estimate; "
             f"{format_duration(self.known['budget'])} with {jobs} at a time, {format_duration(self.budget)} of "
             f"processor time, are enough for some {self.budget / each:.0f} replicas"
@@ -545,8 +548,9 @@ class _StudyRun(ResumableStudy):
             self.log(f"Warning: {narrow}")
 
     def _tell_scatter(self) -> None:
-        values = [self.results[replica_name(BASE, 0.0, n)].result for n in range(BASE_REPLICAS)]
-        scatter = scatter_of([float(one or 0.0) for one in values])
+        rows = [self.rows[replica_name(BASE, 0.0, n)] for n in range(BASE_REPLICAS)]
+        values = [float(one.values["torque"]) for one in rows]
+        scatter = scatter_of(values)
         words = (
             f"replicas scatter by {100.0 * scatter:.2g} % (standard deviation of {len(values)}): to tell a difference "
             f"of 5 % two values need {replicas_for(0.05, scatter)} replicas each, of 2 % {replicas_for(0.02, scatter)}"

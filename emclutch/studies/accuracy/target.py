@@ -34,6 +34,8 @@ from emclutch.simulation.recommended_case import cheapest_case
 from emclutch.simulation.run import refuse_unshown
 from emclutch.simulation.run import run as run_scene
 from emclutch.simulation.window_state import WindowState
+from emclutch.studies.accuracy.budgeted_study import VERSION
+from emclutch.studies.accuracy.study import BUDGET_OPTION, accuracy
 
 KEY, BUDGET_KEY = "accuracy.target", "accuracy.budget"
 
@@ -74,7 +76,7 @@ def run(
     in addition to this one, as many at a time as there are cores for; their folders lie under its own.
 
     A scene with `accuracy.target` is run with the settings of the accuracy study of its device. Where there is none it
-    is run first, in processes of its own: a script does that under ``if __name__ == "__main__":``.
+    is run first, in processes of its own.
 
     Parameters
     ----------
@@ -186,9 +188,6 @@ def cases_of(
 
 def _measure(case: Case, progress: Any) -> None:
     """Run the accuracy study of a case within its budget, in a folder by which the same case finds it again."""
-    from emclutch.studies.accuracy.study import BUDGET_OPTION, accuracy  # local, as above
-    from emclutch.studies.resumable import VERSION
-
     contents = "".join(file_contents(case.scene).values())  # of the files that the scene names
     name = hashlib.sha256((f"{VERSION} " + case.toml() + contents).encode()).hexdigest()[:16]
     folder = accuracy_study_folder() / f"study-{name}"
