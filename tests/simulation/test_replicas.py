@@ -191,6 +191,7 @@ def test_a_replica_of_a_killed_run_is_waited_for(tmp_path, monkeypatch):
 def test_a_run_that_is_killed_at_once_has_as_many_replicas_when_it_goes_on(tmp_path, monkeypatch):
     """They begin later than the run itself, whose first checkpoint may be there before them."""
     folder = RunFolder(tmp_path / "run")
+    folder.path.mkdir()
 
     def dies(own, task, errors):
         raise KeyboardInterrupt
