@@ -32,6 +32,7 @@ if TYPE_CHECKING:  # the same names for type checkers and editors, which do not 
     from emclutch.studies.heat import HeatResult, heat
     from emclutch.studies.mesh import MeshedScene, mesh
     from emclutch.studies.sweep import collect, sweep
+    from emclutch.studies.torque_map import MapResult, map
 
 __version__ = "0.1.0"
 __all__ = [
@@ -43,6 +44,7 @@ __all__ = [
     "FieldResult",
     "FitResult",
     "HeatResult",
+    "MapResult",
     "MeshedScene",
     "OutputError",
     "Plan",
@@ -62,6 +64,7 @@ __all__ = [
     "load_case",
     "load_result",
     "load_study",
+    "map",
     "mesh",
     "plan",
     "read_study",
@@ -92,6 +95,8 @@ __getattr__, __dir__ = lazy_attributes(
         "collect": "emclutch.studies.sweep:collect",
         "design": "emclutch.studies.design_search:design",
         "DesignResult": "emclutch.studies.design_search:DesignResult",
+        "map": "emclutch.studies.torque_map:map",
+        "MapResult": "emclutch.studies.torque_map:MapResult",
         "accuracy": "emclutch.studies.accuracy.study:accuracy",
         "effect_contributions": "emclutch.studies.accuracy.effect_contributions:effect_contributions",
         "EffectsResult": "emclutch.studies.accuracy.effect_contributions:EffectsResult",

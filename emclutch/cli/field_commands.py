@@ -8,10 +8,11 @@ import typer
 
 from emclutch.cli import options as opt
 from emclutch.cli.errors import explained
-from emclutch.cli.input import load, read_line, read_list, refuse_beside
+from emclutch.cli.input import load, read_line, refuse_beside
 from emclutch.cli.output import show
 from emclutch.scene.errors import Fault, SceneError, bad_input_for
 from emclutch.scene.usual_ranges import USUAL_FRICTION
+from emclutch.scene.value_list import read_list
 
 
 def field(

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 
-from emclutch.cli.input import number_or_text, read_list, read_shares, refuse_without
+from emclutch.cli.input import read_shares, refuse_without
 from emclutch.cli.options import USUAL_UNCERTAINTY
 from emclutch.scene.case import Case
 from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.units import Quantity
+from emclutch.scene.value_list import number_or_text, read_list
 from emclutch.studies.fit import Varied, drive_quantity
 
 _FRICTION = Quantity("a coefficient of friction", "", "0.4", 0.0, 10.0)

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import typer
 
 from emclutch.scene.errors import Fault, SceneError, shown
+from emclutch.scene.value_list import number_or_text, read_all
 
 if TYPE_CHECKING:
     from emclutch.scene.case import Case
     from emclutch.scene.design import Search
     from emclutch.scene.study import StudySection
-    from emclutch.scene.units import Quantity
 
 
 def load(path: Path, sets: list[str] | None = None, trust_scripts: bool = False, warns: bool = True) -> Case:
@@ -124,36 +124,26 @@ def search(
     return search_of(load(file, sets, trust_scripts), key, (between[0], between[1]), target, "--")
 
 
-def number_or_text(text: str) -> str | float:
-    """Return a bare number, which is in SI as in a scene, or the text with its unit."""
-    try:
-        return float(text)
-    except ValueError:
-        return text.strip()
+def map_axes(options: Mapping[str, Any], vary: list[str] | None, sets: list[str] | None) -> dict[str, str]:
+    """Ranges of a torque map by the names of their axes or their keys, in the order of the command line."""
+    from emclutch.scene.map_axes import KEYS
 
-
-def read_list(text: str, quantity: Quantity, option: str) -> list[float]:
-    """Return numbers in SI of a list ``18 kA/m, 80 kA/m``, in which ranges ``first : last : how many`` may stand.
-
-    Raises
-    ------
-    SceneError
-        With every entry that cannot be read.
-    """
-    parts = text.split(",")
-    if len(parts) > 1 and ":" in text:
-        return [value for part in parts for value in read_list(part, quantity, option)]
-    entries, colon, count = text.rpartition(":")
-    if not colon:
-        return _read_all(parts, quantity, option)
-    ends = entries.split(":")
-    if len(ends) != 2 or not count.strip().isdigit() or int(count) < 2:
-        message = f"is not a list or a range; write '{quantity.example}, ...' or first : last : how many"
-        raise SceneError([Fault(option, shown(text), message)], "command line")
-    first, last = _read_all(ends, quantity, option)
-    import numpy as np
-
-    return np.linspace(first, last, int(count)).tolist()
+    given: dict[str, str] = {}
+    for name, entry in options.items():  # click has the options that are given first, in their order
+        if name == "vary":
+            for text in vary or ():
+                key, equals, values = (part.strip() for part in text.partition("="))
+                if not equals or not key or key in given:
+                    message = "is not one KEY=RANGE; write it as in --vary geometry.clearance='0.1 mm:0.5 mm'"
+                    raise SceneError([Fault("--vary", shown(text), message)], "command line")
+                given[key] = values
+        elif name in KEYS and entry is not None:
+            given[name] = entry
+    for key in assignments(sets):
+        if key in given or key in (KEYS[name][0] for name in given if name in KEYS):
+            message = "is a key of an axis, whose values would be taken; remove it"
+            raise SceneError([Fault("--set", key, message)], "command line")
+    return given
 
 
 def read_budget(text: str | None) -> float | None:
@@ -194,19 +184,7 @@ def read_line(text: str) -> tuple[float, ...]:
         raise SceneError([Fault("--line", shown(text), message)], "command line")
     from emclutch.scene.units import Quantity
 
-    return tuple(_read_all(parts, Quantity("a length", "m", "44 mm"), "--line"))
-
-
-def _read_all(entries: list[str], quantity: Quantity, option: str) -> list[float]:
-    values, faults = [], []
-    for entry in entries:
-        try:
-            values.append(quantity.read(number_or_text(entry)))
-        except ValueError as error:
-            faults.append(Fault(option, shown(entry.strip()), str(error)))
-    if faults:
-        raise SceneError(faults, "command line")
-    return values
+    return tuple(read_all(parts, Quantity("a length", "m", "44 mm"), "--line"))
 
 
 def check_threads(threads: int | None) -> None:

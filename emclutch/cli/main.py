@@ -21,7 +21,7 @@ try:
     from emclutch.cli.field_commands import field, heat, materials, mesh, powder, shear_cell
     from emclutch.cli.options import flag
     from emclutch.cli.result_commands import export, plot, report, view
-    from emclutch.cli.run_commands import accuracy, check, design, fit, run, sweep
+    from emclutch.cli.run_commands import accuracy, check, design, fit, map, run, sweep
     from emclutch.cli.scene_commands import doctor, new, schema
 except KeyboardInterrupt:  # while the program is loaded no command is there to answer
     sys.stderr.write("interrupted\n")
@@ -96,6 +96,7 @@ for command in (
     powder,
     shear_cell,
     design,
+    map,
     fit,
     new,
     schema,

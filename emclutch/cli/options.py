@@ -248,6 +248,33 @@ DesignSource = Annotated[
 Vary = Annotated[
     str | None, typer.Option("--vary", metavar="KEY=A:B", help="key and range to search: geometry.gap='0.5 mm:2 mm'")
 ]
+MapCurrents = Annotated[
+    str | None,
+    typer.Option(
+        "--current",
+        metavar="RANGE",
+        help="coil current: range '0.1 A:1.5 A', with a count '0.1 A:1.5 A:8', or list '0.5 A, 1 A'; so has each axis, "
+        "and the first of them is x",
+    ),
+]
+MapVoltages = Annotated[str | None, typer.Option("--voltage", metavar="RANGE", help="coil voltage: '6 V:24 V'")]
+MapGaps = Annotated[
+    str | None, typer.Option("--gap", metavar="RANGE", help="width of the gap that is sheared: '0.5 mm, 1 mm'")
+]
+MapSpeeds = Annotated[
+    str | None, typer.Option("--speed", metavar="RANGE", help="speed of the rotor: '100 rpm:3000 rpm'")
+]
+MapFills = Annotated[
+    str | None, typer.Option("--fill", metavar="RANGE", help="solid fraction, in place of mass or count: '0.2:0.45'")
+]
+MapRepose = Annotated[
+    str | None,
+    typer.Option("--repose", metavar="RANGE", help="angle of repose, in place of both frictions: '25 deg:38 deg'"),
+]
+MapVary = Annotated[
+    list[str] | None,
+    typer.Option("--vary", metavar="KEY=RANGE", help="any continuous quantity: geometry.clearance='0.1 mm:0.5 mm'"),
+]
 Target = Annotated[str | None, typer.Option("--target", metavar="AIM", help="target: 'torque 12 N m'")]
 Like = Annotated[
     Path | None, typer.Option("--like", metavar="RUN", help="finished run, whose torque corrects the expected ones")

@@ -10,7 +10,6 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from emclutch.cli.input import number_or_text
 from emclutch.results import OutputError, Result, load_result
 from emclutch.results.columns import SHEAR_STRESS
 from emclutch.results.measured_table import OVER_RATED, read_band, read_measured
@@ -21,6 +20,7 @@ from emclutch.results.study_result import load_study
 from emclutch.results.torque_curves import PER_GAP, TorqueCurve, band_over_rated, row_of_run, torque_curves
 from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.units import Quantity
+from emclutch.scene.value_list import number_or_text
 from emclutch.simulation.pictures import draw_missing
 from emclutch.studies.tables import CURRENT, SEED, SIZES, VOLTAGE
 

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from emclutch.cli.input import number_or_text
 from emclutch.results.atomic_file import json_values, replace_bytes
 from emclutch.results.new_path import new_path
 from emclutch.results.report.report import Mark, Report, Shown, Statement, Statements, Table, note, sentence
@@ -24,6 +23,7 @@ from emclutch.scene.repose import (
     tangent_in_words,
 )
 from emclutch.scene.units import Quantity
+from emclutch.scene.value_list import number_or_text
 from particles.bulk_friction.friction_table import SOFTNESS, FrictionPair, measured_table
 
 if TYPE_CHECKING:

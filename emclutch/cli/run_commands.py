@@ -13,6 +13,7 @@ from emclutch.cli.errors import FAILED, INCOMPLETE, explained
 from emclutch.cli.input import (
     check_threads,
     load,
+    map_axes,
     read_budget,
     read_shares,
     refuse_beside,
@@ -254,6 +255,36 @@ def design(
             found = design_search.design(
                 asked, like=like, out=out, runs=runs, tolerance=tolerance, threads=threads, progress=progress
             )
+        show(found.report(), as_json)
+
+
+def map(
+    ctx: typer.Context,
+    case: opt.CaseFile,
+    current: opt.MapCurrents = None,
+    voltage: opt.MapVoltages = None,
+    gap: opt.MapGaps = None,
+    speed: opt.MapSpeeds = None,
+    fill: opt.MapFills = None,
+    repose: opt.MapRepose = None,
+    vary: opt.MapVary = None,
+    measured: opt.Catalogue = None,
+    out: opt.Out = None,
+    sets: opt.Sets = None,
+    as_json: opt.AsJson = False,
+    trust_scripts: opt.TrustScripts = False,
+) -> None:
+    """Expected torque with its interval over one or two quantities: table, picture and page."""
+    with explained():
+        given = map_axes(ctx.params, vary, sets)
+        read = load(case, sets, trust_scripts)
+        from emclutch.results import Progress
+        from emclutch.scene.map_axes import axes_of
+        from emclutch.studies.torque_map import map_over
+
+        axes = axes_of(read, given, "--")
+        with nullcontext() if as_json else Progress() as progress:
+            found = map_over(read, axes, measured=measured, out=out, progress=progress)
         show(found.report(), as_json)
 
 

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from emclutch.cli.input import number_or_text, read_list
 from emclutch.results.atomic_file import json_values, replace_bytes, replace_json, replace_text
 from emclutch.results.new_path import new_folder
 from emclutch.results.pictures.figure import make_logarithmic
@@ -18,6 +17,7 @@ from emclutch.results.progress import Progress
 from emclutch.results.report.report import Report, Shown, Statements, Table, note
 from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.units import Quantity
+from emclutch.scene.value_list import number_or_text, read_list
 from emclutch.simulation.forecast.sheared_points import (
     UNITS,
     StressOfField,
@@ -28,7 +28,6 @@ from emclutch.simulation.forecast.sheared_points import (
 )
 
 if TYPE_CHECKING:
-
     from coupling.powder_cell import ShearParameters
     from field.laws.powder_law import GrainLaw
 

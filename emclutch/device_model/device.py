@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -198,6 +198,15 @@ class Device:
     def largest_radius(self) -> float:
         """Largest radius [m] at which a wall touches grains; 0 for a box."""
         return self.shape.largest_radius
+
+    def driven_as(self, scene: Scene) -> Device:
+        """Return the device of a scene that differs in drive, speeds, friction or amount of powder alone."""
+        fill, coil = fill_of(self.shape, scene.grains, scene.scene.seed), self.coil
+        if coil is not None and scene.coil is not None:
+            window = self.shape.coil_area, self.shape.coil_mean_radius
+            winding, currents = scene.coil.winding_in(*window), scene.coil.currents_in(*window)
+            coil = replace(coil, winding=winding, currents=currents, supply=supply_of(scene, self.shape))
+        return replace(self, fill=fill, coil=coil)
 
 
 def field_is_needed(scene: Scene) -> bool:

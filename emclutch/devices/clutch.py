@@ -223,6 +223,10 @@ class ClutchGeometry(GeometrySection):
         radius = shape.mean_gap_radius
         return PoleZone(tuple(shape.pole_boxes().values()), 4.0 * math.pi * radius * shape.pole_length, radius)
 
+    def gap_key(self, shape: Clutch, region: str) -> str:
+        """That of the faces where they are sheared, else that of the rim."""
+        return "geometry.face_gap" if shape.shears_faces(region) else "geometry.gap"
+
     def gap_zone(self, shape: Clutch, region: str) -> GapZone:
         """Both face gaps, or the rim gap."""
         from emclutch.device_model.pole_zone import GapZone

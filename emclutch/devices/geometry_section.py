@@ -204,6 +204,10 @@ class GeometrySection(Section):
         """Return the gap that is sheared as a whole: it has a fill and an inertial number; None without."""
         return None
 
+    def gap_key(self, shape: Any, region: str) -> str | None:
+        """Return the key of the width of the gap that is sheared; None where no single key sets it."""
+        return None
+
     def magnetic_circuit(self, shape: Any, laws: Mapping[str, Law], powder: FilledPowder | None) -> MagneticCircuit:
         """Return the circuit of reluctances that estimates its field; of kinds with poles."""
         raise NotImplementedError

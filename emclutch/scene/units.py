@@ -314,12 +314,18 @@ def quantity_of(kind: Any) -> Quantity:
     return quantity
 
 
-def in_unit_of(entry: object, value: float, quantity: Quantity) -> str:
-    """Return a value [SI] of a quantity as text, in the unit of an `entry` of it: 1.234 mm where that is '0.5 mm'."""
+def unit_of(entry: object, quantity: Quantity) -> tuple[str, float]:
+    """Return the unit of an `entry` of a quantity, and a value in it over that in SI; SI's of a number and of 0."""
     match = _NUMBER_AND_UNIT.fullmatch(entry) if isinstance(entry, str) else None
     if match is None or not match[2] or float(match[1]) == 0.0:
-        return f"{value:.4g} {quantity.unit}".rstrip()
-    return f"{value * float(match[1]) / quantity.read(entry):.4g} {match[2]}"
+        return quantity.unit, 1.0
+    return match[2], float(match[1]) / quantity.read(entry)
+
+
+def in_unit_of(entry: object, value: float, quantity: Quantity) -> str:
+    """Return a value [SI] of a quantity as text, in the unit of an `entry` of it: 1.234 mm where that is '0.5 mm'."""
+    unit, factor = unit_of(entry, quantity)
+    return f"{factor * value:.4g} {unit}".rstrip()
 
 
 def format_number(value: float) -> str:

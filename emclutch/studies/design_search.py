@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any
 
 from scipy.optimize import brentq
 
-from emclutch.device_model.device import build_device
+from emclutch.device_model.device import Device, build_device
 from emclutch.results import OutputError, Result, load_result
 from emclutch.results.atomic_file import replace_json, replace_text
 from emclutch.results.new_path import new_folder
@@ -78,13 +78,13 @@ def correction_by(folder: str | Path) -> Correction:
     return Correction(run.folder.path, abs(mean) / expected, (low, high))
 
 
-def expectation_of(case: Case) -> ExpectedTorque:
-    """Return the torque that is expected of a scene; SceneError where its field cannot be solved."""
+def expectation_of(case: Case, device: Device | None = None, unknown_powder: bool = False) -> ExpectedTorque:
+    """Return the torque that is expected of a scene, or of its device; SceneError where its field cannot be solved."""
     case.need_grains()
     with bad_input_for(case.path):
-        device = build_device(case.scene)
+        device = device or build_device(case.scene)
         solved, _ = expected_magnetisation(case, device)
-        return expected_torque(case.scene, device, solved, unknown_powder=False)
+        return expected_torque(case.scene, device, solved, unknown_powder)
 
 
 @dataclass(frozen=True, slots=True)

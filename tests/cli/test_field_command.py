@@ -10,12 +10,13 @@ import tomli_w
 from step_file import rectangle, write_polygons
 from typer.testing import CliRunner
 
-from emclutch.cli.input import read_line, read_list
+from emclutch.cli.input import read_line
 from emclutch.cli.main import app
 from emclutch.device_model.body_forces import forces_on, regions_of_body
 from emclutch.device_model.device import build_device
 from emclutch.scene.case import load_case, read_toml
 from emclutch.scene.units import Quantity
+from emclutch.scene.value_list import read_list
 from field import MU_0, ConvergenceError, pole_pressure
 
 QUICKSTART = Path(__file__).parents[2] / "cases" / "quickstart.toml"

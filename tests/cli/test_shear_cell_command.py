@@ -7,11 +7,11 @@ import pandas
 import pytest
 from typer.testing import CliRunner
 
-from emclutch.cli.input import read_list
 from emclutch.cli.main import app
 from emclutch.cli.shear_cell import points_of
 from emclutch.scene.errors import SceneError
 from emclutch.scene.units import Quantity
+from emclutch.scene.value_list import read_list
 from emclutch.simulation.forecast import sheared_points
 from emclutch.simulation.forecast.sheared_points import (
     carlson_flux_density,

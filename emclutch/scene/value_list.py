@@ -1,0 +1,58 @@
+"""Values of a quantity as text: one, a list, a range."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from emclutch.scene.errors import Fault, SceneError, shown
+
+if TYPE_CHECKING:
+    from emclutch.scene.units import Quantity
+
+
+def number_or_text(text: str) -> str | float:
+    """Return a bare number, which is in SI as in a scene, or the text with its unit."""
+    try:
+        return float(text)
+    except ValueError:
+        return text.strip()
+
+
+def read_list(text: str, quantity: Quantity, option: str, count: int | None = None) -> list[float]:
+    """Return numbers in SI of a list ``18 kA/m, 80 kA/m``, in which ranges ``first : last : how many`` may stand.
+
+    With `count` a text may be a range ``first : last`` of so many.
+
+    Raises
+    ------
+    SceneError
+        With every entry that cannot be read.
+    """
+    parts = text.split(",")
+    if len(parts) > 1 and ":" in text:
+        return [value for part in parts for value in read_list(part, quantity, option)]
+    if ":" not in text:
+        return read_all(parts, quantity, option)
+    first, *others = text.split(":")
+    if count is not None and len(others) == 1:
+        others.append(str(count))
+    if len(others) != 2 or not others[1].strip().isdigit() or int(others[1]) < 2:
+        message = f"is not a list or a range; write '{quantity.example}, ...' or first : last : how many"
+        raise SceneError([Fault(option, shown(text), message)], "command line")
+    import numpy as np
+
+    low, high = read_all([first, others[0]], quantity, option)
+    return np.linspace(low, high, int(others[1])).tolist()
+
+
+def read_all(entries: list[str], quantity: Quantity, option: str) -> list[float]:
+    """Return entries in SI; SceneError with every one that cannot be read."""
+    values, faults = [], []
+    for entry in entries:
+        try:
+            values.append(quantity.read(number_or_text(entry)))
+        except ValueError as error:
+            faults.append(Fault(option, shown(entry.strip()), str(error)))
+    if faults:
+        raise SceneError(faults, "command line")
+    return values

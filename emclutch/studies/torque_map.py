@@ -1,0 +1,271 @@
+"""Torque map: the expected torque with its 95 % interval over one or two quantities of a scene.
+
+Each point is the torque of the real powder by its law (`emclutch.simulation.forecast.expected_torque`), in a field that
+is solved for that point. Points that differ in drive, speed, friction or amount of powder alone share their mesh.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import shlex
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import product
+from math import nan
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from emclutch.device_model.device import Device, build_device
+from emclutch.results.atomic_file import replace_json, replace_text
+from emclutch.results.measured_table import TORQUE_CURVE, keep_measured, measured_in, read_measured
+from emclutch.results.new_path import new_folder
+from emclutch.results.pictures.torque_map import BandedCurve, torque_map_picture
+from emclutch.results.report.render import Reported, write_index
+from emclutch.results.report.report import (
+    Links,
+    Mark,
+    Picture,
+    Report,
+    Shown,
+    Statement,
+    Statements,
+    Table,
+    note,
+    warning,
+)  # fmt: skip
+from emclutch.scene.case import Case, as_case
+from emclutch.scene.errors import Fault, SceneError, bad_input_for
+from emclutch.scene.map_axes import CURRENT, Axis, axes_of
+from emclutch.scene.units import unit_of
+from emclutch.simulation.forecast.expected_torque import ExpectedTorque, Interval
+from emclutch.studies.design_search import expectation_of
+from field import ConvergenceError
+
+if TYPE_CHECKING:
+    from emclutch.results import Progress
+
+TORQUES = ("torque", "low", "high", "unknown_low", "unknown_high")
+"""Columns of map.csv in N m: mean, 95 % interval, and 90 % range of unknown powder, of a map over one axis."""
+LEFT_OUT = (
+    "The interval is that of the powder's law. Left out: tolerances of the drawing and of materials, heating of grains "
+    "and steel, hysteresis, the centrifugal force."
+)
+
+
+@dataclass(frozen=True, slots=True)
+class MapPoint:
+    """A point: values of the axes [SI] and the torque that is expected there; None with the reason where none is."""
+
+    values: tuple[float, ...]
+    expected: ExpectedTorque | None
+    reason: str = ""
+
+    @property
+    def torque(self) -> Interval | None:
+        """Of the real powder; None where the scene is not valid, or has no torque."""
+        return None if self.expected is None else self.expected.real
+
+    @property
+    def is_guess(self) -> bool:
+        """Whether it is a guess, or a bound alone."""
+        return self.torque is not None and (self.torque.is_guess or self.torque.low == 0.0)
+
+    @property
+    def remark(self) -> str:
+        """Why there is no torque, or why it is a guess; else empty."""
+        return self.expected.law if self.expected is not None and (self.is_guess or not self.torque) else self.reason
+
+    def row(self) -> dict[str, Any]:
+        """Return its torques [N m] by the columns of map.csv; None where unknown."""
+        torque, unknown = self.torque, None if self.expected is None else self.expected.unknown_powder
+        ends = (None, None, None) if torque is None else (torque.mean, torque.low, torque.high)
+        found = dict(zip(TORQUES, (*ends, *(unknown or (None, None))), strict=True))
+        return found | {"is_guess": self.is_guess, "remark": self.remark}
+
+
+@dataclass(frozen=True, slots=True)
+class MapResult(Reported):
+    """Expected torques over one or two axes.
+
+    Attributes
+    ----------
+    folder : Path
+        With map.csv, map.json, map.png and index.html.
+    case : Case
+    axes : tuple of Axis
+        The first is x.
+    points : tuple of MapPoint
+        A row of x for each value of the second axis.
+    """
+
+    folder: Path
+    case: Case
+    axes: tuple[Axis, ...]
+    points: tuple[MapPoint, ...]
+
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        """Rows of map.csv: values by their keys [SI], torques [N m], and why a torque is a guess or missing."""
+        keys = [axis.key for axis in self.axes]
+        return [dict(zip(keys, point.values, strict=True)) | point.row() for point in self.points]
+
+    def where(self, point: MapPoint) -> str:
+        """Return the values of a point in words."""
+        return ", ".join(f"{a.name} {a.shown(value)}" for a, value in zip(self.axes, point.values, strict=True))
+
+    def picture(self, path: Path) -> Path:
+        """Draw the torque over x, a curve for each value of the second axis, with measured points of the folder."""
+        x, *others = self.axes
+        _, factor = unit_of(x.entry, x.quantity)
+        curves = []
+        for value in others[0].values if others else (None,):
+            label = "expected torque" if value is None else f"{others[0].name} {others[0].shown(value)}"
+            found = [one for one in self.points if one.torque is not None and value in (None, *one.values[1:])]
+            ends = [(one.torque.mean, one.torque.low, one.torque.high) for one in found if one.torque is not None]
+            unknown = [(one.expected and one.expected.unknown_powder) or (nan, nan) for one in found]
+            columns = [factor * one.values[0] for one in found], ends, [one.is_guess for one in found], unknown
+            if found:
+                curves.append(BandedCurve(label, *(np.array(column) for column in columns)))
+        title, measured = self.case.scene.scene.title, measured_in(self.folder)
+        return torque_map_picture(
+            path, curves, x.label, logarithmic=x.is_logarithmic, measured=measured, per_x=factor, title=title
+        )
+
+    def report(self) -> Report:
+        """Return the largest and the smallest torque, what is a guess or missing, and the table; data in SI."""
+        axes = [{"key": a.key, "name": a.name, "unit": a.quantity.unit, "values": a.values} for a in self.axes]
+        data = {"case": self.case.name, "axes": axes, "points": self.rows, "folder": str(self.folder)}
+        report = Report(f"Torque map: {self.case.name}", data=data, folder=self.folder)
+        report.add("Result", Statements([*self._statements()]), Shown.TERMINAL)
+        report.add("Picture", Picture("torque map", self.folder / "map.png"), Shown.PAGE)
+        names = TORQUES[: 5 if len(self.axes) == 1 else 3]
+        cells = [
+            [a.shown(value) for a, value in zip(self.axes, point.values, strict=True)]
+            + [f"{row[name]:.4g}" if row[name] is not None else "" for name in names]
+            + ["guess" if point.is_guess else "" if point.torque else "none"]
+            for point, row in zip(self.points, self.rows, strict=True)
+        ]
+        head = [*(a.name for a in self.axes), *(f"{name.replace('_', ' ')} [N m]" for name in names), ""]
+        report.add("Points", Table(cells, head, range(len(head) - 1)), Shown.PAGE)
+        files = [("map.csv", "all points in SI, with the reason of every guess"), ("map.json", "the same as JSON")]
+        return report.add("Files", Links(files), Shown.PAGE)
+
+    def _statements(self) -> Iterator[Statement]:
+        known = [(one.torque.mean, one) for one in self.points if one.torque is not None]
+        (_, largest), (_, smallest) = (of(known, key=lambda pair: pair[0]) for of in (max, min))
+        for name, point in (("Largest", largest), ("Smallest", smallest)):
+            assert point.torque is not None  # by `known`
+            mark = Mark.WARNING if point.is_guess else Mark.GOOD
+            yield Statement(mark, f"{name} torque: {point.torque.in_words()} at {self.where(point)}.")
+            if point.expected is not None and point.expected.unknown_powder is not None:
+                low, high = (f"{end:.2g}" for end in point.expected.unknown_powder)
+                yield note(f"Friction and fill of the powder unknown: {low} to {high} N m (90 % range).")
+        for what, found in (("a guess", [one for one in self.points if one.is_guess]),
+                            ("missing", [one for one in self.points if one.torque is None])):  # fmt: skip
+            if found:
+                count = f"{len(found)} of {len(self.points)} points {'is' if len(found) == 1 else 'are'} {what}"
+                all_of = "" if len(found) == 1 else " All reasons: map.csv."
+                yield warning(f"{count}. At {self.where(found[0])}: {found[0].remark}.{all_of}")
+        yield note(LEFT_OUT)
+        words = [str(self.case.path or "CASE")]
+        for axis, value in zip(self.axes, largest.values, strict=True):
+            words += [word for key in axis.replaces for word in ("--set", f"{key}=none")]
+            words += ["--set", f"{axis.key}={axis.shown(value)}"]
+        yield note(f"Next: run a point, as: emclutch run {shlex.join(words)}")
+
+
+def map(
+    case: Case | str | Path,
+    *,
+    measured: str | Path | None = None,
+    out: str | Path | None = None,
+    progress: Progress | None = None,
+    **axes: str | Sequence[Any],
+) -> MapResult:
+    """Return the expected torque over one or two axes, and write table, picture and page.
+
+    Parameters
+    ----------
+    case : Case, or the path of a scene file
+    measured : table of measured torques [N m] over the current [A], to lay over the picture where x is the current.
+    out : new folder; default: the next maps/<case>-<nnn>.
+    progress : takes the fraction of the points that are done.
+    **axes : one or two of ``current``, ``voltage``, ``gap``, ``speed``, ``fill``, ``repose`` or a dotted key of a
+        quantity, the first is x: a range ``"0.1 A:1.5 A"``, with a count ``"0.1 A:1.5 A:8"``, or a list ``"1 A, 2 A"``;
+        or a sequence of numbers in SI and of texts with units. A point whose scene is not valid keeps its reason.
+
+    Raises
+    ------
+    SceneError
+        Faults of the scene or of the axes; no point has a torque.
+    OutputError
+        The folder is there already; the measured table cannot be read.
+    """
+    case = as_case(case)
+    return map_over(case, axes_of(case, axes), measured=measured, out=out, progress=progress)
+
+
+def map_over(
+    case: Case,
+    axes: tuple[Axis, ...],
+    *,
+    measured: str | Path | None = None,
+    out: str | Path | None = None,
+    progress: Progress | None = None,
+) -> MapResult:
+    """Return and write the map over axes; see `map`."""
+    if measured is not None:
+        if axes[0].key != CURRENT:
+            message = f"lies over torque against current; the first axis is {axes[0].key}: give the current first"
+            raise SceneError([Fault("--with", str(measured), message)], "torque map")
+        read_measured(measured, *TORQUE_CURVE)  # before anything is computed
+    folder = new_folder(out, case.name, "maps")
+    known: dict[tuple[float, ...], MapPoint] = {}
+    grid = [tuple(reversed(values)) for values in product(*(axis.values for axis in reversed(axes)))]
+    meshes = {at: tuple(v for v, axis in zip(at, axes, strict=True) if not axis.keeps_mesh) for at in grid}
+    mesh, device = None, None
+    for at in sorted(grid, key=lambda at: meshes[at]):  # points of one mesh follow each other
+        known[at], made = _point(case, axes, at, device if mesh == meshes[at] else None)
+        if made is not None:
+            mesh, device = meshes[at], made
+        if progress is not None:
+            progress.update(len(known) / len(grid), f"{len(known)} of {len(grid)} points")
+    result = MapResult(folder, case, axes, tuple(known[at] for at in grid))
+    if all(point.torque is None for point in result.points):
+        first = result.points[0]
+        message = f"has no torque at any point; at {result.where(first)}: {first.remark}"
+        raise SceneError([Fault("map", "", message)], "torque map")
+    folder.mkdir(parents=True)
+    if measured is not None:
+        keep_measured(measured, folder)
+    result.picture(folder / "map.png")
+    table = io.StringIO()
+    writer = csv.DictWriter(table, list(result.rows[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(result.rows)
+    replace_text(folder / "map.csv", table.getvalue())
+    report = result.report()
+    replace_json(folder / "map.json", report.data)
+    write_index(report)
+    return result
+
+
+def _point(
+    case: Case, axes: tuple[Axis, ...], at: tuple[float, ...], like: Device | None
+) -> tuple[MapPoint, Device | None]:
+    """Return the point at some values [SI], with its device, which has the mesh of another one where that is given."""
+    try:
+        changes = [axis.changes(value) for axis, value in zip(axes, at, strict=True)]
+        changed = case.with_values({key: value for change in changes for key, value in change.items()})
+        with bad_input_for(case.path):
+            device = build_device(changed.scene) if like is None else like.driven_as(changed.scene)
+        unknown = len(axes) == 1 and not axes[0].is_of_friction
+        point, source = MapPoint(at, expectation_of(changed, device, unknown)), changed.scene.coil_field
+        return point, None if source is not None and source.tolerance else device  # refined for one current and fill
+    except SceneError as error:
+        return MapPoint(at, None, str(error.faults[0])), None
+    except ConvergenceError as error:
+        return MapPoint(at, None, str(error)), None

@@ -1,0 +1,138 @@
+"""A torque map has the expected torque of every scene of it with its interval, and tells what it could not have."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pandas
+import pytest
+import sheared_annulus
+from typer.testing import CliRunner
+
+import emclutch
+from emclutch.cli.main import app
+from emclutch.results import OutputError
+from emclutch.results.report.render import terminal
+from emclutch.scene.case import case_from
+from emclutch.scene.errors import SceneError
+from emclutch.scene.map_axes import axes_of
+from emclutch.studies.design_search import expectation_of
+
+CASES = Path(__file__).resolve().parents[2] / "cases"
+COARSE = {"field.size_factor": 4.0, "field.gap_layers": 3}
+CELL = case_from(sheared_annulus.CELL)
+FIELD = "field.field_strength"
+
+
+def quickstart(**values):
+    return emclutch.load_case(CASES / "quickstart.toml", COARSE | values)
+
+
+def torque_map(out, case, **axes):
+    return emclutch.map(case, out=out, **axes)
+
+
+def command(*words):
+    return CliRunner().invoke(app, ["map", *map(str, words)], env={"COLUMNS": "500"})
+
+
+def test_each_point_is_the_expected_torque_of_its_scene_and_rises_with_the_current(tmp_path):
+    """Also where it takes the mesh of another point; the interval holds the mean, that of unknown powder is wider."""
+    found = torque_map(tmp_path / "map", quickstart(), current="-1 A, 0.3 A, 0.6 A, 1 A")
+    for point in found.points:
+        alone = expectation_of(found.case.with_values({"coil.current": point.values[0]}), unknown_powder=True)
+        assert (point.torque, point.expected.unknown_powder) == (alone.real, alone.unknown_powder)
+        low, high = alone.unknown_powder
+        assert low < point.torque.low < point.torque.mean < point.torque.high and point.torque.high < high * 1.5
+    torques = [point.torque.mean for point in found.points]
+    assert torques[0] == pytest.approx(torques[3], rel=1e-9) and torques[1:] == sorted(torques[1:])
+    assert list(pandas.read_csv(found.folder / "map.csv").torque) == torques
+    assert (found.folder / "map.png").stat().st_size > 10_000
+    text, page = terminal(found.report()), (found.folder / "index.html").read_text()
+    assert text.startswith("✓ Largest torque: 0.") and "at coil current" in text.splitlines()[0]
+    assert "Left out: " in text and "emclutch run " in text and page.count("<img") == 1
+
+
+@pytest.mark.parametrize(
+    ("name", "entry", "changes"),
+    [
+        ("fill", "0.3, 0.35", {"particles.solid_fraction": 0.35, "particles.mass": None}),
+        ("speed", "100 rpm, 300 rpm", {"motion.rotor.speed": "300 rpm"}),
+        ("repose", "28 deg, 30 deg", {"particles.repose": "30 deg", "contact.friction": None,
+                                      "effects.rolling_friction.coefficient": None}),
+        ("voltage", "2 V, 3 V", {"coil.voltage": "3 V", "coil.current": None}),
+        ("gap", "1 mm, 1.2 mm", {"geometry.gap": "1.2 mm"}),
+    ],
+)  # fmt: skip
+def test_every_axis_changes_its_key_and_removes_those_that_it_replaces(tmp_path, name, entry, changes):
+    """The second point is that of the scene alone, whether it has the mesh of the first or not."""
+    case = quickstart(**{"particles.solid_fraction": None, "particles.mass": "2.4 g"})
+    point = torque_map(tmp_path / "map", case, **{name: entry}).points[1]
+    assert point.torque.mean == pytest.approx(expectation_of(case.with_values(changes)).torque, rel=1e-9)
+
+
+def test_two_axes_are_rows_of_the_first_for_each_value_of_the_second(tmp_path):
+    found = torque_map(tmp_path / "map", CELL, **{FIELD: "50 kA/m:200 kA/m", "fill": "0.3, 0.35"})
+    x, y = (axis.values for axis in found.axes)
+    assert len(x) == 12 and [point.values for point in found.points] == [(a, b) for b in y for a in x]
+    assert {row["unknown_low"] for row in found.rows} == {None}
+    swapped = torque_map(tmp_path / "other", CELL, fill=[0.35, "0.3"], **{FIELD: "0.05 MA/m:0.2 MA/m:2"})
+    assert [point.torque for point in swapped.points] == [found.points[n].torque for n in (0, 12, 11, 23)]
+
+
+def test_the_gap_is_that_of_the_rim_or_of_the_faces_and_long_ranges_are_divided_in_equal_factors():
+    for values, key in (({}, "geometry.gap"), ({"particles.region": "faces"}, "geometry.face_gap")):
+        (axis,) = axes_of(quickstart(**values), {"gap": "0.8 mm:1.2 mm"})
+        assert (axis.key, len(axis.values), axis.shown(axis.values[0])) == (key, 16, "0.8 mm")
+    with pytest.raises(SceneError, match=r"is no single key of geometry.kind = 'shear_cell'"):
+        axes_of(CELL, {"gap": "0.8 mm:1.2 mm"})
+    (axis,) = axes_of(quickstart(), {"current": "0.01 A:1 A"})
+    assert axis.is_logarithmic and axis.values[1] / axis.values[0] == pytest.approx(100 ** (1 / 15))
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        ((), "map has 0 axes; allowed: 1 or 2 of --current, --voltage"),
+        (("--current", "1 A:2 A", "--gap", "1 mm:2 mm", "--fill", "0.3:0.4"), "map has 3 axes"),
+        (("--current", "1 mm:2 mm"), "--current = '1 mm' is a length; a current is needed"),
+        (("--current", "1 A:2 A:1"), "--current = '1 A:2 A:1' is not a list or a range; write"),
+        (("--current", "1 A"), "--current = '1 A' is one value; an axis has 2 or more"),
+        (("--current", "1 A:2 A:2000"), "has 2000 points; allowed: 2 to 1000"),
+        (("--fill", "0.3:1.3"), "--fill = '1.3' is out of range; allowed: > 0, <= 1"),
+        (("--vary", "coil.curent=1 A:2 A"), "--vary = 'coil.curent' is not a key of a scene; did you mean"),
+        (("--vary", "particles.count=1:2"), "is not a continuous quantity"),
+        (("--vary", "coil.current"), "is not one KEY=RANGE"),
+        (("--current", "1 A:2 A", "--voltage", "1 V:2 V"), "coil.current cannot be varied together with coil.voltage"),
+        (("--current", "1 A:2 A", "--vary", "coil.current=1 A:2 A"), "cannot be varied together with coil.current"),
+        (("--current", "1 A:2 A", "--set", "coil.current='1 A'"), "--set = coil.current is a key of an axis"),
+        (("--gap", "0.8 mm:1 mm", "--with", "none.csv"), "the first axis is geometry.gap: give the current first"),
+        (("--gap", "0.1 mm:0.2 mm:2"), "has no torque at any point; at gap 0.1 mm: geometry.gap"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_mapped_is_refused(words, says):
+    refused = command(CASES / "quickstart.toml", *words)
+    assert refused.exit_code == 2 and says in refused.output, refused.output
+
+
+def test_a_point_whose_scene_is_invalid_is_told_and_the_others_go_on(tmp_path):
+    words = ("--gap", "0.1 mm, 1 mm, 1.2 mm", "--out", tmp_path / "map", "--set", "field.size_factor=4")
+    done = command(CASES / "quickstart.toml", *words, "--json")
+    first, *others = json.loads(done.output)["points"]
+    assert first["torque"] is None and first["remark"].startswith("geometry.gap = 0.0001 cannot be")
+    assert all(row["torque"] > 0.0 and not row["remark"] for row in others)
+    assert json.loads((tmp_path / "map" / "map.json").read_text())["points"] == [first, *others]
+
+
+def test_the_option_given_first_is_x_and_measured_points_lie_over_the_current(tmp_path):
+    table, case = tmp_path / "bench.csv", CASES / "quickstart.toml"
+    table.write_text("current_mA,torque [N m]\n400,0.15\n900,0.5\n")
+    words = ("--fill", "0.4, 0.45", "--current", "0.4 A, 1 A", "--set", "field.size_factor=4", "--json")
+    swapped = json.loads(command(case, *words, "--out", tmp_path / "a").output)
+    assert [axis["key"] for axis in swapped["axes"]] == ["particles.solid_fraction", "coil.current"]
+    words = (*words[2:4], *words[:2], *words[4:], "--with", table)
+    assert command(case, *words, "--out", tmp_path / "b").exit_code == 0
+    assert (tmp_path / "b" / "measured.csv").is_file()
+    with pytest.raises(OutputError, match="exists"):
+        torque_map(tmp_path / "b", quickstart(), current="0.4 A, 1 A")
