@@ -17,17 +17,14 @@ import numpy as np
 from pydantic import Field, PrivateAttr
 
 from emclutch.scene.errors import Fault, shown
-from emclutch.scene.fraction import Fraction, FractionEntry
 from emclutch.scene.section import Choice, Integer, Section
 
 SEED = "scene.seed"
 """Its values are replicas of every point, of whatever design."""
 MOST = 10_000  # samples, and values of a range
-METHODS = ("latin_hypercube", "sobol", "saltelli", "one_at_a_time", "adaptive")
-_SPANNING = ("latin_hypercube", "sobol", "saltelli")
-"""Methods that place points in the ranges without a count."""
-MIN_PLACES, MIN_REPLICAS = 4, 2
-"""Of an adaptive curve: values, and replicas of each."""
+METHODS = ("latin_hypercube", "sobol", "saltelli", "one_at_a_time")
+"""All but the last place points in the ranges without a count."""
+_FORMER = (("adaptive", "is no method any more; emclutch map gives a torque curve with its interval in seconds"),)
 _RANGE = ("from", "to", "count", "spacing", "whole")
 _EXAMPLE = '{ from = "0.25 A", to = "1 A" }'
 _NUMBER_AND_UNIT = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
@@ -40,20 +37,15 @@ class SampleSection(Section):
     sample. `saltelli` has `count` points of Sobol's sequence and d + 1 more for each of them, of d ranges, from which
     Sobol' indices follow (docs/how_to/sensitivity.md). `one_at_a_time` begins with the first value of every key, and
     changes one key at a time to its others; it has no count and no seed. Values of `scene.seed` are replicas of every
-    point. `adaptive` runs of all combinations of one value and `scene.seed` those that narrow the curve's 95 % interval
-    most for what they cost, until it is `error` everywhere, or until `count` points have run.
+    point.
     """
 
-    method: Annotated[str, Choice(METHODS)] = Field(description="how the points are chosen")
+    method: Annotated[str, Choice(METHODS, elsewhere=_FORMER)] = Field(description="how the points are chosen")
     count: Annotated[int, Integer(1, MOST, "64")] | None = Field(
-        default=None,
-        description="points of the sample; of sobol and saltelli a power of two; of adaptive at most so many",
+        default=None, description="points of the sample; of sobol and saltelli a power of two"
     )
     seed: Annotated[int, Integer(0, 2**63 - 1, "1")] | None = Field(
         default=None, description="of the random numbers; without it 0"
-    )
-    error: Annotated[Fraction, FractionEntry()] | None = Field(
-        default=None, description="of adaptive: half of the 95 % interval that is wanted everywhere, e.g. '3 %'"
     )
     _over: tuple[str, ...] = PrivateAttr(default=())
 
@@ -64,8 +56,6 @@ class SampleSection(Section):
 
     def points(self, values: dict[str, list[Any]]) -> list[dict[str, Any]]:
         """Return the points: values of each key, in the order of the keys."""
-        if self.method == "adaptive":
-            return combinations(values)
         crossed = {key: options for key, options in values.items() if key not in self._over}
         if self.method != "one_at_a_time":
             rows: Iterator[dict[str, Any]] = (
@@ -84,8 +74,6 @@ class SampleSection(Section):
             return (1 + sum(len(options) - 1 for key, options in values.items() if key != SEED)) * len(
                 values.get(SEED, [0])
             )
-        if self.method == "adaptive":
-            return math.prod(map(len, values.values()))
         return self._sampled * math.prod(len(options) for key, options in values.items() if key not in self._over)
 
     @property
@@ -123,7 +111,7 @@ def read_ranges(
             faults += wrong
             if found is not None:
                 ranges[key] = found
-    spans = sample is not None and sample.method in _SPANNING
+    spans = sample is not None and sample.method != "one_at_a_time"
     over = [key for key, one in ranges.items() if one.count is None]
     if sample is not None:
         faults += _sample_faults(sample, bool(over) or bool(faults))
@@ -135,8 +123,6 @@ def read_ranges(
     elif SEED in over:
         words = "has no count: each point would have a single replica; give it a count, or list the seeds"
         faults.append(Fault(f"study.values.{SEED}", shown(values[SEED]), words))
-    if sample is not None and sample.method == "adaptive":
-        faults += _adaptive_faults({key: ranges[key].listed() if key in ranges else one for key, one in values.items()})
     if faults:
         return values, sample, faults
     lists: dict[str, Any] = {key: one.listed() for key, one in ranges.items()}
@@ -167,17 +153,11 @@ def _cube(sample: SampleSection, dimensions: int) -> np.ndarray:
 
 def _sample_faults(sample: SampleSection, has_ranges: bool) -> list[Fault]:
     key, count = "study.sample", sample.count
-    without: dict[str, Any] = {"error": sample.error}
     if sample.method == "one_at_a_time":
-        without = {"count": count, "seed": sample.seed, "error": sample.error}
-    elif sample.method == "adaptive":
-        without = {"seed": sample.seed}
-    words = f"has no meaning with method = '{sample.method}'; remove it"
-    faults = [Fault(f"{key}.{name}", str(one), words) for name, one in without.items() if one is not None]
-    if sample.method == "adaptive" and sample.error is None:
-        faults.append(Fault(f"{key}.error", "", "is missing; allowed: 0.1 % to 50 %, e.g. error = '3 %'"))
-    if sample.method not in _SPANNING:
-        return faults
+        words = "has no meaning with method = 'one_at_a_time'; remove it"
+        given = {"count": count, "seed": sample.seed}
+        return [Fault(f"{key}.{name}", str(one), words) for name, one in given.items() if one is not None]
+    faults = []
     if count is None:
         faults.append(Fault(f"{key}.count", "", f"is missing; allowed: 1 to {MOST} points, e.g. count = 64"))
     elif sample.method in ("sobol", "saltelli") and count.bit_count() != 1:
@@ -188,40 +168,6 @@ def _sample_faults(sample: SampleSection, has_ranges: bool) -> list[Fault]:
         words = f"samples ranges without a count, and study.values has none; write one as in {_EXAMPLE}, or remove it"
         faults.append(Fault(f"{key}.method", f"'{sample.method}'", words))
     return faults
-
-
-def places_along(values: dict[str, list[Any]]) -> tuple[str, list[float]]:
-    """Return the key along which an adaptive curve goes, and its values as numbers, in the unit that they have.
-
-    Raises
-    ------
-    ValueError
-        There is no such key, or a value is no number above 0 in the unit of the others.
-    """
-    along = [key for key, options in values.items() if key != SEED and len(options) > 1]
-    if len(along) != 1 or len(values[along[0]]) < MIN_PLACES:
-        raise ValueError(
-            f"needs one value along which the curve goes, with at least {MIN_PLACES} entries, and {SEED}; "
-            f"here: {', '.join(along) or 'none'}"
-        )
-    found = [_number_and_unit(one) for one in values[along[0]]]
-    if any(one is None or one[0] <= 0.0 for one in found) or len({one[1] for one in found if one is not None}) > 1:
-        raise ValueError(f"needs numbers above 0 in one unit as the values of {along[0]}")
-    return along[0], [one[0] for one in found if one is not None]
-
-
-def _adaptive_faults(values: dict[str, list[Any]]) -> list[Fault]:
-    """Faults of the values of an adaptive curve."""
-    if not all(isinstance(options, list) and options for options in values.values()):
-        return []  # reported elsewhere
-    if len(values.get(SEED, ())) < MIN_REPLICAS:
-        words = f"needs replicas to choose from; list {SEED}, at least {MIN_REPLICAS}, e.g. 1 to 16"
-        return [Fault("study.sample.method", "'adaptive'", words)]
-    try:
-        places_along(values)
-    except ValueError as error:
-        return [Fault("study.sample.method", "'adaptive'", str(error))]
-    return []
 
 
 class _Range:

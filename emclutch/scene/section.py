@@ -93,7 +93,7 @@ class Choice(Entry):
     ----------
     available : what may be chosen
     planned : known but not built; refused with that reason
-    elsewhere : (name, why it is refused) of names that belong to another key
+    elsewhere : (name, why it is refused) of names that belong to another key, or of former ones
     """
 
     available: tuple[str, ...]

@@ -71,11 +71,6 @@ class StudySection(Section):
         """The scene's file."""
         return self._path.parent / self.case
 
-    @property
-    def is_adaptive(self) -> bool:
-        """True if results decide which of the points are run."""
-        return self.sample is not None and self.sample.method == "adaptive"
-
     def points(self) -> list[dict[str, Any]]:
         """Every combination of the values, the last key running fastest; where they are sampled, the sample."""
         return combinations(self.values) if self.sample is None else self.sample.points(self.values)
@@ -262,11 +257,7 @@ def _warm_start_faults(study: StudySection) -> list[Fault]:
 def _no_such_points(study: StudySection, numbers: Sequence[int]) -> list[Fault]:
     total = len(study.points())
     message = f"is no point of this study, which has {total}; allowed: 0 to {total - 1}"
-    faults = [Fault("--point", str(number), message) for number in numbers if not 0 <= number < total]
-    if numbers and study.is_adaptive:
-        message = "cannot be used with study.sample.method = 'adaptive': each point depends on others; take --jobs"
-        faults.append(Fault("--point", str(numbers[0]), message))
-    return faults
+    return [Fault("--point", str(number), message) for number in numbers if not 0 <= number < total]
 
 
 def _faults_of_points(study: StudySection, numbers: Sequence[int] | None) -> list[Fault]:

@@ -29,7 +29,6 @@ from emclutch.results.study_table import DONE, FAILED, STOPPED, WAITING, StudyTa
 from emclutch.results.torque_curves import best_of
 from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.study import StudySection, read_study
-from emclutch.studies.adaptive import AdaptiveStudy
 from emclutch.studies.point import names_in, row_in, tasks_of, time_reached
 from emclutch.studies.study import (
     ELSEWHERE,
@@ -133,11 +132,8 @@ def sweep(
 def commands(study: StudySection, out: Path, options: Sequence[str] = ()) -> list[str]:
     """Return a command for each point that is not done, for job arrays; points that hand on their grains share a line.
 
-    `options` are added to each. SceneError for an adaptive study, whose points depend on one another.
+    `options` are added to each.
     """
-    if study.is_adaptive:
-        message = "cannot be used with study.sample.method = 'adaptive': each point depends on others; take --jobs"
-        raise SceneError([Fault("--list", "", message)], str(study.path))
     chains: dict[str, list[str]] = {}
     ends: dict[str, str] = {}
     for number, task in enumerate(tasks_of(study, out)):
@@ -205,29 +201,16 @@ class _Sweep(Study):
         self.look_at = Throttle(self._look_at)
 
     def run_points(self, options: dict[str, Any]) -> None:
-        """Run all points, or those that an adaptive curve chooses; at the end write what is over all of them."""
+        """Run all points; at the end write what is over all of them."""
         self.take(tasks_of(self.section, self.folder, progress=_StatusLog(), measure=True, **options))
         names = {task.name for task in self.tasks}
         if others := sorted(name for name in names_in(self.folder) if name not in names and "set-aside" not in name):
             log.info("of none of the study's points, and left as they are: %s", ", ".join(others))
         write_failures(self.folder, [])
         try:
-            if self.section.is_adaptive:
-                curve = AdaptiveStudy(self.section, self.folder)
-                while not self.stopped and (batch := self._chosen(curve)):
-                    self.run([self.tasks[number] for number in batch])
-            else:
-                self.run(self.tasks)
+            self.run(self.tasks)
         finally:
             self.end()
-
-    def _chosen(self, curve: AdaptiveStudy) -> list[int]:
-        rows = {number: self.rows[task.name] for number, task in enumerate(self.tasks) if task.name in self.rows}
-        done = {number: row.values for number, row in rows.items() if row.state == DONE}
-        try:
-            return curve.next_points(done, [number for number, row in rows.items() if row.state == FAILED])
-        except ValueError as error:
-            raise RunError(f"the next points of the curve cannot be chosen: {error}") from error
 
     def run_point(self, number: int, options: dict[str, Any]) -> None:
         """Run one point, whatever runs beside it; nothing else in the folder is written."""

@@ -93,6 +93,7 @@ def test_a_range_is_a_list_of_values(tmp_path):
         (RANGES, 'method = "sobol"\ncount = 12', {"study.sample.count": "no power of two, .*take 8 or 16"}),
         (RANGES, 'method = "sobol"', {"study.sample.count": "is missing; allowed: 1 to 10000"}),
         (RANGES, 'method = "random"\ncount = 3', {"study.sample.method": "latin_hypercube.*sobol.*one_at_a_time"}),
+        (RANGES, 'method = "adaptive"', {"study.sample.method": "no method any more; emclutch map .*latin_hypercube"}),
         (RANGES, "", {"study.values.coil.voltage": r"has no count; give it a count, or sample it: \[study.sample\]",
                       "study.values.contact.friction": "has no count"}),
         (RANGES, 'method = "one_at_a_time"\nseed = 1',

@@ -131,8 +131,6 @@ def state_report(state: StudyState, total: int | None = None) -> Report:
     report.add("Points", _points(state), Shown.TERMINAL if few else Shown.PAGE)
     report.add("Size of the grains", Text("\n".join(grain_size_lines(state.folder))), Shown.TERMINAL)
     report.add("DVI against DEM", _methods(state.folder / "methods.csv"), Shown.TERMINAL)
-    curve = state.folder / "adaptive_curve.txt"
-    report.add("Adaptive curve", Text(curve.read_text(encoding="utf-8") if curve.is_file() else ""), Shown.TERMINAL)
     report.add("Failures", _failures(state), Shown.PAGE)
     return report.add("Pictures", pictures_in(state.folder, PICTURES), Shown.PAGE).add(
         "Files", links(state.folder), Shown.PAGE
