@@ -271,6 +271,10 @@ MapRepose = Annotated[
     str | None,
     typer.Option("--repose", metavar="RANGE", help="angle of repose, in place of both frictions: '25 deg:38 deg'"),
 ]
+MapTemperatures = Annotated[
+    str | None,
+    typer.Option("--temperature", metavar="RANGE", help="of grains, steel and winding: '20 degC:200 degC'"),
+]
 MapVary = Annotated[
     list[str] | None,
     typer.Option("--vary", metavar="KEY=RANGE", help="any continuous quantity: geometry.clearance='0.1 mm:0.5 mm'"),

@@ -267,6 +267,7 @@ def map(
     speed: opt.MapSpeeds = None,
     fill: opt.MapFills = None,
     repose: opt.MapRepose = None,
+    temperature: opt.MapTemperatures = None,
     vary: opt.MapVary = None,
     measured: opt.Catalogue = None,
     out: opt.Out = None,

@@ -5,19 +5,30 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from emclutch.scene.model import Scene
-from field import GrainLaw, ThesisLaw, material
+from field import GrainLaw, Law, ThesisLaw, material
 from field.laws.coercivity import coercivity, misfit_of_curve
 from field.laws.conductivity import conductivity
 from field.laws.major_loop import MajorLoopLaw
 from field.laws.pinning import Pinning
+from field.laws.temperature import ScaledLaw, saturation_ratio
 from geometry import Mesh3D, SectionMesh
 
 
 def grain_law(scene: Scene) -> GrainLaw:
     """Law of the grains; linear when the effect `saturation` is off."""
     particles = scene.grains
-    saturation = particles.saturation if scene.effects.saturate else None
+    saturation = saturation_of(scene) if scene.effects.saturate else None
     return (ThesisLaw if particles.law == "thesis" else GrainLaw)(particles.susceptibility, saturation)
+
+
+def saturation_of(scene: Scene) -> float:
+    """Saturation magnetisation [A/m] of the grains at their temperature."""
+    return scene.grains.saturation * saturation_ratio_of(scene)
+
+
+def saturation_ratio_of(scene: Scene) -> float:
+    """Saturation of grains and steel at their temperature over that of their data."""
+    return 1.0 if scene.field is None else saturation_ratio(scene.field.temperature)
 
 
 def region_laws(scene: Scene, mesh: SectionMesh | Mesh3D) -> dict:
@@ -57,12 +68,14 @@ def pinning_of(scene: Scene, name: str) -> Pinning:
         A coercivity that the material's curve does not allow (`Pinning.of`).
     """
     own, given = scene.materials.get(name), scene.effects.memory.coercivity
-    law = magnetic_law(scene, name)
+    law, ratio = _law_as_given(scene, name), saturation_ratio_of(scene)
     if name in given:
-        return Pinning.of(law, given[name])
-    if isinstance(law, MajorLoopLaw):
-        return law.pinning
-    return Pinning.of(law, coercivity(name).H_c if own is None else own.coercivity or 0.0)
+        found = Pinning.of(law, given[name])
+    elif isinstance(law, MajorLoopLaw):
+        found = law.pinning
+    else:
+        found = Pinning.of(law, coercivity(name).H_c if own is None else own.coercivity or 0.0)
+    return found if ratio == 1.0 else Pinning(found.stiffness, ratio * found.reach)  # the loop scales with its curve
 
 
 def hysteresis_of(scene: Scene, names: Iterable[str]) -> tuple[str, list[str]]:
@@ -73,12 +86,16 @@ def hysteresis_of(scene: Scene, names: Iterable[str]) -> tuple[str, list[str]]:
         if pinning.coercivity > 0.0:
             remanence = f"remanence {pinning.remanence(law):.2g} T from saturation"
             texts.append(f"{name}: coercivity {pinning.coercivity:.3g} A/m, {remanence}")
-            misfit = "" if isinstance(law, MajorLoopLaw) else misfit_of_curve(law, pinning)
+            misfit = "" if isinstance(_law_as_given(scene, name), MajorLoopLaw) else misfit_of_curve(law, pinning)
             warnings += [f"{name}: {misfit}"] if misfit else []
     return ", ".join(texts), warnings
 
 
-def magnetic_law(scene: Scene, name: str):
-    """A material's law: the scene's own under this name, or a built-in one."""
+def magnetic_law(scene: Scene, name: str) -> Law:
+    """A material's law at the temperature of the steel: the scene's own under this name, or a built-in one."""
+    return ScaledLaw.of(_law_as_given(scene, name), saturation_ratio_of(scene))
+
+
+def _law_as_given(scene: Scene, name: str) -> Law:
     own = scene.materials.get(name)
     return material(name) if own is None else own.magnetic_law(name)

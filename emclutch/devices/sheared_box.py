@@ -297,13 +297,14 @@ class ShearedBoxGeometry(GeometrySection):
     def expected_stress(self, scene: Scene) -> float | None:
         """Shear stress [Pa] that is expected in the field, within a factor of two; None where grains do not attract."""
         from coupling.sheared_powder import chain_load, expected_stress
+        from emclutch.device_model.materials import saturation_of
 
         attraction, H = scene.effects.attraction, self._field_strength(scene)
         if attraction is None or H is None:
             return None
         d, fill = scene.grains.mean_diameter, fill_of(scene.shape(), scene.grains).solid_fraction
         # of grains that do not saturate the load is in proportion to Ms^-0.2
-        load = chain_load(scene.grains.saturation, H, d, necks=attraction.has_necks)
+        load = chain_load(saturation_of(scene), H, d, necks=attraction.has_necks)
         return expected_stress(load, fill, d)
 
     @staticmethod

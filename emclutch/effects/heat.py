@@ -21,11 +21,10 @@ from emclutch.scene.errors import Fault
 from emclutch.scene.partial_scene import PartialScene
 from emclutch.scene.section import Section, refuse
 from emclutch.scene.time_table import CurrentProfile, SpeedProfile
-from emclutch.scene.units import Current, LoadTorque, Quantity, Time, format_number, number
+from emclutch.scene.units import Current, LoadTorque, Quantity, Temperature, Time, format_number, number
 
 MAX_RISE = 100.0
 """Rise of the temperature [K] above which the effect is significant."""
-Celsius = Annotated[float, number("40", -100.0, 250.0)]
 _Film = Annotated[float, Quantity("a heat transfer coefficient", "W/(m^2*K)", "6 W/(m^2 K)", 0.0, 1e5)]
 _Conductance = Annotated[float, Quantity("a thermal conductance", "W/K", "0.5 W/K", 0.0, 1e4)]
 _Conductivity = Annotated[
@@ -45,10 +44,10 @@ def _increases(values: tuple[float, ...]) -> bool:
 class FadeSection(Section):
     """The torque at temperatures of the powder over its own at the first one; linear between, constant outside.
 
-    From runs of the grains with friction, saturation and susceptibility of each temperature, or from a measurement.
+    From a torque map over the temperature, from runs with the friction of each temperature, or from a measurement.
     """
 
-    temperatures: tuple[Celsius, ...] = Field(min_length=1, description="increasing, in degrees C")
+    temperatures: tuple[Temperature, ...] = Field(min_length=1, description="increasing")
     factors: tuple[Annotated[float, number("0.9", 0.0, 10.0)], ...] = Field(
         min_length=1, description="one for each, the first 1"
     )
@@ -222,7 +221,7 @@ class HeatSection(EffectSection):
         (_duty_has_one_drive, ("effects", "coil")),
     )
 
-    ambient: Celsius = Field(default=20.0, description="temperature of air, shaft and surroundings, in degrees C")
+    ambient: Temperature = Field(default=20.0, description="temperature of air, shaft and surroundings")
     convection: _Film = Field(
         default=CONVECTION, description="heat transfer coefficient of the outside in still air; a fan: 20 to 60"
     )
@@ -261,8 +260,8 @@ class HeatSection(EffectSection):
     )
     fade: FadeSection | None = Field(default=None, description="change of the torque with the powder's temperature")
     duty: DutySection = DutySection()
-    surface_limit: Celsius = Field(default=75.0, description="largest temperature of the outside, in degrees C")
-    coil_limit: Celsius = Field(
+    surface_limit: Temperature = Field(default=75.0, description="largest temperature of the outside")
+    coil_limit: Temperature = Field(
         default=130.0, description="of the winding's hottest place: 105, 130, 155 in classes A, B, F (IEC 60085)"
     )
     tolerance: Annotated[float, number("0.1", 1e-6, 10.0)] = Field(

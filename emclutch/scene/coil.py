@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 
 from emclutch.scene.section import Section, refuse
 from emclutch.scene.time_table import CurrentProfile, VoltageProfile
-from emclutch.scene.units import Resistance, number
+from emclutch.scene.units import Resistance, Temperature, number
 
 if TYPE_CHECKING:
     from field.coil.winding import Winding
@@ -35,8 +35,8 @@ class CoilSection(Section):
         description="voltage that drives the coil, one value or a table in time; with a current the supply, "
         "to check the current against",
     )
-    temperature: Annotated[float, number("80", -100.0, 250.0)] = Field(
-        default=20.0, description="of the winding, in degrees C; its resistance grows by 0.393 % a degree"
+    temperature: Temperature = Field(
+        default=20.0, description="of the winding; its resistance grows by 0.393 % a degree"
     )
 
     @model_validator(mode="after")

@@ -27,6 +27,7 @@ KEYS: dict[str, tuple[str, tuple[str, ...], str]] = {
         ("contact.friction", "effects.rolling_friction.coefficient"),
         "angle of repose",
     ),
+    "temperature": ("field.temperature", (), "temperature"),
 }
 """Name of an axis: its key (that of the gap is the device's), the keys that it replaces, and its name for people."""
 COUNTS = ((16,), (12, 4))
@@ -53,6 +54,8 @@ class Axis:
         A value as it was given, with the unit in which values are shown.
     replaces : tuple of str
         Keys of the scene that give way to it.
+    follows : tuple of str
+        Keys that have its values too.
     """
 
     name: str
@@ -61,6 +64,7 @@ class Axis:
     values: tuple[float, ...]
     entry: object
     replaces: tuple[str, ...] = ()
+    follows: tuple[str, ...] = ()
 
     @property
     def keeps_mesh(self) -> bool:
@@ -75,7 +79,7 @@ class Axis:
     @property
     def is_logarithmic(self) -> bool:
         """Whether its values span so much that their logarithms are drawn."""
-        return _spans(self.values)
+        return _spans(self.values, self.quantity)
 
     @property
     def label(self) -> str:
@@ -89,7 +93,7 @@ class Axis:
 
     def changes(self, value: float) -> dict[str, float | None]:
         """Return what a value changes in a scene, as `Case.with_values` takes it."""
-        return {**dict.fromkeys(self.replaces), self.key: value}
+        return {**dict.fromkeys(self.replaces), **dict.fromkeys((self.key, *self.follows), value)}
 
 
 def axes_of(case: Case, given: Mapping[str, str | Sequence[Any]], prefix: str = "") -> tuple[Axis, ...]:
@@ -112,7 +116,7 @@ def axes_of(case: Case, given: Mapping[str, str | Sequence[Any]], prefix: str = 
         faults.append(Fault("map", "", f"has {total} points; allowed: 2 to {MAX_POINTS}; lower a count"))
     if len(axes) == 2:
         for one, other in (axes, axes[::-1]):
-            if other.key in (*one.replaces, one.key):
+            if other.key in (*one.replaces, *one.follows, one.key):
                 message = f"cannot be varied together with {one.key}, which replaces it; remove one of the two"
                 faults.append(Fault(other.key, "", message))
                 break
@@ -139,7 +143,7 @@ def _axis(case: Case, name: str, entry: str | Sequence[Any], option: str, count:
         raise SceneError([Fault(option, shown(key), message)], "torque map")
     if isinstance(entry, str):
         values = read_list(entry, quantity, option, count)
-        if entry.count(":") == 1 and _spans(sorted(values)):
+        if entry.count(":") == 1 and _spans(sorted(values), quantity):
             values = np.geomspace(values[0], values[-1], len(values)).tolist()
         texts: Sequence[Any] = [text.strip() for text in entry.replace(":", ",").split(",")]
     else:
@@ -155,8 +159,9 @@ def _axis(case: Case, name: str, entry: str | Sequence[Any], option: str, count:
         raise SceneError([Fault(option, shown(entry), message)], "torque map")
     replaced = tuple(one for one in replaces if entry_at(case.data, one.split(".")) is not None)
     units = (text for text in texts if isinstance(text, str) and unit_of(text, quantity) != (quantity.unit, 1.0))
-    return Axis(words, key, quantity, ascending, next(units, ascending[-1]), replaced)
+    follows = ("coil.temperature",) if name == "temperature" and case.scene.coil is not None else ()
+    return Axis(words, key, quantity, ascending, next(units, ascending[-1]), replaced, follows)
 
 
-def _spans(values: Sequence[float]) -> bool:
-    return values[0] > 0.0 and values[-1] > LOGARITHMIC * values[0]
+def _spans(values: Sequence[float], quantity: Quantity) -> bool:
+    return values[0] > 0.0 and values[-1] > LOGARITHMIC * values[0] and quantity.unit != "degC"  # which has no zero

@@ -44,7 +44,7 @@ _LEAST = 1e-15  # in SI: what has to be positive is refused below it, what may b
 _COMMON_UNITS = (
     "m, mm, um, cm, g, kg, mg, s, ms, us, min, A, mA, V, ohm, mohm, rpm, rad/s, deg/s, rad, deg, turn, N, "
     "mN, N m, mN m, N/m, kN/m, N/m^1.5, Pa, MPa, GPa, J/m^2, m/s, kg/m^3, g/cm^3, A/m, kA/m, MA/m, T, mT, kg m^2, "
-    "g cm^2, m/s^2, %"
+    "g cm^2, m/s^2, degC, %"
 ).split(", ")
 
 FACTORS = {
@@ -62,6 +62,7 @@ FACTORS = {
     "A/m": {"kA/m": 1e3, "MA/m": 1e6},
     "T": {"mT": 1e-3},
     "": {"%": 1e-2},
+    "degC": {"°C": 1.0},
 }
 """Units of most scenes, in the SI unit of their quantity: to the last bit as pint converts them."""
 
@@ -300,6 +301,7 @@ Time = Annotated[float, _positive("a time", "s", "20 ms", maximum=1e5)]
 Instant = Annotated[float, Quantity("a time", "s", "20 ms", 0.0, 1e5)]
 Density = Annotated[float, _positive("a density", "kg/m^3", "7700 kg/m^3", maximum=3e4)]
 Inertia = Annotated[float, _positive("a moment of inertia", "kg*m^2", "2e-4 kg m^2", maximum=1e6)]
+Temperature = Annotated[float, Quantity("a temperature", "degC", "80 degC", -100.0, 250.0)]
 Acceleration = Annotated[float, Quantity("an acceleration", "m/s^2", "9.81 m/s^2", 0.0, 1e6)]
 
 
@@ -315,9 +317,12 @@ def quantity_of(kind: Any) -> Quantity:
 
 
 def unit_of(entry: object, quantity: Quantity) -> tuple[str, float]:
-    """Return the unit of an `entry` of a quantity, and a value in it over that in SI; SI's of a number and of 0."""
+    """Return the unit of an `entry` of a quantity, and a value in it over that in SI; SI's of a number and of 0.
+
+    That of a temperature is degC, as no factor leads to K.
+    """
     match = _NUMBER_AND_UNIT.fullmatch(entry) if isinstance(entry, str) else None
-    if match is None or not match[2] or float(match[1]) == 0.0:
+    if match is None or not match[2] or float(match[1]) == 0.0 or quantity.unit == "degC":
         return quantity.unit, 1.0
     return match[2], float(match[1]) / quantity.read(entry)
 

@@ -10,9 +10,12 @@ from abc import abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, ClassVar, get_args
 
+from pydantic import Field
+
 from emclutch.scene.errors import Fault
 from emclutch.scene.partial_scene import PartialScene
 from emclutch.scene.section import Section
+from emclutch.scene.units import Temperature
 from emclutch.scene.usual_ranges import UsualRange
 
 if TYPE_CHECKING:
@@ -41,6 +44,12 @@ class SourceSection(Section):
 
     CHECKS: ClassVar[tuple[tuple[Check, tuple[str, ...]], ...]] = ()
     is_solved: ClassVar[bool] = False
+
+    source: str
+    temperature: Temperature = Field(
+        default=20.0,
+        description="of grains and steel, whose saturation falls with it as that of iron: by 2.8 % at 200 degC",
+    )
 
     @classmethod
     def name(cls) -> str:

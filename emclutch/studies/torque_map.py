@@ -50,8 +50,8 @@ if TYPE_CHECKING:
 TORQUES = ("torque", "low", "high", "unknown_low", "unknown_high")
 """Columns of map.csv in N m: mean, 95 % interval, and 90 % range of unknown powder, of a map over one axis."""
 LEFT_OUT = (
-    "The interval is that of the powder's law. Left out: tolerances of the drawing and of materials, heating of grains "
-    "and steel, hysteresis, the centrifugal force."
+    "The interval is that of the powder's law. Left out: tolerances of the drawing and of materials, friction that "
+    "changes with temperature, hysteresis, the centrifugal force."
 )
 
 
@@ -172,8 +172,8 @@ class MapResult(Reported):
         yield note(LEFT_OUT)
         words = [str(self.case.path or "CASE")]
         for axis, value in zip(self.axes, largest.values, strict=True):
-            words += [word for key in axis.replaces for word in ("--set", f"{key}=none")]
-            words += ["--set", f"{axis.key}={axis.shown(value)}"]
+            for key, changed in axis.changes(value).items():
+                words += ["--set", f"{key}={'none' if changed is None else axis.shown(value)}"]
         yield note(f"Next: run a point, as: emclutch run {shlex.join(words)}")
 
 
@@ -193,9 +193,10 @@ def map(
     measured : table of measured torques [N m] over the current [A], to lay over the picture where x is the current.
     out : new folder; default: the next maps/<case>-<nnn>.
     progress : takes the fraction of the points that are done.
-    **axes : one or two of ``current``, ``voltage``, ``gap``, ``speed``, ``fill``, ``repose`` or a dotted key of a
-        quantity, the first is x: a range ``"0.1 A:1.5 A"``, with a count ``"0.1 A:1.5 A:8"``, or a list ``"1 A, 2 A"``;
-        or a sequence of numbers in SI and of texts with units. A point whose scene is not valid keeps its reason.
+    **axes : one or two of ``current``, ``voltage``, ``gap``, ``speed``, ``fill``, ``repose``, ``temperature`` or a
+        dotted key of a quantity, the first is x: a range ``"0.1 A:1.5 A"``, with a count ``"0.1 A:1.5 A:8"``, or a
+        list ``"1 A, 2 A"``; or a sequence of numbers in SI and of texts with units. A point whose scene is not valid
+        keeps its reason.
 
     Raises
     ------

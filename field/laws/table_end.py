@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from field.laws.h_spline import SplineLaw
 from field.laws.magnetisation_curve import TableLaw
 from field.laws.reluctivity import MU_0, Law
+from field.laws.temperature import ScaledLaw
 
 if TYPE_CHECKING:
     from field.section.magnetic_field import MagneticField
@@ -44,6 +45,9 @@ class TableEnd:
     @classmethod
     def of(cls, law: Law) -> TableEnd | None:
         """The end of a law that is continued with the slope of vacuum too early; None for all others."""
+        if isinstance(law, ScaledLaw):
+            end = cls.of(law.law)
+            return None if end is None else replace(end, H=law.ratio * end.H, B=law.ratio * end.B)
         if not isinstance(law, SplineLaw) or (isinstance(law, TableLaw) and law.warning):
             return None  # or it has a tail below the slope of vacuum: saturated
         curve = law.curve

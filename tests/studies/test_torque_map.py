@@ -12,12 +12,15 @@ from typer.testing import CliRunner
 
 import emclutch
 from emclutch.cli.main import app
+from emclutch.device_model.device import build_device
 from emclutch.results import OutputError
 from emclutch.results.report.render import terminal
 from emclutch.scene.case import case_from
 from emclutch.scene.errors import SceneError
 from emclutch.scene.map_axes import axes_of
+from emclutch.simulation.discretisation_error import device_of
 from emclutch.studies.design_search import expectation_of
+from field.laws.temperature import saturation_ratio
 
 CASES = Path(__file__).resolve().parents[2] / "cases"
 COARSE = {"field.size_factor": 4.0, "field.gap_layers": 3}
@@ -136,3 +139,23 @@ def test_the_option_given_first_is_x_and_measured_points_lie_over_the_current(tm
     assert (tmp_path / "b" / "measured.csv").is_file()
     with pytest.raises(OutputError, match="exists"):
         torque_map(tmp_path / "b", quickstart(), current="0.4 A, 1 A")
+
+
+def test_a_warm_device_is_that_at_20_degrees_with_all_fields_scaled(tmp_path):
+    """m = Ms(T)/Ms: at m times the current and the speed the torque is m^2 times that at 20 degC, by similarity."""
+    m, cold = saturation_ratio(200.0), quickstart(**{"field.temperature": "20 degC"})
+    warm = quickstart(**{"coil.current": m, "motion.rotor.speed": f"{1000 * m} rpm"})
+    found = torque_map(tmp_path / "map", warm, temperature=["20 degC", "473.15 K"]).points[1]
+    assert found.torque.mean == pytest.approx(m**2 * expectation_of(quickstart()).torque, rel=1e-4)
+    assert (cold.scene, device_of(cold)) == (quickstart().scene, device_of(quickstart()))
+
+
+def test_a_warm_coil_at_a_voltage_has_less_current(tmp_path):
+    """I = I(20 degC)/(1 + 0.00393 (T - 20))."""
+    case = quickstart(**{"coil.voltage": "3 V", "coil.current": None})
+    mapped = torque_map(tmp_path / "map", case, temperature="2 degC:200 °C:2")
+    current = build_device(case.scene).coil.largest_current / (1.0 + 0.00393 * 180.0)
+    given = {"coil.voltage": None, "coil.current": current, "field.temperature": 200.0}
+    assert mapped.points[1].torque.mean == pytest.approx(expectation_of(case.with_values(given)).torque, rel=1e-9)
+    assert "--set 'field.temperature=2 degC' --set 'coil.temperature=2 degC'" in terminal(mapped.report())
+    assert mapped.axes[0].label == "temperature [degC]" and not mapped.axes[0].is_logarithmic

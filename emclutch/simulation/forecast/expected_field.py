@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from emclutch.device_model.device import CoilDevice, Device
-from emclutch.device_model.materials import grain_law
+from emclutch.device_model.materials import grain_law, saturation_of
 from emclutch.device_model.pole_zone import AROUND, Zone
 from emclutch.scene.case import Case
 from emclutch.scene.grain_smear import moments_are_fed_back
@@ -79,7 +79,7 @@ def field_of_sheared_powder(
     ConvergenceError
         A solve, or N after `ROUNDS` of them.
     """
-    grains, Ms, law = grain_law(scene), scene.grains.saturation, law or shipped_laws().nearest(*powder_of(scene))[0]
+    grains, Ms, law = grain_law(scene), saturation_of(scene), law or shipped_laws().nearest(*powder_of(scene))[0]
     problem, own = coil.problem, coil.problem.powder_elements
     elements, filled, phi = problem.elements, fill > 0.0, fill[:, None]
     weight = elements.weight[own] * elements.radius[own]

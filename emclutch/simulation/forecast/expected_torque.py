@@ -32,7 +32,7 @@ import numpy as np
 from coupling.expected_load import chain_magnetisation
 from coupling.powder_pressure import magnetic_pressure
 from emclutch.device_model.device import CoilDevice, Device
-from emclutch.device_model.materials import grain_law
+from emclutch.device_model.materials import grain_law, saturation_of
 from emclutch.device_model.pole_zone import ACROSS, ALONG
 from emclutch.results.fits import NORMAL
 from emclutch.results.report.report import sentence
@@ -346,7 +346,7 @@ class _Sheared:
 
     def __init__(self, scene, device: Device, field: Any, zone: ShearedZone, H: np.ndarray, pressure: float) -> None:
         self._scene, self._device, self._zone, self._H, self._pressure = scene, device, zone, H, pressure
-        self._grains, self._Ms = grain_law(scene), scene.particles.saturation
+        self._grains, self._Ms = grain_law(scene), saturation_of(scene)
         self._solved: MagneticField | None = field if isinstance(field, MagneticField) else None
         self._known: dict[Any, np.ndarray] = {}
         self._law, doubt = shipped_laws().nearest(*powder_of(scene))

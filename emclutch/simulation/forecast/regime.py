@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING
 from coupling.expected_load import pair_attraction
 from emclutch.device_model.coil_heat import copper_loss, housing_rise
 from emclutch.device_model.device import Device
-from emclutch.device_model.materials import conductivity_of, region_materials
+from emclutch.device_model.materials import conductivity_of, region_materials, saturation_of
 from emclutch.effects import EFFECTS
 from emclutch.effects.omitted_effect import ABSENT, ALWAYS, OmittedEffect
 from emclutch.simulation.forecast.expected_torque import ExpectedTorque
@@ -134,7 +134,7 @@ def regime_of(scene, device: Device, plan: Plan, expected: ExpectedTorque) -> Re
         stokes=rate * rho * d**2 / (18.0 * AIR_VISCOSITY) if rate > 0.0 else None,
         bond=ASPERITY_PULL / max(pull, weight, centrifugal),
         twist=2.0 / 3.0 * contact_radius / (0.5 * d),
-        saturation=plan.M_max / particles.saturation,
+        saturation=plan.M_max / saturation_of(scene),
         gradient=expected.gradient_force * pi / 6.0 * d**3 / pull if pull > 0.0 else 0.0,
         powder_susceptibility=device.fill.solid_fraction * expected.M / expected.H if expected.H > 0.0 else 0.0,
         wall_share=min(1.0, 2.0 * d / device.narrowest_gap) if steel else None,
