@@ -114,7 +114,7 @@ def test_more_replicas_are_run_where_the_torque_needs_them(tmp_path, monkeypatch
     few = {"accuracy.replicas": None, "accuracy.max_replicas": 4, "time.until": "torque 0.1 mN m", "time.end": "0.9 ms"}
     found = emclutch.run(case_from(CELL, few), out=tmp_path / "run")
     assert len(found.folder.replica_folders()) == 3 and found.torque.replicas == 4
-    assert not found.summary["until"]["reached"] and "asked for" in found.summary["until"]["reason"]
+    assert not found.summary["until"]["reached"] and "requested" in found.summary["until"]["reason"]
     assert len({len(rows(path)) for path in (found.folder.path, *found.folder.replica_folders())}) == 1
     first = last_time(found.folder.history)
     assert first == pytest.approx(rows(found.folder.path)["time"].iloc[-1], rel=1e-12)
