@@ -169,7 +169,8 @@ def read_study(
         elif study.case is not None:
             if wrong:  # the right values are checked each with each: the sample is unknown
                 study = study.model_copy(update={"sample": None})
-            faults += _no_such_points(study, numbers or ()) or _faults_of_points(study, None if faults else numbers)
+            missing = _no_such_points(study, numbers) if numbers and not faults else []
+            faults += missing or _faults_of_points(study, None if faults else numbers)
     if study is None or faults:
         raise SceneError(faults, str(path))
     return study

@@ -133,6 +133,14 @@ def test_points_of_another_study_are_not_collected_and_a_stop_that_was_left_behi
         sweep(study_of(tmp_path), out=out, point=0)
 
 
+@pytest.mark.parametrize("options", [[], ["--point", "1"]])
+def test_a_value_that_is_no_list_is_told_with_its_remedy(options, tmp_path, runs):
+    study = study_file(tmp_path, {FRICTION: 0.3, SPEED: ["1 rpm", "2 rpm"]})
+    answer = CliRunner().invoke(app, ["sweep", str(study), "--out", str(tmp_path / "out"), *options])
+    message = f"study.values.{FRICTION} = 0.3 is not a list of values; write it in brackets"
+    assert answer.exit_code == 2 and message in " ".join(answer.stderr.split())
+
+
 def test_a_point_alone_measures_no_accuracy(tmp_path, runs):
     study = study_file(tmp_path, {FRICTION: [0.1, 0.2]}, {"accuracy.target": "5 %", "time.average_from": "none"})
     with pytest.raises(emclutch.SceneError, match=r"accuracy\.target = .* run it first: emclutch accuracy"):
