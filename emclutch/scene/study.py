@@ -187,7 +187,7 @@ def _read(data: dict[str, Any]) -> tuple[StudySection | None, list[Fault]]:
         return None, faults
     broken = {fault.key.removeprefix("study.").split(".")[0].split("[")[0] for fault in faults}
     return _PartialStudySection.model_validate(
-        {key: entry for key, entry in given.items() if key not in broken}
+        {key: entry for key, entry in given.items() if key.split(".")[0] not in broken}
     ), faults
 
 

@@ -141,6 +141,12 @@ def test_a_value_that_is_no_list_is_told_with_its_remedy(options, tmp_path, runs
     assert answer.exit_code == 2 and message in " ".join(answer.stderr.split())
 
 
+def test_a_key_of_the_scene_in_the_table_of_the_study_is_told(tmp_path, runs):
+    study = study_file(tmp_path, {FRICTION: [0.3]}, **{"coil.current": [1]})
+    answer = CliRunner().invoke(app, ["sweep", str(study), "--out", str(tmp_path / "out")])
+    assert answer.exit_code == 2 and "study.coil.current" in answer.stderr and "is not a known key" in answer.stderr
+
+
 def test_a_point_alone_measures_no_accuracy(tmp_path, runs):
     study = study_file(tmp_path, {FRICTION: [0.1, 0.2]}, {"accuracy.target": "5 %", "time.average_from": "none"})
     with pytest.raises(emclutch.SceneError, match=r"accuracy\.target = .* run it first: emclutch accuracy"):
