@@ -182,9 +182,7 @@ class RunFolder:
 
     def set_aside(self) -> Path:
         """Give the folder of a run that has no checkpoint another name, the next free one, and return that."""
-        number = 1
-        while (aside := self.path.with_name(f"{self.path.name}-set-aside-{number}")).exists():
-            number += 1
+        aside = next_aside(self.path)
         with locked_folder(self.path):  # nobody is at work in it
             os.rename(self.path, aside)
             (aside / LOCK).unlink()
@@ -290,6 +288,14 @@ class RunFolder:
         """Append the messages of the five packages' loggers to ``run.log`` inside a ``with`` block."""
         with logging_to(self.log, LOGGERS, level):
             yield
+
+
+def next_aside(folder: Path) -> Path:
+    """Return the first free name ``FOLDER-set-aside-1``, ``-2``, ..."""
+    number = 1
+    while (aside := folder.with_name(f"{folder.name}-set-aside-{number}")).exists():
+        number += 1
+    return aside
 
 
 def _read_json(path: Path) -> dict[str, Any]:

@@ -53,7 +53,7 @@ class Axis:
     entry : object
         A value as it was given, with the unit in which values are shown.
     replaces : tuple of str
-        Keys of the scene that give way to it.
+        Keys of the scene that it replaces.
     follows : tuple of str
         Keys that have its values too.
     """

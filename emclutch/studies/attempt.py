@@ -21,10 +21,11 @@ from pathlib import Path
 from emclutch.results.errors import OutputError
 from emclutch.results.folder_lock import LOCK, refuse_in_use
 from emclutch.results.history import last_time
+from emclutch.results.run_folder import next_aside
 
 ATTEMPTS = "attempts"
 _held: dict[Path, int] = {}
-"""Numbers (inodes) of the folders of the attempts of this process: a folder made anew under the name is another one."""
+"""Inodes of the folders of the attempts of this process: another folder that is made under the name has another one."""
 
 
 class TakenOver(OutputError):
@@ -55,9 +56,11 @@ def attempt(folder: Path, is_done: Callable[[Path], bool]) -> Iterator[Path]:
     own = folder.parent / ATTEMPTS / f"{folder.name}.{secrets.token_hex(4)}"
     try:
         _take(folder, own)
+        _held[own] = own.stat().st_ino
+    except FileNotFoundError:
+        raise TakenOver(f"{folder.name} was taken over by another process, which continues it") from None
     except OSError as error:
         raise OutputError(f"cannot write to {folder}: {error.strerror or error}; write elsewhere with --out") from error
-    _held[own] = own.stat().st_ino
     try:
         yield own
     finally:
@@ -88,14 +91,6 @@ def attempts_in(folder: Path) -> dict[str, list[Path]]:
         if len(paths) > 1:
             paths.sort(key=lambda path: (-(last_time(path / "history.csv") or 0.0), path.name))
     return found
-
-
-def next_aside(folder: Path) -> Path:
-    """Return the first free name ``FOLDER-set-aside-1``, ``-2``, ..."""
-    number = 1
-    while (aside := folder.with_name(f"{folder.name}-set-aside-{number}")).exists():
-        number += 1
-    return aside
 
 
 def _take(folder: Path, own: Path) -> None:

@@ -23,6 +23,7 @@ from emclutch.results.atomic_file import json_values
 from emclutch.results.columns import TIME
 from emclutch.results.history import last_time, whole_rows
 from emclutch.results.run_end import seconds_of
+from emclutch.results.run_folder import next_aside
 from emclutch.scene.case import Case
 from emclutch.scene.flat import differing_keys, flat, flat_scene
 from emclutch.scene.input_files import file_contents
@@ -34,7 +35,7 @@ from emclutch.simulation.resume import may_change
 from emclutch.simulation.run import run
 from emclutch.simulation.threads import threads_of_a_process
 from emclutch.studies.accuracy.target import cases_of
-from emclutch.studies.attempt import attempts_in, next_aside
+from emclutch.studies.attempt import attempts_in
 from emclutch.studies.study import DONE, Row, Task, TaskProgress
 from emclutch.studies.tables import row_of
 
@@ -127,7 +128,7 @@ def run_point(task: Task, folder: Path, progress: TaskProgress) -> dict[str, Any
 def is_done(folder: Path, case: Case) -> bool:
     """Return True if a folder holds a finished run of a case, or of one with an equivalent end.
 
-    That is a later end, or an earlier one before which the torque was known as well as the scene asks for
+    That is a later end, or an earlier one before which the torque was known as well as the scene requires
     (`time.until`).
 
     Raises

@@ -137,14 +137,14 @@ class Row:
 
 
 def read_row(folder: Path) -> Row | None:
-    """Return the row in the folder of a task; None where it has none, or a damaged one, which is made anew."""
+    """Return the row in the folder of a task; None where it has none, or a damaged one, which is rebuilt."""
     path = folder / ROW
     try:
         return Row(**json.loads(path.read_text(encoding="utf-8"), object_pairs_hook=_shared_names))
     except (FileNotFoundError, NotADirectoryError):
         return None
     except (OSError, ValueError, TypeError) as error:
-        log.warning("cannot read %s, which is made anew: %s", path, error)
+        log.warning("cannot read %s, which is rebuilt: %s", path, error)
         return None
 
 
@@ -203,6 +203,9 @@ def perform(task: Task, study: Path, progress: Any = None) -> Row:
         return Row(ELSEWHERE, reason=str(error))
     except OutputError as error:
         return Row(FAILED, reason=str(error), kind=FILES)
+    except OSError as error:  # of the row itself
+        reason = f"cannot write to {folder}: {error.strerror or error}; free disk space or fix the permissions"
+        return Row(FAILED, reason=reason, kind=FILES)
 
 
 def _measured(task: Task, study: Path, own: Path, progress: Any) -> Row:
@@ -379,7 +382,7 @@ class Study:
         finished: SimpleQueue[Future[Any]] = SimpleQueue()  # to wait for all again each time is quadratic
         while True:
             stops = self._asked.is_set() or self.stopped
-            while not stops and (self._has_room(running)) and (task := self._next(waiting)) is not None:
+            while not stops and self._has_room(running) and (task := self._next(waiting)) is not None:
                 self.begun(task)
                 future = self._submitted(task)
                 running[future] = task

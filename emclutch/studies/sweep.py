@@ -41,7 +41,6 @@ from emclutch.studies.study import (
     checked_jobs,
     child_processes,
     ctrl_c_sets,
-    read_row,
 )
 from emclutch.studies.tables import label_of, write_failures, write_tables
 from emclutch.studies.throttle import Throttle
@@ -219,16 +218,17 @@ class _Sweep(Study):
             raise OutputError(f"{stop} asks the points of this study to stop; remove it if no sweep is stopping")
         self.point = number
         self.write = self.write_page = Throttle(lambda: None)
-        self.take(tasks_of(self.section, self.folder, [number], **options))
-        (task,) = self.tasks
+        first = self.section.predecessors()[number]
+        numbers = [number] if first is None else [first, number]
+        *before, task = tasks_of(self.section, self.folder, numbers, **options)
+        self.take([task])
         if (target := task.case.scene.accuracy.target) is not None:  # not once by each task of an array
             message = "needs an accuracy study of the device; run it first: emclutch accuracy"
             raise SceneError([Fault("accuracy.target", f"{target}", f"{message} {self.section.case_path}")], task.name)
-        if task.after:
-            before = read_row(self.folder / task.after)
-            if before is None or before.state != DONE:
+        for one in before:
+            if (row := row_in(one, self.folder / one.name)) is None or row.state != DONE:
                 raise OutputError(f"{task.name} begins with the grains of {task.after}; run that point first")
-            self.rows[task.after] = before
+            self.rows[one.name] = row
         with ctrl_c_sets(self._asked):
             self.run(self.tasks)
 

@@ -90,7 +90,7 @@ def test_the_work_per_point_does_not_grow_with_their_number(tmp_path, checks):
     assert a_point["checked"] == a_point["checked again"] == 1.0
 
 
-def test_a_point_that_was_continued_alone_is_read_again_and_a_damaged_row_is_made_anew(tmp_path, checks):
+def test_a_point_that_was_continued_alone_is_read_again_and_a_damaged_row_is_rebuilt(tmp_path, checks):
     study = tmp_path / "study.toml"
     study.write_text(f'[study]\ncase = "{GOOD}"\n[study.values]\n"contact.friction" = [0.1, 0.2, 0.3]\n')
     out = sweep(study, out=tmp_path / "out")
