@@ -98,9 +98,14 @@ def _take(folder: Path, own: Path) -> None:
         with suppress(FileNotFoundError):  # another process was faster
             if folder.is_dir():
                 refuse_in_use(folder)
-            elif folder.exists():
+            elif folder.is_file():
                 raise OutputError(f"{folder} is a file; move it elsewhere, then continue")
-            own.parent.mkdir(parents=True, exist_ok=True)
+            try:
+                own.parent.mkdir(parents=True, exist_ok=True)
+            except FileExistsError:
+                if own.parent.is_file():
+                    raise
+                continue  # another process has removed it at this moment
             if folder.is_dir():
                 os.rename(folder, own)
             elif begun := attempts_in(folder.parent).get(folder.name):
@@ -121,20 +126,27 @@ def _put_back(own: Path, folder: Path, is_done: Callable[[Path], bool]) -> None:
     except TakenOver:
         shutil.rmtree(own, ignore_errors=True)  # what a child of this process has made under the former name
         raise
+    while not _moved_back(own, folder):
+        if is_done(folder):
+            shutil.rmtree(own, ignore_errors=True)
+            break
+        with suppress(FileNotFoundError):  # the other one was taken meanwhile
+            os.rename(folder, next_aside(folder))
+    with suppress(OSError):  # others are at work
+        own.parent.rmdir()
+
+
+def _moved_back(own: Path, folder: Path) -> bool:
+    """Move the folder of an attempt to its task's name, an empty one to nowhere; False where another one lies there."""
     try:
-        if not any(own.iterdir()):
-            own.rmdir()
-        else:
+        if any(own.iterdir()):
             os.rename(own, folder)
+        else:
+            own.rmdir()
     except FileNotFoundError:
         raise TakenOver(f"{folder.name} was taken over by another process, which continues it") from None
     except OSError as error:
         if error.errno not in (errno.ENOTEMPTY, errno.EEXIST):
             raise
-        if is_done(folder):
-            shutil.rmtree(own, ignore_errors=True)
-        else:
-            os.rename(folder, next_aside(folder))
-            os.rename(own, folder)
-    with suppress(OSError):  # others are at work
-        own.parent.rmdir()
+        return False
+    return True

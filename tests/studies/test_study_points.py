@@ -3,6 +3,8 @@
 import json
 import logging
 import shutil
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 
 import pandas
 import pytest
@@ -228,6 +230,34 @@ def test_who_was_taken_over_finds_out_and_changes_nothing(tmp_path):
             (second / "checkpoint").write_text("2")
         (first / "replicas" / "01").mkdir(parents=True)  # by a process that the first one had begun
     assert (tmp_path / "task" / "checkpoint").read_text() == "2" and not first.exists()
+
+
+def test_tasks_side_by_side_share_the_folder_of_attempts_that_each_removes(tmp_path):
+    def work(name):
+        for _ in range(300):
+            with attempt(tmp_path / name, lambda folder: True) as own:
+                (own / "row").touch()
+        return True
+
+    with ThreadPoolExecutor(4) as threads:
+        assert all(threads.map(work, "abcd"))
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "b", "c", "d"]
+
+
+def test_attempts_at_one_task_end_or_are_taken_over_and_nothing_else(tmp_path):
+    def work(number):
+        taken = 0
+        for _ in range(150):
+            try:
+                with attempt(tmp_path / "task", lambda folder: False) as own, suppress(FileNotFoundError):
+                    (own / f"row-{number}").touch()
+            except TakenOver:
+                taken += 1
+        return taken
+
+    with ThreadPoolExecutor(3) as threads:
+        assert sum(threads.map(work, range(3))) > 0
+    assert (tmp_path / "task").is_dir() and not (tmp_path / "attempts").exists()
 
 
 @pytest.mark.parametrize("ended", [True, False])
