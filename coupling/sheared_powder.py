@@ -1,7 +1,4 @@
-"""Powder in a sheared box: what the coupled loop runs it with, its reach, and the stress that is to be expected.
-
-Shared by the cells of `coupling.powder_cell` and by scenes of a sheared box.
-"""
+"""Powder in a sheared box: what the coupled loop runs it with, its reach, and the stress that is to be expected."""
 
 from __future__ import annotations
 

@@ -31,6 +31,7 @@ if TYPE_CHECKING:  # the same names for type checkers and editors, which do not 
     from emclutch.studies.fit import FitResult, fit
     from emclutch.studies.heat import HeatResult, heat
     from emclutch.studies.mesh import MeshedScene, mesh
+    from emclutch.studies.powder_law import PowderLawResult, powder_law
     from emclutch.studies.sweep import collect, sweep
     from emclutch.studies.torque_map import MapResult, map
 
@@ -48,6 +49,7 @@ __all__ = [
     "MeshedScene",
     "OutputError",
     "Plan",
+    "PowderLawResult",
     "Result",
     "RunError",
     "SceneError",
@@ -67,6 +69,7 @@ __all__ = [
     "map",
     "mesh",
     "plan",
+    "powder_law",
     "read_study",
     "run",
     "sweep",
@@ -95,6 +98,8 @@ __getattr__, __dir__ = lazy_attributes(
         "collect": "emclutch.studies.sweep:collect",
         "design": "emclutch.studies.design_search:design",
         "DesignResult": "emclutch.studies.design_search:DesignResult",
+        "powder_law": "emclutch.studies.powder_law:powder_law",
+        "PowderLawResult": "emclutch.studies.powder_law:PowderLawResult",
         "map": "emclutch.studies.torque_map:map",
         "MapResult": "emclutch.studies.torque_map:MapResult",
         "accuracy": "emclutch.studies.accuracy.study:accuracy",

@@ -1,4 +1,4 @@
-"""The commands of the field, of what magnetises in it and of heat: field, heat, mesh, materials, powder, shear-cell."""
+"""The commands of the field, of what magnetises in it and of heat: field, heat, mesh, materials, powder."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from emclutch.cli.errors import explained
 from emclutch.cli.input import load, read_line, refuse_beside
 from emclutch.cli.output import show
 from emclutch.scene.errors import Fault, SceneError, bad_input_for
-from emclutch.scene.usual_ranges import USUAL_FRICTION
 from emclutch.scene.value_list import read_list
 
 
@@ -92,34 +91,6 @@ def materials(
                 typer.echo(str(materials_command.draw_materials(laws, picture)))
         else:
             show(materials_command.materials_report(names), as_json)
-
-
-def shear_cell(
-    material: opt.PowderName = None,
-    chi: opt.Chi = None,
-    ms: opt.Saturation = None,
-    fill: opt.FillList = "0.32",
-    field_strength: opt.FieldList = "18 kA/m, 46 kA/m, 80 kA/m, 200 kA/m, 500 kA/m",
-    seeds: opt.Seeds = 2,
-    grains: opt.GrainCount = 600,
-    strain: opt.Strain = 2.5,
-    friction: opt.FrictionAsked = USUAL_FRICTION,
-    rolling_friction: opt.RollingFrictionAsked = 0.0,
-    model: opt.DipoleModel = "near_field",
-    out: opt.Out = None,
-    as_json: opt.AsJson = False,
-) -> None:
-    """Shear a powder in a periodic cell: shear stress and permeability against the field; finished points are kept."""
-    with explained():
-        from emclutch.cli import shear_cell as command
-
-        name, law = command.grains_of(material, chi, ms)
-        points = command.points_of(
-            law, fill, field_strength, seeds=seeds, grains=grains, strain=strain, friction=friction,
-            rolling=rolling_friction, model=model,
-        )  # fmt: skip
-        folder, rows = command.shear_cell(name, points, out, quiet=as_json)
-        show(command.cell_report(name, folder, rows), as_json)
 
 
 def powder(

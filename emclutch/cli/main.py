@@ -18,10 +18,10 @@ try:
     from typer.core import TyperCommand, TyperGroup
 
     from emclutch import __version__
-    from emclutch.cli.field_commands import field, heat, materials, mesh, powder, shear_cell
+    from emclutch.cli.field_commands import field, heat, materials, mesh, powder
     from emclutch.cli.options import flag
     from emclutch.cli.result_commands import export, plot, report, view
-    from emclutch.cli.run_commands import accuracy, check, design, fit, map, run, sweep
+    from emclutch.cli.run_commands import accuracy, check, design, fit, map, powder_law, run, sweep
     from emclutch.cli.scene_commands import doctor, new, schema
 except KeyboardInterrupt:  # while the program is loaded no command is there to answer
     sys.stderr.write("interrupted\n")
@@ -94,7 +94,7 @@ for command in (
     export,
     materials,
     powder,
-    shear_cell,
+    powder_law,
     design,
     map,
     fit,

@@ -146,7 +146,7 @@ DaskAddress = Annotated[
     str | None,
     typer.Option(
         "--dask", metavar="ADDRESS",
-        help="run the points on the workers of this dask scheduler (tcp://node1:8786), by default on one thread each",
+        help="run points or cells on the workers of this dask scheduler (tcp://node1:8786), by default on a thread",
     ),
 ]  # fmt: skip
 ListAsked = Annotated[
@@ -197,28 +197,26 @@ PairForceAsked = Annotated[
 DryRunOfAccuracy = Annotated[bool, flag("--dry-run", help="print settings, replicas and cost; run and write nothing")]
 Details = Annotated[bool, flag("--details", help="print all that follows: grains, steps, mesh, what is left out")]
 AsJson = Annotated[bool, flag("--json", help="print JSON and nothing else")]
-PowderName = Annotated[str | None, typer.Argument(metavar="[MATERIAL]", help="a powder by its name, as powder_iron")]
-Chi = Annotated[float | None, typer.Option("--chi", help="susceptibility of the grains' material, in place of a name")]
-Saturation = Annotated[str | None, typer.Option("--ms", metavar="M", help="its saturation: '1.7 MA/m'")]
-FillList = Annotated[str, typer.Option("--fill", metavar="PHI", help="solid fractions: '0.32, 0.45'")]
-FieldList = Annotated[
-    str,
+CellFills = Annotated[
+    str | None, typer.Option("--fill", metavar="PHI", help="solid fractions of the cells: '0.32, 0.45'")
+]
+CellFields = Annotated[
+    str | None,
     typer.Option("--field", metavar="H", help="macroscopic fields: '18 kA/m, 80 kA/m', or first : last : how many"),
 ]
-Seeds = Annotated[
-    int, typer.Option("--seeds", callback=_within(1, 99), help="cells that are averaged at each point, up to 99")
+CellWalls = Annotated[
+    str, typer.Option("--walls", metavar="KIND", help="steel: faces, for a law; none: cells without faces, for a table")
 ]
-GrainCount = Annotated[int, typer.Option("--grains", callback=_within(1, 1_000_000), help="grains in a cell")]
-Strain = Annotated[float, typer.Option("--strain", callback=_within(1e-3, 1e3), help="how far each cell is sheared")]
-FrictionAsked = Annotated[
-    float, typer.Option("--friction", callback=_within(0.0, 10.0), help="Coulomb friction of the grains")
+BudgetOfCells = Annotated[
+    str | None, typer.Option("--budget", metavar="TIME", help="wall-clock time of the cells; default: 10min")
 ]
-RollingFrictionAsked = Annotated[
-    float,
+CellsAtATime = Annotated[
+    int | None,
     typer.Option(
-        "--rolling-friction", callback=_within(0.0, 10.0), help="rolling friction of the grains; 0: they roll freely"
+        "--jobs", callback=_within(1), help="cells at a time, each in a process of its own; default: the cores"
     ),
 ]
+ResumeLaw = Annotated[bool, flag("--resume", help="continue in the folder of --out: cells that are done are kept")]
 Repose = Annotated[
     str | None,
     typer.Option("--repose", metavar="ANGLE", help="angle of repose of the powder without a field: '34 deg'"),

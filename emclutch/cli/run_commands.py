@@ -1,4 +1,4 @@
-"""The commands that simulate, or say what a simulation would be: run, check, sweep, accuracy, design, fit."""
+"""The commands that simulate, or say what a simulation would be: run, check, sweep, accuracy, design, ..."""
 
 from __future__ import annotations
 
@@ -286,6 +286,43 @@ def map(
         axes = axes_of(read, given, "--")
         with nullcontext() if as_json else Progress() as progress:
             found = map_over(read, axes, measured=measured, out=out, progress=progress)
+        show(found.report(), as_json)
+
+
+def powder_law(
+    case: opt.CaseFile,
+    budget: opt.BudgetOfCells = None,
+    field: opt.CellFields = None,
+    fill: opt.CellFills = None,
+    walls: opt.CellWalls = "steel",
+    out: opt.Out = None,
+    resume: opt.ResumeLaw = False,
+    jobs: opt.CellsAtATime = None,
+    dask: opt.DaskAddress = None,
+    sets: opt.Sets = None,
+    as_json: opt.AsJson = False,
+    trust_scripts: opt.TrustScripts = False,
+) -> None:
+    """Measure the law of a scene's powder by cells of its grains; a shipped law that covers the powder is taken."""
+    with explained():
+        refuse_to_resume_nothing("law", resume, out)
+        if (field is None) != (fill is None):
+            given, missing = ("--field", "--fill")[:: 1 if fill is None else -1]
+            message = f"chooses the cells together with {missing} only; add that, or leave both out"
+            raise SceneError([Fault(given, str(field or fill), message)], "command line")
+        if dask is not None:
+            refuse_beside("--dask", {"--jobs": jobs is not None})
+        seconds, read = read_budget(budget), load(case, sets, trust_scripts)
+        from emclutch.results import Progress
+        from emclutch.studies import powder_law as study
+        from emclutch.studies.dask_executor import dask_executor
+
+        fields, fills = study.chosen_cells(field, fill)
+        with nullcontext() if dask is None else dask_executor(dask) as executor, Progress() as progress:
+            found = study.powder_law(
+                read, budget=seconds, walls=walls, fields=fields, fills=fills, out=out, resume=resume, jobs=jobs,
+                executor=executor, progress=progress,
+            )  # fmt: skip
         show(found.report(), as_json)
 
 

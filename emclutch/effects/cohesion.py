@@ -17,7 +17,7 @@ class CohesionSection(EffectSection):
     """Pull between grains that touch: constant, or from the work of adhesion w and r = R_i R_j/(R_i + R_j)."""
 
     name = "cohesion"
-    changes_stress = True
+    changes_stress = has_scale = True
     summary = "grains that touch pull each other"
     size_note = "the stress of a pull scales as 1/d (dmt, jkr) or 1/d^2 (constant)"
 

@@ -84,6 +84,8 @@ class EffectSection(Section):
         How its stress depends on the size of the grains, where it does.
     changes_stress : bool
         Whether powder has another shear stress with it than that of its law (`forecast.powder_law`).
+    has_scale : bool
+        Whether the stress with it depends on the diameter and the saturation of the grains.
     columns : tuple of Column
         Those that it adds to the history.
     """
@@ -104,6 +106,7 @@ class EffectSection(Section):
     neighbour_ns: ClassVar[float] = 0.0
     size_note: ClassVar[str] = ""
     changes_stress: ClassVar[bool] = False
+    has_scale: ClassVar[bool] = False
     columns: ClassVar[tuple[Column, ...]] = ()
 
     @classmethod

@@ -98,12 +98,18 @@ class ParticlesSection(Section):
         default=200.0, description="initial susceptibility of the grain's material"
     )
     saturation: Magnetisation = Field(default=1.3e6, description="saturation magnetisation of the grain's material")
+    powder_law: str | None = Field(
+        default=None,
+        min_length=1,
+        description="measured law of this powder for expected torques: powder_law.json of `emclutch powder-law`, from "
+        "the scene's folder; default: the shipped laws",
+    )
     law: Annotated[str, Choice(("sphere", "thesis"))] = Field(
         default="sphere",
         description="sphere: demagnetised, in the Lorentz field of its neighbours; thesis: M = chi H",
     )
 
-    @field_validator("packing_file")
+    @field_validator("packing_file", "powder_law")
     @classmethod
     def _from_the_scenes_folder(cls, given: str | None, info: ValidationInfo) -> str | None:
         return None if given is None else from_the_scenes_folder(given, info.context)

@@ -33,6 +33,8 @@ def paths_elsewhere(scene: Scene, data: Mapping[str, Any], folder: Path) -> dict
     The folder of the results counts from where the program is started.
     """
     named = input_files(scene)
+    if scene.particles is not None and scene.particles.powder_law is not None:  # of expected torques, not of a run
+        named["particles.powder_law"] = Path(scene.particles.powder_law)
     for name, entry in data.get("materials", {}).items():
         named |= {f"materials.{name}.{key}": folder / str(entry[key]) for key in ("table", "file") if key in entry}
     home = folder.resolve()

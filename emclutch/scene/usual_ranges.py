@@ -52,7 +52,7 @@ class UsualRange:
 
 
 USUAL_FRICTION = 0.3
-"""Coulomb coefficient where none is given, also of `emclutch shear-cell`: rough grains of metal."""
+"""Coulomb coefficient where none is given: rough grains of metal."""
 FRICTION = UsualRange(0.05, 1.0, "", "lubricated steel to rough grains; dry steel on steel 0.1 to 0.6",
                       "is a decimal point missing?")  # fmt: skip
 RESTITUTION = UsualRange(0.05, 0.98, "", "plastic impacts to bearing balls on glass; W. Goldsmith, Impact, 1960",

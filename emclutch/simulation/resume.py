@@ -19,7 +19,10 @@ from emclutch.scene.scaled import Scaled
 from emclutch.scene.timing import instant_in_words
 
 log = logging.getLogger(__name__)
-MAY_CHANGE = ("time.end", "time.until", "time.average_from", "output.", "accuracy.", "scene.title", "scene.description")
+MAY_CHANGE = (
+    "time.end", "time.until", "time.average_from", "output.", "accuracy.", "scene.title", "scene.description",
+    "particles.powder_law",
+)  # fmt: skip
 MUST_STAY = (
     "output.energy_budget",  # what a contact remembers has a place for it
     "accuracy.inertial_number",  # as the speeds

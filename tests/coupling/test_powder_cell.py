@@ -8,11 +8,11 @@ import dataclasses
 import numba
 import numpy as np
 import pytest
+from powder_cell import PowderCell, ShearParameters, magnetise, min_count
 
 from coupling.grain_law_table import grain_table
 from coupling.mutual_moments import MutualMoments
 from coupling.neighbour_rows import neighbour_rows
-from coupling.powder_cell import PowderCell, ShearParameters, magnetise, min_count
 from coupling.staggered import Simulation, lagged_forces
 from coupling.window_budget import WindowBudget
 from field.laws.powder_law import GrainLaw

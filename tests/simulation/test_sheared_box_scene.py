@@ -7,10 +7,10 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
+from powder_cell import PowderCell, ShearParameters
 
 from coupling import run_staggered
 from coupling.neighbour_rows import neighbour_rows
-from coupling.powder_cell import PowderCell, ShearParameters
 from coupling.sheared_powder import min_edge
 from emclutch.device_model.decision import warnings_of
 from emclutch.results.report.verdict import verdict

@@ -15,7 +15,7 @@ from emclutch.device_model.pole_zone import AROUND, Zone
 from emclutch.scene.case import Case
 from emclutch.scene.grain_smear import moments_are_fed_back
 from emclutch.scene.model import Scene
-from emclutch.simulation.forecast.powder_law import PowderLaw, powder_of, shipped_laws
+from emclutch.simulation.forecast.powder_law import PowderLaw, law_of
 from field import MU_0, MagneticField, PowderState
 from field.newton import ConvergenceError
 from field.three_d import Field3D
@@ -79,7 +79,7 @@ def field_of_sheared_powder(
     ConvergenceError
         A solve, or N after `ROUNDS` of them.
     """
-    grains, Ms, law = grain_law(scene), saturation_of(scene), law or shipped_laws().nearest(*powder_of(scene))[0]
+    grains, Ms, law = grain_law(scene), saturation_of(scene), law or law_of(scene)[0]
     problem, own = coil.problem, coil.problem.powder_elements
     elements, filled, phi = problem.elements, fill > 0.0, fill[:, None]
     weight = elements.weight[own] * elements.radius[own]

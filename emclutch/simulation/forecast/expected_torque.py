@@ -37,7 +37,7 @@ from emclutch.device_model.pole_zone import ACROSS, ALONG
 from emclutch.results.fits import NORMAL
 from emclutch.results.report.report import sentence
 from emclutch.simulation.forecast.expected_field import field_of_sheared_powder
-from emclutch.simulation.forecast.powder_law import RANGES, PowderLaw, powder_of, shipped_laws
+from emclutch.simulation.forecast.powder_law import RANGES, PowderLaw, law_of, shipped_laws
 from field import MU_0, ConvergenceError, MagneticField, ParticleLaw
 from field.three_d import Field3D
 from particles.diagnostics.inertial_number import MAGNETIC, inertial_number, shear_rate_of
@@ -349,16 +349,17 @@ class _Sheared:
         self._grains, self._Ms = grain_law(scene), saturation_of(scene)
         self._solved: MagneticField | None = field if isinstance(field, MagneticField) else None
         self._known: dict[Any, np.ndarray] = {}
-        self._law, doubt = shipped_laws().nearest(*powder_of(scene))
-        self.doubts = [*_outside_of_cells(scene, device), *([doubt] if doubt else [])]
+        self._law, doubts = law_of(scene)
+        self.doubts = [*_outside_of_cells(scene, device), *doubts]
 
     def torque(self, unknown_powder: bool) -> ExpectedTorque:
         """The torque, with what is known of its error."""
         grains = self._scene.grains
         own, real = grains.mean_diameter, grains.real_diameter or grains.mean_diameter
         scene, found = self._of(own, scene=True), self._of(real)
-        law = f"the powder's law on the {'given field' if self._device.coil is None else 'field of its coil'}"
-        if not self._scene.effects.attraction.has_necks:
+        measured = "measured " if self._law.measured else ""
+        law = f"the powder's {measured}law on the {'given field' if self._device.coil is None else 'field of its coil'}"
+        if not measured and not self._scene.effects.attraction.has_necks:
             law = "straight chains of point dipoles"
         elif self._law.cells == 0:
             law += ", interpolated between simulated powders"
@@ -389,7 +390,8 @@ class _Sheared:
             stress = float(np.average(tau, weights=zone.lever))
             inertia = float(inertial_number(rate, diameter, density, stress))
             tau = law.stress(B, self._Ms, fill, across, min(inertia, RANGES["inertial number"][1]))
-        if not self._scene.effects.attraction.has_necks or self._law.powder[2] > self._scene.particles.susceptibility:
+        has_necks = self._scene.effects.attraction.has_necks
+        if not law.measured and (not has_necks or law.powder[2] > self._scene.particles.susceptibility):
             chains = chain_stress(fill, self._grains.from_flux(B, fill, law.factor(self._H, fill, self._Ms))[0])
             tau = np.minimum(tau, chains)  # weak magnets have weak necks
         b = float(np.average(B, weights=zone.lever)) / (MU_0 * self._Ms)
@@ -410,7 +412,7 @@ class _Sheared:
         )
         parts["edges"] = 0.5 * law.rise_with_fill(fill, across) * log(late / early)
         parts["jams"] = JAMS * max(0.0, fill / law.jamming_fill(across) - LOOSE)
-        parts["sizes"] = 0.0 if self._scene.particles.sizes is None else SPREAD
+        parts["sizes"] = 0.0 if self._scene.particles.sizes is None or law.measured else SPREAD
         parts["devices"] = DEVICES
         beyond = max(0.0, whole / fill - 1.0)
         torque = RUNS_OVER_LAW * float(tau @ zone.lever) * (1.0 + BEYOND * beyond)
@@ -470,13 +472,9 @@ def _sampled(device: Device, field) -> tuple[ShearedZone, np.ndarray, np.ndarray
 
 def _outside_of_cells(scene, device: Device) -> Iterator[str]:
     """What a device has that no gap cell has."""
-    effects, attraction = scene.effects, scene.effects.attraction
-    if not attraction.has_necks:
-        yield "grains have no necks (effects.dipoles.model)"
+    effects = scene.effects
     if effects.images is None:
         yield "its walls mirror no dipoles ([effects.wall_images])"
-    if not effects.saturate:
-        yield "its grains do not saturate"
     if device.coil is not None and effects.feedback is None:
         yield "its field has no powder ([effects.back_reaction])"
     if device.coil is not None and device.section_coil is None:
@@ -487,14 +485,8 @@ def _outside_of_cells(scene, device: Device) -> Iterator[str]:
         yield 'its powder does not begin between the poles (particles.region = "poles", or "faces")'
     if device.surfaces:
         yield "it has surfaces from files"
-    contact, rolling = scene.contact, effects.rolling
-    if contact.friction_at_walls != contact.friction:
-        yield f"its walls have a friction of {contact.friction_at_walls:g}, and its grains {contact.friction:g}"
-    if rolling is not None and rolling.wall_coefficient not in (None, rolling.coefficient):
-        walls, between = rolling.wall_coefficient, rolling.coefficient
-        yield f"its walls have a rolling friction of {walls:g}, and its grains {between:g}"
     for one in effects.present:
-        if one.changes_stress:
+        if one.changes_stress and one.role == "drag":
             yield f"it has [effects.{one.name}]"
 
 

@@ -27,8 +27,8 @@ error. Cells: docs/explanation/gap_cells.md.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, fields
 from functools import lru_cache
 from math import exp, sqrt
 from pathlib import Path
@@ -37,7 +37,8 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
-from emclutch.results.atomic_file import replace_text
+from emclutch.results.atomic_file import replace_json, replace_text
+from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.model import Scene
 from field import MU_0, ParticleLaw
 from particles.bulk_friction.friction_table import measured_table
@@ -65,6 +66,15 @@ CLOSE_PACKING = 0.64
 
 OWN = 2
 """Of them the first are the powder's own."""
+
+WIDER = 5.0
+"""Factor on the errors of the coefficients of all powders for a powder that they were not fitted to."""
+
+JAMMING_ERROR = 0.3
+"""Largest standard error of ln phi_1: that of powder whose cells show no jams is not known better."""
+
+MIN_CELLS = 3
+"""For a law of one powder."""
 
 OF_POWDER = (*COEFFICIENTS[:OWN], "demagnetising_factor")
 """ln A, ln phi_1, N_0."""
@@ -115,6 +125,9 @@ class PowderLaw:
         N_0, N_1, N_2.
     cells : int
         Of this powder; 0: by the regression over other powders.
+    measured : dict of str to Any
+        Keys of a scene with their values, as `powder_entries` returns them, of which the cells are; empty of a shipped
+        law.
     """
 
     powder: tuple[float, float, float]
@@ -124,6 +137,73 @@ class PowderLaw:
     deviation: float
     permeability: tuple[float, float, float]
     cells: int
+    measured: dict[str, Any] = field(default_factory=dict)
+
+    def fit(self, cells: Table, measured: dict[str, Any]) -> PowderLaw:
+        """Return the law of one powder by its cells, with this law as what is known before.
+
+        Least squares of the logarithm of the stress. The powder's own coefficients are free; those of all powders have
+        their values as a prior, with `WIDER` times their errors. The deviation is the larger of that of all cells and
+        of these.
+
+        Parameters
+        ----------
+        cells : columns `saturation`, `field_strength`, `solid_fraction`, `grains_per_gap`, `inertial_number`,
+            `shear_stress`, `flux_density`, `demagnetising_factor` (nan of saturated grains); `MIN_CELLS` rows or more.
+        measured : see `PowderLaw`.
+        """
+        Ms = cells["saturation"]
+        y = np.log(cells["shear_stress"] / (MU_0 * Ms**2))
+        at = (cells["flux_density"] / (MU_0 * Ms), cells["solid_fraction"], cells["grains_per_gap"],
+              cells["inertial_number"])  # fmt: skip
+        known = np.append(np.full(OWN, np.inf), WIDER * self.errors[OWN:])
+
+        def misfit(values: np.ndarray) -> np.ndarray:
+            prior = (values - self.coefficients) / known
+            return np.append((_logarithm(values, *at) - y) / self.deviation, prior[OWN:])
+
+        most = np.append((np.inf, np.log(CLOSE_PACKING)), np.full(len(known) - OWN, np.inf))
+        found = least_squares(misfit, np.minimum(self.coefficients, most - 1e-6), bounds=(-np.inf, most),
+                              x_scale=np.append((1.0, 0.1), known[OWN:]), xtol=1e-12, ftol=1e-12)  # fmt: skip
+        scatter = self.deviation * sqrt(float((found.fun[: len(y)] ** 2).sum()) / max(len(y) - OWN, 1))
+        deviation = max(self.deviation, scatter)
+        bounded = np.diag([0.0, JAMMING_ERROR**-2, *np.zeros(len(known) - OWN)])  # dilute powder shows no jams
+        covariance = np.linalg.inv((self.deviation / deviation) ** 2 * found.jac.T @ found.jac + bounded)
+        errors = np.sqrt(np.diag(covariance))
+        start, slope, of_fill = self.permeability
+        x, ratio = np.log(cells["solid_fraction"] / BASE_FILL), cells["field_strength"] / Ms
+        own = cells["demagnetising_factor"] - slope * ratio - of_fill * x
+        own = own[(ratio <= UNSATURATED) & np.isfinite(own)]
+        return PowderLaw(
+            self.powder, found.x, errors, float(covariance[0, 1] / (errors[0] * errors[1])), deviation,
+            (float(own.mean()) if len(own) else start, slope, of_fill), len(y), measured,
+        )  # fmt: skip
+
+    def write(self, path: Path) -> None:
+        """Write the law as JSON."""
+        arrays = {"coefficients": self.coefficients.tolist(), "errors": self.errors.tolist()}
+        replace_json(path, {"version": VERSION} | {one.name: getattr(self, one.name) for one in fields(self)} | arrays)
+
+    @classmethod
+    def read(cls, path: Path) -> PowderLaw:
+        """Read a law; ValueError for a file that is none, or of another version."""
+        try:
+            found = json.loads(path.read_text(encoding="utf-8"))
+            version = found.pop("version")
+            law = cls(**found | {name: np.array(found[name], dtype=float) for name in ("coefficients", "errors")}
+                      | {name: tuple(map(float, found[name])) for name in ("powder", "permeability")})  # fmt: skip
+            parts = (law.coefficients, law.errors, law.powder, law.permeability, law.correlation, law.deviation)
+            is_law = all(np.isfinite(part).all() for part in parts) and len(law.coefficients) == len(COEFFICIENTS)
+        except OSError as error:
+            raise ValueError(f"{path} cannot be read ({error.strerror or error}); measure the powder first with: "
+                             "emclutch powder-law") from None  # fmt: skip
+        except (AttributeError, KeyError, TypeError, ValueError) as error:
+            raise ValueError(f"{path} is no law of a powder ({error!r}); name powder_law.json of an emclutch "
+                             "powder-law") from None  # fmt: skip
+        if version != VERSION or not is_law:
+            message = f"{path} has a law of version {version!r}, and the physics of cells is at {VERSION}"
+            raise ValueError(f"{message}; measure the powder again with: emclutch powder-law")
+        return law
 
     def stress(
         self, B: np.ndarray, Ms: float, fill: float, grains_per_gap: float, inertial_number: float = BASE_INERTIA
@@ -179,6 +259,69 @@ def powder_of(scene: Scene) -> tuple[float, float, float]:
     """Friction, rolling friction and susceptibility of a scene's grains."""
     rolling = scene.effects.rolling
     return scene.contact.friction, 0.0 if rolling is None else rolling.coefficient, scene.grains.susceptibility
+
+
+def powder_entries(scene: Scene) -> dict[str, Any]:
+    """What the stress of a scene's powder depends on, by dotted keys; diameter, density and Ms drop out by similarity.
+
+    With cohesion, which has a scale, diameter and Ms are among them.
+    """
+    effects, grains = scene.effects, scene.grains
+    found: dict[str, Any] = {
+        "contact.friction": scene.contact.friction, "contact.friction_at_walls": scene.contact.friction_at_walls,
+        "particles.susceptibility": grains.susceptibility, "particles.law": grains.law,
+        "effects.saturation": effects.saturate, "effects.dipoles.model": effects.attraction.model,
+    }  # fmt: skip
+    if grains.sizes is not None:
+        ends = (grains.smallest_diameter, grains.largest_diameter)
+        found["particles.sizes"] = [float(f"{end / grains.mean_diameter:.3g}") for end in ends]
+    for effect in effects.present:
+        if effect.role == "rolling" or (effect.changes_stress and effect.role != "drag"):
+            found |= {f"effects.{effect.name}.{key}": value for key, value in effect.model_dump(mode="json").items()}
+        if effect.has_scale:
+            found |= {"particles.diameter": grains.mean_diameter, "particles.saturation": grains.saturation}
+    return found
+
+
+def law_of(scene: Scene) -> tuple[PowderLaw, list[str]]:
+    """Return the law of a scene's powder, and what the powder has that no cell of that law has.
+
+    That is the measured law of `particles.powder_law`, or a shipped one, of the nearest powder.
+
+    Raises
+    ------
+    SceneError
+        The file of a measured law cannot be read, or is of another powder.
+    """
+    file = scene.grains.powder_law
+    if file is None:
+        law, doubt = shipped_laws().nearest(*powder_of(scene))
+        return law, [*_beyond_shipped_cells(scene), *([doubt] if doubt else [])]
+    try:
+        law = PowderLaw.read(Path(file))
+    except ValueError as error:
+        raise SceneError([Fault("particles.powder_law", "", str(error))], "scene") from None
+    own = powder_entries(scene)
+    others = [f"{key} = {own.get(key, 'none')} for {law.measured.get(key, 'none')}"
+              for key in sorted({*own, *law.measured}) if own.get(key) != law.measured.get(key)]  # fmt: skip
+    return law, [f"its law is of another powder ({', '.join(others)})"] if others else []
+
+
+def _beyond_shipped_cells(scene: Scene) -> Iterator[str]:
+    """What a powder has that no shipped cell has."""
+    effects, contact, rolling = scene.effects, scene.contact, scene.effects.rolling
+    if not effects.attraction.has_necks:
+        yield "grains have no necks (effects.dipoles.model)"
+    if not effects.saturate:
+        yield "its grains do not saturate"
+    if contact.friction_at_walls != contact.friction:
+        yield f"its walls have a friction of {contact.friction_at_walls:g}, and its grains {contact.friction:g}"
+    if rolling is not None and rolling.wall_coefficient not in (None, rolling.coefficient):
+        walls, between = rolling.wall_coefficient, rolling.coefficient
+        yield f"its walls have a rolling friction of {walls:g}, and its grains {between:g}"
+    for one in effects.present:
+        if one.changes_stress and one.role != "drag":
+            yield f"it has [effects.{one.name}]"
 
 
 def _of_susceptibility(common: np.ndarray, susceptibility: Any) -> list[Any]:

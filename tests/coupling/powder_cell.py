@@ -1,27 +1,13 @@
-r"""Steady shear of a magnetised powder between walls that are not there: stress and permeability from first principles.
+"""A sheared periodic box of magnetised powder by the parts of the coupled loop, without a scene: for tests of its laws.
 
-A periodic box (`particles.sheared_box`) flows along x with the gradient along z; the macroscopic field, that of an even
-powder, stands along z: chains cross the flow, as in a clutch. `particles.DEM` moves equal grains with a linear contact
-law, friction and rolling friction; `coupling.mutual_moments` finds moments and magnetic forces from all neighbours
-within the split's width, images included. No weight, no fluid.
-
-The loop is that of every run (`coupling.staggered`), and so are the means of its windows: `coupling.sheared_means` says
-what the stress is made of, and what does not come on top of it. A scene of a sheared box runs the same box
-(`coupling.sheared_powder`) with its own contact law.
-
-**Power.** In the steady state tau rate V is what contacts dissipate, `Series.power`; the difference is the error of the
-lagged forces, of the lagged moments and of the step, and what chains that have not yet broken hold.
-
-**What follows from what.** Stiffness of contacts: an overlap of 0.5 % of a diameter under the load of a chain along the
-field, min(2 pi H/Ms, 0.7) mu_0 Ms^2 a^2, and ten times the negative stiffness (pi/2) mu_0 Ms^2 a of a saturated neck.
-Rate: from the inertial number I = rate d sqrt(rho/tau), with an estimate of tau; the measured one is reported. Step: a
-fraction of the contact's duration; the range of the neck's force, 2 a H/Ms, then is resolved a thousand times over.
+The box flows along x with the gradient along z, the macroscopic field stands along z. Stiffness of contacts: an overlap
+of 0.5 % of a diameter under the load of a chain along the field, and ten times the negative stiffness of a saturated
+neck. Rate: from the inertial number I = rate d sqrt(rho/tau), with an estimate of tau.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import cast
 
@@ -30,7 +16,6 @@ import numpy as np
 from coupling.coil_field import ImposedField
 from coupling.effects.dipoles import Dipoles
 from coupling.grain_law_table import FARTHEST_GAP, grain_table
-from coupling.magnetised_grains import MomentRow
 from coupling.mutual_moments import MIN_GAP, MutualMoments
 from coupling.mutually_magnetised_grains import MutuallyMagnetisedGrains
 from coupling.near_attraction import NearAttraction
@@ -67,8 +52,6 @@ class ShearParameters:
         near_field or mutual.
     count, seed : int
         Of grains.
-    strain : float
-        How far to shear [-].
     inertial_number : float
         Aimed at [-].
     width : float
@@ -87,7 +70,6 @@ class ShearParameters:
     model: str = "near_field"
     count: int = 600
     seed: int = 1
-    strain: float = 2.5
     inertial_number: float = 5e-3
     friction: float
     rolling: float = 0.0
@@ -97,7 +79,6 @@ class ShearParameters:
     steps_per_contact: float = 24.0
     steps_per_look: int = 8
     stiffness: float = 1.0
-    windows: int = 100
     diameter: float = 1e-4
     density: float = 7800.0
 
@@ -138,7 +119,7 @@ def min_count(parameters: ShearParameters) -> int:
 
 
 class PowderCell:
-    """One cell and its state; `run` shears it.
+    """One cell and its state; `window` shears it.
 
     Attributes
     ----------
@@ -154,8 +135,6 @@ class PowderCell:
         Shear rate [1/s].
     stress_estimate : float
         That the rate follows from [Pa].
-    deepest, worst_residual : float
-        Largest overlap over the diameter; largest residual of the moments.
     """
 
     def __init__(self, parameters: ShearParameters) -> None:
@@ -185,7 +164,6 @@ class PowderCell:
         self.dem: DEM = dem_in_box(box, grains, laws, dt)
         self.simulation = Simulation(self.dem, [], None, None, p.steps_per_look, 1)
         self.series = Series()
-        self.deepest = self.worst_residual = 0.0
         self.magnetism: MutuallyMagnetisedGrains | None = None
         self.mu_r_at_rest = 1.0
         if Ms and p.law is not None:
@@ -204,17 +182,6 @@ class PowderCell:
         if self.magnetism is None or moment is None:
             return 1.0
         return 1.0 + float(moment[:, 2].sum()) / (self.box.volume * self.parameters.H)
-
-    def run(self, progress: Callable[[float], None] | None = None) -> Series:
-        """Shear to the end of `parameters.strain`."""
-        p = self.parameters
-        total = max(1, round(p.strain / (self.rate * self.dem.dt)))
-        looks = max(1, round(total / p.steps_per_look / p.windows))
-        while self.box.strain < p.strain * (1.0 - 1e-9):
-            self.window(looks)
-            if progress is not None:
-                progress(min(1.0, self.box.strain / p.strain))
-        return self.series
 
     def window(self, looks: int) -> None:
         """Shear for some looks at the moments; adds a line to the series."""
@@ -237,9 +204,6 @@ class PowderCell:
         s.contacts.append(means.contacts_per_grain)
         s.mu_r.append(1.0 if magnetised is None else magnetised.relative_permeability)
         s.M_x.append(0.0 if magnetised is None else magnetised.magnetisation_along_flow)
-        self.deepest = max(self.deepest, row.max_overlap)
-        moments = row.part(MomentRow)
-        self.worst_residual = max(self.worst_residual, 0.0 if moments is None else moments.moment_residual)
 
 
 def magnetise(

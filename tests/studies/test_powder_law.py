@@ -1,0 +1,161 @@
+"""`emclutch powder-law`: cells of a powder as a study, their law in the scene, and what bad input is told."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas
+import pytest
+import sheared_annulus
+from typer.testing import CliRunner
+
+import emclutch
+from emclutch.cli.main import app
+from emclutch.results.errors import RunError
+from emclutch.scene.case import case_from
+from emclutch.scene.errors import SceneError
+from emclutch.simulation.forecast.powder_law import powder_of, shipped_laws
+from emclutch.studies import powder_law as study
+from emclutch.studies.design_search import expectation_of
+from field import MU_0
+
+CASES = Path(__file__).resolve().parents[2] / "cases"
+COARSE = {"field.size_factor": 4.0, "field.gap_layers": 3}
+STRONGER = 1.2
+"""Stress of the made-up powder over that of the shipped law."""
+
+
+def quickstart(**values):
+    return emclutch.load_case(CASES / "quickstart.toml", COARSE | values)
+
+
+def made_up(task, folder, progress):
+    """The row of a cell of a powder with another amplitude, without a run."""
+    scene = task.case.scene
+    H, fill, n = scene.prescribed_field.field_strength, scene.particles.solid_fraction, task.options["height"]
+    law, Ms = shipped_laws().nearest(*powder_of(scene))[0], scene.particles.saturation
+    mu_r = 1.0 + 8.0 * fill
+    B = MU_0 * mu_r * H
+    tau = STRONGER * float(law.stress(np.array(B), Ms, fill, n))
+    if fill < study.FILL_RANGE[0]:
+        raise RunError("the cell has a shear stress of 0 Pa")
+    return dict.fromkeys(study.COLUMNS, 0.1) | {
+        "field_strength": H, "solid_fraction": fill, "grains_per_gap": n, "seed": task.options["seed"],
+        "shear_stress": tau, "standard_error": 0.01 * tau, "flux_density": B, "relative_permeability": mu_r,
+        "demagnetising_factor": float("nan"), "inertial_number": 0.1,
+    }  # fmt: skip
+
+
+@pytest.fixture
+def cells(monkeypatch):
+    monkeypatch.setattr(study, "measure_cell", made_up)
+
+
+def command(*words):
+    return CliRunner().invoke(app, ["powder-law", *map(str, words)], env={"COLUMNS": "500"})
+
+
+def test_a_shipped_law_that_covers_the_powder_is_taken_and_nothing_is_written(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    brake = emclutch.load_case(CASES / "powder_clutch.toml", COARSE)
+    found = emclutch.powder_law(brake)
+    assert found.folder is None and found.law.cells > 20 and not list(tmp_path.iterdir())
+    assert found.before.real == expectation_of(brake).real
+    text = "\n".join(one.text for one in found.report().statements())
+    assert "shipped" in text and "Nothing was measured" in text and "N m" in text
+
+
+def test_the_law_of_cells_is_used_by_the_scene_and_by_no_other_powder(tmp_path, cells):
+    """Grains of another diameter are the same powder; those of another friction are not, and the torque is a guess."""
+    case = quickstart()
+    found = emclutch.powder_law(case, out=tmp_path / "law", jobs=1)
+    law = {"particles.powder_law": str(tmp_path / "law" / "powder_law.json")}
+    assert len(found.cells) == len(study.ORDER) and found.law.powder == powder_of(case.scene)
+    ratio = found.after.torque / found.before.torque
+    assert ratio == pytest.approx(STRONGER, rel=0.03) and not found.after.real.is_guess
+    assert expectation_of(quickstart(**law)).real == found.after.real
+    finer = expectation_of(quickstart(**law, **{"particles.diameter": "0.2 mm"}))
+    assert "measured law" in finer.law and not finer.real.is_guess
+    other = expectation_of(quickstart(**law, **{"contact.friction": 0.5}))
+    assert other.real.is_guess and "contact.friction = 0.5 for" in other.law
+    table = pandas.read_csv(tmp_path / "law" / "cells.csv")
+    assert list(table.shear_stress) == [row["shear_stress"] for row in found.cells]
+    page = (tmp_path / "law" / "index.html").read_text()
+    assert page.count("<img") == 1 and "over the law" in page
+    assert json.loads((tmp_path / "law" / "report.json").read_text())["law"]["cells"] == len(found.cells)
+
+
+def test_a_law_is_continued_with_more_cells_and_without_those_that_are_done(tmp_path, cells, monkeypatch):
+    few = emclutch.powder_law(quickstart(), out=tmp_path / "law", jobs=1, budget=1e-9)
+    assert len(few.cells) == 3
+    measured = []
+    monkeypatch.setattr(study, "measure_cell", lambda task, *rest: measured.append(task.name) or made_up(task, *rest))
+    more = emclutch.powder_law(quickstart(), out=tmp_path / "law", jobs=1, resume=True)
+    assert len(measured) == len(more.cells) - 3 and more.cells[:3] == few.cells
+    assert more.law.errors[0] < few.law.errors[0]
+
+
+def test_cells_that_fail_are_named_and_others_count(tmp_path, cells):
+    strengths, fills = [60e3, 120e3], [0.2, 0.38, 0.45]
+    found = emclutch.powder_law(quickstart(), out=tmp_path / "law", fields=strengths, fills=fills, jobs=1)
+    assert len(found.cells) == 8 and len(found.failures) == 4
+    text = "\n".join(one.text for one in found.report().statements())
+    assert "has failed: the cell has a shear stress of 0 Pa" in text
+    with pytest.raises(RunError, match="0 cells are done, 3 are needed; continue with: emclutch powder-law"):
+        emclutch.powder_law(quickstart(), out=tmp_path / "none", fields=[6e4], fills=[0.2, 0.21], jobs=1)
+
+
+def test_without_faces_there_is_a_table_and_no_law(tmp_path, cells):
+    found = emclutch.powder_law(quickstart(), out=tmp_path / "box", walls="none", jobs=1)
+    assert found.law is None and found.after is None and not (tmp_path / "box" / "powder_law.json").exists()
+    assert (tmp_path / "box" / "powder_law.png").stat().st_size > 10_000
+
+
+def test_a_cell_of_grains_has_the_stress_of_its_scene(tmp_path):
+    """Two cells of few strains, by the command: the row is that of the run's own summary, B = mu_0 mu_r H."""
+    annulus = case_from(sheared_annulus.CELL)
+    task = study._tasks(annulus, [(40e3, 0.3, 4, 1)], "steel")[0]
+    short = task._replace(case=task.case.with_values({"time.end": "strain 0.5", "time.average_from": "strain 0.1"}))
+    (tmp_path / "cell").mkdir()
+    row = study.measure_cell(short, tmp_path / "cell", None)
+    own = emclutch.load_result(tmp_path / "cell").summary
+    assert row["shear_stress"] == own["shear_stress"] and row["grains"] == own["grains"]
+    assert row["flux_density"] == pytest.approx(own["flux_density"], rel=1e-12)
+    assert set(row) == set(study.COLUMNS)
+
+
+def test_a_powder_without_attraction_has_no_law():
+    with pytest.raises(SceneError, match=r"needs grains that attract .* add \[effects.dipoles\]"):
+        emclutch.powder_law(CASES / "thesis" / "centrifugal_held.toml")
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (("--walls", "glass"), "choose one of steel, none"),
+        (("--field", "80 kA/m"), "together with --fill only"),
+        (("--field", "80 kA/m", "--fill", "0.9"), "--fill"),
+        (("--budget", "soon"), "--budget"),
+        (("--resume", "--out", "nowhere"), "nothing to resume"),
+    ],
+)
+def test_bad_input_is_told_with_its_remedy(words, text, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    result = command(CASES / "quickstart.toml", *words)
+    assert result.exit_code == 2 and text in result.output and "Traceback" not in result.output, result.output
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("content", "text"),
+    [(None, "cannot be read"), ("{}", "is no law of a powder"), ('{"version": 0, "powder": 1}', "is no law")],
+)
+def test_a_file_that_is_no_law_is_refused_with_its_key(content, text, tmp_path):
+    path = tmp_path / "law.json"
+    if content is not None:
+        path.write_text(content)
+    with pytest.raises(SceneError, match=r"particles\.powder_law") as caught:
+        expectation_of(quickstart(**{"particles.powder_law": str(path)}))
+    assert text in str(caught.value) and "emclutch powder-law" in str(caught.value)
