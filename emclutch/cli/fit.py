@@ -1,4 +1,4 @@
-"""Entries of `emclutch fit`: what is varied, the simulated drives, the angle of repose, the common error."""
+"""Entries of `emclutch fit`: ranges of the parameters, the angle of repose, the common error."""
 
 from __future__ import annotations
 
@@ -6,32 +6,22 @@ import math
 
 from emclutch.cli.input import read_shares, refuse_without
 from emclutch.cli.options import USUAL_UNCERTAINTY
-from emclutch.scene.case import Case
 from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.units import Quantity
-from emclutch.scene.value_list import number_or_text, read_list
-from emclutch.studies.fit import Varied, drive_quantity
+from emclutch.scene.value_list import number_or_text, read_all
 
-_FRICTION = Quantity("a coefficient of friction", "", "0.4", 0.0, 10.0)
+_COEFFICIENT = Quantity("a coefficient of friction", "", "0.4", 0.0, 10.0)
 _FILL = Quantity("a solid fraction", "", "0.4", 0.0, 1.0, open_minimum=True)
 _REPOSE = Quantity("an angle", "rad", "34 deg", 0.0, 0.5 * math.pi, open_minimum=True, angular=True)
 
 
-def varied_of(friction: str, rolling: str, fill: str | None) -> Varied:
-    """Return the values of each parameter; SceneError for a list that cannot be read, or where nothing is fitted."""
-    lists = (
-        tuple(read_list(friction, _FRICTION, "--friction")), tuple(read_list(rolling, _FRICTION, "--rolling-friction")),
-        () if fill is None else tuple(read_list(fill, _FILL, "--fill")),
-    )  # fmt: skip
-    if max(len(set(one)) for one in lists) < 2:
-        message = "have one value each: nothing is fitted; give one of them two or more"
-        raise SceneError([Fault("--friction, --rolling-friction, --fill", "", message)], "command line")
-    return Varied(friction=lists[0], rolling=lists[1], fill=lists[2])
-
-
-def drives_of(case: Case, key: str, at: str | None) -> tuple[float, ...]:
-    """Return the simulated drives [SI]; none where they follow from the measured curve."""
-    return () if at is None else tuple(sorted(set(read_list(at, drive_quantity(case, key), "--at"))))
+def ends_of(text: str, option: str) -> float | tuple[float, float]:
+    """Return the value of ``0.4``, or the ends of ``0.2:0.7``; SceneError for a text that is neither."""
+    values = read_all(text.split(":"), _FILL if option == "--fill" else _COEFFICIENT, option)
+    if len(values) > 2:
+        message = "is not a value or a range; write 0.4, or 0.2:0.7"
+        raise SceneError([Fault(option, text, message)], "command line")
+    return values[0] if len(values) == 1 else (values[0], values[1])
 
 
 def common_error_of(text: str | None) -> float:

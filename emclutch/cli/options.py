@@ -127,7 +127,6 @@ Sets = Annotated[
         help="set a key: coil.current='0.8 A'; KEY=none removes it; effects.NAME=off or on removes or adds an effect",
     ),
 ]
-ResumeFit = Annotated[bool, flag("--resume", help="continue the fit in the folder of --out")]
 Resume = Annotated[
     bool, flag("--resume", help="continue from the last checkpoint; a run killed before the first starts again")
 ]
@@ -308,13 +307,15 @@ MeasuredCurve = Annotated[
     ),
 ]
 Over = Annotated[str, typer.Option("--over", metavar="KEY", help="dotted key of the curve's first column")]
-FrictionValues = Annotated[str, typer.Option("--friction", metavar="LIST", help="sliding friction: values to simulate")]
-RollingValues = Annotated[
-    str, typer.Option("--rolling-friction", metavar="LIST", help="rolling friction: values to simulate")
+FrictionRange = Annotated[
+    str, typer.Option("--friction", metavar="RANGE", help="sliding friction: range that is fitted, '0.2:0.7', or value")
 ]
-FillValues = Annotated[
+RollingRange = Annotated[
+    str, typer.Option("--rolling-friction", metavar="RANGE", help="rolling friction: range that is fitted, or value")
+]
+FillRange = Annotated[
     str | None,
-    typer.Option("--fill", metavar="LIST", help="solid fraction, fitted too: '0.3, 0.4'; default: the scene's"),
+    typer.Option("--fill", metavar="RANGE", help="solid fraction, fitted too: '0.3:0.45'; default: the scene's"),
 ]
 CommonError = Annotated[
     str | None,
@@ -323,10 +324,6 @@ CommonError = Annotated[
         metavar="SHARE",
         help="standard error that all measured torques share, as of a calibration: '3 %'; default: none",
     ),
-]
-DrivesAt = Annotated[
-    str | None,
-    typer.Option("--at", metavar="LIST", help="simulated currents: '0.2 A, 0.94 A'; default: three of those measured"),
 ]
 SceneKind = Annotated[
     str,

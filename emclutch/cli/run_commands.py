@@ -329,37 +329,31 @@ def powder_law(
 def fit(
     case: opt.CaseFile,
     to: opt.MeasuredCurve,
-    friction: opt.FrictionValues = "0.2, 0.4, 0.7",
-    rolling_friction: opt.RollingValues = "0, 0.2, 0.5",
-    fill: opt.FillValues = None,
+    friction: opt.FrictionRange = "0.2:0.7",
+    rolling_friction: opt.RollingRange = "0:0.6",
+    fill: opt.FillRange = None,
     over: opt.Over = "coil.current",
-    at: opt.DrivesAt = None,
     repose: opt.Repose = None,
     uncertainty: opt.AngleUncertainty = None,
     common_error: opt.CommonError = None,
     out: opt.Out = None,
-    resume: opt.ResumeFit = False,
     sets: opt.Sets = None,
-    jobs: opt.Jobs = 1,
-    threads: opt.Threads = None,
     as_json: opt.AsJson = False,
     trust_scripts: opt.TrustScripts = False,
-    force: opt.Force = False,
 ) -> None:
-    """Fit friction, rolling friction and fill to a measured torque curve, with the interval of what fits."""
+    """Fit friction, rolling friction and fill to a measured torque curve by the law of the powder."""
     with explained():
-        check_threads(threads)
-        refuse_to_resume_nothing("fit", resume, out)
         read = load(case, sets, trust_scripts)
-        from emclutch.cli.fit import angle_of, common_error_of, drives_of, varied_of
-        from emclutch.results.study_table import StudyTable
+        from emclutch.cli.fit import angle_of, common_error_of, ends_of
+        from emclutch.results import Progress
         from emclutch.studies import fit as study
 
-        varied, angle = varied_of(friction, rolling_friction, fill), angle_of(repose, uncertainty)
-        with nullcontext() if as_json else StudyTable() as table:
+        ranges = [ends_of(text, option) for text, option in
+                  ((friction, "--friction"), (rolling_friction, "--rolling-friction"))]  # fmt: skip
+        with nullcontext() if as_json else Progress() as progress:
             found = study.fit(
-                read, to, varied=varied, key=over, drives=drives_of(read, over, at), repose=angle,
-                common_error=common_error_of(common_error), out=out, jobs=jobs, threads=threads, resume=resume,
-                progress=table, force=force,
+                read, to, friction=ranges[0], rolling_friction=ranges[1],
+                fill=None if fill is None else ends_of(fill, "--fill"), over=over, repose=angle_of(repose, uncertainty),
+                common_error=common_error_of(common_error), out=out, progress=progress,
             )  # fmt: skip
         show(found.report(), as_json)

@@ -1,77 +1,52 @@
-"""Fit of friction, rolling friction and fill to a measured torque curve: a study of the scene, then least squares.
+"""Fit of friction, rolling friction and fill to a measured torque curve by the law of the powder, without a run.
 
-Every combination of the values asked for is run at some of the measured drives (`emclutch.studies.sweep`); the torques
-between them are interpolated and fitted by `emclutch.studies.torque_fit`.
+The law (`emclutch.simulation.forecast.expected_torque`) gives the torque of a grid of powders at up to `DRIVES` of the
+measured currents, in fields that are solved for them; `emclutch.studies.torque_fit` fits these to the curve.
 """
 
 from __future__ import annotations
 
 import math
-import tomllib
-from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass
+import shlex
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, replace
 from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import tomli_w
 
-from emclutch.results import OutputError, RunFolder
+from emclutch.device_model.device import build_device
 from emclutch.results.atomic_file import json_values, replace_json, replace_text
-from emclutch.results.fits import NORMAL
-from emclutch.results.pictures.figure import legend_below, make_logarithmic, new_figure, save_picture
+from emclutch.results.new_path import new_folder
+from emclutch.results.pictures.figure import draw_measured, legend_below, make_logarithmic, new_figure, save_picture
 from emclutch.results.report.render import Reported, write_index
-from emclutch.results.report.report import Mark, Picture, Report, Shown, Statement, Statements, note, warning
-from emclutch.results.study_result import load_study
+from emclutch.results.report.report import Links, Mark, Picture, Report, Shown, Statement, Statements, note, warning
 from emclutch.scene.case import Case, as_case
-from emclutch.scene.errors import Fault, SceneError
+from emclutch.scene.errors import Fault, SceneError, bad_input_for, entry_at
 from emclutch.scene.fault_report import key_fault, quantity_at
-from emclutch.scene.flat import differing_keys, flat_scene
+from emclutch.scene.map_axes import CURRENT, KEYS, SHARE_A_MESH
 from emclutch.scene.model import Scene
-from emclutch.scene.study import read_study
-from emclutch.studies.sweep import sweep
-from emclutch.studies.torque_fit import MeasuredTorques, SimulatedTorques, TorqueFit, fit_torque, read_torques
+from emclutch.scene.units import format_number
+from emclutch.simulation.forecast.expected_field import expected_magnetisation
+from emclutch.simulation.forecast.expected_torque import ExpectedTorque, torques_of_powders
+from emclutch.simulation.forecast.powder_law import OWN, POWDERS, PowderLaw, shipped_laws
+from emclutch.studies.design_search import expectation_of
+from emclutch.studies.torque_fit import WITHIN, MeasuredTorques, TorqueFit, TrialTorques, fit_torque, read_torques
+from particles.bulk_friction.friction_table import SOFTNESS, measured_table
 
 if TYPE_CHECKING:
-    from emclutch.results.study_table import StudyTable
+    from emclutch.results import Progress
     from emclutch.scene.units import Quantity
 
-CURRENT = "coil.current"
-DRIVES = 3
-"""Drives that are simulated unless they are given: the smallest and the largest measured, and between them."""
+DRIVES = 6
+"""Drives at most at which the law is computed; between them ln T is a cubic spline of ln x."""
+TRIALS = {1: 21, 2: 21, 3: 13}
+"""Values of each parameter for which the law is computed, by the number of parameters."""
 FRICTION, FILL = "contact.friction", "particles.solid_fraction"
 AMOUNTS = ("particles.mass", "particles.count")
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Varied:
-    """Values of each parameter that are simulated; one value: the parameter is not fitted.
-
-    Attributes
-    ----------
-    friction, rolling : tuple of float
-        Coefficients between grains, and at walls where the scene does not say otherwise.
-    fill : tuple of float
-        Solid fraction; empty: the amount of powder stays as the scene says.
-    """
-
-    friction: tuple[float, ...] = (0.2, 0.4, 0.7)
-    rolling: tuple[float, ...] = (0.0, 0.2, 0.5)
-    fill: tuple[float, ...] = ()
-
-    def keys(self, scene: Scene) -> dict[str, tuple[float, ...]]:
-        """Return the values by the scene's keys; grains that roll freely in the scene and in all values need none."""
-        given = {FRICTION: self.friction, rolling_key(scene): self.rolling, FILL: self.fill}
-        if not any(self.rolling) and scene.effects.rolling is None:
-            del given[rolling_key(scene)]
-        return {key: tuple(sorted(set(values))) for key, values in given.items() if values}
-
-
-def rolling_key(scene: Scene) -> str:
-    """Return the key of the coefficient of rolling friction."""
-    (kind,) = (one for one in scene.effects.kinds() if one.role == "rolling")
-    return f"effects.{kind.name}.coefficient"
+Ends = float | tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,72 +56,82 @@ class FitResult(Reported):
     Attributes
     ----------
     folder : Path
-        With fit.json, fit.csv, valley.csv, fit.png, fitted.toml, the study's file and its points.
-    key : str
-        Of the drive.
+        With fit.json, fit.csv, valley.csv, fit.png, fitted.toml and index.html.
+    key, unit : str
+        Of the drive, the unit in SI.
+    source : Path
+        The measured table.
     measured : MeasuredTorques
     left_out : int
         Measured points with a drive or a torque of 0.
     fit : TorqueFit
-    doubtful : int
-        Simulated points whose torque is not converged.
+    repose : tuple of float or None
+        Angles of repose [rad] of the powders within the 95 % interval; None where friction is not fitted.
     case : Case
         The scene with the fitted parameters.
+    expected : ExpectedTorque
+        Of that scene at the largest measured drive.
     """
 
     folder: Path
     key: str
+    unit: str
+    source: Path
     measured: MeasuredTorques
     left_out: int
     fit: TorqueFit
-    doubtful: int
+    repose: tuple[float, float] | None
     case: Case
+    expected: ExpectedTorque
 
     def report(self) -> Report:
         """Return the parameters with their intervals."""
         report = Report(f"Fit: {self.case.scene.scene.title}", data=as_data(self), folder=self.folder)
         report.add("Result", Statements([*_statements(self)]), Shown.TERMINAL)
-        return report.add("Picture", Picture("measured and fitted torque", self.folder / "fit.png"), Shown.PAGE)
+        report.add("Picture", Picture("measured and fitted torque", self.folder / "fit.png"), Shown.PAGE)
+        files = [
+            ("fitted.toml", "the scene with the best parameters"), ("fit.csv", "measured and fitted torques"),
+            ("valley.csv", "parameters that fit together"), ("fit.json", "all numbers in SI"),
+        ]  # fmt: skip
+        return report.add("Files", Links(files), Shown.PAGE)
 
 
 def fit(
     case: Case | str | Path,
     to: str | Path,
     *,
-    varied: Varied = Varied(),
-    key: str = CURRENT,
-    drives: tuple[float, ...] = (),
+    friction: Ends = POWDERS["friction"],
+    rolling_friction: Ends = POWDERS["rolling friction"],
+    fill: Ends | None = None,
+    over: str = CURRENT,
     repose: tuple[float, float] | None = None,
     common_error: float = 0.0,
     out: str | Path | None = None,
-    jobs: int | None = None,
-    threads: int | None = None,
-    resume: bool = False,
-    progress: StudyTable | None = None,
-    force: bool = False,
+    progress: Progress | None = None,
 ) -> FitResult:
-    """Fit contact parameters of a scene to a measured torque curve.
+    """Fit friction, rolling friction and fill of a scene to a measured torque curve.
 
     Parameters
     ----------
     case : Case or the path of a scene file.
     to : file of the measured curve, as `emclutch.studies.torque_fit.read_torques` takes it.
-    varied : what is simulated and fitted.
-    key : dotted key of the drive; its unit is that of the curve's first column.
-    drives : simulated drives [SI], from the smallest to the largest that are fitted; default: three of those measured.
+    friction, rolling_friction : least and largest coefficient between which it is fitted, or the one it has.
+    fill : the same of the solid fraction; default: the amount of powder of the scene.
+    over : dotted key of the drive; its unit is that of the curve's first column.
     repose : angle of repose and its standard error [rad], fitted as one more measurement.
     common_error : relative standard error that all measured torques share, as that of a calibration; 0.03 for 3 %.
-    out : folder; default: the next fits/<case>-<nnn>.
-    jobs, threads, resume, progress, force : of the study, as of `emclutch.sweep`.
+    out : new folder; default: the next fits/<case>-<nnn>.
+    progress : takes the fraction that is done.
 
     Raises
     ------
     SceneError
-        Faults of the scene, or of what is varied.
-    OutputError, RunError
-        The curve cannot be read; the folder is there already, or was begun for another scene or values; of the study.
+        Faults of the scene, or of what is fitted.
+    OutputError
+        The curve cannot be read; the folder is there already.
     """
     case = as_case(case)
+    case.need_grains()
     if not 0.0 <= common_error < 1.0:
         message = "is out of range; allowed: >= 0, < 1, e.g. 0.03 for 3 % of each torque"
         raise SceneError([Fault("common_error", f"{common_error:g}", message)], "fit")
@@ -154,60 +139,89 @@ def fit(
         kind = case.scene.geometry.name()
         message = "has no torque that could be fitted; take a scene of a clutch, a brake or a shear_cell"
         raise SceneError([Fault("geometry.kind", repr(kind), message)], case.name)
-    case = case.with_values({"particles.repose": None})  # its friction is what is looked for
-    drive = drive_quantity(case, key)
+    drive = _drive_quantity(case, over)
     measured, left_out = read_torques(to, drive.unit)
-    simulated_at = drives or _some(measured.drive)
-    within = (measured.drive >= min(simulated_at) * (1 - 1e-9)) & (measured.drive <= max(simulated_at) * (1 + 1e-9))
-    left_out += int((~within).sum())
-    error = None if measured.error is None else measured.error[within]
-    measured = MeasuredTorques(measured.drive[within], measured.torque[within], error, common_error)
-    values = varied.keys(case.scene)
-    names = fitted_names(values)
-    other = None if repose is None else _bulk_friction(case.scene, values, *repose)
-    if len(measured.drive) + (repose is not None) <= len(names):
+    measured = replace(measured, common_error=common_error)
+    folder = new_folder(out, case.name, "fits")
+    ends = _ends(case.scene, friction, rolling_friction, fill)
+    names = tuple(key for key, values in ends.items() if len(values) > 1)
+    if not names:
+        message = "have one value each: nothing is fitted; give one of them a range, e.g. 0.2:0.7"
+        raise SceneError([Fault("friction, rolling_friction, fill", "", message)], "fit")
+    if measured.error is None and len(measured.drive) + (repose is not None) <= len(names):
         message = (
-            f"has {len(measured.drive)} points at the simulated drives, {min(simulated_at):g} to "
-            f"{max(simulated_at):g} {drive.unit}, too few for {len(names)} parameters; measure more, fit fewer, or "
-            "change --at"
+            f"has {len(measured.drive)} points without errors, too few for {len(names)} parameters; measure more, "
         )
-        raise SceneError([Fault("--to", str(to), message)], "command line")
-    folder = Path(out) if out is not None else RunFolder.next_path(case.name, "fits")
-    if folder.exists() != resume:
-        how = (
-            "name another folder with --out, or continue it with --resume" if folder.exists() else "name it with --out"
-        )
-        raise OutputError(f"{folder} {'exists' if folder.exists() else 'is not there'}; {how}")
-    points = {**values, key: tuple(simulated_at)}
-    base = study_case(case, {name: levels for name, levels in values.items() if name in (FRICTION, FILL)})
-    if resume:
-        _refuse_other(folder, base, points)
-    else:
-        for levels in product(*points.values()):  # a scene that is refused leaves no folder behind
-            study_case(case, values).with_values(dict(zip(points, levels, strict=True)))
-        _write_study(folder, base, points)
-    study = read_study(folder / "study.toml", trust_scripts=case.trust_scripts)
-    done, begun = folder / "points", (folder / "points").is_dir()
-    sweep(study, out=done, threads=threads, resume=begun, jobs=jobs, progress=progress, force=force)
-    simulated, doubtful = _torques(done, names, key)
-    try:
-        found = fit_torque(simulated, measured, other)
-    except ValueError as reason:
-        raise SceneError([Fault("fit", "", str(reason))], str(to)) from None
-    best = {one.name: one.value for one in found.parameters}
-    fitted = study_case(case, values).with_values(best)
-    result = FitResult(folder, key, measured, left_out, found, doubtful, fitted)
+        message += "fit fewer, or add a column 'error [N m]'"
+        raise SceneError([Fault("to", str(to), message)], "fit")
+    gone = {"particles.repose": None} | dict.fromkeys(AMOUNTS if FILL in ends else ())  # their values are looked for
+    for values in product(*ends.values()):
+        case.with_values(gone | dict(zip(ends, values, strict=True)))  # SceneError where one is not valid
+    base = case.with_values(gone | {key: sum(values) / len(values) for key, values in ends.items()})
+    grid = {key: np.linspace(v[0], v[-1], TRIALS[len(names)]) if len(v) > 1 else np.array(v) for key, v in ends.items()}
+    friction_levels, rolling_levels = grid[FRICTION], grid.get(_rolling_key(case.scene), np.zeros(1))
+    drives = np.unique(measured.drive)
+    if len(drives) > DRIVES:
+        drives = np.geomspace(drives[0], drives[-1], DRIVES)
+    trials = _trials(base, over, drives, friction_levels, rolling_levels, grid.get(FILL), names, progress)
+
+    def bulk_friction(levels: tuple[np.ndarray, ...]) -> tuple[np.ndarray, np.ndarray]:
+        """Return tau/P and its standard error on the grid of the fit, or to be repeated along the fill."""
+        fitted, table = dict(zip(names, levels, strict=True)), measured_table()
+        at = fitted.get(FRICTION, friction_levels), fitted.get(_rolling_key(case.scene), rolling_levels)
+        shape = [1 if key == FILL else len(one) for key, one in fitted.items()]
+        mean, error = (replace(table, mean=one).on_grid(*at).reshape(shape) for one in (table.mean, table.error))
+        return mean, error
+
+    def residual(levels: tuple[np.ndarray, ...]) -> np.ndarray:
+        """Return that of the angle of repose; the softness of the table's contacts is a uniform error of its size."""
+        assert repose is not None
+        mean, error = bulk_friction(levels)
+        sine_error = repose[1] * math.cos(repose[0])
+        found = (mean - math.sin(repose[0])) / np.sqrt(sine_error**2 + error**2 + (SOFTNESS * mean) ** 2 / 3.0)
+        return np.broadcast_to(found, [len(one) for one in levels])
+
+    found = fit_torque(trials, measured, None if repose is None else residual)
+    best = {one.name: float(f"{one.value:.4g}") for one in found.parameters}
+    fixed = {key: values[0] for key, values in ends.items() if key not in names}
+    fitted = case.with_values(gone | fixed | best)
+    angles = None
+    if names != (FILL,):
+        bulk = np.broadcast_to(bulk_friction(found.levels)[0], found.excess.shape)[found.excess <= WITHIN]
+        angles = math.asin(float(bulk.min())), math.asin(float(bulk.max()))
+    largest = float(measured.drive.max())
+    expected = expectation_of(_driven(fitted, over, largest))
+    result = FitResult(folder, over, drive.unit, Path(to), measured, left_out, found, angles, fitted, expected)
     _write(result)
     return result
 
 
-def study_case(case: Case, values: dict[str, tuple[float, ...]]) -> Case:
-    """Return the scene with the first of all values; a solid fraction replaces another amount of powder."""
-    gone = dict.fromkeys(AMOUNTS if FILL in values else ())
-    return case.with_values(gone | {name: levels[0] for name, levels in values.items()})
+def _rolling_key(scene: Scene) -> str:
+    """Return the key of the coefficient of rolling friction."""
+    (kind,) = (one for one in scene.effects.kinds() if one.role == "rolling")
+    return f"effects.{kind.name}.coefficient"
 
 
-def drive_quantity(case: Case, key: str) -> Quantity:
+def _ends(scene: Scene, friction: Ends, rolling: Ends, fill: Ends | None) -> dict[str, tuple[float, ...]]:
+    """Return the value of each key, or the ends of its range; grains that roll freely throughout need no key of it."""
+    given = {FRICTION: ("friction", friction), _rolling_key(scene): ("rolling friction", rolling), FILL: ("", fill)}
+    found, faults = {}, []
+    for key, (name, entry) in given.items():
+        values = () if entry is None else tuple(sorted(set(entry if isinstance(entry, tuple) else (entry,))))
+        low, high = POWDERS.get(name, (0.0, math.inf))
+        for value in values:
+            if not low <= value <= high:
+                message = f"is out of range; the law of the powder holds from {low:g} to {high:g}"
+                faults.append(Fault(key, f"{value:g}", message))
+        found[key] = values
+    if faults:
+        raise SceneError(faults, "fit")
+    if not any(found[_rolling_key(scene)]) and scene.effects.rolling is None:
+        del found[_rolling_key(scene)]
+    return {key: values for key, values in found.items() if values}
+
+
+def _drive_quantity(case: Case, key: str) -> Quantity:
     """Return the quantity of the drive; SceneError for a key that is none."""
     reason = key_fault(key, Scene)
     if not reason and getattr(case.scene, key.partition(".")[0], None) is None:
@@ -215,84 +229,79 @@ def drive_quantity(case: Case, key: str) -> Quantity:
     quantity = None if reason else quantity_at(key, Scene, case.data)
     if quantity is None:
         message = reason or "is not a continuous quantity; fit over a current, a voltage or a field strength"
-        raise SceneError([Fault("--over", key, message)], "command line")
+        raise SceneError([Fault("over", key, message)], "fit")
     return quantity
 
 
-def _some(drives: np.ndarray) -> tuple[float, ...]:
-    """Return the smallest and the largest drive, and those nearest to equal ratios between them."""
-    wanted = np.geomspace(drives[0], drives[-1], DRIVES)
-    return tuple(sorted({float(drives[np.argmin(np.abs(np.log(drives / one)))]) for one in wanted}))
+def _driven(case: Case, key: str, value: float) -> Case:
+    """Return the scene with a drive [SI] in place of what else drives it."""
+    replaced = next((one for own, one, _ in KEYS.values() if own == key), ())
+    gone = [one for one in replaced if entry_at(case.data, one.split(".")) is not None]
+    return case.with_values({**dict.fromkeys(gone), key: value})
 
 
-def _write_study(folder: Path, base: Case, values: dict[str, tuple[float, ...]]) -> None:
-    folder.mkdir(parents=True)
-    base.write_toml(folder / "scene.toml")
-    study = {"case": "scene.toml", "title": f"fit of {base.name}", "values": {k: list(v) for k, v in values.items()}}
-    replace_text(folder / "study.toml", tomli_w.dumps({"study": study}))
+def _trials(
+    base: Case,
+    key: str,
+    drives: np.ndarray,
+    friction: np.ndarray,
+    rolling: np.ndarray,
+    fill: np.ndarray | None,
+    names: tuple[str, ...],
+    progress: Progress | None,
+) -> TrialTorques:
+    """Return the torques of all powders at the drives, on one mesh where they can share it."""
+    laws = _powder_laws(friction, rolling, base.scene.grains.susceptibility)
+    device, found = None, []
+    for number, value in enumerate(drives):
+        at = _driven(base, key, float(value))
+        with bad_input_for(base.path):
+            source = at.scene.coil_field
+            shares = device is not None and key.startswith(SHARE_A_MESH) and not (source and source.tolerance)
+            device = device.driven_as(at.scene) if device is not None and shares else build_device(at.scene)
+            fills = np.array([device.fill.solid_fraction]) if fill is None else fill
+            field, _ = expected_magnetisation(at, device)
+            found.append(torques_of_powders(at.scene, device, field, laws, fills))
+        if progress is not None:
+            progress.update((number + 1) / len(drives), f"{number + 1} of {len(drives)} drives")
+    levels = [one for one in (friction, rolling, fill) if one is not None and len(one) > 1]
+    shape = (*(len(one) for one in levels), len(drives))
+    torque, error, guess = (np.stack(one, axis=-1).reshape(shape) for one in zip(*found, strict=True))
+    return TrialTorques(names, tuple(levels), drives, torque, error, guess, laws[0].deviation)
 
 
-def _refuse_other(folder: Path, base: Case, values: dict[str, tuple[float, ...]]) -> None:
-    """Raise OutputError where the fit in a folder was begun for another scene, or with other values."""
-    try:
-        scene = (folder / "scene.toml").read_text(encoding="utf-8")
-        study = tomllib.loads((folder / "study.toml").read_text(encoding="utf-8"))["study"]["values"]
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise OutputError(f"{folder} holds no fit to continue: {error}; begin a new one with --out") from None
-    differing = differing_keys(flat_scene(scene), flat_scene(base.toml()))
-    differing += differing_keys(study, {key: list(levels) for key, levels in values.items()})
-    if differing:
-        raise OutputError(
-            f"the fit in {folder} was begun with another {' and another '.join(dict.fromkeys(differing))}; give what "
-            "it was begun with, or begin a new one with --out"
-        )
+def _powder_laws(friction: np.ndarray, rolling: np.ndarray, susceptibility: float) -> list[PowderLaw]:
+    """Return the laws of all pairs of friction and rolling friction.
 
-
-def _torques(points: Path, names: tuple[str, ...], key: str) -> tuple[SimulatedTorques, int]:
-    """Return the torques of a study's points, and how many are not converged."""
-    table = load_study(points).table
-    torque = table["torque"].to_numpy(dtype=float)
-    torque = torque * np.sign(np.nanmedian(torque))  # one of the other sign is noise, and is refused by the fit
-    error = np.nan_to_num(table["standard_error"].to_numpy(dtype=float))
-    doubtful = int((~table["converged"].astype(bool)).sum())
-    parameters = table[list(names)].to_numpy(dtype=float)
-    return SimulatedTorques(names, parameters, table[key].to_numpy(dtype=float), torque, error), doubtful
-
-
-def _bulk_friction(
-    scene: Scene, values: dict[str, tuple[float, ...]], repose: float, spread: float
-) -> Callable[[np.ndarray], float]:
-    """Return the residual of the angle of repose, in standard errors of its sine and of the table together.
-
-    The softness of the table's contacts counts as a uniform error of its whole size.
+    Of several all are by the regression over simulated powders, so that one of these is no step between the others.
     """
-    from particles.bulk_friction.friction_table import SOFTNESS, measured_table  # local: of an angle only
-
-    table, wanted = measured_table(), math.sin(repose)
-    if values[FRICTION][-1] > table.friction[-1]:
-        message = f"goes beyond the table of bulk friction, 0 to {table.friction[-1]:g}; lower it, or remove --repose"
-        raise SceneError([Fault("--friction", f"{values[FRICTION][-1]:g}", message)], "command line")
-    names = fitted_names(values)
-
-    def residual(p: np.ndarray) -> float:
-        fixed = {key: levels[0] for key, levels in values.items()} | dict(zip(names, p, strict=True))
-        mean, error = table.bulk_friction(float(fixed[FRICTION]), float(fixed.get(rolling_key(scene), 0.0)))
-        return (mean - wanted) / math.hypot(spread * math.cos(repose), error, SOFTNESS * mean / math.sqrt(3.0))
-
-    return residual
-
-
-def fitted_names(values: dict[str, tuple[float, ...]]) -> tuple[str, ...]:
-    """Return the keys that have more than one value."""
-    return tuple(name for name, levels in values.items() if len(levels) > 1)
+    laws = shipped_laws()
+    susceptibility = float(np.clip(susceptibility, *POWDERS["susceptibility"]))
+    powders = [(float(f), float(r), susceptibility) for f, r in product(friction, rolling)]
+    if len(powders) == 1:
+        return [laws.of(*powders[0])]
+    weights = replace(laws, own=np.eye(len(laws.powders))).between(np.array(powders))  # of the simulated powders
+    square = (laws.left_out**2).mean(axis=0)
+    correlation = float((laws.left_out[:, 0] * laws.left_out[:, 1]).mean() / math.sqrt(square[0] * square[1]))
+    own, errors = weights @ laws.own, np.sqrt(square * (1.0 + (weights**2).sum(axis=1))[:, None])
+    of_all = laws.free_flowing(susceptibility)[0]
+    return [
+        replace(
+            of_all, powder=powder, coefficients=np.append(values[:OWN], of_all.coefficients[OWN:]),
+            errors=np.append(error[:OWN], laws.common_errors[:-1]), correlation=correlation,
+            permeability=(float(values[OWN]), *laws.permeability),
+        )
+        for powder, values, error in zip(powders, own, errors, strict=True)
+    ]  # fmt: skip
 
 
 def _write(result: FitResult) -> None:
-    """Write fit.json, fit.csv, valley.csv, fit.png and fitted.toml; what an earlier fit left there is replaced."""
+    """Write fit.json, fit.csv, valley.csv, fit.png, fitted.toml and the page."""
     folder, fitted, measured = result.folder, result.fit, result.measured
+    folder.mkdir(parents=True)
     replace_json(folder / "fit.json", as_data(result))
-    rows = zip(measured.drive, measured.torque, fitted.torque, fitted.low, fitted.high, strict=True)
-    head = f"{result.key},torque_measured,torque,low,high\n"
+    rows = np.column_stack([measured.drive, measured.torque, fitted.measured, fitted.guess_at])
+    head = f"{result.key},torque_measured,torque,low,high,is_guess\n"
     replace_text(folder / "fit.csv", head + "".join(",".join(f"{v:.6g}" for v in row) + "\n" for row in rows))
     names = ",".join(one.name for one in fitted.parameters)
     valley = "".join(",".join(f"{v:.6g}" for v in row) + "\n" for row in fitted.valley)
@@ -303,67 +312,102 @@ def _write(result: FitResult) -> None:
 
 
 def _draw(result: FitResult) -> None:
-    """Measured and fitted torque over the drive, and the valley of the first two parameters."""
+    """Measured and fitted torque over the drive, and which of the first two parameters fit."""
     fitted, measured = result.fit, result.measured
     several = len(fitted.parameters) > 1
     title = f"{result.case.scene.scene.title}: fitted torque"
     figure, axes = new_figure(9.0 if several else 5.0, 4.6, title, columns=2 if several else 1)
-    bars = None if measured.error is None else NORMAL * measured.error
-    axes[0].errorbar(measured.drive, measured.torque, yerr=bars, fmt="ko", ms=4, capsize=3, label="measured")
-    axes[0].plot(measured.drive, fitted.torque, color="C0", label="fitted")
-    axes[0].fill_between(measured.drive, fitted.low, fitted.high, color="C0", alpha=0.25, label="95 %")
-    axes[0].set(xlabel=result.key, ylabel="torque [N m]")
+    drive, torque, low, high = fitted.curve.T
+    axes[0].plot(drive, torque, color="C0", label="law, best parameters")
+    axes[0].fill_between(drive, low, high, color="C0", alpha=0.25, lw=0.0, label="law, parameters within 95 %")
+    error = (
+        np.full(len(measured.drive), fitted.own_error) * measured.torque if measured.error is None else measured.error
+    )
+    draw_measured(axes[0], {"torque": np.column_stack([measured.drive, measured.torque, error])}, joined=False)
+    if fitted.guess_at.any() and not fitted.guess_at.all():
+        axes[0].plot(measured.drive[fitted.guess_at], fitted.measured[fitted.guess_at, 0], "o", mfc="white", color="C0",
+                     label="a guess")  # fmt: skip
+    axes[0].set(xlabel=f"{result.key} [{result.unit}]" if result.unit else result.key, ylabel="torque [N m]")
     make_logarithmic(axes[0])
-    legend_below(axes[0], 3)
+    legend_below(axes[0], 2)
     if several:
         a, b = fitted.parameters[:2]
-        axes[1].plot(*fitted.valley[:, :2].T, color="C0", label="best within 95 %")
+        excess = fitted.excess.reshape(*fitted.excess.shape[:2], -1).min(axis=2)
+        axes[1].contourf(*fitted.levels[:2], excess.T, [-1.0, WITHIN], colors=["C0"], alpha=0.25)
+        axes[1].plot([], [], color="C0", alpha=0.25, lw=8.0, label="within 95 %")
+        axes[1].plot(*fitted.valley[:, :2].T, color="C0", label=f"best for each {a.name.rpartition('.')[2]}")
         axes[1].plot(a.value, b.value, "o", color="C3", label="best")
         axes[1].set(xlabel=a.name, ylabel=b.name)
-        legend_below(axes[1], 2)
+        legend_below(axes[1], 3)
     save_picture(figure, result.folder / "fit.png")
 
 
 def as_data(result: FitResult) -> dict[str, Any]:
-    """The fit for a machine; torques in N m."""
+    """The fit for a machine; torques in N m, angles in rad."""
     fitted = result.fit
     return json_values(
         {
             "parameters": [asdict(one) for one in fitted.parameters],
-            "valley": fitted.valley.tolist(),
+            "valley": fitted.valley.tolist(), "repose": result.repose,
             "sum_of_squares": fitted.sum_of_squares, "degrees_of_freedom": fitted.degrees_of_freedom,
             "probability": fitted.probability, "scatter": fitted.scatter, "is_poor": fitted.is_poor,
+            "is_guess": fitted.is_guess, "guess_points": int(fitted.guess_at.sum()),
             "measured_points": len(result.measured.drive), "left_out": result.left_out,
-            "common_error": result.measured.common_error,
-            "not_converged": result.doubtful, "drive": result.key, "folder": str(result.folder),
-        }
+            "own_error": fitted.own_error, "common_error": result.measured.common_error,
+            "drive": result.key, "folder": str(result.folder),
+        } | result.expected.as_dict()
     )  # fmt: skip
 
 
 def _statements(result: FitResult) -> Iterator[Statement]:
     """Say the parameters with their intervals, how well they fit, and what would bound them."""
-    fitted = result.fit
+    fitted, measured = result.fit, result.measured
+    if fitted.is_poor:
+        probability = f"probability {fitted.probability:.1g}"
+        yield Statement(Mark.UNUSABLE, f"No parameters in the range fit this curve within the errors ({probability}).")
+        yield note("Check B-H curve, gap, amount of powder and the errors of the points, or widen the range.")
     for one in fitted.parameters:
-        ends = ("" if bounded else ", the end of what was simulated" for bounded in one.bounded)
+        ends = ("" if bounded else ", the end of its range" for bounded in one.bounded)
         low, high = (f"{value:.3g}{end}" for value, end in zip((one.low, one.high), ends, strict=True))
         mark = Mark.GOOD if all(one.bounded) else Mark.WARNING
         yield Statement(mark, f"{one.name} = {one.value:.3g} (95 %: {low} to {high}).")
-    if len(fitted.parameters) > 1 and len(fitted.valley) > 1:
-        pairs = " to ".join("(" + ", ".join(f"{v:.3g}" for v in row) + ")" for row in fitted.valley[[0, -1]])
-        yield note(f"They vary together from {pairs}, see valley.csv.")
+    several = len(fitted.parameters) > 1
     if names := ", ".join(one.name for one in fitted.parameters if not any(one.bounded)):
-        yield note(f"The curve does not bound {names}: add another measurement, e.g. --repose '34 deg'.")
+        why = ": it mainly fixes the strength of the powder, which all parameters change" if several else ""
+        yield note(f"The curve does not bound {names}{why}. Give what is known a value, e.g. --friction 0.5.")
+    if several and len(fitted.valley) > 1:
+        pairs = " to ".join("(" + ", ".join(f"{v:.3g}" for v in row) + ")" for row in fitted.valley[[0, -1]])
+        yield note(f"Best values vary together from {pairs}, see valley.csv.")
+    if result.repose is not None:
+        low, high = (f"{math.degrees(one):.3g}" for one in result.repose)
+        yield note(f"The powders that fit have an angle of repose of {low} to {high} degrees.")
     if names := ", ".join(one.name for one in fitted.parameters if sum(one.bounded) == 1):
-        yield note(f"{names} may lie beyond the values that were simulated: widen their range.")
-    left = f", {result.left_out} left out (0, or beyond the simulated drives)" if result.left_out else ""
-    points = f"{len(result.measured.drive)} points{left}"
-    yield note(f"Scatter of measured over fitted torques: {100.0 * fitted.scatter:.2g} %, {points}.")
-    if common := result.measured.common_error:
-        yield note(f"The intervals contain a common error of {100.0 * common:.3g} % of all measured torques.")
-    if fitted.is_poor:
-        probability = f"probability {fitted.probability:.1g}"
-        yield Statement(Mark.UNUSABLE, f"No parameters in the range fit this curve within its errors ({probability}).")
-        yield note("Widen the range, or the difference is not one of these parameters.")
-    if result.doubtful:
-        yield warning(f"{result.doubtful} simulated torques are not converged; run longer, or take more replicas")
-    yield note(f"Scene: {result.folder / 'fitted.toml'}")
+        limits = " and ".join(f"{name} of {low:g} to {high:g}" for name, (low, high) in list(POWDERS.items())[:2])
+        yield note(f"{names} may lie beyond the range that was tried; the law holds for {limits}.")
+    largest = f"{format_number(float(measured.drive.max()))} {result.unit}".strip()
+    if result.expected.real is not None:
+        yield note(f"Torque of the best parameters by the law at {largest}: {result.expected.real.in_words()}.")
+    own = "" if measured.error is not None else f" ({100.0 * fitted.own_error:.2g} %, found by the fit)"
+    yield note(
+        f"The intervals contain the errors of single points{own}, a common error of "
+        f"{100.0 * measured.common_error:.3g} %, and the errors of the law, mostly common to all points."
+    )
+    left = f", {result.left_out} left out (a drive or a torque of 0)" if result.left_out else ""
+    yield note(f"Scatter of measured over fitted torques: {100.0 * fitted.scatter:.2g} %, {len(measured.drive)} points"
+               f"{left}.")  # fmt: skip
+    if fitted.is_guess:
+        yield warning(f"the fit is a guess, as is the torque: {result.expected.law}")
+    elif fitted.guess_at.any():
+        yield warning(
+            f"{int(fitted.guess_at.sum())} of {len(measured.drive)} points have little weight: there the law is a "
+            "guess for some powders of the range at least, see is_guess in fit.csv"
+        )
+    if fitted.probability is not None and not fitted.is_poor:
+        yield note(f"A misfit as large has a probability of {100.0 * fitted.probability:.2g} %.")
+    scene = str(result.folder / "fitted.toml")
+    smallest = min(float(measured.drive.min()), 0.5 * float(measured.drive.max()))  # of one point a range too
+    drives = f"{format_number(smallest)} {result.unit}:{largest}"
+    vary = ("--current", drives) if result.key == CURRENT else ("--vary", f"{result.key}={drives}")
+    words = shlex.join([scene, *vary, *(("--with", str(result.source)) if result.key == CURRENT else ())])
+    yield note(f"Next: map the torque of these values: emclutch map {words}")
+    yield note(f"Next: measure the law of this powder by cells: emclutch powder-law {shlex.quote(scene)}")

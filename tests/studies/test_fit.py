@@ -1,33 +1,37 @@
-"""`emclutch fit`: the study it runs, what it writes, the curve it reads, and what it refuses."""
+"""`emclutch fit`: torques by the law give their powder back, what it writes, the curve it reads, what it refuses."""
 
 import json
 import re
+from pathlib import Path
 
 import numpy as np
+import pandas
 import pytest
+import sheared_annulus
 import tomli_w
 from typer.testing import CliRunner
 
 import emclutch
+from emclutch.cli.fit import ends_of
 from emclutch.cli.main import app
+from emclutch.device_model.device import build_device
 from emclutch.results import OutputError
 from emclutch.scene.case import case_from
 from emclutch.scene.errors import SceneError
-from emclutch.studies.fit import Varied, fit, study_case
+from emclutch.simulation.forecast.expected_field import expected_magnetisation
+from emclutch.simulation.forecast.expected_torque import torques_of_powders
+from emclutch.simulation.forecast.powder_law import shipped_laws
+from emclutch.studies.design_search import expectation_of
+from emclutch.studies.fit import fit
 from emclutch.studies.torque_fit import read_torques
 
-FIELD = "field.field_strength"
-CELL = {
-    "scene": {"title": "sheared annulus", "seed": 3},
-    "geometry": {"kind": "shear_cell", "inner_radius": 10e-3, "outer_radius": 11.2e-3, "height": 2e-3},
-    "field": {"source": "uniform", "field_strength": "150 kA/m", "direction": "radial"},
-    "particles": {"diameter": "0.3 mm", "solid_fraction": 0.35, "sector": "20 deg", "repose": "20 deg"},
-    "motion": {"rotor": {"speed": "300 rpm"}, "disc": {"speed": 0.0}},
-    "effects": {"magnetic_force": {}, "dipoles": {"cutoff": 2.5, "model": "mutual"}, "saturation": {}},
-    "time": {"end": "0.2 ms", "window": "20 us"},
-    "output": {"snapshots": 0, "pictures": False, "formats": []},
-    "accuracy": {"replicas": 1},
-}
+CASES = Path(__file__).resolve().parents[2] / "cases"
+COARSE = {"field.size_factor": 4.0, "field.gap_layers": 3}
+FIELD, CURRENT, FRICTION, ROLLING, FILL = (
+    "field.field_strength", "coil.current", "contact.friction", "effects.rolling_friction.coefficient",
+    "particles.solid_fraction",
+)  # fmt: skip
+CELL = sheared_annulus.CELL
 
 
 def write(folder, name, text):
@@ -36,38 +40,106 @@ def write(folder, name, text):
     return path
 
 
-def test_the_friction_of_a_run_is_found_again(tmp_path):
-    """A curve that two runs of friction 0.3 give, fitted by runs of 0.1 and 0.6; resumed, nothing is run again."""
-    scene = write(tmp_path, "cell.toml", tomli_w.dumps(CELL))
-    case = emclutch.load_case(scene, {"particles.repose": None, "contact.friction": 0.3})
-    rows = []
-    for field in (100e3, 200e3):
-        run = emclutch.run(case.with_values({FIELD: field}), out=tmp_path / f"{field}", threads=1)
-        rows.append(f"{field / 1e3},{1e3 * abs(run.torque.mean)}\n")
-    curve = write(tmp_path, "measured.csv", "field [kA/m], torque [mN m]\n0,0\n" + "".join(rows))
-    arguments = ["fit", scene, "--to", curve, "--over", FIELD, "--out", tmp_path / "fit", "--threads", 1]
-    arguments += ["--friction", "0.1, 0.6", "--rolling-friction", "0", "--common-error", "3 %"]
-    done = CliRunner().invoke(app, [str(one) for one in arguments])
+def bench(folder, case, currents, factor=1.0):
+    """The curve of a scene by the law, with errors of 2 % of each point."""
+    torques = [factor * expectation_of(case.with_values({CURRENT: one})).torque for one in currents]
+    rows = "".join(f"{one},{T:.6g},{0.02 * T:.6g}\n" for one, T in zip(currents, torques, strict=True))
+    return write(folder, f"bench-{factor:g}.csv", "current [A], torque [N m], error [N m]\n" + rows)
+
+
+@pytest.fixture(scope="module")
+def quickstart():
+    return emclutch.load_case(CASES / "quickstart.toml", COARSE)
+
+
+def test_torques_of_many_powders_are_those_of_their_scenes(quickstart):
+    """One device with three laws and four fills, B interpolated between solves: within 0.2 % of each scene alone."""
+    pairs, fills = ((0.3, 0.2), (0.6, 0.228), (0.6, 0.054)), np.array([0.25, 0.29, 0.36, 0.42])
+    base = quickstart.with_values({"particles.mass": None, "particles.count": None, FILL: 0.3})
+    scene, laws = base.scene, shipped_laws()
+    device = build_device(scene)
+    field, _ = expected_magnetisation(base, device)
+    chi = scene.grains.susceptibility
+    torque, error, guess = torques_of_powders(scene, device, field, [laws.of(*pair, chi) for pair in pairs], fills)
+    for i, (friction, rolling) in enumerate(pairs):
+        for j, fill in enumerate(fills.tolist()):
+            case = base.with_values({FRICTION: friction, ROLLING: rolling, FILL: fill})
+            alone = expectation_of(case, device.driven_as(case.scene))
+            assert torque[i, j] == pytest.approx(alone.torque, rel=2e-3)
+            parts = [half / 1.96 for name, half in alone.parts.items() if name != "form"]
+            assert alone.real.is_guess == (guess[i, j] > 0.0)
+            assert alone.real.is_guess or error[i, j] == pytest.approx(np.linalg.norm(parts), rel=1e-2)
+
+
+def test_half_of_the_scatter_about_the_form_of_the_law_is_common_to_all_fields():
+    """Mean product of the deviations of gap cells that differ in the field alone, of near fields and of far ones."""
+    cells = pandas.read_csv(CASES.parent / "docs" / "gap_cells.csv", comment="#").query("spread == 1")
+    laws, Ms = shipped_laws(), 1.3e6
+    same, rows = ["friction", "rolling_friction", "susceptibility", "fill", "height", "edge", "set_inertial_number"], []
+    for powder, own in cells.groupby(same[:3]):
+        law = laws.of(*powder)
+        for _, one in own.iterrows():
+            tau = float(law.stress(one.flux_density, Ms, one.fill, one.height, one.inertial_number))
+            rows.append({**one[[*same, "field_strength"]], "miss": np.log(one.shear_stress / tau)})
+    table = pandas.DataFrame(rows)
+    pairs = table.merge(table, on=same).query("field_strength_x < field_strength_y")
+    apart = np.log(pairs.field_strength_y / pairs.field_strength_x)
+    product, half = pairs.miss_x * pairs.miss_y, 0.5 * (table.miss**2).mean()
+    for some in (apart < 0.7, apart >= 0.7):
+        error = product[some].std() / np.sqrt(some.sum())
+        assert 0.0 < error < 0.5 * half and abs(product[some].mean() - half) < 3.0 * error
+
+
+def test_the_powder_of_a_curve_is_found_again(quickstart, tmp_path):
+    """Friction 0.5, rolling friction 0.15, not one of the simulated powders; the angle of repose narrows both down."""
+    truth = quickstart.with_values({FRICTION: 0.5, ROLLING: 0.15, "particles.repose": None})
+    curve = bench(tmp_path, truth, (0.3, 0.5, 0.8))
+    words = ["fit", CASES / "quickstart.toml", "--to", curve, "--common-error", "3 %", "--out", tmp_path / "fit"]
+    words += [word for key, value in COARSE.items() for word in ("--set", f"{key}={value}")]
+    done = CliRunner().invoke(app, [*map(str, words)], env={"COLUMNS": "500"})
     assert done.exit_code == 0, done.output
     found = json.loads((tmp_path / "fit" / "fit.json").read_text())
-    (friction,) = found["parameters"]
-    assert friction["name"] == "contact.friction" and 0.1 < friction["value"] < 0.6
-    assert (found["measured_points"], found["left_out"], found["common_error"]) == (2, 1, 0.03)
-    assert "The intervals contain a common error of 3 % of all measured torques" in done.output
+    for one, (name, value) in zip(found["parameters"], ((FRICTION, 0.5), (ROLLING, 0.15)), strict=True):
+        assert one["name"] == name and one["low"] <= value <= one["high"]
+    assert not found["is_poor"] and not found["is_guess"] and found["guess_points"] == 0
+    low, high = found["repose"]
+    assert low < np.radians(28.0) < high and high - low < np.radians(10.0)  # emclutch powder gives 27.6 degrees
+    assert f"The curve does not bound {FRICTION}: it mainly fixes the strength" in done.output
+    table = pandas.read_csv(tmp_path / "fit" / "fit.csv")
+    assert (abs(table.torque / table.torque_measured - 1.0) < 0.02).all()
+    assert ((table.low < table.torque_measured) & (table.torque_measured < table.high)).all()
     fitted = emclutch.load_case(tmp_path / "fit" / "fitted.toml").scene
-    assert fitted.contact.friction == friction["value"] and fitted.particles.repose is None
-    assert fitted.effects.rolling is None
-    assert len(emclutch.load_study(tmp_path / "fit" / "points").table) == 4
+    assert fitted.contact.friction == pytest.approx(found["parameters"][0]["value"], rel=1e-3)
     assert (tmp_path / "fit" / "fit.png").stat().st_size > 10_000
-    times = [path.stat().st_mtime_ns for path in sorted((tmp_path / "fit").glob("points/point-*/history.csv"))]
-    again = CliRunner().invoke(app, [*(str(one) for one in arguments), "--resume", "--json"])
-    assert again.exit_code == 0, again.output
-    assert json.loads(again.stdout)["parameters"] == [friction]
-    assert times == [path.stat().st_mtime_ns for path in sorted((tmp_path / "fit").glob("points/point-*/history.csv"))]
-    assert CliRunner().invoke(app, [str(one) for one in arguments]).exit_code == 2  # the folder is there
-    for other, key in (("--friction=0.1, 0.5", "contact.friction"), ("--set=time.end=0.3 ms", "time.end")):
-        mixed = CliRunner().invoke(app, [*(str(one) for one in arguments), "--resume", other])
-        assert mixed.exit_code == 2 and f"was begun with another {key}; give what" in " ".join(mixed.output.split())
+    assert "Next: map the torque of these values: emclutch map" in done.output and "emclutch powder-law" in done.output
+    assert CliRunner().invoke(app, [*map(str, words)]).exit_code == 2  # the folder is there
+    closer = fit(quickstart, curve, repose=(np.radians(28.0), np.radians(1.0)), out=tmp_path / "closer")
+    assert closer.fit.parameters[1].low <= 0.15 <= closer.fit.parameters[1].high
+    assert low < closer.repose[0] < np.radians(28.0) < closer.repose[1] < high
+
+
+def test_the_fill_of_a_curve_is_found_again_and_more_torque_is_more_powder(quickstart, tmp_path):
+    truth = quickstart.with_values({"particles.mass": None, "particles.count": None, FILL: 0.34})
+    rolling = quickstart.scene.effects.rolling.coefficient
+    options = {"friction": quickstart.scene.contact.friction, "rolling_friction": rolling, "fill": (0.25, 0.45)}
+    (one,) = fit(quickstart, bench(tmp_path, truth, (0.4, 0.8)), **options, out=tmp_path / "a").fit.parameters
+    assert one.name == FILL and one.value == pytest.approx(0.34, abs=0.003) and one.bounded == (True, True)
+    more = fit(quickstart, bench(tmp_path, truth, (0.4, 0.8), 1.1), **options, out=tmp_path / "b")
+    assert more.fit.parameters[0].low > one.low and more.fit.parameters[0].value > one.value + 0.01
+    assert more.case.scene.particles.mass is None and more.repose is None
+
+
+def test_a_device_outside_of_the_law_is_a_guess_and_is_said(tmp_path):
+    """An annulus has no pole faces: strengths within a factor of 2."""
+    near = {"model": "near_field", "cutoff": 2.5}
+    cell = case_from(CELL, {"effects.dipoles": near, "effects.wall_images": {}, "particles.diameter": "0.15 mm"})
+    torques = [expectation_of(cell.with_values({FIELD: H, ROLLING: 0.2})).torque for H in (100e3, 150e3)]
+    curve = write(tmp_path, "m.csv", f"H [kA/m], torque [mN m], error [mN m]\n0,0,1\n100,{1e3 * torques[0]},1\n"
+                  f"150,{1e3 * torques[1]},1\n")  # fmt: skip
+    found = fit(cell, curve, friction=0.3, over=FIELD, out=tmp_path / "fit")
+    assert found.fit.is_guess and found.left_out == 1
+    assert "The fit is a guess, as is the torque: guess by the powder's law" in str(found.report().statements())
+    assert not any(found.fit.parameters[0].bounded)
 
 
 def test_a_measured_curve_is_read_in_its_units(tmp_path):
@@ -110,38 +182,40 @@ def test_a_sheared_box_has_no_torque_to_fit(tmp_path):
         fit(case_from(box), tmp_path / "none.csv")
 
 
-def test_a_common_error_out_of_range_is_refused_before_anything_runs(tmp_path):
+def test_a_common_error_out_of_range_is_refused(tmp_path):
     with pytest.raises(SceneError, match=r"common_error = 3 is out of range; allowed: >= 0, < 1"):
         fit(case_from(CELL), tmp_path / "none.csv", common_error=3.0, out=tmp_path / "fit")
+
+
+def test_powder_without_magnetism_has_no_law(tmp_path):
+    curve = write(tmp_path, "m.csv", "H [kA/m], torque [N m]\n100,0.01\n150,0.02\n200,0.03\n")
+    dry = case_from(CELL, {"effects.dipoles": None})
+    with pytest.raises(SceneError, match="no magnetised powder is sheared"):
+        fit(dry, curve, over=FIELD, out=tmp_path / "fit")
     assert not (tmp_path / "fit").exists()
 
 
-def test_what_is_varied_goes_by_the_keys_of_the_scene():
-    case = case_from(CELL)
-    keys = Varied(friction=(0.5, 0.2), rolling=(0.0, 0.3), fill=(0.3,)).keys(case.scene)
-    assert keys == {
-        "contact.friction": (0.2, 0.5), "effects.rolling_friction.coefficient": (0.0, 0.3),
-        "particles.solid_fraction": (0.3,),
-    }  # fmt: skip
-    heavy = case_from(CELL | {"particles": {"diameter": "0.3 mm", "mass": "0.5 g", "sector": "20 deg"}})
-    assert study_case(heavy, keys).scene.particles.mass is None
+def test_a_value_or_a_range_is_read():
+    assert ends_of("0.4", "--friction") == 0.4 and ends_of("0.25:0.4", "--fill") == (0.25, 0.4)
+    with pytest.raises(SceneError, match="is not a value or a range"):
+        ends_of("0.2:0.3:0.4", "--friction")
 
 
 @pytest.mark.parametrize(
     ("options", "says"),
     [
         (("--friction", "0.3", "--rolling-friction", "0.1"), "nothing is fitted"),
-        (("--friction", "-1, 1"), "out of range"),
+        (("--friction", "-1:1"), "out of range"),
+        (("--friction", "0.2:5"), "the law of the powder holds from 0.2 to 0.7"),
         (("--over", "particles.region"), "not a continuous quantity"),
         (("--over", "coil.nothing"), "coil.nothing"),
-        (("--friction", "0.2, 5", "--repose", "20 deg"), "beyond the table"),
         (("--repose", "200 deg"), "out of range"),
+        (("--uncertainty", "2 deg"), "needs --repose"),
         (("--common-error", "3"), "is not a percentage"),
         (("--common-error", "3 %, 5 %"), "has 2 entries; give one"),
-        (("--resume",), "needs a fit that was begun"),
-        (("--at", "10 kA/m, 20 kA/m"), "0 points at the simulated drives, 10000 to 20000 A/m, too few"),
         (("--over", "coil.current"), "the scene does not have; name its drive"),
-        (("--fill", "0.3, 0.7", "--rolling-friction", "0"), "particles.solid_fraction = 0.7 fills 0.7"),
+        (("--fill", "0.3:0.7", "--rolling-friction", "0"), "particles.solid_fraction = 0.7 fills 0.7"),
+        (("--fill", "0.3:0.4"), "has 3 points without errors, too few for 3 parameters"),
     ],
 )
 def test_what_cannot_be_asked_is_explained(options, says, tmp_path):
