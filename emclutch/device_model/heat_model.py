@@ -40,6 +40,9 @@ COIL, POWDER = 0, 1
 
 SHAFT_ENDS = "shaft_ends"
 
+_RISE = 1e-3
+"""Of the powder [K], for the torque's derivative: its round-off is 1e-12 of the torque."""
+
 
 @dataclass(frozen=True, slots=True)
 class Drive:
@@ -72,14 +75,11 @@ class HeatModel:
     R_20 : float
         Resistance of the coil at 20 degrees C [ohm].
     torque : Callable
-        Current [A] to torque [N m] at the first temperature of `fade`, or any.
-    fade : tuple of (temperatures, factors) or None
-        Change of the torque with the powder's temperature [degrees C].
+        Current [A], >= 0, and mean temperature of the powder [degrees C] to torque [N m].
     """
 
     R_20: float
-    torque: Callable[[float], float]
-    fade: tuple[np.ndarray, np.ndarray] | None = None
+    torque: Callable[[float, float], float]
 
     def resistance(self, temperature: float) -> float:
         """R of the coil [ohm] at a mean temperature [degrees C]; the linear law, also outside of -100 to 250."""
@@ -89,15 +89,10 @@ class HeatModel:
         """The current [A] with the coil at a temperature [degrees C]."""
         return drive.voltage / self.resistance(temperature) if drive.current is None else drive.current
 
-    def torque_at(self, current: float, temperature: float) -> float:
-        """The torque [N m] at a current [A] and temperature of the powder [degrees C]."""
-        return self.torque(abs(current)) * self._fade(temperature)[0]
-
     def powers(self, drive: Drive, means: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Powers of coil and powder (2,) [W] at their mean temperatures (2,), and the derivatives (2,) [W/K].
 
-        That of the torque with the coil's temperature, at a given voltage, is left out: a small change of the powder's
-        power, to which the iteration converges all the same.
+        That of the torque with the coil's temperature, at a given voltage, is left out; iterations converge even so.
         """
         R = self.resistance(means[COIL])
         R_slope = self.R_20 * COPPER_TEMPERATURE_COEFFICIENT
@@ -106,18 +101,9 @@ class HeatModel:
         copper_slope = R_slope * current**2 * (1.0 if drive.current is not None else -1.0)
         if drive.slip_power is not None:
             return np.array([copper, drive.slip_power]), np.array([copper_slope, 0.0])
-        factor, factor_slope = self._fade(means[POWDER])
-        cold = self.torque(abs(current)) * abs(drive.slip)
-        return np.array([copper, cold * factor]), np.array([copper_slope, cold * factor_slope])
-
-    def _fade(self, temperature: float) -> tuple[float, float]:
-        if self.fade is None:
-            return 1.0, 0.0
-        at, factors = self.fade
-        value = float(np.interp(temperature, at, factors))
-        k = int(np.searchsorted(at, temperature, side="right")) - 1
-        inside = 0 <= k < len(at) - 1
-        return value, float((factors[k + 1] - factors[k]) / (at[k + 1] - at[k])) if inside else 0.0
+        torque, warmer = (self.torque(abs(current), means[POWDER] + rise) for rise in (0.0, _RISE))
+        slip = abs(drive.slip)
+        return np.array([copper, torque * slip]), np.array([copper_slope, (warmer - torque) / _RISE * slip])
 
 
 def resistance_at_20(scene: Scene) -> float:

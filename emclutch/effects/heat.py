@@ -1,8 +1,7 @@
 """[effects.heat]: slip power and copper loss warm the section (`field.heat`), through hours of duty (`emclutch heat`).
 
-Grains move in milliseconds and steel warms in hours, so that a run of the grains does not feel the effect: its torque
-goes into `torque` or `torque_curve`, and what changes it with the temperature, of runs at a few temperatures, into
-`fade`.
+Grains move in milliseconds and steel warms in hours, so that a run of the grains does not feel the effect. The torque
+is that of the powder's law at each current and temperature; `torque`, `torque_curve` and `fade` are measured.
 """
 
 from __future__ import annotations
@@ -42,9 +41,9 @@ def _increases(values: tuple[float, ...]) -> bool:
 
 
 class FadeSection(Section):
-    """The torque at temperatures of the powder over its own at the first one; linear between, constant outside.
+    """The measured torque at temperatures of the powder over its own at the first one, at a given current.
 
-    From a torque map over the temperature, from runs with the friction of each temperature, or from a measurement.
+    Linear between, constant outside. It replaces the change by the law of the powder, which leaves out friction's.
     """
 
     temperatures: tuple[Temperature, ...] = Field(min_length=1, description="increasing")
@@ -70,7 +69,7 @@ class FadeSection(Section):
 
 
 class TorqueCurveSection(Section):
-    """Torque against the coil's current, as of a sweep; linear between, constant outside."""
+    """Measured torque against the coil's current; linear between, constant outside, the same at every temperature."""
 
     currents: tuple[Current, ...] = Field(min_length=2, description="increasing, >= 0")
     torques: tuple[LoadTorque, ...] = Field(min_length=2, description="one for each")
@@ -170,16 +169,16 @@ def _knows_its_materials(partial: PartialScene) -> Iterator[Fault]:
 
 
 def _knows_its_torque(partial: PartialScene) -> Iterator[Fault]:
-    """The torque at another current than the coil's largest is that of a curve."""
+    """The torque at another current than the coil's largest is that of the powder's law, or of a curve."""
     effect, coil = partial.scene.effects.thermal, partial.scene.coil
-    if effect is None or coil is None or effect.torque_curve is not None:
+    if effect is None or coil is None or effect.torque_curve is not None or not partial.is_of_the_field_alone:
         return
     if coil.is_at_voltage:
         yield Fault(
             "effects.heat.torque_curve",
             "",
-            "is missing: at a given voltage the current falls as the coil warms; give the torque against the current "
-            "(emclutch sweep), or coil.current instead of the voltage alone",
+            "is missing: at a given voltage the current falls as the coil warms; give [particles] for the law of the "
+            "powder, the measured torque against the current, or coil.current instead of the voltage alone",
         )
     duty, of_scene = effect.duty.current, coil.current
     if duty is not None and (
@@ -188,8 +187,8 @@ def _knows_its_torque(partial: PartialScene) -> Iterator[Fault]:
         largest = "" if of_scene is None else f" of {of_scene.largest:g} A"
         yield partial.fault(
             "effects.heat.duty.current",
-            f"changes the torque from that at the coil's largest current{largest}; give effects.heat.torque_curve too, "
-            "or take that current all the time",
+            f"changes the torque from that at the coil's largest current{largest}; give [particles] for the law of the "
+            "powder, or effects.heat.torque_curve, or take that current all the time",
         )
 
 
@@ -252,13 +251,15 @@ class HeatSection(EffectSection):
     )
     torque: LoadTorque | None = Field(
         default=None,
-        description="of the device at the largest current; default: the expected one of `emclutch check`, or that of a "
-        "run (emclutch heat --run)",
+        description="measured at the largest current of [coil], to which the law of the powder is scaled; default: the "
+        "law's own, or that of a run (emclutch heat --run)",
     )
     torque_curve: TorqueCurveSection | None = Field(
-        default=None, description="torque against current, instead; with a run, scaled to meet its torque"
+        default=None, description="measured torque against current, instead of the law; scaled to a run's"
     )
-    fade: FadeSection | None = Field(default=None, description="change of the torque with the powder's temperature")
+    fade: FadeSection | None = Field(
+        default=None, description="measured change with the powder's temperature, instead of the law's"
+    )
     duty: DutySection = DutySection()
     surface_limit: Temperature = Field(default=75.0, description="largest temperature of the outside")
     coil_limit: Temperature = Field(

@@ -1,7 +1,7 @@
 """`emclutch heat`: temperatures of a device through hours of duty, and the slip power that it may have.
 
-The torque is that of the grains: of a run (`run`), of the scene (`effects.heat.torque`, `torque_curve`), or the
-expected one of `emclutch check`. From there on the thermal model stands alone (`emclutch.device_model.heat_model`,
+The torque at each current and temperature of the powder is that of the powder's law, of a measurement or of both
+(`emclutch.studies.heat_torque`). From there on the thermal model stands alone (`emclutch.device_model.heat_model`,
 `field.heat`).
 
 A duty of up to `MAX_RESOLVED_PERIODS` periods is resolved. One of more is *averaged*: the mean power over a period
@@ -17,12 +17,13 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
-from math import inf, isclose
+from math import inf
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas
+from scipy.optimize import brentq
 
 from emclutch.device_model.coil_heat import HOTTEST
 from emclutch.device_model.heat_model import (
@@ -35,8 +36,6 @@ from emclutch.device_model.heat_model import (
     heat_problem,
     resistance_at_20,
 )
-from emclutch.effects.heat import HeatSection, TorqueCurveSection
-from emclutch.results import load_result
 from emclutch.results.errors import RunError
 from emclutch.results.new_path import new_folder
 from emclutch.results.pictures.temperature import duty_picture, temperature_picture
@@ -47,7 +46,8 @@ from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import Fault, SceneError, bad_input_for
 from emclutch.scene.model import Scene
 from emclutch.studies.heat_report import heat_report
-from field.heat.conduction import HeatNotConverged, HeatProblem, Powers, ThermalRunaway
+from emclutch.studies.heat_torque import torque_of
+from field.heat.conduction import MOLTEN, HeatNotConverged, HeatProblem, Powers, ThermalRunaway
 from field.heat.transient import HeatInTime, HeatState, Ripple
 
 SPEEDS = tuple(n / RPM for n in (50.0, 100.0, 200.0, 500.0, 1000.0, 1500.0))
@@ -55,6 +55,9 @@ SPEEDS = tuple(n / RPM for n in (50.0, 100.0, 200.0, 500.0, 1000.0, 1500.0))
 
 MAX_RESOLVED_PERIODS = 300
 """Of a duty; beyond, it is averaged."""
+
+_MOST = 1e9
+"""Power [W] or current [A] beyond which no limit is sought."""
 
 _ROWS = 100
 """Of an averaged duty at least: limits are met between rows on a line."""
@@ -91,9 +94,12 @@ PERMITTED_UNITS = {
     "slip_power": "W",
     "torque": "N m",
     "powder_hottest": "degC",
+    "current": "A",
+    "torque_of_current": "N m",
 }
 """Of permitted.csv: the slip speed, the speeds of both bodies and the rotor's film at it; the slip power up to which
-surface and coil stay below their limits, the smaller of both, and its torque."""
+surface and coil stay below their limits, the smaller of both, and its torque; where the torque of all currents is
+known, the largest one up to the duty's that may flow steadily at that slip, and its torque."""
 
 
 @dataclass(frozen=True)
@@ -133,8 +139,8 @@ def heat(
     Parameters
     ----------
     case : Case, or the path of a scene file
-    run : folder of a run whose torque is taken; effects.heat.torque_curve is scaled to it at its current. Default: the
-        torque of the scene, else the expected one.
+    run : folder of a run; the torque is scaled to its own at its current. Default: effects.heat.torque, else that of
+        the law of the powder as it is.
     speeds : slip speeds [rad/s], > 0, at which the permitted slip power is computed.
     out : new folder; default: the next runs/<case>-heat-<nnn>.
 
@@ -142,6 +148,8 @@ def heat(
     ------
     SceneError
         The scene has faults, no [effects.heat], or no torque; its equations are not solved.
+    ConvergenceError
+        The field of a current of the powder's law is not found.
     OutputError
         The folder is there already.
     RunError
@@ -159,14 +167,14 @@ def heat(
     summary: dict[str, Any] = {"title": case.scene.scene.title, "units": units, "torque": study.torque_summary}
     try:
         summary["steady"], temperature = study.steady()
+        summary["steady_at_the_ends"] = {end: study.with_torque_times(by).steady()[0] for end, by in study.ends.items()}
         table, summary["duty"], last = study.through_the_duty(temperature)
         permitted = study.permitted(speeds)
         summary["largest_current"] = study.largest_currents()
         summary["error_of_the_mesh"] = study.mesh_error(temperature)
     except HeatNotConverged as error:
-        key = "torque_curve" if case.scene.effects.thermal.fade is None else "fade"
         remedy = "let the torque change less steeply in effects.heat.fade and torque_curve, or leave them out"
-        fault = Fault(f"effects.heat.{key}", "", f"does not let the temperatures converge: {error}; {remedy}")
+        fault = Fault("effects.heat", "", f"has temperatures that do not converge: {error}; {remedy}")
         raise SceneError([fault], "scene" if case.path is None else str(case.path)) from error
     folder.mkdir(parents=True)
     table.to_csv(folder / "heat.csv", index=False)
@@ -195,18 +203,29 @@ class _Study:
         scene = case.scene
         effect, coil, shape = scene.effects.thermal, scene.coil, scene.shape()
         assert coil is not None  # by the effect's checks
-        fade = effect.fade and (np.array(effect.fade.temperatures), np.array(effect.fade.factors))
+        window = shape.coil_area, shape.coil_mean_radius
+        current, R_20 = coil.currents_in(*window).largest, resistance_at_20(scene)
         slip = scene.motion.largest_slip if effect.duty.slip is None else effect.duty.slip.largest
         problem = heat_problem(scene, *scene.motion.speeds_at_slip(slip))
         if coil.is_at_voltage:
             assert coil.voltage is not None  # what drives it
             peak = Drive(None, coil.voltage.largest, slip)
         else:
-            window = shape.coil_area, shape.coil_mean_radius
-            current = coil.currents_in(*window).largest if effect.duty.current is None else effect.duty.current.largest
-            peak = Drive(current, 0.0, slip)
-        torque, torque_summary = _torque(case, peak.current, run)
-        return cls(scene, problem, HeatModel(resistance_at_20(scene), torque, fade), torque_summary, peak)
+            peak = Drive(current if effect.duty.current is None else effect.duty.current.largest, 0.0, slip)
+        largest = HeatModel(R_20, lambda *_: 0.0).current(peak, effect.ambient)
+        torque, torque_summary = torque_of(case, current, largest, run)
+        return cls(scene, problem, HeatModel(R_20, torque), torque_summary, peak)
+
+    @property
+    def ends(self) -> dict[str, float]:
+        """Ends of the torque's 95 % interval over the torque; empty of a measured torque, whose interval is unknown."""
+        known, value = self.torque_summary, self.torque_summary["value"]
+        return {end: known[end] / value for end in ("low", "high") if end in known and value > 0.0}
+
+    def with_torque_times(self, factor: float) -> _Study:
+        """The study with all torques times a factor."""
+        torque = self.model.torque
+        return replace(self, model=replace(self.model, torque=lambda *at: factor * torque(*at)))
 
     def _solve(self, drive: Drive, problem: HeatProblem | None = None, near: np.ndarray | None = None) -> np.ndarray:
         """Steady temperatures, found sooner from others that are `near`.
@@ -239,7 +258,7 @@ class _Study:
             time,
             sum(share * currents[drive] for drive, share in drives.items()),
             sum(share * drive.slip for drive, share in drives.items()),
-            sum(share * model.torque_at(currents[drive], means[POWDER]) for drive, share in drives.items()),
+            sum(share * model.torque(abs(currents[drive]), means[POWDER]) for drive, share in drives.items()),
             powers[COIL],
             powers[POWDER],
             sum(problem.losses(temperature).values()),
@@ -439,14 +458,31 @@ class _Study:
                 powder = float(problem.largest(at(power))[POWDER])
             except ThermalRunaway:  # the coil alone is too hot
                 powder = float("nan")
-            values = (speed, rotor, disc, film_of(self.scene, rotor), by_surface, by_coil, power, power / speed, powder)
-            rows.append(dict(zip(PERMITTED_UNITS, values, strict=True)))
+            values = [speed, rotor, disc, film_of(self.scene, rotor), by_surface, by_coil, power, power / speed, powder]
+            if self.torque_summary["of_all_currents"]:
+                values += self.steady_current(problem, speed)
+            rows.append(dict(zip(PERMITTED_UNITS, values, strict=False)))
         return pandas.DataFrame(rows)
 
-    def largest_currents(self) -> dict[str, float | None]:
+    def steady_current(self, problem: HeatProblem, slip: float) -> tuple[float, float]:
+        """Largest current [A], at most the duty's, at which slip [rad/s] all the time keeps both limits; its torque."""
+        effect, model = self.scene.effects.thermal, self.model
+
+        def excess(current: float) -> float:
+            found = self._solve(Drive(current, slip=slip), problem)
+            coil = float(problem.largest(found)[COIL])
+            return max(_surface(problem, found) - effect.surface_limit, coil - effect.coil_limit)
+
+        current = min(abs(model.current(self.peak, effect.ambient)), _where_reached(excess, 0.0, "surface_limit"))
+        if current == 0.0:
+            return 0.0, model.torque(0.0, effect.ambient)
+        return current, model.torque(current, problem.means(self._solve(Drive(current, slip=slip), problem))[POWDER])
+
+    def largest_currents(self) -> dict[str, float]:
         """Steady currents [A] without slip at which the coil reaches its limit, and at which its mean is `HOTTEST`.
 
-        Beyond, steady temperatures may exist, of a winding that has burnt.
+        Beyond, steady temperatures may exist, of a winding that has burnt. Where the torque of all currents is known,
+        also the `steady_current` with the duty's largest slip, and those of the ends of the torque's 95 % interval.
         """
 
         def with_copper_loss(power: float) -> np.ndarray:
@@ -458,10 +494,15 @@ class _Study:
             return float(np.sqrt(power / self.model.resistance(mean)))
 
         limit = self.scene.effects.thermal.coil_limit
-        return {
+        out = {
             "at_the_coil_limit": current_at(limit, lambda found: float(self.problem.largest(found)[COIL])),
             "at_a_mean_of_250_degrees": current_at(HOTTEST, lambda found: float(self.problem.means(found)[COIL])),
         }
+        if self.torque_summary["of_all_currents"]:
+            out["with_slip"], _ = self.steady_current(self.problem, self.peak.slip)
+            for end, by in self.ends.items():
+                out[f"with_slip_{end}"], _ = self.with_torque_times(by).steady_current(self.problem, self.peak.slip)
+        return out
 
     def mesh_error(self, temperature: np.ndarray | None) -> dict[str, float] | str:
         """Steady temperatures less those of elements of the next order [K]."""
@@ -502,111 +543,35 @@ class _AtSlipPower:
         return float(self.problem.largest(self(power))[COIL])
 
 
-def _torque(
-    case: Case, largest: float | None, run: str | Path | None
-) -> tuple[Callable[[float], float], dict[str, Any]]:
-    """Torque [N m] of a current [A], and where it comes from; `largest` current [A], None at a given voltage."""
-    effect = case.scene.effects.thermal
-    if run is not None:
-        return _torque_of_run(effect, largest, run)
-    if effect.torque_curve is not None:
-        return _on_curve(effect.torque_curve), {"source": "effects.heat.torque_curve"}
-    if effect.torque is not None:
-        return _while_on(effect.torque), {"value": effect.torque, "source": "effects.heat.torque"}
-    if case.scene.particles is None:
-        raise ValueError(
-            "effects.heat has no torque: the scene has no grains; give effects.heat.torque, or --run FOLDER"
-        )
-    from emclutch.simulation.forecast.expected_torque import expected_torque  # local: it needs a plan
-    from emclutch.simulation.plan import make_plan
-
-    device, plan = make_plan(case)
-    expected = expected_torque(case.scene, device, plan.peak_field)
-    if expected.torque is None:
-        raise ValueError(f"effects.heat has no torque: {expected.law}; give effects.heat.torque, or --run FOLDER")
-    words = f"expected: {expected.in_words()}"
-    return _while_on(expected.torque), {"value": expected.torque, "source": words}
-
-
-def _torque_of_run(
-    effect: HeatSection, largest: float | None, run: str | Path
-) -> tuple[Callable[[float], float], dict[str, Any]]:
-    """Torque of a run at its own current; at others, of effects.heat.torque_curve scaled to meet it there."""
-    if effect.torque is not None:
-        raise ValueError(f"effects.heat.torque = {effect.torque:g} N m conflicts with the run {run}; keep one of them")
-    summary = load_result(run).summary
-    mean, current = summary.get("torque", {}).get("mean"), summary.get("current")
-    if mean is None:
-        raise ValueError(f"the run {run} has no steady torque; let it end, or give effects.heat.torque")
-    found = {"value": abs(mean), "source": f"the run {run}"}
-    if effect.torque_curve is not None:
-        curve = _on_curve(effect.torque_curve)
-        if current is None or curve(abs(current)) == 0.0:
-            at = "it has no coil current" if current is None else f"the curve has no torque at its {current:.4g} A"
-            raise ValueError(
-                f"effects.heat.torque_curve cannot be scaled to the run {run}: {at}; give a curve with a torque there, "
-                "or leave out the run"
-            )
-        factor = abs(mean) / curve(abs(current))
-        found["source"] += f" at {abs(current):.4g} A; at other currents effects.heat.torque_curve times {factor:.4g}"
-        return lambda current: factor * curve(current), found
-    if current is not None and largest is not None and not isclose(abs(current), largest, rel_tol=1e-3):
-        raise ValueError(
-            f"the run {run} has a coil current of {abs(current):.4g} A, the duty one of {largest:.4g} A; give "
-            "effects.heat.torque_curve too, which is then scaled to the run, or take a run at the duty's current"
-        )
-    return _while_on(abs(mean)), found
-
-
-def _on_curve(curve: TorqueCurveSection) -> Callable[[float], float]:
-    currents, torques = np.array(curve.currents), np.array(curve.torques)
-    return lambda current: float(np.interp(current, currents, torques))
-
-
-def _while_on(torque: float) -> Callable[[float], float]:
-    return lambda current: torque if current > 0.0 else 0.0
-
-
 def _surface(problem: HeatProblem, temperature: np.ndarray) -> float:
     """Temperature of the hottest place outside, the shaft's ends excepted [degrees C]."""
     return max(one for name, one in problem.surface_temperatures(temperature).items() if name != SHAFT_ENDS)
 
 
 def _where_reached(value: Callable[[float], float], limit: float, key: str) -> float:
-    """Power [W] at which a temperature that rises with it reaches a limit, to 0.01 K; 0 if above without power.
+    """Power [W] or current [A] at which a temperature that rises with it reaches a limit; 0 if above without it.
 
-    Secants from 0 W and 1 W; the temperature of a power that makes the winding run away counts as above the limit.
-    RunError with the `key` of the limit where no power is found.
+    By Brent's method; a value that makes the winding run away counts as above the limit. RunError with the `key` of the
+    limit where none is found.
     """
-    try:
-        low, at_low = 0.0, value(0.0)
-    except ThermalRunaway:
-        return 0.0
-    if at_low >= limit:
-        return 0.0
-    power, high = 1.0, inf
-    for _ in range(60):
+
+    def excess(power: float) -> float:
         try:
-            found = value(power)
+            return value(power) - limit
         except ThermalRunaway:
-            found = inf
-        if abs(found - limit) < 0.01:
-            return power
-        if found > limit:
-            high = power
-        slope = (found - at_low) / (power - low) if np.isfinite(found) else 0.0
-        if found < limit:
-            low, at_low = power, found
-        guess = power + (limit - found) / slope if slope > 0.0 else 0.5 * (low + high)
-        if not low < guess < high:
-            guess = 0.5 * (low + high) if np.isfinite(high) else 2.0 * power
-        if high - low < 1e-6 * max(high, 1.0):
-            return low
-        power = guess
-    raise RunError(
-        f"no power was found in 60 steps of the secant method at which effects.heat.{key} = {limit:g} degrees C is "
-        f"reached: {low:.4g} W make {at_low:.4g} degrees C; lower {key}, or convection and shaft_conductance"
-    )
+            return MOLTEN
+
+    if excess(0.0) >= 0.0:
+        return 0.0
+    high = 1.0
+    while excess(high) < 0.0:
+        high *= 2.0
+        if high > _MOST:
+            raise RunError(
+                f"effects.heat.{key} = {limit:g} degrees C is reached by no power or current: {_MOST:g} W make "
+                f"{value(_MOST):.4g} degrees C; lower {key}, or convection and shaft_conductance"
+            )
+    return brentq(excess, 0.0, high, rtol=1e-6)
 
 
 def _gauss(edges: Sequence[float] | np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -24,6 +24,14 @@ from emclutch.results.report.report import (
 from emclutch.results.text import format_duration, in_words
 
 PLACES = {"coil_hottest": "coil", "powder_hottest": "powder", "surface": "surface"}
+PERMITTED = {
+    "by_surface": "limited by surface [W]",
+    "by_coil": "limited by coil [W]",
+    "slip_power": "permitted slip power [W]",
+    "torque": "torque [N m]",
+    "current": "permitted current [A]",
+    "torque_of_current": "its torque [N m]",
+}
 
 
 def heat_report(folder: Path, summary: dict[str, Any], permitted: pandas.DataFrame) -> Report:
@@ -43,6 +51,10 @@ def _temperatures(summary: dict[str, Any]) -> Table:
     table = []
     if "surface" in steady:
         table.append(("steady, on all the time", *(f"{steady[key]:.1f}" for key in PLACES)))
+    for end, of_end in summary["steady_at_the_ends"].items():
+        table.append(
+            (f"steady, {end}est torque (95 %)", *(f"{of_end[key]:.1f}" if key in of_end else "none" for key in PLACES))
+        )
     table.append(("maximum over the duty cycle", *(f"{duty[f'largest_{key}']:.1f}" for key in PLACES)))
     if duty.get("steady"):
         table.append(("maximum, duty repeated for ever", *(f"{duty['steady'][key]:.1f}" for key in PLACES)))
@@ -52,9 +64,8 @@ def _temperatures(summary: dict[str, Any]) -> Table:
 def _permitted(permitted: pandas.DataFrame) -> Table:
     table = []
     for row in permitted.to_dict("records"):
-        shown = (row["by_surface"], row["by_coil"], row["slip_power"], row["torque"])
-        table.append((f"{RPM * row['speed']:.0f}", *(f"{value:.3g}" for value in shown)))
-    head = ("slip [1/min]", "limited by surface [W]", "limited by coil [W]", "permitted slip power [W]", "torque [N m]")
+        table.append((f"{RPM * row['speed']:.0f}", *(f"{row[key]:.3g}" for key in PERMITTED if key in row)))
+    head = ("slip [1/min]", *(words for key, words in PERMITTED.items() if key in permitted))
     return Table(table, head, range(len(head)))
 
 
@@ -72,13 +83,19 @@ def _limits(summary: dict[str, Any]) -> Iterator[Statement]:
 def _remarks(summary: dict[str, Any], permitted: pandas.DataFrame) -> Iterator[Statement]:
     """Say the torque, the heat flows, the largest currents and the errors."""
     steady, duty, torque, largest = summary["steady"], summary["duty"], summary["torque"], summary["largest_current"]
-    value = f"{torque['value']:.3g} N m; " if "value" in torque else ""
-    yield note(f"Torque: {value}{torque['source']}.")
+    yield Statement(
+        Mark.WARNING if torque.get("is_guess") else Mark.NOTE,
+        f"Torque at {torque['current']:.3g} A and {torque['temperature']:g} °C by {torque['source']}: "
+        f"{torque.get('words') or format(torque['value'], '.3g') + ' N m'}.",
+    )
+    others = torque["at_other_currents"], torque["at_other_temperatures"]
+    yield note(f"At other currents: {others[0]}. At other temperatures of the powder: {others[1]}.")
     if "surface" in steady:
         flows = {key.removeprefix("heat_out_"): heat for key, heat in steady.items() if key.startswith("heat_out_")}
         out = ", ".join(f"{in_words(name)} {heat:.3g} W" for name, heat in flows.items())
         copper, slip = f"{steady['copper_loss']:.3g} W of the coil", f"{steady['slip_power']:.3g} W of slip"
-        yield note(f"Steady state at {steady['current']:.3g} A: {copper} and {slip} flow out through {out}.")
+        at = f"{steady['current']:.3g} A with {steady['torque']:.3g} N m, powder at {steady['powder_mean']:.0f} °C"
+        yield note(f"Steady state at {at}: {copper} and {slip} flow out through {out}.")
     else:
         limit = f"{largest['at_a_mean_of_250_degrees']:.3g} A"
         yield warning(steady["state"])
@@ -100,6 +117,10 @@ def _remarks(summary: dict[str, Any], permitted: pandas.DataFrame) -> Iterator[S
     yield note(
         f"Largest current without slip: {coil} at the coil's limit, {hot} with a steady state below {HOTTEST:g} °C."
     )
+    if "with_slip" in largest:
+        ends = [f"{largest[key]:.3g}" for key in ("with_slip_high", "with_slip_low") if key in largest]
+        interval = f" (95 % of the torque: {' to '.join(ends)} A)" if ends else ""
+        yield note(f"Permitted current with the slip of the duty all the time: {largest['with_slip']:.3g} A{interval}.")
     error = summary["error_of_the_mesh"]
     if isinstance(error, dict):
         yield note(f"Error of the mesh in the steady state: {max(map(abs, error.values())):.2g} K.")

@@ -28,7 +28,6 @@ AT_A_VOLTAGE = {"coil.current": None, "coil.voltage": "24 V"}
 TABLES: dict[str, dict[str, Any]] = {
     "cohesion": {"force": "1 mN"},
     "fluid_drag": {"viscosity": "0.1 Pa s"},
-    "heat": {"torque_curve": {"currents": [0.0, 1.0], "torques": [0.0, 1.0]}},
 }
 """Of effects that have keys without a default."""
 

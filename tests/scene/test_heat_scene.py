@@ -14,6 +14,7 @@ from emclutch.device_model.heat_model import COIL, POWDER, Drive, HeatModel, hea
 from emclutch.scene.case import case_from
 from emclutch.scene.errors import SceneError
 from emclutch.studies import heat as heat_study
+from emclutch.studies import heat_torque
 from emclutch.studies.heat import HOTTEST_PLACES, _Study, _where_reached, heat
 from emclutch.studies.heat_report import averaging_in_words
 from field.heat.conduction import HeatNotConverged, HeatProblem, ThermalRunaway
@@ -52,7 +53,7 @@ def test_what_leaves_is_what_slip_and_copper_make(found):
     steady = found.summary["steady"]
     assert steady["slip_power"] == pytest.approx(0.1 * 300.0 * RPM, rel=1e-9)
     R = steady["copper_loss"] / 0.5**2
-    cold = HeatModel(1.0, lambda current: 0.0).resistance(steady["coil_mean"])
+    cold = HeatModel(1.0, lambda *_: 0.0).resistance(steady["coil_mean"])
     geometry = brake().scene.shape()
     winding = brake().scene.coil.winding_in(geometry.coil_area, geometry.coil_mean_radius)
     assert winding.resistance * cold == pytest.approx(R, rel=1e-9)
@@ -118,7 +119,7 @@ def test_at_the_permitted_slip_power_the_limit_is_met(found):
     scene = brake().scene
     problem, model = (
         heat_problem(scene, 100.0 * RPM),
-        HeatModel(resistance_at_20(scene), lambda current: slow["torque"]),
+        HeatModel(resistance_at_20(scene), lambda *_: slow["torque"]),
     )
     drive = Drive(0.5, slip=100.0 * RPM)
     steady = problem.steady(lambda means: model.powers(drive, means))
@@ -147,7 +148,7 @@ def test_the_bodies_that_turn_are_cooled_as_they_turn(motion, speeds):
     (row,) = _Study.of(case, None).permitted([1000.0 * RPM]).to_dict("records")
     assert (row["rotor_speed"], row["disc_speed"]) == pytest.approx(tuple(RPM * speed for speed in speeds))
     problem = heat_problem(case.scene, *(RPM * speed for speed in speeds))
-    model = HeatModel(resistance_at_20(case.scene), lambda current: 0.0)
+    model = HeatModel(resistance_at_20(case.scene), lambda *_: 0.0)
     steady = problem.steady(lambda means: model.powers(Drive(0.5, slip_power=row["slip_power"]), means))
     assert max(problem.surface_temperatures(steady).values()) == pytest.approx(75.0, abs=0.02)
 
@@ -325,20 +326,25 @@ def test_a_curve_is_scaled_to_a_run(monkeypatch):
 
     def study(current, mean=-12.0, **more):
         run = SimpleNamespace(summary={"torque": {"mean": mean}, "current": current})
-        monkeypatch.setattr(heat_study, "load_result", lambda _: run)
+        monkeypatch.setattr(heat_torque, "load_result", lambda _: run)
         return _Study.of(brake(**values | {"field.size_factor": 4.0} | more), "runs/a")
 
     found = study(-0.8)
     assert found._row({found.peak: 1.0}, np.full(found.problem.n_dofs, 20.0))["torque"] == pytest.approx(6.0)
-    assert "times 1.5" in found.torque_summary["source"]
+    assert "times 1.5" in found.torque_summary["at_other_currents"]
     voltage = study(0.8, **{"coil": {"voltage": "3 V", "turns": 300}, "effects.heat.duty.current": None})
-    assert voltage.model.torque(0.4) == pytest.approx(6.0)
-    for current, said in ((0.0, "no torque at its 0 A"), (None, "no coil current")):
-        with pytest.raises(ValueError, match=f"torque_curve cannot be scaled to the run runs/a: .*{said}"):
+    assert voltage.model.torque(0.4, 90.0) == pytest.approx(6.0)
+    for current, said in (
+        (0.0, "torque_curve cannot be scaled to the run runs/a .*no torque"),
+        (None, "no coil current"),
+    ):
+        with pytest.raises(ValueError, match=said):
             study(current)
     alone = {"effects.heat.torque_curve": None, "effects.heat.duty.current": None}
-    assert study(0.5, **alone).model.torque(0.1) == 12.0
-    with pytest.raises(ValueError, match=r"coil current of 0.8 A, the duty one of 0.5 A; give .*torque_curve"):
+    assert study(0.5, **alone).model.torque(0.1, 90.0) == 12.0
+    with pytest.raises(
+        ValueError, match=r"runs/a .* current of 0.8 A, the duty one of 0.5 A; give \[particles\] or .*torque_curve"
+    ):
         study(0.8, **alone)
     with pytest.raises(ValueError, match=r"torque = 0.1 N m conflicts with the run"):
         study(0.5, **alone | {"effects.heat.torque": "0.1 N m"})
@@ -349,7 +355,7 @@ def test_what_does_not_go_together_is_refused_with_its_remedy(tmp_path):
     assert "torque_curve" in faults(**{"coil": {"voltage": "3 V", "turns": 300}})
     assert "torque_curve" in faults(**{"effects.heat.duty.current": {"times": [0, 10], "values": [0, 1]}})
     other = faults(**{"effects.heat.duty.current": "0.05 A"})
-    assert "effects.heat.duty.current = '0.05 A'" in other and "of 0.5 A; give effects.heat.torque_curve" in other
+    assert "effects.heat.duty.current = '0.05 A'" in other and "of 0.5 A; give [particles]" in other
     assert brake(**{"effects.heat.duty.current": "500 mA"}).scene.effects.thermal.duty.current.largest == 0.5
     assert "period" in faults(**{"effects.heat.duty": {"on": "5 s"}})
     assert "longer than the period" in faults(**{"effects.heat.duty": {"on": "50 s", "period": "20 s"}})

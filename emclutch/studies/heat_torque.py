@@ -1,0 +1,145 @@
+"""The torque of a device against current and temperature of the powder, of which `emclutch heat` makes slip power.
+
+**Law.** The law of the powder (`emclutch.simulation.forecast.expected_torque`) gives the torque at `POINTS` currents on
+one mesh; between them lies a monotone cubic interpolation (PCHIP: F. N. Fritsch and R. E. Carlson, SIAM J. Numer. Anal.
+17 (1980) 238). A temperature theta scales the saturation of grains and steel by m = Ms(theta)/Ms(theta_0) and keeps
+their initial permeability (`field.laws.temperature`). At m times the current all fields are then m times and all
+stresses m^2 times those at theta_0, so that
+
+    T(I, theta) = m^2 T(I/m, theta_0).
+
+Neglected: the inertial number changes with the stress, by 1e-5 of the torque from 20 to 200 degrees C. Temperatures
+outside of the range that a scene may have count as its ends.
+
+**Measured.** A torque that is given (`effects.heat.torque`, a run) scales the law. `effects.heat.torque_curve` replaces
+it, and `effects.heat.fade` replaces its change with the temperature at a given current.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import isclose
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+
+from emclutch.device_model.coil_heat import HOTTEST
+from emclutch.device_model.device import build_device
+from emclutch.device_model.materials import saturation_ratio_of
+from emclutch.results import load_result
+from emclutch.scene.case import Case
+from emclutch.scene.map_axes import axes_of
+from emclutch.studies.design_search import expectation_of
+from field.laws.temperature import AS_GIVEN, saturation_ratio
+
+POINTS = 12
+"""Currents of the law, denser towards 0: the interpolation is off by 0.1 % of the largest torque."""
+
+COLDEST = -100.0
+"""Temperature [degrees C] from which on, up to `HOTTEST`, the saturation changes."""
+
+_SAME = "the same torque"
+
+Torque = Callable[[float, float], float]
+"""Current [A], >= 0, and temperature of the powder [degrees C] to the torque [N m]."""
+
+
+def torque_of(case: Case, current: float, largest: float, run: str | Path | None) -> tuple[Torque, dict[str, Any]]:
+    """Return the torque of a scene with [effects.heat], or of a run's folder, and how it was found.
+
+    `current` [A] is the largest one of [coil], at which `effects.heat.torque` is, `largest` that of the duty. Found are
+    `value` [N m] at `current` and `temperature` [degrees C], its `source`, and what holds at others; of the law besides
+    `low` and `high` [N m], the ends of its 95 % interval, `is_guess` and `words`.
+
+    Raises
+    ------
+    SceneError, ConvergenceError
+        The field at one of the law's currents cannot be solved.
+    ValueError
+        There is no torque, or one of another current than the duty's alone.
+    """
+    scene, effect = case.scene, case.scene.effects.thermal
+    measured, at = (effect.torque, current) if run is None else _of_run(effect.torque, run)
+    given = "effects.heat.torque" if run is None else f"the run {run} at {at:.4g} A"
+    fade, curve = effect.fade, effect.torque_curve
+    found: dict[str, Any] = {}
+    law = (
+        None if curve is not None or scene.particles is None else _by_the_law(case, current, max(current, largest, at))
+    )
+    first = fade.temperatures[0] if fade is not None else AS_GIVEN if scene.field is None else scene.field.temperature
+    if curve is not None:
+        name, shape = "effects.heat.torque_curve", lambda I, _: float(np.interp(I, curve.currents, curve.torques))
+    elif law is not None:
+        name, (shape, found) = "the law of the powder", law
+    elif measured is None:
+        message = (
+            "the scene has no [particles], or its powder no sheared gap; give effects.heat.torque, or --run FOLDER"
+        )
+        raise ValueError(f"effects.heat has no torque: {message}")
+    elif not isclose(at, largest, rel_tol=1e-3):
+        raise ValueError(
+            f"{given} is of a coil current of {at:.4g} A, the duty one of {largest:.4g} A; give [particles] or "
+            "effects.heat.torque_curve, which is then scaled to it, or a torque at the duty's current"
+        )
+    else:
+        name, shape = _SAME, lambda I, _: float(I > 0.0)
+    factor, elsewhere, found = 1.0, name, {"source": name} | found
+    if measured is not None:
+        if shape(at, first) == 0.0:
+            raise ValueError(f"{name} cannot be scaled to {given}: no torque at its {at:.4g} A; leave one of them out")
+        factor, found = measured / shape(at, first), {"source": given}
+        elsewhere += f" times {factor:.4g}" if name != _SAME else ""
+
+    def torque(current: float, temperature: float) -> float:
+        if fade is None:
+            return factor * shape(current, temperature)
+        return factor * shape(current, first) * float(np.interp(temperature, fade.temperatures, fade.factors))
+
+    return torque, found | {
+        "value": torque(current, first),
+        "current": current,
+        "temperature": first,
+        "of_all_currents": name != _SAME,
+        "at_other_currents": elsewhere,
+        "at_other_temperatures": "effects.heat.fade" if fade else _SAME if curve else elsewhere,
+    }
+
+
+def _by_the_law(case: Case, current: float, largest: float) -> tuple[Torque, dict[str, Any]] | None:
+    """Return the torque of the law up to a largest current [A], and what it is at `current` [A]; None without a gap."""
+
+    def ratio(temperature: float) -> float:
+        return saturation_ratio(min(max(temperature, COLDEST), HOTTEST)) / saturation_ratio_of(case.scene)
+
+    currents = (largest or 1.0) / ratio(HOTTEST) * np.linspace(0.0, 1.0, POINTS) ** 2
+    (axis,) = axes_of(case, {"current": [current, *currents.tolist()]})
+    needless = {} if case.scene.coil is None or case.scene.coil.turns is None else {"coil.resistance": None}
+    device, torques = build_device(case.scene), []
+    here = expectation_of(case, device, unknown_powder=True)
+    if here.real is None:
+        return None
+    for value in axis.values:
+        at = case.with_values(axis.changes(value) | needless)
+        torques.append(expectation_of(at, device.driven_as(at.scene)).torque)
+    cold = PchipInterpolator(axis.values, torques)
+
+    def torque(current: float, temperature: float) -> float:
+        m = ratio(temperature)
+        return float(m**2 * cold(min(current / m, axis.values[-1])))
+
+    real, words = here.real, here.in_words()
+    return torque, {"low": real.low, "high": real.high, "is_guess": real.is_guess or real.low == 0.0, "words": words}
+
+
+def _of_run(given: float | None, run: str | Path) -> tuple[float, float]:
+    """Return torque [N m] and current [A] of a run, beside which none must be given in the scene."""
+    if given is not None:
+        raise ValueError(f"effects.heat.torque = {given:g} N m conflicts with the run {run}; keep one of them")
+    summary = load_result(run).summary
+    mean, current = summary.get("torque", {}).get("mean"), summary.get("current")
+    if mean is None or current is None:
+        lacks = "steady torque; let it end" if mean is None else "coil current; take another"
+        raise ValueError(f"the run {run} has no {lacks}, or give effects.heat.torque")
+    return abs(mean), abs(current)

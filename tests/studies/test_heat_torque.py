@@ -1,0 +1,111 @@
+"""The torque that heats: the powder's law at each current and temperature, scaled to a measurement, and its ends."""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from emclutch.device_model.heat_model import COIL, POWDER
+from emclutch.results.report.render import terminal
+from emclutch.scene.case import load_case
+from emclutch.studies import heat_torque
+from emclutch.studies.design_search import expectation_of
+from emclutch.studies.heat import _Study, _surface, heat
+from emclutch.studies.heat_report import heat_report
+
+CASES = Path(__file__).resolve().parents[2] / "cases"
+SLOW = {"motion.rotor.speed": "50 rpm", "field.size_factor": 3.0, "effects.heat": {"duty": {"end": "60 s"}}}
+RPM = np.pi / 30.0
+
+
+def small(**values):
+    return load_case(CASES / "quickstart.toml", SLOW | values)
+
+
+def exact(current, temperature, **values):
+    return expectation_of(small(**{"coil.current": current, "field.temperature": temperature} | values)).torque
+
+
+@pytest.fixture(scope="module")
+def study():
+    return _Study.of(small(), None)
+
+
+def test_between_the_points_the_torque_is_the_law_s(study):
+    """At currents and temperatures that none of the points has: within 0.3 % of the largest torque, 0.02 % in theta."""
+    torque, largest = study.model.torque, study.torque_summary["value"]
+    assert largest == pytest.approx(exact(1.0, 20.0), rel=1e-9)
+    for current, temperature in ((0.22, 20.0), (0.47, 150.0), (0.83, -40.0)):
+        assert torque(current, temperature) == pytest.approx(exact(current, temperature), abs=3e-3 * largest)
+    assert torque(0.0, 20.0) == pytest.approx(exact(0.0, 20.0), rel=1e-9)
+    for temperature in (-40.0, 120.0, 240.0):
+        m = heat_torque.saturation_ratio(temperature)
+        assert torque(m, temperature) == pytest.approx(exact(m, temperature), rel=2e-4)  # at a point
+
+
+def test_the_torque_rises_with_the_current_and_falls_with_the_temperature(study):
+    """Where the field saturates anything: in a field that is linear the torque does not depend on Ms."""
+    at = np.array([[study.model.torque(I, theta) for theta in range(-60, 280, 20)] for I in np.linspace(0.1, 1.0, 46)])
+    assert np.all(np.diff(at, axis=0) > 0.0) and np.all(np.diff(at[:, :16], axis=1) < 0.0)
+    assert np.array_equal(at[:, 16], at[:, -1])  # beyond 250 degrees C that at its end
+
+
+def test_powder_whose_saturation_is_constant_does_not_fade(monkeypatch):
+    monkeypatch.setattr(heat_torque, "saturation_ratio", lambda _: 1.0)
+    torque = _Study.of(small(), None).model.torque
+    assert torque(0.7, 20.0) == torque(0.7, 240.0) > 0.0
+
+
+def test_at_a_voltage_current_torque_and_temperatures_agree():
+    """R(T) I = U, P = T(I, theta) omega by the law at both, and what both make leaves."""
+    drive = {"coil.current": None, "coil.voltage": "9 V", "coil.resistance": "20 ohm"}  # and turns, which the law needs
+    study = _Study.of(small(**drive), None)
+    row, _ = study.steady()
+    assert study.model.resistance(row["coil_mean"]) * row["current"] == pytest.approx(9.0, rel=1e-9)
+    own = exact(row["current"], row["powder_mean"], **{"coil.voltage": None})
+    assert row["torque"] == pytest.approx(own, rel=5e-3)
+    assert row["slip_power"] == pytest.approx(row["torque"] * 50.0 * RPM, rel=1e-9)
+    assert row["heat_out"] == pytest.approx(row["slip_power"] + row["copper_loss"], rel=1e-7)
+    cold = exact(study.torque_summary["current"], 20.0, **{"coil.voltage": None})
+    assert row["torque"] < 0.9 * cold == pytest.approx(0.9 * study.torque_summary["value"], rel=1e-6)
+
+
+def test_a_measured_torque_scales_the_law(study, monkeypatch):
+    """effects.heat.torque at the coil's current, a run's at the run's; fade replaces the law's change with theta."""
+    law = study.model.torque
+    fade = {"temperatures": [20.0, 120.0], "factors": [1.0, 0.8]}
+    scaled = _Study.of(small(**{"effects.heat.torque": "1.1 N m", "effects.heat.fade": fade}), None)
+    ratio = 1.1 / law(1.0, 20.0)
+    for current in (0.3, 1.0):
+        assert scaled.model.torque(current, 20.0) == pytest.approx(ratio * law(current, 20.0), rel=1e-9)
+        assert scaled.model.torque(current, 70.0) == pytest.approx(0.9 * ratio * law(current, 20.0), rel=1e-9)
+    assert not scaled.ends and f"law of the powder times {ratio:.4g}" in scaled.torque_summary["at_other_currents"]
+    run = SimpleNamespace(summary={"torque": {"mean": -0.2}, "current": -0.4})
+    monkeypatch.setattr(heat_torque, "load_result", lambda _: run)
+    of_run = _Study.of(small(), "runs/a").model.torque
+    assert of_run(0.4, 20.0) == pytest.approx(0.2, rel=1e-9)
+    assert of_run(0.8, 150.0) == pytest.approx(0.2 * law(0.8, 150.0) / law(0.4, 20.0), rel=5e-3)
+
+
+def test_the_permitted_current_meets_a_limit_with_its_own_torque(study):
+    problem, slip = study.problem, 50.0 * RPM
+    current, torque = study.steady_current(problem, slip)
+    found = problem.steady(lambda means: study.model.powers(type(study.peak)(current, slip=slip), means))
+    assert max(_surface(problem, found) - 75.0, problem.largest(found)[COIL] - 130.0) == pytest.approx(0.0, abs=0.01)
+    assert torque == pytest.approx(study.model.torque(current, problem.means(found)[POWDER]), rel=1e-9)
+    ends = [study.with_torque_times(by).steady_current(problem, slip)[0] for by in (0.9, 1.1)]
+    assert ends[0] > current > ends[1]
+    assert study.steady_current(problem, 1e-6)[0] <= study.peak.current  # no more than the duty has
+
+
+def test_the_report_says_the_torque_and_its_ends(tmp_path):
+    found = heat(small(**{"coil.current": "0.4 A"}), speeds=[5.0], out=tmp_path / "heat")
+    steady, ends = found.summary["steady"], found.summary["steady_at_the_ends"]
+    assert ends["low"]["surface"] < steady["surface"] < ends["high"]["surface"]
+    assert np.all(np.isfinite(found.permitted)) and (found.permitted["current"] <= 0.4).all()
+    words = " ".join(terminal(found.report()).split())
+    assert "Torque at 0.4 A and 20 °C by the law of the powder" in words and "steady, lowest torque" in words
+    assert "At other temperatures of the powder: the law of the powder" in words
+    found.summary["torque"]["is_guess"] = True
+    assert "! Torque at 0.4 A" in terminal(heat_report(found.folder, found.summary, found.permitted))
