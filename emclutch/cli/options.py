@@ -66,13 +66,6 @@ Catalogue = Annotated[
         help="measured or catalogue points to lay over torque against current: CSV, current [A], torque [N m]",
     ),
 ]
-Band = Annotated[
-    Path | None,
-    typer.Option(
-        "--band", metavar="FILE",
-        help="CSV of a predicted band to shade under --torque-current: current [A], and low, middle, high [N m]",
-    ),
-]  # fmt: skip
 GrainSizeAsked = Annotated[
     bool, flag("--grain-size", help="torque over the grains per gap, extrapolated to the real powder")
 ]

@@ -12,12 +12,12 @@ from typing import Any
 
 from emclutch.results import OutputError, Result, load_result
 from emclutch.results.columns import SHEAR_STRESS
-from emclutch.results.measured_table import OVER_RATED, read_band, read_measured
+from emclutch.results.measured_table import OVER_RATED, read_measured
 from emclutch.results.new_path import new_path, numbered_file
 from emclutch.results.seed_average import averaged_over_seeds
 from emclutch.results.study_folder import is_study
 from emclutch.results.study_result import load_study
-from emclutch.results.torque_curves import PER_GAP, TorqueCurve, band_over_rated, row_of_run, torque_curves
+from emclutch.results.torque_curves import PER_GAP, TorqueCurve, row_of_run, torque_curves
 from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.units import Quantity
 from emclutch.scene.value_list import number_or_text
@@ -37,7 +37,6 @@ def plot_runs(
     *,
     rated: str | None = None,
     measured: Path | None = None,
-    band: Path | None = None,
     out: Path | None = None,
     trust_scripts: bool = False,
     log: Callable[[str], None] = lambda text: None,
@@ -50,7 +49,6 @@ def plot_runs(
     kind : TORQUE, SPEEDS, TORQUE_SPEED, TORQUE_CURRENT or GRAIN_SIZE.
     rated : current [A] or text with a unit; divides each curve of TORQUE_CURRENT by its own point there.
     measured : table to lay over SPEEDS or TORQUE_CURRENT, as `read_measured` takes it.
-    band : table of a predicted band to shade under TORQUE_CURRENT, as `read_band` takes it.
     out : new file; default: the next free <kind>-<n>.png in the first folder.
     trust_scripts : as for `load_case`, of runs whose own pictures are missing.
     log : takes a line for each run whose own pictures were missing, and the laws of GRAIN_SIZE.
@@ -65,9 +63,6 @@ def plot_runs(
     if measured is not None and kind not in _MEASURED:
         message = "lies over speeds or torque against current only; add --speeds or --torque-current"
         raise SceneError([Fault("--with", str(measured), message)], "command line")
-    if band is not None and kind != TORQUE_CURRENT:
-        message = "lies under torque against current only; add --torque-current"
-        raise SceneError([Fault("--band", str(band), message)], "command line")
     if rated is not None and kind != TORQUE_CURRENT:
         raise SceneError([Fault("--rated", rated, "divides torque against current only; add --torque-current")],
                          "command line")  # fmt: skip
@@ -86,12 +81,10 @@ def plot_runs(
             log(f"{folder}: {old}")
     columns = _MEASURED.get(kind, OVER_RATED) if rated is None else OVER_RATED
     points = None if measured is None else read_measured(measured, *columns)
-    predicted = None if band is None else read_band(band)
     curves = curves_of(folders, kind) if kind in _AXES else []
     if rated is not None:
         at = _current(rated)
         curves = [curve.over_rated(at) for curve in curves]
-        predicted = None if predicted is None else band_over_rated(predicted, at)
     out = numbered_file(folders[0], kind, ".png") if out is None else new_path(out)
     title = _title(folders, results)
     if kind == TORQUE and len(results) == 1 and SHEAR_STRESS in results[0].history:
@@ -106,15 +99,14 @@ def plot_runs(
         from emclutch.results.pictures.torque import torque_overlay_picture
 
         return torque_overlay_picture(out, runs, title=title)
-    if kind == TORQUE_CURRENT and rated is None and band is None and len(folders) == 1 and not is_study(folders[0]):
+    if kind == TORQUE_CURRENT and rated is None and len(folders) == 1 and not is_study(folders[0]):
         from emclutch.results.pictures.current_ramp import run_against_current_picture
 
         return run_against_current_picture(out, results[0], measured=points, title=title)
     if kind == TORQUE_CURRENT:
         from emclutch.results.pictures.torque_curves import torque_against_current_picture
 
-        return torque_against_current_picture(out, curves, measured=points, band=predicted,
-                                              over_rated=rated is not None, title=title)  # fmt: skip
+        return torque_against_current_picture(out, curves, measured=points, over_rated=rated is not None, title=title)
     if kind == GRAIN_SIZE:
         from emclutch.results.grain_size_law import grain_size_law, law_in_words
         from emclutch.results.pictures.torque_curves import torque_against_grain_size_picture

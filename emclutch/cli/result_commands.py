@@ -19,7 +19,6 @@ def plot(
     grain_size: opt.GrainSizeAsked = False,
     rated: opt.Rated = None,
     measured: opt.Measured = None,
-    band: opt.Band = None,
     out: opt.NewPicture = None,
     trust_scripts: opt.TrustScripts = False,
 ) -> None:
@@ -38,9 +37,8 @@ def plot(
             message = f"makes another picture than {other}; ask for one at a time"
             raise SceneError([Fault(option, "", message)], "command line")
         picture = drawn.plot_runs(
-            folders, first, rated=rated, measured=measured, band=band, out=out, trust_scripts=trust_scripts,
-            log=typer.echo,
-        )  # fmt: skip
+            folders, first, rated=rated, measured=measured, out=out, trust_scripts=trust_scripts, log=typer.echo
+        )
         typer.echo(str(picture))
 
 

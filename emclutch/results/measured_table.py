@@ -63,32 +63,6 @@ def read_measured(path: str | Path, along: str, values: str) -> dict[str, np.nda
     return curves
 
 
-def read_band(path: str | Path) -> np.ndarray:
-    """Return a predicted band, (n, 4): current [A], and low, middle and high torque [N m], by the current.
-
-    The table is one of `read_measured` whose columns after the current are low, middle and high.
-
-    Raises
-    ------
-    OutputError
-        As `read_measured`; other columns, fewer than two currents, ends that are not in order.
-    """
-    along, values = "current [A]", "torque [N m]"
-    found = read_measured(path, along, values)
-    names = ("low", "middle", "high")
-    if set(found) != set(names) or len({len(found[name]) for name in names}) > 1 or len(found["low"]) < 2:
-        raise OutputError(f"{path}: a band has the columns {along}, {', '.join(names)}, each with two currents or more")
-    band = np.column_stack([found["low"], *(found[name][:, 1] for name in names[1:])])
-    wrong = np.flatnonzero((band[:, 1] > band[:, 2]) | (band[:, 2] > band[:, 3]))
-    if wrong.size:
-        low, middle, high = band[wrong[0], 1:]
-        raise OutputError(
-            f"{path}: at {band[wrong[0], 0]:g} A low, middle and high are {low:g}, {middle:g}, {high:g} N m; they must "
-            "not fall"
-        )
-    return band
-
-
 def keep_measured(path: str | Path, folder: Path) -> None:
     """Copy a table of torque over current into the folder of a run or a study, whose picture draws it too.
 

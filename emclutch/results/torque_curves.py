@@ -125,23 +125,6 @@ def row_of_run(result: Result) -> dict[str, Any]:
             REAL_PER_GAP: size.get("real_across")}  # fmt: skip
 
 
-def band_over_rated(band: np.ndarray, rated: float) -> np.ndarray:
-    """Return a band (n, 4) of current [A], low, middle and high torque [N m] over its middle at a rated current.
-
-    Raises
-    ------
-    OutputError
-        The band does not reach that current, or its middle is 0 there.
-    """
-    low, high = band[[0, -1], 0]
-    middle = float(np.interp(rated, band[:, 0], band[:, 2]))
-    if not low <= rated <= high or middle == 0.0:
-        raise OutputError(
-            f"the band has no torque at {rated:.4g} A to divide by; it reaches from {low:.4g} to {high:.4g} A"
-        )
-    return band / [rated, middle, middle, middle]
-
-
 def _error(row: Mapping[str, Any]) -> float | None:
     if row.get("high") is not None:
         return 0.5 * (row["high"] - row["low"]) / NORMAL

@@ -1,7 +1,9 @@
 """Torque map: the expected torque with its 95 % interval over one or two quantities of a scene.
 
 Each point is the torque of the real powder by its law (`emclutch.simulation.forecast.expected_torque`), in a field that
-is solved for that point. Points that differ in drive, speed, friction or amount of powder alone share their mesh.
+is solved for that point. Points that differ in drive, speed, friction or amount of powder alone share their mesh. Steel
+with hysteresis is demagnetised at each point; over the current there is a second branch, of currents that fall from the
+last one.
 """
 
 from __future__ import annotations
@@ -10,7 +12,7 @@ import csv
 import io
 import shlex
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from math import nan
 from pathlib import Path
@@ -22,7 +24,7 @@ from emclutch.device_model.device import Device, build_device
 from emclutch.results.atomic_file import replace_json, replace_text
 from emclutch.results.measured_table import TORQUE_CURVE, keep_measured, measured_in, read_measured
 from emclutch.results.new_path import new_folder
-from emclutch.results.pictures.torque_map import BandedCurve, torque_map_picture
+from emclutch.results.pictures.torque_map import BandedCurve, torque_contour_picture, torque_map_picture
 from emclutch.results.report.render import Reported, write_index
 from emclutch.results.report.report import (
     Links,
@@ -40,6 +42,7 @@ from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import Fault, SceneError, bad_input_for
 from emclutch.scene.map_axes import CURRENT, Axis, axes_of
 from emclutch.scene.units import unit_of
+from emclutch.simulation.forecast.expected_field import field_of_sheared_powder
 from emclutch.simulation.forecast.expected_torque import ExpectedTorque, Interval
 from emclutch.studies.design_search import expectation_of
 from field import ConvergenceError
@@ -51,17 +54,26 @@ TORQUES = ("torque", "low", "high", "unknown_low", "unknown_high")
 """Columns of map.csv in N m: mean, 95 % interval, and 90 % range of unknown powder, of a map over one axis."""
 LEFT_OUT = (
     "The interval is that of the powder's law. Left out: tolerances of the drawing and of materials, friction that "
-    "changes with temperature, hysteresis, the centrifugal force."
+    "changes with temperature, and hysteresis"
 )
+FALLING = "falling"
+"""Column of map.csv in N m: torque of the same powder at a current that falls from the last one of the map, of steel
+with hysteresis."""
+CURVES = 6
+"""Values of a second axis up to which the picture has a curve for each; it has contours for more."""
 
 
 @dataclass(frozen=True, slots=True)
 class MapPoint:
-    """A point: values of the axes [SI] and the torque that is expected there; None with the reason where none is."""
+    """A point: values of the axes [SI] and the torque that is expected there; None with the reason where none is.
+
+    `falling` is the torque [N m] of a falling current in steel with hysteresis; None without one.
+    """
 
     values: tuple[float, ...]
     expected: ExpectedTorque | None
     reason: str = ""
+    falling: float | None = None
 
     @property
     def torque(self) -> Interval | None:
@@ -109,29 +121,44 @@ class MapResult(Reported):
     @property
     def rows(self) -> list[dict[str, Any]]:
         """Rows of map.csv: values by their keys [SI], torques [N m], and why a torque is a guess or missing."""
-        keys = [axis.key for axis in self.axes]
-        return [dict(zip(keys, point.values, strict=True)) | point.row() for point in self.points]
+        keys, points = [axis.key for axis in self.axes], self.points
+        rows = [dict(zip(keys, point.values, strict=True)) | point.row() for point in points]
+        if any(point.falling is not None for point in points):
+            rows = [row | {FALLING: point.falling} for row, point in zip(rows, points, strict=True)]
+        return rows
 
     def where(self, point: MapPoint) -> str:
         """Return the values of a point in words."""
         return ", ".join(f"{a.name} {a.shown(value)}" for a, value in zip(self.axes, point.values, strict=True))
 
     def picture(self, path: Path) -> Path:
-        """Draw the torque over x, a curve for each value of the second axis, with measured points of the folder."""
+        """Draw the torque over x, a curve for each value of the second axis, with measured points of the folder.
+
+        More than `CURVES` values of the second axis have contours, unless measured points lie over the curves.
+        """
         x, *others = self.axes
-        _, factor = unit_of(x.entry, x.quantity)
+        factors = [unit_of(axis.entry, axis.quantity)[1] for axis in self.axes]
+        title, measured = self.case.scene.scene.title, measured_in(self.folder)
+        if others and len(others[0].values) > CURVES and measured is None:
+            shape = len(others[0].values), len(x.values)
+            torque = np.array([nan if one.torque is None else one.torque.mean for one in self.points]).reshape(shape)
+            is_guess = np.array([one.is_guess for one in self.points]).reshape(shape)
+            values = [factor * np.array(axis.values) for axis, factor in zip(self.axes, factors, strict=True)]
+            labels, scales = ([axis.label for axis in self.axes], [axis.is_logarithmic for axis in self.axes])
+            return torque_contour_picture(path, values, torque, is_guess, labels, logarithmic=scales, title=title)
         curves = []
         for value in others[0].values if others else (None,):
             label = "expected torque" if value is None else f"{others[0].name} {others[0].shown(value)}"
             found = [one for one in self.points if one.torque is not None and value in (None, *one.values[1:])]
             ends = [(one.torque.mean, one.torque.low, one.torque.high) for one in found if one.torque is not None]
             unknown = [(one.expected and one.expected.unknown_powder) or (nan, nan) for one in found]
-            columns = [factor * one.values[0] for one in found], ends, [one.is_guess for one in found], unknown
+            falling = [nan if one.falling is None else one.falling for one in found]
+            along = [factors[0] * one.values[0] for one in found]
+            columns = along, ends, [one.is_guess for one in found], unknown, falling
             if found:
                 curves.append(BandedCurve(label, *(np.array(column) for column in columns)))
-        title, measured = self.case.scene.scene.title, measured_in(self.folder)
         return torque_map_picture(
-            path, curves, x.label, logarithmic=x.is_logarithmic, measured=measured, per_x=factor, title=title
+            path, curves, x.label, logarithmic=x.is_logarithmic, measured=measured, per_x=factors[0], title=title
         )
 
     def report(self) -> Report:
@@ -142,13 +169,15 @@ class MapResult(Reported):
         report.add("Result", Statements([*self._statements()]), Shown.TERMINAL)
         report.add("Picture", Picture("torque map", self.folder / "map.png"), Shown.PAGE)
         names = TORQUES[: 5 if len(self.axes) == 1 else 3]
+        branch = [f"{FALLING} current [N m]"] if FALLING in self.rows[0] else []
         cells = [
             [a.shown(value) for a, value in zip(self.axes, point.values, strict=True)]
             + [f"{row[name]:.4g}" if row[name] is not None else "" for name in names]
+            + [f"{row[name]:.4g}" if row[name] is not None else "" for name in (FALLING,) if name in row]
             + ["guess" if point.is_guess else "" if point.torque else "none"]
             for point, row in zip(self.points, self.rows, strict=True)
         ]
-        head = [*(a.name for a in self.axes), *(f"{name.replace('_', ' ')} [N m]" for name in names), ""]
+        head = [*(a.name for a in self.axes), *(f"{name.replace('_', ' ')} [N m]" for name in names), *branch, ""]
         report.add("Points", Table(cells, head, range(len(head) - 1)), Shown.PAGE)
         files = [("map.csv", "all points in SI, with the reason of every guess"), ("map.json", "the same as JSON")]
         return report.add("Files", Links(files), Shown.PAGE)
@@ -169,7 +198,13 @@ class MapResult(Reported):
                 count = f"{len(found)} of {len(self.points)} points {'is' if len(found) == 1 else 'are'} {what}"
                 all_of = "" if len(found) == 1 else " All reasons: map.csv."
                 yield warning(f"{count}. At {self.where(found[0])}: {found[0].remark}.{all_of}")
-        yield note(LEFT_OUT)
+        above = [(one.falling / one.torque.mean - 1.0, one) for one in self.points if one.falling and one.torque]
+        if above:
+            ratio, point = max(above, key=lambda pair: pair[0])
+            last = self.axes[0].shown(self.axes[0].values[-1])
+            yield note(f"At a current that falls from {last} the torque is up to {100.0 * ratio:.2g} % larger by the "
+                       f"hysteresis of the steel, at {self.where(point)}.")  # fmt: skip
+        yield note(f"{LEFT_OUT}{' of the powder, which makes most of a measured loop' if above else ''}.")
         words = [str(self.case.path or "CASE")]
         for axis, value in zip(self.axes, largest.values, strict=True):
             for key, changed in axis.changes(value).items():
@@ -234,7 +269,11 @@ def map_over(
             mesh, device = meshes[at], made
         if progress is not None:
             progress.update(len(known) / len(grid), f"{len(known)} of {len(grid)} points")
-    result = MapResult(folder, case, axes, tuple(known[at] for at in grid))
+    points, n = [known[at] for at in grid], len(axes[0].values)
+    if case.scene.effects.memory is not None and axes[0].key == CURRENT and axes[0].values[0] >= 0.0:
+        rows = [points[start : start + n] for start in range(0, len(grid), n)]
+        points = [point for row in rows for point in _with_falling(case, axes, row)]
+    result = MapResult(folder, case, axes, tuple(points))
     if all(point.torque is None for point in result.points):
         first = result.points[0]
         message = f"has no torque at any point; at {result.where(first)}: {first.remark}"
@@ -254,13 +293,18 @@ def map_over(
     return result
 
 
+def _scene_at(case: Case, axes: tuple[Axis, ...], at: tuple[float, ...]) -> Case:
+    """Return the scene with some values [SI] of the axes."""
+    changes = [axis.changes(value) for axis, value in zip(axes, at, strict=True)]
+    return case.with_values({key: value for change in changes for key, value in change.items()})
+
+
 def _point(
     case: Case, axes: tuple[Axis, ...], at: tuple[float, ...], like: Device | None
 ) -> tuple[MapPoint, Device | None]:
     """Return the point at some values [SI], with its device, which has the mesh of another one where that is given."""
     try:
-        changes = [axis.changes(value) for axis, value in zip(axes, at, strict=True)]
-        changed = case.with_values({key: value for change in changes for key, value in change.items()})
+        changed = _scene_at(case, axes, at)
         with bad_input_for(case.path):
             device = build_device(changed.scene) if like is None else like.driven_as(changed.scene)
         unknown = len(axes) == 1 and not axes[0].is_of_friction
@@ -270,3 +314,25 @@ def _point(
         return MapPoint(at, None, str(error.faults[0])), None
     except ConvergenceError as error:
         return MapPoint(at, None, str(error)), None
+
+
+def _with_falling(case: Case, axes: tuple[Axis, ...], rising: list[MapPoint]) -> list[MapPoint]:
+    """Return points over ascending currents with the torque of the way down from the last one.
+
+    The steel's history goes from each current to the next one below, with the permeability of sheared powder.
+    """
+    points, device = list(rising), None
+    for number in reversed([n for n, one in enumerate(rising) if one.torque is not None and one.values[0] > 0.0]):
+        changed = _scene_at(case, axes, rising[number].values)
+        device = build_device(changed.scene) if device is None else device.driven_as(changed.scene)
+        coil = device.section_coil
+        if coil is None or coil.history is None:
+            break
+        try:
+            points[number] = replace(rising[number], falling=expectation_of(changed, device).torque)
+            fill = coil.uniform_fill(device.fill.solid_fraction)
+            found = field_of_sheared_powder(coil, fill, changed.scene, coil.largest_current, None)
+        except ConvergenceError:
+            break  # the currents below have no history
+        device = replace(device, coil=replace(coil, history=found.later_history))
+    return points

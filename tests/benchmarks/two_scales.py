@@ -166,7 +166,8 @@ def case_of(row: Row) -> Case:
     values = {key: value for key, value in values.items() if value != ""} | OUTPUT
     if given["base"] not in ("drum", "disc"):
         case = load_case(CASES / f"{given['base']}.toml")
-        return case.with_values(values | {"time.until": None, "particles.initial_velocity": "sheared"})
+        mass: Row = {"particles.mass": None} if "particles.solid_fraction" in values else {}
+        return case.with_values(values | mass | {"time.until": None, "particles.initial_velocity": "sheared"})
     if not given["rolling_friction"]:
         del values["effects.rolling_friction.coefficient"]
     return case_from(COMMON | {"scene": {"title": row["name"]}} | _device(given), values)
@@ -240,10 +241,8 @@ def print_table(rows: list[Row]) -> None:
         run, error, law = (float(row[name]) for name in ("torque", "standard_error", "predicted"))
         outside = " **outside**" if abs(miss) > NORMAL * half else ""
         print(f"| {row['name']}, {row['base']} | {powder} | {float(row['across']):.3g} | ", end="")
-        print(
-            f"{float(row['nominal_fill']):.3f}, {float(row['zone_fill']):.3f} | {run:.4g} ± {NORMAL * error:.1g} | ",
-            end="",
-        )
+        fill = ", ".join(f"{float(row[name]):.3f}" for name in ("nominal_fill", "zone_fill") if row[name])
+        print(f"{fill} | {run:.4g} ± {NORMAL * error:.1g} | ", end="")
         print(f"{law:.4g} ± {100.0 * np.expm1(NORMAL * half):.0f} % | {np.exp(miss):.3f}{outside} |")
     for use in dict.fromkeys(row["use"] for row in rows):
         miss, _, half = misfit([row for row in rows if row["use"] == use])

@@ -77,8 +77,7 @@ def test_torque_against_current_lies_on_what_was_measured(tmp_path, monkeypatch)
     monkeypatch.setattr(torque_curves, "save_picture", lambda figure, path: kept.append(figure) or Path(path))
     study = written_study(tmp_path / "study", [1.0, 2.0, 4.0])
     (tmp_path / "bench.csv").write_text("# my brake\nI [A],rising [N m],falling [N m]\n0,0,\n1,0.5,0.6\n2,1,1\n")
-    (tmp_path / "band.csv").write_text("current [A],low [N m],middle [N m],high [N m]\n1,0.5,1,2\n3,2,3,5\n")
-    asked = {"measured": tmp_path / "bench.csv", "band": tmp_path / "band.csv", "out": tmp_path / "o.png"}
+    asked = {"measured": tmp_path / "bench.csv", "out": tmp_path / "o.png"}
     plot_runs([study], TORQUE_CURRENT, **asked)
     (tmp_path / "shares.csv").write_text("I,rising,falling\n0,0,\n1,0.5,0.6\n2,1,1\n")
     plot_runs([study], TORQUE_CURRENT, rated="2 A", **asked | {"measured": tmp_path / "shares.csv"})
@@ -96,12 +95,6 @@ def test_torque_against_current_lies_on_what_was_measured(tmp_path, monkeypatch)
         assert curves["measured: falling"] == [[1.0, 0.6], [2.0, 1.0]]
         drawn = next(line for line in axis.get_lines() if len(line.get_xdata()) == 3 and line.get_marker() == "None")
         assert drawn.get_xdata() == pytest.approx(x) and drawn.get_ydata() == pytest.approx(y)
-    for axis, per_x, per_y in ((absolute, 1.0, 1.0), (shares, 2.0, 2.0), (logarithmic, 2.0, 2.0)):  # its middle at 2 A
-        (middle,) = (line for line in axis.get_lines() if line.get_label() == "predicted, middle")
-        assert middle.get_xydata() * [per_x, per_y] == pytest.approx(np.array([[1.0, 1.0], [3.0, 3.0]]))
-        (shade,) = (one for one in axis.collections if one.get_label() == "predicted, low to high")
-        corners = {tuple(point) for point in (shade.get_paths()[0].vertices * [per_x, per_y]).round(9).tolist()}
-        assert corners == {(1.0, 0.5), (1.0, 2.0), (3.0, 2.0), (3.0, 5.0)}
     (curve,) = (one.over_rated(2.0) for one in curves_of([study], TORQUE_CURRENT))
     of_ratio = means / means[1] * np.hypot(errors / means, errors[1] / means[1])  # of independent torques
     assert curve.error == pytest.approx([of_ratio[0], 0.0, of_ratio[2]], rel=0.05) and curve.torque[1] == 1.0
@@ -143,11 +136,6 @@ def test_runs_of_several_grain_sizes_are_extrapolated(tmp_path):
 def test_what_cannot_be_drawn_over_the_current_is_refused(tmp_path):
     study, run = written_study(tmp_path / "study", [1.0, 2.0]), written_run(tmp_path / "run").path
     (bench := tmp_path / "bench.csv").write_text("current_A,torque_Nm\n0.9,12\n")
-    bands = [tmp_path / f"band-{number}.csv" for number in range(3)]
-    for path, text in zip(bands, ("low,middle,high\n2,1,2,4", "low,middle,high\n2,3,2,4", "low,mean,high\n2,1,2,4"),
-                          strict=True):  # fmt: skip
-        names, row = text.split("\n")
-        path.write_text(f"current [A],{names.replace(',', ' [N m],')} [N m]\n{row}\n3,4,5,6\n")
     for given, reason in (
         ({"rated": "3 A"}, r"no torque at 3 A to divide by; it has: 1, 2 A"),
         ({"rated": "3 V"}, "--rated = 3 V is a voltage; a current is needed"),
@@ -155,10 +143,6 @@ def test_what_cannot_be_drawn_over_the_current_is_refused(tmp_path):
         ({"rated": "1 A", "measured": bench}, "'current' is in 'A', which is .*wanted: current over the rated one"),
         ({"kind": "torque", "rated": "1 A"}, "add --torque-current"),
         ({"kind": "torque", "measured": tmp_path / "m.csv"}, "add --speeds or --torque-current"),
-        ({"kind": "torque", "band": tmp_path / "m.csv"}, "add --torque-current"),
-        ({"rated": "1 A", "band": bands[0]}, "no torque at 1 A to divide by; it reaches from 2 to 3 A"),
-        ({"band": bands[1]}, "at 2 A low, middle and high are 3, 2, 4 N m; they must not fall"),
-        ({"band": bands[2]}, r"a band has the columns current \[A\], low, middle, high"),
     ):
         with pytest.raises((OutputError, SceneError), match=reason):
             plot_runs([study], **{"kind": TORQUE_CURRENT, **given})

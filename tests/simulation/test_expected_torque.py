@@ -174,11 +174,26 @@ def test_the_torque_of_a_device_has_an_interval_by_parts_and_a_range_of_unknown_
     found = of_device(quickstart())
     half = np.log(found.real.high / found.real.mean)
     assert np.linalg.norm(list(found.parts.values())) == pytest.approx(half, rel=1e-6)
-    assert set(found.parts) == {"cells", "form", "size", "edges", "jams", "sizes", "devices"}
+    assert set(found.parts) == {"cells", "form", "size", "edges", "jams", "sizes", "devices", "centrifugal"}
     assert found.unknown_powder[0] < found.real.mean < found.unknown_powder[1]
     written = found.as_dict()
     for name, one in (("expected_torque", found.real), ("expected_torque_scene", found.scene)):
         assert {key: written[name][key] for key in ("mean", "low", "high")} == one.as_dict()
+
+
+def test_centrifugal_force_widens_the_interval_by_its_friction_and_makes_a_guess_of_fast_devices():
+    """Half width mu m omega^2 r^2/T, with the square of the speed; both shafts at one speed carry the powder around."""
+    case = quickstart()
+    device = build_device(case.scene)
+    solved = expected_magnetisation(case, device)[0]
+    for rpm in (1000.0, 2000.0):
+        scene = case.with_values({"motion.rotor.speed": f"{rpm} rpm", "motion.disc.speed": f"{rpm - 100.0} rpm"}).scene
+        found = expected_torque(scene, device, solved, unknown_powder=False)
+        friction = scene.contact.friction * device.fill.mass * (rpm * pi / 30.0 * device.shear_radius) ** 2
+        assert found.parts["centrifugal"] == pytest.approx(friction / found.torque, rel=1e-6)
+    fast = case.with_values({"motion.rotor.speed": "5000 rpm", "motion.disc.speed": "4900 rpm"}).scene
+    found = expected_torque(fast, device, solved)
+    assert found.real.is_guess and "weight and centrifugal force may change it by" in found.law
 
 
 def test_the_range_of_unknown_powder_does_not_depend_on_that_of_the_scene():

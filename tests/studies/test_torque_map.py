@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pandas
 import pytest
 import sheared_annulus
@@ -14,6 +15,7 @@ import emclutch
 from emclutch.cli.main import app
 from emclutch.device_model.device import build_device
 from emclutch.results import OutputError
+from emclutch.results.pictures.torque_map import torque_contour_picture
 from emclutch.results.report.render import terminal
 from emclutch.scene.case import case_from
 from emclutch.scene.errors import SceneError
@@ -159,3 +161,43 @@ def test_a_warm_coil_at_a_voltage_has_less_current(tmp_path):
     assert mapped.points[1].torque.mean == pytest.approx(expectation_of(case.with_values(given)).torque, rel=1e-9)
     assert "--set 'field.temperature=2 degC' --set 'coil.temperature=2 degC'" in terminal(mapped.report())
     assert mapped.axes[0].label == "temperature [degC]" and not mapped.axes[0].is_logarithmic
+
+
+def test_many_values_of_a_second_axis_are_contours(tmp_path, monkeypatch):
+    """Also where points are missing or a guess, and on logarithmic axes; each with the torques by rows of y."""
+    drawn = []
+
+    def contours(path, values, torque, is_guess, *rest, **options):
+        drawn.append((values, torque, is_guess, options["logarithmic"]))
+        return torque_contour_picture(path, values, torque, is_guess, *rest, **options)
+
+    monkeypatch.setattr("emclutch.studies.torque_map.torque_contour_picture", contours)
+    found = torque_map(tmp_path / "map", CELL, **{FIELD: "5 kA/m, 200 kA/m", "fill": "0.2:0.5:7"})
+    (((x, y), torque, is_guess, scales),) = drawn
+    assert torque.shape == (7, 2) and scales == [True, False]
+    assert [found.points[3].torque.mean, x[1], y[1]] == [torque[1, 1], 200.0, 0.25]
+    assert (torque[:, 1] > torque[:, 0]).all() and is_guess.all()  # a cell without poles
+    assert (found.folder / "map.png").stat().st_size > 10_000
+    torque[2:5, 0], is_guess[:3] = np.nan, False
+    contours(tmp_path / "gaps.png", (x, y), torque, is_guess, ("a", "b"), logarithmic=(False, False))
+    contours(tmp_path / "flat.png", (x, y), np.full((7, 2), 2.0), is_guess, ("a", "b"), logarithmic=(False, False))
+
+
+def test_steel_with_hysteresis_has_more_torque_at_a_falling_current(tmp_path):
+    """It begins at the torque of first magnetisation, and the branch does not depend on the currents between."""
+    case = emclutch.load_case(CASES / "hysteresis.toml", COARSE)
+    found = torque_map(tmp_path / "a", case, current="0 A, 0.03 A, 0.05 A, 0.1 A")
+    zero, *points, last = found.points
+    assert zero.falling is None and last.falling == pytest.approx(last.torque.mean, rel=1e-6)
+    assert all(1.0 < point.falling / point.torque.mean < 1.3 for point in points)
+    shares = [point.falling / point.torque.mean for point in points]
+    assert shares == sorted(shares, reverse=True)
+    text = terminal(found.report())
+    assert "At a current that falls from 0.1 A the torque is up to" in text and "hysteresis of the powder" in text
+    assert list(pandas.read_csv(found.folder / "map.csv").falling[1:3]) == [point.falling for point in points]
+    fewer = torque_map(tmp_path / "b", case, current="0.03 A, 0.1 A")
+    assert fewer.points[0].falling == pytest.approx(points[0].falling, rel=5e-3)
+    without = case.with_values({"effects.hysteresis": None})
+    plain = torque_map(tmp_path / "c", without, current="0.03 A, 0.1 A")
+    assert "falling" not in plain.rows[0]
+    assert [one.torque.mean for one in plain.points] == pytest.approx([one.torque.mean for one in fewer.points], 1e-3)

@@ -72,7 +72,8 @@ def field_of_sheared_powder(
 ) -> MagneticField:
     """The field at a current [A] of powder with the fill (n powder elements,) and the permeability of a law.
 
-    Without a law it is that of the scene's powder, or of the nearest one.
+    Without a law it is that of the scene's powder, or of the nearest one. Steel with hysteresis has `coil.history`
+    before; without a later one it is demagnetised.
 
     Raises
     ------
@@ -85,7 +86,8 @@ def field_of_sheared_powder(
     weight = elements.weight[own] * elements.radius[own]
     N = law.factor(np.zeros(len(fill)), fill, Ms)
     for _ in range(ROUNDS):
-        found = problem.solve(coil.turns * current, PowderState(fill, N), guess, tolerance=TOLERANCE)
+        drive, powder = coil.turns * current, PowderState(fill, N)
+        found = problem.solve(drive, powder, guess, tolerance=TOLERANCE, history=coil.history)
         B = np.hypot(*np.moveaxis(elements.gradient(found.psi)[own], 1, 0)) / elements.radius[own]
         H = B / MU_0 - phi * grains.from_flux(B, phi, N[:, None])[0]
         before, N = N, law.factor((H * weight).sum(axis=1) / weight.sum(axis=1), fill, Ms)

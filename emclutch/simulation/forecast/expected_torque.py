@@ -24,6 +24,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from dataclasses import field as dataclass_field
+from functools import cached_property
 from math import exp, log, sqrt
 from typing import Any
 
@@ -57,6 +58,12 @@ MIN_GRAINS_PER_GAP, EXTRAPOLATION_FACTOR = 3.0, 10.0
 
 UNKNOWN_FILL = (0.8, 0.9, 1.0)
 """Parts of the powder that may be between the poles where it is not known."""
+
+CENTRIFUGAL = 0.1
+"""Coulomb friction of weight and centrifugal force on the outer wall, over the torque, from which on that is a guess.
+They press the powder on the outer wall and relieve the inner one by as much, so the torque changes by that friction at
+most, in either direction: it is a half width of the 95 % interval. Powder that leaves the faces of a disc is not in
+it."""
 
 BULK_FILL = 0.6
 """Of settled shot [-]."""
@@ -366,14 +373,18 @@ class _Sheared:
         doubts = [*self.doubts, *found.doubts]
         if doubts:
             law = f"guess by {law}: {'; '.join(doubts)}"
-        most = _friction(self._scene, self._device).torque or 0.0
         return ExpectedTorque(
-            found.interval(self.doubts, most),
+            found.interval(self.doubts, self._most),
             law,
-            scene.interval(self.doubts, most),
+            scene.interval(self.doubts, self._most),
             self._of_unknown_powder(real) if unknown_powder and not doubts else None,
             {} if doubts else {name: NORMAL * part for name, part in found.parts.items()},
         )
+
+    @cached_property
+    def _most(self) -> float:
+        """Friction of weight and centrifugal force on the outer wall [N m]."""
+        return _friction(self._scene, self._device).torque or 0.0
 
     def _of(self, diameter: float, scene: bool = False, part: float = 1.0, law: PowderLaw | None = None) -> _Grains:
         """Torque of grains of a diameter [m], of the scene or real ones, with a part of the powder in place."""
@@ -416,6 +427,10 @@ class _Sheared:
         parts["devices"] = DEVICES
         beyond = max(0.0, whole / fill - 1.0)
         torque = RUNS_OVER_LAW * float(tau @ zone.lever) * (1.0 + BEYOND * beyond)
+        share = self._most / torque if torque > 0.0 else 0.0
+        parts["centrifugal"] = share / NORMAL
+        if share > CENTRIFUGAL:
+            doubts.append(f"weight and centrifugal force may change it by {share:.0%}, and the law has neither")
         return _Grains(torque, parts, doubts, EXTRAPOLATION_FACTOR if across < MIN_GRAINS_PER_GAP else GUESS)
 
     def _flux_density(self, fill: float, law: PowderLaw) -> np.ndarray:
