@@ -11,12 +11,14 @@ from dataclasses import dataclass
 from time import process_time
 from typing import Any
 
+from emclutch.device_model.device import build_device
 from emclutch.results.recommended import Choice, LimitingError
 from emclutch.results.report.report import Statement, note, warning
 from emclutch.results.text import format_duration, format_percent
 from emclutch.scene.case import Case
-from emclutch.simulation.forecast.expected_torque import ExpectedTorque
-from emclutch.studies.design_search import expectation_of
+from emclutch.scene.errors import bad_input_for
+from emclutch.simulation.forecast.expected_field import expected_magnetisation
+from emclutch.simulation.forecast.expected_torque import ExpectedTorque, expected_torque
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +42,10 @@ class TorqueByLaw:
     def of(cls, case: Case) -> TorqueByLaw:
         """Return that of a scene; SceneError where its field cannot be solved."""
         start = process_time()
-        expected = expectation_of(case)
+        with bad_input_for(case.path):
+            device = build_device(case.scene)
+            field, _ = expected_magnetisation(case, device)
+            expected = expected_torque(case.scene, device, field, unknown_powder=False)
         return cls(expected, process_time() - start, f"emclutch check {case.path or 'CASE'}")
 
     @property
