@@ -186,7 +186,9 @@ CurvePicture = Annotated[Path | None, typer.Option("--plot", metavar="FILE", hel
 PairForceAsked = Annotated[
     bool, flag("--pair-force", help="force between two grains of a powder against their gap (powder_iron)")
 ]
-DryRunOfAccuracy = Annotated[bool, flag("--dry-run", help="print settings, replicas and cost; run and write nothing")]
+DryRunOfAccuracy = Annotated[
+    bool, flag("--dry-run", help="print what is known, settings and cost; run and write nothing")
+]
 Details = Annotated[bool, flag("--details", help="print all that follows: grains, steps, mesh, what is left out")]
 AsJson = Annotated[bool, flag("--json", help="print JSON and nothing else")]
 CellFills = Annotated[

@@ -197,6 +197,7 @@ def accuracy(
     effects: opt.OfEffects = False,
     dry_run: opt.DryRunOfAccuracy = False,
     sets: opt.Sets = None,
+    as_json: opt.AsJson = False,
     trust_scripts: opt.TrustScripts = False,
 ) -> None:
     """Measure what accuracy costs: the error of every numerical setting, and the cheapest settings for a target."""
@@ -213,19 +214,18 @@ def accuracy(
         from emclutch.studies.accuracy.study import accuracy as measure_accuracy
 
         if dry_run:
-            given = {"--effects": effects, "--resume": resume, "--out": out is not None, "--for": targets is not None}
-            refuse_beside("--dry-run", given)
-            show(preview(read, seconds, jobs))
+            refuse_beside("--dry-run", {"--effects": effects, "--resume": resume, "--out": out is not None})
+            show(preview(read, seconds, jobs, wanted), as_json)
             return
 
         options: dict[str, Any] = {"out": out, "budget": seconds, "jobs": jobs, "resume": resume}
         found: AccuracyResult | EffectsResult
-        with Progress() as progress:
+        with nullcontext() if as_json else Progress() as progress:
             if effects:
                 found = effect_contributions(read, **options, progress=progress)
             else:
                 found = measure_accuracy(read, **options, targets=wanted, progress=progress)
-        show(found.report())
+        show(found.report(), as_json)
 
 
 def design(

@@ -9,8 +9,9 @@ is that of the real grains. What does is
 - the inertial number I = gamma d sqrt(rho/p), which is smaller in the real powder by the ratio of the diameters;
 - cohesion and fluid drag (`EffectSection.size_note`).
 
-Of the first two the torque over n grains per gap holds the sum: T(n) = T_inf (1 + a/n^p), measured and
-extrapolated by studies over the diameter (`emclutch.results.grain_size_law`, with the sources).
+Where the law of the powder covers a scene, it has both (`ExpectedTorque.size_excess`). Elsewhere the torque over n
+grains per gap holds the sum of the first two: T(n) = T_inf (1 + a/n^p), measured and extrapolated by studies over the
+diameter (`emclutch.results.grain_size_law`, with the sources).
 
 Diameters are means over the volume of the powder, to which each grain counts by its own.
 """
@@ -51,6 +52,9 @@ class GrainSize:
         Grains of the powder in the whole device.
     notes : tuple of str
         Effects of the scene whose stress depends on the size, in words.
+    by_law : tuple of float or None
+        Torque of these grains over that of the real ones, less 1, with its 95 % interval, by the law of the powder;
+        None where it is a guess.
     """
 
     gap: float
@@ -59,6 +63,7 @@ class GrainSize:
     real_diameter: float | None
     real_count: float
     notes: tuple[str, ...] = ()
+    by_law: tuple[float, float, float] | None = None
 
     @property
     def across(self) -> float:
@@ -79,6 +84,8 @@ class GrainSize:
         """Torque of these grains over that of the real ones, less 1, with its 95 % interval; None of real ones."""
         if not self.is_coarser or self.real_diameter is None:
             return None
+        if self.by_law is not None:
+            return self.by_law
         coarse, real = self.across**-EXPONENT, (self.gap / self.real_diameter) ** -EXPONENT
         value, low, high = ((1.0 + a * coarse) / (1.0 + a * real) - 1.0 for a in COEFFICIENT)
         return value, low, high
@@ -128,7 +135,10 @@ class GrainSize:
         """
         note, excess = self.in_words(measured=True), self.torque_excess()
         if not measured and excess is not None:
-            note += f". Coarse grains typically raise the torque by {excess_in_words(excess)}"
+            how = (
+                "Coarse grains typically raise" if self.by_law is None else "By the powder's law, coarse grains change"
+            )
+            note += f". {how} the torque by {excess_in_words(excess)}"
         found = {"across": self.across, "grains": self.count, "note": note}
         if self.real_diameter is not None:
             found |= {
@@ -147,8 +157,11 @@ def excess_in_words(excess: tuple[float, float, float]) -> str:
     return f"{value:.2g} % (95 %: {low:.2g} to {high:.2g})"
 
 
-def grain_size(scene: Scene, device: Device) -> GrainSize | None:
-    """Of a scene whose gap is sheared and whose grains attract one another; None of others, such as shot."""
+def grain_size(scene: Scene, device: Device, by_law: tuple[float, float, float] | None = None) -> GrainSize | None:
+    """Of a scene whose gap is sheared and whose grains attract one another; None of others, such as shot.
+
+    `by_law` as of `GrainSize`.
+    """
     if scene.effects.attraction is None or not device.shear_gap:
         return None
     particles = scene.grains
@@ -159,4 +172,5 @@ def grain_size(scene: Scene, device: Device) -> GrainSize | None:
         particles.real_diameter,
         device.fill.mass / particles.density / particles.real_grain_volume,
         tuple(f"effects.{one.name}: {one.size_note}" for one in scene.effects.present if one.size_note),
+        by_law,
     )

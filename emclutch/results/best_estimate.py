@@ -1,7 +1,8 @@
 """Best estimate of a run's torque: the raw one corrected for the error of its numerical settings, with the total error.
 
-The accuracy study of the device knows that error. Without one the general law of grain size corrects grains that are
-coarser than those that they stand for; the other settings' errors are then unknown and not in the interval.
+The accuracy study of the device knows that error. Without one the law of the powder corrects grains that are coarser
+than those that they stand for, or the general law of grain size where that one is a guess; the other settings' errors
+are then unknown and not in the interval.
 """
 
 from __future__ import annotations

@@ -121,7 +121,9 @@ class FinishedRun:
     @cached_property
     def size(self) -> GrainSize | None:
         """Coarseness of the grains; None where there is no torque."""
-        return None if self.torque is None else grain_size(self.case.scene, self.planned.device)
+        if self.torque is None:
+            return None
+        return grain_size(self.case.scene, self.planned.device, self.expected.size_excess)
 
     @cached_property
     def inertial_number(self) -> tuple[float | None, str]:

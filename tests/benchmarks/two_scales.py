@@ -3,6 +3,7 @@
     python tests/benchmarks/two_scales.py docs/two_scales.csv [--processes 2]
     python tests/benchmarks/two_scales.py docs/two_scales.csv --predict
     python tests/benchmarks/two_scales.py docs/two_scales.csv --table
+    python tests/benchmarks/two_scales.py docs/two_scales.csv --sizes
     python tests/benchmarks/two_scales.py docs/two_scales.csv --picture docs/two_scales.png
 
 Each line of the table is one run of one replica on one core, two to five minutes. Lines that are in the file already
@@ -31,6 +32,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from emclutch.device_model.device import Device, build_device
+from emclutch.device_model.grain_size import COEFFICIENT, EXPONENT
 from emclutch.results.fits import NORMAL
 from emclutch.scene.case import Case, case_from, load_case
 from emclutch.simulation.forecast.expected_field import expected_magnetisation
@@ -223,6 +225,35 @@ def predicted(row: Row) -> Row:
     }  # fmt: skip
 
 
+def print_sizes(rows: list[Row]) -> None:
+    """Compare two corrections to grains of 60 um: that of the law, and 1 + a/n^2 on the law's torque of these."""
+    (a, *_), real, found = COEFFICIENT, 60e-6, []
+    for row in rows:
+        case = case_of(row)
+        case = case.with_values({"particles.stands_for": real})
+        device = build_device(case.scene)
+        law = expected_torque(case.scene, device, expected_magnetisation(case, device)[0], unknown_powder=False)
+        if law.size_excess is None or law.scene is None or law.torque is None:
+            continue
+        n, finest = device.shear_gap / case.scene.grains.mean_diameter, device.shear_gap / real
+        general = law.torque * (1.0 + a / n**EXPONENT) / (1.0 + a / finest**EXPONENT)
+        found.append((row["use"], *(np.log(float(row["torque"]) / torque) for torque in (law.scene.mean, general))))
+    print("| devices | number | by the law | by 1 + a/n² |")
+    print("|---|---|---|---|")
+    for use in (*dict.fromkeys(one[0] for one in found), "all"):
+        own = np.array([one[1:] for one in found if use in (one[0], "all")])
+        parts = [
+            f"{np.exp(mean):.3f}, {100.0 * sd:.1f} %" for mean, sd in zip(own.mean(0), own.std(0, ddof=1), strict=True)
+        ]
+        print(f"| {use} | {len(own)} | {' | '.join(parts)} |")
+    own = np.array([one[1:] for one in found])
+    x, y = own[:, 1] - own[:, 0], own[:, 1]
+    x, y = x - x.mean(), y - y.mean()
+    slope = float(x @ y / (x @ x))
+    error = NORMAL * float(np.sqrt(((y - slope * x) ** 2).sum() / (len(x) - 2) / (x @ x)))
+    print(f"\nslope of ln(run by 1 + a/n²) over ln(law's correction by 1 + a/n²): {slope:.2f} ± {error:.2f}")
+
+
 def misfit(rows: list[Row]) -> np.ndarray:
     """ln(torque of the run / predicted), with the error of both and that of the prediction alone, (3, n)."""
     torque, error, law, law_error = (
@@ -291,10 +322,14 @@ def main() -> None:
     parser.add_argument("--processes", type=int, default=2, help="runs at a time, one core each")
     parser.add_argument("--predict", action="store_true", help="write what is expected beside the runs")
     parser.add_argument("--table", action="store_true", help="print the table for the documentation")
+    parser.add_argument("--sizes", action="store_true", help="compare corrections to the size of the real grains")
     parser.add_argument("--picture", type=Path, help="draw the runs over the law (.png)")
     asked = parser.parse_args()
     if asked.predict:
         write_rows(asked.table_file, [predicted(row) for row in read_rows(asked.table_file)])
+        return
+    if asked.sizes:
+        print_sizes(read_rows(asked.table_file))
         return
     if asked.table or asked.picture:
         rows = read_rows(asked.table_file)

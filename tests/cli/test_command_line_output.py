@@ -73,7 +73,7 @@ def test_every_command_has_help_and_what_is_printed_is_so(tmp_path):
         (("sweep", CASES / "current_to_torque.toml", "--dry-run", "--jobs", 2), "--jobs cannot be combined with"),
         (("design", CASES / "which_current.toml", "--within", "3 %"), "--within needs --runs"),
         (("design", CASES / "which_current.toml", "--threads", 1), "--threads needs --runs"),
-        (("accuracy", CASES / "quickstart.toml", "--dry-run", "--for", "5 %"), "--for"),
+        (("accuracy", CASES / "quickstart.toml", "--dry-run", "--resume", "--out", "x"), "--resume"),
         (("accuracy", CASES / "quickstart.toml", "--dry-run", "--budget", "1 s"), "--budget"),
         (("materials", "--plot", "x.png", "--json"), "--json cannot be combined with --plot"),
     ],
@@ -95,8 +95,12 @@ def test_a_dry_run_of_accuracy_writes_nothing(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     values = study.values_to_plan
     monkeypatch.setattr(study, "values_to_plan", lambda base: values(base)[:2])
-    found = called("accuracy", CASES / "quickstart.toml", "--dry-run", "--set", "field.size_factor=2")
+    words = "accuracy", CASES / "quickstart.toml", "--dry-run", "--set", "field.size_factor=2", "--for", "20 %"
+    found = called(*words)
     assert found.exit_code == 0 and "grains per gap" in found.output and not list(tmp_path.iterdir())
+    assert f"emclutch check {CASES / 'quickstart.toml'}" in found.output  # reaches 20 % without a run
+    (cheapest,) = json.loads(called(*words, "--json").output)["cheapest"]
+    assert cheapest["fidelity"] == "law" and 0.0 < cheapest["half_width"] < cheapest["target"] == 0.2
 
 
 def test_the_error_of_an_angle_needs_the_angle():

@@ -1,6 +1,7 @@
 """Grains that stand for finer ones: numbers of grains, what a scene is warned of, and that stresses have no size."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -51,6 +52,13 @@ def test_coarse_grains_add_what_the_law_of_their_size_says():
     assert excess[0] < 0.1 < excess[1] < excess[2] < COEFFICIENT[0] / 5.0**EXPONENT
     real = size_of(stands_for="0.2 mm")
     assert real.torque_excess() is None and "torque_excess" not in real.as_dict()
+
+
+def test_the_law_of_the_powder_takes_the_place_of_the_general_one():
+    general, by_law = size_of(stands_for="60 um"), replace(size_of(stands_for="60 um"), by_law=(0.2, 0.15, 0.25))
+    assert by_law.torque_excess() == (0.2, 0.15, 0.25) != general.torque_excess()
+    assert by_law.as_dict()["torque_excess_low"] == 0.15 and "By the powder's law" in by_law.as_dict()["note"]
+    assert replace(size_of(stands_for="0.2 mm"), by_law=(0.2, 0.15, 0.25)).torque_excess() is None
 
 
 def test_an_accuracy_study_of_the_device_silences_the_general_law():

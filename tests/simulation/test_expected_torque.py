@@ -212,6 +212,38 @@ def test_real_grains_have_less_torque_than_coarse_ones_and_are_alike_where_the_s
     assert real.real.mean == pytest.approx(real.scene.mean, rel=0.05)  # without accuracy.inertial_number the same
 
 
+def test_what_coarse_grains_add_is_the_ratio_of_both_torques_and_vanishes_with_its_error_at_the_real_size():
+    ends = []
+    for diameter in ("0.2 mm", "0.125 mm", "63 um"):
+        found = of_device(quickstart(**{"particles.diameter": diameter}))
+        value, low, high = found.size_excess
+        assert low < value < high and 1.0 + value == pytest.approx(found.scene.mean / found.real.mean, rel=1e-9)
+        ends.append((abs(value), high - low))
+    assert sorted(ends, reverse=True) == ends and ends[-1][0] < 0.01 and ends[-1][1] < 0.02
+    assert of_device(quickstart(**{"particles.stands_for": None})).size_excess is None
+    guess = of_device(quickstart(**{"effects.wall_images": None, "effects.back_reaction": None}))
+    assert guess.real.is_guess and guess.size_excess is None
+
+
+@pytest.mark.parametrize(
+    ("name", "torques", "finest"),
+    [("powder_clutch", {4: 16.46, 5: 14.99, 8: 13.36}, (12, 12.86)),
+     ("quickstart", {4: 0.760, 5: 0.712, 6: 0.642, 8: 0.628}, (16, 0.606))],
+)  # fmt: skip
+def test_runs_of_coarse_grains_have_the_torque_of_the_finest_where_both_are_corrected(name, torques, finest):
+    """Runs of docs/explanation/brake.md, of which the law was given none."""
+
+    def excess(n):
+        values = {"particles.diameter": f"{1e3 / n:.6g} um", "field.size_factor": 2.0, "time.until": None}
+        return of_device(load_case(CASES / f"{name}.toml", values)).size_excess
+
+    real = finest[1] / (1.0 + excess(finest[0])[0])
+    for n, torque in torques.items():
+        value, low, high = excess(n)
+        assert torque / (1.0 + value) == pytest.approx(real, rel=0.06)
+        assert torque / (1.0 + high) < real < torque / (1.0 + low)
+
+
 def test_a_device_twice_as_large_with_twice_the_current_has_eight_times_the_torque():
     """Similarity: stresses depend on B alone, so T goes with the cube of the size at equal B and grains per gap."""
     small = quickstart()

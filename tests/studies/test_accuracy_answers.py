@@ -12,10 +12,22 @@ from emclutch.results.accuracy_study import Basis, MeasuredSetting, MeasuredValu
 from emclutch.results.recommended import Choice, recommended
 from emclutch.scene.case import load_case
 from emclutch.settings import settings_of
+from emclutch.simulation.forecast.expected_torque import ExpectedTorque, Interval
 from emclutch.simulation.plan import make_plan
 from emclutch.simulation.recommended_case import case_for
 from emclutch.studies.accuracy.answers import scene_text, write_answers
+from emclutch.studies.accuracy.fidelities import TorqueByLaw
 from emclutch.studies.accuracy.report import accuracy_report
+
+
+def by_law(high, guess=False):
+    """Of a torque of 1 N m."""
+    parts = {} if guess else {"form": high - 1.0}
+    expected = ExpectedTorque(Interval(1.0, 1.0 / high, high, guess), "a law", parts=parts)
+    return TorqueByLaw(expected, 2.0, "emclutch check CASE")
+
+
+LAW = by_law(1.07)
 
 
 @pytest.fixture(scope="module")
@@ -54,7 +66,7 @@ def whole(own, rest, **values):
 
 
 def test_scenes_have_the_settings_of_the_study(tmp_path, case, own, rest, without_picture):
-    write_answers(case, whole(own, rest), tmp_path, (0.05, 0.1), ())
+    write_answers(case, whole(own, rest), tmp_path, (0.05, 0.1), (), LAW)
     for target in (0.05, 0.1):
         found = load_case(tmp_path / f"target_{100 * target:g}_percent.toml")
         choice = recommended(whole(own, rest), target)
@@ -90,7 +102,7 @@ def test_a_combination_that_the_scene_refuses_is_passed_over(tmp_path, case, own
     of = study("abc", MeasuredSetting("sector", "particles.sector", Basis.TORQUE, own["sector"], 2.0, 0.0,
                                   (*sector.values, wide), 20.0), *others, *rest, scatter=0.02)  # fmt: skip
     assert recommended(of, 0.1).values["sector"] == 500.0
-    write_answers(case, of, tmp_path, (0.1,), ())
+    write_answers(case, of, tmp_path, (0.1,), (), LAW)
     assert load_case(tmp_path / "target_10_percent.toml").scene.grains.sector < 3.2
 
 
@@ -98,8 +110,8 @@ def test_what_is_not_reached_has_a_reason_and_no_scene(tmp_path, case, own, rest
     (tmp_path / "target_0.1_percent.toml").write_text("of an earlier study")
 
     def said(of, target):
-        answers = write_answers(case, of, tmp_path, (target,), ())
-        return [one.text for one in accuracy_report(of, answers, tmp_path, ()).statements()]
+        answers = write_answers(case, of, tmp_path, (target,), (), LAW)
+        return [one.text for one in accuracy_report(of, answers, tmp_path, (), LAW).statements()]
 
     assert any("0.1 %: not reach" in line and "limited by" in line for line in said(whole(own, rest), 0.001))
     assert not list(tmp_path.glob("target*"))
@@ -111,7 +123,7 @@ def test_what_is_not_reached_has_a_reason_and_no_scene(tmp_path, case, own, rest
 
 def test_tables_have_every_value(tmp_path, case, own, rest):
     of = whole(own, rest)
-    write_answers(case, of, tmp_path, (0.05,), ())
+    write_answers(case, of, tmp_path, (0.05,), (), LAW)
     table = pandas.read_csv(tmp_path / "accuracy.csv")
     assert len(table) == sum(len(one.values) for one in of.settings) and table["own"].sum() == len(of.settings)
     row = table[(table.setting == "sector") & table.own].iloc[0]
@@ -121,3 +133,27 @@ def test_tables_have_every_value(tmp_path, case, own, rest):
     assert "(accuracy.png)" in text and "data:image/png" in page and (tmp_path / "accuracy.png").stat().st_size > 1000
     for name in ("sector", "update_interval", "friction"):
         assert name in text and name in page
+
+
+def test_the_law_is_the_cheapest_where_its_interval_is_within_the_target(tmp_path, case, own, rest, without_picture):
+    """Else the settings that the study found; a guess reaches nothing. Only the reason is left where nothing does."""
+    of = whole(own, rest)
+
+    def found(law, targets):
+        answers = write_answers(case, of, tmp_path, targets, (), law)
+        return accuracy_report(of, answers, tmp_path, (), law)
+
+    report = found(LAW, (0.1, 0.05, 0.001))
+    law, grains, nothing = report.data["cheapest"]
+    assert (law["fidelity"], law["half_width"], law["seconds"]) == ("law", pytest.approx(0.07), 2.0)
+    assert (
+        grains["fidelity"] == "grains" and grains["half_width"] <= 0.05 and "target_5_percent.toml" in grains["command"]
+    )
+    assert nothing["fidelity"] is None and "limited by" in nothing["reason"]
+    lines = [one.text for one in report.statements()]
+    assert any("± 10 %" in line and line.endswith("emclutch check CASE") for line in lines)
+    guess = found(by_law(1.07, guess=True), (0.1,))
+    assert guess.data["law"]["half_width"] is None and guess.data["cheapest"][0]["fidelity"] == "grains"
+    assert any("reaches no target" in one.text for one in guess.statements())
+    without_study = by_law(1.2).cheapest(0.1, None, "emclutch accuracy CASE")
+    assert without_study["fidelity"] is None and "no accuracy study" in without_study["reason"]

@@ -175,6 +175,9 @@ class ExpectedTorque:
         Torque [N m] that 5 % and 95 % of free-flowing powders have less than, with 80 to 100 % of them in place.
     parts : dict of str to float
         Half widths of the 95 % interval of `real` [-] by their causes; empty of a guess.
+    size_excess : tuple of float or None
+        Torque of the scene's own grains over that of the real ones, less 1, with its 95 % interval; None of real
+        grains, and where either is a guess.
     law : str
         How it was found, and why it is a guess.
     stress : float
@@ -195,6 +198,7 @@ class ExpectedTorque:
     scene: Interval | None = None
     unknown_powder: tuple[float, float] | None = None
     parts: dict[str, float] = dataclass_field(default_factory=dict)
+    size_excess: tuple[float, float, float] | None = None
     stress: float = 0.0
     H: float = 0.0
     M: float = 0.0
@@ -333,12 +337,17 @@ def between_poles(device: Device) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class _Grains:
-    """Torque [N m] of grains of one size, its errors by causes [-], what makes it a guess, and within which factor."""
+    """Torque [N m] of grains of one size, its errors by causes [-], what makes it a guess, and within which factor.
+
+    By a law at B/(mu_0 Ms), fill, grains per gap and inertial number.
+    """
 
     torque: float
     parts: dict[str, float]
     doubts: list[str]
     factor: float
+    law: PowderLaw
+    at: tuple[float, float, float, float]
 
     def interval(self, doubts: list[str], most: float) -> Interval:
         """The 95 % interval, with the doubts of the device and a torque [N m] that a guess may have besides."""
@@ -346,6 +355,28 @@ class _Grains:
             return Interval.within(self.torque, float(np.linalg.norm(list(self.parts.values()))))
         found = Interval.within(self.torque, log(self.factor) / NORMAL)
         return replace(found, high=found.high + most, is_guess=True)
+
+    def excess_over(self, real: _Grains) -> tuple[float, float, float] | None:
+        """The torque over that of finer grains in the same device, less 1, with its 95 % interval; None of a guess.
+
+        Errors that both have alike cancel: of a coefficient of the law their difference counts. A size deviates from
+        the law as a cell does, the less the nearer both are.
+        """
+        if self.doubts or real.doubts:
+            return None
+        change = np.array([self._change(h) - real._change(h) for h in np.diag(0.5 * self.law.errors)])
+        square = float((change**2).sum() + 2.0 * self.law.correlation * change[0] * change[1])
+        form = self.law.deviation * (1.0 - (self.at[2] / real.at[2]) ** 2)
+        other = [self.parts[name] - real.parts[name] for name in ("edges", "jams")]
+        found = Interval.within(self.torque / real.torque, float(np.linalg.norm([sqrt(square), form, *other])))
+        return found.mean - 1.0, found.low - 1.0, found.high - 1.0
+
+    def _change(self, step: np.ndarray) -> float:
+        """Change of the logarithm of the stress over two steps of the coefficients."""
+        b, *at = self.at
+        ends = (replace(self.law, coefficients=self.law.coefficients + sign * step) for sign in (1.0, -1.0))
+        above, below = (float(law.stress(np.array(MU_0 * b), 1.0, *at)) for law in ends)
+        return log(above / below)
 
 
 class _Sheared:
@@ -379,6 +410,7 @@ class _Sheared:
             scene.interval(self.doubts, self._most),
             self._of_unknown_powder(real) if unknown_powder and not doubts else None,
             {} if doubts else {name: NORMAL * part for name, part in found.parts.items()},
+            scene.excess_over(found) if own > real and not self.doubts else None,
         )
 
     @cached_property
@@ -417,7 +449,8 @@ class _Sheared:
             doubts.append("fewer than 3 grains per gap are not a continuum")
         elif across < RANGES["grains per gap"][0]:
             doubts.append(f"the gap holds {across:.2g} grains, and the law holds from 4 on")
-        parts = law.errors_at(b, fill, across, min(inertia, RANGES["inertial number"][1]))
+        at = (b, fill, across, min(inertia, RANGES["inertial number"][1]))
+        parts = law.errors_at(*at)
         early, late = (
             fill_between_poles(device, law, diameter, part, ONSET * (1.0 + sign * ONSET_ERROR)) for sign in (-1, 1)
         )
@@ -431,7 +464,7 @@ class _Sheared:
         parts["centrifugal"] = share / NORMAL
         if share > CENTRIFUGAL:
             doubts.append(f"weight and centrifugal force may change it by {share:.0%}, and the law has neither")
-        return _Grains(torque, parts, doubts, EXTRAPOLATION_FACTOR if across < MIN_GRAINS_PER_GAP else GUESS)
+        return _Grains(torque, parts, doubts, EXTRAPOLATION_FACTOR if across < MIN_GRAINS_PER_GAP else GUESS, law, at)
 
     def _flux_density(self, fill: float, law: PowderLaw) -> np.ndarray:
         """B [T] across the gap at the points of the zone, of powder of a fill."""

@@ -17,11 +17,12 @@ from emclutch.results.text import format_duration, format_percent
 from emclutch.scene.case import Case
 from emclutch.scene.input_files import input_files
 from emclutch.simulation.recommended_case import cheapest_case
+from emclutch.studies.accuracy.fidelities import TorqueByLaw
 from emclutch.studies.accuracy.report import Answer, accuracy_report, parts_in_words, rows_of
 
 
 def write_answers(
-    case: Case, study: AccuracyStudy, folder: Path, targets: Sequence[float], remarks: Sequence[str]
+    case: Case, study: AccuracyStudy, folder: Path, targets: Sequence[float], remarks: Sequence[str], law: TorqueByLaw
 ) -> tuple[Answer, ...]:
     """Write tables, a picture, a page and a scene for each target that is reached; return what reaches the targets.
 
@@ -32,12 +33,13 @@ def write_answers(
     ----------
     targets : half widths of the torque's 95 % interval that are wanted, relative
     remarks : sentences that are added to the report
+    law : torque by the powder's law, which needs no study
     """
     answers = tuple(_answer(case, study, folder, target) for target in sorted(targets, reverse=True))
     _write_csv(folder / "accuracy.csv", rows_of(study))
     found = [(one.target, one.found) for one in answers]
     accuracy_picture(folder / "accuracy.png", study, found, title=f"Accuracy and processor time: {study.case}")
-    report = accuracy_report(study, answers, folder, remarks)
+    report = accuracy_report(study, answers, folder, remarks, law)
     replace_text(folder / "accuracy.md", markdown(report, folder))
     write_index(report)
     return answers

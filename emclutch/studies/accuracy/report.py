@@ -25,6 +25,7 @@ from emclutch.results.setting_errors import ORDER_SPREAD, SMALL_ERROR
 from emclutch.results.text import format_duration, format_percent, in_words
 from emclutch.scene.replica_count import cores_at_hand
 from emclutch.settings import SETTINGS, UNITS
+from emclutch.studies.accuracy.fidelities import TorqueByLaw, cheapest_in_words
 
 SHORT = {Basis.TORQUE: "torque", Basis.MOMENTS: "squared moments", Basis.START_UP: "torque, start-up"}
 MACHINE = ("date", "processor", "cores", "jobs")
@@ -110,17 +111,22 @@ def rows_of(study: AccuracyStudy) -> list[dict[str, Any]]:
     return rows
 
 
-def accuracy_report(study: AccuracyStudy, answers: Sequence[Answer], folder: Path, remarks: Sequence[str]) -> Report:
-    """Return the report on a study in a folder; `remarks` are added to its statements."""
+def accuracy_report(
+    study: AccuracyStudy, answers: Sequence[Answer], folder: Path, remarks: Sequence[str], law: TorqueByLaw
+) -> Report:
+    """Return the report on a study in a folder; `remarks` are added to its statements, `law` needs no study."""
     known = {key: study.machine[key] for key in MACHINE if key in study.machine}
     if "processor_seconds" in study.machine:
         known["processor time"] = format_duration(study.machine["processor_seconds"])
     machine = ", ".join(f"{key} {value}" for key, value in known.items())
     subtitle = f"device {study.device}{f'; {machine}' if machine else ''}"
+    cheapest = [law.cheapest(one.target, one.found, f"emclutch run {one.file}" if one.file else "") for one in answers]
     report = Report(f"Accuracy and processor time: {study.case}", subtitle, folder=folder,
-                    data={"settings": rows_of(study)})  # fmt: skip
-    statements = [*_statements(study), *_limits(answers), *map(warning, remarks)]
+                    data={"settings": rows_of(study), "law": law.as_dict(), "cheapest": cheapest})  # fmt: skip
+    reached = [cheapest_in_words(one) for one in cheapest if one["fidelity"] is not None]
+    statements = [*_statements(study), note(law.in_words()), *_limits(answers), *map(warning, remarks)]
     report.add("Result", Statements(statements), Shown.TERMINAL)
+    report.add("Cheapest for a target", Statements(reached), Shown.TERMINAL)
     report.add("Settings for wanted accuracies", _answers(study, answers), Shown.TERMINAL)
     report.add("These settings", [_choices(study, answers), Statements([*_explanations(study, answers)])], Shown.PAGE)
     if (picture := folder / "accuracy.png").is_file():

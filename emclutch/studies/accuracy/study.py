@@ -26,13 +26,16 @@ from emclutch.results.history import last_time
 from emclutch.results.recommended import ONE_VALUE, STATISTICS, Choice, LimitingError, own_choice, recommended
 from emclutch.results.report.render import Reported
 from emclutch.results.report.report import Report, Shown, Statements, Table, note, warning
-from emclutch.results.text import format_duration, in_words
+from emclutch.results.text import format_duration, format_percent, in_words
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.replica_count import replica_seed
 from emclutch.settings import FROZEN, TORQUE, Setting, settings_of
+from emclutch.simulation.discretisation_error import device_of
 from emclutch.simulation.plan_in_words import narrow_sector
+from emclutch.simulation.recommended_case import cheapest_case
 from emclutch.studies.accuracy.budgeted_study import BUDGET, BudgetedStudy
+from emclutch.studies.accuracy.fidelities import TorqueByLaw, cheapest_in_words
 from emclutch.studies.accuracy.measured_study import StudyRuns, refuse_no_torque, scatter_of, study_of, this_machine
 from emclutch.studies.accuracy.plan import (
     BASE,
@@ -92,18 +95,21 @@ class AccuracyResult(Reported):
     study : AccuracyStudy
     answers : tuple of Answer
         What reaches each target.
+    law : TorqueByLaw
+        What is known without a study.
     remarks : tuple of str
         Sentences on an earlier study.
     """
 
     folder: Path
     study: AccuracyStudy
+    law: TorqueByLaw
     answers: tuple[Answer, ...] = ()
     remarks: tuple[str, ...] = ()
 
     def report(self) -> Report:
         """Return best estimate, settings for the targets, and errors."""
-        return accuracy_report(self.study, self.answers, self.folder, self.remarks)
+        return accuracy_report(self.study, self.answers, self.folder, self.remarks, self.law)
 
 
 def accuracy(
@@ -147,7 +153,7 @@ def accuracy(
     case, jobs = as_case(case), checked_jobs(jobs)
     refuse_unmeasurable(case)
     folder = Path(out) if out is not None else RunFolder.next_path(f"{case.name}-accuracy", "studies")
-    base = base_of(case)
+    base, law = base_of(case), TorqueByLaw.of(case)
     with child_processes(jobs) as executor:
         running = _StudyRun(case, folder, PLAN, executor, progress)
 
@@ -155,10 +161,11 @@ def accuracy(
             return _begun(case, base, BUDGET if budget is None else budget, jobs, targets, executor, progress)
 
         with running.planned(begin, resume=resume, budget=budget):
+            running.log(law.in_words())
             study = running.measure(base)
             remarks = _saved(study, running)
-            answers = _answers(case, study, folder, targets, remarks)
-    return AccuracyResult(folder, study, answers, remarks)
+            answers = _answers(case, study, folder, targets, remarks, law)
+    return AccuracyResult(folder, study, law, answers, remarks)
 
 
 def _saved(study: AccuracyStudy, running: _StudyRun) -> tuple[str, ...]:
@@ -171,12 +178,15 @@ def _saved(study: AccuracyStudy, running: _StudyRun) -> tuple[str, ...]:
     return _replaced(study, earlier)
 
 
-def preview(case: Case, budget: float | None = None, jobs: int | None = None) -> Report:
+def preview(
+    case: Case, budget: float | None = None, jobs: int | None = None, targets: Sequence[float] = TARGETS
+) -> Report:
     """Return what `accuracy` would measure and what that is estimated to cost; nothing runs or is written.
 
-    `budget` [s], `jobs` and what is raised before anything runs are as of `accuracy`. Costs are processor times of one
-    replica each, within a factor of two, and on a frozen packing of mesh and field alone, without that of the moments;
-    the first replicas decide which values get more.
+    The first lines are what is known before it: the torque by the powder's law, and the cheapest that reaches each of
+    the `targets`. `budget` [s], `jobs` and what is raised before anything runs are as of `accuracy`. Costs are
+    processor times of one replica each, within a factor of two, and on a frozen packing of mesh and field alone,
+    without that of the moments; the first replicas decide which values get more.
     """
     jobs, budget = checked_jobs(jobs), BUDGET if budget is None else budget
     refuse_unmeasurable(case)
@@ -184,7 +194,19 @@ def preview(case: Case, budget: float | None = None, jobs: int | None = None) ->
     _refuse_small_budget(case, base, budget, jobs)
     asked, own = values_to_plan(base), base.plan.cost.seconds["total"]
     planned = _distinct(base, accepted_values(base, asked, [plan_value(one) for one in asked]))
-    report = Report(f"Accuracy study of {case.name}")
+    law, known = TorqueByLaw.of(case), _earlier_study(device_of(case))
+    cheapest = []
+    for target in sorted(targets, reverse=True):
+        grains = None if known is None else cheapest_case(case, known[0], target)
+        share, name = format_percent(target), case.path or "CASE"
+        if isinstance(grains, tuple):
+            how = f"emclutch run {name} --set time.until=none --set 'accuracy.target={share}'"
+            cheapest.append(law.cheapest(target, grains[0], how))
+        else:
+            cheapest.append(law.cheapest(target, grains, f"emclutch accuracy {name} --for '{share}'"))
+    report = Report(f"Accuracy study of {case.name}", data={"law": law.as_dict(), "cheapest": cheapest})
+    report.add("Law of the powder", Statements([note(law.in_words())]), Shown.TERMINAL)
+    report.add("Cheapest for a target", Statements([*map(cheapest_in_words, cheapest)]), Shown.TERMINAL)
     first = f"{BASE_REPLICAS} replicas at the scene's own settings take {format_duration(BASE_REPLICAS * own)}"
     room = f"{format_duration(budget)} with {jobs} at a time are enough for some {jobs * budget / own:.0f} replicas"
     statements = [note(f"{first} and run in any case."), note(f"{room} at the scene's own settings.")]
@@ -227,11 +249,11 @@ def _replaced(study: AccuracyStudy, earlier: tuple[AccuracyStudy, Path] | None) 
 
 
 def _answers(
-    case: Case, study: AccuracyStudy, folder: Path, targets: Sequence[float], remarks: Sequence[str]
+    case: Case, study: AccuracyStudy, folder: Path, targets: Sequence[float], remarks: Sequence[str], law: TorqueByLaw
 ) -> tuple[Answer, ...]:
     from emclutch.studies.accuracy.answers import write_answers  # local: it draws
 
-    return write_answers(case, study, folder, targets, remarks)
+    return write_answers(case, study, folder, targets, remarks, law)
 
 
 def _refuse_small_budget(case: Case, base: Base, budget: float, jobs: int) -> None:
