@@ -322,9 +322,9 @@ def _write(result: PowderLawResult) -> None:
     writer.writerows(result.cells)
     replace_text(result.folder / CELLS, table.getvalue())
     title = f"{result.case.scene.scene.title}: shear stress of the powder"
-    powder_law_picture(
-        result.folder / "powder_law.png", result.columns, result.law, saturation_of(result.case.scene), title
-    )
+    law, Ms = result.law, saturation_of(result.case.scene)
+    stress = None if law is None else lambda B, fill, n: law.stress(B, Ms, fill, n)
+    powder_law_picture(result.folder / "powder_law.png", result.columns, stress, title)
     report = result.report()
     replace_json(result.folder / "report.json", report.data)
     write_index(report)

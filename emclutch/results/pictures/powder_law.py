@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,15 +17,12 @@ from emclutch.results.pictures.figure import (
     save_picture,
 )
 
-if TYPE_CHECKING:
-    from emclutch.simulation.forecast.powder_law import PowderLaw
-
 KILO = 1e-3
+Stress = Callable[[np.ndarray, float, float], np.ndarray]
+"""Shear stress [Pa] of a law at flux densities (n,) [T], a solid fraction, and grains per gap."""
 
 
-def powder_law_picture(
-    path: Path, cells: Mapping[str, np.ndarray], law: PowderLaw | None, Ms: float, title: str
-) -> Path:
+def powder_law_picture(path: Path, cells: Mapping[str, np.ndarray], law: Stress | None, title: str) -> Path:
     """Draw the stresses of cells with their 95 % intervals, and the law through those of one size of the gap.
 
     Parameters
@@ -34,7 +30,6 @@ def powder_law_picture(
     path : PNG to write.
     cells : columns `solid_fraction`, `grains_per_gap`, `flux_density` [T], `shear_stress` and `standard_error` [Pa].
     law : None without one.
-    Ms : saturation of the grains [A/m].
     title : of the figure.
     """
     figure, (axis,) = new_figure(7.0, 5.2, title)
@@ -50,7 +45,7 @@ def powder_law_picture(
                           fmt=MARKERS[0 if n == usual else 1 + shape], mfc=colour if n == usual else "white", ms=5.0,
                           color=colour, lw=0.8, capsize=2.0, label=label)  # fmt: skip
         if law is not None:
-            axis.plot(at, KILO * law.stress(at, Ms, float(cells["solid_fraction"][fills == fill].mean()), usual),
+            axis.plot(at, KILO * law(at, float(cells["solid_fraction"][fills == fill].mean()), usual),
                       color=colour, lw=1.2, label=f"law, fill {fill:g}, {usual:g} grains per gap")  # fmt: skip
     axis.set(xlabel="flux density across the gap [T]", ylabel="shear stress [kPa]")
     axis.grid(alpha=0.25)
