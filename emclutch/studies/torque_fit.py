@@ -116,7 +116,7 @@ class MeasuredTorques:
 
 
 def read_torques(path: str | Path, unit: str) -> tuple[MeasuredTorques, int]:
-    """Read a curve, and how many of its points are left out: those with a drive or a torque of 0.
+    """Read a curve, and how many of its points are left out: those with no drive or torque above 0.
 
     Parameters
     ----------

@@ -37,6 +37,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
+from emclutch.device_model.materials import saturation_of
 from emclutch.results.atomic_file import replace_json, replace_text
 from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.model import Scene
@@ -279,7 +280,7 @@ def powder_entries(scene: Scene) -> dict[str, Any]:
         if effect.role == "rolling" or (effect.changes_stress and effect.role != "drag"):
             found |= {f"effects.{effect.name}.{key}": value for key, value in effect.model_dump(mode="json").items()}
         if effect.has_scale:
-            found |= {"particles.diameter": grains.mean_diameter, "particles.saturation": grains.saturation}
+            found |= {"particles.diameter": grains.mean_diameter, "particles.saturation": saturation_of(scene)}
     return found
 
 
@@ -296,7 +297,7 @@ def law_of(scene: Scene) -> tuple[PowderLaw, list[str]]:
     file = scene.grains.powder_law
     if file is None:
         law, doubt = shipped_laws().nearest(*powder_of(scene))
-        return law, [*_beyond_shipped_cells(scene), *([doubt] if doubt else [])]
+        return law, [*beyond_shipped_cells(scene), *([doubt] if doubt else [])]
     try:
         law = PowderLaw.read(Path(file))
     except ValueError as error:
@@ -304,10 +305,18 @@ def law_of(scene: Scene) -> tuple[PowderLaw, list[str]]:
     own = powder_entries(scene)
     others = [f"{key} = {own.get(key, 'none')} for {law.measured.get(key, 'none')}"
               for key in sorted({*own, *law.measured}) if own.get(key) != law.measured.get(key)]  # fmt: skip
-    return law, [f"its law is of another powder ({', '.join(others)})"] if others else []
+    doubts = [f"its law is of another powder ({', '.join(others)})"] if others else []
+    real, own_diameter = scene.grains.real_diameter, scene.grains.mean_diameter
+    if real is not None and real < own_diameter:
+        doubts += [
+            f"its law is of grains of {1e3 * own_diameter:.3g} mm, real ones have {1e3 * real:.3g} mm, and their stress "
+            f"depends on it by [effects.{effect.name}]"
+            for effect in scene.effects.present if effect.has_scale
+        ]  # fmt: skip
+    return law, doubts
 
 
-def _beyond_shipped_cells(scene: Scene) -> Iterator[str]:
+def beyond_shipped_cells(scene: Scene) -> Iterator[str]:
     """What a powder has that no shipped cell has."""
     effects, contact, rolling = scene.effects, scene.contact, scene.effects.rolling
     if not effects.attraction.has_necks:
