@@ -30,6 +30,7 @@ import numpy as np
 
 from emclutch.device_model.device import build_device
 from emclutch.device_model.materials import saturation_of
+from emclutch.devices.sheared_box import MIN_LAYERS
 from emclutch.results import OutputError
 from emclutch.results.atomic_file import replace_json, replace_text
 from emclutch.results.errors import Interrupted, RunError
@@ -282,7 +283,9 @@ def powder_law(
         fields, fills = sorted(set(fields)), sorted(set(fills))
         seeds = range(1, 1 + max(2, ceil(MIN_CELLS / (len(fields) * len(fills)))))
         order = tuple((i, k, 8, seed) for seed in seeds for i in range(len(fields)) for k in range(len(fills)))
-    tasks = _tasks(unmeasured, [(fields[i % len(fields)], fills[k % len(fills)], n, s) for i, k, n, s in order], walls)
+    thinnest = ceil(MIN_LAYERS * scene.grains.largest_diameter / scene.grains.mean_diameter - 1e-9)
+    cells_of = [(fields[i], fills[k], max(n, thinnest) if walls == "steel" else 8, seed) for i, k, n, seed in order]
+    tasks = _tasks(unmeasured, cells_of, walls)
     folder = Path(out) if out is not None else RunFolder.next_path(case.name, "powder_laws")
     if resume and not folder.is_dir():
         raise OutputError(f"nothing to resume in {folder}: there is no such folder; name the law's folder with --out")

@@ -158,8 +158,20 @@ def test_a_fit_of_the_fill_is_by_the_measured_law_and_one_of_the_friction_by_shi
     assert of_friction.case.scene.particles.powder_law is None
 
 
+def test_no_cell_is_thinner_than_three_of_the_largest_grains(tmp_path, cells):
+    """Four mean grains of a powder of wide sizes are less than three of its largest."""
+    sizes = {"kind": "percentiles", "d10": "0.1 mm", "d50": "0.15 mm", "d90": "0.25 mm"}
+    wide = quickstart(**{"particles.diameter": None, "particles.sizes": sizes, "particles.sector": "9 deg"})
+    grains, found = wide.scene.particles, emclutch.powder_law(wide, out=tmp_path / "law", jobs=1)
+    heights = np.array([row["grains_per_gap"] for row in found.cells]) * grains.mean_diameter
+    assert 4.0 * grains.mean_diameter < 3.0 * grains.largest_diameter <= heights.min() * (1.0 + 1e-9)
+    assert found.law is not None and not found.after.real.is_guess
+
+
 def test_without_faces_there_is_a_table_and_no_law(tmp_path, cells):
     found = emclutch.powder_law(quickstart(), out=tmp_path / "box", walls="none", jobs=1)
+    own = ("field_strength", "solid_fraction", "seed")
+    assert len({tuple(row[name] for name in own) for row in found.cells}) == len(found.cells)  # none is run twice
     assert found.law is None and found.after is None and not (tmp_path / "box" / "powder_law.json").exists()
     assert (tmp_path / "box" / "powder_law.png").stat().st_size > 10_000
 
