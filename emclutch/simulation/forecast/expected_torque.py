@@ -353,7 +353,8 @@ class _Grains:
         if not (doubts or self.doubts):
             return Interval.within(self.torque, float(np.linalg.norm(list(self.parts.values()))))
         found = Interval.within(self.torque, log(self.factor) / NORMAL)
-        return replace(found, high=found.high + most, is_guess=True)
+        high = found.high + most
+        return replace(found, low=self.torque**2 / high if high > 0.0 else 0.0, high=high, is_guess=True)
 
 
 class _Sheared:
