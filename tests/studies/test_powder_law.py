@@ -80,6 +80,9 @@ def test_the_law_of_cells_is_used_by_the_scene_and_by_no_other_powder(tmp_path, 
     assert "measured law" in finer.law and not finer.real.is_guess
     other = expectation_of(quickstart(**law, **{"contact.friction": 0.5}))
     assert other.real.is_guess and "contact.friction = 0.5 for" in other.law
+    rough = expectation_of(quickstart(**law, **{"effects.dipoles.surface_gap": 0.02}))
+    assert rough.real.is_guess and "effects.dipoles.surface_gap = 0.02 for 0.003" in rough.law
+    assert expectation_of(quickstart(**{"effects.dipoles.surface_gap": 0.02})).real.is_guess
     table = pandas.read_csv(tmp_path / "law" / "cells.csv")
     assert list(table.shear_stress) == [row["shear_stress"] for row in found.cells]
     page = (tmp_path / "law" / "index.html").read_text()
@@ -90,7 +93,7 @@ def test_the_law_of_cells_is_used_by_the_scene_and_by_no_other_powder(tmp_path, 
 @pytest.mark.parametrize(
     "values",
     [{"effects.twisting_friction.coefficient": 0.1}, {"effects.dipoles.model": "mutual"},
-     {"contact.wall_friction": 0.1}, {"particles.susceptibility": 3000}],
+     {"contact.wall_friction": 0.1}, {"particles.susceptibility": 3000}, {"effects.dipoles.surface_gap": 0.02}],
 )  # fmt: skip
 def test_powder_that_no_shipped_law_is_of_has_no_range_of_shipped_powders(values, tmp_path, cells):
     """Its friction is as unknown as that of others, and no law has its stress at another one."""

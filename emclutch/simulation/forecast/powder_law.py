@@ -105,6 +105,9 @@ UNSATURATED = 0.13
 PRESSURE = (0.103, 1.27, 0.22, 0.47)
 """The numbers of P, fitted to the cells below I = 0.35, which have it within 4 % (standard deviation)."""
 
+SURFACE_GAP = 3e-3
+"""Of the simulated powders, in grain radii."""
+
 Table = Mapping[str, np.ndarray]
 
 
@@ -145,7 +148,7 @@ class PowderLaw:
 
         Least squares of the logarithm of the stress. The powder's own coefficients are free; those of all powders have
         their values as a prior, with `WIDER` times their errors. The deviation is the larger of that of all cells and
-        of these.
+        of these, in which a coefficient that is off its prior counts as a cell does.
 
         Parameters
         ----------
@@ -166,7 +169,7 @@ class PowderLaw:
         most = np.append((np.inf, np.log(CLOSE_PACKING)), np.full(len(known) - OWN, np.inf))
         found = least_squares(misfit, np.minimum(self.coefficients, most - 1e-6), bounds=(-np.inf, most),
                               x_scale=np.append((1.0, 0.1), known[OWN:]), xtol=1e-12, ftol=1e-12)  # fmt: skip
-        scatter = self.deviation * sqrt(float((found.fun[: len(y)] ** 2).sum()) / max(len(y) - OWN, 1))
+        scatter = self.deviation * sqrt(float((found.fun**2).sum()) / max(len(y) - OWN, 1))
         deviation = max(self.deviation, scatter)
         bounded = np.diag([0.0, JAMMING_ERROR**-2, *np.zeros(len(known) - OWN)])  # dilute powder shows no jams
         covariance = np.linalg.inv((self.deviation / deviation) ** 2 * found.jac.T @ found.jac + bounded)
@@ -276,6 +279,8 @@ def powder_entries(scene: Scene) -> dict[str, Any]:
     if grains.sizes is not None:
         ends = (grains.smallest_diameter, grains.largest_diameter)
         found["particles.sizes"] = [float(f"{end / grains.mean_diameter:.3g}") for end in ends]
+    if effects.attraction.has_necks:
+        found["effects.dipoles.surface_gap"] = effects.attraction.surface_gap
     for effect in effects.present:
         if effect.role == "rolling" or (effect.changes_stress and effect.role != "drag"):
             found |= {f"effects.{effect.name}.{key}": value for key, value in effect.model_dump(mode="json").items()}
@@ -321,6 +326,8 @@ def beyond_shipped_cells(scene: Scene) -> Iterator[str]:
     effects, contact, rolling = scene.effects, scene.contact, scene.effects.rolling
     if not effects.attraction.has_necks:
         yield "grains have no necks (effects.dipoles.model)"
+    elif effects.attraction.surface_gap != SURFACE_GAP:
+        yield f"its effects.dipoles.surface_gap is {effects.attraction.surface_gap:g}, and that of cells {SURFACE_GAP:g}"
     if not effects.saturate:
         yield "its grains do not saturate"
     if contact.friction_at_walls != contact.friction:
