@@ -306,7 +306,7 @@ def powder_law(
     result = PowderLawResult(folder, unmeasured, None, done, failures, before)
     if walls == "steel":
         prior = replace(shipped, powder=powder_of(scene))
-        result = replace(result, law=prior.fit(result.columns, powder_entries(scene)))
+        result = replace(result, law=prior.fit(result.columns, powder_entries(scene), bool(doubts)))
         assert result.law is not None
         result.law.write(folder / LAW)
         if before is not None:

@@ -189,6 +189,21 @@ def test_a_powder_unlike_those_of_the_prior_has_larger_errors():
     assert (inside > 0.9).all(), inside
 
 
+def test_cells_of_one_field_do_not_tell_the_exponent_of_a_powder_without_necks():
+    """It is 2.1 in place of 1.47, so that the stress at a third of the flux density is half of the law's."""
+    prior, Ms = shipped_laws().of(*BRAKE), 1.3e6
+    truth = replace(prior, coefficients=prior.coefficients + np.eye(len(COEFFICIENTS))[2] * (2.1 - 1.47))
+    fill, n, B = np.array([0.38, 0.45, 0.3]), 8.0, 0.35 * MU_0 * Ms
+    cells = {"saturation": np.full(3, Ms), "field_strength": np.full(3, 6e4), "solid_fraction": fill,
+             "grains_per_gap": np.full(3, n), "inertial_number": np.full(3, 0.1), "flux_density": np.full(3, B),
+             "shear_stress": np.array([float(truth.stress(np.array(B), Ms, one, n)) for one in fill]),
+             "demagnetising_factor": np.full(3, np.nan)}  # fmt: skip
+    for is_unlike in (False, True):
+        law = prior.fit(cells, {}, is_unlike)
+        ratio = law.stress(np.array(B / 3.0), Ms, 0.38, n) / truth.stress(np.array(B / 3.0), Ms, 0.38, n)
+        assert (np.log(ratio) < 1.96 * law.errors_at(0.35 / 3.0, 0.38, n, 0.1)["cells"]) == is_unlike
+
+
 def test_dilute_cells_leave_the_jamming_fill_open():
     """Cells at half the jamming fill say nothing of it: its error is at least that of what is known before."""
     laws = PowderLaws.fit(made_cells(0.03), np.array([[0.4, 0.2]]), {})
