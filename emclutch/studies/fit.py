@@ -30,7 +30,7 @@ from emclutch.scene.model import Scene
 from emclutch.scene.units import format_number
 from emclutch.simulation.forecast.expected_field import expected_magnetisation
 from emclutch.simulation.forecast.expected_torque import ExpectedTorque, torques_of_powders
-from emclutch.simulation.forecast.powder_law import OWN, POWDERS, PowderLaw, shipped_laws
+from emclutch.simulation.forecast.powder_law import OWN, POWDERS, PowderLaw, law_of, shipped_laws
 from emclutch.studies.design_search import expectation_of
 from emclutch.studies.torque_fit import WITHIN, MeasuredTorques, TorqueFit, TrialTorques, fit_torque, read_torques
 from particles.bulk_friction.friction_table import SOFTNESS, measured_table
@@ -63,7 +63,7 @@ class FitResult(Reported):
         The measured table.
     measured : MeasuredTorques
     left_out : int
-        Measured points with a drive or a torque of 0.
+        Measured points with a drive or a torque that is not above 0.
     fit : TorqueFit
     repose : tuple of float or None
         Angles of repose [rad] of the powders within the 95 % interval; None where friction is not fitted.
@@ -155,6 +155,7 @@ def fit(
         message += "fit fewer, or add a column 'error [N m]'"
         raise SceneError([Fault("to", str(to), message)], "fit")
     gone = {"particles.repose": None} | dict.fromkeys(AMOUNTS if FILL in ends else ())  # their values are looked for
+    gone |= {} if names == (FILL,) else {"particles.powder_law": None}  # of one friction
     for values in product(*ends.values()):
         case.with_values(gone | dict(zip(ends, values, strict=True)))  # SceneError where one is not valid
     base = case.with_values(gone | {key: sum(values) / len(values) for key, values in ends.items()})
@@ -251,7 +252,8 @@ def _trials(
     progress: Progress | None,
 ) -> TrialTorques:
     """Return the torques of all powders at the drives, on one mesh where they can share it."""
-    laws = _powder_laws(friction, rolling, base.scene.grains.susceptibility)
+    is_measured = base.scene.grains.powder_law is not None
+    laws = [law_of(base.scene)[0]] if is_measured else _powder_laws(friction, rolling, base.scene.grains.susceptibility)
     device, found = None, []
     for number, value in enumerate(drives):
         at = _driven(base, key, float(value))
@@ -392,7 +394,7 @@ def _statements(result: FitResult) -> Iterator[Statement]:
         f"The intervals contain the errors of single points{own}, a common error of "
         f"{100.0 * measured.common_error:.3g} %, and the errors of the law, mostly common to all points."
     )
-    left = f", {result.left_out} left out (a drive or a torque of 0)" if result.left_out else ""
+    left = f", {result.left_out} left out (a drive or a torque not above 0)" if result.left_out else ""
     yield note(f"Scatter of measured over fitted torques: {100.0 * fitted.scatter:.2g} %, {len(measured.drive)} points"
                f"{left}.")  # fmt: skip
     if fitted.is_guess:

@@ -22,6 +22,7 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
+from math import ceil
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,6 +30,7 @@ import numpy as np
 
 from emclutch.device_model.device import build_device
 from emclutch.device_model.materials import saturation_of
+from emclutch.devices.sheared_box import MIN_LAYERS
 from emclutch.results import OutputError
 from emclutch.results.atomic_file import replace_json, replace_text
 from emclutch.results.errors import Interrupted, RunError
@@ -268,15 +270,22 @@ def powder_law(
     asked = budget is not None or fields or fills or resume or walls == "none" or out is not None
     if shipped.cells and not doubts and not asked:
         return PowderLawResult(None, unmeasured, shipped, before=before)
-    if not (fields and fills):
+    if bool(fields) != bool(fills):
+        given, missing = ("fields", "fills")[:: 1 if fields else -1]
+        raise SceneError([Fault(given, "", f"choose the cells together with {missing} only; give both")], "powder-law")
+    if not fields:
         H, fill = _operating_point(unmeasured, before)
         low, high = (end * saturation_of(scene) for end in FIELD_RANGE)
         fields = [min(max(part * H, low), high) for part in FIELDS]
         fills = [min(max(part * fill, FILL_RANGE[0]), FILL_RANGE[1]) for part in FILLS]
         order = ORDER
     else:
-        order = tuple((i, k, 8, seed) for seed in (1, 2) for i in range(len(fields)) for k in range(len(fills)))
-    tasks = _tasks(unmeasured, [(fields[i % len(fields)], fills[k % len(fills)], n, s) for i, k, n, s in order], walls)
+        fields, fills = sorted(set(fields)), sorted(set(fills))
+        seeds = range(1, 1 + max(2, ceil(MIN_CELLS / (len(fields) * len(fills)))))
+        order = tuple((i, k, 8, seed) for seed in seeds for i in range(len(fields)) for k in range(len(fills)))
+    thinnest = ceil(MIN_LAYERS * scene.grains.largest_diameter / scene.grains.mean_diameter - 1e-9)
+    cells_of = [(fields[i], fills[k], max(n, thinnest) if walls == "steel" else 8, seed) for i, k, n, seed in order]
+    tasks = _tasks(unmeasured, cells_of, walls)
     folder = Path(out) if out is not None else RunFolder.next_path(case.name, "powder_laws")
     if resume and not folder.is_dir():
         raise OutputError(f"nothing to resume in {folder}: there is no such folder; name the law's folder with --out")
@@ -297,7 +306,7 @@ def powder_law(
     result = PowderLawResult(folder, unmeasured, None, done, failures, before)
     if walls == "steel":
         prior = replace(shipped, powder=powder_of(scene))
-        result = replace(result, law=prior.fit(result.columns, powder_entries(scene)))
+        result = replace(result, law=prior.fit(result.columns, powder_entries(scene), bool(doubts)))
         assert result.law is not None
         result.law.write(folder / LAW)
         if before is not None:

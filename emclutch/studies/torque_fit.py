@@ -16,7 +16,9 @@ it is one at all drives, and f_i if it is one at this drive. The likelihood L ha
 
 with the squared residual of another measurement added to S where there is one. It is computed on a grid of p; between
 the trials of the law ln T and ln e are cubic splines of p, and ln T is one of ln x. Where no errors of the measurement
-are known, one s for all points solves S_min = n - k (R. C. Paule, J. Mandel, J. Res. Natl. Bur. Stand. 87 (1982) 377).
+are known, one s for all points solves S_0 = n - k (R. C. Paule, J. Mandel, J. Res. Natl. Bur. Stand. 87 (1982) 377),
+with S_0 that S which a common factor of any size leaves. So a factor between the measurement and the law, which errors
+of single points do not make, stays: S - S_0, of one degree of freedom, tells whether the common errors explain it.
 
 **Intervals** are profiles: what has -2 ln L within 3.84 of its smallest value, for some value of the other parameters,
 is the 95 % interval (D. M. Bates, D. G. Watts, Nonlinear Regression Analysis, 1988, chapter 6). One that reaches the
@@ -114,7 +116,7 @@ class MeasuredTorques:
 
 
 def read_torques(path: str | Path, unit: str) -> tuple[MeasuredTorques, int]:
-    """Read a curve, and how many of its points are left out: those with a drive or a torque of 0.
+    """Read a curve, and how many of its points are left out: those with no drive or torque above 0.
 
     Parameters
     ----------
@@ -186,7 +188,8 @@ class TorqueFit:
     degrees_of_freedom : int
         n - k, at least 0; n counts another measurement too.
     probability : float or None
-        Of an S this large, if the model is right; None where the errors of the measurement are unknown.
+        Of an S this large, if the model is right, or of an S - S_0 where the errors of the measurement are unknown;
+        None where there are no more points than parameters.
     scatter : float
         Standard deviation of ln(T measured/T fitted).
     guess_at : ndarray of bool, shape (n,)
@@ -242,23 +245,25 @@ def fit_torque(trials: TrialTorques, measured: MeasuredTorques, other: Residual 
     F = np.outer(f, f) * np.exp(-distance)
     further = np.zeros(is_guess.shape) if other is None else other(levels) ** 2
 
-    def likelihood(own: np.ndarray | float) -> tuple[np.ndarray, np.ndarray]:
-        """Return S and -2 ln L (*levels), but for a constant, with the relative errors of the points (n,)."""
+    def likelihood(own: np.ndarray | float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return S, -2 ln L but for a constant, and S_0 (*levels), with the relative errors of the points (n,)."""
         L = cholesky(F + np.diag(np.broadcast_to(np.square(own) + SMALLEST_ERROR**2, n)), lower=True)
         z, w = (solve_triangular(L, one.T, lower=True) for one in (residuals, c))
-        one = 1.0 + (w**2).sum(axis=0)  # Sherman and Morrison's, and the determinant of C over that without c c^T
-        S = ((z**2).sum(axis=0) - (z * w).sum(axis=0) ** 2 / one).reshape(further.shape) + further
-        return S, S + np.log(one).reshape(further.shape)
+        square = (w**2).sum(axis=0)  # Sherman and Morrison's, and the determinant of C over that without c c^T
+        S, S_0 = ((z**2).sum(axis=0) - (z * w).sum(axis=0) ** 2 / by for by in (1.0 + square, square))
+        shape = further.shape
+        S = S.reshape(shape) + further
+        return S, S + np.log(1.0 + square).reshape(shape), S_0.reshape(shape)
 
     def smallest(own: float) -> float:
-        S, both = likelihood(own)
-        return float((S - further).ravel()[np.argmin(both)])
+        _, both, S_0 = likelihood(own)
+        return float(S_0.ravel()[np.argmin(both)])
 
     if measured.error is not None:
         own = measured.error / measured.torque
     else:
         own = np.full(n, _unknown_error(smallest, free))
-    S, both = likelihood(own)
+    S, both, S_0 = likelihood(own)
     best = np.unravel_index(np.argmin(both), both.shape)
     excess = both - both[best]
     found, valley = [], np.empty((0, k))
@@ -278,7 +283,11 @@ def fit_torque(trials: TrialTorques, measured: MeasuredTorques, other: Residual 
         return np.exp(np.column_stack([trials.at(drive, log_torque[best]), within.min(axis=0), within.max(axis=0)]))
 
     drives, at = np.geomspace(measured.drive.min(), measured.drive.max(), CURVE), band(measured.drive)
-    sum_of_squares, known = float(S[best]), measured.error is not None and free > 0
+    sum_of_squares, probability = float(S[best]), None
+    if measured.error is None:
+        probability = float(chi2.sf(sum_of_squares - further[best] - S_0[best], 1))
+    elif free > 0:
+        probability = float(chi2.sf(sum_of_squares, free))
     return TorqueFit(
         parameters=tuple(found),
         levels=levels,
@@ -289,7 +298,7 @@ def fit_torque(trials: TrialTorques, measured: MeasuredTorques, other: Residual 
         own_error=float(np.sqrt(np.mean(own**2))),
         sum_of_squares=sum_of_squares,
         degrees_of_freedom=max(free, 0),
-        probability=float(chi2.sf(sum_of_squares, free)) if known else None,
+        probability=probability,
         scatter=float(np.sqrt(np.sum(np.log(measured.torque / at[:, 0]) ** 2) / max(n - k, 1))),
         guess_at=form[near] > 0.0,
         is_guess=bool(is_guess[best]),
@@ -309,7 +318,7 @@ def _nearest(levels: np.ndarray, to: np.ndarray) -> np.ndarray:
 
 
 def _unknown_error(smallest: Callable[[float], float], free: int) -> float:
-    """Return the relative error of each measured torque with which S_min is its expectation, n - k; 0 if it is less."""
+    """Return the relative error of each measured torque with which S_0 is its expectation, n - k; 0 if it is less."""
     if smallest(0.0) <= free:
         return 0.0
     high = 0.1

@@ -270,7 +270,9 @@ def map_over(
         if progress is not None:
             progress.update(len(known) / len(grid), f"{len(known)} of {len(grid)} points")
     points, n = [known[at] for at in grid], len(axes[0].values)
-    if case.scene.effects.memory is not None and axes[0].key == CURRENT and axes[0].values[0] >= 0.0:
+    effects = case.scene.effects
+    has_branch = effects.memory is not None and effects.attraction is not None
+    if has_branch and axes[0].key == CURRENT and axes[0].values[0] >= 0.0:
         rows = [points[start : start + n] for start in range(0, len(grid), n)]
         points = [point for row in rows for point in _with_falling(case, axes, row)]
     result = MapResult(folder, case, axes, tuple(points))
@@ -330,7 +332,8 @@ def _with_falling(case: Case, axes: tuple[Axis, ...], rising: list[MapPoint]) ->
             break
         try:
             points[number] = replace(rising[number], falling=expectation_of(changed, device).torque)
-            fill = coil.uniform_fill(device.fill.solid_fraction)
+            in_the_field = 0.0 if changed.scene.effects.feedback is None else device.fill.solid_fraction
+            fill = coil.uniform_fill(in_the_field)
             found = field_of_sheared_powder(coil, fill, changed.scene, coil.largest_current, None)
         except ConvergenceError:
             break  # the currents below have no history

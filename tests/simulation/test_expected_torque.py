@@ -194,6 +194,8 @@ def test_centrifugal_force_widens_the_interval_by_its_friction_and_makes_a_guess
     fast = case.with_values({"motion.rotor.speed": "5000 rpm", "motion.disc.speed": "4900 rpm"}).scene
     found = expected_torque(fast, device, solved)
     assert found.real.is_guess and "weight and centrifugal force may change it by" in found.law
+    assert found.real.mean / found.real.low == pytest.approx(found.real.high / found.real.mean, rel=1e-9)
+    assert found.real.high > 2.0 * found.real.mean + 0.99 * friction  # either way
 
 
 def test_the_range_of_unknown_powder_does_not_depend_on_that_of_the_scene():

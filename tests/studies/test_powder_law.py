@@ -80,11 +80,41 @@ def test_the_law_of_cells_is_used_by_the_scene_and_by_no_other_powder(tmp_path, 
     assert "measured law" in finer.law and not finer.real.is_guess
     other = expectation_of(quickstart(**law, **{"contact.friction": 0.5}))
     assert other.real.is_guess and "contact.friction = 0.5 for" in other.law
+    rough = expectation_of(quickstart(**law, **{"effects.dipoles.surface_gap": 0.02}))
+    assert rough.real.is_guess and "effects.dipoles.surface_gap = 0.02 for 0.003" in rough.law
+    assert expectation_of(quickstart(**{"effects.dipoles.surface_gap": 0.02})).real.is_guess
     table = pandas.read_csv(tmp_path / "law" / "cells.csv")
     assert list(table.shear_stress) == [row["shear_stress"] for row in found.cells]
     page = (tmp_path / "law" / "index.html").read_text()
     assert page.count("<img") == 1 and "over the law" in page
     assert json.loads((tmp_path / "law" / "report.json").read_text())["law"]["cells"] == len(found.cells)
+
+
+@pytest.mark.parametrize(
+    "values",
+    [{"effects.twisting_friction.coefficient": 0.1}, {"effects.dipoles.model": "mutual"},
+     {"contact.wall_friction": 0.1}, {"particles.susceptibility": 3000}, {"effects.dipoles.surface_gap": 0.02}],
+)  # fmt: skip
+def test_powder_that_no_shipped_law_is_of_has_no_range_of_shipped_powders(values, tmp_path, cells):
+    """Its friction is as unknown as that of others, and no law has its stress at another one."""
+    law = {"particles.powder_law": str(tmp_path / "law" / "powder_law.json")}
+    emclutch.powder_law(quickstart(**values), out=tmp_path / "law", jobs=1)
+    assert expectation_of(quickstart(), unknown_powder=True).unknown_powder is not None
+    found = expectation_of(quickstart(**values, **law), unknown_powder=True)
+    assert not found.real.is_guess and found.unknown_powder is None
+
+
+def test_with_cohesion_coarse_grains_have_no_law_of_the_real_ones(tmp_path, cells):
+    """A pull makes a stress that depends on the diameter and, over mu_0 Ms^2, on the temperature."""
+    pull = {"effects.cohesion.force": "1 uN"}
+    law = {"particles.powder_law": str(tmp_path / "law" / "powder_law.json")}
+    emclutch.powder_law(quickstart(**pull), out=tmp_path / "law", jobs=1)
+    coarse = expectation_of(quickstart(**pull, **law))
+    assert coarse.real.is_guess and "grains of 0.25 mm, real ones have 0.06 mm" in coarse.law
+    own = {**pull, **law, "particles.stands_for": None}
+    assert not expectation_of(quickstart(**own)).real.is_guess
+    warm = expectation_of(quickstart(**own, **{"field.temperature": "150 degC"}))
+    assert warm.real.is_guess and "particles.saturation" in warm.law
 
 
 def test_a_law_is_continued_with_more_cells_and_without_those_that_are_done(tmp_path, cells, monkeypatch):
@@ -107,8 +137,44 @@ def test_cells_that_fail_are_named_and_others_count(tmp_path, cells):
         emclutch.powder_law(quickstart(), out=tmp_path / "none", fields=[6e4], fills=[0.2, 0.21], jobs=1)
 
 
+def test_one_field_with_one_fill_has_cells_enough_for_a_law(tmp_path, cells):
+    found = emclutch.powder_law(quickstart(), out=tmp_path / "law", fields=[6e4], fills=[0.38], jobs=1)
+    assert [row["seed"] for row in found.cells] == [1, 2, 3] and np.isfinite(found.law.errors).all()
+    with pytest.raises(SceneError, match="together with fills only"):
+        emclutch.powder_law(quickstart(), out=tmp_path / "half", fields=[6e4], jobs=1)
+    assert not (tmp_path / "half").exists()
+
+
+def test_a_fit_of_the_fill_is_by_the_measured_law_and_one_of_the_friction_by_shipped_ones(tmp_path, cells):
+    """A law is of one friction: others leave it out, and are no guess of another powder."""
+    emclutch.powder_law(quickstart(), out=tmp_path / "law", jobs=1)
+    case = quickstart(**{"particles.powder_law": str(tmp_path / "law" / "powder_law.json")})
+    torques = [(I, expectation_of(case.with_values({"coil.current": I})).torque) for I in (0.4, 0.7, 1.0)]
+    rows = "".join(f"{I},{T},{0.02 * T}\n" for I, T in torques)
+    (tmp_path / "curve.csv").write_text(f"current [A],torque [N m],error [N m]\n{rows}")
+    known = {"friction": 0.3, "rolling_friction": 0.2}
+    of_fill = emclutch.fit(case, tmp_path / "curve.csv", **known, fill=(0.35, 0.48), out=tmp_path / "fill").fit
+    assert of_fill.parameters[0].value == pytest.approx(case.scene.particles.solid_fraction, abs=5e-3)
+    assert not of_fill.is_guess and not of_fill.guess_at.any()
+    of_friction = emclutch.fit(case, tmp_path / "curve.csv", rolling_friction=0.2, out=tmp_path / "friction")
+    assert not of_friction.fit.is_guess and not of_friction.expected.real.is_guess
+    assert of_friction.case.scene.particles.powder_law is None
+
+
+def test_no_cell_is_thinner_than_three_of_the_largest_grains(tmp_path, cells):
+    """Four mean grains of a powder of wide sizes are less than three of its largest."""
+    sizes = {"kind": "percentiles", "d10": "0.1 mm", "d50": "0.15 mm", "d90": "0.25 mm"}
+    wide = quickstart(**{"particles.diameter": None, "particles.sizes": sizes, "particles.sector": "9 deg"})
+    grains, found = wide.scene.particles, emclutch.powder_law(wide, out=tmp_path / "law", jobs=1)
+    heights = np.array([row["grains_per_gap"] for row in found.cells]) * grains.mean_diameter
+    assert 4.0 * grains.mean_diameter < 3.0 * grains.largest_diameter <= heights.min() * (1.0 + 1e-9)
+    assert found.law is not None and not found.after.real.is_guess
+
+
 def test_without_faces_there_is_a_table_and_no_law(tmp_path, cells):
     found = emclutch.powder_law(quickstart(), out=tmp_path / "box", walls="none", jobs=1)
+    own = ("field_strength", "solid_fraction", "seed")
+    assert len({tuple(row[name] for name in own) for row in found.cells}) == len(found.cells)  # none is run twice
     assert found.law is None and found.after is None and not (tmp_path / "box" / "powder_law.json").exists()
     assert (tmp_path / "box" / "powder_law.png").stat().st_size > 10_000
 

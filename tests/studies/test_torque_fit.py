@@ -91,7 +91,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say(n, known, common, error):
         found = fit_torque(law, drawn_with_all_errors(rng, exact, error_of((truth,))))
         inside += found.parameters[0].low <= truth <= found.parameters[0].high
         small += found.probability is not None and found.probability < 0.05
-        assert (found.probability is None) == (not known or n == 1)
+        assert (found.probability is None) == (known and n == 1)
     allowed = 3.0 * np.sqrt(0.95 * 0.05 / draws)
     assert abs(inside / draws - 0.95) < allowed
     assert small / draws < 0.05 + allowed
@@ -148,6 +148,17 @@ def test_a_curve_of_another_shape_is_not_fitted():
     assert found.is_poor and np.isfinite(found.measured).all()
     for one, ends in zip(found.parameters, ((0.2, 0.7), (0.0, 0.5)), strict=True):
         assert ends[0] <= one.low <= one.value <= one.high <= ends[1]
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_a_factor_of_three_is_no_error_of_single_points(known):
+    """Beyond what the parameters reach nothing fits; errors that are unknown are no larger than the scatter says."""
+    law = trials(strength, np.linspace(-0.2, 0.2, 21))
+    found = fit_torque(law, measured(strength, (0.0,), n=5, known=known, factor=3.0))
+    assert found.is_poor and found.own_error < 0.03 and found.scatter > 0.8
+    assert not fit_torque(law, measured(strength, (0.1,), n=5, known=known)).is_poor
+    calibration = replace(measured(strength, (0.0,), n=5, known=known, factor=3.0), common_error=1.0)
+    assert not fit_torque(law, calibration).is_poor
 
 
 def test_a_point_at_which_the_law_is_a_guess_has_little_weight():

@@ -197,6 +197,9 @@ def test_steel_with_hysteresis_has_more_torque_at_a_falling_current(tmp_path):
     assert list(pandas.read_csv(found.folder / "map.csv").falling[1:3]) == [point.falling for point in points]
     fewer = torque_map(tmp_path / "b", case, current="0.03 A, 0.1 A")
     assert fewer.points[0].falling == pytest.approx(points[0].falling, rel=5e-3)
+    loose = {f"effects.{name}": None for name in ("dipoles", "wall_images", "back_reaction")}
+    friction = torque_map(tmp_path / "d", case.with_values(loose), current="0.03 A, 0.1 A")
+    assert "falling" not in friction.rows[0] and friction.points[0].torque.low == 0.0
     without = case.with_values({"effects.hysteresis": None})
     plain = torque_map(tmp_path / "c", without, current="0.03 A, 0.1 A")
     assert "falling" not in plain.rows[0]

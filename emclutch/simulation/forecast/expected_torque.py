@@ -38,7 +38,14 @@ from emclutch.device_model.pole_zone import ACROSS, ALONG
 from emclutch.results.fits import NORMAL
 from emclutch.results.report.report import sentence
 from emclutch.simulation.forecast.expected_field import field_of_sheared_powder
-from emclutch.simulation.forecast.powder_law import RANGES, PowderLaw, law_of, shipped_laws
+from emclutch.simulation.forecast.powder_law import (
+    POWDERS,
+    RANGES,
+    PowderLaw,
+    beyond_shipped_cells,
+    law_of,
+    shipped_laws,
+)
 from field import MU_0, ConvergenceError, MagneticField, ParticleLaw
 from field.three_d import Field3D
 from particles.diagnostics.inertial_number import MAGNETIC, inertial_number, shear_rate_of
@@ -172,7 +179,8 @@ class ExpectedTorque:
     scene : Interval or None
         Of the scene's own grains, as a run has it without a correction.
     unknown_powder : tuple of float or None
-        Torque [N m] that 5 % and 95 % of free-flowing powders have less than, with 80 to 100 % of them in place.
+        Torque [N m] that 5 % and 95 % of free-flowing powders have less than, with 80 to 100 % of them in place; None
+        of a powder that no shipped law is of but for its friction.
     parts : dict of str to float
         Half widths of the 95 % interval of `real` [-] by their causes; empty of a guess.
     size_excess : tuple of float or None
@@ -354,7 +362,8 @@ class _Grains:
         if not (doubts or self.doubts):
             return Interval.within(self.torque, float(np.linalg.norm(list(self.parts.values()))))
         found = Interval.within(self.torque, log(self.factor) / NORMAL)
-        return replace(found, high=found.high + most, is_guess=True)
+        high = found.high + most
+        return replace(found, low=self.torque**2 / high if high > 0.0 else 0.0, high=high, is_guess=True)
 
     def excess_over(self, real: _Grains) -> tuple[float, float, float] | None:
         """The torque over that of finer grains in the same device, less 1, with its 95 % interval; None of a guess.
@@ -404,11 +413,13 @@ class _Sheared:
         doubts = [*self.doubts, *found.doubts]
         if doubts:
             law = f"guess by {law}: {'; '.join(doubts)}"
+        low, high = POWDERS["susceptibility"]
+        is_shipped = low <= self._law.powder[2] <= high and not any(beyond_shipped_cells(self._scene))
         return ExpectedTorque(
             found.interval(self.doubts, self._most),
             law,
             scene.interval(self.doubts, self._most),
-            self._of_unknown_powder(real) if unknown_powder and not doubts else None,
+            self._of_unknown_powder(real) if unknown_powder and is_shipped and not doubts else None,
             {} if doubts else {name: NORMAL * part for name, part in found.parts.items()},
             scene.excess_over(found) if own > real and not self.doubts else None,
         )

@@ -37,6 +37,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
+from emclutch.device_model.materials import saturation_of
 from emclutch.results.atomic_file import replace_json, replace_text
 from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.model import Scene
@@ -69,6 +70,10 @@ OWN = 2
 
 WIDER = 5.0
 """Factor on the errors of the coefficients of all powders for a powder that they were not fitted to."""
+
+UNLIKE = 0.3
+"""Least error of such a coefficient over itself, of a powder that has what no shipped cell has: grains without necks
+have e = 2.1 in place of 1.47 (two cells, H of 20 and 60 kA/m)."""
 
 JAMMING_ERROR = 0.3
 """Largest standard error of ln phi_1: that of powder whose cells show no jams is not known better."""
@@ -103,6 +108,9 @@ UNSATURATED = 0.13
 
 PRESSURE = (0.103, 1.27, 0.22, 0.47)
 """The numbers of P, fitted to the cells below I = 0.35, which have it within 4 % (standard deviation)."""
+
+SURFACE_GAP = 3e-3
+"""Of the simulated powders, in grain radii."""
 
 Table = Mapping[str, np.ndarray]
 
@@ -139,24 +147,26 @@ class PowderLaw:
     cells: int
     measured: dict[str, Any] = field(default_factory=dict)
 
-    def fit(self, cells: Table, measured: dict[str, Any]) -> PowderLaw:
+    def fit(self, cells: Table, measured: dict[str, Any], is_unlike: bool = False) -> PowderLaw:
         """Return the law of one powder by its cells, with this law as what is known before.
 
         Least squares of the logarithm of the stress. The powder's own coefficients are free; those of all powders have
         their values as a prior, with `WIDER` times their errors. The deviation is the larger of that of all cells and
-        of these.
+        of these, in which a coefficient that is off its prior counts as a cell does.
 
         Parameters
         ----------
         cells : columns `saturation`, `field_strength`, `solid_fraction`, `grains_per_gap`, `inertial_number`,
             `shear_stress`, `flux_density`, `demagnetising_factor` (nan of saturated grains); `MIN_CELLS` rows or more.
         measured : see `PowderLaw`.
+        is_unlike : whether the powder has what no shipped cell has; its prior is `UNLIKE` as wide at least.
         """
         Ms = cells["saturation"]
         y = np.log(cells["shear_stress"] / (MU_0 * Ms**2))
         at = (cells["flux_density"] / (MU_0 * Ms), cells["solid_fraction"], cells["grains_per_gap"],
               cells["inertial_number"])  # fmt: skip
-        known = np.append(np.full(OWN, np.inf), WIDER * self.errors[OWN:])
+        least = UNLIKE * np.abs(self.coefficients) if is_unlike else np.zeros(len(COEFFICIENTS))
+        known = np.append(np.full(OWN, np.inf), np.maximum(WIDER * self.errors, least)[OWN:])
 
         def misfit(values: np.ndarray) -> np.ndarray:
             prior = (values - self.coefficients) / known
@@ -165,7 +175,7 @@ class PowderLaw:
         most = np.append((np.inf, np.log(CLOSE_PACKING)), np.full(len(known) - OWN, np.inf))
         found = least_squares(misfit, np.minimum(self.coefficients, most - 1e-6), bounds=(-np.inf, most),
                               x_scale=np.append((1.0, 0.1), known[OWN:]), xtol=1e-12, ftol=1e-12)  # fmt: skip
-        scatter = self.deviation * sqrt(float((found.fun[: len(y)] ** 2).sum()) / max(len(y) - OWN, 1))
+        scatter = self.deviation * sqrt(float((found.fun**2).sum()) / max(len(y) - OWN, 1))
         deviation = max(self.deviation, scatter)
         bounded = np.diag([0.0, JAMMING_ERROR**-2, *np.zeros(len(known) - OWN)])  # dilute powder shows no jams
         covariance = np.linalg.inv((self.deviation / deviation) ** 2 * found.jac.T @ found.jac + bounded)
@@ -275,11 +285,13 @@ def powder_entries(scene: Scene) -> dict[str, Any]:
     if grains.sizes is not None:
         ends = (grains.smallest_diameter, grains.largest_diameter)
         found["particles.sizes"] = [float(f"{end / grains.mean_diameter:.3g}") for end in ends]
+    if effects.attraction.has_necks:
+        found["effects.dipoles.surface_gap"] = effects.attraction.surface_gap
     for effect in effects.present:
         if effect.role == "rolling" or (effect.changes_stress and effect.role != "drag"):
             found |= {f"effects.{effect.name}.{key}": value for key, value in effect.model_dump(mode="json").items()}
         if effect.has_scale:
-            found |= {"particles.diameter": grains.mean_diameter, "particles.saturation": grains.saturation}
+            found |= {"particles.diameter": grains.mean_diameter, "particles.saturation": saturation_of(scene)}
     return found
 
 
@@ -296,7 +308,7 @@ def law_of(scene: Scene) -> tuple[PowderLaw, list[str]]:
     file = scene.grains.powder_law
     if file is None:
         law, doubt = shipped_laws().nearest(*powder_of(scene))
-        return law, [*_beyond_shipped_cells(scene), *([doubt] if doubt else [])]
+        return law, [*beyond_shipped_cells(scene), *([doubt] if doubt else [])]
     try:
         law = PowderLaw.read(Path(file))
     except ValueError as error:
@@ -304,14 +316,25 @@ def law_of(scene: Scene) -> tuple[PowderLaw, list[str]]:
     own = powder_entries(scene)
     others = [f"{key} = {own.get(key, 'none')} for {law.measured.get(key, 'none')}"
               for key in sorted({*own, *law.measured}) if own.get(key) != law.measured.get(key)]  # fmt: skip
-    return law, [f"its law is of another powder ({', '.join(others)})"] if others else []
+    doubts = [f"its law is of another powder ({', '.join(others)})"] if others else []
+    real, own_diameter = scene.grains.real_diameter, scene.grains.mean_diameter
+    if real is not None and real < own_diameter:
+        doubts += [
+            f"its law is of grains of {1e3 * own_diameter:.3g} mm, real ones have {1e3 * real:.3g} mm, and stress "
+            f"depends on the diameter by [effects.{effect.name}]"
+            for effect in scene.effects.present if effect.has_scale
+        ]  # fmt: skip
+    return law, doubts
 
 
-def _beyond_shipped_cells(scene: Scene) -> Iterator[str]:
+def beyond_shipped_cells(scene: Scene) -> Iterator[str]:
     """What a powder has that no shipped cell has."""
     effects, contact, rolling = scene.effects, scene.contact, scene.effects.rolling
     if not effects.attraction.has_necks:
         yield "grains have no necks (effects.dipoles.model)"
+    elif effects.attraction.surface_gap != SURFACE_GAP:
+        gap = effects.attraction.surface_gap
+        yield f"its effects.dipoles.surface_gap is {gap:g}, and that of cells {SURFACE_GAP:g}"
     if not effects.saturate:
         yield "its grains do not saturate"
     if contact.friction_at_walls != contact.friction:
