@@ -122,7 +122,9 @@ def _by_the_law(case: Case, current: float, largest: float) -> tuple[Torque, dic
         return None
     for value in axis.values:
         at = case.with_values(axis.changes(value) | needless)
-        torques.append(expectation_of(at, device.driven_as(at.scene)).torque)
+        found = expectation_of(at, device.driven_as(at.scene))
+        off = value == 0.0 and here.magnetic  # all that is known there is a bound, of friction without a field
+        torques.append(0.0 if off else found.torque)
     cold = PchipInterpolator(axis.values, torques)
 
     def torque(current: float, temperature: float) -> float:
