@@ -306,10 +306,6 @@ def powder_law(
     """Measure the law of a scene's powder by cells of its grains; a shipped law that covers the powder is taken."""
     with explained():
         refuse_to_resume_nothing("law", resume, out)
-        if (field is None) != (fill is None):
-            given, missing = ("--field", "--fill")[:: 1 if fill is None else -1]
-            message = f"chooses the cells together with {missing} only; add that, or leave both out"
-            raise SceneError([Fault(given, str(field or fill), message)], "command line")
         if dask is not None:
             refuse_beside("--dask", {"--jobs": jobs is not None})
         seconds, read = read_budget(budget), load(case, sets, trust_scripts)
@@ -318,6 +314,10 @@ def powder_law(
         from emclutch.studies.dask_executor import dask_executor
 
         fields, fills = study.chosen_cells(field, fill)
+        if (field is None) != (fill is None):
+            given, missing = ("--field", "--fill")[:: 1 if fill is None else -1]
+            message = f"chooses the cells together with {missing} only; add that, or leave both out"
+            raise SceneError([Fault(given, field or fill or "", message)], "command line")
         with nullcontext() if dask is None else dask_executor(dask) as executor, Progress() as progress:
             found = study.powder_law(
                 read, budget=seconds, walls=walls, fields=fields, fills=fills, out=out, resume=resume, jobs=jobs,

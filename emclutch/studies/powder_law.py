@@ -68,6 +68,7 @@ from emclutch.simulation.forecast.powder_law import (
     powder_of,
 )
 from emclutch.simulation.run import run
+from emclutch.studies.attempt import ATTEMPTS
 from emclutch.studies.design_search import expectation_of
 from emclutch.studies.study import DONE, FAILED, Row, Study, Task, TaskProgress, checked_jobs, child_processes
 from field import MU_0
@@ -190,7 +191,7 @@ class PowderLawResult(Reported):
         law, device, path = self.law, self.after or self.before, self.case.path or "CASE"
         if law is not None:
             words = "friction {:.3g}, rolling friction {:.3g}, susceptibility {:.4g}".format(*law.powder)
-            how = "shipped" if self.folder is None else "measured"
+            how = "measured" if law.measured else "shipped"
             yield Statement(Mark.GOOD, f"Law of the powder with {words}: {how}, {law.cells} cells.")
             yield note(f"Cells deviate from it by {100.0 * law.deviation:.2g} % (standard deviation).")
         else:
@@ -209,7 +210,7 @@ class PowderLawResult(Reported):
         elif law is not None:
             file = os.path.relpath(self.folder / LAW, Path(path).parent)
             words = shlex.join([str(path), "--current", "0.1 A:1 A", "--set", f"particles.powder_law={file}"])
-            yield note(f"Next: emclutch map {words}, or with this key in the scene.")
+            yield note(f"Next, with the currents of the device: emclutch map {words}, or with this key in the scene.")
 
 
 def powder_law(
@@ -264,12 +265,14 @@ def powder_law(
         needs = "needs grains that attract one another and saturate, and no packing from a file, to have a law; add "
         message = f"{needs}[effects.dipoles] and [effects.saturation]"
         raise SceneError([Fault("powder-law", "", message)], str(case.path or "scene"))
+    asked = budget is not None or fields or fills or resume or walls == "none" or out is not None
+    known, doubts = law_of(scene)
+    if known.cells and not doubts and not asked:
+        device = None if scene.geometry.is_periodic else expectation_of(case)
+        return PowderLawResult(None, case, known, before=device)
     unmeasured = case.with_values({"particles.powder_law": None})
     before = None if scene.geometry.is_periodic else expectation_of(unmeasured)
     shipped, doubts = law_of(unmeasured.scene)
-    asked = budget is not None or fields or fills or resume or walls == "none" or out is not None
-    if shipped.cells and not doubts and not asked:
-        return PowderLawResult(None, unmeasured, shipped, before=before)
     if bool(fields) != bool(fills):
         given, missing = ("fields", "fills")[:: 1 if fields else -1]
         raise SceneError([Fault(given, "", f"choose the cells together with {missing} only; give both")], "powder-law")
@@ -289,6 +292,8 @@ def powder_law(
     folder = Path(out) if out is not None else RunFolder.next_path(case.name, "powder_laws")
     if resume and not folder.is_dir():
         raise OutputError(f"nothing to resume in {folder}: there is no such folder; name the law's folder with --out")
+    if resume and not [*folder.glob("H=*"), *folder.glob(f"{ATTEMPTS}/H=*")]:
+        raise OutputError(f"nothing to resume in {folder}: it has no cells; name the folder of an emclutch powder-law")
     with child_processes(at_a_time) if executor is None else nullcontext(executor) as workers:
         cells = _Cells(folder, workers, None if workers is executor else at_a_time, budget or BUDGET, progress)
         with cells.opened(resume):
@@ -449,4 +454,5 @@ class _Cells(Study):
         if self.progress is not None:
             done = sum(row.state == DONE for row in self.rows.values())
             part = max(done / self.total, min(0.97, (time.monotonic() - self.start) / self.budget))
-            self.progress.update(part, f"{done} of at most {self.total} cells")
+            first = "" if done >= MIN_CELLS else f"; the first {MIN_CELLS} are measured whatever the budget"
+            self.progress.update(part, f"{done} cells, at most {self.total}{first}")

@@ -204,6 +204,8 @@ class MapResult(Reported):
             last = self.axes[0].shown(self.axes[0].values[-1])
             yield note(f"At a current that falls from {last} the torque is up to {100.0 * ratio:.2g} % larger by the "
                        f"hysteresis of the steel, at {self.where(point)}.")  # fmt: skip
+        if (file := self.case.scene.grains.powder_law) is not None:
+            yield note(f"Law of the powder: {file}.")
         yield note(f"{LEFT_OUT}{' of the powder, which makes most of a measured loop' if above else ''}.")
         words = [str(self.case.path or "CASE")]
         for axis, value in zip(self.axes, largest.values, strict=True):

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 import emclutch
 from emclutch.cli.main import app
-from emclutch.results.errors import RunError
+from emclutch.results.errors import OutputError, RunError
 from emclutch.scene.case import case_from
 from emclutch.scene.errors import SceneError
 from emclutch.simulation.forecast.powder_law import powder_of, shipped_laws
@@ -117,6 +117,23 @@ def test_with_cohesion_coarse_grains_have_no_law_of_the_real_ones(tmp_path, cell
     assert warm.real.is_guess and "particles.saturation" in warm.law
 
 
+def test_the_law_in_the_scene_is_taken_where_it_is_of_its_powder(tmp_path, cells, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    emclutch.powder_law(quickstart(), out="law", jobs=1, budget=1e-9)
+    law = {"particles.powder_law": str(tmp_path / "law" / "powder_law.json")}
+    found = emclutch.powder_law(quickstart(**law))
+    assert found.folder is None and found.law.measured and found.before.unknown_powder is None
+    with pytest.raises(SceneError, match="measure the powder first"):
+        emclutch.powder_law(quickstart(**{"particles.powder_law": "none.json"}))
+
+
+def test_nothing_is_measured_in_the_folder_of_something_else(tmp_path):
+    (tmp_path / "map.csv").touch()
+    with pytest.raises(OutputError, match="it has no cells; name the folder of an emclutch powder-law"):
+        emclutch.powder_law(quickstart(), out=tmp_path, resume=True)
+    assert [path.name for path in tmp_path.iterdir()] == ["map.csv"]
+
+
 def test_a_law_is_continued_with_more_cells_and_without_those_that_are_done(tmp_path, cells, monkeypatch):
     few = emclutch.powder_law(quickstart(), out=tmp_path / "law", jobs=1, budget=1e-9)
     assert len(few.cells) == 3
@@ -203,6 +220,8 @@ def test_a_powder_without_attraction_has_no_law():
         (("--walls", "glass"), "choose one of steel, none"),
         (("--field", "80 kA/m"), "together with --fill only"),
         (("--field", "80 kA/m", "--fill", "0.9"), "--fill"),
+        (("--fill", "0.9"), "<= 0.58"),
+        (("--field", "1 A"), "80 kA/m"),
         (("--budget", "soon"), "--budget"),
         (("--resume", "--out", "nowhere"), "nothing to resume"),
     ],

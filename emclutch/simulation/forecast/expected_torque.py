@@ -39,10 +39,8 @@ from emclutch.results.fits import NORMAL
 from emclutch.results.report.report import sentence
 from emclutch.simulation.forecast.expected_field import field_of_sheared_powder
 from emclutch.simulation.forecast.powder_law import (
-    POWDERS,
     RANGES,
     PowderLaw,
-    beyond_shipped_cells,
     law_of,
     shipped_laws,
 )
@@ -413,13 +411,11 @@ class _Sheared:
         doubts = [*self.doubts, *found.doubts]
         if doubts:
             law = f"guess by {law}: {'; '.join(doubts)}"
-        low, high = POWDERS["susceptibility"]
-        is_shipped = low <= self._law.powder[2] <= high and not any(beyond_shipped_cells(self._scene))
         return ExpectedTorque(
             found.interval(self.doubts, self._most),
             law,
             scene.interval(self.doubts, self._most),
-            self._of_unknown_powder(real) if unknown_powder and is_shipped and not doubts else None,
+            self._of_unknown_powder(real) if unknown_powder and not measured and not doubts else None,
             {} if doubts else {name: NORMAL * part for name, part in found.parts.items()},
             scene.excess_over(found) if own > real and not self.doubts else None,
         )

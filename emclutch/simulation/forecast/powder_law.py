@@ -207,8 +207,8 @@ class PowderLaw:
         except OSError as error:
             raise ValueError(f"{path} cannot be read ({error.strerror or error}); measure the powder first with: "
                              "emclutch powder-law") from None  # fmt: skip
-        except (AttributeError, KeyError, TypeError, ValueError) as error:
-            raise ValueError(f"{path} is no law of a powder ({error!r}); name powder_law.json of an emclutch "
+        except (AttributeError, KeyError, TypeError, ValueError):
+            raise ValueError(f"{path} is no law of a powder; name powder_law.json of an emclutch "
                              "powder-law") from None  # fmt: skip
         if version != VERSION or not is_law:
             message = f"{path} has a law of version {version!r}, and the physics of cells is at {VERSION}"
@@ -308,7 +308,7 @@ def law_of(scene: Scene) -> tuple[PowderLaw, list[str]]:
     file = scene.grains.powder_law
     if file is None:
         law, doubt = shipped_laws().nearest(*powder_of(scene))
-        return law, [*beyond_shipped_cells(scene), *([doubt] if doubt else [])]
+        return law, [*_beyond_shipped_cells(scene), *([doubt] if doubt else [])]
     try:
         law = PowderLaw.read(Path(file))
     except ValueError as error:
@@ -316,7 +316,8 @@ def law_of(scene: Scene) -> tuple[PowderLaw, list[str]]:
     own = powder_entries(scene)
     others = [f"{key} = {own.get(key, 'none')} for {law.measured.get(key, 'none')}"
               for key in sorted({*own, *law.measured}) if own.get(key) != law.measured.get(key)]  # fmt: skip
-    doubts = [f"its law is of another powder ({', '.join(others)})"] if others else []
+    how = "measure it by emclutch powder-law, or remove particles.powder_law"
+    doubts = [f"its law is of another powder ({', '.join(others)}): {how}"] if others else []
     real, own_diameter = scene.grains.real_diameter, scene.grains.mean_diameter
     if real is not None and real < own_diameter:
         doubts += [
@@ -327,7 +328,7 @@ def law_of(scene: Scene) -> tuple[PowderLaw, list[str]]:
     return law, doubts
 
 
-def beyond_shipped_cells(scene: Scene) -> Iterator[str]:
+def _beyond_shipped_cells(scene: Scene) -> Iterator[str]:
     """What a powder has that no shipped cell has."""
     effects, contact, rolling = scene.effects, scene.contact, scene.effects.rolling
     if not effects.attraction.has_necks:

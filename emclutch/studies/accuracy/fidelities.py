@@ -82,7 +82,10 @@ class TorqueByLaw:
         elif isinstance(grains, Choice):
             known = {"fidelity": "grains", "half_width": grains.half_width, "seconds": grains.seconds}
         else:
-            known = {"reason": "no accuracy study of this device yet" if grains is None else grains.in_words()}
+            half = self.half_width
+            law = "the law of the powder is a guess" if half is None else f"the law has ± {format_percent(half)}"
+            study = "there is no accuracy study of this device yet" if grains is None else grains.in_words()
+            known = {"reason": f"{law}, and {study}"}
         return found | {"command": command, "reason": ""} | known
 
     def as_dict(self) -> dict[str, Any]:

@@ -188,10 +188,14 @@ def preview(
     processor times of one replica each, within a factor of two, and on a frozen packing of mesh and field alone,
     without that of the moments; the first replicas decide which values get more.
     """
-    jobs, budget = checked_jobs(jobs), BUDGET if budget is None else budget
+    jobs = checked_jobs(jobs)
     refuse_unmeasurable(case)
     base = base_of(case)
-    _refuse_small_budget(case, base, budget, jobs)
+    if budget is not None:
+        _refuse_small_budget(case, base, budget, jobs)
+    first_seconds = _seconds_of_first(base, jobs)
+    enough = "" if budget or first_seconds <= BUDGET else f" --budget '{_enough_minutes(first_seconds)} min'"
+    budget = budget or (5.0 * first_seconds if enough else BUDGET)
     asked, own = values_to_plan(base), base.plan.cost.seconds["total"]
     planned = _distinct(base, accepted_values(base, asked, [plan_value(one) for one in asked]))
     law, known = TorqueByLaw.of(case), _earlier_study(device_of(case))
@@ -203,7 +207,7 @@ def preview(
             how = f"emclutch run {name} --set time.until=none --set 'accuracy.target={share}'"
             cheapest.append(law.cheapest(target, grains[0], how))
         else:
-            cheapest.append(law.cheapest(target, grains, f"emclutch accuracy {name} --for '{share}'"))
+            cheapest.append(law.cheapest(target, grains, f"emclutch accuracy {name} --for '{share}'{enough}"))
     report = Report(f"Accuracy study of {case.name}", data={"law": law.as_dict(), "cheapest": cheapest})
     report.add("Law of the powder", Statements([note(law.in_words())]), Shown.TERMINAL)
     report.add("Cheapest for a target", Statements([*map(cheapest_in_words, cheapest)]), Shown.TERMINAL)
@@ -258,14 +262,24 @@ def _answers(
 
 def _refuse_small_budget(case: Case, base: Base, budget: float, jobs: int) -> None:
     """SceneError where the replicas that run in any case take longer."""
-    first = makespan([base.plan.cost.seconds["total"]] * BASE_REPLICAS, jobs)
+    first = _seconds_of_first(base, jobs)
     if first > budget:
         message = (
             f"is less than the {BASE_REPLICAS} replicas at the scene's own settings take with {jobs} jobs, about "
             f"{format_duration(first)}, and replicas at other settings must be run beside them; give five times that, "
-            f"{format_duration(5.0 * first)}, or more"
+            f"'{_enough_minutes(first)} min', or more"
         )
         raise SceneError([Fault(BUDGET_OPTION, f"{budget:g} s", message)], source_of(case))
+
+
+def _seconds_of_first(base: Base, jobs: int) -> float:
+    """Return the wall-clock time [s] of the replicas that run in any case."""
+    return makespan([base.plan.cost.seconds["total"]] * BASE_REPLICAS, jobs)
+
+
+def _enough_minutes(first: float) -> int:
+    """Return a budget [min] for replicas at other settings beside those that take `first` [s]."""
+    return math.ceil(5.0 * first / 60.0)
 
 
 def _begun(
