@@ -215,7 +215,9 @@ def accuracy(
 
         if dry_run:
             refuse_beside("--dry-run", {"--effects": effects, "--resume": resume, "--out": out is not None})
-            show(preview(read, seconds, jobs, wanted), as_json)
+            with nullcontext() if as_json else Progress() as progress:
+                planned = preview(read, seconds, jobs, wanted, progress)
+            show(planned, as_json)
             return
 
         options: dict[str, Any] = {"out": out, "budget": seconds, "jobs": jobs, "resume": resume}

@@ -179,13 +179,17 @@ def _saved(study: AccuracyStudy, running: _StudyRun) -> tuple[str, ...]:
 
 
 def preview(
-    case: Case, budget: float | None = None, jobs: int | None = None, targets: Sequence[float] = TARGETS
+    case: Case,
+    budget: float | None = None,
+    jobs: int | None = None,
+    targets: Sequence[float] = TARGETS,
+    progress: Any = None,
 ) -> Report:
     """Return what `accuracy` would measure and what that is estimated to cost; nothing runs or is written.
 
     The first lines are what is known before it: the torque by the powder's law, and the cheapest that reaches each of
-    the `targets`. `budget` [s], `jobs` and what is raised before anything runs are as of `accuracy`. Costs are
-    processor times of one replica each, within a factor of two, and on a frozen packing of mesh and field alone,
+    the `targets`. `budget` [s], `jobs`, `progress` and what is raised before anything runs are as of `accuracy`. Costs
+    are processor times of one replica each, within a factor of two, and on a frozen packing of mesh and field alone,
     without that of the moments; the first replicas decide which values get more.
     """
     jobs = checked_jobs(jobs)
@@ -197,7 +201,12 @@ def preview(
     enough = "" if budget or first_seconds <= BUDGET else f" --budget '{_enough_minutes(first_seconds)} min'"
     budget = budget or (5.0 * first_seconds if enough else BUDGET)
     asked, own = values_to_plan(base), base.plan.cost.seconds["total"]
-    planned = _distinct(base, accepted_values(base, asked, [plan_value(one) for one in asked]))
+    plans = []
+    for number, one in enumerate(asked):
+        if progress is not None:
+            progress.update(number / len(asked), "planning the values of the settings")
+        plans.append(plan_value(one))
+    planned = _distinct(base, accepted_values(base, asked, plans))
     law, known = TorqueByLaw.of(case), _earlier_study(device_of(case))
     cheapest = []
     for target in sorted(targets, reverse=True):
