@@ -38,7 +38,7 @@ def shipped() -> list[Path]:
     """
     there = (path for path in CASES.rglob("*.toml") if path.parent.name not in ("hard", "validation"))
     texts = {path: path.read_text(encoding="utf-8") for path in there}
-    return sorted(path for path, text in texts.items() if "[particles]" in text or "[study]" in text)
+    return sorted(path for path, text in texts.items() if "\n[particles]" in text or "[study]" in text)
 
 
 def scene_of(path: Path) -> Case:
