@@ -127,7 +127,7 @@ class PowderLawResult(Reported):
     Attributes
     ----------
     folder : Path or None
-        With powder_law.json, cells.csv, powder_law.png and index.html; None where a shipped law was taken.
+        With powder_law.json, cells.csv, powder_law.png and index.html; None where a known law covers the powder.
     case : Case
         The scene of the powder.
     law : PowderLaw or None
@@ -137,7 +137,7 @@ class PowderLawResult(Reported):
     failures : dict of str to str
         Reasons by the names of the cells that have failed.
     before, after : ExpectedTorque or None
-        Of the scene by the shipped laws and by the measured one; None of a scene without a device.
+        Of the scene by the law known before and by the measured one; None of a scene without a device.
     """
 
     folder: Path | None
@@ -226,10 +226,10 @@ def powder_law(
     resume: bool = False,
     progress: Progress | None = None,
 ) -> PowderLawResult:
-    """Measure the law of a scene's powder by cells of its grains, or return the shipped one that covers it.
+    """Measure the law of a scene's powder by cells of its grains, or return the known one that covers it.
 
-    A shipped law is taken where there are cells of the same friction, rolling friction and susceptibility, and nothing
-    that was given asks for others.
+    A known law is that of `particles.powder_law`, or a shipped one with cells of the same friction, rolling friction
+    and susceptibility. It is returned where no argument but `case` is given.
 
     Parameters
     ----------
@@ -250,7 +250,7 @@ def powder_law(
     SceneError
         Faults of the scene; its powder has no law; its cells are not valid.
     OutputError
-        The folder is there already, or holds cells of another powder alone.
+        The folder is not empty, or there is nothing to resume in it.
     RunError
         Fewer than three cells are done.
     Interrupted
@@ -446,9 +446,6 @@ class _Cells(Study):
         self.count += kept
         if row.state == DONE and not kept:
             log.info("%s: %.4g kPa in %.3g s", task.name, row.values["shear_stress"] / 1e3, row.seconds)
-
-    def progress_of(self, task: Task) -> Any:
-        return None
 
     def look(self, running: Sequence[Task]) -> None:
         if self.progress is not None:

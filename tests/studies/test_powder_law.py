@@ -1,4 +1,4 @@
-"""`emclutch powder-law`: cells of a powder as a study, their law in the scene, and what bad input is told."""
+"""`emclutch powder-law`: cells of a powder as a study, their law in the scene, and messages of bad input."""
 
 from __future__ import annotations
 
@@ -8,13 +8,11 @@ from pathlib import Path
 import numpy as np
 import pandas
 import pytest
-import sheared_annulus
 from typer.testing import CliRunner
 
 import emclutch
 from emclutch.cli.main import app
 from emclutch.results.errors import OutputError, RunError
-from emclutch.scene.case import case_from
 from emclutch.scene.errors import SceneError
 from emclutch.simulation.forecast.powder_law import powder_of, shipped_laws
 from emclutch.studies import powder_law as study
@@ -197,10 +195,10 @@ def test_without_faces_there_is_a_table_and_no_law(tmp_path, cells):
 
 
 def test_a_cell_of_grains_has_the_stress_of_its_scene(tmp_path):
-    """Two cells of few strains, by the command: the row is that of the run's own summary, B = mu_0 mu_r H."""
-    annulus = case_from(sheared_annulus.CELL)
-    task = study._tasks(annulus, [(40e3, 0.3, 4, 1)], "steel")[0]
-    short = task._replace(case=task.case.with_values({"time.end": "strain 0.5", "time.average_from": "strain 0.1"}))
+    """A cell of half a strain: the row is that of the run's own summary, B = mu_0 mu_r H."""
+    task = study._tasks(quickstart(), [(40e3, 0.3, 4, 1)], "steel")[0]
+    values = {"time.end": "strain 0.5", "time.average_from": "strain 0.1", "output.energy_budget": True}
+    short = task._replace(case=task.case.with_values(values))
     (tmp_path / "cell").mkdir()
     row = study.measure_cell(short, tmp_path / "cell", None)
     own = emclutch.load_result(tmp_path / "cell").summary

@@ -172,8 +172,8 @@ class PowderLaw:
             prior = (values - self.coefficients) / known
             return np.append((_logarithm(values, *at) - y) / self.deviation, prior[OWN:])
 
-        most = np.append((np.inf, np.log(CLOSE_PACKING)), np.full(len(known) - OWN, np.inf))
-        found = least_squares(misfit, np.minimum(self.coefficients, most - 1e-6), bounds=(-np.inf, most),
+        upper = np.append((np.inf, np.log(CLOSE_PACKING)), np.full(len(known) - OWN, np.inf))
+        found = least_squares(misfit, np.minimum(self.coefficients, upper - 1e-6), bounds=(-np.inf, upper),
                               x_scale=np.append((1.0, 0.1), known[OWN:]), xtol=1e-12, ftol=1e-12)  # fmt: skip
         scatter = self.deviation * sqrt(float((found.fun**2).sum()) / max(len(y) - OWN, 1))
         deviation = max(self.deviation, scatter)
@@ -303,7 +303,7 @@ def law_of(scene: Scene) -> tuple[PowderLaw, list[str]]:
     Raises
     ------
     SceneError
-        The file of a measured law cannot be read, or is of another powder.
+        The file of a measured law cannot be read, or holds no law.
     """
     file = scene.grains.powder_law
     if file is None:
