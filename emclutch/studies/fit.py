@@ -30,7 +30,7 @@ from emclutch.scene.model import Scene
 from emclutch.scene.units import format_number
 from emclutch.simulation.forecast.expected_field import expected_magnetisation
 from emclutch.simulation.forecast.expected_torque import ExpectedTorque, torques_of_powders
-from emclutch.simulation.forecast.powder_law import OWN, POWDERS, PowderLaw, law_of, shipped_laws
+from emclutch.simulation.forecast.powder_law import POWDERS, law_of, shipped_laws
 from emclutch.studies.design_search import expectation_of
 from emclutch.studies.torque_fit import WITHIN, MeasuredTorques, TorqueFit, TrialTorques, fit_torque, read_torques
 from particles.bulk_friction.friction_table import SOFTNESS, measured_table
@@ -253,7 +253,10 @@ def _trials(
 ) -> TrialTorques:
     """Return the torques of all powders at the drives, on one mesh where they can share it."""
     is_measured = base.scene.grains.powder_law is not None
-    laws = [law_of(base.scene)[0]] if is_measured else _powder_laws(friction, rolling, base.scene.grains.susceptibility)
+    chi = float(np.clip(base.scene.grains.susceptibility, *POWDERS["susceptibility"]))
+    powders, shipped = np.array([*product(friction, rolling, [chi])]), shipped_laws()
+    laws = [law_of(base.scene)[0]] if is_measured else (
+        shipped.interpolated(powders) if len(powders) > 1 else [shipped.of(*powders[0].tolist())])  # fmt: skip
     device, found = None, []
     for number, value in enumerate(drives):
         at = _driven(base, key, float(value))
@@ -270,31 +273,6 @@ def _trials(
     shape = (*(len(one) for one in levels), len(drives))
     torque, error, guess = (np.stack(one, axis=-1).reshape(shape) for one in zip(*found, strict=True))
     return TrialTorques(names, tuple(levels), drives, torque, error, guess, laws[0].deviation)
-
-
-def _powder_laws(friction: np.ndarray, rolling: np.ndarray, susceptibility: float) -> list[PowderLaw]:
-    """Return the laws of all pairs of friction and rolling friction.
-
-    Of several all are by the regression over simulated powders, so that one of these is no step between the others.
-    """
-    laws = shipped_laws()
-    susceptibility = float(np.clip(susceptibility, *POWDERS["susceptibility"]))
-    powders = [(float(f), float(r), susceptibility) for f, r in product(friction, rolling)]
-    if len(powders) == 1:
-        return [laws.of(*powders[0])]
-    weights = replace(laws, own=np.eye(len(laws.powders))).between(np.array(powders))  # of the simulated powders
-    square = (laws.left_out**2).mean(axis=0)
-    correlation = float((laws.left_out[:, 0] * laws.left_out[:, 1]).mean() / math.sqrt(square[0] * square[1]))
-    own, errors = weights @ laws.own, np.sqrt(square * (1.0 + (weights**2).sum(axis=1))[:, None])
-    of_all = laws.free_flowing(susceptibility)[0]
-    return [
-        replace(
-            of_all, powder=powder, coefficients=np.append(values[:OWN], of_all.coefficients[OWN:]),
-            errors=np.append(error[:OWN], laws.common_errors[:-1]), correlation=correlation,
-            permeability=(float(values[OWN]), *laws.permeability),
-        )
-        for powder, values, error in zip(powders, own, errors, strict=True)
-    ]  # fmt: skip
 
 
 def _write(result: FitResult) -> None:

@@ -419,19 +419,33 @@ class PowderLaws:
         same = np.flatnonzero(np.isclose(self.powders, powder, rtol=0.005).all(axis=1))
         if len(same):
             k = same[0]
-            own, errors, correlation, cells = self.own[k], self.own_errors[k], self.correlation[k], int(self.cells[k])
-        else:
-            (own,), left_out, cells = self.between(np.array([powder])), self.left_out, 0
-            X, at = _features(self.powders), _features(np.array([powder]))[0]
-            leverage = float(at @ np.linalg.solve(X.T @ X, at))
-            if leverage > FARTHEST:
-                raise ValueError(f"friction {friction:g} with rolling friction {rolling_friction:g} and susceptibility "
-                                 f"{susceptibility:g} is too far from the simulated powders")  # fmt: skip
-            errors = np.sqrt((left_out**2).mean(axis=0) * (1.0 + leverage))
-            correlation = (left_out[:, 0] * left_out[:, 1]).mean() / (errors[0] * errors[1])
-        values, all_errors = self._values(own, susceptibility), np.append(errors[:OWN], self.common_errors[:-1])
-        permeability = (float(own[OWN]), *self.permeability)
-        return PowderLaw(powder, values, all_errors, float(correlation), self.deviation, permeability, cells)
+            return self._law(powder, self.own[k], self.own_errors[k], self.correlation[k], int(self.cells[k]))
+        if float((self._weights(np.array([powder])) ** 2).sum()) > FARTHEST:
+            raise ValueError(f"friction {friction:g} with rolling friction {rolling_friction:g} and susceptibility "
+                             f"{susceptibility:g} is too far from the simulated powders")  # fmt: skip
+        return self.interpolated(np.array([powder]))[0]
+
+    def interpolated(self, powders: np.ndarray) -> list[PowderLaw]:
+        """Laws of powders (k, 3) by the regression over those that were simulated, with the errors of the regression.
+
+        A powder that was simulated is interpolated too, so that it is no step between the others.
+        """
+        square = (self.left_out**2).mean(axis=0)
+        correlation = float((self.left_out[:, 0] * self.left_out[:, 1]).mean() / sqrt(square[0] * square[1]))
+        leverage = (self._weights(powders) ** 2).sum(axis=1)
+        errors = np.sqrt(square * (1.0 + leverage)[:, None])
+        return [self._law((friction, rolling, chi), own, error, correlation, 0) for (friction, rolling, chi), own, error
+                in zip(powders.tolist(), self.between(powders), errors, strict=True)]  # fmt: skip
+
+    def _law(
+        self, powder: tuple[float, float, float], own: np.ndarray, errors: np.ndarray, correlation: float, cells: int
+    ) -> PowderLaw:
+        """Law of a powder by its own ln A, ln phi_1 and N_0 with their errors."""
+        return PowderLaw(
+            powder, np.append(own[:OWN], _of_susceptibility(self.common, powder[2])),
+            np.append(errors[:OWN], self.common_errors[:-1]), float(correlation), self.deviation,
+            (float(own[OWN]), *self.permeability), cells,
+        )  # fmt: skip
 
     def nearest(self, friction: float, rolling_friction: float, susceptibility: float) -> tuple[PowderLaw, str]:
         """The law of a powder with an empty text, or of the nearest powder within `POWDERS` with why it is another."""
@@ -444,22 +458,17 @@ class PowderLaws:
             near = int(np.argmin(np.square((self.powders - inside) / scale).sum(axis=1)))
             return self.of(*map(float, self.powders[near])), str(error)
 
-    def _values(self, own: np.ndarray, susceptibility: float) -> np.ndarray:
-        """`COEFFICIENTS` of a powder with its own ones."""
-        return np.append(own[:OWN], _of_susceptibility(self.common, susceptibility))
-
     def free_flowing(self, susceptibility: float) -> list[PowderLaw]:
         """Laws of the `unknown` powders with a susceptibility."""
-        powders = np.column_stack([self.unknown, np.full(len(self.unknown), susceptibility)])
-        return [
-            PowderLaw((*pair, susceptibility), self._values(own, susceptibility), np.zeros(len(COEFFICIENTS)), 0.0,
-                      self.deviation, (float(own[OWN]), *self.permeability), 0)
-            for pair, own in zip(self.unknown.tolist(), self.between(powders), strict=True)
-        ]  # fmt: skip
+        return self.interpolated(np.column_stack([self.unknown, np.full(len(self.unknown), susceptibility)]))
 
     def between(self, powders: np.ndarray) -> np.ndarray:
         """ln A, ln phi_1 and N_0 of powders (k, 3) by the regression over those that were simulated, (k, 3)."""
-        return _features(powders) @ np.linalg.lstsq(_features(self.powders), self.own, rcond=None)[0]
+        return self._weights(powders) @ self.own
+
+    def _weights(self, powders: np.ndarray) -> np.ndarray:
+        """Weights (k, m) that the regression gives the simulated powders."""
+        return _features(powders) @ np.linalg.pinv(_features(self.powders))
 
     @property
     def left_out(self) -> np.ndarray:
