@@ -30,6 +30,7 @@ _HEAD = re.compile(r"\s*\[(\w+)\]\s*=\s*(.*?)\s*$")
 _ENTRY = re.compile(r"\s*<(\w+)>\s*(?:=\s*(.*?))?\s*$")
 _KINDS = {"beginbdry": "boundary", "beginblock": "material", "begincircuit": "circuit"}
 _LISTS = {"numpoints": 2, "numsegments": 2, "numarcsegments": 3, "numholes": 2, "numblocklabels": 8}
+_WIRE = 3  # first LamType of wire
 _ON_AXIS = 1e-9  # of the model's size
 
 _Lines = Iterator[tuple[int, str]]
@@ -82,6 +83,11 @@ class FemmLabel:
     def current(self) -> float:
         """Current [A] of each turn, negative where they are wound backwards."""
         return 0.0 if self.circuit is None else self.circuit["totalamps_re"] * float(np.sign(self.turns))
+
+    @property
+    def is_wound(self) -> bool:
+        """True for windings and wire, false for what conducts as a whole."""
+        return self.material["lamtype"] >= _WIRE or (self.circuit is not None and abs(self.turns) != 1.0)
 
 
 @dataclass(frozen=True, slots=True)

@@ -85,9 +85,8 @@ def _cut(model: FemmModel) -> Iterator[tuple[Any, dict[int, FemmLabel], list[lis
         plane = occ.addRectangle(0.0, bottom, 0.0, float(points[:, 0].max()) + size, height)
         _, pieces = occ.fragment([(2, plane)], drawn)
         occ.synchronize()
-        yield gmsh, _labelled(gmsh, model, [tag for _, tag in pieces[0]], bottom), [
-            [tag for _, tag in curve] for curve in pieces[1:]
-        ]
+        cut, *curves = ([tag for _, tag in piece] for piece in pieces)
+        yield gmsh, _labelled(gmsh, model, cut, bottom), curves
 
 
 def _curve(occ: Any, edge: FemmEdge, tags: Sequence[int], points: np.ndarray) -> int:

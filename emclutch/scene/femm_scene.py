@@ -10,6 +10,7 @@ rotor.
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -21,7 +22,6 @@ from geometry.table_file import FileFault
 
 _AIR = re.compile(r"(?i)\b(air|vacuum|luft)\b")
 _SHELL = re.compile(r"u\d+")  # as FEMM's builder of open boundaries names the materials of its shells
-_WIRE = 3  # first LamType of a winding's wire
 _EQUAL = 1e-3  # of the turns per area in the pieces of a winding
 _MIXED, _PERIODIC = 2, 4
 _BOUNDARIES = {0: "prescribed A", 1: "small skin depth", 2: "mixed", 3: "strategic dual image", 4: "periodic",
@@ -53,6 +53,11 @@ def femm_scene(path: Path, stem: str, powder: str | None = None) -> tuple[dict[s
     ------
     SceneError
         What the file holds that cannot be read, or has no counterpart, with its line.
+
+    Warns
+    -----
+    UserWarning
+        There is powder, and no part turns.
     """
     try:
         model = read_femm(path)
@@ -65,17 +70,19 @@ def femm_scene(path: Path, stem: str, powder: str | None = None) -> tuple[dict[s
     except FileFault as fault:
         raise SceneError([Fault("", "", fault.reason)], str(path)) from None
     solid = {name: label for label, name in regions.items() if name not in ("coil", "powder")}
-    used = {_plain(label.material.name): label.material for label in solid.values()}
+    used = {f"femm_{_plain(label.material.name)}": label.material for label in solid.values()}
     curves = {f"{stem}_{name}.csv": _curve(one) for name, one in used.items() if len(one.curve)}
     groups = sorted({label.group for label in solid.values()} - {0})
     body = dict(zip(groups, ("disc", "rotor"), strict=False))
+    if powder is not None and not groups:
+        warnings.warn("all parts have group 0 and stand still; say in geometry.bodies what turns", stacklevel=2)
     coil = [label for label in model.labels if label.current]
     data = {
         "scene": {"title": f"{path.stem}, a model of FEMM"},
         "geometry": {
             "kind": "cad",
             "file": f"{stem}.brep",
-            "materials": {name: _plain(label.material.name) for name, label in solid.items()},
+            "materials": {name: f"femm_{_plain(label.material.name)}" for name, label in solid.items()},
             "names": {f"part{number}": regions[label] for number, label in enumerate(order, 1)},
             "bodies": {name: body.get(label.group, "housing") for name, label in solid.items()},
         },
@@ -99,9 +106,8 @@ def _is(label: FemmLabel, powder: str | None) -> bool:
     return powder is not None and _plain(label.material.name) == _plain(powder)
 
 
-def _is_vacuum(one: FemmProperty) -> bool:
-    """True for what is neither magnetic nor, but as wire, a conductor."""
-    return not len(one.curve) and one["mu_x"] == one["mu_y"] == 1.0 and (one["lamtype"] >= _WIRE or not one["sigma"])
+def _is_magnetic(one: FemmProperty) -> bool:
+    return bool(len(one.curve)) or one["mu_x"] != 1.0 or one["mu_y"] != 1.0
 
 
 def _is_shell(label: FemmLabel, model: FemmModel) -> bool:
@@ -112,10 +118,11 @@ def _is_shell(label: FemmLabel, model: FemmModel) -> bool:
 
 def _is_air(label: FemmLabel, model: FemmModel, section: FemmSection) -> bool:
     """True for what is not drawn: air, idle windings, shells, and the outside of a Kelvin transformation."""
+    if label.is_external or _is_shell(label, model):
+        return True
     one = label.material
-    empty = label.circuit or one["lamtype"] >= _WIRE or _AIR.search(one.name) or label in section.outline.values()
-    vacuum = not label.current and _is_vacuum(one) and bool(empty)
-    return label.is_external or vacuum or _is_shell(label, model)
+    empty = not one["sigma"] and (bool(_AIR.search(one.name)) or label in section.outline.values())
+    return not label.current and not _is_magnetic(one) and (label.is_wound or empty)
 
 
 def _region(label: FemmLabel, powder: str | None) -> str:
@@ -170,10 +177,10 @@ def _material_reasons(label: FemmLabel) -> Iterator[str]:
         yield f"is a permanent magnet (H_c = {one['h_c']:g} A/m), which has no counterpart; take it out"
     if one["j_re"]:
         yield "has a current density (J_re); give the winding a circuit with current and turns instead"
-    if one["lamfill"] != 1.0 and one["lamtype"] < _WIRE and not _is_vacuum(one):
+    if one["lamfill"] != 1.0 and not label.is_wound and _is_magnetic(one):
         yield f"is laminated with LamFill = {one['lamfill']:g}; enter the curve of the stack, with LamFill = 1"
-    if label.current and (len(one.curve) or one["mu_x"] != 1.0):
-        yield "is magnetic, and that of the winding; a winding's permeability is 1: change it"
+    if label.is_wound and _is_magnetic(one):
+        yield "is magnetic, and that of a winding; a winding's permeability is 1: change it"
     elif len(one.curve):
         try:
             TableLaw(one.curve[:, 1], one.curve[:, 0], one.name)
@@ -220,16 +227,15 @@ def _winding_reasons(model: FemmModel, section: FemmSection) -> _Reasons:
     for label, one in zip(coil, density, strict=True):
         if abs(one - density[0]) > _EQUAL * abs(density[0]):
             yield label.line, "has other turns per area than the rest of its circuit, and a scene has one winding"
-        if abs(label.turns) == 1.0 and label.material["lamtype"] < _WIRE and label.material["sigma"]:
+        if not label.is_wound and label.material["sigma"]:
             yield label.line, (f"the winding is one massive turn of {label.material.name!r}, whose current is not "
                                "even; set its conductivity to 0 where that does not matter")  # fmt: skip
 
 
 def _material(one: FemmProperty, table: str) -> dict[str, Any]:
-    solid = one["sigma"] and one["lamtype"] < _WIRE and not one["d_lam"]
     linear = {"law": "linear", "relative_permeability": one["mu_x"]}
     law = {"law": "table", "table": table} if len(one.curve) else linear
-    return law | ({"conductivity": 1e6 * one["sigma"]} if solid else {})
+    return law | ({"conductivity": 1e6 * one["sigma"]} if one["sigma"] and not one["d_lam"] else {})
 
 
 def _curve(one: FemmProperty) -> str:
