@@ -114,8 +114,10 @@ def read_femm(path: str | Path) -> FemmModel:
         or a property that is not there; an unknown unit of length.
     """
     path = Path(path)
-    if not path.is_file() or path.stat().st_size > MAX_FILE:
-        raise FileFault(path, f"is no file, or larger than {MAX_FILE // 1_000_000} MB; check the path")
+    if not path.is_file():
+        raise FileFault(path, "is no file; check the path")
+    if path.stat().st_size > MAX_FILE:
+        raise FileFault(path, f"is larger than {MAX_FILE // 1_000_000} MB, which no model is; check the path")
     content = path.read_bytes()
     try:
         text = content.decode("utf-8-sig")

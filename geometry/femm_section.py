@@ -35,7 +35,7 @@ def femm_section(model: FemmModel) -> FemmSection:
     Raises
     ------
     FileFault
-        Points with r < 0, a label in no closed region, a region without a label or with two.
+        Points with r < 0, an edge without length, a label in no closed region, a region without a label or with two.
     """
     with _cut(model) as (gmsh, faces, curves):
         areas = {label: MILLIMETRE**2 * gmsh.model.occ.getMass(2, tag) for tag, label in faces.items()}
@@ -81,19 +81,23 @@ def _cut(model: FemmModel) -> Iterator[tuple[Any, dict[int, FemmLabel], list[lis
     with gmsh_model({"General.Terminal": 0}) as gmsh:
         occ = gmsh.model.occ
         tags = [occ.addPoint(r, z, 0.0) for r, z in points]
-        drawn = [(1, _curve(occ, edge, tags, points)) for edge in model.edges]
         plane = occ.addRectangle(0.0, bottom, 0.0, float(points[:, 0].max()) + size, height)
+        drawn = [(1, _curve(occ, edge, tags, points, model.path)) for edge in model.edges]
         _, pieces = occ.fragment([(2, plane)], drawn)
         occ.synchronize()
         cut, *curves = ([tag for _, tag in piece] for piece in pieces)
         yield gmsh, _labelled(gmsh, model, cut, bottom), curves
 
 
-def _curve(occ: Any, edge: FemmEdge, tags: Sequence[int], points: np.ndarray) -> int:
-    if edge.angle == 0.0:
-        return occ.addLine(tags[edge.start], tags[edge.end])
-    middle = occ.addPoint(*edge.middle(points), 0.0)
-    curve = occ.addCircleArc(tags[edge.start], middle, tags[edge.end], center=False)
+def _curve(occ: Any, edge: FemmEdge, tags: Sequence[int], points: np.ndarray, path: Path) -> int:
+    start, end = tags[edge.start], tags[edge.end]
+    try:
+        if edge.angle == 0.0:
+            return occ.addLine(start, end)
+        middle = occ.addPoint(*edge.middle(points), 0.0)
+        curve = occ.addCircleArc(start, middle, end, center=False)
+    except Exception as error:  # gmsh raises plain Exception, with its own last message
+        raise FileFault(path, f"line {edge.line}: the edge has no length ({error}); delete it in FEMM") from None
     occ.remove([(0, middle)])
     return curve
 

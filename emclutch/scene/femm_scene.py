@@ -70,7 +70,8 @@ def femm_scene(path: Path, stem: str, powder: str | None = None) -> tuple[dict[s
     except FileFault as fault:
         raise SceneError([Fault("", "", fault.reason)], str(path)) from None
     solid = {name: label for label, name in regions.items() if name not in ("coil", "powder")}
-    used = {f"femm_{_plain(label.material.name)}": label.material for label in solid.values()}
+    used = {_key(label): label.material for label in solid.values()}
+    _refuse(path, list(_name_reasons(regions, solid, used)))
     curves = {f"{stem}_{name}.csv": _curve(one) for name, one in used.items() if len(one.curve)}
     groups = sorted({label.group for label in solid.values()} - {0})
     body = dict(zip(groups, ("disc", "rotor"), strict=False))
@@ -82,7 +83,7 @@ def femm_scene(path: Path, stem: str, powder: str | None = None) -> tuple[dict[s
         "geometry": {
             "kind": "cad",
             "file": f"{stem}.brep",
-            "materials": {name: f"femm_{_plain(label.material.name)}" for name, label in solid.items()},
+            "materials": {name: _key(label) for name, label in solid.items()},
             "names": {f"part{number}": regions[label] for number, label in enumerate(order, 1)},
             "bodies": {name: body.get(label.group, "housing") for name, label in solid.items()},
         },
@@ -100,6 +101,11 @@ def _refuse(path: Path, reasons: list[tuple[int, str]]) -> None:
 
 def _plain(name: str) -> str:
     return re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_") or "unnamed"
+
+
+def _key(label: FemmLabel) -> str:
+    """Name of a label's material in the scene, which no built-in material has."""
+    return f"femm_{_plain(label.material.name)}"
 
 
 def _is(label: FemmLabel, powder: str | None) -> bool:
@@ -230,6 +236,16 @@ def _winding_reasons(model: FemmModel, section: FemmSection) -> _Reasons:
         if not label.is_wound and label.material["sigma"]:
             yield label.line, (f"the winding is one massive turn of {label.material.name!r}, whose current is not "
                                "even; set its conductivity to 0 where that does not matter")  # fmt: skip
+
+
+def _name_reasons(
+    regions: dict[FemmLabel, str], solid: dict[str, FemmLabel], used: dict[str, FemmProperty]
+) -> _Reasons:
+    """Why names that differ in FEMM do not differ in the scene."""
+    for label, region in regions.items():
+        for other in (solid[region].material, used[_key(label)]) if region in solid else ():
+            if other.name != label.material.name:
+                yield label.line, f"{label.material.name!r} and {other.name!r} are one name in the scene; rename one"
 
 
 def _material(one: FemmProperty, table: str) -> dict[str, Any]:

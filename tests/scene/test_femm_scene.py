@@ -109,7 +109,7 @@ REFUSED = [
     (r"(?s)<BdryType> = 0(.*?<c1>) = 0", r"<BdryType> = 2\1 = 3", "'A=0' .mixed. has c1 = 3"),
     *((r"<BdryType> = 0", f"<BdryType> = {kind}", f"'A=0' .{name}. has no") for kind, name in TYPES.items()),
     (r"<BdryType> = 0", "<BdryType> = 2", "plane of symmetry"),
-    (r"(\t180\t1\t)1", r"\g<1>0", "plane of symmetry"),
+    (r"(\t180.0\t1\t)1", r"\g<1>0", "plane of symmetry"),
     (r"^(0\t1\t-1\t)0", r"\g<1>1", "'A=0' .prescribed A. within the model"),
     (r"^(8.0\t5.0\t)0", r"\g<1>1", "a point with a property"),
     (r"\[NumHoles\] = 0", "[NumHoles] = 1\n2.5\t0\t0", "a hole in the mesh"),
@@ -118,6 +118,7 @@ REFUSED = [
     (r"^30.0\t", "90.0\t", "lies in no closed region"),
     (r"^30.0\t", "3.0\t", "lies where another is"),
     (r"= 3\n(10.0\t0.0.*\n.*\n).*\n", r"= 2\n\1", "has no label; give it one"),
+    (r"^8.0\t5.0", "12.0\t5.0", "the edge has no length"),
     (r"^8.0\t-5.0", "-8.0\t-5.0", "the least r is -8 mm"),
     (r"<Mu_x> = 1000", "<Mu_x> = many", "'many' is no number"),
     (r"^0\t1\t-1", "0\t77\t-1", "77 is none of 0 to"),
@@ -153,6 +154,22 @@ def second_winding(current, turns):
 def test_a_second_winding_is_refused(current, turns, message, tmp_path):
     with pytest.raises(SceneError, match=message):
         scene_of(tmp_path, second_winding(current, turns))
+
+
+def test_pieces_of_a_winding_with_the_same_turns_per_area_are_one(tmp_path):
+    coil, field = solved(tmp_path, second_winding(0.0, -100))
+    alone = solved_coil(load_case(scene_of(tmp_path, small_model(), name="alone.toml")).scene).solve_at_peak(None)
+    assert coil.turns == 200.0 and field.ampere_turns == pytest.approx(2.0 * alone.ampere_turns)
+
+
+def test_materials_whose_names_become_one_are_refused(tmp_path):
+    """Group 1 of «Steel» and group 0 of «Steel 1» would be one region."""
+    model = powder_clutch()
+    model.add("Block", "Steel 1", Mu_x=500, Mu_y=500)
+    model.rectangle(43.0, -10.0, 44.0, 10.0)
+    model.label(43.5, 0.0, "Steel 1")
+    with pytest.raises(SceneError, match="'Steel' and 'Steel 1' are one name"):
+        scene_of(tmp_path, model)
 
 
 def test_a_winding_without_current_is_air(tmp_path):
