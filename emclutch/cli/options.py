@@ -321,11 +321,18 @@ CommonError = Annotated[
     ),
 ]
 SceneKind = Annotated[
-    str,
+    str | None,
     typer.Option(
         "--kind",
-        help="clutch (disc, powder at its faces; also a brake), drum (powder at the rim), cad, "
+        help="clutch (disc, powder at its faces; also a brake), drum (powder at the rim; the default), cad, "
         "centrifugal, shear_cell, sheared_box, box, or field",
     ),
+]
+FemmFile = Annotated[
+    Path | None, typer.Option("--from", metavar="FILE", help="axisymmetric model of FEMM 4 (.fem) to make it from")
+]
+PowderMaterial = Annotated[
+    str | None,
+    typer.Option("--powder", metavar="NAME", help="with --from: material of the regions that the grains fill"),
 ]
 NewScene = Annotated[Path, typer.Argument(metavar="FILE", help="new scene file (.toml)")]
