@@ -1,0 +1,85 @@
+"""The report on the coil alone in time: rise times, energies, the winding's warming, what was taken."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from emclutch.results.report.report import Mark, Picture, Report, Shown, Statement, Statements, Table, note, warning
+from emclutch.results.text import format_percent, format_time, in_words
+from emclutch.studies.field_report import in_cells
+
+QUANTITIES = {"current": ("Current", "A"), "gap_flux_density": ("Flux density in the gap", "T")}
+FAR, WARM = 0.05, 1.0
+"""Distance from the final value, relative to the largest, and rise of the winding [K], that are worth a warning and a
+sentence."""
+
+
+def transient_report(folder: Path, summary: dict[str, Any]) -> Report:
+    """Return the report on ``transient.json``."""
+    report = Report(f"Coil in time: {folder.name}", data=summary, folder=folder)
+    report.add("Result", Statements([*_statements(summary)]), Shown.TERMINAL)
+    report.add("Energy", _energy(summary), Shown.TERMINAL)
+    units = summary["units"]
+    rows = [(f"{in_words(name)} [{units[name]}]", in_cells(value)) for name, value in summary["at_end"].items()]
+    report.add("At the end", Table(rows), Shown.PAGE)
+    pictures = [Picture(in_words(one.stem), one) for one in sorted(folder.glob("*.png"), reverse=True)]
+    return report.add("Pictures", pictures, Shown.PAGE)
+
+
+def _statements(summary: dict[str, Any]) -> Iterator[Statement]:
+    since = summary["changes_at"]
+    after = "" if since == 0.0 else f" after the voltage changes at {format_time(since)}"
+    for name, (words, unit) in QUANTITIES.items():
+        if name in summary["final"]:
+            yield _rise(summary, name, words, unit, after)
+    at_end = summary["at_end"]
+    if (error := summary["rise_time_error"]) is not None:
+        yield note(
+            f"Error of the {summary['steps']} time steps (tolerance {summary['tolerance']:g}): {format_percent(error)} of "
+            "these times."
+        )
+    if errors := summary["error_of_the_mesh"]:
+        worst = max(errors, key=lambda name: abs(errors[name]))
+        yield note(f"Estimated error of the mesh: {format_percent(abs(errors[worst]))} ({worst}).")
+    cold, warm = summary["resistance"]
+    yield note(
+        f"Winding: {at_end['winding_temperature']:.3g} °C at the end if the copper keeps its heat; resistance {cold:.4g} "
+        f"to {warm:.4g} ohm."
+    )
+    yield note(f"Powder: {summary['powder']}.")
+    if not summary["eddy_currents"]:
+        yield note("Eddy currents are left out: [effects.eddy_currents] adds those of the solid parts.")
+    if summary["default_circuit"]:
+        yield note("The scene has no [effects.coil_circuit]: coil.voltage is switched on at t = 0.")
+    if summary["distance"] > FAR:
+        far, end = format_percent(summary["distance"]), format_time(at_end["time"])
+        yield warning(f"At the end, {end}, the coil is {far} from its final state: end later (--end)")
+    yield from map(warning, summary["warnings"])
+
+
+def _rise(summary: dict[str, Any], name: str, words: str, unit: str, after: str) -> Statement:
+    early, late = (summary[f"{name}_rise_time{suffix}"] for suffix in ("", "_90"))
+    final = f"{summary['final'][name]:.4g} {unit}"
+    if early is None:
+        return note(f"{words}: {summary['at_end'][name]:.4g} {unit} at the end, goes to {final}.")
+    then = "not 90 % by the end" if late is None else f"90 % after {format_time(late)}"
+    return Statement(
+        Mark.GOOD, f"{words}: 63 % of the change to {final} after {format_time(early)}, {then}{after and f' ({after[1:]})'}."
+    )
+
+
+def _energy(summary: dict[str, Any]) -> Table:
+    energy = summary["energy"]
+    share = summary["energy"]["relative_residual"]
+    rows = [
+        ("supplied", energy["supplied_energy"]),
+        ("heat of the copper", energy["copper_heat"]),
+        ("heat of eddy currents", energy["eddy_heat"]),
+        ("in the field at the end", energy["field_energy"]),
+        ("work on what moves (nothing does)", 0.0),
+    ]
+    shown = [(name, f"{value:.4g}") for name, value in rows]
+    left = f"{energy['residual']:.2g} ({format_percent(share)})"
+    return Table([*shown, ("residual: supplied less the rest", left)], ("energy", "[J]"), (1,))
