@@ -15,10 +15,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+import pandas
 
 from emclutch.device_model.coil_heat import COPPER_HEAT
 from emclutch.device_model.device import CoilDevice
@@ -28,6 +30,7 @@ from field import MagneticField
 from field.coil.winding import WarmingWinding
 from field.section.diffusion_time import diffusion_time
 from field.section.eddy_currents import EddyCurrentProblem, TransientState, VoltageDrive
+from field.section.powder_state import Powder
 from geometry.time_profile import TimeProfile
 
 COARSER = 4.0
@@ -54,6 +57,37 @@ UNITS = {
 row, the copper's that of the row's instant; energies since the start, but for the field's, which is its content."""
 
 
+def drive_of(scene: Scene) -> tuple[TimeProfile, bool]:
+    """Return the voltage that drives a scene's coil, and whether its field begins steady instead of with none.
+
+    Raises
+    ------
+    ValueError
+        There is no voltage, nothing changes, the field is one in 3D, or the steel has hysteresis.
+    """
+    voltage = None if scene.coil is None else scene.coil.voltage
+    effects = (scene.effects.circuit, scene.effects.eddy)
+    steady = any(one is not None and one.begin == "steady" for one in effects)
+    if voltage is None:
+        raise ValueError(
+            "coil.voltage is missing: the coil alone in time is driven by a voltage; give one, e.g. '24 V', or a table "
+            "{times = [...], values = [...]}, instead of coil.current"
+        )
+    if voltage.largest == 0.0 or (steady and len(set(voltage.values)) == 1):
+        raise ValueError("coil.voltage changes nothing: it is 0 V, or constant and begins with its steady current")
+    if scene.effects.memory is not None:
+        raise ValueError(
+            "[effects.hysteresis] cannot be computed in time: the steps of the circuit do not carry the steel's "
+            "history; remove its table, or --set effects.hysteresis=off"
+        )
+    if scene.geometry.is_solved_in_3d:
+        raise ValueError(
+            f"geometry.{scene.geometry.key_of_3d} asks for a field in 3D, and the coil alone in time is computed in a "
+            "section; remove that key, or solve single currents without --transient"
+        )
+    return voltage, steady
+
+
 class Rise(NamedTuple):
     """When a quantity has gone through 63 and 90 % of its change [s]; None: not by the end, or there is no change."""
 
@@ -61,32 +95,54 @@ class Rise(NamedTuple):
     late: float | None
 
 
-class CoilTransient:
-    """A coil at its scene's voltage, with the powder's fill (n powder elements,) or without powder.
+@dataclass(frozen=True, slots=True)
+class Course:
+    """A march of the coil.
 
-    Raises
-    ------
-    ValueError
-        A scene without a voltage, with hysteresis, or in which nothing changes.
+    Attributes
+    ----------
+    states : list of TransientState
+    table : pandas.DataFrame
+        A row of `UNITS` a state; without `gap_flux_density` where the device has no gap.
+    field : MagneticField
+        The static one that the last state goes to.
+    final : dict of str to float
+        `current`, `gap_flux_density`, `flux_linkage` of that.
+    rises : dict of str to Rise
+        Of the same.
     """
 
-    def __init__(self, scene: Scene, coil: CoilDevice, fill: np.ndarray | None) -> None:
+    states: list[TransientState]
+    table: pandas.DataFrame
+    field: MagneticField
+    final: dict[str, float]
+    rises: dict[str, Rise]
+
+    def rise_times(self) -> dict[str, float | None]:
+        """Return rise times [s] by their names in a summary."""
+        return {
+            f"{name}_rise_time{suffix}": time
+            for name, times in self.rises.items()
+            for suffix, time in zip(("", "_90"), times, strict=True)
+        }
+
+    def distance(self) -> float:
+        """How far the last state is from the final one, relative to the largest values [-]."""
+        ends = ((self.table[name].to_numpy(), final) for name, final in self.final.items())
+        return max(abs(float(values[-1]) - final) / max(float(np.abs(values).max()), 1e-300) for values, final in ends)
+
+
+class CoilTransient:
+    """A coil at its scene's voltage (`drive_of`), with a state of the powder or without powder.
+
+    `faces` as of `Excitation.gap_flux_density`.
+    """
+
+    def __init__(self, scene: Scene, coil: CoilDevice, fill: Powder, *, faces: bool) -> None:
+        self.voltage, self.begins_steady = drive_of(scene)
+        self.coil, self.fill, self.faces = coil, fill, faces
         given = scene.coil
-        if given is None or given.voltage is None:
-            raise ValueError(
-                "coil.voltage is missing: the coil alone in time is driven by a voltage; give one, e.g. '24 V', or a "
-                "table {times = [...], values = [...]}, instead of coil.current"
-            )
-        if scene.effects.memory is not None:
-            raise ValueError(
-                "[effects.hysteresis] cannot be computed in time: the steps of the circuit do not carry the steel's "
-                "history; remove its table, or --set effects.hysteresis=off"
-            )
-        effects = (scene.effects.circuit, scene.effects.eddy)
-        self.begins_steady = any(one is not None and one.begin == "steady" for one in effects)
-        self.voltage, self.coil, self.fill = given.voltage, coil, fill
-        if self.voltage.largest == 0.0 or (self.begins_steady and len(set(self.voltage.values)) == 1):
-            raise ValueError("coil.voltage changes nothing: it is 0 V, or constant and begun with its steady current")
+        assert given is not None  # it has a voltage
         resistance = given.resistance_in(coil.shape.coil_area, coil.shape.coil_mean_radius)
         self.winding = WarmingWinding(resistance, given.temperature, COPPER_HEAT * coil.winding.copper_mass)
         self.eddy = EddyCurrentProblem(coil.problem, coil.conductivity or {}, turns=coil.turns)
@@ -110,10 +166,10 @@ class CoilTransient:
         current = self.voltage.values[-1] / self.winding.resistance_after(state.copper_loss)
         return self.static(current, self.eddy.field(state, self.fill) if current and state.current else None)
 
-    def gap_flux_density(self, solution: MagneticField, *, faces: bool) -> float | None:
+    def gap_flux_density(self, solution: MagneticField) -> float | None:
         """Mean |B| [T] under the poles; of a device without them over the region `powder`, None without that."""
         if self.coil.has_poles:
-            return self.coil.gap_flux_density(solution, faces=faces)
+            return self.coil.gap_flux_density(solution, faces=self.faces)
         gap = self.coil.mesh.regions.get("powder")
         if gap is None:
             return None
@@ -167,12 +223,25 @@ class CoilTransient:
             return VoltageDrive(self.voltage, self.winding.resistance_after(loss))
         except ValueError as error:
             raise ValueError(
-                f"the winding passes 250 degrees C soon after {state.time:.3g} s ({hottest:.0f} degrees C then); it keeps "
-                "all its heat here: lower coil.voltage, raise coil.resistance, or end before (--end)"
+                f"the winding passes 250 degrees C soon after {state.time:.3g} s ({hottest:.0f} degrees C then), as it "
+                "keeps all its heat here; lower coil.voltage, raise coil.resistance, or end before (--end)"
             ) from error
 
-    def rows(self, states: Sequence[TransientState], *, faces: bool) -> list[dict[str, float]]:
-        """A row of `UNITS` a state; without `gap_flux_density` where the device has no gap."""
+    def course(self, end: float | None, tolerance: float) -> Course:
+        """`march`, its table, and what it goes to."""
+        states = self.march(end, tolerance)
+        table, field = pandas.DataFrame(self._rows(states)), self.final(states[-1])
+        final = {
+            "current": field.ampere_turns / self.coil.turns,
+            "gap_flux_density": self.gap_flux_density(field),
+            "flux_linkage": self.coil.turns * field.flux_linkage_per_turn,
+        }
+        known = {name: value for name, value in final.items() if value is not None}
+        time = table["time"].to_numpy()
+        rises = {name: rise(time, table[name].to_numpy(), self.changes_at, value) for name, value in known.items()}
+        return Course(states, table, field, known, rises)
+
+    def _rows(self, states: Sequence[TransientState]) -> list[dict[str, float]]:
         found, before = [], states[0]
         for one in states:
             solution = self.eddy.field(one, self.fill)
@@ -182,7 +251,7 @@ class CoilTransient:
                 "voltage": self.voltage(one.time),
                 "current": one.current,
                 "flux_linkage": one.linkage,
-                "gap_flux_density": self.gap_flux_density(solution, faces=faces),
+                "gap_flux_density": self.gap_flux_density(solution),
                 "copper_loss": self.winding.resistance_after(one.copper_loss) * one.current**2,
                 "eddy_loss": (one.eddy_loss - before.eddy_loss) / step if step else 0.0,
                 "winding_temperature": self.winding.temperature_after(one.copper_loss),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,11 +18,8 @@ from emclutch.scene.errors import bad_input_for
 if TYPE_CHECKING:
     import pandas
 
-    from emclutch.studies.coil_transient import Rise
-
 TOLERANCE = 1e-3
 """Local error of a step, relative to the largest state."""
-TIMED = ("current", "gap_flux_density", "flux_linkage")
 _ENERGIES = ("supplied_energy", "copper_heat", "eddy_heat", "field_energy")
 
 
@@ -37,8 +33,9 @@ class TransientResult(Reported):
         With transient.csv, transient.json, transient.png, section.png, field.pvd.
     summary : dict
         transient.json: `current_rise_time`, `current_rise_time_90` and the same of `gap_flux_density` and
-        `flux_linkage` [s] (null: not by the end), their largest `rise_time_error` (relative, of the time steps), values
-        and `energy` [J] at the end, `final` values, `warnings`, and `units`.
+        `flux_linkage` [s] (null: not by the end), with `_sheared` those with the permeability of sheared powder, their
+        largest `rise_time_error` (relative, of the time steps), values and `energy` [J] at the end, `final` values,
+        `warnings`, and `units`.
     table : pandas.DataFrame
         A row a step; units of the columns in `summary["units"]`.
     """
@@ -68,15 +65,15 @@ def field_transient(
     Parameters
     ----------
     case : Case, or the path of a scene file, with `coil.voltage`
-    end : [s]; default: `time.end` of the scene; without it, until current and flux are within 1 % of their final values.
+    end : [s]; default: `time.end` of the scene, else when current and flux are within 1 % of their final values.
     tolerance : local error of a time step, relative to the largest state: 1e-6 to 0.1.
     out : new folder; default: the next runs/<case>-transient-<nnn>.
 
     Raises
     ------
     SceneError
-        The scene has faults, no coil's field, no voltage, a field in 3D or hysteresis, or the winding passes 250 degrees
-        C.
+        The scene has faults, no coil's field, no voltage, a field in 3D or hysteresis, or the winding passes
+        250 degrees C.
     ConvergenceError
         A step that does not converge.
     OutputError
@@ -95,74 +92,60 @@ def field_transient(
 
 
 def _computed(case: Case, end: float | None, tolerance: float, folder: Path) -> TransientResult:
-    import pandas
-
     from emclutch.device_model.device import CoilDevice, field_goals
     from emclutch.results.pictures import section_picture
     from emclutch.results.pictures.field import transient_picture
     from emclutch.results.vtk.field_arrays import field_arrays
     from emclutch.results.vtk.series import PvdSeries
-    from emclutch.simulation.forecast.expected_field import powder_in_words
-    from emclutch.studies.coil_transient import COARSER, UNITS, CoilTransient, rise
+    from emclutch.scene.grain_smear import moments_are_fed_back
+    from emclutch.simulation.forecast.expected_field import field_of_sheared_powder, powder_in_words
+    from emclutch.studies.coil_transient import COARSER, UNITS, CoilTransient, drive_of
     from emclutch.studies.field import at_the_faces, coil_of_field, even_powder
     from field.laws.table_end import driven_beyond_their_tables
     from field.section.error_estimate import estimate_error
     from field.section.smooth_field import SmoothField
 
     scene = case.scene
+    drive_of(scene)  # before the mesh
     coil = coil_of_field(scene)
-    if not isinstance(coil, CoilDevice):
-        raise ValueError(
-            f"geometry.{scene.geometry.key_of_3d} asks for a field in 3D, and the coil alone in time is computed in the "
-            "section of a device of revolution; remove that key, or solve single currents without --transient"
-        )
+    assert isinstance(coil, CoilDevice)  # no field in 3D
     phi, fill = even_powder(scene, coil)
-    transient = CoilTransient(scene, coil, fill)
+    transient = CoilTransient(scene, coil, fill, faces=at_the_faces(case, coil))
     of_scene = None if scene.time is None else scene.time.end
-    end = of_scene if end is None and isinstance(of_scene, float) else end
-    states, faces = transient.march(end, tolerance), at_the_faces(case, coil)
-    table = pandas.DataFrame(transient.rows(states, faces=faces))
-    last = states[-1]
-    rough = pandas.DataFrame(transient.rows(transient.march(last.time, COARSER * tolerance), faces=faces))
-    final = transient.final(last)
-    gap = transient.gap_flux_density(final, faces=faces)
-    finals = {
-        "current": final.ampere_turns / coil.turns,
-        "gap_flux_density": gap,
-        "flux_linkage": coil.turns * final.flux_linkage_per_turn,
-    }
-    timed, since = [name for name in TIMED if name in table], transient.changes_at
-    rises = {
-        name: [rise(*(one[key].to_numpy() for key in ("time", name)), since, finals[name]) for one in (table, rough)]
-        for name in timed
-    }
-    pairs = [
-        (fine, coarse) for both in rises.values() for fine, coarse in zip(*both, strict=True) if fine and coarse
-    ]
+    course = transient.course(of_scene if end is None and isinstance(of_scene, float) else end, tolerance)
+    states, table, last = course.states, course.table, course.states[-1]
+    rough, rises = transient.course(last.time, COARSER * tolerance).rise_times(), course.rise_times()
+    pairs = [(fine, rough[name]) for name, fine in rises.items()]
+    errors = [abs(fine / coarse - 1.0) / (COARSER - 1.0) for fine, coarse in pairs if fine and coarse]
+    if fill is not None and moments_are_fed_back(scene):
+        current = transient.voltage.largest / transient.winding.resistance
+        powder = field_of_sheared_powder(coil, fill, scene, current, transient.static(current)).powder
+        sheared = CoilTransient(scene, coil, powder, faces=transient.faces).course(last.time, COARSER * tolerance)
+        rises |= {f"{name}_sheared": time for name, time in sheared.rise_times().items()}
     energy = {name: float(table[name].iloc[-1]) for name in _ENERGIES}
     given = energy["supplied_energy"] + float(table["field_energy"].iloc[0])
-    energy["residual"] = given - sum(energy[name] for name in _ENERGIES[1:])
-    moved = max(given, energy["copper_heat"])
-    scale = {name: float(table[name].abs().max()) for name in timed}
+    residual = given - sum(energy[name] for name in _ENERGIES[1:])
+    static = course.field
+    mesh = estimate_error(static, field_goals(coil.mesh)).goals if static.ampere_turns else ()
+    strongest = max(states, key=lambda one: abs(one.current))
     summary = {
         "units": UNITS | {"rise_time": "s"},
-        "changes_at": since,
-        **_entries({name: both[0] for name, both in rises.items()}),
-        "rise_time_error": max((abs(a - b) / (COARSER - 1.0) / a for a, b in pairs), default=None),
-        "final": {name: finals[name] for name in timed},
+        "changes_at": transient.changes_at,
+        **rises,
+        "rise_time_error": max(errors, default=None),
+        "final": course.final,
         "at_end": {name: float(value) for name, value in table.iloc[-1].items()},
-        "distance": max(abs(table[name].iloc[-1] - finals[name]) / (scale[name] or 1.0) for name in timed),
-        "energy": energy | {"relative_residual": energy["residual"] / moved},
+        "distance": course.distance(),
+        "energy": energy | {"residual": residual, "relative_residual": residual / max(given, last.copper_loss)},
         "resistance": [transient.winding.resistance_after(one.copper_loss) for one in (states[0], last)],
         "steps": len(states) - 1,
         "tolerance": tolerance,
         "default_circuit": scene.effects.circuit is None,
         "eddy_currents": coil.conductivity is not None,
-        "powder": powder_in_words(scene, phi),
-        "error_of_the_mesh": {} if not final.ampere_turns else
-        {goal.goal: goal.relative for goal in estimate_error(final, field_goals(coil.mesh)).goals},
-        "warnings": driven_beyond_their_tables([transient.eddy.field(max(states, key=lambda one: abs(one.current)))]),
-    }  # fmt: skip
+        "powder": None if phi is None else powder_in_words(scene, phi),
+        "error_of_the_mesh": {goal.goal: goal.relative for goal in mesh},
+        "warnings": driven_beyond_their_tables([transient.eddy.field(strongest, fill)]),
+    }
     folder.mkdir(parents=True)
     table.to_csv(folder / "transient.csv", index=False)
     (folder / "transient.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
@@ -178,11 +161,3 @@ def _computed(case: Case, end: float | None, tolerance: float, folder: Path) -> 
         title=f"{title}\n{last.current:.4g} A at the end",
     )
     return TransientResult(folder, summary, table)
-
-
-def _entries(rises: Mapping[str, Sequence[Rise]] | Mapping[str, Rise]) -> dict[str, float | None]:
-    return {
-        f"{name}_rise_time{suffix}": time
-        for name, times in rises.items()
-        for suffix, time in zip(("", "_90"), times, strict=True)
-    }
