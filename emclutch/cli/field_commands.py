@@ -37,9 +37,10 @@ def field(
         read = load(case, sets, trust_scripts)
         from emclutch.scene.units import Quantity
         from emclutch.studies.field_result import field as solve_field
-        from emclutch.studies.field_transient import TOLERANCE, field_transient
 
         if transient:
+            from emclutch.studies.field_transient import TOLERANCE, field_transient
+
             duration = Quantity("a time", "s", "50 ms", 0.0, 1e5, open_minimum=True)
             ends = [None] if end is None else read_all([end], duration, "--end")
             show(field_transient(read, ends[0], TOLERANCE if tolerance is None else tolerance, out).report(), as_json)

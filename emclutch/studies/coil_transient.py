@@ -4,39 +4,35 @@
 
 with the field's linkage lambda, and with eddy currents where the scene has them: both are one system, that of
 `field.section.eddy_currents`, in steps of SDIRK2 with error control. R is that of the middle of a step. The copper
-keeps its heat (`field.coil.winding.WarmingWinding`). Powder is spread evenly, as by `emclutch field`.
+keeps its heat, so that its temperature T is an upper bound. Powder is spread evenly, as by `emclutch field`.
 
-A rise time is that after the voltage changes, at which a quantity has gone through 63 or 90 % of its change to the
-static field of V/R at the end; where the end is without voltage, that after the last change. The march is repeated with
-four times the tolerance: the error is proportional to it, so that a third of the difference estimates it.
+A rise time counts from the instant at which the voltage changes until a quantity has gone through 63 or 90 % of its
+change to the static field of V/R at the end; where that is without voltage, from the last change.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 import pandas
+from scipy.interpolate import PchipInterpolator
 
 from emclutch.device_model.coil_heat import COPPER_HEAT
 from emclutch.device_model.device import CoilDevice
 from emclutch.results.rise_time import LATE, SHARE
 from emclutch.scene.model import Scene
 from field import MagneticField
-from field.coil.winding import WarmingWinding
+from field.coil.winding import resistance_ratio
 from field.section.diffusion_time import diffusion_time
 from field.section.eddy_currents import EddyCurrentProblem, TransientState, VoltageDrive
 from field.section.powder_state import Powder
 from geometry.time_profile import TimeProfile
 
-COARSER = 4.0
-"""Factor of the tolerance of the second march."""
 SETTLED = 0.01
-"""Of the largest value: how near to their final values current, linkage and gap field are at the end by default."""
+"""Of the largest value: how near to their final values current and linkage are at the end by default."""
 SPAN, MOST_SPANS = 2.5, 40
 """Of the time constants; the march ends by default after a whole number of spans."""
 UNITS = {
@@ -63,11 +59,10 @@ def drive_of(scene: Scene) -> tuple[TimeProfile, bool]:
     Raises
     ------
     ValueError
-        There is no voltage, nothing changes, the field is one in 3D, or the steel has hysteresis.
+        There is no voltage, nothing changes, the steel has hysteresis, or the field is one in 3D.
     """
     voltage = None if scene.coil is None else scene.coil.voltage
-    effects = (scene.effects.circuit, scene.effects.eddy)
-    steady = any(one is not None and one.begin == "steady" for one in effects)
+    steady = any(one is not None and one.begin == "steady" for one in (scene.effects.circuit, scene.effects.eddy))
     if voltage is None:
         raise ValueError(
             "coil.voltage is missing: the coil alone in time is driven by a voltage; give one, e.g. '24 V', or a table "
@@ -88,48 +83,19 @@ def drive_of(scene: Scene) -> tuple[TimeProfile, bool]:
     return voltage, steady
 
 
-class Rise(NamedTuple):
-    """When a quantity has gone through 63 and 90 % of its change [s]; None: not by the end, or there is no change."""
-
-    early: float | None
-    late: float | None
-
-
 @dataclass(frozen=True, slots=True)
 class Course:
-    """A march of the coil.
+    """A march of the coil: its states, a table with a row of `UNITS` each, and the static field that it goes to.
 
-    Attributes
-    ----------
-    states : list of TransientState
-    table : pandas.DataFrame
-        A row of `UNITS` a state; without `gap_flux_density` where the device has no gap.
-    field : MagneticField
-        The static one that the last state goes to.
-    final : dict of str to float
-        `current`, `gap_flux_density`, `flux_linkage` of that.
-    rises : dict of str to Rise
-        Of the same.
+    `final` has `current`, `flux_linkage` and, where the device has a gap, `gap_flux_density` of that field; `rises` the
+    rise times [s] of the same, NAME_rise_time and NAME_rise_time_90, None where the level is not reached.
     """
 
     states: list[TransientState]
     table: pandas.DataFrame
     field: MagneticField
     final: dict[str, float]
-    rises: dict[str, Rise]
-
-    def rise_times(self) -> dict[str, float | None]:
-        """Return rise times [s] by their names in a summary."""
-        return {
-            f"{name}_rise_time{suffix}": time
-            for name, times in self.rises.items()
-            for suffix, time in zip(("", "_90"), times, strict=True)
-        }
-
-    def distance(self) -> float:
-        """How far the last state is from the final one, relative to the largest values [-]."""
-        ends = ((self.table[name].to_numpy(), final) for name, final in self.final.items())
-        return max(abs(float(values[-1]) - final) / max(float(np.abs(values).max()), 1e-300) for values, final in ends)
+    rises: dict[str, float | None]
 
 
 class CoilTransient:
@@ -141,11 +107,21 @@ class CoilTransient:
     def __init__(self, scene: Scene, coil: CoilDevice, fill: Powder, *, faces: bool) -> None:
         self.voltage, self.begins_steady = drive_of(scene)
         self.coil, self.fill, self.faces = coil, fill, faces
-        given = scene.coil
-        assert given is not None  # it has a voltage
-        resistance = given.resistance_in(coil.shape.coil_area, coil.shape.coil_mean_radius)
-        self.winding = WarmingWinding(resistance, given.temperature, COPPER_HEAT * coil.winding.copper_mass)
+        assert scene.coil is not None  # it has a voltage
+        self.cold_resistance = scene.coil.resistance_in(coil.shape.coil_area, coil.shape.coil_mean_radius)
+        self.cold, self.heat_capacity = scene.coil.temperature, COPPER_HEAT * coil.winding.copper_mass
         self.eddy = EddyCurrentProblem(coil.problem, coil.conductivity or {}, turns=coil.turns)
+
+    def resistance(self, loss: float) -> float:
+        """R [ohm] after a copper loss [J]; ValueError where the winding passes 250 degrees C."""
+        temperature = self.cold + loss / self.heat_capacity
+        try:
+            return self.cold_resistance * resistance_ratio(temperature) / resistance_ratio(self.cold)
+        except ValueError as error:
+            raise ValueError(
+                f"the winding passes 250 degrees C, as its copper keeps all the heat here: {temperature:.0f} degrees C "
+                f"after {loss:.3g} J; lower coil.voltage, raise coil.resistance, or end before (--end)"
+            ) from error
 
     @property
     def changes_at(self) -> float:
@@ -163,19 +139,26 @@ class CoilTransient:
 
     def final(self, state: TransientState) -> MagneticField:
         """The static field that a state goes to, with the winding as warm as it is then."""
-        current = self.voltage.values[-1] / self.winding.resistance_after(state.copper_loss)
-        return self.static(current, self.eddy.field(state, self.fill) if current and state.current else None)
+        current = self.voltage.values[-1] / self.resistance(state.copper_loss)
+        return self.static(current, self.field(state) if current and state.current else None)
 
-    def gap_flux_density(self, solution: MagneticField) -> float | None:
-        """Mean |B| [T] under the poles; of a device without them over the region `powder`, None without that."""
+    def field(self, state: TransientState) -> MagneticField:
+        """The field of a state, with the powder."""
+        return self.eddy.field(state, self.fill)
+
+    def quantities(self, solution: MagneticField) -> dict[str, float]:
+        """Current [A], linkage [Wb] and mean |B| in the gap [T], under the poles or else over the region `powder`."""
+        found = {
+            "current": solution.ampere_turns / self.coil.turns,
+            "flux_linkage": self.coil.turns * solution.flux_linkage_per_turn,
+        }
+        gap, elements = self.coil.mesh.regions.get("powder"), solution.problem.elements
         if self.coil.has_poles:
-            return self.coil.gap_flux_density(solution, faces=self.faces)
-        gap = self.coil.mesh.regions.get("powder")
-        if gap is None:
-            return None
-        elements = solution.problem.elements
-        gradient = np.hypot(*np.moveaxis(elements.gradient(solution.psi)[gap], 1, 0))  # r B
-        return float((gradient * elements.weight[gap]).sum() / (elements.radius * elements.weight)[gap].sum())
+            found["gap_flux_density"] = self.coil.gap_flux_density(solution, faces=self.faces)
+        elif gap is not None:
+            flux = np.hypot(*np.moveaxis(elements.gradient(solution.psi)[gap], 1, 0)) * elements.weight[gap]  # r B dA
+            found["gap_flux_density"] = float(flux.sum() / (elements.radius * elements.weight)[gap].sum())
+        return found
 
     def march(self, end: float | None, tolerance: float) -> list[TransientState]:
         """States from 0 to `end` [s], None: until current and linkage are within `SETTLED` of their final values.
@@ -188,97 +171,70 @@ class CoilTransient:
         """
         states = [self.eddy.at_rest()]
         if self.begins_steady:
-            states = [self.eddy.steady(self.static(self.voltage(0.0) / self.winding.resistance))]
+            states = [self.eddy.steady(self.static(self.voltage(0.0) / self.cold_resistance))]
         if end is not None:
-            return self._run(states, end, tolerance, None)
-        peak = self.static(self.voltage.largest / self.winding.resistance)
-        span = self.coil.turns**2 * peak.flux_linkage_per_turn / (peak.ampere_turns * self.winding.resistance)
+            return self._run(states, end, tolerance)
+        peak = self.static(self.voltage.largest / self.cold_resistance)
+        span = self.coil.turns**2 * peak.flux_linkage_per_turn / (peak.ampere_turns * self.cold_resistance)
         span = SPAN * (span + (diffusion_time(peak, self.coil.conductivity) if self.coil.conductivity else 0.0))
-        states = self._run(states, self.voltage.times[-1] + span, tolerance, None)
+        states = self._run(states, self.voltage.times[-1] + span, tolerance)
         for _ in range(MOST_SPANS):
-            last = states[-1]
-            off = self.eddy.field(last, self.fill), self.final(last)
-            turns = [one.ampere_turns / peak.ampere_turns for one in off]
-            flux = [one.flux_linkage_per_turn / peak.flux_linkage_per_turn for one in off]
-            if max(abs(turns[0] - turns[1]), abs(flux[0] - flux[1])) < SETTLED:
+            now, final = self.field(states[-1]), self.final(states[-1])
+            turns = abs(now.ampere_turns - final.ampere_turns) / peak.ampere_turns
+            flux = abs(now.flux_linkage_per_turn - final.flux_linkage_per_turn) / peak.flux_linkage_per_turn
+            if max(turns, flux) < SETTLED:
                 break
-            states = self._run(states, last.time + span, tolerance, last.time - states[-2].time)
+            states = self._run(states, states[-1].time + span, tolerance)
         return states
 
-    def _run(
-        self, states: list[TransientState], end: float, tolerance: float, first_step: float | None
-    ) -> list[TransientState]:
-        drive, largest = self._drive, max(self.eddy.size(one.psi, self._drive(one, 0.0)) for one in states)
+    def _run(self, states: list[TransientState], end: float, tolerance: float) -> list[TransientState]:
         later = self.eddy.run(
-            states[-1], end, drive, self.fill, tolerance=tolerance, first_step=first_step, largest=largest,
-            breaks=self.voltage.times, newton_tolerance=self.coil.newton_tolerance,
+            states[-1], end, self._drive, self.fill, tolerance=tolerance, breaks=self.voltage.times,
+            first_step=states[-1].time - states[-2].time if len(states) > 1 else None,
+            largest=max(self.eddy.size(one.psi, self._drive(one, 0.0)) for one in states),
+            newton_tolerance=self.coil.newton_tolerance,
         )  # fmt: skip
         return [*states, *later[1:]]
 
     def _drive(self, state: TransientState, step: float) -> VoltageDrive:
         """The voltage, behind the resistance in the middle of a step [s]."""
-        loss, hottest = state.copper_loss, self.winding.temperature_after(state.copper_loss)
-        try:
-            loss += 0.5 * step * self.winding.resistance_after(loss) * state.current**2
-            return VoltageDrive(self.voltage, self.winding.resistance_after(loss))
-        except ValueError as error:
-            raise ValueError(
-                f"the winding passes 250 degrees C soon after {state.time:.3g} s ({hottest:.0f} degrees C then), as it "
-                "keeps all its heat here; lower coil.voltage, raise coil.resistance, or end before (--end)"
-            ) from error
+        loss = 0.5 * step * self.resistance(state.copper_loss) * state.current**2
+        return VoltageDrive(self.voltage, self.resistance(state.copper_loss + loss))
 
     def course(self, end: float | None, tolerance: float) -> Course:
         """`march`, its table, and what it goes to."""
         states = self.march(end, tolerance)
-        table, field = pandas.DataFrame(self._rows(states)), self.final(states[-1])
-        final = {
-            "current": field.ampere_turns / self.coil.turns,
-            "gap_flux_density": self.gap_flux_density(field),
-            "flux_linkage": self.coil.turns * field.flux_linkage_per_turn,
-        }
-        known = {name: value for name, value in final.items() if value is not None}
-        time = table["time"].to_numpy()
-        rises = {name: rise(time, table[name].to_numpy(), self.changes_at, value) for name, value in known.items()}
-        return Course(states, table, field, known, rises)
-
-    def _rows(self, states: Sequence[TransientState]) -> list[dict[str, float]]:
-        found, before = [], states[0]
-        for one in states:
-            solution = self.eddy.field(one, self.fill)
-            step = one.time - before.time
-            row = {
-                "time": one.time,
-                "voltage": self.voltage(one.time),
-                "current": one.current,
-                "flux_linkage": one.linkage,
-                "gap_flux_density": self.gap_flux_density(solution),
-                "copper_loss": self.winding.resistance_after(one.copper_loss) * one.current**2,
-                "eddy_loss": (one.eddy_loss - before.eddy_loss) / step if step else 0.0,
-                "winding_temperature": self.winding.temperature_after(one.copper_loss),
-                "supplied_energy": one.supplied,
-                "copper_heat": one.copper_loss,
-                "eddy_heat": one.eddy_loss,
-                "field_energy": solution.energy,
-            }
-            found.append({name: value for name, value in row.items() if value is not None})
-            before = one
-        return found
+        fields, static = [self.field(one) for one in states], self.final(states[-1])
+        energies = np.array([(one.supplied, one.copper_loss, one.eddy_loss) for one in states]).T
+        table = pandas.DataFrame([self.quantities(one) for one in fields])
+        time = np.array([one.time for one in states])
+        table["time"], table["voltage"] = time, self.voltage.at(time)
+        table["copper_loss"] = [self.resistance(one.copper_loss) * one.current**2 for one in states]
+        table["eddy_loss"] = np.append(0.0, np.diff(energies[2]) / np.diff(time))
+        table["winding_temperature"] = self.cold + energies[1] / self.heat_capacity
+        table["supplied_energy"], table["copper_heat"], table["eddy_heat"] = energies
+        table["field_energy"] = [one.energy for one in fields]
+        table, final, rises = table[[name for name in UNITS if name in table]], self.quantities(static), {}
+        for name, value in final.items():
+            times = rise_times(time, table[name].to_numpy(), self.changes_at, value)
+            rises[f"{name}_rise_time"], rises[f"{name}_rise_time_90"] = times
+        return Course(states, table, static, final, rises)
 
 
-def rise(time: np.ndarray, value: np.ndarray, since: float, final: float) -> Rise:
+def rise_times(time: np.ndarray, value: np.ndarray, since: float, final: float) -> tuple[float | None, float | None]:
     """Return when a quantity (n,) over time (n,) [s] has gone from its value at `since` [s] by 63 and 90 % to `final`.
 
-    Times are from `since` on; a monotone cubic lies between the instants.
+    Times are from `since` on, None where there is no change or it is not so far by the end; a monotone cubic lies
+    between the instants.
     """
-    from scipy.interpolate import PchipInterpolator
-
     curve = PchipInterpolator(time, value)
     first = float(curve(since))
     if math.isclose(first, final, rel_tol=SETTLED):
-        return Rise(None, None)
-    found = []
-    for share in (SHARE, LATE):
+        return None, None
+
+    def reached(share: float) -> float | None:
         roots = curve.solve(first + share * (final - first), extrapolate=False)
         later = roots[np.isfinite(roots) & (roots > since)]
-        found.append(float(later[0]) - since if len(later) else None)
-    return Rise(*found)
+        return float(later[0]) - since if len(later) else None
+
+    return reached(SHARE), reached(LATE)

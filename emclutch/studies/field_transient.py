@@ -5,22 +5,36 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas
 
+from emclutch.device_model.device import CoilDevice, field_goals
 from emclutch.results.new_path import new_folder
+from emclutch.results.pictures import section_picture
+from emclutch.results.pictures.field import transient_picture
 from emclutch.results.report.render import Reported, write_index
 from emclutch.results.report.report import Report
+from emclutch.results.vtk.field_arrays import field_arrays
+from emclutch.results.vtk.series import PvdSeries
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import bad_input_for
-
-if TYPE_CHECKING:
-    import pandas
+from emclutch.scene.grain_smear import moments_are_fed_back
+from emclutch.scene.model import Scene
+from emclutch.simulation.forecast.expected_field import field_of_sheared_powder, powder_in_words
+from emclutch.studies.coil_transient import UNITS, CoilTransient, Course, drive_of
+from emclutch.studies.field import at_the_faces, coil_of_field, even_powder
+from emclutch.studies.transient_report import transient_report
+from field.laws.table_end import driven_beyond_their_tables
+from field.section.error_estimate import estimate_error
+from field.section.smooth_field import SmoothField
 
 TOLERANCE = 1e-3
 """Local error of a step, relative to the largest state."""
-_ENERGIES = ("supplied_energy", "copper_heat", "eddy_heat", "field_energy")
+COARSER = 4.0
+"""Factor of the tolerance of a second march: the error is proportional to it, so that a third of the difference
+estimates it."""
 
 
 @dataclass(frozen=True)
@@ -46,8 +60,6 @@ class TransientResult(Reported):
 
     def report(self) -> Report:
         """Return rise times, energies and the winding's temperature."""
-        from emclutch.studies.transient_report import transient_report
-
         return transient_report(self.folder, self.summary)
 
 
@@ -60,7 +72,7 @@ def field_transient(
     """Compute current, flux and heat of a coil after a change of its voltage, while nothing moves, into a new folder.
 
     The scene's circuit and eddy currents ([effects.coil_circuit], [effects.eddy_currents]) are taken; without the first
-    its defaults are. Powder is spread evenly.
+    the voltage is applied from t = 0. Powder is spread evenly.
 
     Parameters
     ----------
@@ -80,84 +92,83 @@ def field_transient(
         The folder is there already.
     """
     case = as_case(case)
-    folder = new_folder(out, f"{case.name}-transient")
+    folder, scene = new_folder(out, f"{case.name}-transient"), case.scene
     with bad_input_for(case.path):
         if end is not None and not 0.0 < end < np.inf:
             raise ValueError(f"the end of {end} s must be a time above 0")
         if not 1e-6 <= tolerance <= 0.1:
             raise ValueError(f"the tolerance {tolerance:g} of a time step is out of range; allowed: 1e-6 to 0.1")
-        found = _computed(case, end, tolerance, folder)
+        if scene.coil_field is not None:
+            drive_of(scene)  # before the mesh
+        coil = coil_of_field(scene)
+        assert isinstance(coil, CoilDevice)  # no field in 3D
+        phi, fill = even_powder(scene, coil)
+        transient = CoilTransient(scene, coil, fill, faces=at_the_faces(case, coil))
+        of_scene = None if scene.time is None else scene.time.end
+        course = transient.course(of_scene if end is None and isinstance(of_scene, float) else end, tolerance)
+        summary = {
+            "units": UNITS | {"rise_time": "s"},
+            "changes_at": transient.changes_at,
+            **_rise_times(scene, transient, course, tolerance),
+            **_ends(transient, course),
+            "tolerance": tolerance,
+            "default_circuit": scene.effects.circuit is None,
+            "powder": None if phi is None else powder_in_words(scene, phi),
+        }
+    _write(folder, scene, transient, course, summary)
+    found = TransientResult(folder, summary, course.table)
     write_index(found.report())
     return found
 
 
-def _computed(case: Case, end: float | None, tolerance: float, folder: Path) -> TransientResult:
-    from emclutch.device_model.device import CoilDevice, field_goals
-    from emclutch.results.pictures import section_picture
-    from emclutch.results.pictures.field import transient_picture
-    from emclutch.results.vtk.field_arrays import field_arrays
-    from emclutch.results.vtk.series import PvdSeries
-    from emclutch.scene.grain_smear import moments_are_fed_back
-    from emclutch.simulation.forecast.expected_field import field_of_sheared_powder, powder_in_words
-    from emclutch.studies.coil_transient import COARSER, UNITS, CoilTransient, drive_of
-    from emclutch.studies.field import at_the_faces, coil_of_field, even_powder
-    from field.laws.table_end import driven_beyond_their_tables
-    from field.section.error_estimate import estimate_error
-    from field.section.smooth_field import SmoothField
+def _rise_times(scene: Scene, transient: CoilTransient, course: Course, tolerance: float) -> dict[str, float | None]:
+    """Rise times [s], with sheared powder too where grains feed back their moments, and the error of the steps."""
+    end, coarse, coil = course.states[-1].time, COARSER * tolerance, transient.coil
+    found, rough = dict(course.rises), transient.course(end, coarse).rises
+    pairs = [(fine, rough[name]) for name, fine in found.items()]
+    errors = [abs(fine / other - 1.0) / (COARSER - 1.0) for fine, other in pairs if fine and other]
+    if isinstance(transient.fill, np.ndarray) and moments_are_fed_back(scene):
+        current = transient.voltage.largest / transient.cold_resistance
+        powder = field_of_sheared_powder(coil, transient.fill, scene, current, transient.static(current)).powder
+        sheared = CoilTransient(scene, coil, powder, faces=transient.faces).course(end, coarse)
+        found |= {f"{name}_sheared": time for name, time in sheared.rises.items()}
+    return found | {"rise_time_error": max(errors, default=None)}
 
-    scene = case.scene
-    drive_of(scene)  # before the mesh
-    coil = coil_of_field(scene)
-    assert isinstance(coil, CoilDevice)  # no field in 3D
-    phi, fill = even_powder(scene, coil)
-    transient = CoilTransient(scene, coil, fill, faces=at_the_faces(case, coil))
-    of_scene = None if scene.time is None else scene.time.end
-    course = transient.course(of_scene if end is None and isinstance(of_scene, float) else end, tolerance)
-    states, table, last = course.states, course.table, course.states[-1]
-    rough, rises = transient.course(last.time, COARSER * tolerance).rise_times(), course.rise_times()
-    pairs = [(fine, rough[name]) for name, fine in rises.items()]
-    errors = [abs(fine / coarse - 1.0) / (COARSER - 1.0) for fine, coarse in pairs if fine and coarse]
-    if fill is not None and moments_are_fed_back(scene):
-        current = transient.voltage.largest / transient.winding.resistance
-        powder = field_of_sheared_powder(coil, fill, scene, current, transient.static(current)).powder
-        sheared = CoilTransient(scene, coil, powder, faces=transient.faces).course(last.time, COARSER * tolerance)
-        rises |= {f"{name}_sheared": time for name, time in sheared.rise_times().items()}
-    energy = {name: float(table[name].iloc[-1]) for name in _ENERGIES}
-    given = energy["supplied_energy"] + float(table["field_energy"].iloc[0])
-    residual = given - sum(energy[name] for name in _ENERGIES[1:])
-    static = course.field
-    mesh = estimate_error(static, field_goals(coil.mesh)).goals if static.ampere_turns else ()
-    strongest = max(states, key=lambda one: abs(one.current))
-    summary = {
-        "units": UNITS | {"rise_time": "s"},
-        "changes_at": transient.changes_at,
-        **rises,
-        "rise_time_error": max(errors, default=None),
+
+def _ends(transient: CoilTransient, course: Course) -> dict[str, Any]:
+    """Values at the end and those that they go to, energies [J] with what is left of their balance, errors."""
+    last, static, table = course.states[-1], course.field, course.table
+    at_end = {name: float(value) for name, value in table.iloc[-1].items()}
+    given = at_end["supplied_energy"] + float(table["field_energy"].iloc[0])
+    residual = given - at_end["copper_heat"] - at_end["eddy_heat"] - at_end["field_energy"]
+    mesh = estimate_error(static, field_goals(transient.coil.mesh)).goals if static.ampere_turns else ()
+    strongest = max(course.states, key=lambda one: abs(one.current))
+    return {
         "final": course.final,
-        "at_end": {name: float(value) for name, value in table.iloc[-1].items()},
-        "distance": course.distance(),
-        "energy": energy | {"residual": residual, "relative_residual": residual / max(given, last.copper_loss)},
-        "resistance": [transient.winding.resistance_after(one.copper_loss) for one in (states[0], last)],
-        "steps": len(states) - 1,
-        "tolerance": tolerance,
-        "default_circuit": scene.effects.circuit is None,
-        "eddy_currents": coil.conductivity is not None,
-        "powder": None if phi is None else powder_in_words(scene, phi),
+        "at_end": at_end,
+        "distance": max(abs(at_end[name] - value) / table[name].abs().max() for name, value in course.final.items()),
+        "residual": residual,
+        "relative_residual": residual / max(given, last.copper_loss),
+        "resistance": [transient.cold_resistance, transient.resistance(last.copper_loss)],
+        "steps": len(course.states) - 1,
+        "eddy_currents": transient.coil.conductivity is not None,
         "error_of_the_mesh": {goal.goal: goal.relative for goal in mesh},
-        "warnings": driven_beyond_their_tables([transient.eddy.field(strongest, fill)]),
+        "warnings": driven_beyond_their_tables([transient.field(strongest)]),
     }
+
+
+def _write(folder: Path, scene: Scene, transient: CoilTransient, course: Course, summary: dict[str, Any]) -> None:
     folder.mkdir(parents=True)
-    table.to_csv(folder / "transient.csv", index=False)
+    course.table.to_csv(folder / "transient.csv", index=False)
     (folder / "transient.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
-    series, shown = PvdSeries(folder, "field"), min(len(states), max(2, scene.output.snapshots))
-    for number in np.unique(np.linspace(0, len(states) - 1, shown).round().astype(int)):
-        series.write_field(states[number].time, field_arrays(transient.eddy.field(states[number], fill)))
-    title = scene.scene.title
-    transient_picture(folder / "transient.png", table, summary, title=title)
+    series, states, title = PvdSeries(folder, "field"), course.states, scene.scene.title
+    shown = min(len(states), max(2, scene.output.snapshots))
+    for number in np.linspace(0, len(states) - 1, shown).round().astype(int):
+        series.write_field(states[number].time, field_arrays(transient.field(states[number])))
+    transient_picture(folder / "transient.png", course.table, summary, title=title)
     section_picture(
         folder / "section.png",
-        SmoothField(coil.problem.elements, last.psi),
-        filled=coil.powder_boxes,
-        title=f"{title}\n{last.current:.4g} A at the end",
+        SmoothField(transient.coil.problem.elements, states[-1].psi),
+        filled=transient.coil.powder_boxes,
+        title=f"{title}\n{states[-1].current:.4g} A at the end",
     )
-    return TransientResult(folder, summary, table)

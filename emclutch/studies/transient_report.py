@@ -22,6 +22,12 @@ from emclutch.results.text import format_percent, format_time, in_words
 from emclutch.studies.field_report import in_cells
 
 QUANTITIES = {"current": ("Current", "A"), "gap_flux_density": ("Flux density in the gap", "T")}
+ENERGIES = {
+    "supplied_energy": "supplied",
+    "copper_heat": "heat of the copper",
+    "eddy_heat": "heat of eddy currents",
+    "field_energy": "in the field at the end",
+}
 FAR = 0.05
 """Distance from the final value, relative to the largest, that is worth a warning."""
 
@@ -87,15 +93,7 @@ def _times(summary: dict[str, Any], name: str, powder: str = "", of: str = "") -
 
 
 def _energy(summary: dict[str, Any]) -> Table:
-    energy = summary["energy"]
-    share = summary["energy"]["relative_residual"]
-    rows = [
-        ("supplied", energy["supplied_energy"]),
-        ("heat of the copper", energy["copper_heat"]),
-        ("heat of eddy currents", energy["eddy_heat"]),
-        ("in the field at the end", energy["field_energy"]),
-        ("work on what moves (nothing does)", 0.0),
-    ]
-    shown = [(name, f"{value:.4g}") for name, value in rows]
-    left = f"{energy['residual']:.2g} ({format_percent(share)})"
-    return Table([*shown, ("residual: supplied less the rest", left)], ("energy", "[J]"), (1,))
+    """Return the balance of the energies; nothing moves, so that no work is done."""
+    rows = [(words, f"{summary['at_end'][name]:.4g}") for name, words in ENERGIES.items()]
+    left = f"{summary['residual']:.2g} ({format_percent(summary['relative_residual'])})"
+    return Table([*rows, ("residual: supplied less the rest", left)], ("energy", "[J]"), (1,))

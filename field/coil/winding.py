@@ -120,32 +120,3 @@ class Winding:
     def current_density(self, current: float) -> float:
         """In the copper [A/m^2], at a current [A]; 3e6 to 6e6 is usual without forced cooling."""
         return current / self.wire_section
-
-
-@dataclass(frozen=True, slots=True)
-class WarmingWinding:
-    """A winding that keeps its copper loss: C (T - T_0) = integral of R(T) i^2 dt, R = R_0 (1 + alpha (T - T_0)).
-
-    Nothing is conducted to the core, so that T is an upper bound.
-
-    Parameters
-    ----------
-    resistance : float
-        R_0 at the beginning [ohm].
-    temperature : float
-        T_0 [degrees C].
-    heat_capacity : float
-        C of the copper [J/K].
-    """
-
-    resistance: float
-    temperature: float
-    heat_capacity: float
-
-    def temperature_after(self, loss: float) -> float:
-        """T [degrees C] after a copper loss [J]."""
-        return self.temperature + loss / self.heat_capacity
-
-    def resistance_after(self, loss: float) -> float:
-        """R [ohm] after a copper loss [J]; ValueError above 250 degrees C."""
-        return self.resistance * resistance_ratio(self.temperature_after(loss)) / resistance_ratio(self.temperature)

@@ -5,7 +5,6 @@ Diffusion of the field into a steel rod: tests/field/test_eddy_currents.py.
 """
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -62,7 +61,7 @@ def coil_of(in_air):
 
     def build(voltage, heat_capacity=np.inf):
         coil = CoilTransient(scene, device, None, faces=False)
-        coil.voltage, coil.winding = voltage, replace(coil.winding, heat_capacity=heat_capacity)
+        coil.voltage, coil.heat_capacity = voltage, heat_capacity
         return coil
 
     return build
@@ -74,6 +73,10 @@ def tau(coil_of):
     inductance = N * coil_of(STEP).static(1.0).flux_linkage_per_turn
     assert inductance == pytest.approx(N**2 * self_inductance_of_ring(RADIUS, 2e-3, 2e-3), rel=2e-3)
     return inductance / R
+
+
+def rises(course):
+    return course.rises["current_rise_time"], course.rises["current_rise_time_90"]
 
 
 def test_a_shorted_ring_is_the_second_winding_of_a_transformer(in_air, tmp_path):
@@ -97,7 +100,7 @@ def test_a_shorted_ring_is_the_second_winding_of_a_transformer(in_air, tmp_path)
     ring_loss = resistance[1, 1] * np.trapezoid(currents[:, 1] ** 2, table["time"])
     assert table["eddy_heat"].iloc[-1] == pytest.approx(ring_loss, rel=0.02)
     summary = json.loads((tmp_path / "o" / "transient.json").read_text())
-    assert abs(summary["energy"]["relative_residual"]) < 1e-3 and summary["distance"] < 0.01
+    assert abs(summary["relative_residual"]) < 1e-3 and summary["distance"] < 0.01
 
 
 def test_the_error_of_a_linear_rise_is_proportional_to_the_tolerance(coil_of, tau):
@@ -107,7 +110,7 @@ def test_the_error_of_a_linear_rise_is_proportional_to_the_tolerance(coil_of, ta
         course = coil_of(STEP).course(5.0 * tau, tolerance)
         time = course.table["time"]
         errors.append(np.abs(course.table["current"] - V / R * (1.0 - np.exp(-time / tau))).max())
-        early, late = course.rises["current"]
+        early, late = rises(course)
         assert early == pytest.approx(tau, rel=tolerance) and late == pytest.approx(np.log(10.0) * tau, rel=tolerance)
     assert np.log10(errors[0] / errors[2]) / 2.0 == pytest.approx(1.0, abs=0.15), errors
     energy = course.table.iloc[-1]
@@ -128,8 +131,18 @@ def test_a_table_of_the_voltage_on_and_off(coil_of, tau):
     risen = 24.0 / R * (1.0 - np.exp(-np.clip(time - on, 0.0, off - on) / tau))
     exact = risen * np.exp(-np.clip(time - off, 0.0, None) / tau)
     assert np.abs(current - exact).max() < 2e-3 * 24.0 / R
-    assert course.rises["current"] == pytest.approx((tau, np.log(10.0) * tau), rel=2e-3)
-    assert course.distance() < 0.01 and course.final["current"] == 0.0
+    assert rises(course) == pytest.approx((tau, np.log(10.0) * tau), rel=2e-3)
+    assert abs(current[-1]) < 0.01 * 24.0 / R and course.final["current"] == 0.0
+
+
+def test_switching_off_what_was_steady_heats_the_copper_with_the_field_energy(coil_of, tau):
+    """i = V/R exp(-t/tau) from the static field on, and 1/2 L i^2 becomes heat; times count from 0."""
+    coil = coil_of(TimeProfile((0.0, 1e-6 * tau), (V, 0.0)))
+    coil.begins_steady = True
+    course = coil.course(8.0 * tau, 1e-3)
+    assert course.table["current"].iloc[0] == pytest.approx(V / R, rel=1e-6)
+    assert rises(course) == pytest.approx((tau, np.log(10.0) * tau), rel=2e-3)
+    assert course.table["copper_heat"].iloc[-1] == pytest.approx(0.5 * tau * R * (V / R) ** 2, rel=1e-3)
 
 
 def test_copper_that_keeps_its_heat(coil_of):
@@ -141,7 +154,7 @@ def test_copper_that_keeps_its_heat(coil_of):
     warmer = table["winding_temperature"] - 20.0
     assert warmer.iloc[-1] > 40.0 and np.allclose(warmer, (ratio - 1.0) / alpha, rtol=0.0, atol=0.2)
     # the resistance of a row is that of the middle of the step that ends there
-    assert last["current"] == pytest.approx(V / R / ratio.iloc[-1], rel=0.2 * tolerance)
+    assert last["current"] == pytest.approx(V / R / ratio.iloc[-1], rel=0.3 * tolerance)
     assert last["supplied_energy"] == pytest.approx(last["copper_heat"] + last["field_energy"], rel=1e-4)
     with pytest.raises(ValueError, match="the winding passes 250 degrees C"):
         coil.march(5.0, 0.1)
@@ -157,8 +170,8 @@ def test_a_saturating_coil_follows_its_static_flux_linkage():
     case = load_case(CASES / "switch_on.toml", COARSE | {"coil.voltage": voltage} | dict.fromkeys(none))
     device = coil_of_field(case.scene)
     transient = CoilTransient(case.scene, device, None, faces=False)
-    transient.winding = replace(transient.winding, heat_capacity=np.inf)
-    course, resistance = transient.course(None, 1e-3), transient.winding.resistance
+    transient.heat_capacity = np.inf
+    course, resistance = transient.course(None, 1e-3), transient.cold_resistance
     final = voltage / resistance
     of_linkage = current_of_linkage(device.problem, device.turns, 1.01 * final, points=60)
     time, current = course.table["time"].to_numpy(), course.table["current"]
@@ -173,38 +186,31 @@ def test_powder_and_its_order_delay_the_coil(tmp_path):
     case = load_case(CASES / "switch_on.toml", COARSE | {"time.end": "40 ms"})
     found = emclutch.field_transient(case, tolerance=0.02, out=tmp_path / "o").summary
     empty = CoilTransient(case.scene, coil_of_field(case.scene), None, faces=False).course(0.04, 0.02)
-    assert empty.rises["current"].early < found["current_rise_time"] < found["current_rise_time_sheared"]
+    assert rises(empty)[0] < found["current_rise_time"] < found["current_rise_time_sheared"]
     assert found["current_rise_time"] < found["gap_flux_density_rise_time"]
     assert "Maxwell Garnett" in found["powder"] and found["at_end"]["time"] == 0.04
     assert 0.0 < found["rise_time_error"] < 0.02
 
 
-REFUSED = {
-    "no voltage": (
-        (
-            "--set",
-            "coil.voltage=none",
-            "--set",
-            "coil.current='1 A'",
-            "--set",
-            "coil.resistance=none",
-            "--set",
-            "effects.coil_circuit=off",
-        ),
-        "coil.voltage is missing",
-    ),
-    "no change": (("--set", "coil.voltage=0.0"), "changes nothing"),
-    "steady": (("--set", "effects.coil_circuit.begin=steady"), "changes nothing"),
-    "hysteresis": (("--set", "effects.coil_circuit=off", "--set", "effects.hysteresis=on"), "effects.hysteresis"),
-    "sweep": (("--current", "1 A"), "--current"),
-    "end": (("--end", "0 s"), "--end"),
-    "tolerance": (("--tolerance", "2"), "1e-06 to 0.1"),
-}
+CURRENT = "coil.voltage=none coil.current=1 coil.resistance=none effects.coil_circuit=off"
 
 
-@pytest.mark.parametrize(("arguments", "words"), REFUSED.values(), ids=REFUSED)
-def test_bad_input_is_reported(in_air, arguments, words, tmp_path):
-    result = CliRunner().invoke(app, ["field", str(in_air), "--transient", *arguments, "--out", str(tmp_path / "new")])
+@pytest.mark.parametrize(
+    ("settings", "options", "words"),
+    [
+        (CURRENT, (), "coil.voltage is missing"),
+        ("coil.voltage=0.0", (), "changes nothing"),
+        ("effects.coil_circuit.begin=steady", (), "changes nothing"),
+        ("effects.coil_circuit=off effects.hysteresis=on", (), "[effects.hysteresis] cannot be computed in time"),
+        ("", ("--current", "1 A"), "--current"),
+        ("", ("--end", "0 s"), "--end"),
+        ("", ("--tolerance", "2"), "1e-06 to 0.1"),
+    ],
+)
+def test_bad_input_is_reported(in_air, settings, options, words, tmp_path):
+    sets = [part for one in settings.split() for part in ("--set", one)]
+    arguments = ["field", str(in_air), "--transient", *sets, *options, "--out", str(tmp_path / "new")]
+    result = CliRunner().invoke(app, arguments)
     assert result.exit_code == 2 and words in " ".join(result.output.split()), result.output
     assert not (tmp_path / "new").exists()
 
