@@ -5,6 +5,7 @@ Diffusion of the field into a steel rod: tests/field/test_eddy_currents.py.
 """
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,7 @@ from emclutch.scene.case import load_case
 from emclutch.studies.coil_transient import CoilTransient
 from emclutch.studies.field import coil_of_field
 from field.coil.winding import COPPER_TEMPERATURE_COEFFICIENT
+from field.section.error_estimate import MeanFluxDensity, estimate_error
 from geometry.time_profile import TimeProfile
 
 pytestmark = pytest.mark.physics
@@ -185,11 +187,18 @@ def test_powder_and_its_order_delay_the_coil(tmp_path):
     """Even powder raises the flux linkage, sheared powder more; the gap's field comes after the current."""
     case = load_case(CASES / "switch_on.toml", COARSE | {"time.end": "40 ms"})
     found = emclutch.field_transient(case, tolerance=0.02, out=tmp_path / "o").summary
-    empty = CoilTransient(case.scene, coil_of_field(case.scene), None, faces=False).course(0.04, 0.02)
+    device = coil_of_field(case.scene)
+    transient = CoilTransient(case.scene, device, None, faces=False)
+    empty = transient.course(0.04, 0.02)
     assert rises(empty)[0] < found["current_rise_time"] < found["current_rise_time_sheared"]
     assert found["current_rise_time"] < found["gap_flux_density_rise_time"]
     assert "Maxwell Garnett" in found["powder"] and found["at_end"]["time"] == 0.04
     assert 0.0 < found["rise_time_error"] < 0.02
+    # of a device without poles it is the mean over the powder's region
+    transient.coil = replace(device, has_poles=False)
+    mean = estimate_error(empty.field, (MeanFluxDensity("powder"),)).goals[0]
+    found = transient.quantities(empty.field)["gap_flux_density"]
+    assert found == pytest.approx(mean.value * (1.0 - mean.relative), rel=5e-3) and abs(mean.relative) < 0.2
 
 
 CURRENT = "coil.voltage=none coil.current=1 coil.resistance=none effects.coil_circuit=off"
