@@ -139,7 +139,8 @@ def _ends(transient: CoilTransient, course: Course) -> dict[str, Any]:
     """Values at the end and those that they go to, energies [J] with what is left of their balance, errors."""
     last, static, table = course.states[-1], course.field, course.table
     at_end = {name: float(value) for name, value in table.iloc[-1].items()}
-    given = at_end["supplied_energy"] + float(table["field_energy"].iloc[0])
+    first = float(table["field_energy"].iloc[0])
+    given = at_end["supplied_energy"] + first
     residual = given - at_end["copper_heat"] - at_end["eddy_heat"] - at_end["field_energy"]
     mesh = estimate_error(static, field_goals(transient.coil.mesh)).goals if static.ampere_turns else ()
     strongest = max(course.states, key=lambda one: abs(one.current))
@@ -147,6 +148,7 @@ def _ends(transient: CoilTransient, course: Course) -> dict[str, Any]:
         "final": course.final,
         "at_end": at_end,
         "distance": max(abs(at_end[name] - value) / table[name].abs().max() for name, value in course.final.items()),
+        "first_field_energy": first,
         "residual": residual,
         "relative_residual": residual / max(given, last.copper_loss),
         "resistance": [transient.cold_resistance, transient.resistance(last.copper_loss)],

@@ -46,11 +46,11 @@ def transient_report(folder: Path, summary: dict[str, Any]) -> Report:
 
 def _statements(summary: dict[str, Any]) -> Iterator[Statement]:
     since, at_end = summary["changes_at"], summary["at_end"]
-    if since > 0.0:
-        yield note(f"Times count from {format_time(since)} on, when the voltage changes.")
     for name, (words, unit) in QUANTITIES.items():
         if name in summary["final"]:
             yield _rise(summary, name, words, unit)
+    if since > 0.0:
+        yield note(f"Times count from {format_time(since)} on, when the voltage changes.")
     if summary.get("current_rise_time_sheared") is not None:
         both = [f"{words.lower()} {_times(summary, name, '_sheared')}" for name, (words, _) in QUANTITIES.items()
                 if name in summary["final"]]  # fmt: skip
@@ -95,5 +95,7 @@ def _times(summary: dict[str, Any], name: str, powder: str = "", of: str = "") -
 def _energy(summary: dict[str, Any]) -> Table:
     """Return the balance of the energies; nothing moves, so that no work is done."""
     rows = [(words, f"{summary['at_end'][name]:.4g}") for name, words in ENERGIES.items()]
+    if first := summary["first_field_energy"]:
+        rows.insert(0, ("in the field at the start", f"{first:.4g}"))
     left = f"{summary['residual']:.2g} ({format_percent(summary['relative_residual'])})"
-    return Table([*rows, ("residual: supplied less the rest", left)], ("energy", "[J]"), (1,))
+    return Table([*rows, ("residual: given less the rest", left)], ("energy", "[J]"), (1,))
