@@ -21,7 +21,7 @@ RIGHT = [
     (units.Speed, "3 rad s-1", 3.0), (units.FieldStrength, "2 kA*m^-1", 2e3),
     (units.Density, "1 kg/(m m²)", 1.0),
     (units.Stiffness, "3 N/mm", 3000.0),
-    (units.CurveFieldStrength, "2 Oe", 500.0 / math.pi), (units.Coercivity, "1.5 kOe", 1.5e6 / (4.0 * math.pi)),
+    (units.CurveFieldStrength, "2 Oe", 500.0 / math.pi), (units.Coercivity, "0.2 kOe", 5e4 / math.pi),
     (units.FluxDensity, "21.5 kG", 2.15), (units.FluxDensity, "500 G", 0.05),
 ]  # fmt: skip
 WRONG = [
