@@ -80,6 +80,10 @@ def read_ply(path: Path) -> tuple[np.ndarray, list[np.ndarray]]:
         raise CadError(f"{path}: its faces have {names} instead of {_CORNERS[0]}; export it again")
     if strips := [one.name for one in elements if one.name == "tristrips" and one.count]:
         raise CadError(f"{path} holds strips of triangles ({strips[0]}); export triangles")
+    given = {name for one in elements if one.name == "vertex" for name, length, _ in one.properties if not length}
+    if not given >= {*"xyz"}:
+        names = ", ".join(sorted(given)) or "nothing"
+        raise CadError(f"{path}: its vertices have {names}, not x, y and z; export it again")
     rows = _read_body(path, body, order, elements)
     blocks: dict[int, list[list[int]]] = {}
     for row in rows.get("face", []):

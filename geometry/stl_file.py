@@ -57,7 +57,7 @@ def _read_text(path: Path, content: bytes) -> np.ndarray:
                     f"{path}: line {number}: {line.strip()!r} is not a vertex with three numbers; export it again"
                 ) from None
             corners.append([x, y, z])
-        elif word in ("facet", "endfacet") and len(corners) % 3:
+        elif word in ("facet", "endfacet", "endsolid") and len(corners) % 3:
             raise CadError(f"{path}: line {number}: the facet does not have three corners; export triangles")
     if word != "endsolid":
         raise CadError(f"{path} is cut off: endsolid is missing after its last facet; export it again")

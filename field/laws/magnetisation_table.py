@@ -96,7 +96,10 @@ def file_law(path: str | Path) -> TableLaw | MajorLoopLaw:
 def table_law(path: str | Path) -> TableLaw:
     """The law of a file's curve, named after the file; raises as `read_table` does."""
     H, B = read_table(path)
-    return TableLaw(H, B, Path(path).stem, f"file {Path(path).name}")
+    try:
+        return TableLaw(H, B, Path(path).stem, f"file {Path(path).name}")
+    except ValueError as error:  # of J beyond any material's, where a unit is wrong
+        raise TableFault(path, str(error)) from None
 
 
 def _check(path: Path, H: np.ndarray, B: np.ndarray, lines: list[int], given: str) -> None:

@@ -144,6 +144,12 @@ def test_a_published_table_that_stays_above_vacuum_is_used_whole(tmp_path):
     assert law.warning == "" and np.array_equal(law.B, _TEAM_STEEL[:, 0])
 
 
+def test_a_column_of_kilogauss_as_tesla_is_refused_with_its_file(tmp_path):
+    lines = ["H [A/m],B [T]", *(f"{h},{10 * b}" for h, b in POINTS)]
+    with pytest.raises(TableFault, match=r"curve.csv: the table of 'curve' has B - mu_0 H = 18.7 T"):
+        table_law(written(tmp_path, lines))
+
+
 def test_what_is_no_text_is_reported(tmp_path):
     path = tmp_path / "curve.csv"
     path.write_bytes(b"\xff\xfe\x00H")

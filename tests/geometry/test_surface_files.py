@@ -135,7 +135,9 @@ def test_polydata_of_paraview_is_read(tmp_path):
         ("ply", ply()[:-9], "is cut off, or damaged: it announces 2 of face"),
         ("ply", ply().replace(b"3 0 2 3", b"3 0 2 9"), "a face names vertex 9, from 0, of 4"),
         ("ply", ply().replace(b"element face 2", b"element tristrips 2"), "strips of triangles"),
-        ("vtk", VTK["polydata as text"].replace("3 0 2 3", "3 0"), "cannot be read as .vtk .*export it again"),
+        ("vtk", VTK["polydata as text"].replace("3 0 2 3", "3 0"), "POLYGONS are not 2 cells of 8 numbers"),
+        ("vtk", VTK["binary polydata"][:-8], "POLYGONS are not 2 cells of 8 numbers in all; export it again"),
+        ("ply", ply().replace(b"float z", b"float height"), "its vertices have height, red, x, y, not x, y and z"),
         ("vtk", VTK["polydata as text"].replace("3 0 2 3", "3 0 2 9"), "a face names vertex 9, from 0, of 4"),
         ("vtk", VTK["polydata as text"].replace("PARA", "").replace("POLYDATA", "POLY"), "cannot be read as .vtk"),
         ("vtu", "rubbish", "cannot be read as .vtu .Error parsing XML"),
@@ -144,3 +146,19 @@ def test_polydata_of_paraview_is_read(tmp_path):
 def test_what_would_lose_a_part_is_refused(suffix, content, words, tmp_path):
     with pytest.raises(CadError, match=words):
         triangle_wall_from_file(written(tmp_path, suffix, content), "floor", "housing")
+
+
+@pytest.mark.parametrize("kind", ["vtk", "vtu", "vtp"])
+@pytest.mark.parametrize("binary", [True, False])
+def test_a_file_of_vtk_that_is_cut_off_is_refused(kind, binary, tmp_path):
+    import pyvista
+
+    square = pyvista.PolyData(np.array(CORNERS, float), np.array([4, 0, 1, 2, 3]))
+    path = tmp_path / f"part.{kind}"
+    (square if kind == "vtp" else square.cast_to_unstructured_grid()).save(path, binary=binary)
+    content = path.read_bytes()
+    end = content.find(b"CELL_TYPES") if kind == "vtk" else len(content) - 20  # behind it a file may have data alone
+    for cut in np.linspace(1, end, 12, dtype=int):
+        path.write_bytes(content[:cut])
+        with pytest.raises(CadError, match="export it again"):
+            triangle_wall_from_file(path, "floor", "housing")
