@@ -157,7 +157,8 @@ def test_pictures_off_screen_show_something_and_spheres_have_their_size(run, tmp
 
 
 @pytest.mark.skipif(
-    not (shutil.which("pvbatch") and shutil.which("xvfb-run")), reason="needs Debian's packages paraview and xvfb"
+    not (shutil.which("pvbatch") and shutil.which("xvfb-run")),
+    reason="needs Debian's packages paraview, python3-paraview and xvfb",
 )
 def test_paraview_draws_the_script_of_a_run_that_was_moved(run, tmp_path):
     """Beside its own name the script finds ParaView's package, and its files where it lies now."""
