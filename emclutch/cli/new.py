@@ -10,7 +10,7 @@ from pathlib import Path
 
 from emclutch.scene.commented import commented_scene
 from emclutch.scene.errors import Fault, SceneError, shown
-from emclutch.scene.section import not_one_of
+from emclutch.scene.section import OTHER_WORDS, not_one_of
 
 STARTERS = Path(__file__).parents[1] / "devices" / "starters"
 
@@ -20,8 +20,17 @@ def starter_kinds() -> tuple[str, ...]:
     return tuple(sorted(path.stem for path in STARTERS.glob("*.toml")))
 
 
+def starter_kind(word: str) -> str:
+    """Return the kind of scene that a word of the user means; SceneError where it means none."""
+    kinds, plain = starter_kinds(), word.lower()
+    kind, _ = OTHER_WORDS.get(plain, (plain, ""))
+    if kind not in kinds:
+        raise SceneError([Fault("--kind", shown(word), not_one_of(word, kinds))], "command line")
+    return kind
+
+
 def new_scene(path: str | Path, kind: str) -> list[Path]:
-    """Write a commented scene of a kind (`starter_kinds`), with the CAD file that it names in the same folder.
+    """Write a commented scene of a kind (`starter_kind`), with the CAD file that it names in the same folder.
 
     Returns
     -------
@@ -33,10 +42,10 @@ def new_scene(path: str | Path, kind: str) -> list[Path]:
     SceneError
         There is no such kind, or a file is there already: nothing is overwritten.
     """
-    path, kinds = Path(path), starter_kinds()
-    if kind not in kinds:
-        raise SceneError([Fault("--kind", shown(kind), not_one_of(kind, kinds))], "command line")
-    data = tomllib.loads((STARTERS / f"{kind}.toml").read_text(encoding="utf-8"))
+    path = Path(path)
+    data = tomllib.loads((STARTERS / f"{starter_kind(kind)}.toml").read_text(encoding="utf-8"))
+    if kind.lower() == "brake":  # its disc is held, as that of the clutch is unless it is changed
+        data["scene"]["title"] = data["scene"]["title"].replace("clutch", "brake")
     drawing = STARTERS / data["geometry"].get("file", "")
     files = [path]
     if drawing.is_file():

@@ -324,7 +324,7 @@ SceneKind = Annotated[
     str,
     typer.Option(
         "--kind",
-        help="clutch (disc, powder at its faces; also a brake), drum (powder at the rim), cad, "
+        help="clutch, also as disc, disk or brake (powder at the faces of a disc), drum (powder at the rim), cad, "
         "centrifugal, shear_cell, sheared_box, box, or field",
     ),
 ]

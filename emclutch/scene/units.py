@@ -262,9 +262,10 @@ def _parse_unit(text: str) -> Any:
     """Return pint's unit for a text, or None where there is none."""
     if len(text) > _MAX_UNIT or _UNIT_TEXT.fullmatch(text) is None:
         return None
-    # Habits that pint does not know: "g/cm3", "rev/min", "N·m".
+    # Habits that pint does not know: "g/cm3", "rev/min", "N·m", "Nm" (for pint a measure of yarns).
     text = re.sub(r"([A-Za-z])(-?\d)", r"\1^\2", text).replace("·", "*")
     text = re.sub(r"\brevs?\b", "turn", text)
+    text = re.sub(r"\b([mk]?N)m\b", r"\1*m", text)
     try:
         return registry().parse_units(text)
     except Exception:  # pint answers nonsense with errors of many kinds, tokenizer and syntax errors included

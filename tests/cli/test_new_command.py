@@ -59,6 +59,22 @@ def test_every_key_of_its_sections_stands_in_it(kind, written):
     assert required <= {path.partition(".")[0] for path in parts}
 
 
+@pytest.mark.parametrize(
+    ("word", "kind", "title"), [("disc", "clutch", "clutch"), ("Disk", "clutch", "clutch"), ("brake", "clutch", "brake"),
+                                ("DRUM", "drum", "drum")],
+)  # fmt: skip
+def test_the_words_for_a_shape_write_its_kind(word, kind, title, tmp_path):
+    scene = emclutch.load_case(new_scene(tmp_path / "mine.toml", word)[0]).scene
+    assert scene.geometry.kind == kind and title in scene.scene.title and scene.motion.disc.speed(0.0) == 0.0
+
+
+@pytest.mark.parametrize("kind", [one for one in starter_kinds() if one not in ("box", "centrifugal", "sheared_box", "field")])
+def test_sectors_are_in_diameters_and_no_inertia_is_scaled_unasked(kind, written):
+    data = tomllib.loads(written[kind].read_text(encoding="utf-8"))
+    assert data["particles"]["sector"].endswith(" diameters") and "accuracy" not in data
+    assert data["contact"] == {}  # its keys are listed
+
+
 def test_a_clutch_from_cad_brings_its_drawing(written):
     device = build_device(emclutch.load_case(written["cad"]).scene)
     assert written["cad"].with_suffix(".step").is_file() and device.coil is not None and device.fill.count > 100
