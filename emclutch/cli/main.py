@@ -1,8 +1,8 @@
 """The command line: each command reads its input, calls one function of the package and says what came of it.
 
-Exit codes: 0 done, 1 the run failed, 2 bad input, 130 stopped by Ctrl-C. A user's mistake never ends in a
-traceback, and no command overwrites anything. The working functions are imported by the command that needs them, so
-that `--help` and `schema` start at once.
+Exit codes: 0 done, 1 the run failed, 2 bad input, 130 stopped by Ctrl-C, 141 the output was closed (`| head`). A user's
+mistake never ends in a traceback, and no command overwrites anything. The working functions are imported by the command
+that needs them, so that `--help` and `schema` start at once.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ try:
     from typer.core import TyperCommand, TyperGroup
 
     from emclutch import __version__
+    from emclutch.cli.errors import CLOSED_PIPE
     from emclutch.cli.field_commands import field, heat, materials, mesh, powder
     from emclutch.cli.options import flag
     from emclutch.cli.result_commands import export, plot, report, view
@@ -61,7 +62,12 @@ def main() -> None:
     """Entry point of the console script."""
     gc.set_threshold(50_000, 10, 10)  # what a start loads stays: looking for garbage in it took a tenth of a check
     warnings.formatwarning = lambda message, *_: f"warning: {message}\n"  # without the line of the program
-    app(prog_name="emclutch")
+    try:
+        app(prog_name="emclutch")
+    except SystemExit as end:
+        if isinstance(end.__context__, BrokenPipeError):  # typer and rich keep silent, and end with 1
+            raise SystemExit(CLOSED_PIPE) from None
+        raise
 
 
 def _print_version(asked: bool) -> None:
