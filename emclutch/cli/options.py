@@ -102,6 +102,10 @@ Currents = Annotated[
 TorqueOfRun = Annotated[
     Path | None, typer.Option("--run", metavar="RUN", help="folder of a run, whose torque is taken")
 ]
+SlipPower = Annotated[
+    str | None,
+    typer.Option("--slip-power", metavar="P", help="given slip power instead of a torque: effects.heat.slip_power"),
+]
 SlipSpeeds = Annotated[
     str | None,
     typer.Option("--speed", metavar="N", help="slip speeds of the permitted power: '100 rpm, 1000 rpm'"),

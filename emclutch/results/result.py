@@ -154,12 +154,12 @@ def load_result(folder: str | Path) -> Result:
     """
     run = RunFolder(folder)
     if not run.history.is_file():
+        if Path(folder).is_file():
+            raise OutputError(f"{folder} is a file; give its folder, {Path(folder).parent}")
         if (failed := run.read_failure()) is not None:
             raise OutputError(f"{folder}: {failed.in_words()}")
         if (Path(folder) / "study.csv").is_file():
             raise OutputError(f"{folder} is a study; read it with emclutch.load_study, or name the folder of a point")
-        if Path(folder).is_file():
-            raise OutputError(f"{folder} is a file; give its folder, {Path(folder).parent}")
         what = f"has no {run.history.name}" if Path(folder).exists() else "is not there"
         raise OutputError(f"{folder} {what}; name the folder of a run, or of a study with a point that is done")
     return Result(run)

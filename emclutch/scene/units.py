@@ -295,6 +295,7 @@ CurveFieldStrength = Annotated[float, Quantity("a field strength", "A/m", "1 kA/
 Stiffness = Annotated[float, _positive("a stiffness", "N/m", "10 kN/m", maximum=1e12)]
 HertzStiffness = Annotated[float, _positive("a Hertz stiffness", "N/m^1.5", "1e9 N/m^1.5", maximum=1e18)]
 Modulus = Annotated[float, _positive("a modulus of elasticity", "Pa", "210 GPa", maximum=1e13)]
+Power = Annotated[float, Quantity("a power", "W", "200 W", 0.0, 1e9)]
 LinearSpeed = Annotated[float, _positive("a speed", "m/s", "0.5 m/s", maximum=1e4)]
 Force = Annotated[float, Quantity("a force", "N", "1 mN", 0.0, 1e6)]
 WorkOfAdhesion = Annotated[float, Quantity("a work of adhesion", "J/m^2", "0.05 J/m^2", 0.0, 1e3)]
