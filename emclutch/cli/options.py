@@ -188,7 +188,7 @@ MaterialNames = Annotated[
 ]
 CurvePicture = Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="new picture of B(H) and mu_r(B)")]
 PairForceAsked = Annotated[
-    bool, flag("--pair-force", help="force between two grains of a powder against their gap (powder_iron)")
+    bool, flag("--pair-force", help="force between two grains of a powder against their gap (carbonyl_iron)")
 ]
 DryRunOfAccuracy = Annotated[
     bool, flag("--dry-run", help="print what is known, settings and cost; run and write nothing")
