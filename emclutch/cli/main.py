@@ -18,12 +18,13 @@ try:
     from typer.core import TyperCommand, TyperGroup
 
     from emclutch import __version__
-    from emclutch.cli.errors import CLOSED_PIPE
+    from emclutch.cli.errors import CLOSED_PIPE, explained
     from emclutch.cli.field_commands import field, heat, materials, mesh, powder
     from emclutch.cli.options import flag
     from emclutch.cli.result_commands import export, plot, report, view
     from emclutch.cli.run_commands import accuracy, check, design, fit, map, powder_law, run, sweep
     from emclutch.cli.scene_commands import doctor, new, schema
+    from emclutch.scene.errors import Fault, SceneError
 except KeyboardInterrupt:  # while the program is loaded no command is there to answer
     sys.stderr.write("interrupted\n")
     raise SystemExit(130) from None
@@ -41,7 +42,17 @@ class _HelpWithoutType:
 
 
 class Command(_HelpWithoutType, TyperCommand):
-    """A command of the program."""
+    """A command of the program; an option that takes one value is given once, else the first would be lost."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse the arguments; exit code 2 where one of them contradicts another."""
+        _, _, given = self.make_parser(ctx).parse_args(args=[*args])
+        for option in (one for one in self.params if one.param_type_name == "option"):
+            if given.count(option) > 1 and not option.multiple and not option.is_flag:
+                with explained():
+                    message = "is given twice, and only the last would count; give it once"
+                    raise SceneError([Fault(option.opts[-1], "", message)], "command line")
+        return super().parse_args(ctx, args)
 
 
 class Program(_HelpWithoutType, TyperGroup):
