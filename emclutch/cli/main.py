@@ -15,7 +15,7 @@ try:
     from typing import Annotated, Any
 
     import typer
-    from typer.core import TyperCommand, TyperGroup
+    from typer.core import TyperCommand, TyperGroup, TyperOption
 
     from emclutch import __version__
     from emclutch.cli.errors import CLOSED_PIPE, explained
@@ -47,7 +47,7 @@ class Command(_HelpWithoutType, TyperCommand):
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Parse the arguments; exit code 2 where one of them contradicts another."""
         _, _, given = self.make_parser(ctx).parse_args(args=[*args])
-        for option in (one for one in self.params if one.param_type_name == "option"):
+        for option in (one for one in self.params if isinstance(one, TyperOption)):
             if given.count(option) > 1 and not option.multiple and not option.is_flag:
                 with explained():
                     message = "is given twice, and only the last would count; give it once"

@@ -183,7 +183,8 @@ def materials_report(names: list[str] | None) -> Report:
         return report
     grains = {name: grain_material(name) for name in grain_names()}
     powders = [
-        (name, f"{of.law.chi:g}", f"{of.law.Ms or 0.0:.4g}", f"{of.density:g}", of.source) for name, of in grains.items()
+        (name, f"{of.law.chi:g}", f"{of.law.Ms or 0.0:.4g}", f"{of.density:g}", of.source)
+        for name, of in grains.items()
     ]
     grain_head = ("particles.material", "susceptibility", "saturation [A/m]", "density [kg/m^3]", "source")
     return report.add("Grains", Table(powders, grain_head, (1, 2, 3)), Shown.TERMINAL)

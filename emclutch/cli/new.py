@@ -8,6 +8,9 @@ from __future__ import annotations
 import tomllib
 from pathlib import Path
 
+from emclutch.results.atomic_file import replace_bytes
+from emclutch.results.new_path import new_path
+from emclutch.scene.case import load_case
 from emclutch.scene.commented import commented_scene
 from emclutch.scene.errors import Fault, SceneError, shown
 from emclutch.scene.section import OTHER_WORDS, not_one_of
@@ -27,6 +30,32 @@ def starter_kind(word: str) -> str:
     if kind not in kinds:
         raise SceneError([Fault("--kind", shown(word), not_one_of(word, kinds))], "command line")
     return kind
+
+
+def draw_kind(path: str | Path, kind: str) -> Path:
+    """Draw the dimensions of a kind (`starter_kind`) with their keys into a new picture (.png).
+
+    Raises
+    ------
+    SceneError
+        There is no such kind, its dimensions are those of its file, or the file is no .png.
+    OutputError
+        There is a file already; nothing is overwritten.
+    """
+    from geometry.dimension_drawing import draw_dimensions  # local: a scene needs nothing that draws
+
+    path, name = Path(path), starter_kind(kind)
+    if path.suffix.lower() != ".png":
+        raise SceneError([Fault("--drawing", str(path), "is no picture; change its ending to .png")], "command line")
+    scene = load_case(STARTERS / f"{name}.toml").scene
+    geometry = scene.geometry
+    views = geometry.dimension_views(geometry.shape_in(scene))
+    if not views:
+        message = "has its dimensions in a file: draw a scene's regions with emclutch mesh"
+        raise SceneError([Fault("--kind", shown(kind), message)], "command line")
+    drawn = draw_dimensions(views, f'[geometry] kind = "{geometry.name()}"')
+    replace_bytes(new_path(path), drawn)
+    return path
 
 
 def new_scene(path: str | Path, kind: str) -> list[Path]:

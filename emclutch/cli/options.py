@@ -332,4 +332,8 @@ SceneKind = Annotated[
         "centrifugal, shear_cell, sheared_box, box, or field",
     ),
 ]
-NewScene = Annotated[Path, typer.Argument(metavar="FILE", help="new scene file (.toml)")]
+NewScene = Annotated[Path | None, typer.Argument(metavar="[FILE]", help="new scene file (.toml)")]
+Drawing = Annotated[
+    Path | None,
+    typer.Option("--drawing", metavar="FILE", help="new picture (.png) of the kind's dimensions with their keys"),
+]

@@ -9,14 +9,19 @@ import typer
 from emclutch.cli import options as opt
 from emclutch.cli.errors import FAILED, explained, stop
 from emclutch.cli.output import show
+from emclutch.scene.errors import Fault, SceneError
 
 
-def new(file: opt.NewScene, kind: opt.SceneKind = "drum") -> None:
+def new(file: opt.NewScene = None, kind: opt.SceneKind = "drum", drawing: opt.Drawing = None) -> None:
     """Write a scene of a kind, with every key, its unit and what it is for; nothing is overwritten."""
     with explained():
-        from emclutch.cli.new import new_scene
+        from emclutch.cli.new import draw_kind, new_scene
 
-        for written in new_scene(file, kind):
+        if file is None and drawing is None:
+            message = "is missing; name the new scene (.toml), or a picture of the dimensions with --drawing"
+            raise SceneError([Fault("FILE", "", message)], "command line")
+        drawn = [] if drawing is None else [draw_kind(drawing, kind)]
+        for written in [*drawn, *([] if file is None else new_scene(file, kind))]:
             typer.echo(str(written))
 
 

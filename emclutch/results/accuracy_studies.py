@@ -24,7 +24,8 @@ SHIPPED = Path(__file__).with_name("shipped_accuracy_studies")
 DRIVE = ("coil.current", "coil.voltage")
 """Keys that the error hardly depends on: written beside the study."""
 WITHOUT = (
-    "scene.", "time.", "accuracy.", "output.", "motion.drag_torque", "particles.powder_law", "particles.material", *DRIVE,
+    "scene.", "time.", "accuracy.", "output.", "motion.drag_torque", "particles.powder_law", "particles.material",
+    *DRIVE,
 )  # fmt: skip
 NAMED = frozenset(
     """geometry.air_factor geometry.materials.housing geometry.materials.rotor geometry.materials.disc

@@ -145,10 +145,9 @@ class ParticlesSection(Section):
     @model_validator(mode="after")
     def _has_values_of_material(self) -> Self:
         for key, value in ({} if self.material is None else _of_material(self.material)).items():
-            if not math.isclose(getattr(self, key), value, rel_tol=1e-9):  # a resolved scene has both
-                raise refuse(
-                    f"conflicts with material = '{self.material}', which says {value:.6g}; remove one of the two", key=key
-                )
+            if getattr(self, key) != value:  # a resolved scene has both
+                message = f"conflicts with material = '{self.material}', which says {value:.6g}; remove one of the two"
+                raise refuse(message, key=key)
         return self
 
     @model_validator(mode="after")
@@ -306,7 +305,7 @@ class ParticlesSection(Section):
         return _read_packing(self.packing_file, changed, self.diameter)
 
 
-def _of_material(name: str) -> dict[str, float]:
+def _of_material(name: str) -> dict[str, float | None]:
     """Return density, susceptibility and saturation of a named material [SI]; ValueError for an unknown one."""
     from field.laws.materials import grain_material  # local: only scenes that name one load the library
 

@@ -12,13 +12,14 @@ _STEP = re.compile(r"""[\w-]+|"[^"]*"|'[^']*'""")
 
 def repeated_key(text: str) -> str:
     """Return what is wrong with a text that is not TOML because of a key given twice; empty where that is not why."""
-    lines, first, table = text.splitlines(), {}, ()
+    lines, table = text.splitlines(), tuple[str, ...]()
+    first: dict[tuple[str, ...], int] = {}
     for number, line in enumerate(lines, 1):
-        header, entry = _TABLE.fullmatch(line), _ENTRY.fullmatch(line)
-        if header is None and entry is None:
+        header = _TABLE.fullmatch(line)
+        if (named := header or _ENTRY.fullmatch(line)) is None:
             continue
-        path = tuple(step.strip("\"'") for step in _STEP.findall((header or entry)[1]))
-        path = path if header else (*table, *path)
+        steps = tuple(step.strip("\"'") for step in _STEP.findall(named[1]))
+        path = steps if header else (*table, *steps)
         table = path if header else table
         earlier = first.setdefault(path, number)
         # what is inside a text of several lines is no key: its lines before it are not TOML

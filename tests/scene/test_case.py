@@ -243,7 +243,7 @@ def test_a_resolved_box_loads_again():
         {},
         {"coil.current": "0.5 A", "particles.material": "carbonyl_iron", "field.order": 1},
         {"effects.gravity": {}, "effects.rolling_friction": None, "time.until": None},
-        {"effects.dipoles.cutoff": 3.0, "output.pictures": False, "output.formats": ["hdf5"], "output.checkpoint": None},
+        {"effects.dipoles.cutoff": 3.0, "output.pictures": False, "output.formats": ["hdf5"]},
     ],
 )
 def test_what_was_set_beside_a_file_makes_the_same_scene_again(values):

@@ -90,7 +90,7 @@ def test_a_measured_torque_scales_the_law(study, monkeypatch):
 
 
 def test_a_given_slip_power_is_the_heat_of_the_powder_while_the_coil_is_on():
-    """P t_on, as of the torque P / omega, whatever the current; it goes without the powder's law, and with a voltage."""
+    """P t_on, as of the torque P / omega, whatever the current; also without the powder's law, and with a voltage."""
     duty = {"end": "60 s", "period": "20 s", "on": "5 s"}
     alone = {"particles": None, "effects": {"heat": {"slip_power": "20 W", "duty": duty}}, "time": None}
     drive = {"coil.current": None, "coil.voltage": "9 V", "coil.resistance": "20 ohm"}
