@@ -12,10 +12,11 @@ from geometry.kernels.simd_math import sqrt
 KIND, R0, Z0, R1, Z1, UR, UZ, OWN0, NR0, NZ0, OWN1, NR1, NZ1 = range(13)
 N_WALL = 13
 NEAR_AXIS = 1e-5
-"""Distance of a centre from the axis, over that from the wall, within which the wall is a ring that is touched all round.
+"""Distance of a centre from the axis, over that from the wall, within which it touches the wall all round.
 
-The radial forces of a ring balance on the axis. The one nearest point jumps from side to side there, and a grain that
-rests in a hole would tremble, so that the radial part of the normal goes to 0 with the distance from the axis.
+There the radial forces of a ring balance, but its nearest point jumps from side to side, by which a grain that rests
+in a hole would tremble: the radial part of the normal goes to 0 with the distance from the axis. Further away, as here
+from 1e-3 on, the ball would not lose its energy by impacts on both sides any more, but roll to and fro.
 """
 
 
