@@ -30,7 +30,7 @@ _ON_SPHERE = 1e-6  # of the radius: nodes of the outer boundary lie on it exactl
 
 
 def check_device_3d(path: str | Path, section: CadSection) -> None:
-    """Refuse what a field in 3D cannot carry: a coil that is no ring of rectangular section, no powder, or one not round.
+    """Refuse what a field in 3D cannot carry: a coil that is no ring of rectangular section, powder not round or missing.
 
     Raises
     ------

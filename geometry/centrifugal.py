@@ -263,8 +263,8 @@ def _under_arc(radius: float, width: float) -> float:
     return half * math.sqrt(radius**2 - half**2) + radius**2 * math.asin(half / radius)
 
 
-def _rake(clutch: CentrifugalClutch) -> TriangleWall:
-    """The vane at angle 0: its outline in the plane (z, x), as thick as the vane in y; the root lies in the hub."""
+def vane_outline(clutch: CentrifugalClutch) -> np.ndarray:
+    """Outline (z, x) of the vane at angle 0 [m], shape (n, 2), with its slots; the root lies in the hub."""
     t, half, tip = clutch.vane_thickness, 0.5 * clutch.width - clutch.side_clearance, clutch.tip_height
     on_hub = math.sqrt(clutch.hub_radius**2 - 0.25 * t**2)
     root = max(0.5 * on_hub, on_hub - t)
@@ -273,6 +273,10 @@ def _rake(clutch: CentrifugalClutch) -> TriangleWall:
         z0 = -half + (k + 1) * clutch.tooth_width + k * clutch.slot_width
         z1, floor = z0 + clutch.slot_width, tip - clutch.slot_depth
         edge += [(z0, tip), (z0, floor), (z1, floor), (z1, tip)]
-    outline = np.array([(-half, root), *edge, (half, tip), (half, root)])
-    prism = extruded("vane_1", "rotor", outline, -0.5 * t, 0.5 * t)
+    return np.array([(-half, root), *edge, (half, tip), (half, root)])
+
+
+def _rake(clutch: CentrifugalClutch) -> TriangleWall:
+    """The vane at angle 0: its outline, as thick as the vane in y."""
+    prism = extruded("vane_1", "rotor", vane_outline(clutch), -0.5 * clutch.vane_thickness, 0.5 * clutch.vane_thickness)
     return TriangleWall("vane_1", "rotor", prism.vertices[:, [1, 2, 0]], prism.triangles)  # (z, x, y) -> (x, y, z)

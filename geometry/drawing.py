@@ -6,6 +6,7 @@ interface with the Agg canvas is used: no display is needed and nobody's pyplot 
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -49,8 +50,7 @@ def draw_section(mesh: SectionMesh, path: str | Path, title: str | None = None, 
     from matplotlib.figure import Figure
     from matplotlib.patches import Patch
 
-    spare = iter(_OTHERS * (1 + len(mesh.regions)))
-    colours = {name: _COLOURS.get(name) or next(spare) for name in mesh.regions}
+    colours = part_colours(mesh.regions)
     gap = _gap_view(mesh)
     views = [_device_view(mesh), *([] if gap is None else [gap])]
     height = 6.6
@@ -70,6 +70,13 @@ def draw_section(mesh: SectionMesh, path: str | Path, title: str | None = None, 
         figure.suptitle(title)
     figure.savefig(path, dpi=dpi)
     return Path(path)
+
+
+def part_colours(names: Iterable[str]) -> dict[str, str]:
+    """Return a colour for each part of a device."""
+    names = [*names]
+    spare = iter(_OTHERS * (1 + len(names)))
+    return {name: _COLOURS.get(name) or next(spare) for name in names}
 
 
 View = tuple[float, float, float, float]  # left, right (z), bottom, top (r) [mm]

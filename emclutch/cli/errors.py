@@ -11,7 +11,8 @@ import typer
 from emclutch.results.errors import Interrupted, OutputError
 from emclutch.scene.errors import SceneError
 
-FAILED, BAD_INPUT, INCOMPLETE, STOPPED = 1, 2, 3, 130  # 130: 128 + SIGINT, as shells count it
+FAILED, BAD_INPUT, INCOMPLETE = 1, 2, 3
+STOPPED, CLOSED_PIPE = 130, 141  # 128 + SIGINT, 128 + SIGPIPE, as shells count them
 _PACKAGES = ("emclutch", "geometry", "field", "particles", "coupling")
 
 
@@ -24,6 +25,8 @@ def explained() -> Iterator[None]:
         stop(error.report(), BAD_INPUT)
     except OutputError as error:
         stop(f"output: {error}", BAD_INPUT)
+    except BrokenPipeError:  # of the output, as those to child processes are met where they are written to
+        raise  # `emclutch.cli.main.main` answers it
     except OSError as error:
         name = f"{error.filename}: " if error.filename else ""
         reason = error.strerror or error

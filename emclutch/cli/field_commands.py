@@ -55,6 +55,7 @@ def field(
 def heat(
     case: opt.CaseFile,
     run: opt.TorqueOfRun = None,
+    slip_power: opt.SlipPower = None,
     speed: opt.SlipSpeeds = None,
     out: opt.Out = None,
     sets: opt.Sets = None,
@@ -63,7 +64,9 @@ def heat(
 ) -> None:
     """Warm the device through hours of duty: temperatures, permitted slip power; needs [effects.heat]."""
     with explained():
-        read = load(case, sets, trust_scripts)
+        others = [f"effects.heat.{key}=none" for key in ("torque", "torque_curve", "fade")]
+        given = [] if slip_power is None else [f"effects.heat.slip_power={slip_power}", *others]
+        read = load(case, [*(sets or ()), *given], trust_scripts)
         from emclutch.scene.units import Quantity
         from emclutch.studies import heat as study
 

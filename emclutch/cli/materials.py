@@ -183,9 +183,12 @@ def materials_report(names: list[str] | None) -> Report:
     if names:
         return report
     grains = {name: grain_material(name) for name in grain_names()}
-    powders = [(name, f"{law.chi:g}", f"{law.Ms or 0.0:.4g}", source) for name, (law, source) in grains.items()]
-    grain_head = ("grains of powders", "susceptibility", "saturation [A/m]", "source")
-    return report.add("Grains", Table(powders, grain_head, (1, 2)), Shown.TERMINAL)
+    powders = [
+        (name, f"{of.law.chi:g}", f"{of.law.Ms or 0.0:.4g}", f"{of.density:g}", of.source)
+        for name, of in grains.items()
+    ]
+    grain_head = ("particles.material", "susceptibility", "saturation [A/m]", "density [kg/m^3]", "source")
+    return report.add("Grains", Table(powders, grain_head, (1, 2, 3)), Shown.TERMINAL)
 
 
 def materials_as_data(names: list[str] | None) -> dict[str, Any]:
@@ -194,8 +197,9 @@ def materials_as_data(names: list[str] | None) -> dict[str, Any]:
     if not names:
         grains = {name: grain_material(name) for name in grain_names()}
         data["grains"] = [
-            {"name": name, "susceptibility": law.chi, "saturation": law.Ms, "source": source}
-            for name, (law, source) in grains.items()
+            {"name": name, "susceptibility": of.law.chi, "saturation": of.law.Ms, "density": of.density,
+             "source": of.source}
+            for name, of in grains.items()
         ]
     return data
 

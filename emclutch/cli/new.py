@@ -10,9 +10,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from emclutch.results.atomic_file import replace_bytes
+from emclutch.results.new_path import new_path
+from emclutch.scene.case import load_case
 from emclutch.scene.commented import commented_scene
 from emclutch.scene.errors import Fault, SceneError, shown
-from emclutch.scene.section import not_one_of
+from emclutch.scene.section import OTHER_WORDS, not_one_of
 
 STARTERS = Path(__file__).parents[1] / "devices" / "starters"
 
@@ -22,8 +25,43 @@ def starter_kinds() -> tuple[str, ...]:
     return tuple(sorted(path.stem for path in STARTERS.glob("*.toml")))
 
 
+def starter_kind(word: str) -> str:
+    """Return the kind of scene that a word of the user means; SceneError where it means none."""
+    kinds, plain = starter_kinds(), word.lower()
+    kind, _ = OTHER_WORDS.get(plain, (plain, ""))
+    if kind not in kinds:
+        raise SceneError([Fault("--kind", shown(word), not_one_of(word, kinds))], "command line")
+    return kind
+
+
+def draw_kind(path: str | Path, kind: str) -> Path:
+    """Draw the dimensions of a kind (`starter_kind`) with their keys into a new picture (.png).
+
+    Raises
+    ------
+    SceneError
+        There is no such kind, its dimensions are those of its file, or the file is no .png.
+    OutputError
+        There is a file already; nothing is overwritten.
+    """
+    from geometry.dimension_drawing import draw_dimensions  # local: a scene needs nothing that draws
+
+    path, name = Path(path), starter_kind(kind)
+    if path.suffix.lower() != ".png":
+        raise SceneError([Fault("--drawing", str(path), "is no picture; change its ending to .png")], "command line")
+    scene = load_case(STARTERS / f"{name}.toml").scene
+    geometry = scene.geometry
+    views = geometry.dimension_views(geometry.shape_in(scene))
+    if not views:
+        message = "has its dimensions in a file: draw a scene's regions with emclutch mesh"
+        raise SceneError([Fault("--kind", shown(kind), message)], "command line")
+    drawn = draw_dimensions(views, f'[geometry] kind = "{geometry.name()}"')
+    replace_bytes(new_path(path), drawn)
+    return path
+
+
 def new_scene(path: str | Path, kind: str) -> list[Path]:
-    """Write a commented scene of a kind (`starter_kinds`), with the CAD file that it names in the same folder.
+    """Write a commented scene of a kind (`starter_kind`), with the CAD file that it names in the same folder.
 
     Returns
     -------
@@ -35,10 +73,9 @@ def new_scene(path: str | Path, kind: str) -> list[Path]:
     SceneError
         There is no such kind, or a file is there already: nothing is overwritten.
     """
-    path, kinds = Path(path), starter_kinds()
-    if kind not in kinds:
-        raise SceneError([Fault("--kind", shown(kind), not_one_of(kind, kinds))], "command line")
-    data = _starter(kind)
+    path, data = Path(path), _starter(starter_kind(kind))
+    if kind.lower() == "brake":  # its disc is held, as that of the clutch is unless it is changed
+        data["scene"]["title"] = data["scene"]["title"].replace("clutch", "brake")
     drawing, files = STARTERS / data["geometry"].get("file", ""), {}
     if drawing.is_file():
         data["geometry"]["file"] = path.with_suffix(drawing.suffix).name

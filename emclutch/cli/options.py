@@ -102,6 +102,10 @@ Currents = Annotated[
 TorqueOfRun = Annotated[
     Path | None, typer.Option("--run", metavar="RUN", help="folder of a run, whose torque is taken")
 ]
+SlipPower = Annotated[
+    str | None,
+    typer.Option("--slip-power", metavar="P", help="given slip power instead of a torque: effects.heat.slip_power"),
+]
 SlipSpeeds = Annotated[
     str | None,
     typer.Option("--speed", metavar="N", help="slip speeds of the permitted power: '100 rpm, 1000 rpm'"),
@@ -199,7 +203,7 @@ MaterialNames = Annotated[
 ]
 CurvePicture = Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="new picture of B(H) and mu_r(B)")]
 PairForceAsked = Annotated[
-    bool, flag("--pair-force", help="force between two grains of a powder against their gap (powder_iron)")
+    bool, flag("--pair-force", help="force between two grains of a powder against their gap (carbonyl_iron)")
 ]
 DryRunOfAccuracy = Annotated[
     bool, flag("--dry-run", help="print what is known, settings and cost; run and write nothing")
@@ -339,8 +343,8 @@ SceneKind = Annotated[
     str | None,
     typer.Option(
         "--kind",
-        help="clutch (disc, powder at its faces; also a brake), drum (powder at the rim; the default), cad, "
-        "centrifugal, shear_cell, sheared_box, box, or field",
+        help="clutch, also as disc, disk or brake (powder at the faces of a disc), drum (powder at the rim; the "
+        "default), cad, centrifugal, shear_cell, sheared_box, box, or field",
     ),
 ]
 FemmFile = Annotated[
@@ -350,4 +354,8 @@ PowderMaterial = Annotated[
     str | None,
     typer.Option("--powder", metavar="NAME", help="with --from: material of the regions that the grains fill"),
 ]
-NewScene = Annotated[Path, typer.Argument(metavar="FILE", help="new scene file (.toml)")]
+NewScene = Annotated[Path | None, typer.Argument(metavar="[FILE]", help="new scene file (.toml)")]
+Drawing = Annotated[
+    Path | None,
+    typer.Option("--drawing", metavar="FILE", help="new picture (.png) of the kind's dimensions with their keys"),
+]

@@ -32,7 +32,7 @@ def pair_force(name: str, out: Path | None = None) -> Report:
     Parameters
     ----------
     name : str
-        Of a grain material, e.g. `powder_iron`.
+        Of a grain material, e.g. `carbonyl_iron`.
     out : Path or None
         New picture (.png); None: the next free <name>-pair-force-<n>.png here.
 
@@ -47,7 +47,7 @@ def pair_force(name: str, out: Path | None = None) -> Report:
     from field.spheres.pair_table import pair_table
 
     try:
-        law, _ = grain_material(name)
+        law = grain_material(name).law
     except ValueError as error:
         raise SceneError([Fault("", "", str(error))], "command line") from None
     out = numbered_file(Path(), f"{name}-pair-force", ".png") if out is None else new_path(out)

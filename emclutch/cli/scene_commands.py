@@ -7,23 +7,35 @@ import json
 import typer
 
 from emclutch.cli import options as opt
-from emclutch.cli.errors import BAD_INPUT, FAILED, explained, stop
+from emclutch.cli.errors import FAILED, explained, stop
+from emclutch.cli.input import refuse_beside, refuse_without
 from emclutch.cli.output import show
+from emclutch.scene.errors import Fault, SceneError
 
 
 def new(
-    file: opt.NewScene, kind: opt.SceneKind = None, model: opt.FemmFile = None, powder: opt.PowderMaterial = None
+    file: opt.NewScene = None,
+    kind: opt.SceneKind = None,
+    model: opt.FemmFile = None,
+    powder: opt.PowderMaterial = None,
+    drawing: opt.Drawing = None,
 ) -> None:
     """Write a scene of a kind, or from a model of FEMM, with every key and its unit; nothing is overwritten."""
     with explained():
-        from emclutch.cli.new import new_scene, new_scene_from
+        from emclutch.cli.new import draw_kind, new_scene, new_scene_from
 
-        if model is None and powder is not None:
-            stop("--powder names a material of a model: give the model by --from", BAD_INPUT)
-        if model is not None and kind is not None:
-            stop("--kind and --from exclude each other: a model of FEMM is of kind cad", BAD_INPUT)
-        for written in new_scene(file, kind or "drum") if model is None else new_scene_from(file, model, powder):
-            typer.echo(str(written))
+        if file is None and (drawing is None or model is not None):
+            message = "is missing; name the new scene (.toml), or a picture of the dimensions with --drawing"
+            raise SceneError([Fault("FILE", "", message)], "command line")
+        if model is None:
+            refuse_without("--from", {"--powder": powder is not None})
+        else:
+            refuse_beside("--from", {"--kind": kind is not None, "--drawing": drawing is not None})
+        written = [] if drawing is None else [draw_kind(drawing, kind or "drum")]
+        if file is not None:
+            written += new_scene(file, kind or "drum") if model is None else new_scene_from(file, model, powder)
+        for path in written:
+            typer.echo(str(path))
 
 
 def schema(out: opt.NewFile = None, markdown: opt.AsMarkdown = False) -> None:

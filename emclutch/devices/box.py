@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from emclutch.scene.materials import Material
     from emclutch.simulation.forecast.expected_torque import ExpectedTorque
     from geometry.box import Box
+    from geometry.dimensioned_views import View
 
 
 class BoxGeometry(GeometrySection):
@@ -32,6 +33,12 @@ class BoxGeometry(GeometrySection):
         from geometry.box import Box
 
         return Box(self.size)
+
+    def dimension_views(self, shape: Box) -> list[View]:
+        """See `GeometrySection.dimension_views`."""
+        from geometry.dimensioned_views import box_views
+
+        return box_views(shape.size)
 
     def friction_torque(self, scene: Any, device: Device) -> ExpectedTorque:
         """None: nothing turns."""

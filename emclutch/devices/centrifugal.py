@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from emclutch.scene.materials import Material
     from emclutch.simulation.forecast.expected_torque import ExpectedTorque
     from geometry.centrifugal import CentrifugalClutch
+    from geometry.dimensioned_views import View
 
 
 class CentrifugalGeometry(GeometrySection):
@@ -59,6 +60,12 @@ class CentrifugalGeometry(GeometrySection):
         from geometry.centrifugal import CentrifugalClutch
 
         return CentrifugalClutch(**self.model_dump(exclude={"kind"}))
+
+    def dimension_views(self, shape: CentrifugalClutch) -> list[View]:
+        """See `GeometrySection.dimension_views`."""
+        from geometry.dimensioned_views import centrifugal_views
+
+        return centrifugal_views(shape)
 
     def impact_radius(self, shape: CentrifugalClutch) -> float:
         """Radius of the vanes' tips [m], which meet shot at rest."""

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from field import Law
     from field.coil.magnetic_circuit import FilledPowder, MagneticCircuit
     from geometry.clutch import Clutch
+    from geometry.dimensioned_views import View
     from geometry.fault import GeometryFault
     from geometry.section import SectionMesh
     from geometry.walls import AnnularBox
@@ -161,6 +162,12 @@ class ClutchGeometry(GeometrySection):
         )
         magnetic = magnetic_regions(self.materials.model_dump(), own)
         return Clutch(**given, disc_slots=disc, rotor_slots=rotor, magnetic=magnetic)
+
+    def dimension_views(self, shape: Clutch) -> list[View]:
+        """See `GeometrySection.dimension_views`."""
+        from geometry.dimensioned_views import clutch_views
+
+        return clutch_views(shape)
 
     def check_valid_dimensions(
         self, unknown: set[str], own: Mapping[str, Material], diameter: float | None

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from emclutch.simulation.forecast.expected_torque import ExpectedTorque
     from field import Law
     from field.coil.magnetic_circuit import FilledPowder, MagneticCircuit
+    from geometry.dimensioned_views import View
     from geometry.fault import GeometryFault
     from geometry.section import SectionMesh
     from geometry.walls import AnnularBox
@@ -153,6 +154,10 @@ class GeometrySection(Section):
     def shape_in(self, scene: Any) -> Any:
         """Return the shape in a scene; of kinds whose size follows from other sections, with these."""
         return self.shape(scene.materials)
+
+    def dimension_views(self, shape: Any) -> list[View]:
+        """Return views of the shape with its dimensions and their keys; empty where its file has the dimensions."""
+        return []
 
     def mesh(self, shape: Any, gap_layers: int, size_factor: float) -> SectionMesh:
         """Mesh its section; of kinds with a coil."""

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from emclutch.device_model.pole_zone import GapZone
     from emclutch.scene.materials import Material
     from geometry.annular_cell import ShearCell
+    from geometry.dimensioned_views import View
 
 
 class ShearCellGeometry(GeometrySection):
@@ -31,6 +32,12 @@ class ShearCellGeometry(GeometrySection):
         from geometry.annular_cell import ShearCell
 
         return ShearCell(self.inner_radius, self.outer_radius, self.height)
+
+    def dimension_views(self, shape: ShearCell) -> list[View]:
+        """See `GeometrySection.dimension_views`."""
+        from geometry.dimensioned_views import cell_views
+
+        return cell_views(shape)
 
     def gap_zone(self, shape: ShearCell, region: str) -> GapZone:
         """All of the annulus."""

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from emclutch.scene.model import Scene
     from emclutch.simulation.forecast.expected_torque import ExpectedTorque
     from geometry.box import PeriodicBox
+    from geometry.dimensioned_views import View
     from particles import Barostat, ShearedBox
 
 _ShearRate = Annotated[float, Quantity("a shear rate", "1/s", "500 1/s", 0.0, 1e7, open_minimum=True)]
@@ -312,6 +313,12 @@ class ShearedBoxGeometry(GeometrySection):
         """Strength [A/m] of the field along z; None without one."""
         field = scene.prescribed_field
         return abs(field.field_strength) or None if field is not None else None
+
+    def dimension_views(self, shape: PeriodicBox) -> list[View]:
+        """See `GeometrySection.dimension_views`."""
+        from geometry.dimensioned_views import box_views
+
+        return box_views(shape.size)
 
     def rate(self, scene: Scene) -> float:
         """See `GeometrySection.rate`: as asked, or from the inertial number."""

@@ -20,7 +20,7 @@ from emclutch.scene.errors import Fault
 from emclutch.scene.partial_scene import PartialScene
 from emclutch.scene.section import Section, refuse
 from emclutch.scene.time_table import CurrentProfile, SpeedProfile
-from emclutch.scene.units import Current, LoadTorque, Quantity, Temperature, Time, format_number, number
+from emclutch.scene.units import Current, LoadTorque, Power, Quantity, Temperature, Time, format_number, number
 
 MAX_RISE = 100.0
 """Rise of the temperature [K] above which the effect is significant."""
@@ -171,7 +171,8 @@ def _knows_its_materials(partial: PartialScene) -> Iterator[Fault]:
 def _knows_its_torque(partial: PartialScene) -> Iterator[Fault]:
     """The torque at another current than the coil's largest is that of the powder's law, or of a curve."""
     effect, coil = partial.scene.effects.thermal, partial.scene.coil
-    if effect is None or coil is None or effect.torque_curve is not None or not partial.is_of_the_field_alone:
+    of_all_currents = effect is not None and (effect.torque_curve is not None or effect.slip_power is not None)
+    if effect is None or coil is None or of_all_currents or not partial.is_of_the_field_alone:
         return
     if coil.is_at_voltage:
         yield Fault(
@@ -203,6 +204,9 @@ def _duty_has_one_drive(partial: PartialScene) -> Iterator[Fault]:
         )
     if effect.torque is not None and effect.torque_curve is not None:
         yield partial.fault("effects.heat.torque", "conflicts with torque_curve; keep one of them")
+    for key in ("torque", "torque_curve", "fade"):
+        if effect.slip_power is not None and getattr(effect, key) is not None:
+            yield partial.fault("effects.heat.slip_power", f"conflicts with {key}; keep one of them")
 
 
 class HeatSection(EffectSection):
@@ -256,6 +260,12 @@ class HeatSection(EffectSection):
     )
     torque_curve: TorqueCurveSection | None = Field(
         default=None, description="measured torque against current, instead of the law; scaled to a run's"
+    )
+    slip_power: Power | None = Field(
+        default=None,
+        description="given slip power while the coil is on, at the largest slip of the duty, instead of a torque: that "
+        "of one torque at all currents and temperatures (emclutch heat --slip-power)",
+        examples=["200 W"],
     )
     fade: FadeSection | None = Field(
         default=None, description="measured change with the powder's temperature, instead of the law's"

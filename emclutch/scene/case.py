@@ -19,6 +19,7 @@ from emclutch.scene.fault_report import faults_from
 from emclutch.scene.geometry_sketch import sketch_of
 from emclutch.scene.likely_mistakes import warnings_of
 from emclutch.scene.model import NO_GRAINS, Scene
+from emclutch.scene.repeated_key import repeated_key
 from emclutch.scene.repose import with_friction_of_repose
 from emclutch.scene.section import Section
 from emclutch.scene.sector_checks import with_sector_angle
@@ -176,7 +177,7 @@ def read_toml(path: Path) -> dict[str, Any]:
         with open(path, "rb") as stream:
             content = stream.read(MAX_FILE + 1)
         if len(content) <= MAX_FILE:
-            data = tomllib.loads(content.decode("utf-8-sig"))  # Notepad writes a byte order mark
+            data = tomllib.loads(text := content.decode("utf-8-sig"))  # Notepad writes a byte order mark
             if not (faults := _not_of_a_scene(data, path)):
                 return data
             raise SceneError(faults, str(path))
@@ -192,7 +193,8 @@ def read_toml(path: Path) -> dict[str, Any]:
     except RecursionError:
         reason = _TOO_DEEP
     except ValueError as error:  # of the parser, or of Python for a number of more digits than it reads
-        reason = f"is not TOML: {error}; correct that line, texts and values with a unit need quotes"
+        remedy = "correct that line, texts and values with a unit need quotes"
+        reason = repeated_key(text) or f"is not TOML: {error}; {remedy}"
     raise SceneError([Fault(str(path), "", reason)], str(path))
 
 

@@ -6,8 +6,8 @@ import tomllib
 from collections.abc import Iterator
 from typing import Any
 
-from emclutch.scene.case import case_from
-from emclutch.scene.errors import SceneError
+from emclutch.scene.case import Case, case_from, read_toml
+from emclutch.scene.errors import SceneError, entry_at, shown
 from emclutch.scene.section import Section
 
 
@@ -24,6 +24,26 @@ def flat_scene(text: str) -> dict[str, Any]:
 def differing_keys(old: dict[str, Any], new: dict[str, Any]) -> list[str]:
     """Return the keys of two flat scenes whose values differ, sorted."""
     return [key for key in sorted({*old, *new}) if old.get(key) != new.get(key)]
+
+
+def settings_beside(case: Case) -> dict[str, str]:
+    """Return what was set in a case beside its file, by dotted key, as ``--set`` takes it."""
+    if case.path is None:
+        return {}
+    before, now = flat(read_toml(case.path)), flat(case.data)
+    found = {key: _as_set(value) for key, value in now.items() if before.get(key) != value}
+    for key in before.keys() - now.keys():
+        steps = key.split(".")
+        gone = next((n for n in range(1, len(steps) + 1) if entry_at(case.data, steps[:n]) is None), None)
+        if gone is not None:  # of a table that has entries still, or is empty now
+            found[".".join(steps[:gone])] = "none"
+    return dict(sorted(found.items()))
+
+
+def _as_set(value: Any) -> str:
+    if isinstance(value, str):
+        return value
+    return "on" if value == {} else shown(value, 1_000_000)
 
 
 def keys_at_default(section: Section, prefix: str = "") -> Iterator[str]:

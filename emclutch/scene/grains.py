@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Self
+from typing import TYPE_CHECKING, Annotated, Any, Self
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from emclutch.scene.errors import reason_of
 from emclutch.scene.scaled import Scaled, SectorAngle
-from emclutch.scene.section import Choice, Integer, Section, refuse
+from emclutch.scene.section import Choice, Integer, Section, not_one_of, refuse
 from emclutch.scene.sizes import RealSize, Sizes, from_the_scenes_folder
 from emclutch.scene.units import Density, Length, Magnetisation, Mass, ReposeAngle, Time, number
 
@@ -54,6 +55,13 @@ class ParticlesSection(Section):
     )
     count: Annotated[int, Integer(1, MAX_GRAINS, "1000")] | None = Field(
         default=None, description="number of simulated grains (those of the sector, where there is one)"
+    )
+    material: str | None = Field(
+        default=None,
+        min_length=1,
+        description="material of the grains by its name, in place of its density, susceptibility and saturation; "
+        "emclutch materials lists them",
+        examples=["carbonyl_iron"],
     )
     density: Density = Field(default=7700.0, description="density of the grain's material")
     region: Annotated[str, Choice(("cavity", "rim", "poles", "faces"))] = Field(
@@ -115,6 +123,34 @@ class ParticlesSection(Section):
     @classmethod
     def _from_the_scenes_folder(cls, given: str | None, info: ValidationInfo) -> str | None:
         return None if given is None else from_the_scenes_folder(given, info.context)
+
+    @field_validator("material")
+    @classmethod
+    def _is_known(cls, given: str | None) -> str | None:
+        if given is not None:
+            try:
+                _of_material(given)
+            except ValueError:
+                from field.laws.materials import grain_names
+
+                words = "; or remove it, and give density, susceptibility and saturation"
+                raise refuse(not_one_of(given, tuple(grain_names())) + words) from None
+        return given
+
+    @model_validator(mode="before")
+    @classmethod
+    def _take_values_of_material(cls, given: Any) -> Any:
+        with suppress(ValueError, KeyError, TypeError, AttributeError):  # reported with the keys
+            return _of_material(given["material"]) | given
+        return given
+
+    @model_validator(mode="after")
+    def _has_values_of_material(self) -> Self:
+        for key, value in ({} if self.material is None else _of_material(self.material)).items():
+            if getattr(self, key) != value:  # a resolved scene has both
+                message = f"conflicts with material = '{self.material}', which says {value:.6g}; remove one of the two"
+                raise refuse(message, key=key)
+        return self
 
     @model_validator(mode="after")
     def _has_one_amount(self) -> Self:
@@ -269,6 +305,14 @@ class ParticlesSection(Section):
         path = Path(self.packing_file)
         changed = path.stat().st_mtime_ns if path.is_file() else 0
         return _read_packing(self.packing_file, changed, self.diameter)
+
+
+def _of_material(name: str) -> dict[str, float | None]:
+    """Return density, susceptibility and saturation of a named material [SI]; ValueError for an unknown one."""
+    from field.laws.materials import grain_material  # local: only scenes that name one load the library
+
+    of = grain_material(name)
+    return {"density": of.density, "susceptibility": of.law.chi, "saturation": of.law.Ms}
 
 
 @lru_cache(maxsize=4)

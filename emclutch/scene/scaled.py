@@ -77,6 +77,9 @@ class QuantityOrScaled(Quantity):
             return given
         match = re.fullmatch(self.form.format(r"(\S+)"), " ".join(given.split())) if isinstance(given, str) else None
         if match is None:
+            if isinstance(given, str) and self.form.replace("{}", "").strip().removesuffix("s") in given.lower():
+                numbers = re.findall(r"[\d.]+(?:e[+-]?\d+)?", given.lower()) or [self.factor.example]
+                raise ValueError(f"is not {self.words}; write '{self.form.format(numbers[0])}'")
             return super().read(given)
         try:
             return Scaled(self.factor.read(match[1]), self.form)

@@ -184,7 +184,13 @@ def did_you_mean(given: object, names: tuple[str, ...] | list[str]) -> str:
     return f"did you mean '{close[0]}'? " if close else ""
 
 
-_BRAKE = "a brake is kind 'clutch' (or 'drum') with [motion.disc] speed = 0; "
+_FACES = "a disc between the rotor's faces is kind 'clutch', "
+OTHER_WORDS = {
+    "disc": ("clutch", f"{_FACES}a disc with powder at its rim alone kind 'drum'; "),
+    "disk": ("clutch", f"{_FACES}a disc with powder at its rim alone kind 'drum'; "),
+    "brake": ("clutch", "a brake is kind 'clutch' (or 'drum') with [motion.disc] speed = 0; "),
+}
+"""Words for the shape of a device: its kind, and what to write in a scene, where the word is refused."""
 
 
 def not_one_of(given: object, available: tuple[str, ...], planned: tuple[str, ...] = ()) -> str:
@@ -192,7 +198,8 @@ def not_one_of(given: object, available: tuple[str, ...], planned: tuple[str, ..
     listed = "available: " + ", ".join(available)
     if given in planned:
         return f"is planned but not in this version; {listed}"
-    hint = _BRAKE if given == "brake" and "clutch" in available else did_you_mean(given, list(available))
+    kind, words = OTHER_WORDS.get(str(given).lower(), ("", ""))
+    hint = words if kind in available else did_you_mean(given, list(available))
     return f"is unknown; {hint}{listed}"
 
 

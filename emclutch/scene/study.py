@@ -191,6 +191,10 @@ def _read(data: dict[str, Any]) -> tuple[StudySection | None, list[Fault]]:
     ), faults
 
 
+_NO_LIST = "is not a list of values; write it in brackets, e.g. [1, 2]"
+_NO_VALUES = "is an empty list: the study would have no points; give one value or more, or remove the key"
+
+
 def _key_faults(study: StudySection) -> list[Fault]:
     """Keys that no scene has, and values that are no list."""
     return [
@@ -199,7 +203,7 @@ def _key_faults(study: StudySection) -> list[Fault]:
         for key in entries
         if (reason := key_fault(key, Scene))
     ] + [
-        Fault(f"study.values.{key}", shown(values), "is not a list of values; write it in brackets, e.g. [1, 2]")
+        Fault(f"study.values.{key}", shown(values), _NO_VALUES if values == [] else _NO_LIST)
         for key, values in study.values.items()
         if not _is_list(values) and not is_range(values)
     ]

@@ -271,9 +271,10 @@ def _parse_unit(text: str) -> Any:
     """Return pint's unit for a text, or None where there is none."""
     if len(text) > _MAX_UNIT or _UNIT_TEXT.fullmatch(text) is None:
         return None
-    # Habits that pint does not know: "g/cm3", "rev/min", "N·m".
+    # Habits that pint does not know: "g/cm3", "rev/min", "N·m", "Nm" (for pint a measure of yarns).
     text = re.sub(r"([A-Za-z])(-?\d)", r"\1^\2", text).replace("·", "*")
     text = re.sub(r"\brevs?\b", "turn", text)
+    text = re.sub(r"\b([mk]?N)m\b", r"\1*m", text)
     try:
         return registry().parse_units(text)
     except Exception:  # pint answers nonsense with errors of many kinds, tokenizer and syntax errors included
@@ -303,6 +304,7 @@ CurveFieldStrength = Annotated[float, Quantity("a field strength", "A/m", "1 kA/
 Stiffness = Annotated[float, _positive("a stiffness", "N/m", "10 kN/m", maximum=1e12)]
 HertzStiffness = Annotated[float, _positive("a Hertz stiffness", "N/m^1.5", "1e9 N/m^1.5", maximum=1e18)]
 Modulus = Annotated[float, _positive("a modulus of elasticity", "Pa", "210 GPa", maximum=1e13)]
+Power = Annotated[float, Quantity("a power", "W", "200 W", 0.0, 1e9)]
 LinearSpeed = Annotated[float, _positive("a speed", "m/s", "0.5 m/s", maximum=1e4)]
 Force = Annotated[float, Quantity("a force", "N", "1 mN", 0.0, 1e6)]
 WorkOfAdhesion = Annotated[float, Quantity("a work of adhesion", "J/m^2", "0.05 J/m^2", 0.0, 1e3)]

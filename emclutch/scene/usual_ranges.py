@@ -152,4 +152,9 @@ def _of_the_winding(scene: Any) -> Iterator[str]:
     density = 1e-6 * scene.coil.winding_in(*window).current_density(current)
     text = CURRENT_DENSITY.remark("[coil]: the current density in the copper", density)
     if text:
-        yield text
+        drive = "voltage" if scene.coil.is_at_voltage else "current"
+        own = "geometry.coil_width or coil_height" if hasattr(scene.geometry, "coil_width") else "the coil's window"
+        # at a voltage the density in so many turns of copper depends on nothing else
+        of_turns = scene.coil.is_at_voltage and scene.coil.resistance is None
+        share = CURRENT_DENSITY.high / density
+        yield f"{text} Lower coil.{drive} to {share:.2g} of it, or raise {'coil.turns' if of_turns else own}"

@@ -213,7 +213,7 @@ class _Study:
         else:
             peak = Drive(current if effect.duty.current is None else effect.duty.current.largest, 0.0, slip)
         largest = HeatModel(R_20, lambda *_: 0.0).current(peak, effect.ambient)
-        torque, torque_summary = torque_of(case, current, largest, run)
+        torque, torque_summary = torque_of(case, current, largest, run, slip)
         return cls(scene, problem, HeatModel(R_20, torque), torque_summary, peak)
 
     @property

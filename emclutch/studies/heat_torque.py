@@ -11,6 +11,8 @@ stresses m^2 times those at theta_0, so that
 Neglected: the inertial number changes with the stress, by 1e-5 of the torque from 20 to 200 degrees C. Temperatures
 outside of the range that a scene may have count as its ends.
 
+**Slip power.** `effects.heat.slip_power` is that of one torque at all currents and temperatures.
+
 **Measured.** A torque that is given (`effects.heat.torque`, a run) scales the law. `effects.heat.torque_curve` replaces
 it, and `effects.heat.fade` replaces its change with the temperature at a given current.
 """
@@ -29,6 +31,7 @@ from emclutch.device_model.coil_heat import HOTTEST
 from emclutch.device_model.device import build_device
 from emclutch.device_model.materials import saturation_ratio_of
 from emclutch.results import load_result
+from emclutch.results.quantity import RPM
 from emclutch.scene.case import Case
 from emclutch.scene.map_axes import axes_of
 from emclutch.studies.design_search import expectation_of
@@ -46,10 +49,13 @@ Torque = Callable[[float, float], float]
 """Current [A], >= 0, and temperature of the powder [degrees C] to the torque [N m]."""
 
 
-def torque_of(case: Case, current: float, largest: float, run: str | Path | None) -> tuple[Torque, dict[str, Any]]:
+def torque_of(
+    case: Case, current: float, largest: float, run: str | Path | None, slip: float
+) -> tuple[Torque, dict[str, Any]]:
     """Return the torque of a scene with [effects.heat], or of a run's folder, and how it was found.
 
-    `current` [A] is the largest one of [coil], at which `effects.heat.torque` is, `largest` that of the duty. Found are
+    `current` [A] is the largest one of [coil], at which `effects.heat.torque` is, `largest` that of the duty, `slip`
+    [rad/s] the largest slip of the duty, at which `effects.heat.slip_power` is. Found are
     `value` [N m] at `current` and `temperature` [degrees C], its `source`, and what holds at others; of the law besides
     `low` and `high` [N m], the ends of its 95 % interval, `is_guess` and `words`.
 
@@ -61,6 +67,8 @@ def torque_of(case: Case, current: float, largest: float, run: str | Path | None
         There is no torque, or one of another current than the duty's alone.
     """
     scene, effect = case.scene, case.scene.effects.thermal
+    if effect.slip_power is not None:
+        return _of_slip_power(effect.slip_power, slip, largest, run)
     measured, at = (effect.torque, current) if run is None else _of_run(effect.torque, run)
     given = "effects.heat.torque" if run is None else f"the run {run} at {at:.4g} A"
     fade, curve = effect.fade, effect.torque_curve
@@ -133,6 +141,25 @@ def _by_the_law(case: Case, current: float, largest: float) -> tuple[Torque, dic
 
     real, words = here.real, here.in_words()
     return torque, {"low": real.low, "high": real.high, "is_guess": real.is_guess or real.low == 0.0, "words": words}
+
+
+def _of_slip_power(power: float, slip: float, current: float, run: str | Path | None) -> tuple[Torque, dict[str, Any]]:
+    """Return the one torque that has a slip power [W] at a slip [rad/s], while there is a current [A]."""
+    given = f"effects.heat.slip_power = {power:g} W"
+    if run is not None:
+        raise ValueError(f"{given} conflicts with the torque of the run {run}; keep one of them")
+    if slip == 0.0:
+        raise ValueError(f"{given} needs a slip: give effects.heat.duty.slip, or a speed in [motion]")
+    torque = power / abs(slip)
+    return lambda I, _: torque * float(I > 0.0), {
+        "source": f"{given} at {RPM * abs(slip):.4g} 1/min",
+        "value": torque,
+        "current": current,
+        "temperature": AS_GIVEN,
+        "of_all_currents": False,
+        "at_other_currents": _SAME,
+        "at_other_temperatures": _SAME,
+    }
 
 
 def _of_run(given: float | None, run: str | Path) -> tuple[float, float]:

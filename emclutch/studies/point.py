@@ -36,7 +36,7 @@ from emclutch.simulation.run import run
 from emclutch.simulation.threads import threads_of_a_process
 from emclutch.studies.accuracy.target import cases_of
 from emclutch.studies.attempt import attempts_in
-from emclutch.studies.study import DONE, Row, Task, TaskProgress
+from emclutch.studies.study import DONE, FAILED, FILES, Row, Task, TaskProgress
 from emclutch.studies.tables import row_of
 
 log = logging.getLogger(__name__)
@@ -107,6 +107,9 @@ def run_point(task: Task, folder: Path, progress: TaskProgress) -> dict[str, Any
     run_folder, options, case = RunFolder(folder), task.options, task.case
     end = None
     if not is_done(folder, case):
+        if run_folder.summary.is_file() and not _has_summary(run_folder):
+            run_folder.summary.rename(damaged := folder / f"damaged-{SUMMARY}")
+            log.warning("%s: %s is damaged and kept as %s", task.name, SUMMARY, damaged.name)
         threads, processes = options.get("threads"), options.get("processes", 1)
         if threads is None and processes > 1:
             threads = threads_of_a_process(processes * replica_count(case.scene))
@@ -141,12 +144,12 @@ def is_done(folder: Path, case: Case) -> bool:
         return False
     old_text, text = run_folder.read_case(), case.toml()
     if old_text == text:
-        return run_folder.summary.is_file()
+        return _has_summary(run_folder)
     old, new = flat_scene(old_text), flat_scene(text)
     keys = differing_keys(old, new)
     before, now = (seconds_of(one.get("time.end", 0.0), run_folder) for one in (old, new))
     is_later = before is not None and now is not None and before > now
-    if run_folder.summary.is_file() and (not keys or keys == ["time.end"]):
+    if _has_summary(run_folder) and (not keys or keys == ["time.end"]):
         if not keys or is_later:
             return True
         return run_folder.read_summary().get("until", {}).get("reached", False)
@@ -160,11 +163,25 @@ def is_done(folder: Path, case: Case) -> bool:
     return False
 
 
+def _has_summary(folder: RunFolder) -> bool:
+    """True if the run has a summary that can be read: a damaged one is written again from the last checkpoint."""
+    try:
+        return bool(folder.read_summary())
+    except OutputError:
+        return False
+
+
 def row_in(task: Task, folder: Path) -> Row | None:
-    """Return the row of a point, also of one that was continued alone since; None where it has not ended."""
+    """Return the row of a point, also of one that was continued alone since; None where it has not ended.
+
+    One whose files cannot be read has failed.
+    """
     row = task.row(folder)
-    if row is None and is_done(folder, task.case):
-        return Row(DONE, json_values(row_of(load_result(folder), task.name)))
+    try:
+        if row is None and is_done(folder, task.case):
+            return Row(DONE, json_values(row_of(load_result(folder), task.name)))
+    except OutputError as error:
+        return Row(FAILED, reason=str(error), kind=FILES)
     return row
 
 

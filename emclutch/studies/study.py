@@ -20,6 +20,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, fields
+from math import inf
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any, NamedTuple
@@ -40,6 +41,8 @@ log = logging.getLogger(__name__)
 ROW, STOP = "row.json", "stop-asked"
 LOOK_SECONDS = 0.5  # between two looks at the tasks that run
 STOP_SECONDS = 0.2  # between two looks for the file that asks to stop: windows may be shorter, file systems far away
+GRACE = 4.0
+"""Seconds that children have to end with a checkpoint once Ctrl-C was pressed; the last one is a minute old at most."""
 ELSEWHERE = "elsewhere"
 """State of a task that another process has taken over."""
 SCENE, FILES, RUN, MACHINE, PROGRAM = "scene", "files", "run", "machine", "program"
@@ -296,6 +299,7 @@ class Study:
         self.stopped = False
         self._put_off: set[str] = set()  # tasks that others may be at
         self._asked = threading.Event()
+        self._last = inf  # moment at which children that are to stop are ended
 
     # what a kind of study adds -------------------------------------------------------------------------------------
 
@@ -390,9 +394,7 @@ class Study:
                 if self.executor is None:
                     break  # it has ended
             if self._asked.is_set():
-                self.stopped = True
-                if self.executor is not None:
-                    (self.folder / STOP).touch()
+                self._stop()
             if stops:
                 begun = self.attempts_at(running.values())
                 for future, task in [*running.items()]:
@@ -409,6 +411,18 @@ class Study:
                     task = running.pop(future)
                     self._end(task, self._row_of(task, future))
             self.look([*running.values()])
+
+    def _stop(self) -> None:
+        """Stop what runs: elsewhere by a file, in children at once, or after `GRACE` by their end."""
+        self.stopped = True
+        if self.executor is not None:
+            (self.folder / STOP).touch()
+        if isinstance(self.executor, ChildProcesses):
+            if self._last == inf:
+                self._last = time.monotonic() + GRACE
+                self.executor.children.interrupt()
+            elif time.monotonic() > self._last:
+                self.executor.children.end()
 
     def attempts_at(self, tasks: Iterable[Task]) -> dict[str, Path]:
         """Return the folders in which processes are, or were, at work on tasks, by the tasks' names."""
@@ -455,6 +469,8 @@ class Study:
         except (BrokenExecutor, CancelledError):
             raise
         except TaskProcessEnded as error:
+            if self.stopped:
+                return Row(STOPPED)
             reason = f"{error}; take fewer at a time, or a machine with more"
         except Exception as error:  # in passing the task on
             reason = f"{type(error).__name__}: {error}"

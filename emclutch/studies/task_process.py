@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import pickle
+import signal
 import subprocess
 import sys
 import threading
@@ -35,6 +36,7 @@ class Children:
         self._idle: list[subprocess.Popen[bytes]] = []
         self._busy: list[subprocess.Popen[bytes]] = []
         self._has_ended = False
+        self._writing = threading.Lock()
 
     def perform(self, call: bytes) -> bytes:
         """Run a call in a child process, see `perform_call`."""
@@ -45,6 +47,18 @@ class Children:
                 if tried == TRIES or self._has_ended:
                     raise
         raise AssertionError("it is tried at least once")
+
+    def interrupt(self) -> None:
+        """Interrupt what the children do, as Ctrl-C does: a run ends with its window, a compilation with its pass."""
+        for child in [*self._busy]:
+            with suppress(OSError, ValueError):  # it has just ended
+                self._send(child, None)
+
+    def _send(self, child: subprocess.Popen[bytes], call: bytes | None) -> None:
+        assert child.stdin is not None
+        with self._writing:
+            pickle.dump(call, child.stdin)
+            child.stdin.flush()
 
     def end(self) -> None:
         """End all children; what they do is lost but for checkpoints."""
@@ -66,9 +80,8 @@ class Children:
         if self._has_ended:
             child.kill()
         try:
-            assert child.stdin is not None and child.stdout is not None
-            pickle.dump(call, child.stdin)
-            child.stdin.flush()
+            assert child.stdout is not None
+            self._send(child, call)
             answer: bytes = pickle.load(child.stdout)
         except (EOFError, BrokenPipeError, pickle.UnpicklingError):
             code = _discarded(child)
@@ -155,15 +168,19 @@ def _new_child() -> subprocess.Popen[bytes]:
 
 def main() -> None:
     """Entry point of the child."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # a run has a handler of its own
     calls: SimpleQueue[bytes] = SimpleQueue()
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what a task prints is no answer
-    source = sys.stdin.buffer
+    source, main_thread = sys.stdin.buffer, threading.get_ident()
 
     def read() -> None:
         with suppress(EOFError, OSError, pickle.UnpicklingError):
             while True:
-                calls.put(pickle.load(source))
+                if (call := pickle.load(source)) is None:
+                    signal.pthread_kill(main_thread, signal.SIGINT)
+                else:
+                    calls.put(call)
         os._exit(1)  # the worker is gone: whatever runs continues elsewhere, from its checkpoint
 
     # The thread only reads; calls are imported and run by the main thread, which alone may handle signals.

@@ -40,6 +40,7 @@ from emclutch.results.report.report import (
 )  # fmt: skip
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import Fault, SceneError, bad_input_for
+from emclutch.scene.flat import settings_beside
 from emclutch.scene.map_axes import CURRENT, Axis, axes_of
 from emclutch.scene.units import unit_of
 from emclutch.simulation.forecast.expected_field import field_of_sheared_powder
@@ -208,9 +209,11 @@ class MapResult(Reported):
             yield note(f"Law of the powder: {file}.")
         yield note(f"{LEFT_OUT}{' of the powder, which makes most of a measured loop' if above else ''}.")
         words = [str(self.case.path or "CASE")]
+        texts = settings_beside(self.case)
         for axis, value in zip(self.axes, largest.values, strict=True):
-            for key, changed in axis.changes(value).items():
-                words += ["--set", f"{key}={'none' if changed is None else axis.shown(value)}"]
+            texts |= {key: "none" if of is None else axis.shown(value) for key, of in axis.changes(value).items()}
+        for key, text in texts.items():
+            words += ["--set", f"{key}={text}"]
         yield note(f"Next: run a point, as: emclutch run {shlex.join(words)}")
 
 

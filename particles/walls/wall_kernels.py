@@ -11,6 +11,13 @@ from geometry.kernels.simd_math import sqrt
 # columns of the wall table (`particles.walls.wall_table`)
 KIND, R0, Z0, R1, Z1, UR, UZ, OWN0, NR0, NZ0, OWN1, NR1, NZ1 = range(13)
 N_WALL = 13
+NEAR_AXIS = 1e-5
+"""Distance of a centre from the axis, over that from the wall, within which it touches the wall all round.
+
+There the radial forces of a ring balance, but its nearest point jumps from side to side, by which a grain that rests
+in a hole would tremble: the radial part of the normal goes to 0 with the distance from the axis. Further away, as here
+from 1e-3 on, the ball would not lose its energy by impacts on both sides any more, but roll to and fro.
+"""
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
@@ -35,6 +42,10 @@ def _wall_gap(wall, w, x, y, z):
     distance = sqrt(a * a + b * b)
     inverse = 1.0 / distance if distance > 0.0 else 0.0
     nr, nz = -a * inverse, -b * inverse
+    if r < NEAR_AXIS * distance and nz != 0.0:
+        nr *= r / (NEAR_AXIS * distance)
+        size = sqrt(nr * nr + nz * nz)
+        nr, nz = nr / size, nz / size
     if r > 0.0:
         return distance, nr * x / r, nr * y / r, nz, owned
     return distance, nr, 0.0, nz, owned  # on the axis every half-plane is as good

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -140,6 +141,18 @@ import emclutch.cli.main
 """
     done = subprocess.run([sys.executable, "-c", stop], capture_output=True, text=True)
     assert (done.returncode, len(done.stderr.splitlines())) == (130, 1)
+
+
+@pytest.mark.parametrize("words", [["--help"], ["materials"], ["check", "nowhere.toml"]])
+def test_output_that_nobody_reads_ends_in_silence_as_of_other_programs(words):
+    """As `yes | head -1`: killed by SIGPIPE, which a shell counts as 128 + 13."""
+    command = [sys.executable, "-m", "emclutch.cli.main", *words]
+    reader, writer = os.pipe()
+    os.close(reader)
+    with open(writer, "w") as closed:
+        stderr = closed if "check" in words else subprocess.PIPE  # an error is what is printed
+        ended = subprocess.run(command, cwd=ROOT, stdout=closed, stderr=stderr, text=True)
+    assert (ended.returncode, ended.stderr or "") == (141, "")
 
 
 def test_a_notebook_shows_no_foreign_markup(tmp_path):

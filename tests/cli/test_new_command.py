@@ -15,6 +15,9 @@ from emclutch.device_model.device import build_device
 from emclutch.devices import GEOMETRIES
 from emclutch.scene.errors import SceneError
 from emclutch.scene.schema_walk import is_table
+from geometry.annular_cell import ShearCell
+from geometry.clutch import Clutch
+from geometry.dimensioned_views import cell_views, clutch_views
 
 KEY = re.compile(r"^(?:# )?(\w+) = ", re.MULTILINE)
 
@@ -57,6 +60,72 @@ def test_every_key_of_its_sections_stands_in_it(kind, written):
         assert wanted <= set(KEY.findall(text)), path
     required = {name for name, field in type(scene).model_fields.items() if field.is_required()}
     assert required <= {path.partition(".")[0] for path in parts}
+
+
+@pytest.mark.parametrize(
+    ("word", "kind", "title"),
+    [("disc", "clutch", "clutch"), ("Disk", "clutch", "clutch"), ("brake", "clutch", "brake"), ("Drum", "drum", "")],
+)  # fmt: skip
+def test_the_words_for_a_shape_write_its_kind(word, kind, title, tmp_path):
+    scene = emclutch.load_case(new_scene(tmp_path / "mine.toml", word)[0]).scene
+    assert scene.geometry.kind == kind and title in scene.scene.title and scene.motion.disc.speed(0.0) == 0.0
+
+
+@pytest.mark.parametrize("kind", ["cad", "clutch", "drum", "shear_cell"])
+def test_sectors_are_in_diameters_and_no_inertia_is_scaled_unasked(kind, written):
+    data = tomllib.loads(written[kind].read_text(encoding="utf-8"))
+    assert data["particles"]["sector"].endswith(" diameters") and "accuracy" not in data
+    assert data["contact"] == {}  # its keys are listed
+
+
+DRAWN = [one for one in starter_kinds() if one not in ("cad", "field")]
+
+
+@pytest.mark.parametrize("kind", DRAWN)
+def test_a_drawing_has_every_dimension_of_its_kind_and_no_text_lies_on_another(kind, tmp_path, monkeypatch):
+    from matplotlib.figure import Figure
+
+    drawn = []
+    monkeypatch.setattr(Figure, "savefig", lambda figure, file, **_: drawn.append(figure) or file.write(b"drawn"))
+    answer = CliRunner().invoke(app, ["new", "--kind", kind, "--drawing", str(tmp_path / "drawn.png")])
+    assert answer.exit_code == 0 and (tmp_path / "drawn.png").read_bytes() == b"drawn", answer.output
+    (figure,) = drawn
+    figure.canvas.draw()
+    texts = [text for panel in figure.axes for text in panel.texts if text.get_text()]
+    boxes = [text.get_window_extent() for text in texts]
+    for number, box in enumerate(boxes):
+        assert not any(box.overlaps(other) for other in boxes[:number]), texts[number]
+        assert figure.bbox.padded(1.0).containsx(box.x0) and figure.bbox.padded(1.0).containsx(box.x1)
+    words = " ".join([text.get_text() for text in texts] + [panel.get_title() for panel in figure.axes])
+    (model,) = (one for one in GEOMETRIES if one.name() == kind)
+    others = {"kind", "materials", "air_factor", "walls", "inertial_number", "shear_rate", "solid_fraction", "pressure"}
+    assert [name for name in model.model_fields if name not in others and name not in words] == []
+
+
+def test_a_dimension_is_as_long_as_its_key_says():
+    """Of shapes without thin parts, which would be drawn thicker; a radius by default is that of what it bounds."""
+    length = 0.02
+    names = ("gap", "face_gap", "rotor_wall", "ring_width", "cover_thickness", "clearance", "yoke", "coil_height")
+    clutch = Clutch(disc_radius=0.1, disc_thickness=0.05, seal_radius=0.05, shaft_radius=0.02, coil_width=0.04,
+                    **dict.fromkeys(names, length))  # fmt: skip
+    sizes = {"coil_radius": clutch.housing_bore, "housing_width": clutch.rotor_length}
+    (section, slots), cell = clutch_views(clutch), ShearCell(0.01, 0.02, 0.03)
+    for shape, view in ((clutch, section), (cell, *cell_views(cell))):
+        for one in view.dimensions:
+            span = abs(one.end[0] - one.start[0]) if one.along_x else abs(one.end[1] - one.start[1])
+            assert span == pytest.approx(sizes.get(one.key) or getattr(shape, one.key)), one.key
+    assert [one.key for one in slots.dimensions] == ["depth"]
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [([], "FILE is missing; name the new scene"), (["--kind", "cad", "--drawing", "a.png"], "its dimensions in a file"),
+     (["--drawing", "a.jpg"], "change its ending to .png")],
+)  # fmt: skip
+def test_what_cannot_be_drawn_is_told(words, says, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    answer = CliRunner().invoke(app, ["new", *words])
+    assert answer.exit_code == 2 and says in answer.stderr and not list(tmp_path.iterdir())
 
 
 def test_a_clutch_from_cad_brings_its_drawing(written):

@@ -7,7 +7,7 @@ from scipy.spatial import Delaunay
 
 from geometry.time_profile import TimeProfile
 from geometry.triangle_wall import TriangleWall, box_surface, extruded
-from geometry.walls import Plane, annulus, cylinder
+from geometry.walls import Plane, annulus, cone, cylinder, outline
 from particles import Body, FreeShaft, Grains, HertzContact, LinearContact, PairLaws
 
 pytestmark = pytest.mark.physics
@@ -273,3 +273,21 @@ def test_a_free_shaft_and_a_grain_share_angular_momentum():
     ratio = MASS * r * r / inertia
     assert dem.grains.velocity[0, 1] == pytest.approx(-v * (ratio - 1.0) / (ratio + 1.0), rel=5e-3, abs=5e-3)
     assert disc.speed == pytest.approx(-2.0 * MASS * v * r / (inertia + MASS * r * r), rel=5e-3)
+
+
+@pytest.mark.parametrize("shape", ["hole", "funnel"])
+@pytest.mark.parametrize("aside", [0.0, 1e-6, 1e-3, 0.05])
+def test_a_ball_on_a_ring_about_the_axis_comes_to_rest(shape, aside):
+    """Touched all round, it is held in the middle; by its nearest point alone it would tremble from side to side."""
+    hole = 0.5 * RADIUS
+    plate = outline(["pipe", "plate"], "housing", [(hole, -3.0 * RADIUS), (hole, 0.0), (4.0 * RADIUS, 0.0)])
+    funnel = [cone("funnel", "housing", (0.0, 0.0), (4.0 * RADIUS, 4.0 * RADIUS))]
+    walls, height = (
+        (plate, np.sqrt(RADIUS**2 - (hole - aside * RADIUS) ** 2))
+        if shape == "hole"
+        else (funnel, (np.sqrt(2.0) + aside) * RADIUS)
+    )
+    grains = Grains.create(np.array([[aside * RADIUS, 0.0, height]]), RADIUS, DENSITY)
+    dem = make_dem(grains, walls, [Body("housing")], law("linear", e=0.5), gravity=(0.0, 0.0, -G))
+    dem.run(int(0.1 / dem.dt))
+    assert np.linalg.norm(dem.grains.velocity) < 1e-10 and np.hypot(*dem.grains.position[0, :2]) < 1e-9 * RADIUS

@@ -156,6 +156,17 @@ def test_pictures_off_screen_show_something_and_spheres_have_their_size(run, tmp
     assert done.returncode == 0, done.stderr
 
 
+def test_names_of_the_bodies_stand_on_their_own_walls(run):
+    from emclutch.results.view.frame_meshes import body_names, frame_meshes
+
+    files = read_run_files(run)
+    for ring in (False, True):
+        points, names = body_names(files, frame_meshes(files, 1e-3, ("grains", "walls"), "speed", ring=ring))
+        assert dict(zip(names, np.hypot(*points.T[:2]), strict=True)) == pytest.approx({"disc": 0.02, "rotor": 0.021})
+    points, names = body_names(files, frame_meshes(files, 1e-3, ("device",), None))
+    assert names == ["disc"] and 0.0 < points[0, 0] < 0.04 and 0.0 < points[0, 2] < 0.01
+
+
 @pytest.mark.skipif(
     not (shutil.which("pvbatch") and shutil.which("xvfb-run")),
     reason="needs Debian's packages paraview, python3-paraview and xvfb",

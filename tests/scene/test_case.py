@@ -12,9 +12,11 @@ from pathlib import Path
 import pytest
 from pydantic import ValidationError
 
+from emclutch.cli.input import assignments
 from emclutch.scene.case import case_from, load_case
 from emclutch.scene.errors import SceneError
 from emclutch.scene.fill import fill_of
+from emclutch.scene.flat import settings_beside
 from emclutch.scene.model import Scene
 from emclutch.scene.study import read_study
 from geometry.time_profile import TimeProfile
@@ -235,3 +237,21 @@ def test_a_resolved_box_loads_again():
     }
     case = case_from(box)
     assert case_from(tomllib.loads(case.toml())).resolved() == case.resolved()
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {},
+        {"coil.current": "0.5 A", "particles.material": "carbonyl_iron", "field.order": 1},
+        {"effects.gravity": {}, "effects.rolling_friction": None, "time.until": None},
+        {"effects.dipoles.cutoff": 3.0, "output.pictures": False, "output.formats": ["hdf5"]},
+    ],
+)
+def test_what_was_set_beside_a_file_makes_the_same_scene_again(values):
+    """As options --set, which a command prints for the next one."""
+    path = Path(__file__).parents[2] / "cases" / "quickstart.toml"
+    case = load_case(path, values)
+    given = settings_beside(case)
+    assert load_case(path, assignments([f"{key}={text}" for key, text in given.items()])).scene == case.scene
+    assert (given == {}) == (values == {})

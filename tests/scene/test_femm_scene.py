@@ -299,7 +299,7 @@ def test_the_command_writes_a_scene_beside_its_drawing(tmp_path):
     assert CliRunner().invoke(app, ["check", str(tmp_path / "mine.toml")]).exit_code == 0
     again = CliRunner().invoke(app, command)
     assert again.exit_code == 2 and "mine.brep exists" in again.stderr
-    for options, words in ((["--kind", "drum"], "exclude each other"), ([], "give the model by --from")):
+    for options, words in ((["--kind", "drum"], "cannot be combined with --from"), ([], "needs --from")):
         wrong = command + options if options else [*command[:2], "--powder", "Air"]
         answer = CliRunner().invoke(app, wrong)
         assert answer.exit_code == 2 and words in answer.stderr

@@ -56,6 +56,18 @@ def test_sizes_are_read_and_written(sizes, mean, limits):
     assert case_from(tomllib.loads(case.toml())).scene == case.scene
 
 
+def test_a_powder_by_name_is_that_of_its_values():
+    """Of pure iron, mu_0 Ms = 2.145 T; a value given alike is no conflict, as in a resolved scene."""
+    case = _case({"diameter": "1 mm", "count": 10, "material": "Carbonyl iron", "density": 7870})
+    found = case.scene.particles
+    assert 4e-7 * math.pi * found.saturation == pytest.approx(2.145, abs=1e-3)
+    assert (found.density, found.susceptibility) == (7870.0, 999.0)
+    assert case_from(tomllib.loads(case.toml())).scene == case.scene
+    values = {"density": 7870, "susceptibility": 999, "saturation": found.saturation}
+    unnamed = _case({"diameter": "1 mm", "count": 10} | values).scene.particles
+    assert unnamed == found.model_copy(update={"material": None})
+
+
 def test_equal_grains_are_sizes_too():
     particles = _case({"diameter": "1 mm", "count": 10}).scene.particles
     assert particles.mean_diameter == particles.smallest_diameter == particles.largest_diameter == 1e-3
@@ -187,6 +199,9 @@ EQUAL = {"diameter": "1 mm", "count": 10}
         (EQUAL | {"packing_file": "bed.csv"}, "particles.packing_file", "not used by packing = 'random'"),
         (EQUAL | {"noise": 0.5}, "particles.noise", "take packing = 'lattice'"),
         (EQUAL | {"packing": "sieve"}, "particles.packing", "available: random, grow, lattice, pour, file"),
+        (EQUAL | {"material": "carbonyl"}, "particles.material", "available: carbonyl_iron, stainless_430; or"),
+        (EQUAL | {"material": "stainless_430", "susceptibility": 100}, "particles.susceptibility",
+         "conflicts with material = 'stainless_430', which says 273; remove one of the two"),
         (EQUAL | {"settle_kinetic": 0.5}, "particles.settle_kinetic", "out of range"),
         (EQUAL | {"initial_velocity": "sheared"}, "particles.initial_velocity", "no gap between two shafts"),
         (EQUAL | {"initial_velocity": "sheared", "settle": True}, "particles.initial_velocity", "come to rest"),

@@ -42,7 +42,8 @@ CELL = {
         ({"effects.cohesion": {"model": "dmt", "work_of_adhesion": 50.0}}, "50 J/m^2 is outside", "write '50 mJ/m^2'"),
         ({"effects.rolling_friction": {"coefficient": 2.0}}, "coefficient = 2 is outside", "effective radii"),
         ({"motion.rotor.speed": 1e5}, "4600 m/s is outside", "rad/s"),
-        ({**COIL, "coil.current": "3 A"}, "current density in the copper = 50 A/mm^2", ""),
+        ({**COIL, "coil.current": "3 A"}, "density in the copper = 50 A/mm^2", "0.6 of it, or raise geometry.coil_w"),
+        ({**COIL, "coil.current": None, "coil.voltage": "600 V"}, "current density", "Lower coil.voltage to 0"),
     ],
 )
 def test_what_is_unusual_is_reported(values, reported, asks):

@@ -1,5 +1,7 @@
 """Runs that take no time, and study files over them: what a study asks for is kept, and its files are there."""
 
+import signal
+import time
 from pathlib import Path
 from typing import NamedTuple
 
@@ -46,6 +48,14 @@ class StandInRuns:
         torque = {"mean": self.torque or friction, "standard_error": 0.1, "converged": True, "reason": "", "start": 0.0}
         folder.write_summary({"torque": torque, "typical_overlap": 0.0, "seconds": {"whole_run": 1.0}})
         return load_result(folder.path)
+
+
+def never_ends(task, folder, progress):
+    """Look for no file that asks to stop, as while kernels compile; Ctrl-C ends it unless the task is deaf."""
+    if not task.options["deaf"]:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+    (folder / "begun").touch()
+    time.sleep(60.0)
 
 
 def number_of(folder):

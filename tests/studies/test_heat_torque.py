@@ -9,6 +9,7 @@ import pytest
 from emclutch.device_model.heat_model import COIL, POWDER
 from emclutch.results.report.render import terminal
 from emclutch.scene.case import load_case
+from emclutch.scene.errors import SceneError
 from emclutch.studies import heat_torque
 from emclutch.studies.design_search import expectation_of
 from emclutch.studies.heat import _Study, _surface, heat
@@ -86,6 +87,30 @@ def test_a_measured_torque_scales_the_law(study, monkeypatch):
     of_run = _Study.of(small(), "runs/a").model.torque
     assert of_run(0.4, 20.0) == pytest.approx(0.2, rel=1e-9)
     assert of_run(0.8, 150.0) == pytest.approx(0.2 * law(0.8, 150.0) / law(0.4, 20.0), rel=5e-3)
+
+
+def test_a_given_slip_power_is_the_heat_of_the_powder_while_the_coil_is_on():
+    """P t_on, as of the torque P / omega, whatever the current; also without the powder's law, and with a voltage."""
+    duty = {"end": "60 s", "period": "20 s", "on": "5 s"}
+    alone = {"particles": None, "effects": {"heat": {"slip_power": "20 W", "duty": duty}}, "time": None}
+    drive = {"coil.current": None, "coil.voltage": "9 V", "coil.resistance": "20 ohm"}
+    for values in ({"effects.heat.slip_power": "20 W", "effects.heat.duty": duty}, alone, alone | drive):
+        study = _Study.of(small(**values), None)
+        table, summary, _ = study.through_the_duty(None)
+        assert summary["heat_of_slip"] == pytest.approx(20.0 * 15.0, rel=1e-6)
+        assert study.torque_summary["value"] * 50.0 * RPM == pytest.approx(20.0) and not study.ends
+        assert table["slip_power"].max() == pytest.approx(20.0)
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [({"effects.heat.torque": "1 N m"}, "slip_power = '20 W' conflicts with torque; keep one"),
+     ({"effects.heat.slip_power": "20 N m"}, "is a torque or an energy; a power is needed"),
+     ({"motion.rotor.speed": 0.0}, "needs a slip: give effects.heat.duty.slip, or a speed")],
+)  # fmt: skip
+def test_a_slip_power_that_cannot_be_is_told(values, words, tmp_path):
+    with pytest.raises(SceneError, match=words):
+        heat(small(**{"effects.heat.slip_power": "20 W"} | values), out=tmp_path / "heat")
 
 
 def test_the_permitted_current_meets_a_limit_with_its_own_torque(study):

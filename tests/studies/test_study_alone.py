@@ -134,10 +134,14 @@ def test_points_of_another_study_are_not_collected_and_a_stop_that_was_left_behi
 
 
 @pytest.mark.parametrize("options", [[], ["--point", "1"]])
-def test_a_value_that_is_no_list_is_told_with_its_remedy(options, tmp_path, runs):
-    study = study_file(tmp_path, {FRICTION: 0.3, SPEED: ["1 rpm", "2 rpm"]})
+@pytest.mark.parametrize(
+    ("given", "words"), [(0.3, "0.3 is not a list of values; write it in brackets"),
+                         ([], "[] is an empty list: the study would have no points; give one value or more")],
+)  # fmt: skip
+def test_a_value_that_is_no_list_is_told_with_its_remedy(given, words, options, tmp_path, runs):
+    study = study_file(tmp_path, {FRICTION: given, SPEED: ["1 rpm", "2 rpm"]})
     answer = CliRunner().invoke(app, ["sweep", str(study), "--out", str(tmp_path / "out"), *options])
-    message = f"study.values.{FRICTION} = 0.3 is not a list of values; write it in brackets"
+    message = f"study.values.{FRICTION} = {words}"
     assert answer.exit_code == 2 and message in " ".join(answer.stderr.split())
 
 

@@ -12,12 +12,13 @@ from pathlib import Path
 
 import pandas
 import pytest
-from stand_in_runs import FRICTION, SPEED, number_of, study_file
+from stand_in_runs import FRICTION, SPEED, never_ends, number_of, study_file
 
 from emclutch.results import OutputError, RunFolder
 from emclutch.results.errors import Interrupted, RunError
 from emclutch.scene.study import read_study
-from emclutch.studies.study import STOP
+from emclutch.studies import study as study_of_tasks
+from emclutch.studies.study import STOP, Study, Task, child_processes
 from emclutch.studies.sweep import sweep
 from emclutch.studies.task_process import TaskProcessEnded, call_of, perform_call, result_of
 
@@ -118,6 +119,27 @@ def test_ctrl_c_asks_every_running_point_to_stop(tmp_path, runs, threads):
     with pytest.raises(Interrupted, match=r"0 of 3 points done; continue with: emclutch sweep .* --resume --jobs 2"):
         sweep(study, out=tmp_path / "out", executor=threads, jobs=2)
     assert len(runs.asked) == 2 and not (tmp_path / "out" / STOP).exists()
+
+
+@pytest.mark.parametrize("deaf", [False, True], ids=["hears", "deaf"])
+def test_ctrl_c_of_the_study_alone_ends_children_that_look_for_no_file(deaf, tmp_path, monkeypatch):
+    """Its signal reaches no child. They are interrupted as by Ctrl-C, and ended where that is no use; nothing fails."""
+    monkeypatch.setattr(study_of_tasks, "GRACE", 0.5 if deaf else WAIT)
+    task, killer = Task("one", None, never_ends, {"deaf": deaf}, "", "digest", ""), threading.Event()
+
+    def interrupt():
+        while not killer.wait(0.05):
+            if list(tmp_path.glob("out/attempts/*/begun")):
+                killer.set()
+                os.kill(os.getpid(), signal.SIGINT)
+
+    with child_processes(2) as executor:
+        study = Study(tmp_path / "out", executor, 2)
+        threading.Thread(target=interrupt, daemon=True).start()
+        with study.opened(resume=False):
+            study.run([task])
+    assert killer.is_set() and study.stopped and study.rows["one"].state == "stopped"
+    assert len(list(tmp_path.glob("out/attempts/*/begun" if deaf else "out/one/begun"))) == 1  # it is continued
 
 
 def test_what_a_worker_cannot_pass_on_is_the_points_failure(tmp_path, runs):

@@ -9,7 +9,9 @@ from contextlib import suppress
 import pandas
 import pytest
 from stand_in_runs import FRICTION, SPEED, folder_of, number_of, study_file
+from typer.testing import CliRunner
 
+from emclutch.cli.main import app
 from emclutch.cli.plot import plot_runs
 from emclutch.results import OutputError, RunFolder
 from emclutch.results.errors import Interrupted, RunError
@@ -181,6 +183,23 @@ def test_a_point_killed_before_its_first_checkpoint_is_started_anew(tmp_path, ru
     runs.asked.clear()
     sweep(study, out=out, resume=True)
     assert not runs.asked
+
+
+@pytest.mark.parametrize("damaged", ["", '{"torque": ', "[1]", "null"])
+def test_a_point_with_a_damaged_summary_is_done_again_and_the_others_stay(damaged, tmp_path, runs):
+    """Its damaged file is kept, and the command line, which foretells what is left, goes on."""
+    file = study_file(tmp_path, {FRICTION: [0.1, 0.3]})
+    out = sweep(read_study(file), out=tmp_path / "out")
+    before = table(out)
+    (folder_of(out, 0) / "summary.json").write_text(damaged)
+    runs.asked.clear()
+    answer = CliRunner().invoke(app, ["sweep", str(file), "--out", str(out), "--collect"])
+    assert answer.exit_code == 3, answer.output
+    answer = CliRunner().invoke(app, ["sweep", str(file), "--out", str(out), "--resume"])
+    assert answer.exit_code == 0, answer.output
+    assert [asked[:2] for asked in runs.asked] == [(0, True)] and table(out).equals(before)
+    assert (folder_of(out, 0) / "damaged-summary.json").read_text() == damaged
+    assert "summary.json is damaged" in (out / "study.log").read_text()
 
 
 def test_a_point_killed_before_its_scene_was_written_keeps_its_folder(tmp_path, runs):

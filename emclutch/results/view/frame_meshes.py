@@ -50,6 +50,38 @@ def frame_meshes(
     return found
 
 
+def body_names(files: RunFiles, meshes: dict[str, Any]) -> tuple[np.ndarray, list[str]]:
+    """Points (k, 3) [m] at which names of bodies are written, and the names.
+
+    Of walls the corner of each body that is nearest to the left end of the grains; of a device swept from a section a
+    place inside rotor and disc, in the cut that is seen.
+    """
+    found: dict[str, np.ndarray] = {}
+    if "walls" in meshes and "grains" in meshes:
+        walls = meshes["walls"]
+        x0, x1, y0, y1, z0, z1 = meshes["grains"].bounds
+        left = np.array([0.5 * (x0 + x1), 0.5 * (y0 + y1), z0 - 0.05 * (z1 - z0)])
+        for number, name in enumerate(files.bodies):
+            own = np.flatnonzero(walls.cell_data["body"] == number)
+            if x0 < 0.0 < x1 and y0 < 0.0 < y1:  # a ring: names apart from each other
+                left[:2] = x1 * math.cos(2.0 * number), x1 * math.sin(2.0 * number)
+            if len(own):
+                found[name] = _nearest(walls.extract_cells(own).points, left)
+    elif "device" in meshes and files.field == "section":
+        device = meshes["device"]
+        centres, region = device.cell_centers().points, device.cell_data["region"]
+        seen = (np.abs(centres[:, 1]) < 1e-6 * np.ptp(centres[:, 0])) & (centres[:, 0] > 0.0)
+        for number, name in enumerate(files.regions):
+            own = centres[seen & (region == number)]
+            if name in ("rotor", "disc") and len(own):
+                found[name] = _nearest(own, own.mean(axis=0))
+    return np.array(list(found.values())).reshape(-1, 3), list(found)
+
+
+def _nearest(points: np.ndarray, place: np.ndarray) -> np.ndarray:
+    return points[np.linalg.norm(points - place, axis=1).argmin()]
+
+
 def full_ring(data: Any, sector: float) -> Any:
     """What lies in a sector [rad] repeated round z; vectors turn with it, and what is shown stays the same."""
     degrees = math.degrees(sector)

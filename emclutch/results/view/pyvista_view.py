@@ -10,7 +10,7 @@ import pyvista
 from matplotlib.colors import LinearSegmentedColormap
 
 from emclutch.results.view import look as looks
-from emclutch.results.view.frame_meshes import frame_meshes
+from emclutch.results.view.frame_meshes import body_names, frame_meshes
 from emclutch.results.view.run_files import RunFiles
 from emclutch.scene.errors import Fault, SceneError
 
@@ -27,6 +27,10 @@ STYLES: dict[str, dict[str, Any]] = {
 BAR = {
     "vertical": True, "position_x": 0.05, "height": 0.27, "width": 0.9, "color": "black", "title_font_size": 18,
     "label_font_size": 16, "fmt": "%.3g", "n_labels": 4, "render": False,
+}  # fmt: skip
+NAMES: dict[str, Any] = {
+    "name": "names", "always_visible": True, "show_points": False, "font_size": 22, "text_color": "black",
+    "shape_color": "white", "shape_opacity": 0.75, "reset_camera": False, "render": False,
 }  # fmt: skip
 LAYOUT: dict[str, Any] = {  # title and time above, colour bars to the right, so that nothing lies behind them
     "shape": (2, 2), "groups": [(0, [0, 1])], "border": False,
@@ -85,6 +89,10 @@ class RunView:
                 self._add(part, meshes[part])
             else:
                 self.plotter.remove_actor(part, render=False)
+        points, names = body_names(self.files, meshes)
+        self.plotter.remove_actor("names-labels", render=False)
+        if names:
+            self.plotter.add_point_labels(points, names, **NAMES)
         text = f"t = {1e3 * time:.3f} ms"
         self.plotter.subplot(*HEAD)
         self.plotter.add_text(text, position=(0.02, 0.1), viewport=True, font_size=10, color="black", name="time")
