@@ -90,6 +90,13 @@ def test_links_lead_somewhere_and_files_that_the_text_names_are_in_the_tree():
     assert wrong == []
 
 
+def test_formulas_are_of_letters_that_the_converter_to_mathml_knows():
+    """It stops the build of the pages at a degree sign, for instance."""
+    formulas = re.compile(r"\$\$.*?\$\$|\$[^$\n]+\$", re.S)
+    found = {page.name: [one for one in formulas.findall(prose(page)) if not one.isascii()] for page in PAGES}
+    assert {name: wrong for name, wrong in found.items() if wrong} == {}
+
+
 def check_line(words: list[str], folder: Path) -> None:
     """A shell line: options and files exist, and a scene is right with the values that the line sets."""
     if "|" in words:
