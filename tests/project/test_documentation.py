@@ -26,7 +26,7 @@ from emclutch.scene.study import read_study
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS, CASES = ROOT / "docs", ROOT / "cases"
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "geometry" / "kernels" / "README.md", ROOT / "tests" / "hard" / "README.md"]
+PAGES = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "geometry/kernels/README.md", "tests/hard/README.md")]
 PAGES += [page for page in sorted(DOCS.rglob("*.md")) if "_build" not in page.parts]
 TUTORIAL = [DOCS / "tutorial" / f"{name}.md" for name in ("first_torque", "reading_results", "own_device")]
 IN_ORDER = [*TUTORIAL, *sorted((DOCS / "how_to").glob("*.md"))]  # in a folder that has `cases` as a new user's has
