@@ -157,7 +157,7 @@ def rise_times_in_words(effects, summary) -> str:
         if first is not None and delayed[key]:
             then = f", 90 % after {format_time(late)}" if late else ""
             parts.append(f"{name} 63 % after {format_time(first)}{then}")
-    return "; ".join(parts)
+    return "\n".join(parts)
 
 
 def steady_current(history) -> float | None:
