@@ -28,6 +28,7 @@ if TYPE_CHECKING:  # the same names for type checkers and editors, which do not 
     from emclutch.studies.accuracy.target import run
     from emclutch.studies.design_search import DesignResult, design
     from emclutch.studies.field_result import FieldResult, field
+    from emclutch.studies.field_transient import TransientResult, field_transient
     from emclutch.studies.fit import FitResult, fit
     from emclutch.studies.heat import HeatResult, heat
     from emclutch.studies.mesh import MeshedScene, mesh
@@ -54,6 +55,7 @@ __all__ = [
     "RunError",
     "SceneError",
     "StudyResult",
+    "TransientResult",
     "WindowState",
     "accuracy",
     "check",
@@ -61,6 +63,7 @@ __all__ = [
     "design",
     "effect_contributions",
     "field",
+    "field_transient",
     "fit",
     "heat",
     "load_case",
@@ -88,6 +91,8 @@ __getattr__, __dir__ = lazy_attributes(
         "Plan": "emclutch.simulation.plan:Plan",
         "field": "emclutch.studies.field_result:field",
         "FieldResult": "emclutch.studies.field_result:FieldResult",
+        "field_transient": "emclutch.studies.field_transient:field_transient",
+        "TransientResult": "emclutch.studies.field_transient:TransientResult",
         "fit": "emclutch.studies.fit:fit",
         "FitResult": "emclutch.studies.fit:FitResult",
         "heat": "emclutch.studies.heat:heat",

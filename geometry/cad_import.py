@@ -8,7 +8,8 @@ What may be in the file (STEP, IGES, BREP, or gmsh's own .geo with the OpenCASCA
   reported to a caller who solves the field in 3D.
 
 A part's region is its name in the file (`geometry.cad_parts`); one without a name is ``part3``, say, by its number in
-the order of the file, as are all parts of a BREP file.  Air need not be drawn: what no part fills is air, out to a half
+the order of the file, as are all parts of a BREP file, and those of the physical group 3 of a .geo file, if it has no
+name, are ``tag3``.  Air need not be drawn: what no part fills is air, out to a half
 disc around all.  STEP carries its unit of length; a BREP or .geo file is read in millimetres; ``scale`` mends a wrong
 unit.
 A .geo file is a script, and refused unless the caller trusts it (`geometry.file_content`).
@@ -17,17 +18,23 @@ A .geo file is a script, and refused unless the caller trusts it (`geometry.file
 from __future__ import annotations
 
 import math
+import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from geometry.cad_parts import CadFile, CadPart, own_name, plain_name
 from geometry.file_content import SCRIPT, SHAPE_FORMATS, CadError, check_file
 from geometry.mesher import MILLIMETRE, SECTION_OPTIONS, gmsh_model
 
 SUFFIXES = (*SHAPE_FORMATS, SCRIPT)
-_FLAT = 1e-5  # mm; coordinates in a STEP file are rounded to 1e-6 or better
+_FLAT = 1e-5  # of the file's unit; coordinates in a STEP file are rounded to 1e-6 or better
+_ROUND = 1e-3  # of volume and radius: far above the error of the kernel's quadrature, far below a slot
+_QUADRATURE = 0.02  # of the volume of a whole cylinder, torus or ball whose faces are NURBS
+_SECTORS, _TILES = 8, 4
 _TURNED = {"x": (0.0, 1.0, 0.0, -0.5 * math.pi), "y": (1.0, 0.0, 0.0, 0.5 * math.pi)}  # brings that axis onto z
 
 _Shapes = dict[tuple[int, int], str]
@@ -55,7 +62,7 @@ def open_section(file: CadFile) -> Iterator[tuple[Any, list[CadPart], list[int],
         if max(dim for dim, _ in shapes) == 3:
             flat, odd = _cut(gmsh, file, shapes)
         else:
-            flat = _flat_section(gmsh, file.path, shapes)
+            flat = _flat_section(gmsh, file, shapes)
         parts = [_part(gmsh, file, (2, tag), label) for tag, label in flat]
         unseen = [CadPart(own_name(label), file.region_of(label)) for label in odd]
         file.check_parts([*parts, *unseen])
@@ -88,8 +95,7 @@ def _opened(file: CadFile, options: Mapping[str, float], *, solids: bool) -> Ite
         finally:
             gmsh.option.setString("Geometry.OCCTargetUnit", unit)
         if file.scale != 1.0:
-            gmsh.model.occ.dilate(list(shapes), 0.0, 0.0, 0.0, *3 * (file.scale,))
-            gmsh.model.occ.synchronize()
+            shapes = _scaled(gmsh, shapes, file.scale)
         boxes = [gmsh.model.occ.getBoundingBox(*shape) for shape in shapes]
         size = max(max(box[3 + k] for box in boxes) - min(box[k] for box in boxes) for k in range(3))
         file.check_size(MILLIMETRE * size, "export it in millimetres, or give `scale` = {factor}")
@@ -126,6 +132,30 @@ def _read(gmsh: Any, path: Path) -> _Shapes:
     return shapes
 
 
+def _scaled(gmsh: Any, shapes: _Shapes, factor: float) -> _Shapes:
+    """Scale the shapes by reading them once more: gmsh's `dilate` turns planes and cylinders into NURBS.
+
+    The volume of these is wrong by a per cent, so that no cylinder would be a body of revolution.
+    """
+    dim = next(iter(shapes))[0]
+    gmsh.model.occ.remove([shape for shape in gmsh.model.occ.getEntities(3) if dim < 3])
+    gmsh.model.occ.synchronize()
+    given = sorted(gmsh.model.getEntities(dim))  # the order in which gmsh writes
+    before = gmsh.option.getNumber("Geometry.OCCScaling")
+    with tempfile.TemporaryDirectory(prefix="emclutch-") as folder:
+        copy = str(Path(folder) / "copy.brep")
+        gmsh.write(copy)
+        gmsh.model.occ.remove(gmsh.model.occ.getEntities(dim), recursive=True)
+        gmsh.model.occ.synchronize()
+        gmsh.option.setNumber("Geometry.OCCScaling", factor)
+        try:
+            found = gmsh.model.occ.importShapes(copy, format="brep")
+        finally:
+            gmsh.option.setNumber("Geometry.OCCScaling", before)
+    gmsh.model.occ.synchronize()
+    return {new: shapes[old] for old, new in zip(given, found, strict=True) if old in shapes}
+
+
 def _numbered(parts: list[tuple[int, int]], labels: list[str], path: Path) -> _Shapes:
     """Label each part that has no name by its number, from 1."""
     numbers = [f"part{number}" for number in range(1, len(parts) + 1)]
@@ -144,32 +174,36 @@ def _of_groups(gmsh: Any, path: Path) -> _Shapes:
     gmsh.model.occ.synchronize()
     built = set(gmsh.model.occ.getEntities())
     groups = gmsh.model.getPhysicalGroups()
-    shapes = {
-        (dim, tag): gmsh.model.getPhysicalName(dim, group)
-        for dim, group in groups
-        for tag in gmsh.model.getEntitiesForPhysicalGroup(dim, group)
-        if dim >= 2
-    }
+    labels: dict[tuple[int, int], list[str]] = {}
+    for dim, group in groups:
+        for tag in gmsh.model.getEntitiesForPhysicalGroup(dim, group) if dim >= 2 else ():
+            labels.setdefault((dim, int(tag)), []).append(gmsh.model.getPhysicalName(dim, group) or f"tag{group}")
+    highest = max((dim for dim, _ in labels), default=2)
+    shapes = {shape: names[0] for shape, names in labels.items() if shape[0] == highest}
+    if several := [names for shape, names in labels.items() if shape in shapes and len(names) > 1]:
+        raise CadError(
+            f"{path}: one part is in the physical groups {' and '.join(several[0])}; leave it in the one of its region"
+        )
     if not built.issuperset(shapes):
         raise CadError(f'{path} uses the built-in kernel; begin it with SetFactory("OpenCASCADE");')
     names = {gmsh.model.getPhysicalName(*group) for group in groups}
     gmsh.model.removePhysicalGroups()
     for name in names:  # or the groups that we make later cannot have them
         gmsh.model.removePhysicalName(name)
-    highest = max((dim for dim, _ in shapes), default=2)
-    return {shape: name for shape, name in shapes.items() if shape[0] == highest}
+    return shapes
 
 
-def _flat_section(gmsh: Any, path: Path, shapes: _Shapes) -> list[tuple[int, str]]:
+def _flat_section(gmsh: Any, file: CadFile, shapes: _Shapes) -> list[tuple[int, str]]:
     """Turn the faces of a drawn section into the plane x, y."""
+    flat = _FLAT * max(1.0, file.scale)
     boxes = [gmsh.model.occ.getBoundingBox(*shape) for shape in shapes]
     y0, z0, y1, z1 = (f(box[k] for box in boxes) for f, k in ((min, 1), (min, 2), (max, 4), (max, 5)))
-    if max(abs(y0), abs(y1)) < _FLAT:
+    if max(abs(y0), abs(y1)) < flat:
         gmsh.model.occ.rotate(list(shapes), 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, -0.5 * math.pi)
         gmsh.model.occ.synchronize()
-    elif max(abs(z0), abs(z1)) >= _FLAT:
+    elif max(abs(z0), abs(z1)) >= flat:
         raise CadError(
-            f"{path}: its faces lie neither in the plane y = 0 nor in z = 0 (y {y0:.4g} to {y1:.4g} mm, "
+            f"{file.path}: its faces lie neither in the plane y = 0 nor in z = 0 (y {y0:.4g} to {y1:.4g} mm, "
             f"z {z0:.4g} to {z1:.4g} mm); draw the half section there, x as the radius, or export solids"
         )
     return [(tag, label) for (_, tag), label in shapes.items()]
@@ -200,10 +234,12 @@ def _cut(gmsh: Any, file: CadFile, shapes: _Shapes) -> tuple[list[tuple[int, str
                 f"revolution must be {file.axis} through the origin: give `axis`, or move the parts in the CAD program"
             )
         occ.rotate(pieces, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, -0.5 * math.pi)
-        turned = sum(2.0 * math.pi * occ.getCenterOfMass(*piece)[0] * occ.getMass(*piece) for piece in pieces)
-        ratio, aside = occ.getMass(*solid) / turned, math.hypot(*occ.getCenterOfMass(*solid)[:2])
-        # 0.1 %: far above the error of the volume's quadrature, far below a slot
-        if abs(ratio - 1.0) > 1e-3 or aside > 1e-3 * reach:
+        ratio, is_round = _compared(occ, [solid], pieces, reach)
+        if not is_round and abs(ratio - 1.0) < _QUADRATURE:
+            sectors, tiles = _sectors(occ, solid), _tiles(occ, pieces)
+            ratio, is_round = _compared(occ, sectors, tiles, reach)
+            occ.remove([*sectors, *tiles], recursive=True)
+        if not is_round:
             odd[label] = ratio
         faces += [(tag, label) for _, tag in pieces]
     occ.remove(solids, recursive=True)
@@ -217,9 +253,46 @@ def _cut(gmsh: Any, file: CadFile, shapes: _Shapes) -> tuple[list[tuple[int, str
     return faces, list(odd)
 
 
+def _compared(
+    occ: Any, solids: list[tuple[int, int]], faces: list[tuple[int, int]], reach: float
+) -> tuple[float, bool]:
+    """Volume of the pieces of a solid over that of its section's faces turned (Pappus), and whether it is round."""
+    turned = sum(2.0 * math.pi * occ.getCenterOfMass(*face)[0] * occ.getMass(*face) for face in faces)
+    volumes = np.array([occ.getMass(*solid) for solid in solids])
+    centre = volumes @ np.array([occ.getCenterOfMass(*solid)[:2] for solid in solids]) / volumes.sum()
+    ratio = float(volumes.sum() / turned)
+    return ratio, abs(ratio - 1.0) <= _ROUND and bool(np.hypot(*centre) <= _ROUND * reach)
+
+
+def _sectors(occ: Any, solid: tuple[int, int]) -> list[tuple[int, int]]:
+    """Cut a solid into sectors about z, on which the kernel's quadrature holds for NURBS too."""
+    x0, y0, z0, x1, y1, z1 = occ.getBoundingBox(*solid)
+    radius = 2.0 * max(map(abs, (x0, y0, x1, y1)))
+    pieces: list[tuple[int, int]] = []
+    for angle in np.arange(_SECTORS) * (sector := 2.0 * math.pi / _SECTORS):
+        wedge = occ.addCylinder(0.0, 0.0, z0 - radius, 0.0, 0.0, z1 - z0 + 2.0 * radius, radius, angle=sector)
+        occ.rotate([(3, wedge)], 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, angle)
+        pieces += occ.intersect([solid], [(3, wedge)], removeObject=False)[0]
+    return pieces
+
+
+def _tiles(occ: Any, faces: list[tuple[int, int]]) -> list[tuple[int, int]]:
+    """Cut faces of the plane x, y into tiles, for the same reason as `_sectors`."""
+    tiles: list[tuple[int, int]] = []
+    for face in faces:
+        x0, y0, _, x1, y1, _ = occ.getBoundingBox(*face)
+        (dx, dy), cells = ((x1 - x0) / _TILES, (y1 - y0) / _TILES), np.ndindex(_TILES, _TILES)
+        squares = [(2, occ.addRectangle(x0 + i * dx, y0 + j * dy, 0.0, dx, dy)) for i, j in cells]
+        tiles += occ.intersect([face], squares, removeObject=False)[0]
+    return tiles
+
+
 def _part(gmsh: Any, file: CadFile, shape: tuple[int, int], label: str) -> CadPart:
     occ, dim = gmsh.model.occ, shape[0]
-    # the kernel widens a box by 1e-7 mm
-    box = tuple(round(MILLIMETRE * x, 9) + 0.0 for x in occ.getBoundingBox(*shape))
+    corners = np.reshape(occ.getBoundingBox(*shape), (2, 3))
+    # the kernel widens a box by its tolerance, 1e-7 of the file's unit, and so a face that has no thickness
+    tolerance = 0.5 * (corners[1, 2] - corners[0, 2]) if dim == 2 else 0.0
+    corners += np.array([[tolerance], [-tolerance]])
+    box = tuple(round(MILLIMETRE * x, 9) + 0.0 for x in corners.ravel().tolist())
     size, radius = MILLIMETRE**dim * occ.getMass(*shape), MILLIMETRE * occ.getCenterOfMass(*shape)[0]
     return CadPart(own_name(label), file.region_of(label), size, box[:dim], box[3 : 3 + dim], radius)

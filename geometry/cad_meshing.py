@@ -239,8 +239,7 @@ def _curves_of(gmsh: Any, surfaces: Sequence[int]) -> list[int]:
 
 
 def _on_axis(gmsh: Any, curve: int) -> bool:
-    box = gmsh.model.occ.getBoundingBox(1, curve)
-    return max(abs(box[0]), abs(box[3])) < 1e-5
+    return abs(gmsh.model.occ.getCenterOfMass(1, curve)[0]) < 1e-5
 
 
 def _neighbours(gmsh: Any, curve: int, surfaces: _Surfaces, powder: str = "") -> list[str]:

@@ -30,7 +30,7 @@ _ON_SPHERE = 1e-6  # of the radius: nodes of the outer boundary lie on it exactl
 
 
 def check_device_3d(path: str | Path, section: CadSection) -> None:
-    """Refuse what a field in 3D cannot carry: a coil that is no ring of rectangular section, a powder not round.
+    """Refuse what a field in 3D cannot carry: a coil that is no ring of rectangular section, no powder, or one not round.
 
     Raises
     ------
@@ -42,6 +42,11 @@ def check_device_3d(path: str | Path, section: CadSection) -> None:
                 f"{path}: {region!r} is not a body of revolution about z; draw it as one, and the slots and teeth of "
                 f"other bodies as parts of their own\n{list_of(section.parts)}"
             )
+    if all(part.region != "powder" for part in section.parts):
+        raise CadError(
+            f"{path}: a field in 3D is reported in the powder's gap, and no part is named 'powder'; draw the gap as "
+            f"one, or solve the section (`three_dimensional` = false)\n{list_of(section.parts)}"
+        )
     coil = _coil_of(section)
     if len(coil) != 1 or coil[0].size < (1.0 - _RECTANGLE) * np.prod(np.subtract(coil[0].upper, coil[0].lower)):
         raise CadError(

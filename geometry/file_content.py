@@ -8,17 +8,12 @@ begins as meshes do is copied without its neighbours; and scripts (.geo) are run
 
 from __future__ import annotations
 
-import io
 import math
-import re
 import shutil
 import tempfile
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
-
-import numpy as np
 
 SCRIPT = ".geo"
 SHAPE_FORMATS = {".step": "step", ".stp": "step", ".iges": "iges", ".igs": "iges", ".brep": "brep"}
@@ -95,88 +90,3 @@ def lone_copy(path: Path) -> Iterator[Path]:
     """Copy a file into a folder of its own: gmsh also runs FILE.opt in the folder of a file."""
     with tempfile.TemporaryDirectory(prefix="emclutch-") as folder:
         yield Path(shutil.copyfile(path, Path(folder) / f"copy{path.suffix.lower()}"))
-
-
-# How many cells a file says that it has, and its types of cells that meshio passes over without an error.
-_COUNTS = {
-    ".vtu": re.compile(rb"""NumberOfCells\s*=\s*["'](\d+)["']"""),
-    ".vtk": re.compile(rb"^CELL_TYPES\s+(\d+)", re.MULTILINE),
-    ".ply": re.compile(rb"^element face (\d+)", re.MULTILINE),
-}
-_VTK_TYPES = {2: "poly vertex", 4: "poly line", 6: "triangle strip", 8: "pixel", 11: "voxel", 41: "convex point set"}
-_NO_SURFACE = {2, 4}  # of these
-
-
-def read_by_meshio(path: Path) -> Any:
-    """Read a mesh by meshio, all of its cells.
-
-    Raises
-    ------
-    CadError
-        With the reason that meshio gives, or the number of the cells that it leaves out and their kind.
-    """
-    import meshio
-
-    if path.suffix.lower() == ".ply":
-        _refuse_properties(path)
-    said = io.StringIO()  # meshio prints its warnings, and the reason before it exits
-    try:
-        # overflow: of a text's bytes, read as the number of triangles of a binary STL
-        with np.errstate(over="ignore"), redirect_stderr(said), redirect_stdout(said):
-            mesh = meshio.read(path)
-    except (Exception, SystemExit) as error:  # each of meshio's readers raises errors of its own
-        kinds = _in_words(_legacy_types(path) & _VTK_TYPES.keys()) if path.suffix.lower() == ".vtk" else ""
-        text = said.getvalue().partition("Error:")[0] if isinstance(error, SystemExit) else str(error)
-        reason = f"cells of the kind {kinds}" if kinds else " ".join(text.split()) or type(error).__name__
-        raise CadError(f"{path} cannot be read as {path.suffix.lower()} ({reason}); export it again") from None
-    _refuse_unread(path, mesh, {int(kind) for kind in re.findall(r"\(type\s+(\d+)\)", said.getvalue())})
-    return mesh
-
-
-def _refuse_unread(path: Path, mesh: Any, passed_over: set[int]) -> None:
-    """Refuse a file of which meshio left out cells: kinds that it does not know, all pieces but the last, a rest."""
-    suffix = path.suffix.lower()
-    content = path.read_bytes() if suffix in _COUNTS else b""
-    unread = sum(map(int, _COUNTS[suffix].findall(content))) if content else 0
-    unread -= sum(len(block.data) for block in mesh.cells)
-    if unread <= 0 or (passed_over and passed_over <= _NO_SURFACE):
-        return
-    pieces = len(_COUNTS[suffix].findall(content))
-    if passed_over:
-        why = f"cells of the kind {_in_words(passed_over)}; export it as triangles"
-    elif pieces > 1:
-        why = f"only the last of its {pieces} pieces is read; merge them into one (in ParaView: Merge Blocks)"
-    else:
-        why = "it is cut off, or damaged; export it again"
-    raise CadError(f"{path}: {unread} of its cells cannot be read: {why}")
-
-
-def _refuse_properties(path: Path) -> None:
-    """Refuse a binary PLY whose faces have more than their corners: meshio takes these numbers for corners."""
-    header = path.read_bytes().partition(b"end_header")[0].decode("ascii", errors="replace")
-    if "format binary" not in header:
-        return
-    names = re.findall(r"^property .*?(\S+)\s*$", header.partition("element face")[2], re.MULTILINE)
-    if names and names[0] != "vertex_indices":
-        raise CadError(f"{path}: the corners of its faces are named {names[0]} instead of vertex_indices; rename them")
-    if len(names) > 1:
-        raise CadError(
-            f"{path}: its faces have other properties than their corners ({', '.join(names[1:])}); export it without "
-            "them, or as text (ASCII)"
-        )
-
-
-def _legacy_types(path: Path) -> set[int]:
-    """Numbers of the kinds of cells in a legacy VTK file; empty where they are not found."""
-    content = path.read_bytes()
-    count, _, body = content.partition(b"CELL_TYPES")[2].partition(b"\n")
-    try:
-        n = int(count)
-        types = body.split(None, n)[:n] if b"ASCII" in content[:_HEAD] else np.frombuffer(body[: 4 * n], ">i4")
-        return {int(kind) for kind in types}
-    except ValueError:
-        return set()
-
-
-def _in_words(kinds: set[int]) -> str:
-    return ", ".join(_VTK_TYPES.get(kind, f"VTK type {kind}") for kind in sorted(kinds))

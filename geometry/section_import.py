@@ -3,7 +3,7 @@
 x is the radius and y (or z, where the mesh lies in the plane y = 0) the axis. Regions are the names that a file gives
 its triangles: gmsh's physical groups, cell sets, or a column of tags, of which tag 3 is the name ``tag3``. The mesh has
 its air with it; where it does not name `axis` and `outer`, they are determined: the outline on r = 0, and the rest of
-it. gmsh's own .msh is read by gmsh, all others by meshio.
+it. gmsh's own .msh is read by gmsh, VTK's formats by VTK, all others by meshio.
 
 The powder's outline are the edges between its triangles and all others; edges of one line with one region behind are
 joined, so that the mesher's subdivision leaves no trace. The gap is the smallest distance of two pieces of it that face
@@ -22,7 +22,8 @@ from scipy.sparse.csgraph import connected_components
 
 from geometry.cad_meshing import CadSection, OutlineEdge
 from geometry.cad_parts import CadFile, CadPart
-from geometry.file_content import CadError, check_file, lone_copy, read_by_meshio
+from geometry.file_content import CadError, check_file, lone_copy
+from geometry.mesh_file import read_mesh
 from geometry.mesher import gmsh_model, region_ranges
 from geometry.section import SectionMesh
 
@@ -171,7 +172,7 @@ def _read_by_meshio(file: CadFile) -> _Content:
         with open(path, "rb") as stream:
             if any(line.lstrip().lower().startswith(b"*include") for line in stream):
                 raise CadError(f"{path} reads another file (*INCLUDE); write the mesh into one file")
-    mesh = read_by_meshio(path)
+    mesh = read_mesh(path)
     kinds = sorted({block.type for block in mesh.cells} - {"vertex", "line", "triangle"})
     if kinds:
         raise CadError(f"{path} holds cells of the kind {', '.join(kinds)}; {_ONE_ORDER}")

@@ -13,19 +13,21 @@ from typing import Any
 
 import numpy as np
 
-from geometry.file_content import SHAPE_FORMATS, CadError, check_file, read_by_meshio
+from geometry.file_content import SHAPE_FORMATS, CadError, check_file
+from geometry.mesh_file import VTK_SUFFIXES, read_mesh
 from geometry.mesher import MAX_TRIANGLES, MILLIMETRE, gmsh_model
 from geometry.obj_file import read_obj
+from geometry.ply_file import read_ply
 from geometry.polygon_faces import FaceFault, fans
+from geometry.stl_file import read_stl
 from geometry.triangle_wall import MERGED, TriangleWall, heights
 
-MESH_SUFFIXES = (".stl", ".obj", ".ply", ".vtk", ".vtu", ".msh")
+MESH_SUFFIXES = (".stl", ".obj", ".ply", *VTK_SUFFIXES, ".msh")
 CAD_SUFFIXES = tuple(SHAPE_FORMATS)
 _FACES = ("triangle", "quad", "polygon")
 # without a surface of their own: points, lines, and solid elements, of which a mesh has its surface besides
-_NO_FACES = re.compile(r"(empty|vertex|line|tetra|hexahedron|wedge|pyramid)\d*")
+_NO_FACES = re.compile(r"(vertex|line|tetra|hexahedron|wedge|pyramid)\d*")
 _NEEDLE = 1e-9  # of the whole area: a face that has less is a fault of the export, and no hole
-_FACET = b"fvvve"  # facet, three times vertex, endfacet
 LARGEST = 10.0  # m; the devices meant here measure 5 mm to 5 m, so that a larger wall was drawn in millimetres
 
 _OPTIONS = {
@@ -99,12 +101,11 @@ def triangle_wall_from_file(
 def _read_mesh(path: Path) -> tuple[np.ndarray, np.ndarray]:
     """Vertices (v, 3) in the file's unit and triangles (t, 3) of a mesh."""
     suffix = path.suffix.lower()
-    if suffix == ".obj":
-        vertices, faces = read_obj(path)
-    else:
-        vertices, faces = _read_cells(path, is_stl=suffix == ".stl")
-    if len(vertices) == 0:  # also what is made of some files that are no STL
-        raise CadError(f"{path} {_wrong_stl(path) if suffix == '.stl' else 'holds no triangles'}; export it again")
+    if suffix == ".stl":
+        vertices = read_stl(path).reshape(-1, 3)
+        return vertices, np.arange(len(vertices)).reshape(-1, 3)
+    reader = {".obj": read_obj, ".ply": read_ply}.get(suffix, _read_cells)
+    vertices, faces = reader(path)
     named = np.concatenate([np.zeros(0, dtype=np.int64), *(block.ravel() for block in faces)])
     beyond = named[(named < 0) | (named >= len(vertices))]
     if len(beyond):
@@ -116,48 +117,15 @@ def _read_mesh(path: Path) -> tuple[np.ndarray, np.ndarray]:
     return vertices, np.vstack([np.zeros((0, 3), dtype=np.int64), *fanned])
 
 
-def _read_cells(path: Path, is_stl: bool) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Vertices (v, 3) and faces (m, k) of a mesh that meshio reads."""
-    try:
-        mesh = read_by_meshio(path)
-    except CadError:
-        if is_stl:
-            raise CadError(f"{path} {_wrong_stl(path)}; export it again") from None
-        raise
+def _read_cells(path: Path) -> tuple[np.ndarray, list[np.ndarray]]:
+    """Vertices (v, 3) and faces (m, k) of a mesh whose cells may be of many kinds."""
+    mesh = read_mesh(path)
     faces = [np.asarray(block.data).astype(np.int64) for block in mesh.cells if block.type in _FACES]
     unknown = {block.type for block in mesh.cells if not (block.type in _FACES or _NO_FACES.fullmatch(block.type))}
     if unknown:
         raise CadError(f"{path} holds cells of the kind {', '.join(sorted(unknown))}; export flat triangles")
-    if is_stl and faces:
-        _check_facets(path, sum(map(len, faces)))
     points = np.asarray(mesh.points, dtype=float)
     return (np.pad(points, ((0, 0), (0, 3 - points.shape[1]))) if len(points) else np.zeros((0, 3))), faces
-
-
-def _check_facets(path: Path, count: int) -> None:
-    """Refuse an STL file as text that ends early, or whose facets do not have three corners."""
-    content = path.read_bytes()
-    if len(content) >= 84 and len(content) == 84 + 50 * int.from_bytes(content[80:84], "little"):
-        return  # binary
-    words = b"".join(word[:1] for word in re.findall(rb"^\s*(facet|vertex|endfacet)\b", content, re.MULTILINE))
-    if words != count * _FACET:
-        raise CadError(f"{path} holds facets that do not have three corners; export triangles")
-    if b"endsolid" not in content[content.rfind(b"endfacet") :]:
-        raise CadError(f"{path} is cut off: endsolid is missing after its last facet; export it again")
-
-
-def _wrong_stl(path: Path) -> str:
-    """Fault of an STL file that could not be read."""
-    content = path.read_bytes()
-    is_text = content.lstrip()[:5].lower() == b"solid" and b"\0" not in content
-    announced = int.from_bytes(content[80:84], "little") if len(content) >= 84 else -1
-    if (is_text and b"endsolid" in content and b"facet" not in content) or (not is_text and announced == 0):
-        return "holds no triangles"
-    if is_text and b"endsolid" not in content:
-        return "is cut off, or neither ASCII nor binary STL"
-    if not is_text and announced > 0 and len(content) < 84 + 50 * announced:
-        return f"is neither ASCII nor binary STL (a binary one would announce {announced} triangles and is cut off)"
-    return "is neither ASCII nor binary STL"
 
 
 def _mesh_faces(path: Path, size: float | None) -> tuple[np.ndarray, np.ndarray]:

@@ -5,10 +5,12 @@
     120; 0,31
     1.000; 1,25
 
-Commas, semicolons, tabs or blanks divide the columns; empty lines and lines that begin with # are skipped. A unit is
-written as in "x [mm]", "x (mm)", "x / mm", "x in mm" or "x_mm". The decimal mark is a point or a comma, the same in the
-whole table; the other mark divides thousands, as blanks and apostrophes do. "1,000" may be 1 or 1000: another number of
-the table decides, or it is refused.
+Commas, semicolons, tabs or blanks divide the columns; empty lines and lines that begin with # or % are skipped. A unit
+is written as in "x [mm]", "x (mm)", "x / mm", "x in mm" or "x_mm", or in a row of units below the names. Where numbers
+follow a comment with a name and unit for as many columns, this is the first line.
+
+The decimal mark is a point or a comma, the same in the whole table; the other mark divides thousands, as blanks and
+apostrophes do. "1,000" may be 1 or 1000: another number of the table decides, or it is refused.
 """
 
 from __future__ import annotations
@@ -31,7 +33,12 @@ _FORCES = {"N": 1.0, "mN": 1e-3, "kN": 1e3, **dict.fromkeys(("kg", "kgf", "kp"),
            **dict.fromkeys(("lb", "lbs", "lbf"), 4.4482216152605),
            **dict.fromkeys(("oz", "ozf"), 4.4482216152605 / 16.0)}  # fmt: skip
 _ARMS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "ft": 0.3048}
-_FLUX_DENSITIES = {"T": 1.0, "mT": 1e-3, "G": 1e-4, "kG": 0.1, "Vs/m2": 1.0, "Wb/m2": 1.0}
+_FLUX_DENSITIES = {"T": 1.0, "mT": 1e-3, "G": 1e-4, "kG": 0.1, "Vs/m2": 1.0, "Wb/m2": 1.0, "tesla": 1.0, "Tesla": 1.0,
+                   "gauss": 1e-4, "Gauss": 1e-4, "kGauss": 0.1, "kilogauss": 0.1}  # fmt: skip
+_OERSTED = 1e3 / (4.0 * math.pi)
+_FIELD_STRENGTHS = {"A/m": 1.0, "kA/m": 1e3, "MA/m": 1e6, "A/cm": 1e2, "Oe": _OERSTED, "kOe": 1e3 * _OERSTED,
+                    **dict.fromkeys(("Apermeter", "Ampermeter", "Amp/m", "Amps/m", "Amp/meter", "AT/m"), 1.0),
+                    "kApermeter": 1e3, "oersted": _OERSTED, "Oersted": _OERSTED}  # fmt: skip
 UNITS: tuple[dict[str, float], ...] = (
     {"1": 1.0, "-": 1.0, "%": 0.01},
     {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "nm": 1e-9, "in": 0.0254, "ft": 0.3048},
@@ -43,7 +50,7 @@ UNITS: tuple[dict[str, float], ...] = (
     {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0},
     {"A": 1.0, "mA": 1e-3, "uA": 1e-6, "kA": 1e3},
     {"V": 1.0, "mV": 1e-3, "kV": 1e3},
-    {"A/m": 1.0, "kA/m": 1e3, "MA/m": 1e6, "A/cm": 1e2, "Oe": 1e3 / (4.0 * math.pi), "kOe": 1e6 / (4.0 * math.pi)},
+    _FIELD_STRENGTHS,
     _FLUX_DENSITIES,
     {"Pa": 1.0, "hPa": 1e2, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9, "bar": 1e5},
     dict.fromkeys(("Nm", "mNm", "kNm", "Ncm", "Nmm", "lbin", "lbft", "ozin", "kgcm"), 1.0)  # an error lists these first
@@ -52,7 +59,8 @@ UNITS: tuple[dict[str, float], ...] = (
 )  # fmt: skip
 """Units of one quantity each, with their factor; written as `_plain` makes them."""
 _SUFFIXES = {unit.casefold() for units in UNITS for unit in units} - {"1", "-"}
-_LISTED = 10  # of the units that are known, in an error
+_COMMENTS = "#%"
+_LISTED = 6  # of the units that are known, in an error
 _MARKS = str.maketrans({"µ": "u", "μ": "u", "²": "2", "³": "3", "⁻": "-", "¹": "1", **dict.fromkeys("_·*^()")})
 _BLANKS = re.compile(r"\s+(?![\[(])(?![^\[(]*[\])])")  # not before a unit in brackets, nor within one
 
@@ -107,7 +115,13 @@ def warn_of_unused(path: Path, names: Iterable[str]) -> None:
     warnings.warn(f"{path}: not used: {', '.join(names)}", UserWarning, stacklevel=2)
 
 
-def read_table(path: str | Path, unit_of: Callable[[int, str, str], str | None], *, gaps: bool = False) -> TableFile:
+def read_table(
+    path: str | Path,
+    unit_of: Callable[[int, str, str], str | None],
+    *,
+    gaps: bool = False,
+    example: str = "'x [mm], y [mm]'",
+) -> TableFile:
     """Read the columns that `unit_of` names.
 
     Parameters
@@ -118,6 +132,8 @@ def read_table(path: str | Path, unit_of: Callable[[int, str, str], str | None],
         the unit of the column before it.
     gaps : bool
         Whether cells may be empty, but for those of the first column.
+    example : str
+        A first line, for the error of a file that has none.
 
     Raises
     ------
@@ -126,9 +142,9 @@ def read_table(path: str | Path, unit_of: Callable[[int, str, str], str | None],
         a number; with the line.
     """
     path = Path(path)
-    (line, head), *body = _rows(path)
-    if all((_number(text, ",") or _number(text, ".")) is not None for text in head):
-        raise FileFault(path, f"line {line} has numbers but no header; begin with a line such as 'x [mm], y [mm]'")
+    (line, head), *body = _rows(path, example)
+    if _is_numbers(head):
+        raise FileFault(path, f"line {line} has numbers but no header; begin with a line such as {example}")
     places, factors, names = [], [], []
     units: list[str] = []
     unused: list[tuple[str, str]] = []
@@ -183,10 +199,10 @@ def read_table(path: str | Path, unit_of: Callable[[int, str, str], str | None],
 
 
 def split_heading(text: str) -> tuple[str, str]:
-    """Return name and unit of "x [mm]", "x (mm)", "x / mm", "x in mm", "x mm" or "x_mm"; the unit is "" if missing."""
+    """Return name and unit of "x [mm]", "x (mm)", "x / mm", "x in mm", "x, mm" or "x_mm"; "" if it is missing."""
     if match := re.fullmatch(r"(.*?)\s*\[([^\]]*)\]", text):
         return match[1], match[2].strip()
-    for match in re.finditer(r"\s*(?:/|\(|\bin\s|[\s_])\s*", text):
+    for match in re.finditer(r"\s*(?:/|\(|\bin\s|[\s_,])\s*", text):
         unit = text[match.end() :].strip(" )")
         if _plain(unit).casefold() in _SUFFIXES:
             return text[: match.start()], unit
@@ -210,7 +226,11 @@ def _plain(unit: str) -> str:
     return re.sub(r"(?<=[A-Za-z])[-.](?=[A-Za-z])", "", "".join(unit.split()).translate(_MARKS))
 
 
-def _rows(path: Path) -> list[tuple[int, list[str]]]:
+def _is_numbers(cells: list[str]) -> bool:
+    return all((_number(text, ",") or _number(text, ".")) is not None for text in cells)
+
+
+def _rows(path: Path, example: str) -> list[tuple[int, list[str]]]:
     """Return the lines that count with their cells, the header first."""
     try:
         if path.exists() and not path.is_file():
@@ -225,26 +245,49 @@ def _rows(path: Path) -> list[tuple[int, list[str]]]:
         raise FileFault(
             path, f"cannot be read ({reason}); check the path; in a scene it is relative to the scene's folder"
         ) from None
-    lines = [(number, row) for number, row in enumerate(text.splitlines(), 1) if row.strip() and row.lstrip()[0] != "#"]
+    lines = [(number, row) for number, row in enumerate(text.splitlines(), 1) if row.strip()]
+    if lines and lines[0][1].lower().startswith("sep="):  # Excel's
+        del lines[0]
+    counted = [(number, row) for number, row in lines if row.lstrip()[0] not in _COMMENTS]
+    rows = _cells(path, counted)
+    if rows and _is_numbers(rows[0][1]):
+        comments = [(number, row.lstrip(_COMMENTS + " ")) for number, row in lines if number < rows[0][0]]
+        named = _cells(path, [*comments[-1:], *counted])
+        if comments and len(named[0][1]) == len(rows[0][1]) and any(split_heading(cell)[1] for cell in named[0][1]):
+            rows = named
+    if len(rows) > 2 and (units := _row_of_units(rows[1][1])) and len(units) == len(rows[0][1]):
+        (line, names), _, *rows = rows
+        rows.insert(0, (line, [f"{name} [{unit}]" if unit else name for name, unit in zip(names, units, strict=True)]))
+    if len(rows) < 2:
+        raise FileFault(
+            path, f"has no table; a line of names with units, such as {example}, and one of numbers are needed"
+        )
+    return rows
+
+
+def _row_of_units(cells: list[str]) -> list[str]:
+    """Return the units that a row below the names consists of; none where it is another."""
+    units = [cell.strip("[]()") for cell in cells]
+    known = [not unit or unit == "-" or _plain(unit).casefold() in _SUFFIXES for unit in units]
+    return units if all(known) and any(units) else []
+
+
+def _cells(path: Path, lines: list[tuple[int, str]]) -> list[tuple[int, list[str]]]:
+    """Return the cells of lines, of which the first says what divides the columns."""
     separator = next((mark for mark in ";\t," if lines and mark in lines[0][1]), None)
     if separator is None:
         rows = [(number, [cell.strip('"') for cell in _BLANKS.split(row.strip())]) for number, row in lines]
-    else:
-        texts = (row + "\n" for _, row in lines)
-        reader = csv.reader(texts, delimiter=separator, skipinitialspace=True, strict=True)
-        rows, begin = [], 0
-        try:
-            for cells in reader:  # of several lines where quotes hold a line break
-                rows.append((lines[begin][0], [" ".join(cell.split()) for cell in cells]))
-                begin = reader.line_num
-        except csv.Error as error:
-            raise FileFault(path, f"line {lines[begin][0]}: {error}; look for a quote that is not closed") from None
-    rows = [(number, row) for number, row in rows if any(row)]
-    if len(rows) < 2:
-        raise FileFault(
-            path, "has no table; a line of names with units, such as 'x [mm], y [mm]', and one of numbers are needed"
-        )
-    return rows
+        return [(number, row) for number, row in rows if any(row)]
+    texts = (re.sub(rf'" +(?={separator})', '"', row) + "\n" for _, row in lines)  # as Maxwell writes its names
+    reader = csv.reader(texts, delimiter=separator, skipinitialspace=True, strict=True)
+    rows, begin = [], 0
+    try:
+        for cells in reader:  # of several lines where quotes hold a line break
+            rows.append((lines[begin][0], [" ".join(cell.split()) for cell in cells]))
+            begin = reader.line_num
+    except csv.Error as error:
+        raise FileFault(path, f"line {lines[begin][0]}: {error}; look for a quote that is not closed") from None
+    return [(number, row) for number, row in rows if any(row)]
 
 
 def _decimal_mark(path: Path, rows: list[tuple[int, list[str]]]) -> str:

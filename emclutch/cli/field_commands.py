@@ -11,23 +11,40 @@ from emclutch.cli.errors import explained
 from emclutch.cli.input import load, read_line, refuse_beside
 from emclutch.cli.output import show
 from emclutch.scene.errors import Fault, SceneError, bad_input_for
-from emclutch.scene.value_list import read_list
+from emclutch.scene.value_list import read_all, read_list
 
 
 def field(
     case: opt.CaseFile,
     current: opt.Currents = None,
     line: opt.Lines = None,
+    transient: opt.TransientAsked = False,
+    end: opt.TransientEnd = None,
+    tolerance: opt.StepTolerance = None,
     out: opt.Out = None,
     sets: opt.Sets = None,
     as_json: opt.AsJson = False,
     trust_scripts: opt.TrustScripts = False,
 ) -> None:
-    """Solve the field alone: gap field, inductance, energy, force, error, at one current or along a sweep."""
+    """Solve the field alone: gap field, inductance, energy, force, error, at one current, along a sweep, or in time."""
     with explained():
+        if transient:
+            refuse_beside("--transient", {"--current": current is not None, "--line": bool(line)})
+        elif end is not None or tolerance is not None:
+            option, entry = ("--end", end) if end is not None else ("--tolerance", f"{tolerance:g}")
+            message = "is of the coil alone in time; add --transient, or remove it"
+            raise SceneError([Fault(option, str(entry), message)], "command line")
         read = load(case, sets, trust_scripts)
         from emclutch.scene.units import Quantity
         from emclutch.studies.field_result import field as solve_field
+
+        if transient:
+            from emclutch.studies.field_transient import TOLERANCE, field_transient
+
+            duration = Quantity("a time", "s", "50 ms", 0.0, 1e5, open_minimum=True)
+            ends = [None] if end is None else read_all([end], duration, "--end")
+            show(field_transient(read, ends[0], TOLERANCE if tolerance is None else tolerance, out).report(), as_json)
+            return
 
         currents = None if current is None else read_list(current, Quantity("a current", "A", "0.5 A"), "--current")
         lines = [read_line(text) for text in line or ()]

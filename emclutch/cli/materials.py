@@ -36,6 +36,7 @@ _KINDS = {
     "BrauerLaw": "Brauer",
     "MajorLoopLaw": "loop",
 }
+_TABLES = (".csv", ".txt", ".tsv", ".tab", ".dat")  # also of a file that is missing
 # Every law that ships has the slope of vacuum here; J_s is read off at this flux density [T].
 _SATURATED_B = 20.0
 # of the list and the curves: 0.1 A/m, a hundredth of what soft iron needs, to 10 MA/m
@@ -130,7 +131,7 @@ def _warning(law: Law) -> str:
 
 
 def laws_of(names: list[str]) -> list[Law]:
-    """The laws of built-in names and of files with a magnetisation curve or a major loop (.csv, .txt, .tsv).
+    """The laws of built-in names and of files with a magnetisation curve or a major loop.
 
     Raises
     ------
@@ -142,7 +143,7 @@ def laws_of(names: list[str]) -> list[Law]:
     laws, faults = [], []
     for name in names:
         try:
-            is_file = Path(name).suffix.lower() in (".csv", ".txt", ".tsv")
+            is_file = canonical_name(name) is None and (Path(name).suffix.lower() in _TABLES or Path(name).is_file())
             laws.append(file_law(name) if is_file else material(name))
         except TableFault as fault:
             faults.append(Fault(name, "", fault.reason))

@@ -110,6 +110,21 @@ Lines = Annotated[
     list[str] | None,
     typer.Option("--line", metavar="R0,Z0,R1,Z1", help="write B and H along a line: '44 mm, 0 mm, 46 mm, 0 mm'"),
 ]
+TransientAsked = Annotated[
+    bool, flag("--transient", help="the coil alone in time after coil.voltage is switched: current, gap field, heat")
+]
+TransientEnd = Annotated[
+    str | None,
+    typer.Option(
+        "--end", metavar="T", help="of --transient: '50 ms'; default: time.end, else when all is within 1 % of its end"
+    ),
+]
+StepTolerance = Annotated[
+    float | None,
+    typer.Option(
+        "--tolerance", callback=_within(1e-6, 0.1), help="of --transient: local error of a time step; default: 1e-3"
+    ),
+]
 NewFile = Annotated[Path | None, typer.Option("--out", metavar="FILE", help="new file; default: the terminal")]
 NewPicture = Annotated[Path | None, typer.Option("--out", metavar="FILE", help="new picture (.png)")]
 Sets = Annotated[
@@ -321,11 +336,18 @@ CommonError = Annotated[
     ),
 ]
 SceneKind = Annotated[
-    str,
+    str | None,
     typer.Option(
         "--kind",
-        help="clutch (disc, powder at its faces; also a brake), drum (powder at the rim), cad, "
+        help="clutch (disc, powder at its faces; also a brake), drum (powder at the rim; the default), cad, "
         "centrifugal, shear_cell, sheared_box, box, or field",
     ),
+]
+FemmFile = Annotated[
+    Path | None, typer.Option("--from", metavar="FILE", help="axisymmetric model of FEMM 4 (.fem) to make it from")
+]
+PowderMaterial = Annotated[
+    str | None,
+    typer.Option("--powder", metavar="NAME", help="with --from: material of the regions that the grains fill"),
 ]
 NewScene = Annotated[Path, typer.Argument(metavar="FILE", help="new scene file (.toml)")]

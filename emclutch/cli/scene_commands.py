@@ -7,16 +7,22 @@ import json
 import typer
 
 from emclutch.cli import options as opt
-from emclutch.cli.errors import FAILED, explained, stop
+from emclutch.cli.errors import BAD_INPUT, FAILED, explained, stop
 from emclutch.cli.output import show
 
 
-def new(file: opt.NewScene, kind: opt.SceneKind = "drum") -> None:
-    """Write a scene of a kind, with every key, its unit and what it is for; nothing is overwritten."""
+def new(
+    file: opt.NewScene, kind: opt.SceneKind = None, model: opt.FemmFile = None, powder: opt.PowderMaterial = None
+) -> None:
+    """Write a scene of a kind, or from a model of FEMM, with every key and its unit; nothing is overwritten."""
     with explained():
-        from emclutch.cli.new import new_scene
+        from emclutch.cli.new import new_scene, new_scene_from
 
-        for written in new_scene(file, kind):
+        if model is None and powder is not None:
+            stop("--powder names a material of a model: give the model by --from", BAD_INPUT)
+        if model is not None and kind is not None:
+            stop("--kind and --from exclude each other: a model of FEMM is of kind cad", BAD_INPUT)
+        for written in new_scene(file, kind or "drum") if model is None else new_scene_from(file, model, powder):
             typer.echo(str(written))
 
 

@@ -118,9 +118,10 @@ class CadGeometry(GeometrySection):
 
     A CAD file holds the faces of the half section (x is the radius, y or z the axis), or solids of revolution; what no
     part fills is air. A mesh holds the triangles of the half section and of the air around it, by physical groups
-    (.msh), cell sets or a column of tags: tag 3 is the name `tag3`. A third part without a name, as all are of a BREP
-    file, is `part3`. `coil` and `powder` are the winding and the space of the grains. Parts named disc and shaft_out
-    turn with the disc, housing, yoke and coil stand still, all others turn with the rotor.
+    (.msh), cell sets or a column of tags. Tag 3, and group 3 of a mesh or .geo file without a name, is `tag3`; a third
+    part without a name, as all are of a BREP file, is `part3`. `coil` and `powder` are the winding and the space of the
+    grains. Parts named disc and shaft_out turn with the disc, housing, yoke and coil stand still, all others turn with
+    the rotor.
 
     With `three_dimensional` the file holds solids of any shape, and the field is solved in 3D. `powder` and
     `coil` are of revolution about z even then, the coil a ring of rectangular section whose current flows around z;

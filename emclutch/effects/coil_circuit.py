@@ -63,6 +63,7 @@ class CoilCircuitSection(EffectSection):
     summary = "resistance and inductance delay the current"
     role = "circuit"
     columns = (COIL_VOLTAGE, INTO_FIELD, *ENERGY_COLUMNS)
+    of_the_field_alone = True
     CHECKS: ClassVar = ((_has_a_voltage, ("effects", "coil", "field", "geometry.kind", "materials")),)
 
     begin: Annotated[str, Choice(BEGINNING)] = Field(

@@ -49,6 +49,7 @@ class EddyCurrentsSection(EffectSection):
     summary = "solid conductors delay the field"
     role = "eddy"
     columns = (EDDY_LOSS, *ENERGY_COLUMNS)
+    of_the_field_alone = True
     window_solves = 0.6  # a solve in 0.35 of the windows, 1.8 times as long as a static one (cases/switch_on.toml)
     not_in_3d = "they need a vector potential, and the field in 3D is that of a scalar one"
     CHECKS: ClassVar = ((_known_conductors, ("effects", "coil", "field", "geometry.kind", "materials")),)

@@ -7,6 +7,7 @@ import json
 import logging
 import os
 from collections.abc import Container, Mapping
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -85,6 +86,17 @@ def find_accuracy_study(device: str) -> tuple[AccuracyStudy, Path] | None:
                 raise OutputError(why) from None
             _warn_once(f"{why}: the one that comes with emclutch is used")
     return None
+
+
+def known_studies() -> list[AccuracyStudy]:
+    """Return every readable study, the user's own first; of a device with both, the user's own."""
+    files = [path for folder in (accuracy_study_folder(), SHIPPED) for path in sorted(folder.glob("*.json"))]
+    found = {}
+    for device in dict.fromkeys(path.stem for path in files):
+        with suppress(OutputError):
+            if known := find_accuracy_study(device):
+                found[device] = known[0]
+    return [*found.values()]
 
 
 @cache

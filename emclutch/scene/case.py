@@ -190,7 +190,7 @@ def read_toml(path: Path) -> dict[str, Any]:
         with open(path, "rb") as stream:
             content = stream.read(MAX_FILE + 1)
         if len(content) <= MAX_FILE:
-            data = tomllib.loads(content.decode())
+            data = tomllib.loads(content.decode("utf-8-sig"))  # Notepad writes a byte order mark
             if not (faults := _not_of_a_scene(data, path)):
                 return data
             raise SceneError(faults, str(path))

@@ -52,6 +52,10 @@ def _table(path: str, field: FieldInfo, data: dict[str, Any] | None) -> Iterator
         yield from textwrap.wrap(f"[{path}]: {words}", WIDTH, initial_indent="# ", subsequent_indent="#   ")
         yield ""
         return
+    if is_named(field.annotation):
+        for name, entries in data.items():
+            yield from (f"[{path}.{name}]", *(_toml(key, value) for key, value in entries.items()), "")
+        return
     model = next(one for one in models if fits(one, data))
     keys = {key: entry for key, entry in model.model_fields.items() if not is_table(entry)}
     below = {key: entry for key, entry in model.model_fields.items() if key not in keys}

@@ -75,7 +75,9 @@ class ParticlesSection(Section):
         default=0.0, description="for packing = 'lattice': random displacement / play between neighbours"
     )
     packing_file: str | None = Field(
-        default=None, min_length=1, description="for packing = 'file': CSV, npz or vtp, from the scene's folder"
+        default=None,
+        min_length=1,
+        description="for packing = 'file': a table (.csv, .txt), npz or vtp, from the scene's folder",
     )
     settle: bool = Field(default=False, description="let the grains come to rest before time 0; pour always does")
     settle_kinetic: Annotated[float, number("1e-6", 1e-15, 0.1)] = Field(

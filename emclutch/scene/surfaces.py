@@ -34,7 +34,8 @@ class SurfaceSection(Section):
     """
 
     file: str = Field(
-        min_length=1, description="STL, OBJ, PLY, VTK or MSH, or STEP, IGES or BREP, from the scene's folder"
+        min_length=1,
+        description="STL, OBJ, PLY, VTK (.vtk, .vtu, .vtp), MSH, STEP, IGES or BREP, from the scene's folder",
     )
     body: Annotated[str, Choice(("rotor", "disc", "housing"))] = Field(
         default="housing", description="body that it turns with"

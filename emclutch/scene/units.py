@@ -66,6 +66,14 @@ FACTORS = {
 }
 """Units of most scenes, in the SI unit of their quantity: to the last bit as pint converts them."""
 
+_OERSTEDS = {"Oe": 1e3 / (4.0 * math.pi), "kOe": 1e6 / (4.0 * math.pi)}
+# Of Gauss' system, by quantity: pint gives them dimensions of their own. A magnetisation in Oe might be 4 pi M.
+_GAUSSIAN = {
+    "a field strength": _OERSTEDS,
+    "a coercivity": _OERSTEDS,
+    "a flux density": {"G": 1e-4, "kG": 0.1},
+}
+
 
 @lru_cache(maxsize=1)
 def registry() -> UnitRegistry:
@@ -195,6 +203,7 @@ class Quantity(Entry):
                 raise ValueError(f"has no unit; write {self.given_example}, or without quotes a number in {self.unit}")
             return number
         factor = 1.0 if unit_text == self.unit.replace("*", " ") else FACTORS.get(self.unit, {}).get(unit_text)
+        factor = _GAUSSIAN.get(self.name, {}).get(unit_text, factor)
         if factor is not None:
             return factor * number
         unit = _parse_unit(unit_text)

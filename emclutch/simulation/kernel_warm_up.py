@@ -1,9 +1,10 @@
-"""The grains' step is compiled by a second process while the first one meshes, solves and packs.
+"""Compile the kernels of a scene ahead of its first run, by two processes: ``make setup`` does for the quickstart.
 
-It takes 40 % of what a new user waits for before the first window (34 s of 87 s of processor time, `quickstart` with an
-empty cache), and the first process has other kernels to compile meanwhile. So where the cache holds no step at all,
-a child makes a step of the same kind with two grains, which puts the code into the cache, where the run finds it, or
-waits for it. A run whose kind of step is not in a cache that has others compiles it itself.
+    python -m emclutch.simulation.kernel_warm_up cases/quickstart.toml
+
+The DEM step takes 40 % of the processor time of compiling. So a second process makes a step of the same kind with two
+grains, while the first one runs the scene for a moment; whoever asks for the step meanwhile waits for it at the cache's
+lock (`geometry.kernels.cache`). A run whose kernels are not in the cache compiles them itself.
 """
 
 from __future__ import annotations
@@ -11,22 +12,23 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 
 from coupling.sheared_powder import dem_in_box
+from emclutch.scene.case import Case, load_case
 from emclutch.scene.contact import ContactSection
-from emclutch.scene.replica_count import cores_at_hand
-from emclutch.simulation.kernel_compilation import ONCE
-from geometry.kernels.cache import ROOT, has_entries
-from geometry.kernels.threads import default_threads
+from emclutch.simulation.run import run
+from geometry.kernels.cache import ROOT
 from geometry.walls import cylinder
 from particles import DEM, Body, CyclicSector, GapBox, GrainMotion, Grains, PairLaws, RollingFriction, ShearedBox
 from particles.attraction import Attraction
 
+SHORT = {"time.end": "1 us", "time.until": None, "accuracy.replicas": 1, "output.pictures": False}
+STEP = "--step"
 RADIUS, MASS = 1e-3, 1e-5
 
 
@@ -68,42 +70,18 @@ def _no_drives(motion: GrainMotion) -> tuple[np.ndarray, np.ndarray]:
     return np.zeros((motion.listed_pairs.count, 3)), np.zeros((len(motion.listed_walls.wall), 2))
 
 
-def lacks_step(scene: Any) -> bool:
-    """True where the grains move by DEM and the cache holds no compiled step yet."""
-    from particles.dem.step_kernel import run_steps
-
-    return scene.contact.method == "dem" and not has_entries(run_steps)
-
-
-def start(scene: Any) -> subprocess.Popen | None:
-    """The child that compiles, or None where it would not help: a step is in the cache, or there is one core only."""
-    if not lacks_step(scene) or default_threads(cores_at_hand()) < 2:
-        return None
+def compile_kernels(case: Case) -> None:
+    """Put the kernels of a scene's run into the cache; what fails in the second process is compiled by this one."""
     # -P: the folder that the user stands in may hold files with the names of modules, from elsewhere even
-    command = [sys.executable, "-P", "-m", "emclutch.simulation.kernel_warm_up", *kind_of(scene)]
+    command = [sys.executable, "-P", "-m", "emclutch.simulation.kernel_warm_up", STEP, *kind_of(case.scene)]
     path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
-    null = subprocess.DEVNULL
-    with suppress(OSError):  # it only saves time
-        return subprocess.Popen(command, stdin=null, stdout=null, stderr=null, env={**os.environ, "PYTHONPATH": path})
-    return None
-
-
-@contextmanager
-def step_compiled_aside(scene: Any, report: Callable[[str], None]) -> Iterator[None]:
-    """Compile the grains' step in a second process during the block.
-
-    Whoever asks for the step meanwhile waits for it at the cache's lock (`geometry.kernels.cache`).
-    """
-    child = start(scene)
-    if child is not None:
-        report(f"Compiling the DEM step in a second process ({ONCE})")
-    try:
-        yield
-    finally:
-        if child is not None and child.poll() is None:
-            child.terminate()
-            child.wait()
+    with TemporaryDirectory() as folder, subprocess.Popen(command, env={**os.environ, "PYTHONPATH": path}):
+        run(case.with_values(SHORT), out=Path(folder) / "run")
 
 
 if __name__ == "__main__":
-    grains_of_kind(*sys.argv[1:]).run(1)
+    first, *rest = sys.argv[1:]
+    if first == STEP:
+        grains_of_kind(*rest).run(1)
+    else:
+        compile_kernels(load_case(first))

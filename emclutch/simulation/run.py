@@ -16,7 +16,6 @@ from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.replica_count import max_replica_count, replicas_side_by_side
 from emclutch.simulation.finished_run import finish_run
 from emclutch.simulation.kernel_compilation import interruptible
-from emclutch.simulation.kernel_warm_up import step_compiled_aside
 from emclutch.simulation.open_folder import open_folder
 from emclutch.simulation.planned_run import plan_run
 from emclutch.simulation.replicas import ReplicaControl, Replicas, count_of_run, other_replicas
@@ -74,7 +73,6 @@ def run(
         slots = replicas_side_by_side(max(count, max_replica_count(case.scene)), threads)
         with (
             interruptible(stop, lambda: last_time(folder.history) is None, opened.compiled),
-            step_compiled_aside(case.scene, reporter.log),
             other_replicas(
                 case, folder, count, threads=threads, slots=slots, tune_threads=tune_threads, resume=resume, start=start
             ) as replicas,

@@ -9,8 +9,6 @@ from typing import Any
 from coupling import Simulation
 from emclutch.device_model.device import Device
 from emclutch.simulation.assembly import assemble, simulation_of
-from emclutch.simulation.kernel_compilation import ONCE
-from emclutch.simulation.kernel_warm_up import lacks_step
 from emclutch.simulation.plan import Plan
 from emclutch.simulation.planned_run import PlannedRun
 from emclutch.simulation.resume import begun_windows, run_checkpoint
@@ -54,8 +52,7 @@ def start_run(request: RunRequest, planned: PlannedRun) -> StartedRun:
         request.progress.update(0.0, f"packing {plan.count} grains")
         grains = request.grains
         simulation = assemble(device, plan) if grains is None else warm_started(device, plan, grains)
-        compiling = f"; compiling the DEM step ({ONCE})" if lacks_step(request.case.scene) else ""
-        request.progress.log(f"started: {plan.windows} windows{compiling}")
+        request.progress.log(f"started: {plan.windows} windows")
         return StartedRun(planned, simulation)
     state = run_checkpoint(request.folder.checkpoint)
     plan = plan.continued(*begun_windows(state, request.case.scene.contact.method))

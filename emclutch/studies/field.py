@@ -28,6 +28,7 @@ from emclutch.results.vtk.series import PvdSeries
 from emclutch.scene.case import Case
 from emclutch.scene.fill import fill_of
 from emclutch.scene.grain_smear import moments_are_fed_back
+from emclutch.scene.model import Scene
 from emclutch.simulation.forecast.expected_field import field_of_sheared_powder, powder_in_words
 from emclutch.studies.field_3d import field_study_3d
 from field import ConvergenceError, MagneticField, PowderLaw
@@ -111,12 +112,7 @@ def field_study(
         The folder is there already.
     """
     scene = case.scene
-    if scene.coil_field is None or not (scene.particles is None or field_is_needed(scene)):
-        raise ValueError(
-            "the scene has no coil's field to solve: it needs field.source = 'coil' and an effect that samples it, "
-            f"{scene.effects.tables(needs_moments=True)}"
-        )
-    coil = solved_coil(scene)
+    coil = coil_of_field(scene)
     if isinstance(coil, CoilDevice3D):
         return field_study_3d(case, coil, currents, lines, out)
     for line in lines:
@@ -130,9 +126,8 @@ def field_study(
             )
     folder = new_folder(out, f"{case.name}-field")
     currents = [coil.largest_current] if currents is None else list(currents)
-    amount = None if scene.particles is None else fill_of(coil.shape, scene.particles, scene.scene.seed)
-    phi = None if amount is None or scene.effects.feedback is None else amount.solid_fraction
-    fill = None if phi is None else coil.uniform_fill(phi)
+    amount, fill = even_powder(scene, coil)
+    phi = None if fill is None else amount
     folder.mkdir(parents=True)
     series, lines_of_flux = PvdSeries(folder, "field"), PvdSeries(folder, "flux_lines")
     growing = bool(np.all(np.diff(currents) > 0.0))  # then ParaView's time is the current
@@ -190,12 +185,30 @@ def field_study(
     summary = {
         "units": UNITS | DETAIL_UNITS,
         "currents": rows,
-        "at_last_current": _details(case, coil, solution, None if amount is None else amount.solid_fraction),
+        "at_last_current": _details(case, coil, solution, amount),
         "warnings": driven_beyond_their_tables([strongest])
         + hysteresis_of(scene, region_materials(scene, coil.mesh).values())[1],
     }
     (folder / "field.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
     return folder
+
+
+def coil_of_field(scene: Scene) -> CoilDevice | CoilDevice3D:
+    """The scene's coil with its mesh; ValueError where the scene has no coil's field."""
+    if scene.coil_field is None or not (scene.particles is None or field_is_needed(scene)):
+        raise ValueError(
+            "the scene has no coil's field to solve: it needs field.source = 'coil' and an effect that samples it, "
+            f"{scene.effects.tables(needs_moments=True)}"
+        )
+    return solved_coil(scene)
+
+
+def even_powder(scene: Scene, coil: CoilDevice) -> tuple[float | None, np.ndarray | None]:
+    """Solid fraction of the scene's powder spread evenly, and its fill (n powder elements,) where it feeds back."""
+    if scene.particles is None:
+        return None, None
+    phi = fill_of(coil.shape, scene.particles, scene.scene.seed).solid_fraction
+    return phi, None if scene.effects.feedback is None else coil.uniform_fill(phi)
 
 
 def _row(
@@ -225,7 +238,7 @@ def _row(
     forces = {body: stress_force(solution, regions) for body, regions in movable_bodies(coil, solution)}
     row |= {f"axial_force_{body}": force for body, force in forces.items() if force is not None}
     if coil.has_poles:
-        row["gap_flux_density"] = coil.gap_flux_density(solution, faces=_at_the_faces(case, coil))
+        row["gap_flux_density"] = coil.gap_flux_density(solution, faces=at_the_faces(case, coil))
         laws = region_laws(case.scene, coil.mesh)
         powder = None if phi is None else FilledPowder(PowderLaw(grain_law(case.scene)), phi)
         circuit = case.scene.geometry.magnetic_circuit(coil.shape, laws, powder).solve(solution.ampere_turns)
@@ -239,7 +252,7 @@ def _resistance(case: Case, coil: CoilDevice) -> float:
     return case.scene.coil.resistance_in(coil.shape.coil_area, coil.shape.coil_mean_radius)
 
 
-def _at_the_faces(case: Case, coil: CoilDevice) -> bool:
+def at_the_faces(case: Case, coil: CoilDevice) -> bool:
     """True if the gap that is meant is that at the faces."""
     gap = coil.shape.sheared_gap("cavity" if case.scene.particles is None else case.scene.particles.region)
     return gap is not None and gap.at_faces
@@ -272,7 +285,7 @@ def _details(case: Case, coil: CoilDevice, solution: MagneticField, phi: float |
         current = solution.ampere_turns / coil.turns
         sheared = field_of_sheared_powder(coil, coil.uniform_fill(phi), case.scene, current, solution)
         if coil.has_poles:
-            B = coil.gap_flux_density(sheared, faces=_at_the_faces(case, coil))
+            B = coil.gap_flux_density(sheared, faces=at_the_faces(case, coil))
             details["gap_flux_density_sheared"] = B
         details["flux_linkage_sheared"] = coil.turns * sheared.flux_linkage_per_turn
     estimate = estimate_error(solution, field_goals(coil.mesh))

@@ -6,9 +6,10 @@
     120, 0.31
     ...
 
-Columns stand in any order: `H` in A/m, kA/m, MA/m or Oe, and either `B` in T, mT or G, or the polarisation
-`J = B - mu_0 H` in T, mT or G; a warning names the others, which are not used.  `geometry.table_file` says how numbers
-and units may be written.  Errors are reported with the number of the line in the file.
+Columns stand in any order: `H` in A/m, kA/m, MA/m, Oe or kOe, and either `B` in T, mT, G or kG, or the polarisation
+`J = B - mu_0 H` in one of these. A warning names the others, which are not used. The rows of a curve ascend with H, or
+descend. `geometry.table_file` says how numbers and units may be written. Errors are reported with the number of the
+line in the file.
 
 A hysteresis loop has the same columns, its rows in the order of the measurement.
 """
@@ -25,6 +26,7 @@ from field.laws.reluctivity import MU_0
 from geometry import table_file
 
 _UNITS = {"H": "A/m", "B": "T", "J": "T"}
+_EXAMPLE = "'H [A/m], B [T]', or, over a table as FEMM keeps it, 'B [T], H [A/m]'"
 _MIN_POINTS = 3
 TableFault = table_file.FileFault
 """Error in a file of a magnetisation curve, with the line and the remedy."""
@@ -40,6 +42,8 @@ def read_table(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
         dB/dH < mu_0 before its saturation, or fewer than three points besides the origin.
     """
     H, B, lines, given = _points(Path(path))
+    if (H >= 0.0).all() and (np.diff(H) < 0.0).all():  # from saturation down
+        H, B, lines = H[::-1], B[::-1], lines[::-1]
     _check(Path(path), H, B, lines, given)
     return H, B
 
@@ -58,7 +62,7 @@ def read_loop(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
 
 def _points(path: Path) -> tuple[np.ndarray, np.ndarray, list[int], str]:
     """H [A/m] and B [T] of a file's rows, their lines, and whether B or J was given."""
-    table = table_file.read_table(path, lambda place, name, unit: _UNITS.get(name.upper()))
+    table = table_file.read_table(path, lambda place, name, unit: _UNITS.get(name.upper()), example=_EXAMPLE)
     columns = {name.upper(): column for name, column in zip(table.names, table.values.T, strict=True)}
     if columns.keys() not in ({"H", "B"}, {"H", "J"}):
         given = ", ".join(table.names + [name for name, _ in table.unused])
@@ -92,7 +96,10 @@ def file_law(path: str | Path) -> TableLaw | MajorLoopLaw:
 def table_law(path: str | Path) -> TableLaw:
     """The law of a file's curve, named after the file; raises as `read_table` does."""
     H, B = read_table(path)
-    return TableLaw(H, B, Path(path).stem, f"file {Path(path).name}")
+    try:
+        return TableLaw(H, B, Path(path).stem, f"file {Path(path).name}")
+    except ValueError as error:  # of J beyond any material's, where a unit is wrong
+        raise TableFault(path, str(error)) from None
 
 
 def _check(path: Path, H: np.ndarray, B: np.ndarray, lines: list[int], given: str) -> None:

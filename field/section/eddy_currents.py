@@ -83,6 +83,8 @@ class VoltageDrive:
 
 
 Drive = CurrentDrive | VoltageDrive
+DriveOfStep = Callable[["TransientState", float], Drive]
+"""The drive of a step from its first state and its length [s]: of a winding that warms, whose resistance grows."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -260,7 +262,7 @@ class EddyCurrentProblem:
         self,
         state: TransientState,
         end: float,
-        drive: Drive,
+        drive: Drive | DriveOfStep,
         fill: Powder = None,
         *,
         tolerance: float = 1e-3,
@@ -305,8 +307,10 @@ class EddyCurrentProblem:
                 # no sliver of a last step
                 if stop - state.time - step < 0.1 * step:
                     step = stop - state.time
-                trial = self.step(state, step, drive, fill, boundary_field=boundary_field, tolerance=newton_tolerance)
-                error = trial.error * self.size(trial.psi, drive) / max(self._largest([*states, trial], drive), largest)
+                of_step = drive if isinstance(drive, CurrentDrive | VoltageDrive) else drive(state, step)
+                trial = self.step(state, step, of_step, fill, boundary_field=boundary_field, tolerance=newton_tolerance)
+                size, among = self.size(trial.psi, of_step), self._largest([*states, trial], of_step)
+                error = trial.error * size / max(among, largest)
                 factor = min(4.0, max(0.2, 0.9 * math.sqrt(tolerance / max(error, 1e-300))))
                 if error > tolerance and step > smallest:
                     dt = step * factor

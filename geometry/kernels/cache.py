@@ -65,15 +65,6 @@ def specialisations() -> set[str]:
     }
 
 
-def has_entries(kernel: Any) -> bool:
-    """True if the cache holds code of the present kernel, for any types; False for one without a cache."""
-    file = getattr(getattr(kernel, "_cache", None), "_cache_file", None)  # without a compiler it is a plain function
-    if file is None:
-        return False
-    with _lock(file._index_path, alone=False):
-        return bool(file._load_index())
-
-
 class _Stamp:
     """A kernel's stamp, computed when the cache is first used: callees may be defined below their caller.
 

@@ -1,8 +1,8 @@
-"""A packing from a file: CSV, npz or VTK PolyData (.vtp).
+"""A packing from a file: a table of text (.csv, .txt, .tsv, .tab), npz or VTK PolyData (.vtp).
 
 What is read, by name: positions, and where they are there, radii or diameters, velocities and spins.
 
-    CSV   columns x, y, z; radius or diameter; vx, vy, vz; wx, wy, wz, each with its unit in brackets
+    text  columns x, y, z; radius or diameter; vx, vy, vz; wx, wy, wz, each with its unit in brackets
     npz   arrays position (n, 3); radius or diameter (n,); velocity, angular_velocity (n, 3), all in SI
     vtp   the points [m], and point arrays of the same names as in npz, in SI: what a run writes as particles_*.vtp
 
@@ -53,7 +53,7 @@ def read_packing(path: str | Path, *, radius: float | None = None) -> Packing:
         the file and given.
     """
     path = Path(path)
-    readers = {".csv": _from_csv, ".npz": _from_npz, ".vtp": _from_vtp}
+    readers = {**dict.fromkeys((".csv", ".txt", ".tsv", ".tab"), _from_csv), ".npz": _from_npz, ".vtp": _from_vtp}
     reader = readers.get(path.suffix.lower())
     if reader is None:
         raise FileFault(path, f"has the suffix '{path.suffix}'; a packing is read from {', '.join(readers)}")

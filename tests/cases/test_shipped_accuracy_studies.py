@@ -11,8 +11,11 @@ from emclutch.results.text import format_percent
 from emclutch.scene.case import load_case
 from emclutch.scene.flat import flat_scene, keys_at_default
 from emclutch.simulation.discretisation_error import accuracy_in_words, accuracy_study_of_device, device_of
+from emclutch.simulation.forecast.machine_speed import slowness
 from emclutch.simulation.plan import make_plan
 from emclutch.simulation.recommended_case import cheapest_case
+from emclutch.studies.accuracy import fidelities
+from emclutch.studies.accuracy.fidelities import estimate_by_other_devices, estimate_in_words
 from emclutch.studies.accuracy.report import changes_in_words
 
 CASES = Path(__file__).parents[2] / "cases"
@@ -66,3 +69,20 @@ def test_it_is_of_a_shipped_scene_as_it_is_now(path):
     assert device_of(load_case(CASES / f"{study.case}.toml")) == study.device == path.stem
     total = study.total({one.name: one.values[0].step_size for one in study.settings})
     assert study.unknown == {} and total.unknown == {} and study.machine["slowness"] > 0.0
+
+
+def test_other_devices_estimate_what_grains_will_cost(monkeypatch):
+    """The brake's study foretells the quickstart's cost within the factor that is told; what it misses costs more."""
+    studies = {one.case: one for one in map(AccuracyStudy.from_json, (path.read_text() for path in STUDIES))}
+    brake, quickstart = studies["powder_clutch"], studies["quickstart"]
+    case = load_case(CASES / "quickstart.toml")
+    monkeypatch.setattr(fidelities, "known_studies", lambda: [brake])
+    estimate = estimate_by_other_devices(case, 0.1, 30.0)
+    own, _ = cheapest_case(case, quickstart, 0.1)
+    low, high = estimate["seconds"]
+    assert estimate["devices"] == ["powder_clutch"]
+    assert low < own.seconds * slowness() / quickstart.machine["slowness"] < high
+    missed = estimate_by_other_devices(case, 0.02, 30.0)
+    assert missed["seconds"] is None and 0.02 < missed["half_width"] < 0.1 and missed["limit"] in brake.told
+    text = estimate_in_words(0.02, missed)
+    assert "± 2 % not reached" in text and "may reach it" in text

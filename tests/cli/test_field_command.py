@@ -63,7 +63,7 @@ def test_points_for_paraview_belong_to_one_region_each_and_agree_with_its_cells(
     import pyvista
 
     data = pyvista.read(sorted((studied / "field").iterdir())[1])
-    names, region = list(data.field_data["region_names"]), data.cell_data["region"]
+    names, region = bytes(data.field_data["region_names"]).decode().split(), data.cell_data["region"]
     triangles = data.cells_dict[pyvista.CellType.TRIANGLE]
     owner = np.full(data.n_points, -1)
     for number in range(len(names)):

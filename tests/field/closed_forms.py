@@ -1,4 +1,4 @@
-"""Closed forms of coils in air, to test against: circular loop, rectangular coil of loops, solenoid.
+"""Closed forms of coils in air, to test against: circular loop, rectangular coil of loops, solenoid; inductances.
 
 Loop: W. R. Smythe, Static and Dynamic Electricity, 3rd ed., sec. 7.10 (curl of its vector potential),
 with complete elliptic integrals K(m), E(m) of the parameter m = k^2 = 4 R r/((R + r)^2 + z^2).
@@ -10,6 +10,8 @@ import math
 
 import numpy as np
 from scipy.special import ellipe, ellipk
+
+from field import MU_0
 
 
 def loop_field(R: float, current: float, r: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -41,6 +43,20 @@ def loop_field(R: float, current: float, r: np.ndarray, z: np.ndarray) -> tuple[
     general = factor * z / np.where(near, 1.0, r) * (-K + (R**2 + r**2 + z**2) / inner * E)
     H_r = np.where(near, 0.75 * current * R**2 * z * r / (R**2 + z**2) ** 2.5, general)
     return H_r, H_z
+
+
+def mutual_inductance_of_loops(a: float, b: float, distance: float) -> float:
+    """Mutual inductance [H] of coaxial circles of radii a, b [m] (Maxwell, A Treatise, 1873, art. 701)."""
+    k = np.sqrt(4.0 * a * b / ((a + b) ** 2 + distance**2))
+    return float(MU_0 * np.sqrt(a * b) * ((2.0 / k - k) * ellipk(k**2) - 2.0 / k * ellipe(k**2)))
+
+
+def self_inductance_of_ring(radius: float, width: float, height: float) -> float:
+    """Inductance [H] of a thin ring of rectangular section, of even current density.
+
+    mu_0 a (ln(8 a/g) - 2) with g = 0.2235 (w + h) (Rosa and Grover, Bulletin of the Bureau of Standards 8, 1912).
+    """
+    return float(MU_0 * radius * (np.log(8.0 * radius / (0.2235 * (width + height))) - 2.0))
 
 
 def rectangular_coil_field(

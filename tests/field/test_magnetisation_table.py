@@ -25,6 +25,18 @@ WRITTEN = {
     "decimal commas between blanks": ["H [A/m]  B [T]", *(f"{h} {b}".replace(".", ",") for h, b in POINTS)],
     "quoted": ['"H [A/m]","B [T]"', *(f'"{h}","{b}"' for h, b in POINTS)],
     "byte order mark": ["\ufeffH [A/m],B [T]", *IN_COMMAS],
+    "FEMM's points below a line of names": ["B [T]\tH [A/m]", *(f"{b:.18f}\t{h:.18f}" for h, b in POINTS)],
+    "Maxwell 2023, .tab": ['"H (A_per_meter)" \t"B (tesla)"', *(f"{h:.8f}\t{b:.8f}" for h, b in POINTS)],
+    "Maxwell, without quotes": ["H (A_per_meter)\tB (tesla)", *(f"{h}\t{b}" for h, b in POINTS)],
+    "COMSOL 6": ["% Model: core.mph", "% H (A/m)               B (T)", *(f"{h}   {b}" for h, b in POINTS)],
+    "numpy.savetxt": ["# H [A/m], B [T]", *(f"{h:.18e},{b:.18e}" for h, b in POINTS)],
+    "a row of units": ["H\tB", "kA/m\tT", *(f"{h / 1e3}\t{b}" for h, b in POINTS)],
+    "a row of units in brackets, Excel in German": [
+        "sep=;", "H;B;Bemerkung", "[A/m];[mT];", *(f"{h};{1e3 * b};-".replace(".", ",") for h, b in POINTS)
+    ],
+    "a maker's, kilogauss and kilooersted": ["H (kOe)\tB (kG)", *(f"{h * 4e-6 * np.pi}\t{10 * b}" for h, b in POINTS)],
+    "words for units": ["H, Oersted\tB, Gauss", *(f"{h * 4e-3 * np.pi}\t{1e4 * b}" for h, b in POINTS)],
+    "from saturation down": ["H [A/m],B [T]", *reversed(IN_COMMAS)],
     "oersted and gauss": ["H [Oe],B [G]", *(f"{h * 4e-3 * np.pi},{1e4 * b}" for h, b in POINTS)],
 }
 
@@ -35,6 +47,7 @@ def written(tmp_path, lines):
     return path
 
 
+@pytest.mark.filterwarnings("ignore:.*not used. Bemerkung")
 @pytest.mark.parametrize("way", WRITTEN)
 def test_every_way_of_writing_gives_the_same_curve(way, tmp_path):
     read_H, read_B = read_table(written(tmp_path, WRITTEN[way]))
@@ -62,7 +75,10 @@ FAULTS = {
     "only remarks": (["# nothing"], "has no table"),
     "no header": (GOOD, "line 1 has numbers but no header"),
     "no unit": (["H,B [T]", *GOOD], "'H' has no unit; write H [A/m]"),
-    "unknown unit": (["H [A/m],B [Tesla]", *GOOD], "another quantity; known: T, mT, G"),
+    "unknown unit": (["H [A/m],B [Teslas]", *GOOD], "another quantity; known: T, mT, G"),
+    "FEMM's points alone": (["0\t0", "0.5\t100", "1\t900"], "begin with a line such as 'H [A/m], B [T]', or, over"),
+    "a loop from above": (["H [A/m],B [T]", "900,1.5", "100,1", "9,0.8", "0,0.5"], "line 5: the curve starts at H = 0"),
+    "a row of unknown units": (["H\tB", "A/m\tTe", *GOOD], "line 1: the column 'H' has no unit"),
     "another quantity": (["H [A],B [T]", *GOOD], "'H' is in 'A', which is unknown or"),
     "unknown columns": (["x,y", *GOOD], "has the columns x, y; needed are H and either B or"),
     "no flux": (["H [A/m],M [A/m]", *GOOD], "has the columns H, M; needed are H and either B or"),
@@ -126,6 +142,12 @@ def test_a_published_table_that_stays_above_vacuum_is_used_whole(tmp_path):
     """The last slope of the workshop's steel, from 2.25 T to 2.3 T, is 1.6 mu_0."""
     law = table_law(written(tmp_path, ["B [T],H [A/m]", *(f"{b},{h}" for b, h in _TEAM_STEEL)]))
     assert law.warning == "" and np.array_equal(law.B, _TEAM_STEEL[:, 0])
+
+
+def test_a_column_of_kilogauss_as_tesla_is_refused_with_its_file(tmp_path):
+    lines = ["H [A/m],B [T]", *(f"{h},{10 * b}" for h, b in POINTS)]
+    with pytest.raises(TableFault, match=r"curve.csv: the table of 'curve' has B - mu_0 H = 18.7 T"):
+        table_law(written(tmp_path, lines))
 
 
 def test_what_is_no_text_is_reported(tmp_path):

@@ -250,3 +250,65 @@ def test_a_geo_file_with_physical_names_is_a_section(tmp_path):
     assert set(mesh.regions) == {*areas, "air"}
     for region, area in areas.items():
         assert mesh.area(region) == pytest.approx(area)
+
+
+# --- units -------------------------------------------------------------------------------------------------
+
+SECTION = """SetFactory("OpenCASCADE"); k = {k};
+Rectangle(7) = {{0.04*k, -0.03*k, 0, 0.02*k, 0.06*k}}; Rectangle(2) = {{0, -0.05*k, 0, 0.03*k, 0.1*k}};
+Physical Surface("coil") = {{7}}; Physical Surface("disc") = {{2}};
+"""
+SOLIDS = """SetFactory("OpenCASCADE"); k = {k};
+Cylinder(8) = {{0, 0, -0.05*k, 0, 0, 0.1*k, 0.03*k}}; Cylinder(2) = {{0, 0, -0.03*k, 0, 0, 0.06*k, 0.06*k}};
+Cylinder(3) = {{0, 0, -0.03*k, 0, 0, 0.06*k, 0.04*k}};
+BooleanDifference(4) = {{ Volume{{2}}; Delete; }}{{ Volume{{3}}; Delete; }};
+Physical Volume("disc") = {{8}}; Physical Volume("coil") = {{4}};
+"""
+
+
+@pytest.mark.parametrize("millimetres", [1e3, 25.4, 10.0, 1.0, 0.1, 1e-3])
+@pytest.mark.parametrize("script", [SECTION, SOLIDS])
+def test_a_drawing_is_the_same_in_every_unit(script, millimetres, tmp_path):
+    """Areas and corners of bar and winding, and a mesh whose axis is found."""
+    path = tmp_path / "a.geo"
+    path.write_text(script.format(k=1e3 / millimetres))
+    parts = {part.region: part for part in read_cad(path, scale=millimetres, trust_scripts=True)}
+    for region, lower, upper in (("disc", (0.0, -0.05), (0.03, 0.05)), ("coil", (0.04, -0.03), (0.06, 0.03))):
+        assert parts[region].size == pytest.approx((upper[0] - lower[0]) * (upper[1] - lower[1]), rel=1e-9)
+        assert (*parts[region].lower, *parts[region].upper) == pytest.approx((*lower, *upper), abs=2e-9)
+    mesh = mesh_cad(path, size_factor=2.0, scale=millimetres, trust_scripts=True)
+    assert len(mesh.boundaries["axis"]) and (mesh.points[mesh.boundaries["axis"], 0] == 0.0).all()
+    assert mesh.area("disc") == pytest.approx(0.003) and mesh.area("coil") == pytest.approx(0.0012)
+
+
+@pytest.mark.parametrize("scale", [0.1, 2.0])
+def test_a_scaled_step_file_keeps_names_and_rings(scale, tmp_path):
+    parts = {part.region: part for part in read_cad(write_step(tmp_path / "a.step", solids_of_revolution), scale=scale)}
+    assert parts["core"].size == pytest.approx(scale**2 * 400e-6) and parts["coil"].upper[0] == scale * 30e-3
+
+
+def test_solids_whose_faces_are_nurbs_are_of_revolution(tmp_path):
+    """Cylinder and torus as some programs write them; a slot of a per cent in the cylinder is still found."""
+
+    def build(occ, slot=0.0):
+        solids = [(3, occ.addCylinder(0, 0, 0, 0, 0, 20, 20)), (3, occ.addTorus(0, 0, 0, 40, 5))][: 1 if slot else 2]
+        if slot:
+            occ.cut(solids, [(3, occ.addBox(-slot, -30, -1, 2 * slot, 20, 30))])
+        occ.dilate(solids, 0, 0, 0, 1.5, 1.5, 1.5)
+        return ["core", "ring"][: len(solids)]
+
+    core, ring = read_cad(write_step(tmp_path / "a.step", build))
+    assert core.size == pytest.approx(900e-6) and ring.size == pytest.approx(math.pi * 0.0075**2, rel=5e-3)
+    with pytest.raises(CadError, match=r"no solids of revolution about z: 'core' \(98.8"):
+        read_cad(write_step(tmp_path / "b.step", lambda occ: build(occ, slot=0.7)))
+
+
+def test_groups_of_a_script_that_have_numbers_alone_are_named_by_them(tmp_path):
+    path = tmp_path / "a.geo"
+    boxes = 'SetFactory("OpenCASCADE");\nRectangle(1) = {0, -5, 0, 9, 10};\nRectangle(2) = {20, -5, 0, 8, 10};\n'
+    path.write_text(boxes + "Physical Surface(3) = {1};\nPhysical Surface(12) = {2};\n")
+    parts = read_cad(path, names={"tag12": "coil"}, needed=["coil", "tag3"], trust_scripts=True)
+    assert [(part.name, part.region) for part in parts] == [("tag3", "tag3"), ("tag12", "coil")]
+    path.write_text(boxes + 'Physical Surface("disc") = {1};\nPhysical Surface(12) = {1, 2};\n')
+    with pytest.raises(CadError, match="one part is in the physical groups disc and tag12"):
+        read_cad(path, trust_scripts=True)

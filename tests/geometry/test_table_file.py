@@ -60,6 +60,7 @@ def test_a_unit_stands_behind_the_name(tmp_path, head):
         ("x [mm], y [mm]\n1, 2 mm\n", "line 2: y = '2 mm' is not a number"),
         ("x [mm], y [mm]\n1,\n", "line 2: y = '' is not a number"),
         ("1, 2\n3, 4\n", "line 1 has numbers but no header"),
+        ("# one, two\n1, 2\n3, 4\n", "line 2 has numbers but no header; begin with a line such as 'x .mm., y"),
         ("x [mm], y [mm]\n# 1, 2\n", "has no table"),
         ('x [mm], y [mm]\n1, "2\n', "line 2: unexpected end of data; look for a quote"),
     ],
@@ -94,6 +95,18 @@ def test_what_is_no_file_of_text_is_refused(tmp_path):
     (tmp_path / "binary").write_bytes(b"\xff\xfe\x00H")
     with pytest.raises(FileFault, match="UTF-8"):
         read_table(tmp_path / "binary", lambda place, name, unit: None)
+
+
+@pytest.mark.parametrize(
+    "head",
+    ["x\ty\nmm\tmm", "x\ty\n(mm)\t[mm]", "# by hand\n# x [mm]\ty [mm]", "% x (mm)\ty (mm)", '"x (mm)" \t"y (mm)"',
+     "x, mm\ty, mm", "sep=\t\nx [mm]\ty [mm]"],
+)  # fmt: skip
+def test_names_and_units_stand_where_other_programs_put_them(tmp_path, head):
+    """A row of units, the last comment above numbers, quotes followed by a blank, Excel's line of the separator."""
+    table = read(tmp_path, head + "\n1.5\t0.5\n2.5\t\n", gaps=True)
+    np.testing.assert_array_equal(table.values, [[1.5, 0.5], [2.5, np.nan]])
+    assert table.names == ["x", "y"] and table.units == ["mm", "mm"]
 
 
 def test_an_empty_column_of_a_spreadsheet_is_no_column(tmp_path):

@@ -194,3 +194,16 @@ def test_fractions_that_add_up_to_100_within_1_are_taken(tmp_path):
         assert read_sizes(tmp_path / "sizes.csv").limits == pytest.approx((60e-6, 90e-6))
     (tmp_path / "sizes.csv").write_text("diameter [um], number\n60, 40\n90, 20\n")
     assert read_sizes(tmp_path / "sizes.csv").mean == pytest.approx(70e-6)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["diameter [um];mass [%]\n63;5,5\n90;20,5\n125;74\n", "diameter (µm)\tmass (%)\n63\t5.5\n90\t20.5\n125\t74\n",
+     "sep=;\nDiameter;Mass\nµm;%\n63;5,5\n90;20,5\n125;74\n",
+     "% sieves\ndiameter / mm;mass / %\n0,063;5,5\n0,090;20,5\n0,125;74\n"],
+)  # fmt: skip
+def test_a_table_of_sieves_has_any_marks(text, tmp_path):
+    """Semicolons, tabs, decimal commas, a row of units: the same mean cube of the diameter, 1/sum(share/d^3)."""
+    (tmp_path / "sieves.csv").write_text(text, encoding="utf-8")
+    expected = 1.0 / (0.055 / 63e-6**3 + 0.205 / 90e-6**3 + 0.74 / 125e-6**3)
+    assert read_sizes(tmp_path / "sieves.csv").moment(3) == pytest.approx(expected)

@@ -25,9 +25,14 @@ def fitted(space, path, radius=None, limit=OVERLAP_LIMIT):
     return packing
 
 
-def test_csv_with_units(tmp_path):
-    path = tmp_path / "start.csv"
-    path.write_text(CSV)
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [("start.csv", CSV), ("start.csv", CSV.replace(",", ";").replace("5", "5,0")),
+     ("start.txt", CSV.replace(", ", "\t").replace(",", "\t")), ("start.tab", "sep=;\n" + CSV.replace(",", ";"))],
+)  # fmt: skip
+def test_tables_with_units(tmp_path, name, text):
+    path = tmp_path / name
+    path.write_text(text)
     packing = fitted(SPACE, path)
     assert packing.position == pytest.approx(np.array([[-2e-3, 0, 5e-3], [2e-3, 0, 5e-3]]))
     assert packing.radius == pytest.approx([1e-3, 1.5e-3])

@@ -2,12 +2,15 @@
 
 import math
 import os
+import shutil
+import subprocess
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from emclutch.results.vtk.data_set import read_texts
 from emclutch.results.vtk.field_arrays import SectionArrays
 from emclutch.results.vtk.series import PvdSeries, read_pvd
 from geometry import box_surface
@@ -81,7 +84,75 @@ def test_field_lies_in_the_half_plane_of_the_device(tmp_path):
     assert points(data).tolist() == [[0, 0, 0], [1, 0, 0], [0, 0, 2]]
     assert array(data.GetPointData(), "flux_density")[0].tolist() == [1.0, 0.0, 2.0]
     assert array(data.GetCellData(), "region").tolist() == [1]
-    assert texts(data, "region_names") == ["air", "disc"]
+    assert read_texts(data, "region_names") == ["air", "disc"]
+    assert "flux_density=T" in read_texts(data, "UNITS_LABEL")
+
+
+# Each returns the points (n, 3), the corners of the cells (k, 3 or 4) and the cell array `region`.
+def by_meshio(path):
+    import meshio
+
+    mesh = meshio.read(path)
+    return mesh.points, mesh.cells[0].data, mesh.cell_data["region"][0]
+
+
+def by_pyvista(path):
+    import pyvista
+
+    mesh = pyvista.read(path)
+    (cells,) = mesh.cells_dict.values()
+    return mesh.points, cells, mesh.cell_data["region"]
+
+
+def by_vtk(path):
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
+    data = opened(path)
+    cells = vtk_to_numpy(data.GetCells().GetConnectivityArray()).reshape(data.GetNumberOfCells(), -1)
+    return points(data), cells, array(data.GetCellData(), "region")
+
+
+PARAVIEW = """
+import sys
+import numpy as np
+from paraview.simple import OpenDataFile
+from paraview import servermanager
+from vtkmodules.util.numpy_support import vtk_to_numpy
+source = OpenDataFile(sys.argv[1])
+source.UpdatePipeline()
+data = servermanager.Fetch(source)
+corners = vtk_to_numpy(data.GetCells().GetConnectivityArray()).reshape(data.GetNumberOfCells(), -1)
+region = vtk_to_numpy(data.GetCellData().GetArray("region"))
+np.savez(sys.argv[2], vtk_to_numpy(data.GetPoints().GetData()), corners, region)
+"""
+
+
+def by_paraview(path):
+    if (pvpython := shutil.which("pvpython")) is None:
+        pytest.skip("ParaView's pvpython is not installed")
+    script, found = path.with_suffix(".py"), path.with_suffix(".npz")
+    script.write_text(PARAVIEW)
+    subprocess.run([pvpython, "--force-offscreen-rendering", script, path, found], check=True, timeout=120)
+    with np.load(found) as arrays:
+        return tuple(arrays.values())
+
+
+@pytest.mark.parametrize("reader", [by_meshio, by_pyvista, by_vtk, by_paraview])
+@pytest.mark.parametrize("corners", [3, 4])
+def test_a_field_is_read_by_other_programs(tmp_path, reader, corners):
+    """Points, triangles or tetrahedra and regions in several compressed blocks come back to the last bit."""
+    rng = np.random.default_rng(1)
+    at, cells = rng.random((20_000, corners - 1)), rng.integers(0, 20_000, (30_000, corners))
+    arrays = {"region": rng.integers(0, 2, 30_000), "flux_density": rng.random((30_000, corners - 1))}
+    names = ["air", "disc"]
+    series = PvdSeries(tmp_path, "field")
+    if corners == 3:
+        path = series.write_field(0.5, SectionArrays(at, cells, arrays, {"vector_potential": at[:, 0]}, names))
+        at = np.column_stack([at[:, 0], np.zeros(len(at)), at[:, 1]])
+    else:
+        path = series.write_field_3d(0.5, at, cells, arrays, region_names=names)
+    for found, expected in zip(reader(path), (at, cells, arrays["region"]), strict=True):
+        np.testing.assert_array_equal(found, expected)
 
 
 def rim(body="rotor", radius=2.0):

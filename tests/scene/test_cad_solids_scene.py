@@ -79,6 +79,7 @@ def folder(tmp_path_factory):
     write_step(folder / "slotted.step", lambda occ: device(occ, slots=(90, 180, 270)))
     write_step(folder / "both.step", lambda occ: device(occ, slots=(90, 180), rotor_slots=(180,)))
     write_step(folder / "oblique.step", oblique)
+    write_step(folder / "empty.step", lambda occ: ["cover" if name == "powder" else name for name in device(occ)])
     return folder
 
 
@@ -166,6 +167,7 @@ REFUSED = {
     "no slots in a section": ({"geometry": {**SLOTTED, "three_dimensional": False}},
                               "part 'resin' does not meet the half-plane"),
     "oblique coil": ({"geometry": {"file": "oblique.step"}}, "the coil of a field in 3D is one ring of rectangular"),
+    "no powder": ({"geometry": {"file": "empty.step"}}, "no part is named 'powder'"),
     "feedback": ({"effects": {"back_reaction": {}}}, "effects.back_reaction is not available with "
                  "geometry.three_dimensional"),
     "tolerance": ({"field": {"tolerance": 1e-3}}, "field.tolerance = 0.001 refines the mesh of a section"),

@@ -37,6 +37,8 @@ def test_resolved_scene_loads_to_the_same(good, tmp_path):
     good.write_toml(tmp_path / "case.toml")
     assert load_case(tmp_path / "case.toml").scene == good.scene
     assert case_from(tomllib.loads(good.toml())).resolved() == good.resolved()
+    (tmp_path / "notepad.toml").write_bytes(b"\xef\xbb\xbf" + (tmp_path / "case.toml").read_bytes())
+    assert load_case(tmp_path / "notepad.toml").scene == good.scene
     with pytest.raises(FileExistsError):
         good.write_toml(tmp_path / "case.toml")
 

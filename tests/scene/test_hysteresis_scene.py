@@ -91,7 +91,7 @@ def test_what_does_not_carry_history_refuses_it():
         load_case(CASES / "quickstart.toml", {"effects.hysteresis": {}} | circuit)
     with pytest.raises(SceneError, match=r"effects\.hysteresis.*3D"):
         load_case(CASES / "slotted_disc.toml", {"effects.hysteresis": {}})
-    with pytest.raises(SceneError, match="particles"):
+    with pytest.raises(SceneError, match=r"cannot be used with \[effects\.eddy_currents\]"):  # nor without grains
         drum(**{"effects.eddy_currents": {}})
 
 

@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 from emclutch.cli.main import app
 from emclutch.device_model.materials import magnetic_law
 from emclutch.scene.case import case_from, load_case, read_toml
+from emclutch.scene.errors import SceneError
 from field import FroehlichLaw, LinearLaw, PermeabilityLaw, TableLaw
 from field.laws.brauer import BrauerLaw
 from field.laws.langevin import LangevinLaw
@@ -103,3 +104,17 @@ def test_points_that_are_not_used_are_reported(tmp_path):
     (tmp_path / "tail.csv").write_text("H [A/m],B [T]\n" + "".join(f"{h},{b}\n" for h, b in zip(H, B, strict=True)))
     page = CliRunner().invoke(app, ["materials", str(tmp_path / "tail.csv")])
     assert page.exit_code == 0 and "! tail: the last 1 point of the table" in " ".join(page.output.split())
+
+
+def test_any_file_that_is_there_is_a_curve(tmp_path, monkeypatch):
+    """A table by any ending or none; a built-in name stays what it is beside a file of this name."""
+    from emclutch.cli.materials import laws_of
+
+    monkeypatch.chdir(tmp_path)
+    for name in ("core.tab", "core.bh", "core", "steel_1010"):
+        Path(name).write_text("H (Oe)\tB (kG)\n0\t0\n1\t5\n10\t12\n100\t17\n")
+    laws = laws_of(["core.tab", "core.bh", "core", "steel_1010"])
+    assert [law.B[-1] for law in laws[:3]] == pytest.approx([1.7] * 3)
+    assert laws[0].H[-1] == pytest.approx(1e5 / (4.0 * np.pi)) and laws[3].source.startswith("AISI 1010")
+    with pytest.raises(SceneError, match=r"none.tab.*No such file"):
+        laws_of(["none.tab"])

@@ -21,6 +21,8 @@ RIGHT = [
     (units.Speed, "3 rad s-1", 3.0), (units.FieldStrength, "2 kA*m^-1", 2e3),
     (units.Density, "1 kg/(m m²)", 1.0),
     (units.Stiffness, "3 N/mm", 3000.0),
+    (units.CurveFieldStrength, "2 Oe", 500.0 / math.pi), (units.Coercivity, "0.2 kOe", 5e4 / math.pi),
+    (units.FluxDensity, "21.5 kG", 2.15), (units.FluxDensity, "500 G", 0.05),
 ]  # fmt: skip
 WRONG = [
     (units.Length, "3 kg", "is a mass; a length is needed, e.g. '1 mm'"), (units.Length, "3", "has no unit"),
@@ -35,6 +37,7 @@ WRONG = [
     (units.Angle, "10 %", "no angle"),
     (units.Time, "1 V", "is a voltage"), (units.Length, "1 m**9**9**9", "unit"),
     (units.Length, "1 __import__('os')", "unit"),
+    (units.Magnetisation, "1 kOe", "is in kOe; a magnetisation is needed"),
     (units.Current, "1 A/m", "is a field strength"), (units.Mass, "5 N", "is a force"),
 ]  # fmt: skip
 

@@ -1,4 +1,8 @@
-"""The second process compiles the very step that the run will ask for."""
+"""What is compiled ahead is what the run will ask for."""
+
+import os
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -10,6 +14,7 @@ from emclutch.scene.case import case_from
 from emclutch.simulation import kernel_warm_up
 from emclutch.simulation.assembly import assemble
 from emclutch.simulation.plan import make_plan
+from geometry.kernels.cache import ROOT
 from particles.dem import box_kernel, total_columns
 
 
@@ -61,19 +66,14 @@ def test_the_second_process_knows_that_grains_attract():
     assert types(kernel_warm_up.grains_of_kind(*kernel_warm_up.kind_of(case.scene))) == types(simulation.motion)
 
 
-def test_there_is_no_second_process_where_one_thread_is_asked_for(monkeypatch):
-    """So in this test run, whose workers have one core each."""
-    monkeypatch.setenv("OMP_NUM_THREADS", "1")
-    assert kernel_warm_up.start(case_from(DRY).scene) is None
-
-
-def test_the_second_process_runs_no_file_of_the_folder_that_the_user_stands_in(tmp_path, monkeypatch):
-    (tmp_path / "numpy.py").write_text("open('ran', 'w')")
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("OMP_NUM_THREADS", "2")
-    monkeypatch.setattr(kernel_warm_up, "has_entries", lambda kernel: False)
-    monkeypatch.setattr(kernel_warm_up, "kind_of", lambda scene: [])  # it has imported everything when it fails
-    child = kernel_warm_up.start(case_from(DRY).scene)
-    if child is not None:  # a machine with one core has none
-        assert child.wait(timeout=120) == 1
-    assert not (tmp_path / "ran").exists()
+@pytest.mark.stability
+def test_a_run_after_it_compiles_nothing(tmp_path):
+    """From an empty cache."""
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    case = ROOT / "cases" / "quickstart.toml"
+    ahead = [sys.executable, "-m", "emclutch.simulation.kernel_warm_up", str(case)]
+    subprocess.run(ahead, cwd=ROOT, env=environment, check=True, capture_output=True)
+    values = [f"--set={key}={value}" for key, value in {"time.end": "0.2 ms", "time.until": "none"}.items()]
+    command = [sys.executable, "-m", "emclutch.cli.main", "run", str(case), "--out", str(tmp_path / "run"), *values]
+    done = subprocess.run(command, cwd=ROOT, env=environment, check=True, capture_output=True, text=True)
+    assert "started" in done.stderr and "Compiling" not in done.stderr

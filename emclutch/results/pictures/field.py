@@ -1,4 +1,4 @@
-"""Pictures of a field study: what saturates along a sweep of the current, and the field along a line."""
+"""Pictures of a field study: what saturates along a sweep of the current, the field along a line, a coil in time."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from emclutch.results.pictures.figure import legend_below, legend_beside, new_figure, save_picture
+from emclutch.results.text import time_unit
 
 BLUE, ORANGE, GREY = "#0b5fa5", "#d9730d", "#808080"
 
@@ -74,6 +75,40 @@ def line_picture(path: str | Path, along: Any, *, title: str | None = None) -> P
                 transform=axes[0].get_xaxis_transform(),
             )  # fmt: skip
     axes[1].set_xlabel("distance along the line [mm]")
+    return save_picture(figure, path)
+
+
+def transient_picture(path: str | Path, table: Any, summary: Any, *, title: str | None = None) -> Path:
+    """Draw current, gap field and powers of a coil against time, with the instants of 63 and 90 % of the change.
+
+    Parameters
+    ----------
+    path : PNG to write.
+    table, summary : of `emclutch.studies.field_transient.TransientResult`.
+    """
+    shown = [("current", "current [A]", BLUE), ("gap_flux_density", "|B| in the gap [T]", ORANGE)]
+    shown = [one for one in shown if one[0] in table]
+    unit, factor = time_unit(float(table["time"].iloc[-1]))
+    time = factor * np.asarray(table["time"])
+    figure, axes = new_figure(8.0, 2.2 * (len(shown) + 1), title, rows=len(shown) + 1, sharex=True)
+    for axis, (name, label, colour) in zip(axes, shown, strict=False):
+        axis.plot(time, table[name], color=colour)
+        axis.axhline(summary["final"][name], color=GREY, lw=0.8, ls=":", label="final value")
+        for share, suffix, style in (("63 %", "", "o"), ("90 %", "_90", "s")):
+            after = summary[f"{name}_rise_time{suffix}"]
+            if after is not None:
+                at = factor * (summary["changes_at"] + after)
+                mark = np.interp(at, time, table[name])
+                axis.plot(at, mark, style, color=colour, label=f"{share} after {factor * after:.3g} {unit}")
+        axis.set_ylabel(label)
+    for name, label, colour in (("copper_loss", "copper", BLUE), ("eddy_loss", "eddy currents", ORANGE)):
+        if name == "copper_loss" or summary["eddy_currents"]:
+            axes[-1].plot(time, table[name], color=colour, label=label)
+    axes[-1].set(xlabel=f"time [{unit}]", ylabel="heat [W]")
+    for axis in axes:
+        axis.grid(alpha=0.25)
+        axis.margins(x=0.0)
+        legend_beside(axis)
     return save_picture(figure, path)
 
 

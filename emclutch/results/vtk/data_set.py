@@ -78,9 +78,9 @@ def write_data_set(
     time : [s], kept as field data ``TimeValue``.
     point_arrays, cell_arrays : (n,) or (n, m) by name; units as of `ARRAY_UNITS`. Cells count in the order vertices,
         lines, polygons.
-    texts : lists of strings by name, as field data.
+    texts : lists of strings by name, as field data: strings of ``.vtp``, and the codes of their characters, 10 between
+        two strings, of ``.vtu``, since meshio refuses a file with strings.
     """
-    from vtkmodules.vtkCommonCore import vtkStringArray
     from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter, vtkXMLUnstructuredGridWriter
 
     for attributes, arrays in ((data.GetPointData(), point_arrays), (data.GetCellData(), cell_arrays)):
@@ -88,13 +88,10 @@ def write_data_set(
             attributes.AddArray(_array(values, name))
     names = dict.fromkeys([*(point_arrays or {}), *(cell_arrays or {})])
     units = [f"{name}={ARRAY_UNITS[name]}" for name in names if name in ARRAY_UNITS]
+    text_array = _strings if path.suffix == ".vtp" else _codes
     data.GetFieldData().AddArray(_array(np.array([time]), "TimeValue"))
     for name, strings in {"UNITS_LABEL": units, **(texts or {})}.items():
-        array = vtkStringArray()
-        array.SetName(name)
-        for text in strings:
-            array.InsertNextValue(text)
-        data.GetFieldData().AddArray(array)
+        data.GetFieldData().AddArray(text_array(strings, name))
     writer = vtkXMLPolyDataWriter() if path.suffix == ".vtp" else vtkXMLUnstructuredGridWriter()
     writer.SetInputData(data)
     writer.SetDataModeToAppended()
@@ -132,7 +129,24 @@ def array_names(attributes: Any) -> list[str]:
 def read_texts(data: Any, name: str) -> list[str]:
     """Return a list of strings in the field data of a data set; empty where it has none of that name."""
     array = data.GetFieldData().GetAbstractArray(name)
-    return [] if array is None else [array.GetValue(number) for number in range(array.GetNumberOfValues())]
+    if array is None:
+        return []
+    values = [array.GetValue(number) for number in range(array.GetNumberOfValues())]
+    return values if array.GetClassName() == "vtkStringArray" else bytes(values).decode().splitlines()
+
+
+def _strings(texts: Sequence[str], name: str) -> Any:
+    from vtkmodules.vtkCommonCore import vtkStringArray
+
+    array = vtkStringArray()
+    array.SetName(name)
+    for text in texts:
+        array.InsertNextValue(text)
+    return array
+
+
+def _codes(texts: Sequence[str], name: str) -> Any:
+    return _array(np.frombuffer("\n".join(texts).encode(), dtype=np.uint8), name)
 
 
 def _array(values: np.ndarray, name: str = "") -> Any:

@@ -1,24 +1,32 @@
 """The cheapest fidelity that reaches a wanted accuracy: the law of the powder, or grains with a study's settings.
 
 The law's interval is that of runs of grains over the law (docs/explanation/two_scales.md). The errors of grains are
-those of an accuracy study. Neither has the error of the powder's data.
+those of an accuracy study; before there is one, those of the studies of other devices estimate what it will find.
+Neither has the error of the powder's data.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from time import process_time
 from typing import Any
 
 from emclutch.device_model.device import build_device
+from emclutch.results.accuracy_studies import known_studies
 from emclutch.results.recommended import Choice, LimitingError
 from emclutch.results.report.report import Statement, note, warning
-from emclutch.results.text import format_duration, format_percent
+from emclutch.results.text import format_duration, format_percent, in_words
 from emclutch.scene.case import Case
 from emclutch.scene.errors import bad_input_for
 from emclutch.simulation.forecast.expected_field import expected_magnetisation
 from emclutch.simulation.forecast.expected_torque import ExpectedTorque, expected_torque
+from emclutch.simulation.plan import make_plan
+from emclutch.simulation.recommended_case import cheapest_case
+
+COST_FACTOR = 3.0
+"""Factor that an estimate of the cost by other devices is uncertain by (docs/accuracy.md)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +69,9 @@ class TorqueByLaw:
             return f"{text.rstrip('.')}. It reaches no target."
         return f"{text}, the interval of runs of grains, not of a real powder."
 
-    def cheapest(self, target: float, grains: Choice | LimitingError | None, command: str) -> dict[str, Any]:
+    def cheapest(
+        self, target: float, grains: Choice | LimitingError | None, command: str, estimate: Any = None
+    ) -> dict[str, Any]:
         """Return what reaches a half width at the least cost.
 
         Parameters
@@ -69,12 +79,13 @@ class TorqueByLaw:
         target : relative half width of the torque's 95 % interval
         grains : what reaches it by an accuracy study of the device, or why nothing does; None: there is no study
         command : that runs the grains with these settings, or the study
+        estimate : of `estimate_by_other_devices`
 
         Returns
         -------
         dict
             `target`, `fidelity` ("law" or "grains"; None: nothing known reaches it), `half_width`, `seconds` of
-            processor time, None where unknown, `command`, and the `reason` where nothing known reaches it.
+            processor time, None where unknown, `command`, `estimate`, and the `reason` where nothing known reaches it.
         """
         found: dict[str, Any] = {"target": target, "fidelity": None, "half_width": None, "seconds": None}
         if self.half_width is not None and self.half_width <= target:
@@ -86,18 +97,76 @@ class TorqueByLaw:
             law = "the law of the powder is a guess" if half is None else f"the law has ± {format_percent(half)}"
             study = "there is no accuracy study of this device yet" if grains is None else grains.in_words()
             known = {"reason": f"{law}, and {study}"}
-        return found | {"command": command, "reason": ""} | known
+        return found | {"command": command, "reason": "", "estimate": estimate} | known
 
     def as_dict(self) -> dict[str, Any]:
         """Return torque [N m], interval, half width and processor time [s] for a report's data."""
         return self.expected.as_dict() | {"half_width": self.half_width, "seconds": self.seconds}
 
 
+def estimate_by_other_devices(case: Case, target: float, replica_seconds: float) -> dict[str, Any] | None:
+    """Return what grains will cost for a half width if a device's errors are those of other devices.
+
+    The settings that the accuracy study of another device recommends are taken, as far as the scene has them, and
+    their cost is that of the plan.
+
+    Parameters
+    ----------
+    target : relative half width of the torque's 95 % interval
+    replica_seconds : processor time of a replica at the scene's own settings [s]
+
+    Returns
+    -------
+    dict or None
+        `devices`: names of the cases whose studies count; `seconds`: least and most processor time [s] of runs that
+        reach the target, widened by `COST_FACTOR`, None where none of these devices reaches it; `half_width`: the least
+        that they have; `limit`: the setting that limits it; `study_seconds`: processor time [s] of an accuracy study
+        that may reach the target, at least. None where no study has the settings of the scene.
+    """
+    costs, missed, names = [], [], []
+    for study in known_studies():
+        found = cheapest_case(case, study, target)
+        if isinstance(found, LimitingError):
+            if found.best is not None:
+                missed.append((found, replica_seconds / study.seconds))
+                names.append(study.case)
+            continue
+        choice, run = found
+        cost = make_plan(run)[1].cost
+        costs.append(choice.replicas * (sum(cost.loop.values()) + sum(cost.once.values())))
+        names.append(study.case)
+    if not names:
+        return None
+    estimate: dict[str, Any] = dict.fromkeys(("seconds", "half_width", "limit", "study_seconds"))
+    if costs:
+        estimate |= {"seconds": [min(costs) / COST_FACTOR, COST_FACTOR * max(costs)], "half_width": target}
+    else:
+        error, ratio = min(missed, key=lambda one: one[0].best.half_width if one[0].best else math.inf)
+        assert error.best is not None  # only such are in the list
+        more = None if error.seconds is None else ratio * error.seconds
+        estimate |= {"half_width": error.best.half_width, "limit": error.setting, "study_seconds": more}
+    return {"devices": names} | estimate
+
+
+def estimate_in_words(target: float, estimate: Mapping[str, Any]) -> str:
+    """Return an estimate of `estimate_by_other_devices` as a sentence."""
+    head = f"Estimate for grains by the study of {' and '.join(estimate['devices'])}: ± {format_percent(target)}"
+    if estimate["seconds"] is not None:
+        low, high = map(format_duration, estimate["seconds"])
+        return f"{head} takes {low} to {high} of processor time."
+    limit = in_words(estimate["limit"])
+    text = f"{head} not reached, ± {format_percent(estimate['half_width'])} at best, limited by {limit}"
+    if estimate["study_seconds"] is None:
+        return f"{text}."
+    return f"{text}; a study of more than {format_duration(estimate['study_seconds'])} of processor time may reach it."
+
+
 def cheapest_in_words(row: Mapping[str, Any]) -> Statement:
     """Return what `TorqueByLaw.cheapest` found for a target, as a line to copy the command from."""
     target = f"± {format_percent(row['target'])}"
     if row["fidelity"] is None:
-        return warning(f"{target}: {row['reason']}; to measure it: {row['command']}")
+        known = "" if row["estimate"] is None else f"{estimate_in_words(row['target'], row['estimate'])} "
+        return warning(f"{target}: {row['reason']}. {known}To measure it: {row['command']}")
     names = {"law": "the law of the powder", "grains": "grains with the settings of the accuracy study"}
     cost = f"± {format_percent(row['half_width'])} in {format_duration(row['seconds'])} of processor time"
     return note(f"{target}: {names[row['fidelity']]}, {cost}: {row['command']}")

@@ -35,7 +35,7 @@ from emclutch.simulation.discretisation_error import device_of
 from emclutch.simulation.plan_in_words import narrow_sector
 from emclutch.simulation.recommended_case import cheapest_case
 from emclutch.studies.accuracy.budgeted_study import BUDGET, BudgetedStudy
-from emclutch.studies.accuracy.fidelities import TorqueByLaw, cheapest_in_words
+from emclutch.studies.accuracy.fidelities import TorqueByLaw, cheapest_in_words, estimate_by_other_devices
 from emclutch.studies.accuracy.measured_study import StudyRuns, refuse_no_torque, scatter_of, study_of, this_machine
 from emclutch.studies.accuracy.plan import (
     BASE,
@@ -216,7 +216,11 @@ def preview(
             how = f"emclutch run {name} --set time.until=none --set 'accuracy.target={share}'"
             cheapest.append(law.cheapest(target, grains[0], how))
         else:
-            cheapest.append(law.cheapest(target, grains, f"emclutch accuracy {name} --for '{share}'{enough}"))
+            estimate = estimate_by_other_devices(case, target, own) if known is None else None
+            longer = None if estimate is None or estimate["study_seconds"] is None else estimate["study_seconds"] / jobs
+            minutes = enough if longer is None else f" --budget '{max(budget, longer) / 60.0:.0f} min'"
+            how = f"emclutch accuracy {name} --for '{share}'{minutes}"
+            cheapest.append(law.cheapest(target, grains, how, estimate))
     report = Report(f"Accuracy study of {case.name}", data={"law": law.as_dict(), "cheapest": cheapest})
     report.add("Law of the powder", Statements([note(law.in_words())]), Shown.TERMINAL)
     report.add("Cheapest for a target", Statements([*map(cheapest_in_words, cheapest)]), Shown.TERMINAL)

@@ -1,0 +1,259 @@
+"""A scene from a model of FEMM: its regions, materials, winding and bodies, or the reasons why there is none.
+
+What is magnetic, what conducts, and solids within the air are parts, named after material and group. Air is not
+drawn: what no part fills is air. The outer boundary is left out with it, whatever it approximates open space by (a wall
+of A = 0, an asymptotic condition, the shells of FEMM's own builder, a Kelvin transformation): the field of a scene is
+open. Group 0 stands still, as the housing; the first other group that is used turns with the disc, the next with the
+rotor.
+"""
+
+from __future__ import annotations
+
+import re
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from emclutch.scene.errors import Fault, SceneError
+from geometry.femm_file import FemmEdge, FemmLabel, FemmModel, FemmProperty, read_femm
+from geometry.femm_section import FemmSection, faces_as_brep, femm_section
+from geometry.table_file import FileFault
+
+_AIR = re.compile(r"(?i)\b(air|vacuum|luft)\b")
+_SHELL = re.compile(r"u\d+")  # as FEMM's builder of open boundaries names the materials of its shells
+_EQUAL = 1e-3  # of the turns per area in the pieces of a winding
+_MIXED, _PERIODIC = 2, 4
+_BOUNDARIES = {0: "prescribed A", 1: "small skin depth", 2: "mixed", 3: "strategic dual image", 4: "periodic",
+               5: "antiperiodic", 6: "periodic air gap", 7: "antiperiodic air gap"}  # fmt: skip
+
+_Reasons = Iterator[tuple[int, str]]
+"""Line of the file, and what is wrong with it and what to do."""
+
+
+def femm_scene(path: Path, stem: str, powder: str | None = None) -> tuple[dict[str, Any], dict[str, str]]:
+    """Make the tables [scene], [geometry], [materials], [coil] and [field] from a model.
+
+    Parameters
+    ----------
+    path : Path
+        Model of FEMM.
+    stem : str
+        Beginning of the names of the files beside the scene.
+    powder : str, optional
+        Material whose regions the grains fill.
+
+    Returns
+    -------
+    scene : dict
+    files : dict
+        Texts of the drawing and of the magnetisation curves, by name.
+
+    Raises
+    ------
+    SceneError
+        What the file holds that cannot be read, or has no counterpart, with its line.
+
+    Warns
+    -----
+    UserWarning
+        There is powder, and no part turns.
+    """
+    try:
+        model = read_femm(path)
+        _refuse(path, [*_head_reasons(model), *_label_reasons(model, powder)])
+        section = femm_section(model)
+        air = {label for label in model.labels if _is_air(label, model, section)}
+        _refuse(path, [*_outline_reasons(model, section, air), *_winding_reasons(model, section)])
+        regions = {label: _region(label, powder) for label in model.labels if label not in air or _is(label, powder)}
+        drawing, order = faces_as_brep(model, list(regions))
+    except FileFault as fault:
+        raise SceneError([Fault("", "", fault.reason)], str(path)) from None
+    solid = {name: label for label, name in regions.items() if name not in ("coil", "powder")}
+    used = {_key(label): label.material for label in solid.values()}
+    _refuse(path, list(_name_reasons(regions, solid, used)))
+    curves = {f"{stem}_{name}.csv": _curve(one) for name, one in used.items() if len(one.curve)}
+    groups = sorted({label.group for label in solid.values()} - {0})
+    body = dict(zip(groups, ("disc", "rotor"), strict=False))
+    if powder is not None and not groups:
+        warnings.warn("all parts have group 0 and stand still; say in geometry.bodies what turns", stacklevel=2)
+    coil = [label for label in model.labels if label.current]
+    data = {
+        "scene": {"title": f"{path.stem}, a model of FEMM"},
+        "geometry": {
+            "kind": "cad",
+            "file": f"{stem}.brep",
+            "materials": {name: _key(label) for name, label in solid.items()},
+            "names": {f"part{number}": regions[label] for number, label in enumerate(order, 1)},
+            "bodies": {name: body.get(label.group, "housing") for name, label in solid.items()},
+        },
+        "materials": {name: _material(one, f"{stem}_{name}.csv") for name, one in used.items()},
+        "coil": {"current": f"{coil[0].current:.10g} A", "turns": sum(abs(label.turns) for label in coil)},
+        "field": {"source": "coil"},
+    }
+    return data, {f"{stem}.brep": drawing, **curves}
+
+
+def _refuse(path: Path, reasons: list[tuple[int, str]]) -> None:
+    if reasons:
+        raise SceneError([Fault("", "", f"line {line}: {text}") for line, text in sorted(set(reasons))], str(path))
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_") or "unnamed"
+
+
+def _key(label: FemmLabel) -> str:
+    """Name of a label's material in the scene, which no built-in material has."""
+    return f"femm_{_plain(label.material.name)}"
+
+
+def _is(label: FemmLabel, powder: str | None) -> bool:
+    return powder is not None and _plain(label.material.name) == _plain(powder)
+
+
+def _is_magnetic(one: FemmProperty) -> bool:
+    return bool(len(one.curve)) or one["mu_x"] != 1.0 or one["mu_y"] != 1.0
+
+
+def _is_shell(label: FemmLabel, model: FemmModel) -> bool:
+    """True in a shell of FEMM's own open boundary, of which some have a permeability below 1."""
+    shells = [one.material for one in model.labels if _SHELL.fullmatch(one.material.name)]
+    return bool(_SHELL.fullmatch(label.material.name)) and any(one["mu_x"] < 1.0 for one in shells)
+
+
+def _is_air(label: FemmLabel, model: FemmModel, section: FemmSection) -> bool:
+    """True for what is not drawn: air, idle windings, shells, and the outside of a Kelvin transformation."""
+    if label.is_external or _is_shell(label, model):
+        return True
+    one = label.material
+    empty = not one["sigma"] and (bool(_AIR.search(one.name)) or label in section.outline.values())
+    return not label.current and not _is_magnetic(one) and (label.is_wound or empty)
+
+
+def _region(label: FemmLabel, powder: str | None) -> str:
+    name = _plain(label.material.name)
+    if label.current or _is(label, powder):
+        return "coil" if label.current else "powder"
+    part = f"{name}_part" if name in ("coil", "powder", "air") else name
+    return f"{part}_{label.group}" if label.group else part
+
+
+def _head_reasons(model: FemmModel) -> _Reasons:
+    """What the model as a whole is that no scene can be."""
+    for key, right, reason in (
+        ("Format", r"4(\.\d*)?", "open it in FEMM 4.2 and save it"),
+        ("Frequency", r"0*\.?0*", "a time-harmonic problem has no counterpart, only static ones are read; set it to 0"),
+        ("ProblemType", "axisymmetric", "only axisymmetric problems are read; draw the half section of the device"),
+        ("PrevSoln", r'"?"?', "the permeability of an earlier solution has no counterpart; remove it"),
+    ):
+        value, line = model.head.get(key.lower(), ("", 0))
+        if line and not re.fullmatch(right, value.lower()):
+            yield line, f"[{key}] = {value}: {reason}"
+    for line in model.holes:
+        yield line, "a hole in the mesh has no counterpart; give the region a label of air"
+    for line in model.marked_points:
+        yield line, "a point with a property (current or A) has no counterpart; draw a winding with a section"
+
+
+def _label_reasons(model: FemmModel, powder: str | None) -> _Reasons:
+    """What is wrong with the materials and circuits that are used."""
+    for label in model.labels:
+        if not _is_shell(label, model):
+            for reason in _material_reasons(label):
+                yield label.material.line, f"the material {label.material.name!r} {reason}"
+    if powder is not None and not any(_is(label, powder) for label in model.labels):
+        names = sorted({label.material.name for label in model.labels})
+        yield 1, f"no region is of the material {powder!r} (--powder); there are {', '.join(names)}"
+    circuits = [label.circuit for label in model.labels if label.circuit and label.current]
+    if not circuits:
+        yield 1, "no label belongs to a circuit with a current; give the winding one"
+    for one in circuits:
+        if one is not circuits[0]:
+            yield one.line, f"the circuit {one.name!r} is a second winding, a scene has one; set its current to 0"
+        if one["circuittype"] == 0.0:
+            yield one.line, f"the circuit {one.name!r} is parallel, which has no counterpart; make it a series circuit"
+
+
+def _material_reasons(label: FemmLabel) -> Iterator[str]:
+    from field import TableLaw  # local: the schema itself needs no field
+
+    one = label.material
+    if one["h_c"]:
+        yield f"is a permanent magnet (H_c = {one['h_c']:g} A/m), which has no counterpart; take it out"
+    if one["j_re"]:
+        yield "has a current density (J_re); give the winding a circuit with current and turns instead"
+    if one["lamfill"] != 1.0 and not label.is_wound and _is_magnetic(one):
+        yield f"is laminated with LamFill = {one['lamfill']:g}; enter the curve of the stack, with LamFill = 1"
+    if label.is_wound and _is_magnetic(one):
+        yield "is magnetic, and that of a winding; a winding's permeability is 1: change it"
+    elif len(one.curve):
+        try:
+            TableLaw(one.curve[:, 1], one.curve[:, 0], one.name)
+        except ValueError as error:
+            yield f"has a B-H curve that is none: {error}"
+    elif one["mu_x"] != one["mu_y"] or one["mu_x"] < 1.0:
+        yield f"has mu_x = {one['mu_x']:g}, mu_y = {one['mu_y']:g}; allowed: the same, 1 or more"
+
+
+def _outline_reasons(model: FemmModel, section: FemmSection, air: set[FemmLabel]) -> _Reasons:
+    """Why the surroundings of the model cannot be replaced by open space."""
+    kelvin = any(label.is_external for label in model.labels)
+    for edge in section.inside:
+        if edge.boundary:
+            yield edge.line, f"{_boundary(model, edge)} within the model has no counterpart; remove it from the edge"
+    for edge, label in section.outline.items():
+        if label not in air:
+            yield label.line, f"{label.material.name!r} lies at the end of the model; draw air around the whole device"
+        elif not label.is_external and (reason := _not_open(model, edge, kelvin)):
+            yield edge.line, reason
+
+
+def _boundary(model: FemmModel, edge: FemmEdge) -> str:
+    one = model.boundaries[edge.boundary - 1]
+    return f"the boundary {one.name!r} ({_BOUNDARIES.get(int(one['bdrytype']), 'unknown')})"
+
+
+def _not_open(model: FemmModel, edge: FemmEdge, kelvin: bool) -> str:
+    """Why the boundary of an edge does not stand for open space; empty where it does."""
+    one = model.boundaries[edge.boundary - 1] if edge.boundary else None
+    if one is None or (one["bdrytype"] == _MIXED and not one["c0"] and not one["c1"]):
+        return "the edge is a plane of symmetry (no boundary); draw the other half too, or end the air at A = 0"
+    name = _boundary(model, edge)
+    if one["bdrytype"] in (0, _MIXED):
+        given = [key for key in ("a_0", "a_1", "a_2", "c1") if one[key]]
+        return f"{name} has {given[0]} = {one[given[0]]:g}, a source outside; set it to 0" if given else ""
+    return "" if one["bdrytype"] == _PERIODIC and kelvin else f"{name} has no counterpart; draw the whole device"
+
+
+def _winding_reasons(model: FemmModel, section: FemmSection) -> _Reasons:
+    """Why the current is not spread evenly over the winding, as that of a scene is."""
+    coil = [label for label in model.labels if label.current]
+    density = [label.turns / section.areas[label] for label in coil]
+    for label, one in zip(coil, density, strict=True):
+        if abs(one - density[0]) > _EQUAL * abs(density[0]):
+            yield label.line, "has other turns per area than the rest of its circuit, and a scene has one winding"
+        if not label.is_wound and label.material["sigma"]:
+            yield label.line, (f"the winding is one massive turn of {label.material.name!r}, whose current is not "
+                               "even; set its conductivity to 0 where that does not matter")  # fmt: skip
+
+
+def _name_reasons(
+    regions: dict[FemmLabel, str], solid: dict[str, FemmLabel], used: dict[str, FemmProperty]
+) -> _Reasons:
+    """Why names that differ in FEMM do not differ in the scene."""
+    for label, region in regions.items():
+        for other in (solid[region].material, used[_key(label)]) if region in solid else ():
+            if other.name != label.material.name:
+                yield label.line, f"{label.material.name!r} and {other.name!r} are one name in the scene; rename one"
+
+
+def _material(one: FemmProperty, table: str) -> dict[str, Any]:
+    linear = {"law": "linear", "relative_permeability": one["mu_x"]}
+    law = {"law": "table", "table": table} if len(one.curve) else linear
+    return law | ({"conductivity": 1e6 * one["sigma"]} if one["sigma"] and not one["d_lam"] else {})
+
+
+def _curve(one: FemmProperty) -> str:
+    rows = "\n".join(f"{H:.10g}, {B:.10g}" for B, H in one.curve)
+    return f"# {one.name}, from a model of FEMM\nH [A/m], B [T]\n{rows}\n"
