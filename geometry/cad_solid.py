@@ -30,7 +30,7 @@ _ON_SPHERE = 1e-6  # of the radius: nodes of the outer boundary lie on it exactl
 
 
 def check_device_3d(path: str | Path, section: CadSection) -> None:
-    """Refuse what a field in 3D cannot carry: a coil that is no ring of rectangular section, powder not round or missing.
+    """Refuse what a 3D field cannot carry: a coil that is no ring of rectangular section, powder missing or not round.
 
     Raises
     ------

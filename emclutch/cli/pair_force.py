@@ -105,12 +105,11 @@ def _draw(name: str, table: PairTable, path: Path) -> Path:
         axes.loglog(near, two_zone_force(near, h), color=f"C{number}", lw=1.0, ls="--")
         axes.loglog(g, dipoles, color=f"C{number}", lw=0.8, ls=":")
     axes.set(xlabel="gap / radius", ylabel="attraction / (mu_0 Ms^2 radius^2)")
-    axes.set_title(
-        f"{name}: two grains on a line along the field, Ms = {table.Ms:.4g} A/m\n"
-        "full: finite elements; dashed: the neck's two zones; dotted: dipoles with the same moments",
-        fontsize=10,
-    )
+    axes.set_title(f"Force between two grains of {name} along the field, Ms = {table.Ms:.4g} A/m", fontsize=10)
     axes.grid(True, which="both", lw=0.3, alpha=0.5)
+    models = {"finite elements": "-", "two zones of the neck": "--", "dipoles with the same moments": ":"}
+    drawn_as = [axes.plot([], [], color="k", lw=1.0, ls=line)[0] for line in models.values()]
+    axes.add_artist(axes.legend(drawn_as, models, loc="lower left", fontsize=8, frameon=False))
     figure.legend(title="applied field", loc="outside right upper", fontsize=8, frameon=False)
     drawn = io.BytesIO()
     figure.savefig(drawn, format="png")

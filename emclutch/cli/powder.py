@@ -198,13 +198,13 @@ def _draw_line(axes: Axes, line: FrictionLine) -> None:
     inside = (bulk >= (line.bulk - line.spread) / (1.0 + SOFTNESS)) & (bulk <= line.bulk + line.spread)
     axes.contourf(friction, rolling, inside.astype(float), levels=[0.5, 1.5], colors="C0", alpha=0.25)
     axes.contour(friction, rolling, bulk, levels=[line.bulk], colors="C0", linewidths=2.0)
+    angle = angle_in_words(line.repose)
+    axes.plot([], [], color="0.6", label="equal angles of repose")
+    axes.plot([], [], color="C0", lw=2.0, label=f"{angle}; shaded: its uncertainty")
     axes.plot(line.taken.friction, line.taken.rolling, "o", color="C3", label="taken by particles.repose")
-    measured = np.meshgrid(table.friction, table.rolling)
-    axes.plot(*measured, ".", color="0.3", ms=4, clip_on=False)
+    measured = [axis.ravel() for axis in np.meshgrid(table.friction, table.rolling)]
+    axes.plot(*measured, ".", color="0.3", ms=4, clip_on=False, label="simulated sheared boxes")
     axes.set_yscale("function", functions=(np.sqrt, np.square))
     axes.set(xlabel="sliding friction", ylabel="rolling friction", ylim=(0.0, table.rolling[-1]))
-    axes.set_title(
-        f"angle of repose: grey; {angle_in_words(line.repose)} and its interval: blue\n"
-        "dots: measured in the sheared periodic box", fontsize=10,
-    )  # fmt: skip
+    axes.set_title(f"Friction of a powder with an angle of repose of {angle}", fontsize=10)
     axes.legend(fontsize=8, loc="lower right")

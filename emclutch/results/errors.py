@@ -4,11 +4,11 @@ from __future__ import annotations
 
 
 class OutputError(Exception):
-    """A run's folder cannot be written, read or resumed."""
+    """A file or the folder of a run cannot be read, written or resumed."""
 
 
 class RunError(RuntimeError):
-    """The run failed for a reason of physics or numerics."""
+    """A run failed: a solver did not converge, grains do not fit, memory is too small."""
 
 
 class Interrupted(RunError):

@@ -25,13 +25,14 @@ if TYPE_CHECKING:
 
 
 class Result(Reported):
-    """A run's history, torque, summary and record; everything is read when it is first asked for, once.
+    """The results of a run. `run` and `load_result` return it; files are read when they are first needed.
 
     Parameters
     ----------
     folder : RunFolder
+        Folder of the run; ``folder.path`` is its path.
     summary : dict
-        Its ``summary.json`` where that is not written yet.
+        Content of ``summary.json`` where it is not written yet.
     """
 
     def __init__(self, folder: RunFolder, summary: dict[str, Any] | None = None) -> None:
@@ -43,7 +44,13 @@ class Result(Reported):
 
     @property
     def history(self) -> pandas.DataFrame:
-        """One row a coupling window; columns as of `emclutch.results.COLUMNS`. OutputError where there is none."""
+        """Table of the coupling windows, a row each, values in SI; `emclutch.results.COLUMNS` has all columns.
+
+        Raises
+        ------
+        OutputError
+            The run has no window yet.
+        """
         if self._history is None:
             history = self.folder.read_history()
             if not len(history):
@@ -56,20 +63,24 @@ class Result(Reported):
 
     @cached_property
     def summary(self) -> dict[str, Any]:
-        """``summary.json``; empty where the run was cut off before it was written."""
+        """Content of ``summary.json``, values in SI; empty where the run ended before it was written."""
         return self.folder.read_summary()
 
     @property
     def stopped(self) -> str | None:
-        """Return who ended the run before its scene does (the callback of `emclutch.run`), and when; None: nobody."""
+        """Why the run ended before the end of its scene (a callback), and when; None where it did not."""
         return self.summary.get("stopped")
 
     @property
     def torque(self) -> Estimate:
-        """Steady torque on the disc [N m] with its standard error.
+        """Raw torque on the disc [N m], mean over the steady part of all replicas, with its interval.
 
-        The summary's; of a run that was cut off before it was written, by the same verdict on the history as far as it
-        goes.
+        It is that of the summary. Of a run without one it is computed from the history so far.
+
+        Raises
+        ------
+        OutputError
+            The scene has no disc, or the run no window yet.
         """
         written = self.summary.get("torque")
         if self._torque is None and written is not None:
@@ -83,7 +94,13 @@ class Result(Reported):
 
     @property
     def stress(self) -> Estimate:
-        """Steady shear stress [Pa] of a sheared periodic box with its standard error; by the same rules as `torque`."""
+        """Shear stress [Pa] of a sheared periodic box, mean and interval as of `torque`.
+
+        Raises
+        ------
+        OutputError
+            The scene is no sheared box, or the run has no window yet.
+        """
         written = self.summary.get("stress")
         if written is not None:
             return Estimate.from_dict(written)
@@ -93,22 +110,23 @@ class Result(Reported):
 
     @property
     def steady(self) -> Estimate | None:
-        """Quantity that judges the run: stress in a sheared periodic box, else torque; None where it has neither."""
+        """`stress` of a sheared periodic box, else `torque`; None where the scene has neither."""
         if SHEAR_STRESS in self.history:
             return self.stress
         return self.torque if TORQUE_DISC in self.history else None
 
     @property
     def best(self) -> Estimate:
-        """Best estimate: `torque` without the known error of the numerical settings, its interval with that error.
+        """Best estimate of the torque [N m]: `torque` corrected for the error of the numerical settings.
 
-        The raw torque where no error is known; the stress in a sheared periodic box.
+        Its interval contains what is left of that error. It is the raw torque where the error of the settings is not
+        known, and the stress [Pa] in a sheared box. Raises as `torque` and `stress` do.
         """
         return self.stress if SHEAR_STRESS in self.history else best_estimate(self.torque, self.summary)
 
     @property
     def other_histories(self) -> list[pandas.DataFrame]:
-        """Histories of the other replicas, as far as they have come."""
+        """Histories of the other replicas so far, tables as `history`."""
         folders = (RunFolder(path) for path in self.folder.replica_folders())
         found = [folder.read_history() for folder in folders if folder.history.is_file()]
         return [history for history in found if len(history)]
@@ -124,19 +142,23 @@ class Result(Reported):
 
     @property
     def verdict(self) -> list[Statement]:
-        """The number to quote, what it leaves out, raw value, next step and its price, balances, warnings.
+        """Statements that `emclutch run` prints at its end: best estimate, what it leaves out, raw torque, balances.
 
-        Each has a `mark` (good, note, warning or unusable) and a `text`; `emclutch run` prints the same. OutputError
-        where there is no window yet.
+        Each has a `mark` (good, note, warning or unusable) and a `text`.
+
+        Raises
+        ------
+        OutputError
+            The run has no window yet.
         """
         return verdict(self)
 
     def report(self) -> Report:
-        """Return the report on the run; OutputError where there is no window yet."""
+        """Return the report on the run. Raises OutputError where the run has no window yet."""
         return run_report(self)
 
     def open_record(self) -> Record:
-        """The HDF5 record, for reading."""
+        """Open the HDF5 record (``run.h5``) for reading; use it in a ``with`` block."""
         from emclutch.results.record import Record
 
         return Record.open(self.folder.record)
@@ -146,11 +168,12 @@ class Result(Reported):
 
 
 def load_result(folder: str | Path) -> Result:
-    """Return the result of the run in a folder.
+    """Read the run in a folder.
 
     Raises
     ------
-    OutputError : the folder has no ``history.csv``; of a run that failed before it had one, what it failed of.
+    OutputError
+        The folder is that of no run, or its run failed before its first window; the message says why.
     """
     run = RunFolder(folder)
     if not run.history.is_file():

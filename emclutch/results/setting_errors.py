@@ -75,7 +75,7 @@ NO_NOISE = 1e-6  # of the variance of the noise, that is as good as none
 ROUND_OFF = 1e-12  # of the prior variance of each value: without it covariances of far values are singular
 WIDER = 1.1  # proposal over the draws that it is fitted to
 DIAGONAL = 0.1  # of the proposal's covariance: coordinates are as if they did not correlate
-SAME = 1e-6
+REL_TOL = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,7 +191,7 @@ class SharedMean:
         found = np.zeros((len(u), self._first[-1]))
         own_limit = self.settings[k].limit
         limit = own_limit if limit is None else limit
-        if math.isclose(step_size, limit, rel_tol=SAME):
+        if math.isclose(step_size, limit, rel_tol=REL_TOL):
             return found
         p = self._orders(u)[:, k]
         found[:, 1 + k] = (self._law(k, step_size, p) - self._law(k, limit, p)) / self._unit(k, p)
@@ -207,7 +207,7 @@ class SharedMean:
 
     def _place(self, k: int, step_size: float) -> int | None:
         h = [one.step_size for one in self._values[k]]
-        return next((i for i, one in enumerate(h) if math.isclose(one, step_size, rel_tol=SAME)), None)
+        return next((i for i, one in enumerate(h) if math.isclose(one, step_size, rel_tol=REL_TOL)), None)
 
     def _orders(self, u: np.ndarray) -> np.ndarray:
         known = np.array([one.order or 0.0 for one in self.settings])
@@ -228,7 +228,7 @@ class SharedMean:
         reference = h[self._own[k]]
         if self.settings[k].is_large or math.isclose(reference, limit, rel_tol=1e-3):
             reference = max(h, key=lambda one: abs(one - limit))
-        if math.isclose(reference, limit, rel_tol=SAME):  # no other value was measured
+        if math.isclose(reference, limit, rel_tol=REL_TOL):  # no other value was measured
             return np.ones_like(p)
         return self._law(k, reference, p) - self._law(k, limit, p)
 

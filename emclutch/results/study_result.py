@@ -26,18 +26,19 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class StudyResult(Reported):
-    """A study with the points that are done.
+    """A study as far as it has come. `load_study` returns it.
 
     Attributes
     ----------
     folder : Path
     table : pandas.DataFrame
-        study.csv: a row a point in the study's order, its values, then torque, standard_error, low, high [N m], ...
+        study.csv, a row for each point that is done: its values, then torque, standard_error, low, high [N m], and
+        further results in SI.
     title : str
     total : int or None
         Number of points of the whole study; None where its folder does not say.
     values : dict of str to list
-        Entries of each of the study's keys; of a sample that of every point. Empty where its folder does not say.
+        Values of each key that the study varies; of a sample those of every point. Empty where its folder does not say.
     """
 
     folder: Path
@@ -48,7 +49,7 @@ class StudyResult(Reported):
 
     @cached_property
     def points(self) -> tuple[Result, ...]:
-        """Return the runs of the rows, in the same order; OutputError where one is gone."""
+        """Runs of the rows of `table`, in the same order. Raises OutputError where a run was removed."""
         return tuple(load_result(self.folder / name) for name in self.table["folder"].astype(str))
 
     @cached_property
@@ -73,12 +74,12 @@ class StudyResult(Reported):
 
     @property
     def varied(self) -> list[str]:
-        """Return the keys in whose values the points differ."""
+        """Keys that the study varies."""
         keys = list(self.table.columns[: list(self.table.columns).index(AFTER_VALUES)])
         return [key for key in keys if self.table[key].astype(str).nunique() > 1]
 
     def outdated(self) -> list[str]:
-        """Return the folders of points whose runs are not those of the table: resumed alone, or finished since."""
+        """Return the folders of points that were resumed or finished since the table was written."""
         names = self.table["folder"].astype(str).tolist()
         changed = []
         for name, (_, row) in zip(names, self.table.iterrows(), strict=True):
@@ -92,13 +93,13 @@ class StudyResult(Reported):
         return [*changed, *sorted(done - set(names))]
 
     def failures(self) -> dict[str, Failure]:
-        """Return the failures of points that failed for their scene, by the name of their folder."""
+        """Return the failures of points that failed, by the name of their folder."""
         folders = sorted(path.parent for path in self.folder.glob("*/failure.json"))
         found = {path.name: RunFolder(path).read_failure() for path in folders}
         return {name: failure for name, failure in found.items() if failure is not None}
 
     def labels(self) -> list[str]:
-        """Return of each point the values in which it differs from the others."""
+        """Return a label for each point: the values that the study varies."""
         texts = [", ".join(f"{key.rpartition('.')[2].replace('_', ' ')} {row[key]}" for key in self.varied)
                  for _, row in self.table.iterrows()]  # fmt: skip
         names = self.table["folder"].astype(str)

@@ -32,14 +32,18 @@ DEEPEST = 20
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """A validated scene.
+    """A scene that was read and checked. `load_case` makes it from a file.
 
     Attributes
     ----------
-    scene : the models, in SI
-    path : the file, or None for a scene made in Python
-    data : the scene as the user wrote it, with the values that were set since
-    trust_scripts : whether scripts that the scene names (.geo) may be run; they can run any command
+    scene : Scene
+        All tables of the scene, values in SI.
+    path : Path or None
+        Its file; None for a scene made in Python.
+    data : dict
+        The scene as the user wrote it, with the values that were set since.
+    trust_scripts : bool
+        Whether scripts that the scene names (.geo) may be run. They can run any command.
     """
 
     scene: Scene
@@ -54,12 +58,12 @@ class Case:
 
     @property
     def name(self) -> str:
-        """Stem of the file's name, ``scene`` without a file."""
+        """Name of the file without its ending; ``scene`` without a file."""
         return "scene" if self.path is None else self.path.stem
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Entries that are allowed but likely not meant; found when they are read, as a study of thousands does not."""
+        """Warnings of entries that are allowed but likely not meant, a text each."""
         return tuple(warnings_of(self.scene))
 
     def need_grains(self) -> None:
@@ -68,12 +72,18 @@ class Case:
             raise SceneError([NO_GRAINS], "scene" if self.path is None else str(self.path))
 
     def with_values(self, values: Mapping[str, Any]) -> Case:
-        """Return a new case with other values, e.g. ``{"coil.current": "0.8 A"}``; None removes a key.
+        """Return a new case with other values.
+
+        Parameters
+        ----------
+        values : mapping of str to value
+            By dotted keys, as a scene file has them: ``{"coil.current": "0.8 A"}``, or a number in SI. None removes
+            the key.
 
         Raises
         ------
         SceneError
-            The scene is not valid with them.
+            The scene is not valid with these values.
         """
         return case_from(self.data, values, self.path, trust_scripts=self.trust_scripts)
 
@@ -89,7 +99,7 @@ class Case:
         return replace(self, scene=Scene.model_construct(same if given == same else given, **mine), data=data)
 
     def resolved(self) -> dict[str, Any]:
-        """Return the whole scene in SI, defaults written out; it loads to an equal scene."""
+        """Return the whole scene as nested dictionaries, values in SI, with all defaults."""
         whole = self.scene.model_dump(mode="json", exclude_none=True)
         return {name: section for name, section in whole.items() if section or name != "materials"}
 
@@ -110,14 +120,18 @@ class Case:
 
 
 def load_case(path: str | Path, overrides: Mapping[str, Any] | None = None, *, trust_scripts: bool = False) -> Case:
-    """Read and check a scene file; `overrides` as in `Case.with_values`.
+    """Read a scene file and check it.
 
-    `trust_scripts` allows a script as the geometry's file (.geo), which may run any command on this machine.
+    Parameters
+    ----------
+    path : of the TOML file.
+    overrides : values by dotted keys that replace those of the file, as of `Case.with_values`.
+    trust_scripts : allow a script as the file of the geometry (.geo). It may run any command on this machine.
 
     Raises
     ------
     SceneError
-        The file cannot be read, is not TOML, or the scene has faults: all of them at once.
+        The file cannot be read, is no TOML, or the scene has faults. The error has all of them.
     """
     path = Path(path)
     data = read_toml(path)

@@ -44,12 +44,14 @@ class Fault:
 
 
 class SceneError(Exception):
-    """Bad input: carries every fault that was found. The command line answers it with exit code 2.
+    """A scene, a study or an option is not valid. The command line ends with exit code 2.
 
     Attributes
     ----------
     faults : tuple of Fault
-    source : name of the file at fault, for the first line of the report
+        All faults that were found, each with key, value and remedy.
+    source : str
+        Name of the file at fault.
     """
 
     def __init__(self, faults: Iterable[Fault], source: str = "scene") -> None:

@@ -51,7 +51,7 @@ FIRST = {
 
 @dataclass(frozen=True, slots=True)
 class Checked(Reported):
-    """Plan of a valid scene, as `emclutch check` prints it.
+    """What `emclutch check` prints of a scene. `check` returns it.
 
     Attributes
     ----------
@@ -59,13 +59,13 @@ class Checked(Reported):
     effects : tuple of str
         Names of the effects that the scene has.
     warnings : tuple of str
-        What is allowed and yet likely not meant.
+        Of entries that are allowed but likely not meant.
     decisions : dict of str to str
-        The plan in words: label -> text.
+        The plan in words, by labels.
     omitted_effects : tuple of OmittedEffect
-        Omitted effects with the criterion of their significance.
+        Effects that the scene does not have, each with the criterion of its significance.
     expected : ExpectedTorque
-        The torque with its interval.
+        Expected torque [N m] with its 95 % interval.
     """
 
     title: str
@@ -107,7 +107,18 @@ class Checked(Reported):
 
 
 def check(case: Case | str | Path, threads: int | None = None) -> Checked:
-    """Validate a scene and say what follows from it; `case`, `threads` and what is raised are as of `emclutch.plan`."""
+    """Check a scene and predict its torque, cost and accuracy. Nothing is simulated and nothing written.
+
+    Parameters
+    ----------
+    case : Case, or the path of a scene file.
+    threads : for which the cost is estimated; default: as many as a run takes.
+
+    Raises
+    ------
+    SceneError
+        The scene has faults, or a step or a stiffness that is not possible.
+    """
     case = as_case(case)
     with bad_input_for(case.path):
         return _check(case, threads)

@@ -64,23 +64,21 @@ def draw_run(case, folder: RunFolder, device, simulation, profiles: ProfileAvera
         section_picture(
             folder.section_picture,
             SmoothField(solution.problem.elements, solution.psi),
-            title=f"{title}\n{at}; grains that the half-plane at {np.degrees(middle):.3g}° cuts",
+            title=f"{title}, {at}",
             grains=np.column_stack([r, x[:, 2], grains.radius])[slice_],
             filled=device.coil.powder_boxes,
         )
     elif solution is not None:
-        gap_map_picture(folder.path / "gap.png", *gap_map(device.coil, solution), title=f"{title}\n{at}")
+        gap_map_picture(folder.path / "gap.png", *gap_map(device.coil, solution), title=f"{title}, {at}")
     if TORQUE_DISC in result.history:  # a box has no disc
         current = steady_current(result.history)
-        torque_title = title if current is None else f"{title}\n{current:.4g} A"
-        if transient := transient_in_words(case.scene.effects, result.summary):
-            torque_title += f"\n{transient}"
         torque_picture(
             folder.torque_picture,
             result.history,
             result.torque,
             result.other_histories,
-            title=torque_title,
+            title=title if current is None else f"{title}, {current:.4g} A",
+            times=rise_times_in_words(case.scene.effects, result.summary),
             locked=result.summary.get("lock_up_time"),
         )
     measured = measured_in(folder.path)
@@ -90,13 +88,12 @@ def draw_run(case, folder: RunFolder, device, simulation, profiles: ProfileAvera
         stress_picture(folder.stress_picture, result.history, result.stress, result.other_histories, title=title)
     if speeds_vary(result.history):
         locked = result.summary.get("lock_up_time")
-        speed_title = title if locked is None else f"{title}\nlocked at t = {format_time(locked)}"
-        speed_picture(folder.path / "speeds.png", {title: result.history}, title=speed_title, locked=locked)
+        speed_picture(folder.path / "speeds.png", {title: result.history}, title=title, locked=locked)
     if profiles is not None and (across := profiles.profiles()):
-        profile_picture(folder.path / "profiles.png", across, title=f"{title}\n{at}")
+        profile_picture(folder.path / "profiles.png", across, title=f"{title}, {at}")
     load = None if profiles is None else profiles.walls.pressure()
     if load is not None and load.contacts.any():
-        wall_pressure_picture(folder.path / "wall_pressure.png", load, motion.walls, title=f"{title}\n{at}")
+        wall_pressure_picture(folder.path / "wall_pressure.png", load, motion.walls, title=f"{title}, {at}")
     start, ends, force = contact_lines(motion)
     chains = start, ends, np.linalg.norm(force, axis=1)
     speed = np.linalg.norm(grains.velocity, axis=1)
@@ -111,7 +108,7 @@ def draw_run(case, folder: RunFolder, device, simulation, profiles: ProfileAvera
             lengths=box.lengths,
             faces=motion.gap_box is not None,
             chains=chains,
-            title=f"{title}\n{at}",
+            title=f"{title}, {at}",
         )
         return
     if device.kind.is_seen_along_axis:
@@ -123,7 +120,7 @@ def draw_run(case, folder: RunFolder, device, simulation, profiles: ProfileAvera
             walls=motion.walls,
             angles={body.name: body.angle for body in motion.bodies},
             chains=chains,
-            title=f"{title}\n{at}",
+            title=f"{title}, {at}",
         )
         return
     grains_picture(
@@ -133,7 +130,7 @@ def draw_run(case, folder: RunFolder, device, simulation, profiles: ProfileAvera
         speed,
         walls=motion.walls,
         chains=chains,
-        title=f"{title}\n{at}",
+        title=f"{title}, {at}",
         sector_angle=None if motion.sector is None else motion.sector.angle,
     )
 
@@ -144,16 +141,14 @@ def moment_in_words(history, time: float) -> str:
     return f"{history[CURRENT].iloc[-1]:.4g} A, {at}" if CURRENT in history else at
 
 
-def transient_in_words(effects, summary) -> str:
-    """Lock-up and the times to 63 and 90 % of the final values, where a run has them: the headline of a transient.
+def rise_times_in_words(effects, summary) -> str:
+    """The times to 63 and 90 % of the final values, where a run has them.
 
     A current that the scene gives is no result, nor is a field that follows it without delay.
     """
     parts = []
-    if (locked := summary.get("lock_up_time")) is not None:
-        parts.append(f"locked at t = {format_time(locked)}")
     delayed = {
-        "torque": locked is None,
+        "torque": summary.get("lock_up_time") is None,
         "current": effects.circuit is not None,
         "gap_flux_density": effects.circuit is not None or effects.eddy is not None,
     }
@@ -162,7 +157,7 @@ def transient_in_words(effects, summary) -> str:
         if first is not None and delayed[key]:
             then = f", 90 % after {format_time(late)}" if late else ""
             parts.append(f"{name} 63 % after {format_time(first)}{then}")
-    return "; ".join(parts)
+    return "\n".join(parts)
 
 
 def steady_current(history) -> float | None:

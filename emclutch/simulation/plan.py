@@ -26,7 +26,7 @@ from particles import CyclicSector
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """The numbers that a run starts from.
+    """What is decided before a run: grains, step, windows, cost. `plan` makes it.
 
     Attributes
     ----------
@@ -158,10 +158,17 @@ def _threads_of_a_replica(scene) -> int:
 
 
 def plan(case: Case | str | Path, threads: int | None = None) -> Plan:
-    """The numbers that a run of a scene would start from; nothing is simulated and nothing written.
+    """Plan a run: number of grains, step, windows, cost. Nothing is simulated and nothing written.
 
-    `case` is a case or the path of a scene file; the cost is that on `threads` threads, by default as a run takes them.
-    Raises SceneError where the scene has faults, or its own step or stiffness cannot be.
+    Parameters
+    ----------
+    case : Case, or the path of a scene file.
+    threads : for which the cost is estimated; default: as many as a run takes.
+
+    Raises
+    ------
+    SceneError
+        The scene has faults, or a step or a stiffness that is not possible.
     """
     case = as_case(case)
     case.need_grains()

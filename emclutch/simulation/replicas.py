@@ -233,9 +233,9 @@ class Replicas:
             one.process.wait()
 
 
-def count_of_run(case: Case, folder: RunFolder, goes_on: bool) -> int:
+def count_of_run(case: Case, folder: RunFolder, can_resume: bool) -> int:
     """With how many replicas a run begins: what its scene says; a resumed one has no fewer than it had."""
-    if case.scene.accuracy.replicas is None and goes_on:
+    if case.scene.accuracy.replicas is None and can_resume:
         return max(1 + len(folder.replica_folders()), 1)
     return replica_count(case.scene)
 
@@ -273,7 +273,7 @@ def other_replicas(
                 "number": number,
                 "threads": threads,
                 "tune_threads": tune_threads,
-                "resume": _goes_on(own) if resume else False,
+                "resume": _can_resume(own) if resume else False,
                 "trust_scripts": case.trust_scripts,
                 "start": None if start is None else str(RunFolder(start).replicas / own.path.name),
                 "limit": limit,
@@ -291,7 +291,7 @@ def other_replicas(
                 one.errors.close()
 
 
-def _goes_on(folder: RunFolder) -> bool:
+def _can_resume(folder: RunFolder) -> bool:
     """True if a replica has a checkpoint to continue from; what lies there without one is put aside."""
     _wait_for_previous(folder)
     if folder.checkpoint.is_file():

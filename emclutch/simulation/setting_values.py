@@ -14,7 +14,7 @@ from emclutch.settings.powder import GRAINS_PER_GAP, SAME_WIDTH, SECTOR, width_a
 from emclutch.simulation.plan import Plan, make_plan
 
 DIMENSIONAL = ("s", "m/s")
-SAME = 1e-3
+REL_TOL = 1e-3
 """Relative difference of two values below which the scene's own is kept."""
 
 
@@ -87,7 +87,7 @@ def with_settings(case: Case, values: Mapping[str, float], per_gap: float | None
             if per_gap is not None and GRAINS_PER_GAP.applies(case.scene):
                 wanted = width_beside(wanted, GRAINS_PER_GAP.own(case.scene, plan) / per_gap)
             before = SECTOR.own(case.scene, plan)
-        if abs(wanted / before - 1.0) > (SAME_WIDTH if setting is SECTOR else SAME):
+        if abs(wanted / before - 1.0) > (SAME_WIDTH if setting is SECTOR else REL_TOL):
             if setting.unit in DIMENSIONAL:
                 wanted *= setting.own(case.scene, plan) / before
             value = float(f"{wanted:.6g}")

@@ -130,7 +130,7 @@ class DesignResult(Reported):
     next_value : float or None
         The value at which the law, corrected by the runs, gives the wanted torque [SI]; None where none searched does.
     tolerance : float
-        Share of the wanted torque within which a run's is accepted [-].
+        Deviation from the wanted torque that is accepted, relative to it [-].
     """
 
     folder: Path
@@ -215,7 +215,8 @@ def design(
     like : folder of a finished run whose torque over that expected of it corrects the law.
     out : new folder; default: the next designs/<case>-<nnn>.
     runs : at most so many scenes are run; 0: none.
-    tolerance : share of the wanted torque within which a run's is accepted [-]. The interval of the run comes on top.
+    tolerance : deviation of a run from the wanted torque that is accepted, relative to it [-]. The interval of the run
+        adds to it.
     threads, progress : of the runs, as of `emclutch.run`.
 
     Raises

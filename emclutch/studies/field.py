@@ -157,7 +157,7 @@ def field_study(
         raise failure
     assert solution is not None and strongest is not None
     title = scene.scene.title
-    at = f"{title}\n{rows[-1]['current']:g} A"
+    at = f"{title}, {rows[-1]['current']:g} A"
     section_picture(
         folder / "section.png",
         SmoothField(solution.problem.elements, solution.psi),
@@ -181,7 +181,7 @@ def field_study(
         pandas.DataFrame(columns).to_csv(folder / f"line-{number}.csv", index=False)
         r0, z0, r1, z1 = (1e3 * x for x in line)
         where = f"from (r, z) = ({r0:g}, {z0:g}) to ({r1:g}, {z1:g}) mm"
-        line_picture(folder / f"line-{number}.png", along, title=f"{at}\n{where}")
+        line_picture(folder / f"line-{number}.png", along, title=f"{at}, {where}")
     summary = {
         "units": UNITS | DETAIL_UNITS,
         "currents": rows,

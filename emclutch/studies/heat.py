@@ -181,7 +181,7 @@ def heat(
     permitted.to_csv(folder / "permitted.csv", index=False)
     (folder / "heat.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
     shown, when = (last, summary["duty"]["state"]) if temperature is None else (temperature, "steady, on all the time")
-    temperature_picture(folder / "temperature.png", study.problem, shown, title=f"{summary['title']}\n{when}")
+    temperature_picture(folder / "temperature.png", study.problem, shown, title=f"{summary['title']}: {when}")
     effect = case.scene.effects.thermal
     limits = {"surface": effect.surface_limit, "coil_hottest": effect.coil_limit}
     duty_picture(folder / "heat.png", table, permitted, limits, title=summary["title"])

@@ -35,12 +35,12 @@ class MeshedScene:
 
 
 def mesh(case: Case | str | Path, out: str | Path | None = None) -> MeshedScene:
-    """Write mesh.msh and mesh.png of a scene's section into the folder `out` (default: runs/<case>-mesh-<nnn>).
+    """Mesh the section of a scene, and write mesh.msh and mesh.png.
 
     Parameters
     ----------
-    case : Case, or the path of a scene file
-    out : folder without such files
+    case : Case, or the path of a scene file.
+    out : folder without such files; default: the next runs/<case>-mesh-<nnn>.
 
     Raises
     ------

@@ -169,14 +169,14 @@ class TaskProgress:
 
     def __init__(self, study: Path, folder: Path, progress: Any = None) -> None:
         self._file, self._folder, self._progress = study / STOP, folder, progress
-        self._looked, self._asked = -STOP_SECONDS, False
+        self._last_poll, self._asked = -STOP_SECONDS, False
 
     @property
     def stop_asked(self) -> bool:
         """True once the study is to stop; `TakenOver` where another process continues this task."""
         now = time.monotonic()
-        if not self._asked and now - self._looked >= STOP_SECONDS:
-            self._asked, self._looked = self._file.exists(), now
+        if not self._asked and now - self._last_poll >= STOP_SECONDS:
+            self._asked, self._last_poll = self._file.exists(), now
             refuse_taken_over(self._folder)
         return self._asked
 

@@ -169,14 +169,14 @@ def page_with(text: str, of_tables: str) -> str:
 def draw(path: Path) -> None:
     """Draw the map with runs, and the brakes scaled to its torque at the rated current."""
     found, (current, torque, error) = law(), runs().T
-    title = "powder_clutch.toml: law of its powder, its runs, measured brakes scaled to it"
+    title = "Torque against current, brake of the 12 N m class"
     figure, (axis,) = new_figure(8.0, 6.6, title)
     columns = [found[list(names)].to_numpy() for names in (("torque", "low", "high"), ("unknown_low", "unknown_high"))]
     x, is_guess = found.index.to_numpy(), found.is_guess.to_numpy()
     curve = BandedCurve("expected torque", x, columns[0], is_guess, columns[1], np.full(len(x), np.nan))
     curve.draw(axis, COLOURS[0], "-", "95 % interval", "a guess within a factor of 2")
     axis.errorbar(current, torque, NORMAL * error, fmt="D", ms=5.5, capsize=3, color=COLOURS[1], zorder=3,
-                  label="runs of 8 grains per gap, brought to 60 um")  # fmt: skip
+                  label="runs of 8 grains per gap, corrected to 60 µm")  # fmt: skip
     rated = found.torque[RATED]
     draw_measured(axis, brakes(), per_x=RATED, per_y=rated, joined=True)
     axis.set(xlabel="coil current [A]", ylabel="torque [N m]", xlim=(0.0, CURRENTS[-1]), ylim=(0.0, None))

@@ -224,7 +224,7 @@ def draw(devices: list[Device], rows: list[Row], path: Path) -> None:
         axes.text(x, 640.0, words, ha="center", va="top", fontsize=10, fontweight="bold")
     axes.set(xscale="log", yscale="log", ylim=(0.25, 700.0), xlim=(2e-4, 3e4),
              xlabel="processor time of a torque [s of one core]", ylabel="error of the torque [%]",
-             title="Error against cost, each fidelity judged by the next")  # fmt: skip
+             title="Error of the torque against processor time")  # fmt: skip
     axes.set_yticks([0.3, 1, 3, 10, 30, 100, 300], ["0.3", "1", "3", "10", "30", "100", "300"])
     axes.grid(alpha=0.25)
     axes.legend(frameon=False, fontsize=8, loc="lower left")

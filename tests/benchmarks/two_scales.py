@@ -296,7 +296,7 @@ def draw(rows: list[Row], path: Path) -> None:
                           capsize=2, label=f"{use}, {len(own)} devices")  # fmt: skip
     axes.axhline(1.0, color="k", lw=0.8)
     axes.set(xscale="log", xlabel="torque by the powder's law [N m]", ylabel="torque of the run / by the law",
-             title="Runs of devices over the law, bars: 95 % interval of the law")  # fmt: skip
+             title="Torque of runs over torque by the law")  # fmt: skip
     axes.legend(frameon=False, ncols=3, loc="upper center")
     axes.set_ylim(0.5, 1.6)
     FigureCanvasAgg(figure).print_png(path)

@@ -1,8 +1,8 @@
 """The table of record: numbers that were measured, with where and when; and what pages say of them.
 
-Pages and the headers of scenes name the row behind a number that they print, in Markdown as an HTML comment:
-``17.8 +- 0.2<!-- measured: NAME -->``, in a scene's header as text: ``17.8 +- 0.2 (measured: NAME)``. The table is
-docs/measured.csv. A row is written from a finished run by
+Pages name the row behind a number that they print in an HTML comment, ``17.8 +- 0.2<!-- measured: NAME -->``, which
+nobody sees. For the header of a scene the table says where the number stands, in the column `header`:
+``scene.toml: words {} words``. The table is docs/measured.csv. A row is written from a finished run by
 
     python tests/project/measured.py RUN NAME "what it is"
 
@@ -22,10 +22,9 @@ from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parents[2]
 TABLE = ROOT / "docs" / "measured.csv"
-COLUMNS = ("name", "value", "low", "high", "unit", "quantity", "command", "date", "commit", "machine")
-SAID = re.compile(
-    r"(?P<value>\d*\.?\d+)(?: \+- (?P<half>\d*\.?\d+))?(?: N m| ms| s)?\s*(?:<!-- |\()measured: (?P<name>[\w.]+)"
-)
+COLUMNS = ("name", "value", "low", "high", "unit", "quantity", "command", "date", "commit", "machine", "header")
+NUMBER = r"(?P<value>\d*\.?\d+)(?: \+- (?P<half>\d*\.?\d+))?"
+SAID = re.compile(NUMBER + r"(?: N m| ms| s)?\s*<!-- measured: (?P<name>[\w.]+)")
 
 
 class Statement(NamedTuple):
@@ -44,16 +43,27 @@ def table(path: Path = TABLE) -> dict[str, dict[str, str]]:
 
 
 def pages() -> Iterator[Path]:
-    """What users read: README, pages, scenes that ship."""
+    """README and the pages of docs/."""
     yield ROOT / "README.md"
     yield from sorted((ROOT / "docs").rglob("*.md"))
-    yield from sorted((ROOT / "cases").rglob("*.toml"))
 
 
 def statements(text: str, page: str) -> Iterator[Statement]:
     """Numbers of a text that name a row."""
     for found in SAID.finditer(re.sub(r"\n#? *", " ", text)):
         yield Statement(page, found["value"], found["half"], found["name"])
+
+
+def in_header(row: dict[str, str]) -> Statement | None:
+    """The number of a row that a scene's header prints, None of a row without one; ValueError where it is not there."""
+    if not row["header"]:
+        return None
+    scene, _, words = row["header"].partition(": ")
+    comment = re.sub(r"\n#? *", " ", (ROOT / "cases" / scene).read_text(encoding="utf-8"))
+    pattern = NUMBER.join(map(re.escape, words.split("{}")))
+    if (found := re.search(pattern, comment)) is None:
+        raise ValueError(f"cases/{scene} does not say: {words}")
+    return Statement(scene, found["value"], found["half"], row["name"])
 
 
 def unit_of_last_digit(number: str) -> float:
@@ -85,7 +95,7 @@ def row_of_run(folder: Path, name: str, quantity: str) -> dict[str, str]:
     command = [Path(source["command"][0]).name, *source["command"][1:]]
     return dict(
         zip(
-            COLUMNS,
+            COLUMNS[:-1],
             (
                 name,
                 f"{result.torque.mean:.4g}",
@@ -105,7 +115,8 @@ def row_of_run(folder: Path, name: str, quantity: str) -> dict[str, str]:
 
 def write_row(row: dict[str, str], path: Path = TABLE) -> None:
     """Append a row, or replace that of its name."""
-    rows = table(path) | {row["name"]: row}
+    rows = table(path)
+    rows[row["name"]] = {"header": ""} | rows.get(row["name"], {}) | row
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
         writer.writeheader()

@@ -26,7 +26,7 @@ from emclutch.scene.study import read_study
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS, CASES = ROOT / "docs", ROOT / "cases"
-PAGES = [ROOT / "README.md", ROOT / "geometry" / "kernels" / "README.md", ROOT / "tests" / "hard" / "README.md"]
+PAGES = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "geometry/kernels/README.md", "tests/hard/README.md")]
 PAGES += [page for page in sorted(DOCS.rglob("*.md")) if "_build" not in page.parts]
 TUTORIAL = [DOCS / "tutorial" / f"{name}.md" for name in ("first_torque", "reading_results", "own_device")]
 IN_ORDER = [*TUTORIAL, *sorted((DOCS / "how_to").glob("*.md"))]  # in a folder that has `cases` as a new user's has
@@ -88,6 +88,13 @@ def test_links_lead_somewhere_and_files_that_the_text_names_are_in_the_tree():
             if not found:
                 wrong.append(f"{page.name}: `{path}`")
     assert wrong == []
+
+
+def test_formulas_are_of_letters_that_the_converter_to_mathml_knows():
+    """It stops the build of the pages at a degree sign, for instance."""
+    formulas = re.compile(r"\$\$.*?\$\$|\$[^$\n]+\$", re.S)
+    found = {page.name: [one for one in formulas.findall(prose(page)) if not one.isascii()] for page in PAGES}
+    assert {name: wrong for name, wrong in found.items() if wrong} == {}
 
 
 def check_line(words: list[str], folder: Path) -> None:

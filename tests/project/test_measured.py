@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from measured import TABLE, disagreement, pages, statements, table
+from measured import ROOT, TABLE, disagreement, in_header, pages, statements, table
 from scipy.optimize import least_squares
 from scipy.stats import t as t_distribution
 
@@ -15,9 +15,10 @@ def test_pages_say_what_was_measured():
     """Every number with a marker is that of its row, rounded; every row is used, and says where it is from."""
     rows, texts = table(), {path.name: path.read_text(encoding="utf-8") for path in pages()}
     said = [one for name, text in texts.items() for one in statements(text, name)]
+    assert sum(text.count("<!-- measured:") for text in texts.values()) == len(said)
+    said += [one for row in rows.values() if (one := in_header(row)) is not None]
     assert [text for one in said if (text := disagreement(one, rows[one.name]))] == []
-    assert {one.name for one in said} == set(rows)
-    assert sum(len(re.findall(r"(?:<!-- |\()measured:", text)) for text in texts.values()) == len(said) > 20
+    assert {one.name for one in said} == set(rows) and len(said) > 20
     for name, row in rows.items():
         assert all(row[key] for key in ("value", "quantity", "command", "date", "commit")), name
         assert not row["low"] or float(row["low"]) <= float(row["value"]) <= float(row["high"]), name
@@ -25,6 +26,13 @@ def test_pages_say_what_was_measured():
     for text, right in (("17.8 +- 0.2", True), ("17.9 +- 0.2", False), ("17.8 +- 0.3", False), ("17.75", False)):
         (one,) = statements(f"{text}<!-- measured: a.b -->", "page")
         assert (disagreement(one, row) == "") == right, text
+
+
+def test_no_reader_sees_a_marker():
+    """Markers stand in comments of Markdown, which are not shown, and in no scene, whose header the gallery prints."""
+    shown = {path: re.sub(r"<!--.*?-->", "", path.read_text(encoding="utf-8"), flags=re.S) for path in pages()}
+    shown |= {path: path.read_text(encoding="utf-8") for path in (ROOT / "cases").rglob("*.toml")}
+    assert [path.name for path, text in shown.items() if re.search(r"\(measured: [\w.]+\)|<!-- measured", text)] == []
 
 
 def test_coefficient_of_the_grain_size_follows_from_the_torques_that_the_page_prints():

@@ -13,6 +13,7 @@ from PIL import Image
 from emclutch.results import OutputError, pictures, steady_mean
 from emclutch.results.pictures.accuracy import accuracy_picture
 from emclutch.results.pictures.axial import axial_picture
+from emclutch.results.pictures.figure import new_figure
 from emclutch.results.pictures.speeds import speed_picture, torque_speed_picture
 from emclutch.results.pictures.torque_curves import _torque_axes
 from emclutch.results.recommended import recommended
@@ -22,6 +23,15 @@ from field.section.smooth_field import SmoothField
 from geometry.centrifugal import CentrifugalClutch
 
 NO_FORMULA = "$\\nonsense{ for 3 $"
+
+
+def test_a_title_is_one_line_that_is_no_wider_than_its_figure():
+    """In the letters of the panels; only a title that is too long for the figure has two lines."""
+    for width, lines in ((9.0, 1), (3.0, 2)):
+        figure, _ = new_figure(width, 4.0, "A small drum clutch,\nswitched on at 1 A")
+        title = figure.get_suptitle()
+        assert title.count("\n") == lines - 1 and title.replace("\n", " ") == "A small drum clutch, switched on at 1 A"
+        assert figure._suptitle.get_window_extent().width < 0.98 * figure.bbox.width
 
 
 @pytest.fixture

@@ -181,10 +181,10 @@ def test_a_replica_of_a_killed_run_is_waited_for(tmp_path, monkeypatch):
     assert held.wait(20.0)
     monkeypatch.setattr(replicas, "TIMEOUT", 0.0)
     with pytest.raises(FolderInUse, match=f"in use by process {os.getpid()} "):
-        replicas._goes_on(former)
+        replicas._can_resume(former)
     monkeypatch.setattr(replicas, "TIMEOUT", 20.0)
     threading.Timer(0.3, let_go.set).start()
-    assert not replicas._goes_on(former) and let_go.is_set()
+    assert not replicas._can_resume(former) and let_go.is_set()
     holder.join()
 
 
@@ -202,7 +202,7 @@ def test_a_run_that_is_killed_at_once_has_as_many_replicas_when_it_goes_on(tmp_p
         group.request(3, 1e-3)
         group.pump(busy=True)
     silent = case_from(CELL, {"accuracy.replicas": None})
-    assert replicas.count_of_run(silent, folder, goes_on=True) == 3
+    assert replicas.count_of_run(silent, folder, can_resume=True) == 3
 
 
 def test_replicas_of_grains_that_are_packed_alike_are_refused():

@@ -2,7 +2,7 @@
 
 What settings are chosen by has noise, and the cheapest of many choices is often one that the noise favours. Coverage of
 runs by 200 devices of each kind (``python tests/studies/made_up_devices.py 200``) is 0.96 to 1.00, table in
-docs/accuracy.md.
+docs/explanation/accuracy_method.md.
 """
 
 from dataclasses import replace

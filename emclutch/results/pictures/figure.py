@@ -13,6 +13,7 @@ import numpy as np
 from emclutch.results.atomic_file import replace_bytes
 from emclutch.results.errors import OutputError
 from emclutch.results.fits import NORMAL
+from emclutch.results.text import format_time
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,7 +27,6 @@ COLOURS = ("#0b5fa5", "#c4540a", "#2a8c3f", "#8a1c7c", "#7f6000", "#0a7d7d", "#b
 LINES = ("-", "--", "-.", ":")  # the next one when the colours are used up
 MARKERS = "osD^v<>Ph*"
 LETTERS = 11.5  # to the inch, at 11 points
-LOCKED = "locked: speeds stay\nwithin 1 % of the faster one"
 STRONGEST = 98  # percentile of the forces that is drawn at full width: a few outliers would hide all others
 
 
@@ -40,7 +40,7 @@ def new_figure(
     layout: Any = "constrained",
     **ratios: Any,
 ) -> tuple[Figure, np.ndarray]:
-    """Return a figure [in] with its title at the upper left, and its axes (rows * columns,).
+    """Return a figure [in] with its title, which is one line, at the upper left, and its axes (rows * columns,).
 
     `layout` is matplotlib's: "compressed" for axes of equal aspect. What looks like a formula in the title is none.
     """
@@ -48,8 +48,8 @@ def new_figure(
 
     figure = Figure(figsize=(width, height), dpi=150, layout=layout)
     if title:
-        lines = [line for part in title.split("\n") for line in textwrap.wrap(part, int(LETTERS * (width - 0.4)))]
-        figure.suptitle("\n".join(lines), x=0.01, ha="left", fontsize=11, fontweight="bold", parse_math=False)
+        shown = textwrap.fill(title, int(LETTERS * (width - 0.4)))  # in two where the figure is too narrow
+        figure.suptitle(shown, x=0.01, ha="left", fontsize=11, parse_math=False)
     return figure, figure.subplots(rows, columns, squeeze=False, **ratios).ravel()
 
 
@@ -114,7 +114,8 @@ def finish_axis(axis: Axes, x: str, y: str) -> None:
 def mark_lock_up(axis: Axes, per_second: float, locked: float | None) -> None:
     """Mark the time [s] from which on the shafts are locked, `lock_up_time` of a summary; nothing for None."""
     if locked is not None:
-        axis.axvline(per_second * locked, color="#7a0177", lw=1.2, ls=(0, (4, 2)), label=LOCKED)
+        label = f"locked at {format_time(locked)}: speeds stay\nwithin 1 % of the faster one"
+        axis.axvline(per_second * locked, color="#7a0177", lw=1.2, ls=(0, (4, 2)), label=label)
 
 
 def legend_beside(axis: Axes) -> None:

@@ -44,6 +44,7 @@ def torque_picture(
     others: Any = (),
     *,
     title: str | None = None,
+    times: str = "",
     locked: float | None = None,
 ) -> Path:
     """Draw the torques on the bodies, and current and speeds where they vary.
@@ -55,6 +56,7 @@ def torque_picture(
     estimate : of the disc's torque; its steady part is shaded and its mean drawn with its 95 % interval; an unknown one
         is said, and no band is drawn. Not drawn where it is not converged because current or speed change.
     others : histories of the other replicas: their torque on the disc is drawn thin, as the mean is of all of them.
+    times : rise times in words, written above the panel.
     locked : time [s] from which on the shafts are locked; it is marked.
     """
     time = np.asarray(history[TIME], dtype=np.float64)
@@ -80,6 +82,7 @@ def torque_picture(
         torque = factor * np.asarray(other[TORQUE_DISC], dtype=np.float64)
         axis.plot(time_factor * np.asarray(other[TIME]), torque, color="#7fb2dd", lw=0.6, zorder=1, label=label)
     axis.axhline(0.0, color="black", lw=0.6)
+    axis.set_title(times, loc="left", fontsize=9)
     is_transient = bool(drives) and estimate is not None and not estimate.is_steady
     if estimate is not None and estimate.mean is not None and estimate.start is not None and not is_transient:
         start = time_factor * estimate.start

@@ -43,7 +43,15 @@ WARM_UP = "warm-up"
 
 @dataclass(frozen=True, slots=True)
 class EffectsResult(Reported):
-    """A study of what each effect adds."""
+    """What each effect of a scene adds to torque and cost. `effect_contributions` returns it.
+
+    Attributes
+    ----------
+    folder : Path
+        With effects.csv, effects.md and effects.png.
+    contributions : Contributions
+        Torque [N m] and processor time [s] of the whole scene and of the scene without each effect.
+    """
 
     folder: Path
     contributions: Contributions

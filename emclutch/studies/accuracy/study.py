@@ -516,7 +516,7 @@ class _StudyRun(BudgetedStudy):
         """Return the task of a replica, whose seed follows from its number, the last part of its name.
 
         Replicas with equal seeds at different settings have independent torques beyond a shear strain of 2 to 4
-        (docs/accuracy.md).
+        (docs/explanation/accuracy_method.md).
         """
         number = int(Path(name).name)
         values: dict[str, Any] = {"scene.seed": replica_seed(self.case.scene.scene.seed, FIRST_SEED + number)}
