@@ -14,6 +14,7 @@ from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
 CASES = Path(__file__).resolve().parents[2] / "cases"
+FIRST = ("thesis/electromagnetic_study", "disc_clutch", "quickstart")
 PARTS = ("Run", "Expect", "Takes", "Note")
 
 
@@ -35,8 +36,8 @@ def header(scene: Path) -> dict[str, str]:
 
 def scenes() -> list[Path]:
     """Scenes and studies of the gallery: those of `cases` and of `cases/thesis`."""
-    first = CASES / "quickstart.toml"
-    return [first, *sorted(set(CASES.glob("*.toml")) - {first}), *sorted(CASES.glob("thesis/*.toml"))]
+    first = [CASES / f"{name}.toml" for name in FIRST]
+    return first + [one for one in (*sorted(CASES.glob("*.toml")), *sorted(CASES.glob("thesis/*.toml"))) if one not in first]
 
 
 def plain(text: str) -> str:
