@@ -37,7 +37,8 @@ def header(scene: Path) -> dict[str, str]:
 def scenes() -> list[Path]:
     """Scenes and studies of the gallery: those of `cases` and of `cases/thesis`."""
     first = [CASES / f"{name}.toml" for name in FIRST]
-    return first + [one for one in (*sorted(CASES.glob("*.toml")), *sorted(CASES.glob("thesis/*.toml"))) if one not in first]
+    others = [*sorted(CASES.glob("*.toml")), *sorted(CASES.glob("thesis/*.toml"))]
+    return first + [one for one in others if one not in first]
 
 
 def plain(text: str) -> str:
