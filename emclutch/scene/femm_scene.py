@@ -218,7 +218,10 @@ def _not_open(model: FemmModel, edge: FemmEdge, kelvin: bool) -> str:
     """Why the boundary of an edge does not stand for open space; empty where it does."""
     one = model.boundaries[edge.boundary - 1] if edge.boundary else None
     if one is None or (one["bdrytype"] == _MIXED and not one["c0"] and not one["c1"]):
-        return "the edge is a plane of symmetry (no boundary); draw the other half too, or end the air at A = 0"
+        return (
+            "the edge has no boundary: where the air ends give it A = 0 or an asymptotic condition; of a plane of "
+            "symmetry draw the other half too"
+        )
     name = _boundary(model, edge)
     if one["bdrytype"] in (0, _MIXED):
         given = [key for key in ("a_0", "a_1", "a_2", "c1") if one[key]]

@@ -16,6 +16,7 @@ from closed_forms import rectangular_coil_field
 from femm_models import FemmText, air_coil, femm_forces, marble_accelerator, powder_clutch, roters_plunger, small_model
 from typer.testing import CliRunner
 
+import emclutch
 from emclutch.cli.main import app
 from emclutch.cli.new import new_scene_from
 from emclutch.device_model.device import build_device, solved_coil
@@ -288,7 +289,9 @@ def test_powder_is_the_region_of_a_material(tmp_path):
 def test_powder_between_parts_that_stand_still_is_a_warning(tmp_path):
     text = re.sub(r"\t0\t[12]\t1\t0$", "\t0\t0\t1\t0", str(powder_clutch()), flags=re.MULTILINE)
     with pytest.warns(UserWarning, match="all parts have group 0"):
-        scene_of(tmp_path, text, "Powder")
+        case = load_case(scene_of(tmp_path, text, "Powder"))
+    assert any("belong to the housing, so that nothing shears it" in warning for warning in case.warnings)
+    assert emclutch.check(case).expected.torque is None
 
 
 def test_the_command_writes_a_scene_beside_its_drawing(tmp_path):

@@ -86,12 +86,17 @@ class TorqueByLaw:
         dict
             `target`, `fidelity` ("law" or "grains"; None: nothing known reaches it), `half_width`, `seconds` of
             processor time, None where unknown, `command`, `estimate`, and the `reason` where nothing known reaches it.
+            Beside the law, `grains` has the same of grains that reach it.
         """
         found: dict[str, Any] = {"target": target, "fidelity": None, "half_width": None, "seconds": None}
+        by_grains: dict[str, Any] = {}
+        if isinstance(grains, Choice):
+            by_grains = {"half_width": grains.half_width, "seconds": grains.seconds}
         if self.half_width is not None and self.half_width <= target:
             known = {"fidelity": "law", "half_width": self.half_width, "seconds": self.seconds, "command": self.command}
-        elif isinstance(grains, Choice):
-            known = {"fidelity": "grains", "half_width": grains.half_width, "seconds": grains.seconds}
+            known |= {"grains": by_grains | {"command": command}} if by_grains else {}
+        elif by_grains:
+            known = {"fidelity": "grains"} | by_grains
         else:
             half = self.half_width
             law = "the law of the powder is a guess" if half is None else f"the law has ± {format_percent(half)}"
@@ -168,5 +173,10 @@ def cheapest_in_words(row: Mapping[str, Any]) -> Statement:
         known = "" if row["estimate"] is None else f"{estimate_in_words(row['target'], row['estimate'])} "
         return warning(f"{target}: {row['reason']}. {known}To measure it: {row['command']}")
     names = {"law": "the law of the powder", "grains": "grains with the settings of the accuracy study"}
+    text = f"{target}: {names[row['fidelity']]}, {_cost_in_words(row)}"
+    return note(f"{text}; or grains, {_cost_in_words(row['grains'])}" if "grains" in row else text)
+
+
+def _cost_in_words(row: Mapping[str, Any]) -> str:
     cost = f"± {format_percent(row['half_width'])} in {format_duration(row['seconds'])} of processor time"
-    return note(f"{target}: {names[row['fidelity']]}, {cost}: {row['command']}")
+    return f"{cost}: {row['command']}"
