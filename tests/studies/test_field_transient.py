@@ -195,10 +195,25 @@ def test_powder_and_its_order_delay_the_coil(tmp_path):
     assert "Maxwell Garnett" in found["powder"] and found["at_end"]["time"] == 0.04
     assert 0.0 < found["rise_time_error"] < 0.02
     # of a device without poles it is the mean over the powder's region
-    transient.coil = replace(device, has_poles=False)
+    transient = CoilTransient(case.scene, replace(device, has_poles=False), None, faces=False)
     mean = estimate_error(empty.field, (MeanFluxDensity("powder"),)).goals[0]
     found = transient.quantities(empty.field)["gap_flux_density"]
     assert found == pytest.approx(mean.value * (1.0 - mean.relative), rel=5e-3) and abs(mean.relative) < 0.2
+
+
+def test_the_gap_field_of_a_reversed_current_reverses():
+    """From V to -V/2 all is 63 % of its way after the same time, as far as the steel is linear, the gap's field too."""
+    steady = {"effects.coil_circuit.begin": "steady", "effects.eddy_currents": None}
+    voltage = {"times": [0.0, 1e-6], "values": [20.0, -10.0]}
+    case = load_case(CASES / "switch_on.toml", COARSE | steady | {"coil.voltage": voltage})
+    device = coil_of_field(case.scene)
+    for one in (device, replace(device, has_poles=False)):
+        course = CoilTransient(case.scene, one, None, faces=False).course(None, 0.02)
+        B = course.table["gap_flux_density"]
+        assert B.iloc[0] > 0.0 and course.final["gap_flux_density"] == pytest.approx(-0.5 * B.iloc[0], rel=0.05)
+        for suffix in ("", "_90"):
+            flux = course.rises[f"flux_linkage_rise_time{suffix}"]
+            assert course.rises[f"gap_flux_density_rise_time{suffix}"] == pytest.approx(flux, rel=0.05)
 
 
 CURRENT = "coil.voltage=none coil.current=1 coil.resistance=none effects.coil_circuit=off"
