@@ -110,7 +110,9 @@ class CoilTransient:
         self.coil, self.fill, self.faces = coil, fill, faces
         assert scene.coil is not None  # it has a voltage
         self.cold_resistance = scene.coil.resistance_in(coil.shape.coil_area, coil.shape.coil_mean_radius)
-        self.cold, self.heat_capacity = scene.coil.temperature, COPPER_HEAT * coil.winding.copper_mass
+        # a resistance beside the turns that is larger than theirs is taken for that of thinner wire: the bound is upper
+        share = min(1.0, coil.winding.resistance / self.cold_resistance)
+        self.cold, self.heat_capacity = scene.coil.temperature, COPPER_HEAT * coil.winding.copper_mass * share
         self.eddy = EddyCurrentProblem(coil.problem, coil.conductivity or {}, turns=coil.turns)
 
     def resistance(self, loss: float) -> float:
