@@ -235,7 +235,8 @@ def _winding_reasons(model: FemmModel, section: FemmSection) -> _Reasons:
     density = [label.turns / section.areas[label] for label in coil]
     for label, one in zip(coil, density, strict=True):
         if abs(one - density[0]) > _EQUAL * abs(density[0]):
-            yield label.line, "has other turns per area than the rest of its circuit, and a scene has one winding"
+            other = "is wound against" if one * density[0] < 0.0 else "has other turns per area than"
+            yield label.line, f"{other} the rest of its circuit, and a scene has one winding"
         if not label.is_wound and label.material["sigma"]:
             yield label.line, (f"the winding is one massive turn of {label.material.name!r}, whose current is not "
                                "even; set its conductivity to 0 where that does not matter")  # fmt: skip

@@ -7,7 +7,6 @@ Neither has the error of the powder's data.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from time import process_time
@@ -123,34 +122,35 @@ def estimate_by_other_devices(case: Case, target: float, replica_seconds: float)
     Returns
     -------
     dict or None
-        `devices`: names of the cases whose studies count; `seconds`: least and most processor time [s] of runs that
-        reach the target, widened by `COST_FACTOR`, None where none of these devices reaches it; `half_width`: the least
-        that they have; `limit`: the setting that limits it; `study_seconds`: processor time [s] of an accuracy study
-        that may reach the target, at least. None where no study has the settings of the scene.
+        `devices`: names of the cases whose studies reach the target, or if none does of those that miss it; `seconds`:
+        least and most processor time [s] of runs that reach the target, widened by `COST_FACTOR`, None where none of
+        these devices reaches it; `half_width`: the least that they have; `limit`: the setting that limits it;
+        `study_seconds`: processor time [s] of an accuracy study that may reach the target, at least. None where no
+        study has the settings of the scene, or the scene refuses those that reach the target.
     """
-    costs, missed, names = [], [], []
+    costs, missed = [], []
     for study in known_studies():
         found = cheapest_case(case, study, target)
         if isinstance(found, LimitingError):
-            if found.best is not None:
-                missed.append((found, replica_seconds / study.seconds))
-                names.append(study.case)
+            # a combination that reaches the target, but which the scene refuses, says nothing of the errors
+            if found.best is not None and found.best.half_width > target:
+                missed.append((study.case, found.best.half_width, found, replica_seconds / study.seconds))
             continue
         choice, run = found
         cost = make_plan(run)[1].cost
-        costs.append(choice.replicas * (sum(cost.loop.values()) + sum(cost.once.values())))
-        names.append(study.case)
-    if not names:
-        return None
+        costs.append((study.case, choice.replicas * (sum(cost.loop.values()) + sum(cost.once.values()))))
     estimate: dict[str, Any] = dict.fromkeys(("seconds", "half_width", "limit", "study_seconds"))
     if costs:
-        estimate |= {"seconds": [min(costs) / COST_FACTOR, COST_FACTOR * max(costs)], "half_width": target}
-    else:
-        error, ratio = min(missed, key=lambda one: one[0].best.half_width if one[0].best else math.inf)
-        assert error.best is not None  # only such are in the list
+        names, seconds = zip(*costs, strict=True)
+        estimate |= {"seconds": [min(seconds) / COST_FACTOR, COST_FACTOR * max(seconds)], "half_width": target}
+    elif missed:
+        names, _, _, _ = zip(*missed, strict=True)
+        _, half_width, error, ratio = min(missed, key=lambda one: one[1])
         more = None if error.seconds is None else ratio * error.seconds
-        estimate |= {"half_width": error.best.half_width, "limit": error.setting, "study_seconds": more}
-    return {"devices": names} | estimate
+        estimate |= {"half_width": half_width, "limit": error.setting, "study_seconds": more}
+    else:
+        return None
+    return {"devices": [*names]} | estimate
 
 
 def estimate_in_words(target: float, estimate: Mapping[str, Any]) -> str:
