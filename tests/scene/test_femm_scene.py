@@ -160,7 +160,7 @@ def test_a_second_winding_is_refused(current, turns, message, tmp_path):
 
 
 def test_pieces_of_a_winding_with_the_same_turns_per_area_are_one(tmp_path):
-    coil, field = solved(tmp_path, second_winding(0.0, 100))
+    coil, field = solved(tmp_path, second_winding(None, 100))
     alone = solved_coil(load_case(scene_of(tmp_path, small_model(), name="alone.toml")).scene).solve_at_peak(None)
     assert coil.turns == 200.0 and field.ampere_turns == pytest.approx(2.0 * alone.ampere_turns)
 
