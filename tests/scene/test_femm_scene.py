@@ -140,25 +140,29 @@ def test_what_has_no_counterpart_is_refused_by_name(pattern, replacement, messag
     assert error.value.source.endswith("model.fem") and [file.name for file in tmp_path.iterdir()] == ["model.fem"]
 
 
-def second_winding(current, turns):
+def second_winding(current, turns, circuit="other"):
     model = small_model()
     model.add("Circuit", "other", TotalAmps_re=current)
     model.rectangle(14.0, -5.0, 18.0, 5.0)
-    model.label(16.0, 0.0, "Copper", "other" if current else "coil", turns)
+    model.label(16.0, 0.0, "Copper", circuit, turns)
     return model
 
 
 @pytest.mark.parametrize(
-    ("current", "turns", "message"),
-    [(1.0, 50, "'other' is a second winding"), (0.0, 50, "other turns per area"), (0.0, -100, "is wound against")],
+    ("winding", "message"),
+    [
+        ((1.0, 50), "'other' is a second winding"),
+        ((0.0, 50, "coil"), "other turns per area"),
+        ((0.0, -100, "coil"), "is wound against"),
+    ],
 )
-def test_a_second_winding_is_refused(current, turns, message, tmp_path):
+def test_a_second_winding_is_refused(winding, message, tmp_path):
     with pytest.raises(SceneError, match=message):
-        scene_of(tmp_path, second_winding(current, turns))
+        scene_of(tmp_path, second_winding(*winding))
 
 
 def test_pieces_of_a_winding_with_the_same_turns_per_area_are_one(tmp_path):
-    coil, field = solved(tmp_path, second_winding(0.0, 100))
+    coil, field = solved(tmp_path, second_winding(0.0, 100, "coil"))
     alone = solved_coil(load_case(scene_of(tmp_path, small_model(), name="alone.toml")).scene).solve_at_peak(None)
     assert coil.turns == 200.0 and field.ampere_turns == pytest.approx(2.0 * alone.ampere_turns)
 
