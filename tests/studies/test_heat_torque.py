@@ -1,13 +1,16 @@
 """The torque that heats: the powder's law at each current and temperature, scaled to a measurement, and its ends."""
 
+from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
+import pandas
 import pytest
 
 from emclutch.device_model.heat_model import COIL, POWDER
+from emclutch.results import Result, RunFolder
 from emclutch.results.report.render import terminal
+from emclutch.results.statistics import Estimate
 from emclutch.scene.case import load_case
 from emclutch.scene.errors import SceneError
 from emclutch.studies import heat_torque
@@ -18,6 +21,7 @@ from emclutch.studies.heat_report import heat_report
 CASES = Path(__file__).resolve().parents[2] / "cases"
 SLOW = {"motion.rotor.speed": "50 rpm", "field.size_factor": 3.0, "effects.heat": {"duty": {"end": "60 s"}}}
 RPM = np.pi / 30.0
+STEADY = Estimate(None, 0.001, 20, 1e-3, 0.01, True, "the signal drifts", remedy="run longer")
 
 
 def small(**values):
@@ -82,11 +86,25 @@ def test_a_measured_torque_scales_the_law(study, monkeypatch):
         assert scaled.model.torque(current, 20.0) == pytest.approx(ratio * law(current, 20.0), rel=1e-9)
         assert scaled.model.torque(current, 70.0) == pytest.approx(0.9 * ratio * law(current, 20.0), rel=1e-9)
     assert not scaled.ends and f"law of the powder times {ratio:.4g}" in scaled.torque_summary["at_other_currents"]
-    run = SimpleNamespace(summary={"torque": {"mean": -0.2}, "current": -0.4})
-    monkeypatch.setattr(heat_torque, "load_result", lambda _: run)
+    monkeypatch.setattr(heat_torque, "load_result", lambda _: finished_run(STEADY, -0.25))
     of_run = _Study.of(small(), "runs/a").model.torque
     assert of_run(0.4, 20.0) == pytest.approx(0.2, rel=1e-9)
     assert of_run(0.8, 150.0) == pytest.approx(0.2 * law(0.8, 150.0) / law(0.4, 20.0), rel=5e-3)
+
+
+def finished_run(raw, mean):
+    """A run at -0.4 A with a raw torque [N m], which its grains' size raises by a quarter."""
+    summary = {"torque": replace(raw, mean=mean).as_dict(), "current": -0.4,
+               "grain_size": {"torque_excess": 0.25, "torque_excess_low": 0.2, "torque_excess_high": 0.3}}  # fmt: skip
+    found = Result(RunFolder("runs/a"), summary)
+    found._history = pandas.DataFrame({"torque_disc": [mean]})
+    return found
+
+
+def test_a_torque_that_the_run_itself_does_not_know_is_refused(monkeypatch):
+    monkeypatch.setattr(heat_torque, "load_result", lambda _: finished_run(replace(STEADY, converged=False), -0.25))
+    with pytest.raises(ValueError, match=r"runs/a is not known \(the signal drifts\); run longer, or give effects.heat"):
+        _Study.of(small(), "runs/a")
 
 
 def test_a_given_slip_power_is_the_heat_of_the_powder_while_the_coil_is_on():
