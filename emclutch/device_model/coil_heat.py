@@ -88,6 +88,18 @@ def housing_rise(scene, coil: Excitation | None, shape, slip_power: float) -> fl
     return steady_rise(surface, slip_power, loss * ratio if at_voltage else loss / ratio, at_voltage)  # V^2/R or R I^2
 
 
+def winding_in_words(scene) -> str:
+    """Turns, bare wire and resistance of a scene's winding; current density and copper loss at its largest current."""
+    coil, shape = scene.coil, scene.shape()
+    window = shape.coil_area, shape.coil_mean_radius
+    winding, current, R = coil.winding_in(*window), coil.currents_in(*window).largest, coil.resistance_in(*window)
+    return (
+        f"{winding.turns:.0f} turns of {1e3 * winding.wire_diameter:.3g} mm copper wire, {R:.3g} ohm at "
+        f"{coil.temperature:g} °C; at {current:.3g} A {1e-6 * winding.current_density(current):.3g} A/mm^2 and "
+        f"{R * current**2:.3g} W"
+    )
+
+
 def coil_heat_in_words(scene, coil: Excitation, shape) -> str:
     """Current density, copper loss and what it heats, at the largest current."""
     current, winding = coil.largest_current, coil.winding

@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING, Any
 
 from scipy.optimize import brentq
 
+from emclutch.device_model.coil_heat import winding_in_words
 from emclutch.device_model.device import Device, build_device
 from emclutch.results import OutputError, Result, load_result
 from emclutch.results.atomic_file import replace_json, replace_text
@@ -434,6 +435,8 @@ def _answer(result: DesignResult) -> Iterator[Statement]:
         yield note(f"{whose} allows {low} to {high}{beyond}.")
     if not result.is_monotone:
         yield warning("the torque rises and falls between both values: other answers may exist, see design.csv")
+    if search.key.startswith("coil."):
+        yield note(f"Winding: {winding_in_words(result.case.scene)}.")
     yield note(f"Scene: {result.folder / 'found.toml'}")
 
 

@@ -169,6 +169,7 @@ def heat(
             raise ValueError("speeds of the permitted slip power must be above 0")
         if progress is not None:
             progress.status("mesh and torque")
+            progress.update(0.0)
         study = _Study.of(case, run)
     units = UNITS | PERMITTED_UNITS
     summary: dict[str, Any] = {"title": case.scene.scene.title, "units": units, "torque": study.torque_summary}
