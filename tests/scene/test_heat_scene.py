@@ -78,24 +78,24 @@ def test_what_check_says_of_steady_operation_is_what_heat_computes(found):
 
 
 def test_the_steady_rise_balances_both_powers_and_what_leaves():
-    """S (h x + epsilon sigma (T^4 - T_0^4)) = P + L (1 + a x) at a current, P + L/(1 + a x) at a voltage."""
+    """S (h x + epsilon sigma (T^4 - T_0^4)) = P + L (1 + a x) at a current, (P + L)/(1 + a x) at a voltage."""
     for at_voltage in (False, True):
         x = steady_rise(0.05, 40.0, 20.0, at_voltage)
         out = 0.05 * (6.0 * x + 0.9 * 5.670374e-8 * ((293.15 + x) ** 4 - 293.15**4))
         ratio = 1.0 + 3.93e-3 * x
-        assert out == pytest.approx(40.0 + 20.0 * (1.0 / ratio if at_voltage else ratio), rel=1e-9)
+        assert out == pytest.approx(60.0 / ratio if at_voltage else 40.0 + 20.0 * ratio, rel=1e-9)
     assert steady_rise(0.05, 0.0, 0.0, False) == 0.0 and steady_rise(0.05, 1e3, 0.0, False) == np.inf
 
 
 @pytest.mark.parametrize("drive", [{"voltage": "3 V"}, {"current": "0.5 A"}])
 def test_the_steady_rise_does_not_depend_on_the_temperature_that_the_scene_gives_the_winding(drive):
-    """The winding warms until the powers balance, and the same drive heats it at 20 and at 80 degrees C."""
+    """The winding warms until the powers balance, the same drive heats it at 20 and at 80 degrees C; torque as the current."""
 
     def rise(temperature):
         coil = {"resistance": "6 ohm", "temperature": temperature}
         scene = brake(coil=coil | drive, effects={}).scene
         current = 0.5 if "current" in drive else 3.0 / scene.coil.resistance_in(1e-4, 0.03)
-        return housing_rise(scene, SimpleNamespace(largest_current=current), scene.shape(), 1.0)
+        return housing_rise(scene, SimpleNamespace(largest_current=current), scene.shape(), current / 0.5)
 
     assert 0.0 < rise(20.0) < np.inf and rise(80.0) == pytest.approx(rise(20.0), rel=1e-9)
 
