@@ -172,7 +172,13 @@ def heat(
             progress.update(0.0)
         study = _Study.of(case, run)
     units = UNITS | PERMITTED_UNITS
-    summary: dict[str, Any] = {"title": case.scene.scene.title, "units": units, "torque": study.torque_summary}
+    effect = case.scene.effects.thermal
+    limits = {"surface": effect.surface_limit, "coil_hottest": effect.coil_limit}
+    summary: dict[str, Any] = {
+        "title": case.scene.scene.title, "units": units, "torque": study.torque_summary, "limits": limits,
+        "voltage": None if study.peak.current is not None else study.peak.voltage,
+        "on_all_the_time": effect.duty.on is None,
+    }  # fmt: skip
 
     def stage(share: float, text: str) -> None:
         if progress is not None:
@@ -200,8 +206,6 @@ def heat(
     (folder / "heat.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
     shown, when = (last, summary["duty"]["state"]) if temperature is None else (temperature, "steady, on all the time")
     temperature_picture(folder / "temperature.png", study.problem, shown, title=f"{summary['title']}: {when}")
-    effect = case.scene.effects.thermal
-    limits = {"surface": effect.surface_limit, "coil_hottest": effect.coil_limit}
     duty_picture(folder / "heat.png", table, permitted, limits, title=summary["title"])
     found = HeatResult(folder, summary, table, permitted)
     write_index(found.report())

@@ -325,7 +325,8 @@ def test_a_curve_is_scaled_to_a_run(monkeypatch):
     values = {"effects.heat.torque": None, "effects.heat.torque_curve": curve, "effects.heat.duty.current": "0.4 A"}
 
     def study(current, mean=-12.0, **more):
-        run = SimpleNamespace(summary={"torque": {"mean": mean}, "current": current})
+        known = SimpleNamespace(mean=mean, is_steady=True)
+        run = SimpleNamespace(summary={"current": current}, best=known, torque=known)
         monkeypatch.setattr(heat_torque, "load_result", lambda _: run)
         return _Study.of(brake(**values | {"field.size_factor": 4.0} | more), "runs/a")
 
@@ -335,7 +336,7 @@ def test_a_curve_is_scaled_to_a_run(monkeypatch):
     voltage = study(0.8, **{"coil": {"voltage": "3 V", "turns": 300}, "effects.heat.duty.current": None})
     assert voltage.model.torque(0.4, 90.0) == pytest.approx(6.0)
     for current, said in (
-        (0.0, "torque_curve cannot be scaled to the run runs/a .*no torque"),
+        (0.0, "torque_curve cannot be scaled to the best estimate of the run runs/a .*no torque"),
         (None, "no coil current"),
     ):
         with pytest.raises(ValueError, match=said):

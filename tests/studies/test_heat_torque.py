@@ -10,12 +10,14 @@ import pytest
 from emclutch.device_model.heat_model import COIL, POWDER
 from emclutch.results import Result, RunFolder
 from emclutch.results.report.render import terminal
+from emclutch.results.report.report import Mark
 from emclutch.results.statistics import Estimate
 from emclutch.scene.case import load_case
 from emclutch.scene.errors import SceneError
 from emclutch.studies import heat_torque
 from emclutch.studies.design_search import expectation_of
 from emclutch.studies.heat import _Study, _surface, heat
+from emclutch.studies.heat_report import _limits as heat_report_limits
 from emclutch.studies.heat_report import heat_report
 
 CASES = Path(__file__).resolve().parents[2] / "cases"
@@ -150,5 +152,26 @@ def test_the_report_says_the_torque_and_its_ends(tmp_path):
     words = " ".join(terminal(found.report()).split())
     assert "Torque at 0.4 A and 20 °C by the law of the powder" in words and "steady, lowest torque" in words
     assert "At other temperatures of the powder: the law of the powder" in words
-    found.summary["torque"]["is_guess"] = True
-    assert "! Torque at 0.4 A" in terminal(heat_report(found.folder, found.summary, found.permitted))
+    assert "Steady state at 0.4 A with" in words
+    found.summary["torque"]["is_guess"], found.summary["voltage"] = True, 24.0
+    words = " ".join(terminal(heat_report(found.folder, found.summary, found.permitted)).split())
+    assert "! Torque at 0.4 A" in words and "Steady state at 24 V (0.4 A through the warm coil) with" in words
+
+
+@pytest.mark.parametrize(
+    ("duty", "all_the_time", "marks"),
+    [
+        ({}, True, "✓ ! !"),  # a short duty below both limits, which a longer one of the same exceeds
+        ({}, False, "✓"),  # switched: on all the time is another duty
+        ({"steady": {"surface": 90.0, "coil_hottest": 120.0}}, False, "✓ !"),
+        ({"surface_limit_passed_after": 300.0}, True, "! !"),
+    ],
+)
+def test_a_duty_below_its_limits_may_be_too_short_to_reach_them(duty, all_the_time, marks):
+    passed = {"surface_limit_passed_after": None, "coil_hottest_limit_passed_after": None}
+    summary = {"limits": {"surface": 75.0, "coil_hottest": 130.0}, "on_all_the_time": all_the_time,
+               "steady": {"surface": 180.0, "coil_hottest": 160.0}, "duty": passed | duty}  # fmt: skip
+    said = list(heat_report_limits(summary))
+    assert " ".join({Mark.GOOD: "✓", Mark.WARNING: "!"}[one.mark] for one in said) == marks
+    if "surface_limit_passed_after" in duty:
+        assert said[0].text == "The surface exceeds its limit of 75 °C after 5 min of the duty."
