@@ -119,6 +119,12 @@ def test_what_cannot_be_shown_is_refused(run, tmp_path):
             view_run(folder, **given)
 
 
+def test_without_a_screen_the_options_that_need_none_are_named(run, monkeypatch):
+    monkeypatch.setattr(view, "has_screen", lambda: False)
+    with pytest.raises(SceneError, match=rf"view {run}: there is no screen for a window; add --screenshot"):
+        view_run(run)
+
+
 PICTURES = """
 import sys
 from pathlib import Path
