@@ -9,8 +9,9 @@ In steady operation the slip power P_s warms the housing too, and R = R_20 (1 + 
 
     S (h (T - T_0) + epsilon sigma (T^4 - T_0^4)) = P_s + R I^2
 
-with h and epsilon as of [effects.heat] by default. At a given voltage I goes as 1/R, and with it P_s, whose torque is
-taken in proportion to the current: it goes with I to I^2 by how far the iron is saturated. Where no T up to `HOTTEST` satisfies it, the winding runs away.
+with h and epsilon as of [effects.heat] by default. At a given voltage I goes as 1/R, and with it P_s: the torque is
+taken in proportion to the current (it goes with I to I^2, by how far the iron is saturated). Where no T up to `HOTTEST`
+satisfies it, the winding runs away.
 """
 
 from __future__ import annotations

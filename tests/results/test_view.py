@@ -171,7 +171,7 @@ def test_names_of_the_bodies_stand_on_their_own_walls(run):
         assert dict(zip(names, np.hypot(*points.T[:2]), strict=True)) == pytest.approx({"disc": 0.02, "rotor": 0.021})
     points, names = body_names(files, frame_meshes(files, 1e-3, ("device",), None))
     assert names == ["disc"] and 0.0 < points[0, 0] < 0.04 and 0.0 < points[0, 2] < 0.01
-    parts = np.array([[0.01, 0.0, 0.002], [0.03, 0.0, 0.0], [0.0101, 0.0, 0.004]])  # names left of the device, by radius
+    parts = np.array([[0.01, 0.0, 0.002], [0.03, 0.0, 0.0], [0.0101, 0.0, 0.004]])
     places = name_column(parts, (-0.04, 0.04, -0.04, 0.0, 0.0, 0.01))
     assert (places[:, 2] < 0.0).all() and places[:, 0].argsort().tolist() == parts[:, 0].argsort().tolist()
     assert np.diff(np.sort(places[:, 0])).min() >= 0.06 * 0.08

@@ -89,7 +89,7 @@ def test_the_steady_rise_balances_both_powers_and_what_leaves():
 
 @pytest.mark.parametrize("drive", [{"voltage": "3 V"}, {"current": "0.5 A"}])
 def test_the_steady_rise_does_not_depend_on_the_temperature_that_the_scene_gives_the_winding(drive):
-    """The winding warms until the powers balance, the same drive heats it at 20 and at 80 degrees C; torque as the current."""
+    """The winding warms until the powers balance; the same drive heats it at 20 and at 80 degrees C."""
 
     def rise(temperature):
         coil = {"resistance": "6 ohm", "temperature": temperature}

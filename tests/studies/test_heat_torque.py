@@ -105,7 +105,7 @@ def finished_run(raw, mean):
 
 def test_a_torque_that_the_run_itself_does_not_know_is_refused(monkeypatch):
     monkeypatch.setattr(heat_torque, "load_result", lambda _: finished_run(replace(STEADY, converged=False), -0.25))
-    with pytest.raises(ValueError, match=r"runs/a is not known \(the signal drifts\); run longer, or give effects.heat"):
+    with pytest.raises(ValueError, match=r"runs/a is not known \(the signal drifts\); run longer, or give effects"):
         _Study.of(small(), "runs/a")
 
 

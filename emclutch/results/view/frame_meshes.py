@@ -91,7 +91,7 @@ def name_column(points: np.ndarray, box: tuple[float, ...]) -> np.ndarray:
 
     They lie in the plane of the cut, in the order of the points' radii.
     """
-    x0, x1, _, _, z0, z1 = box
+    x0, x1, _, _, z0, _ = box
     step = max(NAME_STEP * (x1 - x0), np.ptp(points[:, 0]) / max(len(points) - 1, 1))
     places = np.zeros((len(points), 3))
     places[np.argsort(-points[:, 0]), 0] = x1 - step * np.arange(len(points))

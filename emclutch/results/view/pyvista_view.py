@@ -96,7 +96,7 @@ class RunView:
             ends = np.stack((places, points), axis=1).reshape(-1, 3)
             ends[:, 1] = looks.line_offset(meshes["device"].bounds[1])
             lines = pyvista.line_segments_from_points(ends)
-            self.plotter.add_mesh(lines, name="leaders", color="black", line_width=1.5, reset_camera=False, render=False)
+            self.plotter.add_mesh(lines, name="leaders", color="black", reset_camera=False, render=False)
             aside = {"justification_horizontal": "right", "justification_vertical": "center"}
             self.plotter.add_point_labels(places, names, **aside, **NAMES)
         elif names:
