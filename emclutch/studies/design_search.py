@@ -67,8 +67,11 @@ class Correction:
 
 
 def correction_by(folder: str | Path) -> Correction:
-    """Return the correction of the law by a finished run; OutputError where it has no torque."""
+    """Return the correction of the law by a finished run; OutputError where its torque is not known."""
     run = load_result(folder)
+    if run.steady is not None and not run.steady.is_steady:
+        mend = run.steady.remedy or "name another run"
+        raise OutputError(f"the torque of the run {folder} is not known ({run.steady.reason}); {mend}")
     expected = expectation_of(load_case(run.folder.case)).torque
     mean, interval = run.best.mean, run.best.interval()
     if not mean or not expected:

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 import emclutch
 from emclutch.cli.main import app
-from emclutch.results import HistoryWriter, Progress, RunFolder, load_result
+from emclutch.results import HistoryWriter, OutputError, Progress, RunFolder, load_result
 from emclutch.scene.case import case_from
 from emclutch.scene.design import read_design
 from emclutch.scene.errors import SceneError
@@ -104,6 +104,10 @@ def test_runs_of_twice_the_expected_torque_halve_the_expectation_that_is_sought(
     page = found._repr_html_()  # in a notebook
     assert "Not within 5 % of 0.01 N m" in once._repr_html_() and "The last run is within 5 % of 0.01 N m" in page
     assert page.count("<tr>") == 1 + len(found.tried) and FIELD in page
+    drifting = once.run.summary["torque"] | {"converged": False, "reason": "the signal drifts", "remedy": "run longer"}
+    once.run.folder.write_summary({"torque": drifting})
+    with pytest.raises(OutputError, match=r"once/run is not known \(the signal drifts\); run longer"):
+        design(case, 0.01, tmp_path / "third", like=tmp_path / "once" / "run")
     low, high = again.correction.interval
     assert low < 2.0 < high and high - low < 0.5
     for end, ratio in zip(again.bracket, (high, low), strict=True):
