@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from pathlib import Path
 
 import typer
@@ -35,6 +36,7 @@ def field(
             message = "is of the coil alone in time; add --transient, or remove it"
             raise SceneError([Fault(option, str(entry), message)], "command line")
         read = load(case, sets, trust_scripts)
+        from emclutch.results import Progress
         from emclutch.scene.units import Quantity
         from emclutch.studies.field_result import field as solve_field
 
@@ -43,7 +45,10 @@ def field(
 
             duration = Quantity("a time", "s", "50 ms", 0.0, 1e5, open_minimum=True)
             ends = [None] if end is None else read_all([end], duration, "--end")
-            show(field_transient(read, ends[0], TOLERANCE if tolerance is None else tolerance, out).report(), as_json)
+            tolerance = TOLERANCE if tolerance is None else tolerance
+            with nullcontext() if as_json else Progress() as progress:
+                course = field_transient(read, ends[0], tolerance, out, progress)
+            show(course.report(), as_json)
             return
 
         currents = None if current is None else read_list(current, Quantity("a current", "A", "0.5 A"), "--current")
@@ -67,12 +72,15 @@ def heat(
         others = [f"effects.heat.{key}=none" for key in ("torque", "torque_curve", "fade")]
         given = [] if slip_power is None else [f"effects.heat.slip_power={slip_power}", *others]
         read = load(case, [*(sets or ()), *given], trust_scripts)
+        from emclutch.results import Progress
         from emclutch.scene.units import Quantity
         from emclutch.studies import heat as study
 
         slip = Quantity("an angular speed", "rad/s", "100 rpm", 0.0, 1e5, open_minimum=True, angular=True)
         speeds = study.SPEEDS if speed is None else read_list(speed, slip, "--speed")
-        show(study.heat(read, run, speeds, out).report(), as_json)
+        with nullcontext() if as_json else Progress() as progress:
+            found = study.heat(read, run, speeds, out, progress)
+        show(found.report(), as_json)
 
 
 def mesh(

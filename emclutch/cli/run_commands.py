@@ -253,7 +253,7 @@ def design(
         from emclutch.results import Progress
         from emclutch.studies import design_search
 
-        with nullcontext() if as_json or not runs else Progress() as progress:
+        with nullcontext() if as_json else Progress() as progress:
             found = design_search.design(
                 asked, like=like, out=out, runs=runs, tolerance=tolerance, threads=threads, progress=progress
             )

@@ -53,7 +53,7 @@ def view_run(
     if screenshot is None and movie is None:
         if not has_screen():
             message = "there is no screen for a window; add --screenshot FILE.png or --movie FILE.gif, or --paraview"
-            raise SceneError([Fault("view", str(folder), message)], "command line")
+            raise SceneError([Fault(f"view {folder}:", "", message)], "command line")
         pictures.window(pictures.RunView(files, shown, shade, window=True, **drawn), moment)
         return []
     written = []

@@ -9,7 +9,9 @@ In steady operation the slip power P_s warms the housing too, and R = R_20 (1 + 
 
     S (h (T - T_0) + epsilon sigma (T^4 - T_0^4)) = P_s + R I^2
 
-with h and epsilon as of [effects.heat] by default. Where no T up to `HOTTEST` satisfies it, the winding runs away.
+with h and epsilon as of [effects.heat] by default. At a given voltage I goes as 1/R, and with it P_s: the torque is
+taken in proportion to the current (it goes with I to I^2, by how far the iron is saturated). Where no T up to `HOTTEST`
+satisfies it, the winding runs away.
 """
 
 from __future__ import annotations
@@ -54,9 +56,9 @@ def steady_rise(surface: float, slip_power: float, cold_loss: float, at_voltage:
     surface : float
         S [m^2].
     slip_power, cold_loss : float
-        [W], the copper loss at the temperature of the room.
+        [W], with the winding at the temperature of the room.
     at_voltage : bool
-        Whether a given voltage drives the coil, whose current falls as it warms.
+        Whether a given voltage drives the coil, whose current falls as it warms, and the torque with it.
     """
     from scipy.optimize import brentq  # local: a scene is read without solvers
 
@@ -67,8 +69,8 @@ def steady_rise(surface: float, slip_power: float, cold_loss: float, at_voltage:
     def left(rise: float) -> float:
         ratio = resistance_ratio(ROOM + rise)
         radiated = EMISSIVITY * STEFAN_BOLTZMANN * ((room + rise) ** 4 - room**4)
-        loss = cold_loss / ratio if at_voltage else cold_loss * ratio
-        return surface * (CONVECTION * rise + radiated) - slip_power - loss
+        power = (slip_power + cold_loss) / ratio if at_voltage else slip_power + cold_loss * ratio
+        return surface * (CONVECTION * rise + radiated) - power
 
     most = HOTTEST - ROOM
     if left(most) < 0.0:
@@ -84,8 +86,21 @@ def housing_rise(scene, coil: Excitation | None, shape, slip_power: float) -> fl
     if coil is None:
         return steady_rise(surface, slip_power, 0.0, False)
     loss, ratio = copper_loss(scene, coil, shape), resistance_ratio(scene.coil.temperature)
-    at_voltage = scene.coil.is_at_voltage
-    return steady_rise(surface, slip_power, loss * ratio if at_voltage else loss / ratio, at_voltage)  # V^2/R or R I^2
+    if scene.coil.is_at_voltage:
+        return steady_rise(surface, slip_power * ratio, loss * ratio, True)  # V^2/R, and a torque as V/R
+    return steady_rise(surface, slip_power, loss / ratio, False)  # R I^2
+
+
+def winding_in_words(scene) -> str:
+    """Turns, bare wire and resistance of a scene's winding; current density and copper loss at its largest current."""
+    coil, shape = scene.coil, scene.shape()
+    window = shape.coil_area, shape.coil_mean_radius
+    winding, current, R = coil.winding_in(*window), coil.currents_in(*window).largest, coil.resistance_in(*window)
+    return (
+        f"{winding.turns:.0f} turns of {1e3 * winding.wire_diameter:.3g} mm copper wire, {R:.3g} ohm at "
+        f"{coil.temperature:g} °C; at {current:.3g} A {1e-6 * winding.current_density(current):.3g} A/mm^2 and "
+        f"{R * current**2:.3g} W"
+    )
 
 
 def coil_heat_in_words(scene, coil: Excitation, shape) -> str:

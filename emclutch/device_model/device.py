@@ -89,8 +89,7 @@ class CoilDevice(Excitation):
         """Domain on which the field is solved."""
         text = (
             f"{len(self.mesh.triangles)} triangles, {self.problem.n_dofs} unknowns of order "
-            f"{self.problem.elements.order}; coil of {self.turns:.0f} turns; "
-            f"{describe_backend(self.problem.factorisation_backend)}"
+            f"{self.problem.elements.order}; {describe_backend(self.problem.factorisation_backend)}"
         )
         return text if self.adapted is None else f"{text}; {self.adapted.summary()}"
 

@@ -103,7 +103,7 @@ class CoilDevice3D(Excitation):
         """Domain on which the field is solved."""
         return (
             f"in 3D, for the slots: {len(self.mesh.tetrahedra)} tetrahedra in 1/{self.mesh.n_sectors} of the ring, "
-            f"{self.problem.n_dofs} unknowns; coil of {self.turns:.0f} turns; {self.problem.linear_solver}"
+            f"{self.problem.n_dofs} unknowns; {self.problem.linear_solver}"
         )
 
 

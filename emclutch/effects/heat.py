@@ -306,11 +306,11 @@ class HeatSection(EffectSection):
         """Yield the kelvins that slip makes in the powder alone, and those of the housing by slip and copper loss."""
         copper, steady = f"{format_number(at.copper_loss)} W of copper loss", ""
         if at.housing_rise is not None:
-            significant = "YES" if at.housing_rise > MAX_RISE else "no"
-            rise = f"housing {format_number(at.housing_rise)} K above the room"
+            relevant = "relevant" if at.housing_rise > MAX_RISE else "not relevant"
+            steady = f"; in steady operation {relevant}, housing {format_number(at.housing_rise)} K above the room"
             if at.housing_rise == math.inf:
-                rise = f"no steady state, winding above {HOTTEST:g} °C"
-            steady = f"; in steady operation {significant}: {rise} (emclutch heat)"
+                steady = f"; no steady state, the winding would pass {HOTTEST:g} °C"
+            steady += " (emclutch heat)"
         if at.slip_power is None:
             note = f"{copper}{steady}" if at.copper_loss > 0.0 else ""
             yield OmittedEffect(cls.name, OFF, "slip power, which follows from no expected torque", note=note)

@@ -77,7 +77,10 @@ def _fault(details: ErrorDetails, root: type[Section], data: dict[str, Any]) -> 
         return Fault(dotted(path), value, _unknown_key(path, root, data))
     if kind in _PYDANTIC:
         example = _list_example(path, root, data)
-        return Fault(dotted(path), value, _PYDANTIC[kind].format(path=dotted(path), example=example, **context))
+        message = _PYDANTIC[kind].format(path=dotted(path), example=example, **context)
+        if _PYDANTIC[kind] == _NO_TABLE and path[0] == "effects" and len(path) == 2:
+            message += f"; on a command line --set {dotted(path)}=on or =off"
+        return Fault(dotted(path), value, message)
     return Fault(dotted(path), value, f"is refused: {details['msg'][:1].lower()}{details['msg'][1:]}")
 
 

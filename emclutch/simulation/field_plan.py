@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from emclutch.device_model.body_forces import forces_in_words, movable_bodies
-from emclutch.device_model.coil_heat import coil_heat_in_words
+from emclutch.device_model.coil_heat import coil_heat_in_words, winding_in_words
 from emclutch.device_model.decision import Decision
 from emclutch.device_model.device import CoilDevice, solved_coil
 from emclutch.device_model.device_3d import CoilDevice3D
@@ -25,6 +25,7 @@ def field_plan(case: Case) -> dict[str, str]:
     words = {
         "grains": "none: without [particles] the scene is of the field alone, for the commands field and mesh; run "
         "refuses it",
+        "winding": winding_in_words(scene),
         "mesh": coil.mesh_in_words(),
         "copper": coil_heat_in_words(scene, coil, coil.shape),
     }

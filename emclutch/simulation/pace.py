@@ -13,7 +13,8 @@ from emclutch.simulation.forecast.cost import Cost, format_rough_time
 if TYPE_CHECKING:
     from coupling import Simulation, WindowRow
 
-SHARES = (0.01, 0.1)  # of the run, done by this process: the time left is reported then, and corrected
+SHARES = (0.05, 0.1)  # of the run, done by this process: the time left is reported then, and corrected; before, a busy
+# machine or the first contacts make the pace one of chance
 WINDOWS, MIN_S = 6, 5.0  # and seconds, that must have passed
 LONG, BEHIND = 60.0, 2.0  # s: less is not worth a line; times as long as estimated, from which on it is a warning
 BUSY = 0.7  # of the cores that its threads use, or fewer: other programs take them

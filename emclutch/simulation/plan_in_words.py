@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from emclutch.device_model.coil_heat import winding_in_words
 from emclutch.device_model.decision import Decision
 from emclutch.device_model.device import CoilDevice, Device
 from emclutch.device_model.excitation import Excitation
@@ -69,7 +70,7 @@ def plan_in_words(device: Device, plan: Plan) -> dict[str, str]:
     if moments_are_fed_back(scene) and coil is not None:
         words["feedback"] = feedback_in_words(scene, coil)
     if coil is not None:
-        words["mesh"] = coil.mesh_in_words()
+        words |= {"winding": winding_in_words(scene), "mesh": coil.mesh_in_words()}
     words |= dict(end_in_words(scene, device, plan))
     words |= {"cost": plan.cost.in_words(), "cost by part": plan.cost.parts_in_words()}
     return words

@@ -9,6 +9,7 @@ from typing import Any
 from coupling import Simulation
 from emclutch.device_model.device import Device
 from emclutch.simulation.assembly import assemble, simulation_of
+from emclutch.simulation.forecast.cost import format_rough_time
 from emclutch.simulation.plan import Plan
 from emclutch.simulation.planned_run import PlannedRun
 from emclutch.simulation.resume import begun_windows, run_checkpoint
@@ -52,7 +53,8 @@ def start_run(request: RunRequest, planned: PlannedRun) -> StartedRun:
         request.progress.update(0.0, f"packing {plan.count} grains")
         grains = request.grains
         simulation = assemble(device, plan) if grains is None else warm_started(device, plan, grains)
-        request.progress.log(f"started: {plan.windows} windows")
+        estimate = format_rough_time(plan.cost.seconds["total"])
+        request.progress.log(f"started: {plan.windows} windows, estimated {estimate} on idle cores")
         return StartedRun(planned, simulation)
     state = run_checkpoint(request.folder.checkpoint)
     plan = plan.continued(*begun_windows(state, request.case.scene.contact.method))

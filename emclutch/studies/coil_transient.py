@@ -13,6 +13,7 @@ change to the static field of V/R at the end; where that is without voltage, fro
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -102,8 +103,10 @@ class Course:
 class CoilTransient:
     """A coil at its scene's voltage (`drive_of`), with a state of the powder or without powder.
 
-    `faces` as of `Excitation.gap_flux_density`.
+    `faces` as of `Excitation.gap_flux_density`. `notify` takes the fraction of a march that is done.
     """
+
+    notify: Callable[[float], None] | None = None
 
     def __init__(self, scene: Scene, coil: CoilDevice, fill: Powder, *, faces: bool) -> None:
         self.voltage, self.begins_steady = drive_of(scene)
@@ -212,8 +215,13 @@ class CoilTransient:
         return states
 
     def _run(self, states: list[TransientState], end: float, tolerance: float) -> list[TransientState]:
+        def drive(state: TransientState, step: float) -> VoltageDrive:
+            if self.notify is not None:
+                self.notify(state.time / end)
+            return self._drive(state, step)
+
         later = self.eddy.run(
-            states[-1], end, self._drive, self.fill, tolerance=tolerance, breaks=self.voltage.times,
+            states[-1], end, drive, self.fill, tolerance=tolerance, breaks=self.voltage.times,
             first_step=states[-1].time - states[-2].time if len(states) > 1 else None,
             largest=max(self.eddy.size(one.psi, self._drive(one, 0.0)) for one in states),
             newton_tolerance=self.coil.newton_tolerance,

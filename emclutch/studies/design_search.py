@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING, Any
 
 from scipy.optimize import brentq
 
+from emclutch.device_model.coil_heat import winding_in_words
 from emclutch.device_model.device import Device, build_device
 from emclutch.results import OutputError, Result, load_result
 from emclutch.results.atomic_file import replace_json, replace_text
@@ -66,8 +67,11 @@ class Correction:
 
 
 def correction_by(folder: str | Path) -> Correction:
-    """Return the correction of the law by a finished run; OutputError where it has no torque."""
+    """Return the correction of the law by a finished run; OutputError where its torque is not known."""
     run = load_result(folder)
+    if run.steady is not None and not run.steady.is_steady:
+        mend = run.steady.remedy or "name another run"
+        raise OutputError(f"the torque of the run {folder} is not known ({run.steady.reason}); {mend}")
     expected = expectation_of(load_case(run.folder.case)).torque
     mean, interval = run.best.mean, run.best.interval()
     if not mean or not expected:
@@ -217,7 +221,8 @@ def design(
     runs : at most so many scenes are run; 0: none.
     tolerance : deviation of a run from the wanted torque that is accepted, relative to it [-]. The interval of the run
         adds to it.
-    threads, progress : of the runs, as of `emclutch.run`.
+    threads : of the runs, as of `emclutch.run`.
+    progress : shows which value is computed, and of the runs as of `emclutch.run`.
 
     Raises
     ------
@@ -230,7 +235,7 @@ def design(
     search = case if isinstance(case, Search) else search_of(as_case(case), vary, between, target)
     search = search if like is None else replace(search, like=Path(like))
     folder = new_folder(out, search.case.name, "designs")
-    law = _Expectation(search)
+    law = _Expectation(search, progress)
     correction = None if search.like is None else correction_by(search.like)
     ratio = 1.0 if correction is None else correction.ratio
     value = law.value_at(search.torque / ratio, VALUE_TOLERANCE)
@@ -282,14 +287,16 @@ def _with_a_run(
 class _Expectation:
     """The expected torque over the key that is searched; each value is computed once."""
 
-    def __init__(self, search: Search) -> None:
-        self._search = search
+    def __init__(self, search: Search, progress: Progress | None = None) -> None:
+        self._search, self._progress = search, progress
         self._known: dict[float, ExpectedTorque] = {}
 
     def at(self, value: float) -> ExpectedTorque:
         """Return the expectation at a value [SI]; SceneError where the scene is not valid there, or has no torque."""
         search = self._search
         if value not in self._known:
+            if self._progress is not None:
+                self._progress.status(f"expected torque at {search.key} = {search.shown(value)}")
             try:
                 found = expectation_of(search.case.with_values({search.key: value}))
             except SceneError as error:
@@ -431,6 +438,8 @@ def _answer(result: DesignResult) -> Iterator[Statement]:
         yield note(f"{whose} allows {low} to {high}{beyond}.")
     if not result.is_monotone:
         yield warning("the torque rises and falls between both values: other answers may exist, see design.csv")
+    if search.key.startswith("coil."):
+        yield note(f"Winding: {winding_in_words(result.case.scene)}.")
     yield note(f"Scene: {result.folder / 'found.toml'}")
 
 

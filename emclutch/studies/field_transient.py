@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas
@@ -29,6 +30,9 @@ from emclutch.studies.transient_report import transient_report
 from field.laws.table_end import driven_beyond_their_tables
 from field.section.error_estimate import estimate_error
 from field.section.smooth_field import SmoothField
+
+if TYPE_CHECKING:
+    from emclutch.results import Progress
 
 TOLERANCE = 1e-3
 """Local error of a step, relative to the largest state."""
@@ -68,6 +72,7 @@ def field_transient(
     end: float | None = None,
     tolerance: float = TOLERANCE,
     out: str | Path | None = None,
+    progress: Progress | None = None,
 ) -> TransientResult:
     """Compute current, flux and heat of a coil after a change of its voltage, while nothing moves, into a new folder.
 
@@ -80,6 +85,7 @@ def field_transient(
     end : [s]; default: `time.end` of the scene, else when current and flux are within 1 % of their final values.
     tolerance : local error of a time step, relative to the largest state: 1e-6 to 0.1.
     out : new folder; default: the next runs/<case>-transient-<nnn>.
+    progress : takes the fraction of the simulated time that is done, and the march that it is of.
 
     Raises
     ------
@@ -93,6 +99,8 @@ def field_transient(
     """
     case = as_case(case)
     folder, scene = new_folder(out, f"{case.name}-transient"), case.scene
+    if progress is not None:
+        progress.status("mesh")
     with bad_input_for(case.path):
         if end is not None and not 0.0 < end < np.inf:
             raise ValueError(f"the end of {end} s must be a time above 0")
@@ -104,34 +112,46 @@ def field_transient(
         assert isinstance(coil, CoilDevice)  # no field in 3D
         phi, fill = even_powder(scene, coil)
         transient = CoilTransient(scene, coil, fill, faces=at_the_faces(case, coil))
+        transient.notify = _notify(progress, 0, "the coil in time")
         of_scene = None if scene.time is None else scene.time.end
         course = transient.course(of_scene if end is None and isinstance(of_scene, float) else end, tolerance)
         summary = {
             "units": UNITS | {"rise_time": "s"},
             "changes_at": transient.changes_at,
-            **_rise_times(scene, transient, course, tolerance),
+            **_rise_times(scene, transient, course, tolerance, progress),
             **_ends(transient, course),
             "tolerance": tolerance,
             "default_circuit": scene.effects.circuit is None,
             "powder": None if phi is None else powder_in_words(scene, phi),
         }
+    if progress is not None:
+        progress.update(1.0, "files and pictures")
     _write(folder, scene, transient, course, summary)
     found = TransientResult(folder, summary, course.table)
     write_index(found.report())
     return found
 
 
-def _rise_times(scene: Scene, transient: CoilTransient, course: Course, tolerance: float) -> dict[str, float | None]:
+def _notify(progress: Progress | None, number: int, text: str) -> Callable[[float], None] | None:
+    """Return what shows the fraction of a march, of two or three of a study."""
+    return None if progress is None else lambda share: progress.update((number + share) / 3.0, text)
+
+
+def _rise_times(
+    scene: Scene, transient: CoilTransient, course: Course, tolerance: float, progress: Progress | None
+) -> dict[str, float | None]:
     """Rise times [s], with sheared powder too where grains feed back their moments, and the error of the steps."""
     end, coarse, coil = course.states[-1].time, COARSER * tolerance, transient.coil
+    transient.notify = _notify(progress, 1, "again with coarser time steps, for their error")
     found, rough = dict(course.rises), transient.course(end, coarse).rises
     pairs = [(fine, rough[name]) for name, fine in found.items()]
     errors = [abs(fine / other - 1.0) / (COARSER - 1.0) for fine, other in pairs if fine and other]
     if isinstance(transient.fill, np.ndarray) and moments_are_fed_back(scene):
         current = transient.voltage.largest / transient.cold_resistance
         powder = field_of_sheared_powder(coil, transient.fill, scene, current, transient.static(current)).powder
-        sheared = CoilTransient(scene, coil, powder, faces=transient.faces).course(end, coarse)
-        found |= {f"{name}_sheared": time for name, time in sheared.rises.items()}
+        sheared = CoilTransient(scene, coil, powder, faces=transient.faces)
+        sheared.notify = _notify(progress, 2, "again with sheared powder")
+        found |= {f"{name}_sheared": time for name, time in sheared.course(end, coarse).rises.items()}
     return found | {"rise_time_error": max(errors, default=None)}
 
 

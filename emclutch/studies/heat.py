@@ -19,7 +19,7 @@ from functools import partial
 from itertools import pairwise
 from math import inf
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas
@@ -49,6 +49,9 @@ from emclutch.studies.heat_report import heat_report
 from emclutch.studies.heat_torque import torque_of
 from field.heat.conduction import MOLTEN, HeatNotConverged, HeatProblem, Powers, ThermalRunaway
 from field.heat.transient import HeatInTime, HeatState, Ripple
+
+if TYPE_CHECKING:
+    from emclutch.results import Progress
 
 SPEEDS = tuple(n / RPM for n in (50.0, 100.0, 200.0, 500.0, 1000.0, 1500.0))
 """At which the permitted slip power is given where none are asked for [rad/s]."""
@@ -133,6 +136,7 @@ def heat(
     run: str | Path | None = None,
     speeds: Sequence[float] = SPEEDS,
     out: str | Path | None = None,
+    progress: Progress | None = None,
 ) -> HeatResult:
     """Compute the temperatures of a scene with [effects.heat] and write them into a new folder.
 
@@ -143,6 +147,7 @@ def heat(
         the law of the powder as it is.
     speeds : slip speeds [rad/s], > 0, at which the permitted slip power is computed.
     out : new folder; default: the next runs/<case>-heat-<nnn>.
+    progress : takes the stages: torque, steady temperatures, duty, permitted powers and currents.
 
     Raises
     ------
@@ -162,28 +167,45 @@ def heat(
             raise ValueError("the scene has no [effects.heat]; add the table, or --set effects.heat=on")
         if not all(0.0 < speed < inf for speed in speeds):
             raise ValueError("speeds of the permitted slip power must be above 0")
+        if progress is not None:
+            progress.status("mesh and torque")
+            progress.update(0.0)
         study = _Study.of(case, run)
     units = UNITS | PERMITTED_UNITS
-    summary: dict[str, Any] = {"title": case.scene.scene.title, "units": units, "torque": study.torque_summary}
+    effect = case.scene.effects.thermal
+    limits = {"surface": effect.surface_limit, "coil_hottest": effect.coil_limit}
+    summary: dict[str, Any] = {
+        "title": case.scene.scene.title, "units": units, "torque": study.torque_summary, "limits": limits,
+        "voltage": None if study.peak.current is not None else study.peak.voltage,
+        "on_all_the_time": effect.duty.on is None,
+    }  # fmt: skip
+
+    def stage(share: float, text: str) -> None:
+        if progress is not None:
+            progress.update(share, text)
+
     try:
+        stage(0.2, "steady temperatures")
         summary["steady"], temperature = study.steady()
         summary["steady_at_the_ends"] = {end: study.with_torque_times(by).steady()[0] for end, by in study.ends.items()}
+        stage(0.4, "temperatures through the duty")
         table, summary["duty"], last = study.through_the_duty(temperature)
+        stage(0.6, "permitted slip power")
         permitted = study.permitted(speeds)
+        stage(0.8, "permitted currents and error of the mesh")
         summary["largest_current"] = study.largest_currents()
         summary["error_of_the_mesh"] = study.mesh_error(temperature)
     except HeatNotConverged as error:
         remedy = "let the torque change less steeply in effects.heat.fade and torque_curve, or leave them out"
         fault = Fault("effects.heat", "", f"has temperatures that do not converge: {error}; {remedy}")
         raise SceneError([fault], "scene" if case.path is None else str(case.path)) from error
+    stage(1.0, "files and pictures")
     folder.mkdir(parents=True)
     table.to_csv(folder / "heat.csv", index=False)
     permitted.to_csv(folder / "permitted.csv", index=False)
     (folder / "heat.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
     shown, when = (last, summary["duty"]["state"]) if temperature is None else (temperature, "steady, on all the time")
     temperature_picture(folder / "temperature.png", study.problem, shown, title=f"{summary['title']}: {when}")
-    effect = case.scene.effects.thermal
-    limits = {"surface": effect.surface_limit, "coil_hottest": effect.coil_limit}
     duty_picture(folder / "heat.png", table, permitted, limits, title=summary["title"])
     found = HeatResult(folder, summary, table, permitted)
     write_index(found.report())

@@ -28,9 +28,9 @@ PERMITTED = {
     "by_surface": "limited by surface [W]",
     "by_coil": "limited by coil [W]",
     "slip_power": "permitted slip power [W]",
-    "torque": "torque [N m]",
+    "torque": "torque at that power [N m]",
     "current": "permitted current [A]",
-    "torque_of_current": "its torque [N m]",
+    "torque_of_current": "torque at that current [N m]",
 }
 
 
@@ -70,14 +70,20 @@ def _permitted(permitted: pandas.DataFrame) -> Table:
 
 
 def _limits(summary: dict[str, Any]) -> Iterator[Statement]:
-    """Say whether the duty passes the limits of surface and coil, and when."""
-    duty, passed = summary["duty"], False
-    for key in ("surface", "coil_hottest"):
-        if (after := duty[f"{key}_limit_passed_after"]) is not None:
-            passed = True
-            yield warning(f"the {PLACES[key]} exceeds its limit after {format_duration(after)} of the duty")
+    """Say whether the duty passes the limits of surface and coil, and when, or would if it went on for ever."""
+    duty, limits = summary["duty"], summary["limits"]
+    passed = {key: after for key in limits if (after := duty[f"{key}_limit_passed_after"]) is not None}
+    for key, after in passed.items():
+        limit = f"its limit of {limits[key]:g} °C"
+        yield warning(f"the {PLACES[key]} exceeds {limit} after {format_duration(after)} of the duty")
     if not passed:
-        yield Statement(Mark.GOOD, "Surface and coil stay below their limits through the duty.")
+        both = " and ".join(f"{limit:g} °C" for limit in limits.values())
+        yield Statement(Mark.GOOD, f"Surface and coil stay below their limits ({both}) through the duty.")
+    for_ever = duty.get("steady") or (summary["steady"] if summary["on_all_the_time"] else {})
+    for key, limit in limits.items():
+        if key not in passed and for_ever.get(key, limit) > limit:
+            text = f"if the duty went on for ever, the {PLACES[key]} would reach {for_ever[key]:.0f} °C"
+            yield warning(f"{text}, above its limit of {limit:g} °C")
 
 
 def _remarks(summary: dict[str, Any], permitted: pandas.DataFrame) -> Iterator[Statement]:
@@ -94,7 +100,10 @@ def _remarks(summary: dict[str, Any], permitted: pandas.DataFrame) -> Iterator[S
         flows = {key.removeprefix("heat_out_"): heat for key, heat in steady.items() if key.startswith("heat_out_")}
         out = ", ".join(f"{in_words(name)} {heat:.3g} W" for name, heat in flows.items())
         copper, slip = f"{steady['copper_loss']:.3g} W of the coil", f"{steady['slip_power']:.3g} W of slip"
-        at = f"{steady['current']:.3g} A with {steady['torque']:.3g} N m, powder at {steady['powder_mean']:.0f} °C"
+        drive = f"{steady['current']:.3g} A"
+        if summary["voltage"] is not None:
+            drive = f"{summary['voltage']:.3g} V ({drive} through the warm coil)"
+        at = f"{drive} with {steady['torque']:.3g} N m, powder at {steady['powder_mean']:.0f} °C"
         yield note(f"Steady state at {at}: {copper} and {slip} flow out through {out}.")
     else:
         limit = f"{largest['at_a_mean_of_250_degrees']:.3g} A"

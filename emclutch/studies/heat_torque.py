@@ -70,7 +70,7 @@ def torque_of(
     if effect.slip_power is not None:
         return _of_slip_power(effect.slip_power, slip, largest, run)
     measured, at = (effect.torque, current) if run is None else _of_run(effect.torque, run)
-    given = "effects.heat.torque" if run is None else f"the run {run} at {at:.4g} A"
+    given = "effects.heat.torque" if run is None else f"the best estimate of the run {run} at {at:.4g} A"
     fade, curve = effect.fade, effect.torque_curve
     found: dict[str, Any] = {}
     law = (
@@ -163,12 +163,19 @@ def _of_slip_power(power: float, slip: float, current: float, run: str | Path | 
 
 
 def _of_run(given: float | None, run: str | Path) -> tuple[float, float]:
-    """Return torque [N m] and current [A] of a run, beside which none must be given in the scene."""
+    """Return best estimate of the torque [N m] and current [A] of a run, beside which none must be given in the scene.
+
+    ValueError where the run's torque is not steady.
+    """
     if given is not None:
         raise ValueError(f"effects.heat.torque = {given:g} N m conflicts with the run {run}; keep one of them")
-    summary = load_result(run).summary
-    mean, current = summary.get("torque", {}).get("mean"), summary.get("current")
-    if mean is None or current is None:
-        lacks = "steady torque; let it end" if mean is None else "coil current; take another"
-        raise ValueError(f"the run {run} has no {lacks}, or give effects.heat.torque")
-    return abs(mean), abs(current)
+    result = load_result(run)
+    current = result.summary.get("current")
+    if current is None:
+        raise ValueError(f"the run {run} has no coil current; take another, or give effects.heat.torque")
+    best = result.best
+    if best.mean is None or not result.torque.is_steady:
+        mend = result.torque.remedy or "take another run"
+        raise ValueError(f"the torque of the run {run} is not known ({result.torque.reason}); {mend}, or give "
+                         "effects.heat.torque")  # fmt: skip
+    return abs(best.mean), abs(current)

@@ -119,6 +119,12 @@ def test_what_cannot_be_shown_is_refused(run, tmp_path):
             view_run(folder, **given)
 
 
+def test_without_a_screen_the_options_that_need_none_are_named(run, monkeypatch):
+    monkeypatch.setattr(view, "has_screen", lambda: False)
+    with pytest.raises(SceneError, match=rf"view {run}: there is no screen for a window; add --screenshot"):
+        view_run(run)
+
+
 PICTURES = """
 import sys
 from pathlib import Path
@@ -157,7 +163,7 @@ def test_pictures_off_screen_show_something_and_spheres_have_their_size(run, tmp
 
 
 def test_names_of_the_bodies_stand_on_their_own_walls(run):
-    from emclutch.results.view.frame_meshes import body_names, frame_meshes
+    from emclutch.results.view.frame_meshes import body_names, frame_meshes, name_column
 
     files = read_run_files(run)
     for ring in (False, True):
@@ -165,6 +171,10 @@ def test_names_of_the_bodies_stand_on_their_own_walls(run):
         assert dict(zip(names, np.hypot(*points.T[:2]), strict=True)) == pytest.approx({"disc": 0.02, "rotor": 0.021})
     points, names = body_names(files, frame_meshes(files, 1e-3, ("device",), None))
     assert names == ["disc"] and 0.0 < points[0, 0] < 0.04 and 0.0 < points[0, 2] < 0.01
+    parts = np.array([[0.01, 0.0, 0.002], [0.03, 0.0, 0.0], [0.0101, 0.0, 0.004]])
+    places = name_column(parts, (-0.04, 0.04, -0.04, 0.0, 0.0, 0.01))
+    assert (places[:, 2] < 0.0).all() and places[:, 0].argsort().tolist() == parts[:, 0].argsort().tolist()
+    assert np.diff(np.sort(places[:, 0])).min() >= 0.06 * 0.08
 
 
 @pytest.mark.skipif(

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import math
+import re
+from pathlib import Path
+
 import pytest
 from pydantic import ValidationError
 
+from emclutch.device_model.coil_heat import winding_in_words
 from emclutch.effects.coil_circuit import CoilCircuitSection
 from emclutch.effects.eddy_currents import EddyCurrentsSection
+from emclutch.scene.case import load_case
 from emclutch.scene.coil import CoilSection
 from geometry.time_profile import TimeProfile
 
+CASES = Path(__file__).resolve().parents[2] / "cases"
 AREA, RADIUS = 36e-6, 26e-3
 
 
@@ -22,6 +29,17 @@ def test_resistance_follows_from_the_turns_in_copper():
     currents = coil.currents_in(AREA, RADIUS)
     assert currents.is_constant and currents(0.0) == pytest.approx(24.0 / resistance)
     assert coil.winding_in(AREA, RADIUS).copper_loss(currents(0.0)) == pytest.approx(24.0 * currents(0.0))
+
+
+def test_the_winding_in_words_is_one_winding():
+    """U = R I, P = U I, J = I/(pi d^2/4), and N wires of d fill 0.6 of the window."""
+    case = load_case(CASES / "powder_clutch.toml", {"coil.current": None, "coil.voltage": "24 V"})
+    words = winding_in_words(case.scene)
+    turns, diameter, R, _, current, density, loss = map(float, re.findall(r"(?<![\^\w])\d[\d.]*", words))
+    assert R * current == pytest.approx(24.0, rel=0.01) and loss == pytest.approx(24.0 * current, rel=0.01)
+    copper = 0.25 * math.pi * diameter**2  # mm^2
+    assert density == pytest.approx(current / copper, rel=0.02)
+    assert turns * copper == pytest.approx(0.6e6 * case.scene.shape().coil_area, rel=0.02)
 
 
 def test_a_warm_coil_takes_less_current():

@@ -78,24 +78,24 @@ def test_what_check_says_of_steady_operation_is_what_heat_computes(found):
 
 
 def test_the_steady_rise_balances_both_powers_and_what_leaves():
-    """S (h x + epsilon sigma (T^4 - T_0^4)) = P + L (1 + a x) at a current, P + L/(1 + a x) at a voltage."""
+    """S (h x + epsilon sigma (T^4 - T_0^4)) = P + L (1 + a x) at a current, (P + L)/(1 + a x) at a voltage."""
     for at_voltage in (False, True):
         x = steady_rise(0.05, 40.0, 20.0, at_voltage)
         out = 0.05 * (6.0 * x + 0.9 * 5.670374e-8 * ((293.15 + x) ** 4 - 293.15**4))
         ratio = 1.0 + 3.93e-3 * x
-        assert out == pytest.approx(40.0 + 20.0 * (1.0 / ratio if at_voltage else ratio), rel=1e-9)
+        assert out == pytest.approx(60.0 / ratio if at_voltage else 40.0 + 20.0 * ratio, rel=1e-9)
     assert steady_rise(0.05, 0.0, 0.0, False) == 0.0 and steady_rise(0.05, 1e3, 0.0, False) == np.inf
 
 
 @pytest.mark.parametrize("drive", [{"voltage": "3 V"}, {"current": "0.5 A"}])
 def test_the_steady_rise_does_not_depend_on_the_temperature_that_the_scene_gives_the_winding(drive):
-    """The winding warms until the powers balance, and the same drive heats it at 20 and at 80 degrees C."""
+    """The winding warms until the powers balance; the same drive heats it at 20 and at 80 degrees C."""
 
     def rise(temperature):
         coil = {"resistance": "6 ohm", "temperature": temperature}
         scene = brake(coil=coil | drive, effects={}).scene
         current = 0.5 if "current" in drive else 3.0 / scene.coil.resistance_in(1e-4, 0.03)
-        return housing_rise(scene, SimpleNamespace(largest_current=current), scene.shape(), 1.0)
+        return housing_rise(scene, SimpleNamespace(largest_current=current), scene.shape(), current / 0.5)
 
     assert 0.0 < rise(20.0) < np.inf and rise(80.0) == pytest.approx(rise(20.0), rel=1e-9)
 
@@ -325,7 +325,8 @@ def test_a_curve_is_scaled_to_a_run(monkeypatch):
     values = {"effects.heat.torque": None, "effects.heat.torque_curve": curve, "effects.heat.duty.current": "0.4 A"}
 
     def study(current, mean=-12.0, **more):
-        run = SimpleNamespace(summary={"torque": {"mean": mean}, "current": current})
+        known = SimpleNamespace(mean=mean, is_steady=True)
+        run = SimpleNamespace(summary={"current": current}, best=known, torque=known)
         monkeypatch.setattr(heat_torque, "load_result", lambda _: run)
         return _Study.of(brake(**values | {"field.size_factor": 4.0} | more), "runs/a")
 
@@ -335,7 +336,7 @@ def test_a_curve_is_scaled_to_a_run(monkeypatch):
     voltage = study(0.8, **{"coil": {"voltage": "3 V", "turns": 300}, "effects.heat.duty.current": None})
     assert voltage.model.torque(0.4, 90.0) == pytest.approx(6.0)
     for current, said in (
-        (0.0, "torque_curve cannot be scaled to the run runs/a .*no torque"),
+        (0.0, "torque_curve cannot be scaled to the best estimate of the run runs/a .*no torque"),
         (None, "no coil current"),
     ):
         with pytest.raises(ValueError, match=said):
@@ -395,6 +396,7 @@ def test_temperatures_that_are_not_found_name_the_key(tmp_path, monkeypatch):
     )
     words = " ".join(done.output.split())
     assert done.exit_code == 2 and "effects.heat.fade" in words and "less steeply" in words, done.output
+    assert done.stderr.startswith("mesh and torque\n 20 %  steady temperatures\n")
 
 
 def test_what_is_not_found_is_said(monkeypatch):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 from itertools import pairwise
 from pathlib import Path
@@ -12,7 +13,7 @@ from typer.testing import CliRunner
 
 import emclutch
 from emclutch.cli.main import app
-from emclutch.results import HistoryWriter, RunFolder, load_result
+from emclutch.results import HistoryWriter, OutputError, Progress, RunFolder, load_result
 from emclutch.scene.case import case_from
 from emclutch.scene.design import read_design
 from emclutch.scene.errors import SceneError
@@ -36,7 +37,10 @@ def test_the_found_value_is_that_at_which_the_wanted_torque_is_expected(tmp_path
     """So is that of the written scene; a torque wanted less needs less field, and a bracket holds its answer."""
     case, found = case_from(CELL), []
     for target in (0.005, 0.02):
-        result = design(case, target, tmp_path / f"{target}")
+        stream = io.StringIO()
+        result = design(case, target, tmp_path / f"{target}", progress=Progress(stream=stream))
+        assert stream.getvalue().splitlines()[0] == f"expected torque at {FIELD} = 1 kA/m"
+        assert len(stream.getvalue().splitlines()) == len(result.tried)
         assert expected(case, FIELD, result.value) == pytest.approx(target, rel=0.02)
         written = emclutch.load_case(result.folder / "found.toml")
         assert emclutch.check(written, threads=1).expected.torque == pytest.approx(result.expected.torque, rel=1e-12)
@@ -100,6 +104,10 @@ def test_runs_of_twice_the_expected_torque_halve_the_expectation_that_is_sought(
     page = found._repr_html_()  # in a notebook
     assert "Not within 5 % of 0.01 N m" in once._repr_html_() and "The last run is within 5 % of 0.01 N m" in page
     assert page.count("<tr>") == 1 + len(found.tried) and FIELD in page
+    drifting = once.run.summary["torque"] | {"converged": False, "reason": "the signal drifts", "remedy": "run longer"}
+    once.run.folder.write_summary({"torque": drifting})
+    with pytest.raises(OutputError, match=r"once/run is not known \(the signal drifts\); run longer"):
+        design(case, 0.01, tmp_path / "third", like=tmp_path / "once" / "run")
     low, high = again.correction.interval
     assert low < 2.0 < high and high - low < 0.5
     for end, ratio in zip(again.bracket, (high, low), strict=True):

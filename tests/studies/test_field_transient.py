@@ -87,6 +87,7 @@ def test_a_shorted_ring_is_the_second_winding_of_a_transformer(in_air, tmp_path)
     result = CliRunner().invoke(app, list(map(str, arguments)))
     assert result.exit_code == 0, result.output
     assert "Current to 0.9998 A: 63 % of the change after 18.8 µs, 90 % after 49.8 µs" in result.output
+    assert "%  the coil in time" in result.stderr and "again with coarser time steps" in result.stderr
     for name in ("transient.png", "section.png", "index.html", "field.pvd"):
         assert (tmp_path / "o" / name).stat().st_size > 200
     table = pandas.read_csv(tmp_path / "o" / "transient.csv")

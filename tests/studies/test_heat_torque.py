@@ -1,23 +1,29 @@
 """The torque that heats: the powder's law at each current and temperature, scaled to a measurement, and its ends."""
 
+from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
+import pandas
 import pytest
 
 from emclutch.device_model.heat_model import COIL, POWDER
+from emclutch.results import Result, RunFolder
 from emclutch.results.report.render import terminal
+from emclutch.results.report.report import Mark
+from emclutch.results.statistics import Estimate
 from emclutch.scene.case import load_case
 from emclutch.scene.errors import SceneError
 from emclutch.studies import heat_torque
 from emclutch.studies.design_search import expectation_of
 from emclutch.studies.heat import _Study, _surface, heat
+from emclutch.studies.heat_report import _limits as heat_report_limits
 from emclutch.studies.heat_report import heat_report
 
 CASES = Path(__file__).resolve().parents[2] / "cases"
 SLOW = {"motion.rotor.speed": "50 rpm", "field.size_factor": 3.0, "effects.heat": {"duty": {"end": "60 s"}}}
 RPM = np.pi / 30.0
+STEADY = Estimate(None, 0.001, 20, 1e-3, 0.01, True, "the signal drifts", remedy="run longer")
 
 
 def small(**values):
@@ -82,11 +88,25 @@ def test_a_measured_torque_scales_the_law(study, monkeypatch):
         assert scaled.model.torque(current, 20.0) == pytest.approx(ratio * law(current, 20.0), rel=1e-9)
         assert scaled.model.torque(current, 70.0) == pytest.approx(0.9 * ratio * law(current, 20.0), rel=1e-9)
     assert not scaled.ends and f"law of the powder times {ratio:.4g}" in scaled.torque_summary["at_other_currents"]
-    run = SimpleNamespace(summary={"torque": {"mean": -0.2}, "current": -0.4})
-    monkeypatch.setattr(heat_torque, "load_result", lambda _: run)
+    monkeypatch.setattr(heat_torque, "load_result", lambda _: finished_run(STEADY, -0.25))
     of_run = _Study.of(small(), "runs/a").model.torque
     assert of_run(0.4, 20.0) == pytest.approx(0.2, rel=1e-9)
     assert of_run(0.8, 150.0) == pytest.approx(0.2 * law(0.8, 150.0) / law(0.4, 20.0), rel=5e-3)
+
+
+def finished_run(raw, mean):
+    """A run at -0.4 A with a raw torque [N m], which its grains' size raises by a quarter."""
+    summary = {"torque": replace(raw, mean=mean).as_dict(), "current": -0.4,
+               "grain_size": {"torque_excess": 0.25, "torque_excess_low": 0.2, "torque_excess_high": 0.3}}  # fmt: skip
+    found = Result(RunFolder("runs/a"), summary)
+    found._history = pandas.DataFrame({"torque_disc": [mean]})
+    return found
+
+
+def test_a_torque_that_the_run_itself_does_not_know_is_refused(monkeypatch):
+    monkeypatch.setattr(heat_torque, "load_result", lambda _: finished_run(replace(STEADY, converged=False), -0.25))
+    with pytest.raises(ValueError, match=r"runs/a is not known \(the signal drifts\); run longer, or give effects"):
+        _Study.of(small(), "runs/a")
 
 
 def test_a_given_slip_power_is_the_heat_of_the_powder_while_the_coil_is_on():
@@ -132,5 +152,26 @@ def test_the_report_says_the_torque_and_its_ends(tmp_path):
     words = " ".join(terminal(found.report()).split())
     assert "Torque at 0.4 A and 20 °C by the law of the powder" in words and "steady, lowest torque" in words
     assert "At other temperatures of the powder: the law of the powder" in words
-    found.summary["torque"]["is_guess"] = True
-    assert "! Torque at 0.4 A" in terminal(heat_report(found.folder, found.summary, found.permitted))
+    assert "Steady state at 0.4 A with" in words
+    found.summary["torque"]["is_guess"], found.summary["voltage"] = True, 24.0
+    words = " ".join(terminal(heat_report(found.folder, found.summary, found.permitted)).split())
+    assert "! Torque at 0.4 A" in words and "Steady state at 24 V (0.4 A through the warm coil) with" in words
+
+
+@pytest.mark.parametrize(
+    ("duty", "all_the_time", "marks"),
+    [
+        ({}, True, "✓ ! !"),  # a short duty below both limits, which a longer one of the same exceeds
+        ({}, False, "✓"),  # switched: on all the time is another duty
+        ({"steady": {"surface": 90.0, "coil_hottest": 120.0}}, False, "✓ !"),
+        ({"surface_limit_passed_after": 300.0}, True, "! !"),
+    ],
+)
+def test_a_duty_below_its_limits_may_be_too_short_to_reach_them(duty, all_the_time, marks):
+    passed = {"surface_limit_passed_after": None, "coil_hottest_limit_passed_after": None}
+    summary = {"limits": {"surface": 75.0, "coil_hottest": 130.0}, "on_all_the_time": all_the_time,
+               "steady": {"surface": 180.0, "coil_hottest": 160.0}, "duty": passed | duty}  # fmt: skip
+    said = list(heat_report_limits(summary))
+    assert " ".join({Mark.GOOD: "✓", Mark.WARNING: "!"}[one.mark] for one in said) == marks
+    if "surface_limit_passed_after" in duty:
+        assert said[0].text == "The surface exceeds its limit of 75 °C after 5 min of the duty."

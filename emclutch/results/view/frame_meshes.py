@@ -7,11 +7,14 @@ from typing import Any
 
 import numpy as np
 import pyvista
+from scipy.spatial import cKDTree
 
+from emclutch.results.text import in_words
 from emclutch.results.view.look import CHAIN_WIDTH, FIELDS, FORCE, MARK, SHADES, SWEEP, line_offset
 from emclutch.results.view.run_files import RunFiles
 
 FACETS, RING_FACETS = 16, 8  # of a sphere, round and from pole to pole
+NAME_STEP, NAME_ASIDE = 0.06, 0.15  # between names and from the device, over the device's height
 REPEATED = ("particles", "contacts", "walls")  # series that show a sector only
 
 
@@ -53,8 +56,8 @@ def frame_meshes(
 def body_names(files: RunFiles, meshes: dict[str, Any]) -> tuple[np.ndarray, list[str]]:
     """Points (k, 3) [m] at which names of bodies are written, and the names.
 
-    Of walls the corner of each body that is nearest to the left end of the grains; of a device swept from a section a
-    place inside rotor and disc, in the cut that is seen.
+    Of walls the corner of each body that is nearest to the left end of the grains; of a device swept from a section the
+    place in the cut that is farthest from the edges of each part.
     """
     found: dict[str, np.ndarray] = {}
     if "walls" in meshes and "grains" in meshes:
@@ -72,10 +75,28 @@ def body_names(files: RunFiles, meshes: dict[str, Any]) -> tuple[np.ndarray, lis
         centres, region = device.cell_centers().points, device.cell_data["region"]
         seen = (np.abs(centres[:, 1]) < 1e-6 * np.ptp(centres[:, 0])) & (centres[:, 0] > 0.0)
         for number, name in enumerate(files.regions):
-            own = centres[seen & (region == number)]
-            if name in ("rotor", "disc") and len(own):
-                found[name] = _nearest(own, own.mean(axis=0))
+            own = np.flatnonzero(seen & (region == number))
+            if len(own):
+                part = device.extract_cells(own).extract_surface(algorithm="dataset_surface")
+                edges = part.clean().extract_feature_edges(feature_edges=False, manifold_edges=False)
+                first, last = edges.points[edges.lines.reshape(-1, 3)[:, 1:]].swapaxes(0, 1)
+                along = [first + share * (last - first) for share in np.linspace(0.0, 1.0, 9)]
+                depth, _ = cKDTree(np.concatenate(along)).query(centres[own])
+                found[in_words(name)] = centres[own[depth.argmax()]]
     return np.array(list(found.values())).reshape(-1, 3), list(found)
+
+
+def name_column(points: np.ndarray, box: tuple[float, ...]) -> np.ndarray:
+    """Places (k, 3) [m] of names to the left of a device in a box, none above another, for leader lines to its points.
+
+    They lie in the plane of the cut, in the order of the points' radii.
+    """
+    x0, x1, _, _, z0, _ = box
+    step = max(NAME_STEP * (x1 - x0), np.ptp(points[:, 0]) / max(len(points) - 1, 1))
+    places = np.zeros((len(points), 3))
+    places[np.argsort(-points[:, 0]), 0] = x1 - step * np.arange(len(points))
+    places[:, 2] = z0 - NAME_ASIDE * (x1 - x0)
+    return places
 
 
 def _nearest(points: np.ndarray, place: np.ndarray) -> np.ndarray:

@@ -10,7 +10,7 @@ import pyvista
 from matplotlib.colors import LinearSegmentedColormap
 
 from emclutch.results.view import look as looks
-from emclutch.results.view.frame_meshes import body_names, frame_meshes
+from emclutch.results.view.frame_meshes import body_names, frame_meshes, name_column
 from emclutch.results.view.run_files import RunFiles
 from emclutch.scene.errors import Fault, SceneError
 
@@ -91,7 +91,15 @@ class RunView:
                 self.plotter.remove_actor(part, render=False)
         points, names = body_names(self.files, meshes)
         self.plotter.remove_actor("names-labels", render=False)
-        if names:
+        if names and "device" in meshes:
+            places = name_column(points, meshes["device"].bounds)
+            ends = np.stack((places, points), axis=1).reshape(-1, 3)
+            ends[:, 1] = looks.line_offset(meshes["device"].bounds[1])
+            lines = pyvista.line_segments_from_points(ends)
+            self.plotter.add_mesh(lines, name="leaders", color="black", reset_camera=False, render=False)
+            aside = {"justification_horizontal": "right", "justification_vertical": "center"}
+            self.plotter.add_point_labels(places, names, **aside, **NAMES)
+        elif names:
             self.plotter.add_point_labels(points, names, **NAMES)
         text = f"t = {1e3 * time:.3f} ms"
         self.plotter.subplot(*HEAD)
