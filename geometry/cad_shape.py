@@ -56,6 +56,11 @@ class CadShape(AnnularSpaces):
         return self.bodies.get(region, BODIES.get(region, "rotor"))
 
     @property
+    def bodies_at_powder(self) -> frozenset[str]:
+        """Bodies whose parts border the powder: of one alone nothing is sheared."""
+        return frozenset(self.body(edge.region) for edge in self.section.powder_outline)
+
+    @property
     def carriers(self) -> frozenset[str]:
         """Bodies that parts belong to which are no bodies of revolution: the field turns with them."""
         return frozenset(self.body(region) for region in self.section.odd)
@@ -88,7 +93,12 @@ class CadShape(AnnularSpaces):
         return ShearedGap(self.mean_gap_radius, self.gap, self.gap)
 
     def gap_parts(self, boxes: Sequence[AnnularBox]) -> list[tuple[AnnularBox, bool]]:
-        """Those filled parts, of `boxes`, that lie between the shafts, and whether the gap's width is along r."""
+        """Those filled parts, of `boxes`, that lie between the shafts, and whether the gap's width is along r.
+
+        None where all walls belong to one body.
+        """
+        if len(self.bodies_at_powder) < 2:
+            return []
         sizes = [(box, box.r1 - box.r0, box.z1 - box.z0) for box in boxes]
         return [(box, along_r < along_z) for box, along_r, along_z in sizes if min(along_r, along_z) < 1.5 * self.gap]
 

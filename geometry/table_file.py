@@ -19,6 +19,7 @@ import csv
 import math
 import re
 import warnings
+from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -180,6 +181,10 @@ def read_table(
     for number, row in body:
         while len(row) > len(head) and not row[-1]:
             row.pop()
+        if len(row) != len(head) and not places:
+            raise FileFault(
+                path, f"line {line} names no column of a table; put # in front of a title, and begin with {example}"
+            )
         if len(row) != len(head):
             raise FileFault(
                 path,
@@ -237,9 +242,11 @@ def _rows(path: Path, example: str) -> list[tuple[int, list[str]]]:
             raise FileFault(path, "is a device, a pipe or a folder, not a file; name a text file")
         if path.stat().st_size > MAX_FILE:
             raise FileFault(path, f"is larger than {MAX_FILE // 1_000_000} MB; keep what is needed")
-        text = path.read_text(encoding="utf-8-sig")  # spreadsheets write a byte order mark in front
+        content = path.read_bytes()
+        # spreadsheets write a byte order mark in front, also of their «Unicode text»
+        text = content.decode("utf-16" if content[:2] in (BOM_UTF16_LE, BOM_UTF16_BE) else "utf-8-sig")
     except UnicodeDecodeError:
-        raise FileFault(path, "is not text in UTF-8; export the table as CSV") from None
+        raise FileFault(path, "is not text in UTF-8; in a spreadsheet save it as «CSV UTF-8»") from None
     except OSError as error:
         reason = error.strerror or error
         raise FileFault(

@@ -228,6 +228,15 @@ class CadGeometry(GeometrySection):
                 "is of sections; with geometry.three_dimensional turn the parts about z in the CAD program", key="axis"
             )
 
+    def warnings(self, scene: Any) -> Iterator[str]:
+        """Yield powder that no two bodies shear."""
+        bodies = sorted(self.shape().bodies_at_powder)
+        if scene.particles is not None and len(bodies) == 1:
+            yield (
+                f"geometry.bodies: all parts that border the powder belong to the {bodies[0]}, so that nothing shears "
+                "it; give one the body 'rotor' and another one 'disc'"
+            )
+
     def options(self) -> dict[str, Any]:
         """Arguments of the import other than the path; see `geometry.cad_parts.CadFile`."""
         native = "m" if self.is_meshed else _UNIT_OF_SHAPES

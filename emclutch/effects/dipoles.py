@@ -340,7 +340,7 @@ def _too_strong(field_strength: float, saturation: float) -> Iterator[str]:
     strongest = STRONGEST_FIELD * saturation
     if field_strength > strongest:
         yield (
-            f"the mean field in the powder is {field_strength / 1e3:.3g} kA/m, above the limit of "
-            f"{strongest / 1e3:.3g} kA/m. There effects.dipoles.model = 'near_field' overestimates the attraction of "
+            f"the mean field in the powder is {field_strength / 1e3:.4g} kA/m, above the limit of "
+            f"{strongest / 1e3:.4g} kA/m. There effects.dipoles.model = 'near_field' overestimates the attraction of "
             "grains with several contacts by 12 %, in stronger fields by more"
         )

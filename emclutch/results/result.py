@@ -178,7 +178,9 @@ def load_result(folder: str | Path) -> Result:
     run = RunFolder(folder)
     if not run.history.is_file():
         if Path(folder).is_file():
-            raise OutputError(f"{folder} is a file; give its folder, {Path(folder).parent}")
+            parent = Path(folder).parent
+            remedy = f"give its folder, {parent}" if RunFolder(parent).history.is_file() else "name the folder of a run"
+            raise OutputError(f"{folder} is a file; {remedy}")
         if (failed := run.read_failure()) is not None:
             raise OutputError(f"{folder}: {failed.in_words()}")
         if (Path(folder) / "study.csv").is_file():

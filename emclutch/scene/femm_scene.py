@@ -218,7 +218,10 @@ def _not_open(model: FemmModel, edge: FemmEdge, kelvin: bool) -> str:
     """Why the boundary of an edge does not stand for open space; empty where it does."""
     one = model.boundaries[edge.boundary - 1] if edge.boundary else None
     if one is None or (one["bdrytype"] == _MIXED and not one["c0"] and not one["c1"]):
-        return "the edge is a plane of symmetry (no boundary); draw the other half too, or end the air at A = 0"
+        return (
+            "the edge has no boundary: where the air ends give it A = 0 or an asymptotic condition; of a plane of "
+            "symmetry draw the other half too"
+        )
     name = _boundary(model, edge)
     if one["bdrytype"] in (0, _MIXED):
         given = [key for key in ("a_0", "a_1", "a_2", "c1") if one[key]]
@@ -232,7 +235,8 @@ def _winding_reasons(model: FemmModel, section: FemmSection) -> _Reasons:
     density = [label.turns / section.areas[label] for label in coil]
     for label, one in zip(coil, density, strict=True):
         if abs(one - density[0]) > _EQUAL * abs(density[0]):
-            yield label.line, "has other turns per area than the rest of its circuit, and a scene has one winding"
+            other = "is wound against" if one * density[0] < 0.0 else "has other turns per area than"
+            yield label.line, f"{other} the rest of its circuit, and a scene has one winding"
         if not label.is_wound and label.material["sigma"]:
             yield label.line, (f"the winding is one massive turn of {label.material.name!r}, whose current is not "
                                "even; set its conductivity to 0 where that does not matter")  # fmt: skip

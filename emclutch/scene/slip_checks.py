@@ -44,7 +44,8 @@ def why_no_slip(scene: Scene) -> str:
     shape = scene.shape()
     if not shape.gap_parts(shape.boxes_to_fill(scene.grains.region)):
         kind = scene.geometry.name()
-        return f"with geometry.kind = '{kind}' no gap is sheared: take a clutch, a drum or a shear_cell"
+        others = "a clutch, a drum, a shear_cell, or two bodies at the powder"
+        return f"with geometry.kind = '{kind}' no gap is sheared: take {others}"
     for name in ("rotor", "disc"):
         speed = getattr(scene.motion, name).speed
         if speed is None:

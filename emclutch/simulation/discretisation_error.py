@@ -22,6 +22,7 @@ from emclutch.results.text import format_duration, format_percent, in_words
 from emclutch.scene.case import Case
 from emclutch.scene.flat import flat_scene, keys_at_default
 from emclutch.scene.input_files import file_contents
+from emclutch.scene.replica_count import cores_at_hand
 from emclutch.settings import settings_of
 from emclutch.settings.powder import COUNT
 from emclutch.simulation.forecast.machine_speed import slowness
@@ -157,7 +158,8 @@ def _next(case: Case, study: AccuracyStudy, total: float | None) -> str | None:
         return None
     found, share = whole_ring(case, study) or recommended(study, target), format_percent(target)
     if isinstance(found, LimitingError):
-        budget = "" if found.seconds is None else f": {how_to_find(case)} --budget {math.ceil(found.seconds / 60.0)}min"
+        minutes = 0 if found.seconds is None else math.ceil(found.seconds / 60.0 / cores_at_hand())
+        budget = f": {how_to_find(case)} --budget {minutes}min" if minutes else ""
         return f"± {share}: {found.in_words()}{budget}"
     cost = f"{found.replicas} replicas, {format_duration(found.seconds)} of processor time"
     return f"± {share} takes about {cost}, with the settings of: {how_to_find(case)} --for '{share}'"

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -109,7 +110,9 @@ class CoilTransient:
         self.coil, self.fill, self.faces = coil, fill, faces
         assert scene.coil is not None  # it has a voltage
         self.cold_resistance = scene.coil.resistance_in(coil.shape.coil_area, coil.shape.coil_mean_radius)
-        self.cold, self.heat_capacity = scene.coil.temperature, COPPER_HEAT * coil.winding.copper_mass
+        # a resistance beside the turns that is larger than theirs is taken for that of thinner wire: the bound is upper
+        share = min(1.0, coil.winding.resistance / self.cold_resistance)
+        self.cold, self.heat_capacity = scene.coil.temperature, COPPER_HEAT * coil.winding.copper_mass * share
         self.eddy = EddyCurrentProblem(coil.problem, coil.conductivity or {}, turns=coil.turns)
 
     def resistance(self, loss: float) -> float:
@@ -147,18 +150,39 @@ class CoilTransient:
         return self.eddy.field(state, self.fill)
 
     def quantities(self, solution: MagneticField) -> dict[str, float]:
-        """Current [A], linkage [Wb] and mean |B| in the gap [T], under the poles or else over the region `powder`."""
+        """Current [A], linkage [Wb] and mean |B| in the gap [T], under the poles or else over the region `powder`.
+
+        That of the gap is negative where the field is against that of a positive current.
+        """
         found = {
             "current": solution.ampere_turns / self.coil.turns,
             "flux_linkage": self.coil.turns * solution.flux_linkage_per_turn,
         }
-        gap, elements = self.coil.mesh.regions.get("powder"), solution.problem.elements
-        if self.coil.has_poles:
-            found["gap_flux_density"] = self.coil.gap_flux_density(solution, faces=self.faces)
-        elif gap is not None:
-            flux = np.hypot(*np.moveaxis(elements.gradient(solution.psi)[gap], 1, 0)) * elements.weight[gap]  # r B dA
-            found["gap_flux_density"] = float(flux.sum() / (elements.radius * elements.weight)[gap].sum())
+        if (gap := self._gap_field(solution)) is not None:
+            B, weight = gap
+            along = weight @ (B * self._positive_gap_field).sum(axis=1)
+            strength = float(np.average(np.linalg.norm(B, axis=1), weights=weight))
+            found["gap_flux_density"] = -strength if along < 0.0 else strength
         return found
+
+    def _gap_field(self, solution: MagneticField) -> tuple[np.ndarray, np.ndarray] | None:
+        """B [T] at points in the gap, shape (k, 2), in any axes, and their weights (k,); None without a gap."""
+        if self.coil.has_poles:
+            B = solution.B_along(self.coil.pole_line(faces=self.faces))
+            return B, np.ones(len(B))
+        gap, elements = self.coil.mesh.regions.get("powder"), solution.problem.elements
+        if gap is None:
+            return None
+        radius = elements.radius[gap].ravel()
+        B = np.moveaxis(elements.gradient(solution.psi)[gap], 1, -1).reshape(-1, 2) / radius[:, None]
+        return B, radius * elements.weight[gap].ravel()
+
+    @cached_property
+    def _positive_gap_field(self) -> np.ndarray:
+        """`_gap_field` of the static field of the largest current, B alone."""
+        found = self._gap_field(self.static(self.voltage.largest / self.cold_resistance))
+        assert found is not None  # there is a gap
+        return found[0]
 
     def march(self, end: float | None, tolerance: float) -> list[TransientState]:
         """States from 0 to `end` [s], None: until current and linkage are within `SETTLED` of their final values.

@@ -13,6 +13,8 @@ from emclutch.results.report.render import Reported, write_index
 from emclutch.results.report.report import Report
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import bad_input_for
+from emclutch.scene.units import Current, quantity_of
+from emclutch.scene.value_list import read_all
 
 if TYPE_CHECKING:
     import pandas
@@ -63,7 +65,7 @@ class FieldResult(Reported):
 
 def field(
     case: Case | str | Path,
-    currents: float | Sequence[float] | None = None,
+    currents: float | str | Sequence[float | str] | None = None,
     lines: Sequence[tuple[float, ...]] = (),
     out: str | Path | None = None,
 ) -> FieldResult:
@@ -72,7 +74,7 @@ def field(
     Parameters
     ----------
     case : Case, or the path of a scene file, with a coil
-    currents : one or several [A]; default: the largest of the scene.
+    currents : one or several, numbers [A] or texts with a unit, "0.4 A"; default: the largest of the scene.
     lines : straight lines (r0, z0, r1, z1) [m] along which B and H are wanted at the last current; of a device that is
         solved in 3D (x0, y0, z0, x1, y1, z1).
     out : new folder; default: the next runs/<case>-field-<nnn>.
@@ -80,7 +82,7 @@ def field(
     Raises
     ------
     SceneError
-        The scene has faults or no coil's field, or a line leaves the mesh.
+        The scene has faults or no coil's field, a current cannot be read, or a line leaves the mesh.
     ConvergenceError
         A current that does not converge; what was solved before is written.
     OutputError
@@ -89,7 +91,8 @@ def field(
     from emclutch.studies.field import field_study  # local: it imports the packages of the physics
 
     case = as_case(case)
-    asked = [float(currents)] if isinstance(currents, (int, float)) else currents
+    given = [currents] if isinstance(currents, (int, float, str)) else currents
+    asked = None if given is None else read_all([str(one) for one in given], quantity_of(Current), "currents")
     with bad_input_for(case.path):
         folder = field_study(case, asked, lines, out)
     found = FieldResult(folder, json.loads((folder / "field.json").read_text(encoding="utf-8")))

@@ -52,6 +52,8 @@ _NEWTON_STEPS = 100
 _HALVINGS = 6
 _CLOSE = 1e-10
 """Largest change of a temperature, relative to the largest difference to the outside, at which Newton ends."""
+_ROUND_OFF = 1e-6
+"""The same of steps that shrink no more: they are round-off, of bodies that conduct far better than they are cooled."""
 
 Powers = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 """Mean temperatures of the sources (m,) [degrees C] to their powers (m,) [W] and derivatives (m,) [W/K]."""
@@ -308,12 +310,15 @@ class HeatProblem:
 
         temperature = np.broadcast_to(np.asarray(start, float), (self.n_dofs,)).copy()
         residual, slope = residual_and_slope(temperature)
+        last = np.inf
         for _ in range(_NEWTON_STEPS):
             step = self.factorised(self.tangent(temperature), self._solver).solve(residual, slope)
             if not np.all(np.isfinite(step)):
                 break
-            if np.abs(step).max() <= _CLOSE * max(1.0, float(np.abs(temperature - step - self.outside).max())):
+            change = np.abs(step).max() / max(1.0, float(np.abs(temperature - step - self.outside).max()))
+            if change <= _CLOSE or 0.5 * last < change <= _ROUND_OFF:
                 return temperature - step
+            last = change
             size, fraction = np.linalg.norm(residual), 1.0
             for _ in range(_HALVINGS + 1):
                 tried = temperature - fraction * step

@@ -1,12 +1,13 @@
 """A shipped study is that of the shipped scene whose name it has, and knows the error of each of its settings."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from emclutch.results.accuracy_studies import SHIPPED, VARIABLE, device_hash
 from emclutch.results.accuracy_study import AccuracyStudy
-from emclutch.results.recommended import LimitingError
+from emclutch.results.recommended import LimitingError, reaching
 from emclutch.results.text import format_percent
 from emclutch.scene.case import load_case
 from emclutch.scene.flat import flat_scene, keys_at_default
@@ -86,3 +87,22 @@ def test_other_devices_estimate_what_grains_will_cost(monkeypatch):
     assert missed["seconds"] is None and 0.02 < missed["half_width"] < 0.1 and missed["limit"] in brake.told
     text = estimate_in_words(0.02, missed)
     assert "± 2 % not reached" in text and "may reach it" in text
+
+
+def test_settings_that_a_scene_refuses_estimate_nothing(monkeypatch):
+    """A study whose settings reach the target, and are refused, is none that misses it; nor is one beside it named."""
+    brake, quickstart = (AccuracyStudy.from_json(path.read_text()) for path in STUDIES)
+    best, case = next(reaching(brake, 0.1)), load_case(CASES / "quickstart.toml")
+    missed = LimitingError("grains_per_gap", 0.2, None, best=replace(best, statistical=0.2))
+    answers = {brake.case: LimitingError("field_mesh", None, None, "refused", best), quickstart.case: missed}
+    monkeypatch.setattr(fidelities, "known_studies", lambda: [brake, quickstart])
+    monkeypatch.setattr(fidelities, "cheapest_case", lambda case, study, target: answers[study.case])
+    estimate = estimate_by_other_devices(case, 0.1, 30.0)
+    assert estimate["devices"] == [quickstart.case] and estimate["half_width"] > 0.2
+    answers[quickstart.case] = (best, case)
+    reached = estimate_by_other_devices(case, 0.1, 30.0)
+    answers[brake.case] = missed
+    assert estimate_by_other_devices(case, 0.1, 30.0) == reached and reached["devices"] == [quickstart.case]
+    monkeypatch.setattr(fidelities, "cheapest_case", lambda case, study, target: answers[brake.case])
+    answers[brake.case] = LimitingError("field_mesh", None, None, "refused", best)
+    assert estimate_by_other_devices(case, 0.1, 30.0) is None

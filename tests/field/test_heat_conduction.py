@@ -98,6 +98,14 @@ def test_a_sphere_cools_by_radiation_alone():
     assert np.allclose(found, exact, atol=0.02)
 
 
+def test_a_body_that_conducts_far_better_than_it_is_cooled_has_one_temperature():
+    """P = h S (T - T_0), where round-off of K T is 1e-8 of the largest difference."""
+    film, r, length = 0.01, (0.01, 0.05), 0.02
+    problem = ring(np.linspace(*r, 61), np.linspace(0.0, length, 31), k=5000.0, film=film, order=2)
+    surface = 2.0 * np.pi * (sum(r) * length + r[1] ** 2 - r[0] ** 2)
+    assert np.allclose(problem.steady(constant(60.0 * film * surface)), AMBIENT + 60.0, rtol=0.0, atol=1e-3)
+
+
 def test_a_plane_wall_cools_by_its_first_mode():
     """Biot 1, late: T falls with exp(-zeta^2 k t/(C L^2)), zeta tan zeta = 1, zeta = 0.8603 (Incropera, table 5.1)."""
     length, k, capacity = 0.05, 2.0, 2e6

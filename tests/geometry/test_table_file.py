@@ -49,6 +49,7 @@ def test_a_unit_stands_behind_the_name(tmp_path, head):
         ("x [mm];y [mm]\n0.5;2\n1;0,25\n", "line 3 has '0,25', line 2 '0.5'; write all decimals with a point"),
         ("x [mm];y [mm]\n0.5;2\n1;10,00,000\n", "line 3: y = '10,00,000' is not a number"),
         ("x [mm], y [mm]\n1,5, 2\n", "line 2 has 3 entries for 2 columns; .*';' where decimals have a comma"),
+        ("1018 steel, annealed\nx [mm];y [mm]\n1;2\n", "line 1 names no column of a table; put # in front of a title"),
         ("x [mm], y\n1, 2\n", "line 1: the column 'y' has no unit; write y .mm."),
         ("# of a bench\nx [mm], y []\n1, 2\n", "line 2: the column 'y' has no unit"),
         ("x [mm], y [furlong]\n1, 2\n", "'y' is in 'furlong', which is unknown or of another quantity; known: m, cm"),
@@ -92,7 +93,7 @@ def test_what_is_no_file_of_text_is_refused(tmp_path):
     ):
         with pytest.raises(FileFault, match=words):
             read_table(path, lambda place, name, unit: None)
-    (tmp_path / "binary").write_bytes(b"\xff\xfe\x00H")
+    (tmp_path / "binary").write_bytes(b"\xff\x00\xfeH")
     with pytest.raises(FileFault, match="UTF-8"):
         read_table(tmp_path / "binary", lambda place, name, unit: None)
 
@@ -107,6 +108,12 @@ def test_names_and_units_stand_where_other_programs_put_them(tmp_path, head):
     table = read(tmp_path, head + "\n1.5\t0.5\n2.5\t\n", gaps=True)
     np.testing.assert_array_equal(table.values, [[1.5, 0.5], [2.5, np.nan]])
     assert table.names == ["x", "y"] and table.units == ["mm", "mm"]
+
+
+def test_unicode_text_of_a_spreadsheet_is_read(tmp_path):
+    (tmp_path / "table.txt").write_text("x [mm]\ty [mm]\n1,5\t2\n", encoding="utf-16")
+    table = read_table(tmp_path / "table.txt", lambda place, name, unit: COLUMNS.get(name))
+    assert table.values.tolist() == [[1.5, 2.0]]
 
 
 def test_an_empty_column_of_a_spreadsheet_is_no_column(tmp_path):

@@ -327,8 +327,12 @@ def test_result_reads_the_folder(tmp_path):
     folder = RunFolder.create(tmp_path / "run", "")
     with pytest.raises(OutputError, match=r"has no history\.csv"):
         load_result(folder.path)
+    with pytest.raises(OutputError, match=r"case\.toml is a file; name the folder of a run"):
+        load_result(folder.case)
+    folder.history.touch()
     with pytest.raises(OutputError, match=r"case\.toml is a file; give its folder, .*run$"):
         load_result(folder.case)
+    folder.history.unlink()
     rng = np.random.default_rng(0)
     with HistoryWriter(folder.history) as history:
         for i in range(1, 201):

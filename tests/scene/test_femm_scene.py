@@ -16,6 +16,7 @@ from closed_forms import rectangular_coil_field
 from femm_models import FemmText, air_coil, femm_forces, marble_accelerator, powder_clutch, roters_plunger, small_model
 from typer.testing import CliRunner
 
+import emclutch
 from emclutch.cli.main import app
 from emclutch.cli.new import new_scene_from
 from emclutch.device_model.device import build_device, solved_coil
@@ -141,15 +142,17 @@ def test_what_has_no_counterpart_is_refused_by_name(pattern, replacement, messag
 
 
 def second_winding(current, turns):
+    """Another coil with a current of its own; None: in the circuit of the first one."""
     model = small_model()
-    model.add("Circuit", "other", TotalAmps_re=current)
+    model.add("Circuit", "other", TotalAmps_re=current or 0.0)
     model.rectangle(14.0, -5.0, 18.0, 5.0)
-    model.label(16.0, 0.0, "Copper", "other" if turns > 0 else "coil", abs(turns))
+    model.label(16.0, 0.0, "Copper", "coil" if current is None else "other", turns)
     return model
 
 
 @pytest.mark.parametrize(
-    ("current", "turns", "message"), [(1.0, 50, "'other' is a second winding"), (0.0, -50, "other turns per area")]
+    ("current", "turns", "message"),
+    [(1.0, 50, "'other' is a second winding"), (None, 50, "other turns per area"), (None, -100, "is wound against")],
 )
 def test_a_second_winding_is_refused(current, turns, message, tmp_path):
     with pytest.raises(SceneError, match=message):
@@ -157,7 +160,7 @@ def test_a_second_winding_is_refused(current, turns, message, tmp_path):
 
 
 def test_pieces_of_a_winding_with_the_same_turns_per_area_are_one(tmp_path):
-    coil, field = solved(tmp_path, second_winding(0.0, -100))
+    coil, field = solved(tmp_path, second_winding(None, 100))
     alone = solved_coil(load_case(scene_of(tmp_path, small_model(), name="alone.toml")).scene).solve_at_peak(None)
     assert coil.turns == 200.0 and field.ampere_turns == pytest.approx(2.0 * alone.ampere_turns)
 
@@ -288,7 +291,9 @@ def test_powder_is_the_region_of_a_material(tmp_path):
 def test_powder_between_parts_that_stand_still_is_a_warning(tmp_path):
     text = re.sub(r"\t0\t[12]\t1\t0$", "\t0\t0\t1\t0", str(powder_clutch()), flags=re.MULTILINE)
     with pytest.warns(UserWarning, match="all parts have group 0"):
-        scene_of(tmp_path, text, "Powder")
+        case = load_case(scene_of(tmp_path, text, "Powder"))
+    assert any("belong to the housing, so that nothing shears it" in warning for warning in case.warnings)
+    assert emclutch.check(case).expected.real.low == 0.0  # no more than the friction of weight and centrifugal force
 
 
 def test_the_command_writes_a_scene_beside_its_drawing(tmp_path):

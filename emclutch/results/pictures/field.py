@@ -86,7 +86,7 @@ def transient_picture(path: str | Path, table: Any, summary: Any, *, title: str 
     path : PNG to write.
     table, summary : of `emclutch.studies.field_transient.TransientResult`.
     """
-    shown = [("current", "current [A]", BLUE), ("gap_flux_density", "|B| in the gap [T]", ORANGE)]
+    shown = [("current", "current [A]", BLUE), ("gap_flux_density", "B in the gap [T]", ORANGE)]
     shown = [one for one in shown if one[0] in table]
     unit, factor = time_unit(float(table["time"].iloc[-1]))
     time = factor * np.asarray(table["time"])

@@ -217,12 +217,14 @@ def preview(
             cheapest.append(law.cheapest(target, grains[0], how))
         else:
             estimate = estimate_by_other_devices(case, target, own) if known is None else None
-            longer = None if estimate is None or estimate["study_seconds"] is None else estimate["study_seconds"] / jobs
-            minutes = enough if longer is None else f" --budget '{max(budget, longer) / 60.0:.0f} min'"
+            longer = estimate["study_seconds"] if estimate else grains.seconds if grains else None
+            minutes = enough if longer is None else f" --budget '{max(budget, longer / jobs) / 60.0:.0f} min'"
             how = f"emclutch accuracy {name} --for '{share}'{minutes}"
             cheapest.append(law.cheapest(target, grains, how, estimate))
     report = Report(f"Accuracy study of {case.name}", data={"law": law.as_dict(), "cheapest": cheapest})
     report.add("Law of the powder", Statements([note(law.in_words())]), Shown.TERMINAL)
+    if known is not None:
+        report.add("Grains", Statements([note(_own_in_words(known[0]))]), Shown.TERMINAL)
     report.add("Cheapest for a target", Statements([*map(cheapest_in_words, cheapest)]), Shown.TERMINAL)
     first = f"{BASE_REPLICAS} replicas at the scene's own settings take {format_duration(BASE_REPLICAS * own)}"
     room = f"{format_duration(budget)} with {jobs} at a time are enough for some {jobs * budget / own:.0f} replicas"
@@ -242,6 +244,15 @@ def preview(
         table.append((in_words(setting.name), own_value, values or ONE_VALUE, how if values else ""))
     head = ("setting", "in the scene", "values", "measured on")
     return report.add("Values", Table(table, head, (1,)), Shown.TERMINAL)
+
+
+def _own_in_words(study: AccuracyStudy) -> str:
+    """Return the best estimate of a study, and what a run at the scene's own settings has and costs."""
+    own = own_choice(study, study.replicas)
+    torque = study.torque / (1.0 + own.total.bias)
+    cost = f"{format_duration(own.seconds)} of processor time for {own.replicas} replicas"
+    half = "error unknown" if own.total.unknown else f"± {format_percent(own.half_width)}"
+    return f"Grains at the settings of the scene, by this device's accuracy study: {torque:.3g} N m, {half}, {cost}."
 
 
 def _earlier_study(device: str) -> tuple[AccuracyStudy, Path] | None:
