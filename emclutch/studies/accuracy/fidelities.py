@@ -161,7 +161,8 @@ def estimate_in_words(target: float, estimate: Mapping[str, Any]) -> str:
         low, high = map(format_duration, estimate["seconds"])
         return f"{head} takes {low} to {high} of processor time."
     limit = in_words(estimate["limit"])
-    text = f"{head} not reached, ± {format_percent(estimate['half_width'])} at best, limited by {limit}"
+    half = format_percent(estimate["half_width"])
+    text = f"{head} not reached, ± {half} at best; the largest error is that of {limit}"
     if estimate["study_seconds"] is None:
         return f"{text}."
     return f"{text}; a study of more than {format_duration(estimate['study_seconds'])} of processor time may reach it."
