@@ -25,8 +25,8 @@ from emclutch.simulation.plan import make_plan
 from emclutch.simulation.recommended_case import cheapest_case
 
 COST_FACTOR = 5.0
-"""Factor that an estimate of the cost by other devices is uncertain by: for 10 % the plan has 18 s for the quickstart by
-the study of the brake, and 41 s for the brake by its own, and the replicas of their studies took 37 and 178 s."""
+"""Factor that an estimate of the cost by other devices is uncertain by: for 10 % the plan has 18 s for the quickstart
+by the study of the brake, and 41 s for the brake by its own, and the replicas of their studies took 37 and 178 s."""
 
 
 @dataclass(frozen=True, slots=True)
