@@ -110,14 +110,13 @@ def coil_heat_in_words(scene, coil: Excitation, shape) -> str:
         return "none: the current is 0 A"
     loss = copper_loss(scene, coil, shape)
     rate = loss / (winding.copper_mass * COPPER_HEAT)
-    text = f"{1e-6 * winding.current_density(current):.3g} A/mm^2, {loss:.3g} W"
+    text = f"{1e-6 * winding.current_density(current):.3g} A/mm², {loss:.3g} W"
     surface = scene.geometry.cooled_surface(shape)
     if surface is None:
         return f"{text}; the copper alone warms by {format_number(rate)} K/s"
     rise = loss / (COOLING * surface)
-    text += f": without slip in the end {format_number(rise)} K above the room, if {COOLING:g} W/(m^2 K) cool the "
-    text += "housing's "
-    text += f"{1e4 * surface:.3g} cm^2"
+    text += f"; steady temperature without slip: {format_number(rise)} K above the room "
+    text += f"({COOLING:g} W/(m² K) on {1e4 * surface:.3g} cm²)"
     if rise > ABSURD:
         return Decision(text, "copper melts; are current, turns and window in the units that were meant?")
     if rise > WARM:

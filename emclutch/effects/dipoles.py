@@ -148,7 +148,7 @@ class DipolesSection(EffectSection):
         """What both entries of `contact.method` were measured to take with necks; empty without."""
         if not self.has_necks:
             return ""
-        return "either for powder, dvi for shot: about the same and 0.7 times the processor time of dem"
+        return "processor time of dvi over that of dem: about 1 for powder, 0.7 for shot"
 
     def acting(self, scene, bodies):
         """Yield the forces between moments."""

@@ -317,4 +317,4 @@ class HeatSection(EffectSection):
             return
         note = f"at most {format_number(at.slip_power)} W of slip, {format_number(at.heating)} K/s in the powder alone"
         note += f", and {copper}{steady}" if at.copper_loss > 0.0 else steady
-        yield OmittedEffect(cls.name, OFF, "kelvins in this run", at.heating * at.end, MAX_RISE, note=note)
+        yield OmittedEffect(cls.name, OFF, "warming in this run [K]", at.heating * at.end, MAX_RISE, note=note)

@@ -32,8 +32,8 @@ def _needs_a_given_current(partial: PartialScene) -> Iterator[Fault]:
             yield Fault(
                 "effects.hysteresis",
                 "",
-                f"cannot be used with [effects.{other.name}], whose steps do not carry the steel's history; remove one "
-                "of them",
+                f"cannot be used with [effects.{other.name}], which does not follow the steel's history; remove one of "
+                "them",
             )
 
 

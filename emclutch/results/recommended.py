@@ -140,15 +140,14 @@ class LimitingError:
     def in_words(self) -> str:
         """Return why a target is not reached."""
         if self.half_width is None:
-            return f"not reachable by what was measured: limited by {self.setting}: {self.reason}"
+            return f"not reached because of {self.setting}: {self.reason}"
         if self.setting == STATISTICS and self.best is not None:
             half = format_percent(self.half_width)
-            return f"not reachable: {self.best.replicas} replicas have a {STATISTICS} part of ± {half}"
-        half = format_percent(self.half_width)
-        words = f"not reachable by what was measured: limited by {self.setting}, the dominant error (± {half})"
+            return f"not reached: the scatter of {self.best.replicas} replicas leaves an error of ± {half}"
+        words = f"not reached: the error of {self.setting} is ± {format_percent(self.half_width)}"
         if self.seconds is not None:
             about = "more than" if self.at_least else "about"
-            return f"{words}; a study of {about} {format_duration(self.seconds)} of processor time may know enough"
+            return f"{words}; a study of {about} {format_duration(self.seconds)} of processor time may narrow it"
         return f"{words}, which more replicas at the same settings do not lower"
 
 

@@ -238,8 +238,8 @@ def _winding_reasons(model: FemmModel, section: FemmSection) -> _Reasons:
             other = "is wound against" if one * density[0] < 0.0 else "has other turns per area than"
             yield label.line, f"{other} the rest of its circuit, and a scene has one winding"
         if not label.is_wound and label.material["sigma"]:
-            yield label.line, (f"the winding is one massive turn of {label.material.name!r}, whose current is not "
-                               "even; set its conductivity to 0 where that does not matter")  # fmt: skip
+            yield label.line, (f"the winding is a solid conductor (1 turn) of {label.material.name!r}, whose "
+                               "current is not even; set its conductivity to 0 where that does not matter")  # fmt: skip
 
 
 def _name_reasons(

@@ -41,15 +41,15 @@ UPDATE_RULES = {
     UpdateRule.ASKED: " as asked",
     UpdateRule.EVERY_STEP: "",
     UpdateRule.PRESSURE_EVERY_STEP: "",
-    UpdateRule.CONTACT: ": half a contact, 1 % of a diameter of travel",
-    UpdateRule.PRESSURE: ": half a contact",
-    UpdateRule.WINDOW: ": once a window",
-    UpdateRule.NEIGHBOURS: ", near attraction every step: at most 2.5 contacts, neighbours 1 % of a diameter further. "
-    "Pairs that jump together gain 6 % of that energy (1 to 16 %); effects.dipoles.update_every = 1 prevents it",
-    UpdateRule.PARTING: ", near attraction every step: at most half of the time in which touching grains part, "
-    "neighbours 2.5 % of a diameter further. Pairs that jump together gain 9 % of that energy, with a scatter "
-    "of 20 %; effects.dipoles.update_every = 1 reduces it to 2 %",
+    UpdateRule.CONTACT: ", twice a contact and before a grain has moved by 1 % of a diameter",
+    UpdateRule.PRESSURE: ", twice a contact",
+    UpdateRule.WINDOW: ", once a window",
+    UpdateRule.NEIGHBOURS: ". Pairs of grains that jump together gain 6 % too much energy (1 to 16 %); "
+    "effects.dipoles.update_every = 1 prevents it",
+    UpdateRule.PARTING: ". Pairs of grains that jump together gain 9 % too much energy, with a scatter of 20 %; "
+    "effects.dipoles.update_every = 1 reduces it to 2 %",
 }
+NEAR_EVERY_STEP = (UpdateRule.NEIGHBOURS, UpdateRule.PARTING)
 
 
 def plan_in_words(device: Device, plan: Plan) -> dict[str, str]:
@@ -170,9 +170,11 @@ def windows_in_words(division: Windows, strain: float, scene) -> Iterator[tuple[
     if division.rule is not None:
         steps = division.steps_per_update
         every = f"every {steps} steps" if steps > 1 else "every step"
+        if division.rule in NEAR_EVERY_STEP:
+            every = f"near attraction updated every step, far forces {every}"
         of_pressure = division.rule in (UpdateRule.PRESSURE, UpdateRule.PRESSURE_EVERY_STEP)
-        what = ("pressure", "followed") if of_pressure else ("magnetic forces", "evaluated")
-        yield what[0], f"{what[1]} {every}{UPDATE_RULES[division.rule]}"
+        what = ("pressure", "followed ") if of_pressure else ("magnetic forces", "")
+        yield what[0], f"{what[1]}{every}{UPDATE_RULES[division.rule]}"
     text = (
         f"{division.steps} steps = {division.length:.3g} s, {division.count} windows to t = {division.end:.4g} s"
         f"{f', a shear strain of {strain:.3g}' if strain else ''}"

@@ -74,7 +74,7 @@ def drive_of(scene: Scene) -> tuple[TimeProfile, bool]:
         raise ValueError("coil.voltage changes nothing: it is 0 V, or constant and begins with its steady current")
     if scene.effects.memory is not None:
         raise ValueError(
-            "[effects.hysteresis] cannot be computed in time: the steps of the circuit do not carry the steel's "
+            "[effects.hysteresis] cannot be computed in time: its circuit does not follow the steel's "
             "history; remove its table, or --set effects.hysteresis=off"
         )
     if scene.geometry.is_solved_in_3d:

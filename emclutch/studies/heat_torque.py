@@ -98,7 +98,7 @@ def torque_of(
         if shape(at, first) == 0.0:
             raise ValueError(f"{name} cannot be scaled to {given}: no torque at its {at:.4g} A; leave one of them out")
         factor, found = measured / shape(at, first), {"source": given}
-        elsewhere += f" times {factor:.4g}" if name != _SAME else ""
+        elsewhere += f" times {factor:.4g} (to meet {given})" if name != _SAME else ""
 
     def torque(current: float, temperature: float) -> float:
         if fade is None:

@@ -1,7 +1,8 @@
 """What the documentation says is so: its links, files, commands, options and scenes exist; its Python runs.
 
-Lines of the first two pages of the tutorial are executed, the run at toy size; all others are parsed by the command
-line itself, and the scenes that they name are loaded with the values that they set.
+Lines of the first two pages of the tutorial are executed, the run at toy size, and the design search of the third,
+which must reach its target. All others are parsed by the command line itself, and the scenes that they name are loaded
+with the values that they set.
 """
 
 from __future__ import annotations
@@ -35,7 +36,8 @@ RULES = (ROOT / "Makefile").read_text(encoding="utf-8")
 COMMANDS = get_command(app).commands
 RUN = {"field.size_factor": 4, "output.pictures": "false", "particles.solid_fraction": 0.05, "accuracy.replicas": 1,
        "time.end": "0.02 ms", "time.until": "none"}  # fmt: skip
-EXECUTED = {"doctor": {}, "report": {}, "plot": {}, "run": RUN}  # with these settings
+COARSE = {"field.size_factor": 4}
+EXECUTED = {"doctor": {}, "report": {}, "plot": {}, "run": RUN, "design": COARSE}  # with these settings
 ELSEWHERE = {"sensitivity"}  # its Python needs a finished study: tests/studies/test_sensitivity_how_to.py
 FENCE = re.compile(r"^( *)(`{3,}|:{3,})([^\n]*)\n(.*?)^\1\2[ ]*$", re.M | re.S)
 
@@ -149,7 +151,7 @@ def workplace(tmp_path_factory):
 
 def execute(words: list[str], page: Path, folder: Path) -> None:
     check_line(words, folder)
-    if words[0] == "emclutch" and words[1] in EXECUTED and page in TUTORIAL[:2]:
+    if words[0] == "emclutch" and words[1] in EXECUTED and page in TUTORIAL[: 3 if words[1] == "design" else 2]:
         words = words + [word for key, value in EXECUTED[words[1]].items() for word in ("--set", f"{key}={value}")]
         done = CliRunner().invoke(app, words[1:])
         assert done.exit_code == 0, f"{shlex.join(words)}\n{done.output}"

@@ -56,6 +56,22 @@ def test_each_renderer_says_a_statement_once_and_only_shows_foreign_text(tmp_pat
     assert "](http" not in text and "\\|" in text
 
 
+def test_a_row_of_a_stacked_table_is_a_paragraph_and_details_name_no_command_for_details(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    rows = [
+        ("gravity", "off", "weight", "no", "0.1 %", "a long criterion (below 10)"),
+        ("dipoles", "on", "forces", "", "", ""),
+    ]
+    head = ("effect", "", "what it is", "relevant?", "effect on the torque", "criterion (limit)")
+    report = Report("A scene", closing="All: --details").add("Effects", Table(rows, head, stacked=True))
+    lines = [line.split(maxsplit=2) for line in terminal(report, details=True).splitlines()]
+    assert lines == [
+        ["Effects"], ["gravity:", "off", "weight"], ["relevant:", "no;", "effect on the torque: 0.1 %"],
+        ["a", "long", "criterion (below 10)"], ["dipoles:", "on", "forces"],
+    ]  # fmt: skip
+    assert terminal(report) == "All: --details"
+
+
 def test_each_number_of_a_run_is_defined_with_its_unit(tmp_path):
     """What ``summary.json`` has beside numbers are parts, whose names are known as well."""
     summary = emclutch.run(cell(time__end="0.2 ms", time__average_from=None), out=tmp_path / "run", threads=1).summary

@@ -105,7 +105,7 @@ REFUSED = [
     (r"(\"Copper\"\n\s*<Mu_x>) = 1", r"\1 = 5", "'Copper' is magnetic, and that of a winding"),
     (r"<TotalAmps_re> = 2", "<TotalAmps_re> = 0", "no label belongs to a circuit with a current"),
     (r"<CircuitType> = 1", "<CircuitType> = 0", "'coil' is parallel"),
-    (r"\t100\t0$", "\t1\t0", "one massive turn of 'Copper'"),
+    (r"\t100\t0$", "\t1\t0", r"a solid conductor \(1 turn\) of 'Copper'"),
     (r"<A_0> = 0", "<A_0> = 0.1", "'A=0' .prescribed A. has a_0 = 0.1, a source outside"),
     (r"(?s)<BdryType> = 0(.*?<c1>) = 0", r"<BdryType> = 2\1 = 3", "'A=0' .mixed. has c1 = 3"),
     *((r"<BdryType> = 0", f"<BdryType> = {kind}", f"'A=0' .{name}. has no") for kind, name in TYPES.items()),

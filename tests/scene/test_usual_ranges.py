@@ -81,5 +81,5 @@ def test_a_warm_coil_gives_off_what_it_takes():
     assert GOOD.scene.geometry.cooled_surface(shape) == pytest.approx(surface, rel=1e-12)
     rise = 25.5 * 2.0**2 / (COOLING * surface)
     words = [coil_heat_in_words(GOOD.scene, Wound(winding, TimeProfile.constant(I)), shape) for I in (-2.0, 0.5)]
-    assert f"102 W: without slip in the end {float(f'{rise:.2g}'):g} K" in words[0]
+    assert f"102 W; steady temperature without slip: {float(f'{rise:.2g}'):g} K above the room" in words[0]
     assert ["short duty" in one for one in words] == [True, False]

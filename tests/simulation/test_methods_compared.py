@@ -14,8 +14,8 @@ CASES = Path(__file__).resolve().parents[2] / "cases"
     ("name", "start"),
     [
         ("thesis/centrifugal_held", "dem is cheaper"),
-        ("thesis/electromagnetic", "either for powder, dvi for shot"),
-        ("quickstart", "either for powder, dvi for shot"),
+        ("thesis/electromagnetic", "processor time of dvi over that of dem"),
+        ("quickstart", "processor time of dvi over that of dem"),
     ],
 )
 @pytest.mark.parametrize("method", ["dem", "dvi"])

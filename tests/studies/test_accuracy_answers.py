@@ -113,7 +113,7 @@ def test_what_is_not_reached_has_a_reason_and_no_scene(tmp_path, case, own, rest
         answers = write_answers(case, of, tmp_path, (target,), (), LAW)
         return [one.text for one in accuracy_report(of, answers, tmp_path, (), LAW).statements()]
 
-    assert any("0.1 %: not reach" in line and "limited by" in line for line in said(whole(own, rest), 0.001))
+    assert any("0.1 %: not reach" in line and "the error of" in line for line in said(whole(own, rest), 0.001))
     assert not list(tmp_path.glob("target*"))
     reason = {"grains_per_gap": "not measured in this budget: about 9 min more"}
     lines = said(whole(own, rest, unknown=reason), 0.1)
@@ -149,7 +149,7 @@ def test_the_law_is_the_cheapest_where_its_interval_is_within_the_target(tmp_pat
     assert (
         grains["fidelity"] == "grains" and grains["half_width"] <= 0.05 and "target_5_percent.toml" in grains["command"]
     )
-    assert nothing["fidelity"] is None and "limited by" in nothing["reason"]
+    assert nothing["fidelity"] is None and "the error of" in nothing["reason"]
     lines = [one.text for one in report.statements()]
     assert any("± 10 %" in line and "emclutch check CASE; or grains, ± " in line for line in lines)
     guess = found(by_law(1.07, guess=True), (0.1,))

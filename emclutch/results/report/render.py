@@ -14,6 +14,7 @@ import itertools
 import os
 import textwrap
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from html import escape as escape_html
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -39,7 +40,8 @@ CLASSES = {"on": "good", "off": "soft", "YES": "poor", "not converged": "poor", 
 def terminal(report: Report, details: bool = False) -> str:
     """Return a report as text for the terminal: the sections for it, with `details` all; the page to open comes last.
 
-    A note follows the statement above it, so that it is indented and has no sign.
+    A note follows the statement above it, so that it is indented and has no sign. With `details` there is no closing
+    line, which says where the details are.
     """
     lines: list[str] = []
     for section in report.sections if details else report.up_to(Shown.TERMINAL).sections:
@@ -52,17 +54,22 @@ def terminal(report: Report, details: bool = False) -> str:
             elif isinstance(block, Text):
                 lines += block.text.splitlines()
     page = "" if report.folder is None else f"Page: {report.folder / INDEX}"
-    return "\n".join(filter(None, [*lines, report.closing or page]))
+    return "\n".join(filter(None, [*lines, page if details else report.closing or page]))
 
 
 def table_lines(table: Table) -> list[str]:
-    """Return a table as lines of the terminal's width; wider ones where words and numbers would be broken."""
+    """Return a table as lines of the terminal's width; wider ones where words and numbers would be broken.
+
+    A row of a `stacked` table is a paragraph: its first two cells are the label, the last one has lines of its own.
+    """
     from rich import box  # local: rich takes a while to import
     from rich.console import Console
     from rich.markup import escape
     from rich.measure import Measurement
     from rich.table import Table as Grid
 
+    if table.stacked:
+        return table_lines(Table([_paragraph(table.head, row) for row in table.rows]))
     grid = Grid(box=box.SIMPLE_HEAD, show_header=bool(table.head), pad_edge=False, show_edge=False)
     for number, name in enumerate(table.head or table.rows[0]):
         is_number = number in table.numbers
@@ -76,6 +83,13 @@ def table_lines(table: Table) -> list[str]:
     width = max(Console().width, Measurement.get(widest, widest.options, grid).minimum)
     Console(file=stream, width=width, no_color=True).print(grid, crop=False)
     return [line.rstrip() for line in stream.getvalue().rstrip().splitlines()]
+
+
+def _paragraph(head: Sequence[str], row: Sequence[str]) -> tuple[str, str]:
+    """Return the label and the lines of a row of a stacked table; empty cells are left out."""
+    name, state, what, *middle, last = row
+    named = "; ".join(f"{label.rstrip('?')}: {cell}" for label, cell in zip(head[3:-1], middle, strict=True) if cell)
+    return f"{name}: {state}", "\n".join(filter(None, (what, named, last)))
 
 
 def html(report: Report, small: bool = False) -> str:

@@ -161,7 +161,7 @@ class Report:
     reload : int
         Seconds after which a browser loads the page again; 0: never.
     closing : str
-        Last line of the terminal; default: the page to open, where there is a folder.
+        Last line of the terminal, but with all details; default: the page to open, where there is a folder.
     """
 
     title: str

@@ -172,7 +172,8 @@ def effects_table(on: Sequence[str], omitted: Sequence[OmittedEffect]) -> Table:
         matters = "" if line is None else line.verdict.lower() if line.where == ALWAYS else line.verdict
         fraction, number = ("", "") if line is None else (line.on_torque, line.in_words())
         table.append((in_words(name), state, what, matters, fraction, number))
-    return Table(table, ("effect", "", "what it is", "relevant?", "torque, about", "criterion (limit)"), stacked=True)
+    head = ("effect", "", "what it is", "relevant?", "effect on the torque", "criterion (limit)")
+    return Table(table, head, stacked=True)
 
 
 def _pictures(result: Result) -> list[Block]:

@@ -25,8 +25,8 @@ from emclutch.simulation.plan import make_plan
 from emclutch.simulation.recommended_case import cheapest_case
 
 COST_FACTOR = 5.0
-"""Factor that an estimate of the cost by other devices is uncertain by: for 10 % the plan has 18 s for the quickstart by
-the study of the brake, and 41 s for the brake by its own, and the replicas of their studies took 37 and 178 s."""
+"""Factor that an estimate of the cost by other devices is uncertain by: for 10 % the plan has 18 s for the quickstart
+by the study of the brake, and 41 s for the brake by its own, and the replicas of their studies took 37 and 178 s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,7 +161,8 @@ def estimate_in_words(target: float, estimate: Mapping[str, Any]) -> str:
         low, high = map(format_duration, estimate["seconds"])
         return f"{head} takes {low} to {high} of processor time."
     limit = in_words(estimate["limit"])
-    text = f"{head} not reached, ± {format_percent(estimate['half_width'])} at best, limited by {limit}"
+    half = format_percent(estimate["half_width"])
+    text = f"{head} not reached, ± {half} at best; the largest error is that of {limit}"
     if estimate["study_seconds"] is None:
         return f"{text}."
     return f"{text}; a study of more than {format_duration(estimate['study_seconds'])} of processor time may reach it."
