@@ -46,4 +46,4 @@ $(VENV)/installed: pyproject.toml constraints.txt
 	$(PIP) '.[fast]'
 # two processes compile while pip installs the rest; what they miss, the first run compiles
 	@$(BIN)/python -m emclutch.simulation.kernel_warm_up cases/quickstart.toml >$(VENV)/compiled.log 2>&1 & \
-	$(PIP) '.[dev,fast,solid,dask,sensitivity,xarray]' && { wait; touch $@; }
+	$(PIP) '.[dev,fast,solid,dask,sensitivity,xarray]' && { wait; touch $@; echo "set up; the program is $(BIN)/emclutch"; }
