@@ -152,7 +152,7 @@ def test_a_column_of_kilogauss_as_tesla_is_refused_with_its_file(tmp_path):
 
 def test_what_is_no_text_is_reported(tmp_path):
     path = tmp_path / "curve.csv"
-    path.write_bytes(b"\xff\xfe\x00H")
+    path.write_bytes(b"\xff\x00\xfeH")
     with pytest.raises(TableFault, match="UTF-8"):
         read_table(path)
     with pytest.raises(TableFault, match=r"cannot be read \(No such file"):

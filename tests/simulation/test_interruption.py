@@ -58,7 +58,7 @@ def test_ctrl_c_while_kernels_compile(tmp_path):
     command = [sys.executable, "-m", "emclutch.cli.main", "run", "cell.toml", "--out", "run", "--threads", "1"]
     with subprocess.Popen(command, cwd=tmp_path, env=environment, stderr=subprocess.PIPE, text=True) as run:
         for line in run.stderr:
-            if "compiling" in line:
+            if "Compiling the DEM step" in line:
                 break
         time.sleep(1.0)
         run.send_signal(signal.SIGINT)
