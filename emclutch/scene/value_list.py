@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
 
 from emclutch.scene.errors import Fault, SceneError, shown
+from emclutch.scene.units import quantity_of
 
 if TYPE_CHECKING:
     from emclutch.scene.units import Quantity
@@ -45,7 +47,16 @@ def read_list(text: str, quantity: Quantity, option: str, count: int | None = No
     return np.linspace(low, high, int(others[1])).tolist()
 
 
-def read_all(entries: list[str], quantity: Quantity, option: str) -> list[float]:
+def values_of(given: float | str | Iterable[float | str], kind: Any, name: str) -> list[float]:
+    """Return an argument `name` of a function in SI: one or several numbers in SI, or texts with a unit.
+
+    `kind` is an annotated type of `emclutch.scene.units`. SceneError with every entry that cannot be read.
+    """
+    entries = [given] if isinstance(given, (int, float, str)) else given
+    return read_all([str(one) for one in entries], quantity_of(kind), name, "arguments")
+
+
+def read_all(entries: list[str], quantity: Quantity, option: str, source: str = "command line") -> list[float]:
     """Return entries in SI; SceneError with every one that cannot be read."""
     values, faults = [], []
     for entry in entries:
@@ -54,5 +65,5 @@ def read_all(entries: list[str], quantity: Quantity, option: str) -> list[float]
         except ValueError as error:
             faults.append(Fault(option, shown(entry.strip()), str(error)))
     if faults:
-        raise SceneError(faults, "command line")
+        raise SceneError(faults, source)
     return values

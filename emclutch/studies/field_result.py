@@ -13,8 +13,8 @@ from emclutch.results.report.render import Reported, write_index
 from emclutch.results.report.report import Report
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import bad_input_for
-from emclutch.scene.units import Current, quantity_of
-from emclutch.scene.value_list import read_all
+from emclutch.scene.units import Current
+from emclutch.scene.value_list import values_of
 
 if TYPE_CHECKING:
     import pandas
@@ -91,8 +91,7 @@ def field(
     from emclutch.studies.field import field_study  # local: it imports the packages of the physics
 
     case = as_case(case)
-    given = [currents] if isinstance(currents, (int, float, str)) else currents
-    asked = None if given is None else read_all([str(one) for one in given], quantity_of(Current), "currents")
+    asked = None if currents is None else values_of(currents, Current, "currents")
     with bad_input_for(case.path):
         folder = field_study(case, asked, lines, out)
     found = FieldResult(folder, json.loads((folder / "field.json").read_text(encoding="utf-8")))

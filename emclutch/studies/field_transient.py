@@ -23,6 +23,8 @@ from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import bad_input_for
 from emclutch.scene.grain_smear import moments_are_fed_back
 from emclutch.scene.model import Scene
+from emclutch.scene.units import Time
+from emclutch.scene.value_list import values_of
 from emclutch.simulation.forecast.expected_field import field_of_sheared_powder, powder_in_words
 from emclutch.studies.coil_transient import UNITS, CoilTransient, Course, drive_of
 from emclutch.studies.field import at_the_faces, coil_of_field, even_powder
@@ -69,7 +71,7 @@ class TransientResult(Reported):
 
 def field_transient(
     case: Case | str | Path,
-    end: float | None = None,
+    end: float | str | None = None,
     tolerance: float = TOLERANCE,
     out: str | Path | None = None,
     progress: Progress | None = None,
@@ -82,7 +84,8 @@ def field_transient(
     Parameters
     ----------
     case : Case, or the path of a scene file, with `coil.voltage`
-    end : [s]; default: `time.end` of the scene, else when current and flux are within 1 % of their final values.
+    end : number [s] or text with a unit, "0.1 s"; default: `time.end` of the scene, else when current and flux are
+        within 1 % of their final values.
     tolerance : local error of a time step, relative to the largest state: 1e-6 to 0.1.
     out : new folder; default: the next runs/<case>-transient-<nnn>.
     progress : takes the fraction of the simulated time that is done, and the march that it is of.
@@ -102,8 +105,8 @@ def field_transient(
     if progress is not None:
         progress.status("mesh")
     with bad_input_for(case.path):
-        if end is not None and not 0.0 < end < np.inf:
-            raise ValueError(f"the end of {end} s must be a time above 0")
+        if end is not None:
+            (end,) = values_of(end, Time, "end")
         if not 1e-6 <= tolerance <= 0.1:
             raise ValueError(f"the tolerance {tolerance:g} of a time step is out of range; allowed: 1e-6 to 0.1")
         if scene.coil_field is not None:

@@ -45,6 +45,8 @@ from emclutch.results.report.report import Report
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import Fault, SceneError, bad_input_for
 from emclutch.scene.model import Scene
+from emclutch.scene.units import Speed
+from emclutch.scene.value_list import values_of
 from emclutch.studies.heat_report import heat_report
 from emclutch.studies.heat_torque import torque_of
 from field.heat.conduction import MOLTEN, HeatNotConverged, HeatProblem, Powers, ThermalRunaway
@@ -134,7 +136,7 @@ class HeatResult(Reported):
 def heat(
     case: Case | str | Path,
     run: str | Path | None = None,
-    speeds: Sequence[float] = SPEEDS,
+    speeds: Sequence[float | str] = SPEEDS,
     out: str | Path | None = None,
     progress: Progress | None = None,
 ) -> HeatResult:
@@ -145,7 +147,8 @@ def heat(
     case : Case, or the path of a scene file
     run : folder of a run; the torque is scaled to its own at its current. Default: effects.heat.torque, else that of
         the law of the powder as it is.
-    speeds : slip speeds [rad/s], > 0, at which the permitted slip power is computed.
+    speeds : slip speeds > 0, numbers [rad/s] or texts with a unit, "100 rpm", at which the permitted slip power is
+        computed.
     out : new folder; default: the next runs/<case>-heat-<nnn>.
     progress : takes the stages: torque, steady temperatures, duty, permitted powers and currents.
 
@@ -165,7 +168,8 @@ def heat(
     with bad_input_for(case.path):
         if case.scene.effects.thermal is None:
             raise ValueError("the scene has no [effects.heat]; add the table, or --set effects.heat=on")
-        if not all(0.0 < speed < inf for speed in speeds):
+        slips = values_of(speeds, Speed, "speeds")
+        if not all(0.0 < speed < inf for speed in slips):
             raise ValueError("speeds of the permitted slip power must be above 0")
         if progress is not None:
             progress.status("mesh and torque")
@@ -191,7 +195,7 @@ def heat(
         stage(0.4, "temperatures through the duty")
         table, summary["duty"], last = study.through_the_duty(temperature)
         stage(0.6, "permitted slip power")
-        permitted = study.permitted(speeds)
+        permitted = study.permitted(slips)
         stage(0.8, "permitted currents and error of the mesh")
         summary["largest_current"] = study.largest_currents()
         summary["error_of_the_mesh"] = study.mesh_error(temperature)

@@ -294,7 +294,7 @@ def test_heat_at_toy_size(tmp_path):
     """Slip power is torque times slip speed for the third of the time that the coil is on; heat closes."""
     toy = {"field.size_factor": 4.0, "effects.heat.duty.end": "4 min", "effects.heat.tolerance": 1.0}
     case = emclutch.load_case(CASES / "heat.toml").with_values(toy)
-    found = emclutch.heat(case, speeds=[10.0], out=tmp_path / "heat").summary
+    found = emclutch.heat(case, speeds=["10 rad/s"], out=tmp_path / "heat").summary
     assert found["duty"]["heat_of_slip"] == pytest.approx(12.0 * 100.0 * math.pi / 30.0 * 80.0, rel=1e-6)
     assert abs(found["duty"]["energy_error"]) < 1e-7
     # the resistance that the catalogue gives at 75 degrees C

@@ -46,7 +46,7 @@ def faults(**values):
 
 @pytest.fixture(scope="module")
 def found(tmp_path_factory):
-    return heat(brake(), speeds=[100.0 * RPM, 1000.0 * RPM], out=tmp_path_factory.mktemp("heat") / "brake")
+    return heat(brake(), speeds=["100 rpm", 1000.0 * RPM], out=tmp_path_factory.mktemp("heat") / "brake")
 
 
 def test_what_leaves_is_what_slip_and_copper_make(found):

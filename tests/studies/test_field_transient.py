@@ -22,6 +22,7 @@ from typer.testing import CliRunner
 import emclutch
 from emclutch.cli.main import app
 from emclutch.scene.case import load_case
+from emclutch.scene.errors import SceneError
 from emclutch.studies.coil_transient import CoilTransient
 from emclutch.studies.field import coil_of_field
 from field.coil.winding import COPPER_DENSITY, COPPER_RESISTIVITY, COPPER_TEMPERATURE_COEFFICIENT
@@ -247,6 +248,15 @@ def test_bad_input_is_reported(in_air, settings, options, words, tmp_path):
     result = CliRunner().invoke(app, arguments)
     assert result.exit_code == 2 and words in " ".join(result.output.split()), result.output
     assert not (tmp_path / "new").exists()
+
+
+def test_arguments_may_have_units(in_air, tmp_path):
+    for given, words in (({"end": "1 m"}, "end = '1 m'"), ({"end": "0 s"}, "end = '0 s'")):
+        with pytest.raises(SceneError, match=words):
+            emclutch.field_transient(in_air, **given, out=tmp_path / "new")
+    with pytest.raises(SceneError, match=r"currents = '0\.4 V'"):
+        emclutch.field(in_air, ["1 A", "0.4 V"], out=tmp_path / "new")
+    assert list(emclutch.field(in_air, "500 mA", out=tmp_path / "field").table["current"]) == [0.5]
 
 
 def test_options_of_the_transient_need_it_and_slots_have_none(in_air, tmp_path):
