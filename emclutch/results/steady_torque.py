@@ -90,7 +90,7 @@ class SteadyConditions:
     def settled(self, histories: Sequence[pandas.DataFrame]) -> float:
         """Time [s] up to which the start-up lasts at the least: the gap was sheared by `start_up_strain` in all.
 
-        0 where nothing is sheared, or shafts hold; the end where the gap was sheared by less.
+        0 where nothing is sheared, or shafts hold; beyond the end, at the mean rate, where the gap was sheared by less.
         """
         latest = 0.0
         for history in histories:
@@ -98,7 +98,8 @@ class SteadyConditions:
             if strain is None or not len(strain):
                 continue
             if strain[-1] < self.start_up_strain:
-                return float(history[TIME].iloc[-1])
+                missing = min(self.start_up_strain / strain[-1], 10.0) if strain[-1] > 0.0 else 1.0
+                return missing * float(history[TIME].iloc[-1])
             latest = max(latest, float(np.interp(self.start_up_strain, strain, history[TIME].to_numpy())))
         return latest
 
