@@ -56,7 +56,7 @@ def draw_kind(path: str | Path, kind: str) -> Path:
         message = "has its dimensions in a file: draw a scene's regions with emclutch mesh"
         raise SceneError([Fault("--kind", shown(kind), message)], "command line")
     drawn = draw_dimensions(views, f'[geometry] kind = "{geometry.name()}"')
-    replace_bytes(new_path(path), drawn)
+    replace_bytes(new_path(path, "--drawing"), drawn)
     return path
 
 

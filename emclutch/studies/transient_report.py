@@ -66,8 +66,8 @@ def _statements(summary: dict[str, Any]) -> Iterator[Statement]:
         worst = max(errors, key=lambda name: abs(errors[name]))
         yield note(f"Estimated error of the mesh: {format_percent(abs(errors[worst]))} ({worst}).")
     (cold, warm), temperature = summary["resistance"], at_end["winding_temperature"]
-    resistance = f"its resistance grows from {cold:.4g} to {warm:.4g} ohm"
-    yield note(f"Winding: {temperature:.3g} °C at the end if the copper keeps its heat; {resistance}.")
+    grown = "" if warm < 1.001 * cold else f"; its resistance grows from {cold:.4g} to {warm:.4g} ohm"
+    yield note(f"Winding: {temperature:.3g} °C at the end if the copper keeps its heat{grown}.")
     if not summary["eddy_currents"]:
         yield note("Eddy currents are left out; [effects.eddy_currents] adds those of the solid parts.")
     if summary["default_circuit"]:

@@ -18,7 +18,7 @@ from emclutch.cli import view
 from emclutch.cli.view import view_run
 from emclutch.results import OutputError
 from emclutch.results.array_units import ARRAY_UNITS
-from emclutch.results.view.paraview_script import NAME, write_script
+from emclutch.results.view.paraview_script import NAME, private_script, write_script
 from emclutch.results.view.run_files import COLOURS, read_run_files
 from emclutch.results.vtk.data_set import array_names, read_data_set, read_texts
 from emclutch.results.vtk.field_arrays import SectionArrays
@@ -192,3 +192,7 @@ def test_paraview_draws_the_script_of_a_run_that_was_moved(run, tmp_path):
         pytest.skip("no X server came up")
     assert done.returncode == 0 and "Error" not in done.stderr, done.stderr
     assert Image.open(moved / "a.png").convert("RGB").getcolors(50) is None  # it has more
+    private = private_script(read_run_files(run))  # a copy elsewhere, as `emclutch view` makes
+    command[command.index(NAME)] = str(private)
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0 and (tmp_path / "a.png").exists(), done.stderr

@@ -42,10 +42,10 @@ from emclutch.results.view.look import (
 )  # fmt: skip
 
 HERE = os.path.dirname(os.path.abspath(__file__)) if "__file__" in globals() else RUN
-if not os.path.exists(os.path.join(HERE, "case.toml")):  # a copy that `emclutch view` made elsewhere
-    HERE = RUN
 # This file has the name of ParaView's own package: its folder must not be searched for that.
 sys.path[:] = [place for place in sys.path if os.path.realpath(place or ".") != os.path.realpath(HERE)]
+if not os.path.exists(os.path.join(HERE, "case.toml")):  # a copy that `emclutch view` made elsewhere
+    HERE = RUN
 
 from paraview import simple as pv
 
