@@ -100,8 +100,8 @@ class TorqueByLaw:
         else:
             half = self.half_width
             law = "the law of the powder is a guess" if half is None else f"the law has ± {format_percent(half)}"
-            study = "there is no accuracy study of this device yet" if grains is None else grains.in_words()
-            known = {"reason": f"{law}, and {study}"}
+            study = "no accuracy study of this device yet" if grains is None else grains.in_words()
+            known = {"reason": f"{law}; grains: {study}"}
         return found | {"command": command, "reason": "", "estimate": estimate} | known
 
     def as_dict(self) -> dict[str, Any]:
