@@ -71,7 +71,7 @@ def _statements(summary: dict[str, Any]) -> Iterator[Statement]:
     if not summary["eddy_currents"]:
         yield note("Eddy currents are left out; [effects.eddy_currents] adds those of the solid parts.")
     if summary["default_circuit"]:
-        yield note("The scene has no [effects.coil_circuit]: coil.voltage is applied from t = 0.")
+        yield note("coil.voltage is applied from t = 0; coil.current, if given, is not used.")
     if summary["distance"] > FAR:
         far, end = format_percent(summary["distance"]), format_time(at_end["time"])
         yield warning(f"At the end, {end}, the coil is {far} from its final state; take a later --end")
