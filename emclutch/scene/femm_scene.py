@@ -123,7 +123,7 @@ def _is_shell(label: FemmLabel, model: FemmModel) -> bool:
 
 
 def _is_air(label: FemmLabel, model: FemmModel, section: FemmSection) -> bool:
-    """True for what is not drawn: air, idle windings, shells, and the outside of a Kelvin transformation."""
+    """True for regions without a part: air, idle windings, shells, the outside of a Kelvin transformation."""
     if label.is_external or _is_shell(label, model):
         return True
     one = label.material

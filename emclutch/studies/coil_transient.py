@@ -35,7 +35,7 @@ from geometry.time_profile import TimeProfile
 
 SETTLED = 0.01
 """Of the largest value: how near to their final values current and linkage are at the end by default."""
-SPAN, MOST_SPANS = 2.5, 40
+SPAN, MAX_SPANS = 2.5, 40
 """Of the time constants; the march ends by default after a whole number of spans."""
 UNITS = {
     "time": "s",
@@ -205,7 +205,7 @@ class CoilTransient:
         span = self.coil.turns**2 * peak.flux_linkage_per_turn / (peak.ampere_turns * self.cold_resistance)
         span = SPAN * (span + (diffusion_time(peak, self.coil.conductivity) if self.coil.conductivity else 0.0))
         states = self._run(states, self.voltage.times[-1] + span, tolerance)
-        for _ in range(MOST_SPANS):
+        for _ in range(MAX_SPANS):
             now, final = self.field(states[-1]), self.final(states[-1])
             turns = abs(now.ampere_turns - final.ampere_turns) / peak.ampere_turns
             flux = abs(now.flux_linkage_per_turn - final.flux_linkage_per_turn) / peak.flux_linkage_per_turn

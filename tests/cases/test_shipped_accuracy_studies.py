@@ -73,7 +73,7 @@ def test_it_is_of_a_shipped_scene_as_it_is_now(path):
 
 
 def test_other_devices_estimate_what_grains_will_cost(monkeypatch):
-    """The brake's study foretells the quickstart's cost within the factor that is told; what it misses costs more."""
+    """The brake's study predicts the quickstart's cost within COST_FACTOR; a missed target names its limit."""
     studies = {one.case: one for one in map(AccuracyStudy.from_json, (path.read_text() for path in STUDIES))}
     brake, quickstart = studies["powder_clutch"], studies["quickstart"]
     case = load_case(CASES / "quickstart.toml")
