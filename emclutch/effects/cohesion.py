@@ -56,8 +56,7 @@ class CohesionSection(EffectSection):
             assert self.force is not None  # by the model's rule
             return {"cohesion": Cohesion.constant(self.force, self.wall_force)}
         assert self.work_of_adhesion is not None
-        made = Cohesion.dmt if self.model == "dmt" else Cohesion.jkr
-        return {"cohesion": made(self.work_of_adhesion, self.wall_work_of_adhesion)}
+        return {"cohesion": getattr(Cohesion, self.model)(self.work_of_adhesion, self.wall_work_of_adhesion)}
 
     def loads(self, scene, device, M_max):
         """Yield the pull of the largest grains."""
