@@ -61,7 +61,7 @@ def _known_steels(partial: PartialScene) -> Iterator[Fault]:
             yield partial.fault(key, str(error))
 
 
-HYSTERESIS_LOSS = Column("hysteresis_loss", "J", "heat of the steel's hysteresis", When.SUM)
+HYSTERESIS_LOSS = Column("hysteresis_loss", "J", "heat from the hysteresis of the steel", When.SUM)
 
 
 class HysteresisSection(EffectSection):
