@@ -148,7 +148,7 @@ class DipolesSection(EffectSection):
         """What both entries of `contact.method` were measured to take with necks; empty without."""
         if not self.has_necks:
             return ""
-        return "processor time of dvi over that of dem: about 1 for powder, 0.7 for shot"
+        return "DVI takes about as much processor time as DEM for powder, 0.7 times as much for shot"
 
     def acting(self, scene, bodies):
         """Yield the forces between moments."""
