@@ -27,7 +27,7 @@ def field(
     as_json: opt.AsJson = False,
     trust_scripts: opt.TrustScripts = False,
 ) -> None:
-    """Solve the field alone: gap field, inductance, energy, force, error, at one current, along a sweep, or in time."""
+    """Solve the magnetic field without grains: gap field, inductance, energy, force; at currents or in time."""
     with explained():
         if transient:
             refuse_beside("--transient", {"--current": current is not None, "--line": bool(line)})
@@ -67,7 +67,7 @@ def heat(
     as_json: opt.AsJson = False,
     trust_scripts: opt.TrustScripts = False,
 ) -> None:
-    """Warm the device through hours of duty: temperatures, permitted slip power; needs [effects.heat]."""
+    """Compute the temperatures in hours of duty and the permitted slip power; needs [effects.heat]."""
     with explained():
         others = [f"effects.heat.{key}=none" for key in ("torque", "torque_curve", "fade")]
         given = [] if slip_power is None else [f"effects.heat.slip_power={slip_power}", *others]
@@ -86,7 +86,7 @@ def heat(
 def mesh(
     case: opt.CaseFile, out: opt.Out = None, sets: opt.Sets = None, trust_scripts: opt.TrustScripts = False
 ) -> None:
-    """Write the mesh of the cross-section (.msh) and its picture with the regions named."""
+    """Write the mesh of the cross-section (.msh) and a picture of it with the names of the regions."""
     with explained():
         read = load(case, sets, trust_scripts)
         from emclutch.studies.mesh import mesh as mesh_scene
@@ -102,7 +102,7 @@ def materials(
     out: opt.NewPicture = None,
     as_json: opt.AsJson = False,
 ) -> None:
-    """List the built-in magnetic materials, draw the curves of some, or the force between two grains of one."""
+    """List the built-in magnetic materials, draw their curves, or the force between two grains."""
     with explained():
         if pair_force:
             _tell_pair_force(names or [], picture, out, as_json)
@@ -130,7 +130,7 @@ def powder(
     out: opt.NewPicture = None,
     as_json: opt.AsJson = False,
 ) -> None:
-    """List friction and rolling friction that give an angle of repose, or the angle that a pair of them gives."""
+    """Convert an angle of repose into pairs of friction and rolling friction, or a pair into the angle."""
     with explained():
         from emclutch.cli import powder as command
 

@@ -39,15 +39,20 @@ CheckedFile = Annotated[Path, typer.Argument(metavar="CASE|STUDY", help="file of
 StudyFile = Annotated[Path, typer.Argument(metavar="STUDY", help="study file (.toml)")]
 RunPath = Annotated[Path, typer.Argument(metavar="RUN", help="folder of a run")]
 ResultPath = Annotated[Path, typer.Argument(metavar="RUN|STUDY", help="folder of a run, or of a study")]
-AsHtml = Annotated[bool, flag("--html", help="one page with its pictures inside; default: report.html there")]
+AsHtml = Annotated[
+    bool,
+    flag("--html", help="one HTML page with its pictures inside; default: report.html in the folder of the result"),
+]
 RunPaths = Annotated[list[Path], typer.Argument(metavar="RUN...", help="folders of runs, or of studies")]
 SpeedsAsked = Annotated[bool, flag("--speeds", help="speeds of motor and output against time")]
-TorqueSpeedAsked = Annotated[bool, flag("--torque-speed", help="torque on the output over the motor's speed")]
+TorqueSpeedAsked = Annotated[bool, flag("--torque-speed", help="torque on the output against the speed of the motor")]
 ExportFormat = Annotated[str, typer.Option("--to", metavar="FORMAT", help="csv, parquet, mat, netcdf or vtk")]
-TorqueCurrentAsked = Annotated[bool, flag("--torque-current", help="torque over the coil's current")]
+TorqueCurrentAsked = Annotated[bool, flag("--torque-current", help="torque against the coil current")]
 Rated = Annotated[
     str | None,
-    typer.Option("--rated", metavar="CURRENT", help="--torque-current over a curve's own point at this current"),
+    typer.Option(
+        "--rated", metavar="CURRENT", help="with --torque-current: divide each curve by its point at this current"
+    ),
 ]
 Measured = Annotated[
     Path | None,
@@ -67,66 +72,71 @@ Catalogue = Annotated[
     ),
 ]
 GrainSizeAsked = Annotated[
-    bool, flag("--grain-size", help="torque over the grains per gap, extrapolated to the real powder")
+    bool, flag("--grain-size", help="torque against the grains per gap, extrapolated to the real powder")
 ]
 Look = Annotated[
     str | None,
-    typer.Option("--look", metavar="WHAT", help="gap (grains before the field), chains (of force), device"),
+    typer.Option("--look", metavar="WHAT", help="gap (grains in front of the field), chains (force chains) or device"),
 ]
 ColourBy = Annotated[
     str | None,
     typer.Option(
-        "--colour", metavar="WHAT", help="grains: speed, spin, force, magnetic-force, moment, shear-stress, contacts"
+        "--colour",
+        metavar="WHAT",
+        help="colour grains by speed, spin, force, magnetic-force, moment, shear-stress, contacts or diameter",
     ),
 ]
-FieldShown = Annotated[str | None, typer.Option("--field", metavar="WHAT", help="of the field: B (default) or H")]
-FullRing = Annotated[bool, flag("--ring", help="repeat the grains' sector to a full ring")]
-Moment = Annotated[str | None, typer.Option("--time", metavar="T", help="moment: '5 ms'; default: the last")]
+FieldShown = Annotated[str | None, typer.Option("--field", metavar="WHAT", help="field to show: B (default) or H")]
+FullRing = Annotated[bool, flag("--ring", help="show the sector repeated to a full ring")]
+Moment = Annotated[str | None, typer.Option("--time", metavar="T", help="time to show: '5 ms'; default: the last")]
 Screenshot = Annotated[Path | None, typer.Option("--screenshot", metavar="FILE", help="new picture (.png), no window")]
 Movie = Annotated[
     Path | None,
-    typer.Option("--movie", metavar="FILE", help="new movie of all moments (.gif, .mp4), no window"),
+    typer.Option("--movie", metavar="FILE", help="new movie of all times (.gif, .mp4), no window"),
 ]
-ParaViewAsked = Annotated[
-    bool, flag("--paraview", help="start ParaView with a script of its own; none in the folder is executed")
-]
+ParaViewAsked = Annotated[bool, flag("--paraview", help="start ParaView; scripts in the folder are not executed")]
 Out = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="new folder for the results")]
 Currents = Annotated[
     str | None,
     typer.Option(
         "--current",
         metavar="I",
-        help="'0.5 A', a list '0 A, 1 A', with ranges first : last : how many in it; default: the largest",
+        help="a current '0.5 A', a list '0 A, 1 A', or ranges 'first : last : number'; default: the largest current",
     ),
 ]
-TorqueOfRun = Annotated[
-    Path | None, typer.Option("--run", metavar="RUN", help="folder of a run, whose torque is taken")
-]
+TorqueOfRun = Annotated[Path | None, typer.Option("--run", metavar="RUN", help="folder of a run whose torque is used")]
 SlipPower = Annotated[
     str | None,
-    typer.Option("--slip-power", metavar="P", help="given slip power instead of a torque: effects.heat.slip_power"),
+    typer.Option("--slip-power", metavar="P", help="slip power in place of a torque (sets effects.heat.slip_power)"),
 ]
 SlipSpeeds = Annotated[
     str | None,
-    typer.Option("--speed", metavar="N", help="slip speeds of the permitted power: '100 rpm, 1000 rpm'"),
+    typer.Option(
+        "--speed", metavar="N", help="slip speeds at which the permitted slip power is computed: '100 rpm, 1000 rpm'"
+    ),
 ]
 Lines = Annotated[
     list[str] | None,
     typer.Option("--line", metavar="R0,Z0,R1,Z1", help="write B and H along a line: '44 mm, 0 mm, 46 mm, 0 mm'"),
 ]
 TransientAsked = Annotated[
-    bool, flag("--transient", help="the coil alone in time after coil.voltage is switched: current, gap field, heat")
+    bool, flag("--transient", help="switch coil.voltage on and compute current, gap field and heat against time")
 ]
 TransientEnd = Annotated[
     str | None,
     typer.Option(
-        "--end", metavar="T", help="of --transient: '50 ms'; default: time.end, else when all is within 1 % of its end"
+        "--end",
+        metavar="T",
+        help="with --transient: last time, '50 ms'; default: time.end, else when all values are within 1 % of "
+        "their last ones",
     ),
 ]
 StepTolerance = Annotated[
     float | None,
     typer.Option(
-        "--tolerance", callback=_within(1e-6, 0.1), help="of --transient: local error of a time step; default: 1e-3"
+        "--tolerance",
+        callback=_within(1e-6, 0.1),
+        help="with --transient: relative error of a time step; default: 1e-3",
     ),
 ]
 NewFile = Annotated[Path | None, typer.Option("--out", metavar="FILE", help="new file; default: the terminal")]
@@ -139,39 +149,44 @@ Sets = Annotated[
         help="set a key: coil.current='0.8 A'; KEY=none removes it; effects.NAME=off or on removes or adds an effect",
     ),
 ]
-Resume = Annotated[
-    bool, flag("--resume", help="continue from the last checkpoint; a run killed before the first starts again")
-]
-Threads = Annotated[int | None, typer.Option("--threads", help="threads; results do not depend on them")]
-Force = Annotated[bool, flag("--force", help="run also where more memory or disk is needed than is free")]
+Resume = Annotated[bool, flag("--resume", help="continue from the last checkpoint; without one, start again")]
+Threads = Annotated[int | None, typer.Option("--threads", help="number of threads; results do not depend on it")]
+Force = Annotated[bool, flag("--force", help="run even if more memory or disk space is needed than is free")]
 Jobs = Annotated[
-    int, typer.Option("--jobs", callback=_within(1), help="points that run at a time, each in a process of its own")
+    int,
+    typer.Option("--jobs", callback=_within(1), help="number of points that run at a time, each in its own process"),
 ]
 PointAsked = Annotated[
     int | None,
     typer.Option(
-        "--point", metavar="K", help="run only point K of the study in --out, from 0, as a task of a job array"
+        "--point", metavar="K", help="run only point K (from 0) of the study in --out, for a task of a job array"
     ),
 ]
 DaskAddress = Annotated[
     str | None,
     typer.Option(
         "--dask", metavar="ADDRESS",
-        help="run points or cells on the workers of this dask scheduler (tcp://node1:8786), by default on a thread",
+        help="run points or cells on the workers of this dask scheduler (tcp://node1:8786), one thread each by default",
     ),
 ]  # fmt: skip
 ListAsked = Annotated[
     bool,
-    flag("--list", help="run nothing: print the command of each point that is not done in --out, for job arrays"),
+    flag("--list", help="run nothing; print a command for each point that is not done in --out, for job arrays"),
 ]
 CollectAsked = Annotated[
     bool,
-    flag("--collect", help="run nothing: tables and pictures of the points in --out; exit code 3: some missing"),
+    flag(
+        "--collect",
+        help="run nothing; write tables and pictures of the finished points in --out; exit code 3 if points are "
+        "missing",
+    ),
 ]
 JobsOfCores = Annotated[
     int | None,
     typer.Option(
-        "--jobs", callback=_within(1), help="replicas at a time, each in a process of its own; default: the cores"
+        "--jobs",
+        callback=_within(1),
+        help="number of replicas that run at a time, each in its own process; default: number of cores",
     ),
 ]
 Budget = Annotated[
@@ -183,42 +198,56 @@ Targets = Annotated[
     typer.Option(
         "--for",
         metavar="LIST",
-        help=f"accuracies to find settings for: half the torque's 95 % interval; in quotes; default: '{USUAL_TARGETS}'",
+        help=f"accuracies (half the 95 % interval of the torque) for which to find settings; default: "
+        f"'{USUAL_TARGETS}'",
     ),
 ]
 ResumeAccuracy = Annotated[bool, flag("--resume", help="continue the study in the folder of --out")]
 OfEffects = Annotated[
-    bool, flag("--effects", help="what each effect adds to torque and cost, in place of the settings' errors")
+    bool, flag("--effects", help="measure what each effect adds to torque and cost, not the errors of the settings")
 ]
-DryRun = Annotated[bool, flag("--dry-run", help="stop after the plan; nothing is written")]
-DryRunOfStudy = Annotated[bool, flag("--dry-run", help="list the points and stop; nothing is written")]
+DryRun = Annotated[bool, flag("--dry-run", help="print the plan and stop; write nothing")]
+DryRunOfStudy = Annotated[bool, flag("--dry-run", help="list the points and stop; write nothing")]
 TrustScripts = Annotated[
     bool,
     flag("--trust-scripts", help="run a script (.geo) that the scene names as its geometry; it may run any command"),
 ]
-AsMarkdown = Annotated[bool, flag("--markdown", help="a page of all keys for people to read")]
+AsMarkdown = Annotated[bool, flag("--markdown", help="write the reference page of all keys instead")]
 MaterialNames = Annotated[
     list[str] | None,
-    typer.Argument(metavar="[NAME]...", help="materials, or files of a curve or a major loop (.csv); default: all"),
+    typer.Argument(
+        metavar="[NAME]...",
+        help="names of materials, or files (.csv) of a B-H curve or a major loop; default: all materials",
+    ),
 ]
 CurvePicture = Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="new picture of B(H) and mu_r(B)")]
 PairForceAsked = Annotated[
-    bool, flag("--pair-force", help="force between two grains of a powder against their gap (carbonyl_iron)")
+    bool, flag("--pair-force", help="force between two grains against their gap, for a powder such as carbonyl_iron")
 ]
 DryRunOfAccuracy = Annotated[
-    bool, flag("--dry-run", help="print what is known, settings and cost; run and write nothing")
+    bool,
+    flag("--dry-run", help="print what is known without a study, the settings and the cost; run and write nothing"),
 ]
-Details = Annotated[bool, flag("--details", help="print all that follows: grains, steps, mesh, what is left out")]
+Details = Annotated[bool, flag("--details", help="print also grains, time step, mesh and the omitted effects")]
 AsJson = Annotated[bool, flag("--json", help="print JSON and nothing else")]
 CellFills = Annotated[
     str | None, typer.Option("--fill", metavar="PHI", help="solid fractions of the cells: '0.32, 0.45'")
 ]
 CellFields = Annotated[
     str | None,
-    typer.Option("--field", metavar="H", help="macroscopic fields: '18 kA/m, 80 kA/m', or first : last : how many"),
+    typer.Option(
+        "--field",
+        metavar="H",
+        help="mean field strengths H of the cells: '18 kA/m, 80 kA/m', or 'first : last : number'",
+    ),
 ]
 CellWalls = Annotated[
-    str, typer.Option("--walls", metavar="KIND", help="steel: faces, for a law; none: cells without faces, for a table")
+    str,
+    typer.Option(
+        "--walls",
+        metavar="KIND",
+        help="steel: cells between steel faces, which give a law; none: cells without faces, which give a table",
+    ),
 ]
 BudgetOfCells = Annotated[
     str | None, typer.Option("--budget", metavar="TIME", help="wall-clock time of the cells; default: 10min")
@@ -226,20 +255,24 @@ BudgetOfCells = Annotated[
 CellsAtATime = Annotated[
     int | None,
     typer.Option(
-        "--jobs", callback=_within(1), help="cells at a time, each in a process of its own; default: the cores"
+        "--jobs",
+        callback=_within(1),
+        help="number of cells that run at a time, each in its own process; default: number of cores",
     ),
 ]
-ResumeLaw = Annotated[bool, flag("--resume", help="continue in the folder of --out: cells that are done are kept")]
+ResumeLaw = Annotated[bool, flag("--resume", help="continue in the folder of --out; finished cells are kept")]
 Repose = Annotated[
     str | None,
     typer.Option("--repose", metavar="ANGLE", help="angle of repose of the powder without a field: '34 deg'"),
 ]
 InternalFriction = Annotated[
     float | None,
-    typer.Option("--internal-friction", help="tau/P of a shear tester in steady flow, in place of the angle"),
+    typer.Option(
+        "--internal-friction", help="shear stress over pressure of a shear tester in steady flow, in place of the angle"
+    ),
 ]
 PairFriction = Annotated[
-    float | None, typer.Option("--friction", help="with --rolling-friction: the angle that this pair gives")
+    float | None, typer.Option("--friction", help="with --rolling-friction: print the angle of repose of this pair")
 ]
 PairRolling = Annotated[float | None, typer.Option("--rolling-friction", help="see --friction")]
 USUAL_UNCERTAINTY = "1 deg"
@@ -264,14 +297,12 @@ MapCurrents = Annotated[
     typer.Option(
         "--current",
         metavar="RANGE",
-        help="coil current: range '0.1 A:1.5 A', with a count '0.1 A:1.5 A:8', or list '0.5 A, 1 A'; so has each axis, "
-        "and the first of them is x",
+        help="coil current: a range '0.1 A:1.5 A', a range with a count '0.1 A:1.5 A:8', or a list '0.5 A, 1 A'. "
+        "All axes below take the same forms; the first one given is the x axis",
     ),
 ]
 MapVoltages = Annotated[str | None, typer.Option("--voltage", metavar="RANGE", help="coil voltage: '6 V:24 V'")]
-MapGaps = Annotated[
-    str | None, typer.Option("--gap", metavar="RANGE", help="width of the gap that is sheared: '0.5 mm, 1 mm'")
-]
+MapGaps = Annotated[str | None, typer.Option("--gap", metavar="RANGE", help="width of the powder gap: '0.5 mm, 1 mm'")]
 MapSpeeds = Annotated[
     str | None, typer.Option("--speed", metavar="RANGE", help="speed of the rotor: '100 rpm:3000 rpm'")
 ]
@@ -284,15 +315,20 @@ MapRepose = Annotated[
 ]
 MapTemperatures = Annotated[
     str | None,
-    typer.Option("--temperature", metavar="RANGE", help="of grains, steel and winding: '20 degC:200 degC'"),
+    typer.Option("--temperature", metavar="RANGE", help="temperature of grains, steel and winding: '20 degC:200 degC'"),
 ]
 MapVary = Annotated[
     list[str] | None,
-    typer.Option("--vary", metavar="KEY=RANGE", help="any continuous quantity: geometry.clearance='0.1 mm:0.5 mm'"),
+    typer.Option(
+        "--vary", metavar="KEY=RANGE", help="any key with a continuous value: geometry.clearance='0.1 mm:0.5 mm'"
+    ),
 ]
 Target = Annotated[str | None, typer.Option("--target", metavar="AIM", help="target: 'torque 12 N m'")]
 Like = Annotated[
-    Path | None, typer.Option("--like", metavar="RUN", help="finished run, whose torque corrects the expected ones")
+    Path | None,
+    typer.Option(
+        "--like", metavar="RUN", help="finished run of a similar scene, whose torque corrects the expected torques"
+    ),
 ]
 Runs = Annotated[
     int,
@@ -300,7 +336,8 @@ Runs = Annotated[
         "--runs",
         metavar="N",
         callback=_within(0),
-        help="run the scene found and repeat the search with the result, at most N times, until a torque meets the "
+        help="run the scene that was found and correct the search by its torque, at most N times, until a "
+        "torque meets the "
         "target; default: 0",
         show_default=False,
     ),
@@ -311,7 +348,7 @@ Within = Annotated[
     typer.Option(
         "--within",
         metavar="SHARE",
-        help=f"with --runs: accepted difference of a run's torque from it; default: {USUAL_WITHIN}",
+        help=f"with --runs: accepted difference of the torque of a run from the target; default: {USUAL_WITHIN}",
     ),
 ]
 MeasuredCurve = Annotated[
@@ -320,35 +357,40 @@ MeasuredCurve = Annotated[
         "--to", metavar="FILE", help="measured curve (.csv): current [A], torque [N m] and, where known, error"
     ),
 ]
-Over = Annotated[str, typer.Option("--over", metavar="KEY", help="dotted key of the curve's first column")]
+Over = Annotated[str, typer.Option("--over", metavar="KEY", help="key of the first column of the curve")]
 FrictionRange = Annotated[
-    str, typer.Option("--friction", metavar="RANGE", help="sliding friction: range that is fitted, '0.2:0.7', or value")
+    str, typer.Option("--friction", metavar="RANGE", help="sliding friction: range to fit, '0.2:0.7', or a value")
 ]
 RollingRange = Annotated[
-    str, typer.Option("--rolling-friction", metavar="RANGE", help="rolling friction: range that is fitted, or value")
+    str, typer.Option("--rolling-friction", metavar="RANGE", help="rolling friction: range to fit, or a value")
 ]
 FillRange = Annotated[
     str | None,
-    typer.Option("--fill", metavar="RANGE", help="solid fraction, fitted too: '0.3:0.45'; default: the scene's"),
+    typer.Option(
+        "--fill",
+        metavar="RANGE",
+        help="solid fraction: range to fit, '0.3:0.45'; default: that of the scene, not fitted",
+    ),
 ]
 CommonError = Annotated[
     str | None,
     typer.Option(
         "--common-error",
         metavar="SHARE",
-        help="standard error that all measured torques share, as of a calibration: '3 %'; default: none",
+        help="standard error of the calibration, common to all measured torques: '3 %'; default: none",
     ),
 ]
 SceneKind = Annotated[
     str | None,
     typer.Option(
         "--kind",
-        help="clutch, also as disc, disk or brake (powder at the faces of a disc), drum (powder at the rim; the "
+        help="clutch, disc, disk or brake (all the same: powder at the faces of a disc), drum (powder at the rim; the "
         "default), cad, centrifugal, shear_cell, sheared_box, box, or field",
     ),
 ]
 FemmFile = Annotated[
-    Path | None, typer.Option("--from", metavar="FILE", help="axisymmetric model of FEMM 4 (.fem) to make it from")
+    Path | None,
+    typer.Option("--from", metavar="FILE", help="axisymmetric model of FEMM 4 (.fem) from which the scene is made"),
 ]
 PowderMaterial = Annotated[
     str | None,
@@ -357,5 +399,5 @@ PowderMaterial = Annotated[
 NewScene = Annotated[Path | None, typer.Argument(metavar="[FILE]", help="new scene file (.toml)")]
 Drawing = Annotated[
     Path | None,
-    typer.Option("--drawing", metavar="FILE", help="new picture (.png) of the kind's dimensions with their keys"),
+    typer.Option("--drawing", metavar="FILE", help="new picture (.png) of the dimensions of the kind, with their keys"),
 ]

@@ -22,9 +22,9 @@ def plot(
     out: opt.NewPicture = None,
     trust_scripts: opt.TrustScripts = False,
 ) -> None:
-    """Draw runs, or a study's points, over one another in a new file: torques with their 95 % bands, or others.
+    """Draw runs, or the points of studies, in one picture: torque against time with 95 % bands, or other curves.
 
-    A finished run that was killed before its own pictures gets them.
+    If a finished run was killed before it drew its own pictures, they are drawn too.
     """
     with explained():
         from emclutch.cli import plot as drawn
@@ -72,7 +72,7 @@ def view(
 def report(
     folder: opt.ResultPath, out: opt.NewFile = None, html: opt.AsHtml = False, measured: opt.Catalogue = None
 ) -> None:
-    """Write a run or a study as Markdown; with --html as one page for a browser, pictures inside."""
+    """Write the report of a run or a study as Markdown, or with --html as one page with its pictures."""
     with explained():
         from emclutch.results.report.render import markdown, write_new, write_page
         from emclutch.results.report.report import Picture, Section

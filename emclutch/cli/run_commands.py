@@ -78,7 +78,7 @@ def check(
     as_json: opt.AsJson = False,
     trust_scripts: opt.TrustScripts = False,
 ) -> None:
-    """Validate a scene and estimate its torque, cost and errors; of a study each point's plan, and the time of all."""
+    """Check a scene and predict its torque, cost and errors; check a study and predict its time."""
     with explained():
         if (study := study_to_check(case, sets, jobs, details, trust_scripts)) is not None:
             from emclutch.studies.forecast import predict_study
@@ -110,7 +110,7 @@ def sweep(
     trust_scripts: opt.TrustScripts = False,
     force: opt.Force = False,
 ) -> None:
-    """Simulate every point of a study: several at a time with --jobs, on many machines with --dask or --list."""
+    """Simulate all points of a study: several at a time with --jobs, on many machines with --dask or --list."""
     with explained():
         from emclutch.results.measured_table import TORQUE_CURVE, read_measured
         from emclutch.scene.study import read_study
@@ -243,7 +243,7 @@ def design(
     as_json: opt.AsJson = False,
     trust_scripts: opt.TrustScripts = False,
 ) -> None:
-    """Search the value of one key that gives a wanted torque, over the expected torque, then by runs."""
+    """Find the value of one key that gives a wanted torque, from the expected torque, then with --runs by runs."""
     with explained():
         check_threads(threads)
         if not runs:
@@ -277,7 +277,7 @@ def map(
     as_json: opt.AsJson = False,
     trust_scripts: opt.TrustScripts = False,
 ) -> None:
-    """Expected torque with its interval over one or two quantities: table, picture and page."""
+    """Compute the expected torque with its interval over one or two quantities; write table, picture and page."""
     with explained():
         given = map_axes(ctx.params, vary, sets)
         read = load(case, sets, trust_scripts)
@@ -305,7 +305,7 @@ def powder_law(
     as_json: opt.AsJson = False,
     trust_scripts: opt.TrustScripts = False,
 ) -> None:
-    """Measure the law of a scene's powder by cells of its grains; a shipped law that covers the powder is taken."""
+    """Measure the torque law of a powder in simulated cells; not needed for a powder that a shipped law covers."""
     with explained():
         refuse_to_resume_nothing("law", resume, out)
         if dask is not None:
@@ -343,7 +343,7 @@ def fit(
     as_json: opt.AsJson = False,
     trust_scripts: opt.TrustScripts = False,
 ) -> None:
-    """Fit friction, rolling friction and fill to a measured torque curve by the law of the powder."""
+    """Find the friction, rolling friction and fill of a powder from a measured torque curve."""
     with explained():
         read = load(case, sets, trust_scripts)
         from emclutch.cli.fit import angle_of, common_error_of, ends_of

@@ -20,7 +20,7 @@ def new(
     powder: opt.PowderMaterial = None,
     drawing: opt.Drawing = None,
 ) -> None:
-    """Write a scene of a kind, or from a model of FEMM, with every key and its unit; nothing is overwritten."""
+    """Write a new scene file with every key and its unit, for a kind of device or from a FEMM model."""
     with explained():
         from emclutch.cli.new import draw_kind, new_scene, new_scene_from
 
@@ -39,7 +39,7 @@ def new(
 
 
 def schema(out: opt.NewFile = None, markdown: opt.AsMarkdown = False) -> None:
-    """Write the JSON schema of a scene, with which editors complete and check."""
+    """Write the JSON schema of a scene, with which editors complete and check keys."""
     from emclutch.scene.model import Scene
     from emclutch.scene.reference import scene_reference
 

@@ -96,10 +96,10 @@ class GrainSize:
         `measured`: an accuracy study of the device knows the error of the size, and the general law is not printed.
         """
         if not self.is_coarser or self.real_diameter is None:
-            return f"{self.across:.2g} grains of real size span the gap, {self.count:.2g} fill the device"
+            return f"{self.across:.2g} grains of real size span the gap, and {self.count:.2g} fill the device"
         text = (
             f"{self.across:.2g} simulated grains span the gap; the real powder has "
-            f"{self.gap / self.real_diameter:.2g} ({1e6 * self.real_diameter:.3g} µm). Inertia counts "
+            f"{self.gap / self.real_diameter:.2g} ({1e6 * self.real_diameter:.3g} µm). Their inertia counts "
             f"{self.coarse_graining:.2g} times as much as in reality"
         )
         excess = self.torque_excess()

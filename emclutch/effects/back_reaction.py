@@ -109,14 +109,20 @@ def _room_for_the_smear(partial: PartialScene) -> Iterator[Fault]:
 
 
 FEEDBACK_RESIDUAL = Column(
-    "feedback_residual", "1", "the grains' magnetisation against that of the field's solve, root mean square", When.END
+    "feedback_residual",
+    "1",
+    "difference of the magnetisation of the grains from that in the solved field, relative, rms",
+    When.END,
 )
-FEEDBACK_ACROSS = Column("feedback_across", "1", "part that the last solve took as given: across the field", When.FIELD)
-FEEDBACK_CLIPPED = Column(
-    "feedback_clipped", "1", "part that it took as given: demagnetising factor at its bounds", When.FIELD
+FEEDBACK_ACROSS = Column(
+    "feedback_across",
+    "1",
+    "magnetisation that the solve took as constant, relative: component across the field",
+    When.FIELD,
 )
+FEEDBACK_CLIPPED = Column("feedback_clipped", "1", "the same: where the demagnetising factor is at a limit", When.FIELD)
 FEEDBACK_LAGGED = Column(
-    "feedback_lagged", "1", "part that it took as given: within an element, lag of the factor", When.FIELD
+    "feedback_lagged", "1", "the same: variation within an element and delay of the demagnetising factor", When.FIELD
 )
 
 

@@ -50,9 +50,12 @@ def _has_a_voltage(partial: PartialScene) -> Iterator[Fault]:
         )
 
 
-COIL_VOLTAGE = Column("coil_voltage", "V", "voltage at the coil, its resistance included", When.END)
+COIL_VOLTAGE = Column("coil_voltage", "V", "voltage at the terminals of the coil", When.END)
 INTO_FIELD = Column(
-    "into_field", "J", "part of coil_supplied that goes into the field: integral of i d(flux linkage)", When.SUM
+    "into_field",
+    "J",
+    "part of coil_supplied that goes into the field, the integral of current times d(flux linkage)",
+    When.SUM,
 )
 
 

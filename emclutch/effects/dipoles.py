@@ -93,12 +93,12 @@ def _room_for_the_layers(partial: PartialScene) -> Iterator[Fault]:
 
 
 TORQUE_FIELD_DIPOLES = Column(
-    "torque_field_dipoles", "N m", "part of torque_field from pairs of dipoles, booked as m x B", When.MEAN
+    "torque_field_dipoles", "N m", "part of torque_field from pairs of dipoles, as m x B", When.MEAN
 )
 MOMENT_RESIDUAL = Column(
     "moment_residual",
     "1",
-    "undamped step of the moments over the magnetisation, or of their layers' field",
+    "last change in the iteration for the moments, relative to the magnetisation",
     When.LARGEST,
 )
 MOMENT_SWEEPS = Column("moment_sweeps", "1", "sweeps over the grains' moments", When.SUM)
@@ -148,7 +148,7 @@ class DipolesSection(EffectSection):
         """What both entries of `contact.method` were measured to take with necks; empty without."""
         if not self.has_necks:
             return ""
-        return "processor time of dvi over that of dem: about 1 for powder, 0.7 for shot"
+        return "DVI takes about as much processor time as DEM for powder, 0.7 times as much for shot"
 
     def acting(self, scene, bodies):
         """Yield the forces between moments."""

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 BEGINNING = ("off", "steady")
 
-COIL_SUPPLIED = Column("coil_supplied", "J", "energy that the coil's supply gave", When.SUM)
+COIL_SUPPLIED = Column("coil_supplied", "J", "energy from the supply of the coil", When.SUM)
 COPPER_LOSS = Column("copper_loss", "J", "part of coil_supplied that heats the winding", When.SUM)
 ENERGY_COLUMNS = (COIL_SUPPLIED, COPPER_LOSS)
 

@@ -33,7 +33,7 @@ def _flow_has_its_gap(partial: PartialScene) -> Iterator[Fault]:
 
 
 TORQUE_FLUID_DRAG = Column(
-    "torque_fluid_drag", "N m", "minus the torque of the carrier fluid's drag on the grains", When.MEAN
+    "torque_fluid_drag", "N m", "minus the torque of the drag of the carrier fluid on the grains", When.MEAN
 )
 
 

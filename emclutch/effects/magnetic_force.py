@@ -7,13 +7,19 @@ from emclutch.effects.omitted_effect import OFF, OmittedEffect
 from emclutch.results.columns import Column, When
 
 TORQUE_DISC_FIELD = Column(
-    "torque_disc_field", "N m", "part of torque_disc: reaction to the pull of the field of its slots", When.MEAN
+    "torque_disc_field",
+    "N m",
+    "part of torque_disc: reaction to the force that its slots exert through the field",
+    When.MEAN,
 )
 TORQUE_ROTOR_FIELD = Column(
-    "torque_rotor_field", "N m", "part of torque_rotor: reaction to the pull of the field of its slots", When.MEAN
+    "torque_rotor_field",
+    "N m",
+    "part of torque_rotor: reaction to the force that its slots exert through the field",
+    When.MEAN,
 )
 TORQUE_FIELD_GRADIENT = Column(
-    "torque_field_gradient", "N m", "part of torque_field from the gradient force of the field", When.MEAN
+    "torque_field_gradient", "N m", "part of torque_field from the gradient of the field", When.MEAN
 )
 
 

@@ -76,12 +76,12 @@ class OmittedEffect:
         return f"{share:.1g} %" if share >= 0.1 else "below 0.1 %"
 
     def in_words(self) -> str:
-        """Number, limit and note."""
+        """Return the number, its limit and the note."""
         text = self.number
         if self.value is not None:
             text += f": {format_number(self.value)}"
         if self.value is not None and self.limit is not None:
-            text += f" ({'below' if self.below else 'above'} {self.limit:g})"
+            text += f" (relevant {'below' if self.below else 'above'} {self.limit:g})"
         return "; ".join(filter(None, (text, self.note)))
 
     def as_dict(self) -> dict[str, object]:

@@ -28,23 +28,26 @@ def reference() -> str:
 
 _BEFORE_THE_COLUMNS = """# Columns of history.csv
 
-A row belongs to a coupling window; a quantity that the scene does not have has no column. The same rows are in
-`run.h5`, and `time` is the end of the window. The column *of* says for each quantity to which instant or interval it
-belongs:
+`history.csv` has one row for each coupling window. `time` is the end of the window. `run.h5` has the same rows. A
+quantity that does not exist in a scene has no column. The third column of the table, *of*, says to which instant or
+interval a value belongs:
 
 - **end of the window**: the state at `time`.
-- **last solve of the field**: the field is solved at the end of a window where the current has changed by more than 1
-  % of its largest value so far since the last solve, or the grains' moments by more than
-  `effects.back_reaction.tolerance`; else the quantity is that of the last solve. `current` is the current of that
-  field, so that `current`, `flux_linkage` and `field_energy` belong together in each row. A current that stays
-  constant is solved for exactly. With `effects.hysteresis` each turn of the current is a solve too, wherever it lies in
-  the window, and another one follows at the end of the window. With `effects.coil_circuit`, whose `tolerance` takes the
-  place of the 1 %, these three follow the circuit to the end of the window; with `effects.eddy_currents` they are of
-  the last step of the field.
-- **last evaluation of the moments**: moments are found at the start of each update interval and constant in it.
-- **mean, sum, largest**: over the window, whose steps are made in the field of its start. With eddy currents or
-  hysteresis a sum is over the steps of the field that end in the window.
+- **last solve of the field**: the state when the field was last solved. The field is solved at the end of a window if,
+  since the last solve, the current has changed by more than 1 % of its largest value so far, or the moments of the
+  grains by more than `effects.back_reaction.tolerance`. `current` is the current of this solve, so that `current`,
+  `flux_linkage` and `field_energy` of a row belong together.
+- **last evaluation of the moments**: moments are computed at the start of each update interval and are constant in it.
+- **mean, sum, largest**: over the window. Its steps use the field of the start of the window.
 
-Frames for ParaView and the frames of `run.h5` have the grains, the walls and the field of their time; moments and
-magnetic forces are of their last evaluation, velocities are half a step earlier.
+Exceptions:
+
+- With `effects.hysteresis` the field is also solved at each turn of the current, and again at the end of that window.
+- With `effects.coil_circuit` its `tolerance` replaces the 1 %. `current`, `flux_linkage` and `field_energy` are those
+  of the circuit at the end of the window.
+- With `effects.eddy_currents` these three are those of the last time step of the field.
+- With eddy currents or hysteresis a sum covers the time steps of the field that end in the window.
+
+Frames for ParaView and of `run.h5` have positions, walls and field at their time. Moments and magnetic forces are those
+of the last evaluation. Velocities are half a step earlier.
 """

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class When(Enum):
-    """What a column of a window's row is of; the value is how the reference says it."""
+    """Instant or interval to which a column belongs, with its text in the reference."""
 
     END = "instant: end of the window"
     FIELD = "instant: last solve of the field"
@@ -53,7 +53,7 @@ class Column(str):
 END, FIELD, MOMENTS, MEAN, SUM, LARGEST = When.END, When.FIELD, When.MOMENTS, When.MEAN, When.SUM, When.LARGEST
 
 TIME = Column("time", "s", "end of the window", END)
-CURRENT = Column("current", "A", "coil current, of the field in this row", FIELD)
+CURRENT = Column("current", "A", "coil current that makes the field of this row", FIELD)
 ROTOR_SPEED = Column("rotor_speed", "rad/s", "speed of the rotor (input shaft)", END)
 DISC_SPEED = Column("disc_speed", "rad/s", "speed of the disc (output shaft)", END)
 TORQUE_DISC = Column("torque_disc", "N m", "torque of the grains on the disc about z, whole device", MEAN)
@@ -62,30 +62,30 @@ TORQUE_HOUSING = Column("torque_housing", "N m", "torque of the grains on the ho
 TORQUE_FIELD = Column(
     "torque_field",
     "N m",
-    "minus the field's torque on the grains: zero by symmetry for coil and steel of revolution; its size is the error "
-    "of the moments' iteration",
+    "minus the torque of the field on the grains; zero by symmetry for coil and steel of revolution, where its size is "
+    "the error of the iteration for the moments",
     MEAN,
 )
 TORQUE_DISC_NORMAL = Column(
-    "torque_disc_normal", "N m", "part of torque_disc from the springs along the contacts' normals", MEAN
+    "torque_disc_normal", "N m", "part of torque_disc from the normal springs of contacts", MEAN
 )
 TORQUE_DISC_DAMPING = Column(
-    "torque_disc_damping", "N m", "part of torque_disc from the dashpots along the contacts' normals", MEAN
+    "torque_disc_damping", "N m", "part of torque_disc from the normal dashpots of contacts", MEAN
 )
 TORQUE_DISC_TANGENTIAL = Column(
     "torque_disc_tangential", "N m", "part of torque_disc from tangential contact forces", MEAN
 )
-ANGULAR_MOMENTUM = Column("angular_momentum", "N m s", "of the grains about z, spin included", END)
+ANGULAR_MOMENTUM = Column("angular_momentum", "N m s", "angular momentum of the grains about z, spin included", END)
 TORQUE_RESIDUAL = Column(
     "torque_residual", "N m", "residual of the balance of all torques and dL/dt, each computed independently", MEAN
 )
-KINETIC_ENERGY = Column("kinetic_energy", "J", "of the grains, spin included", END)
-ELASTIC_ENERGY = Column("elastic_energy", "J", "stored in the contacts", END)
+KINETIC_ENERGY = Column("kinetic_energy", "J", "kinetic energy of the grains, spin included", END)
+ELASTIC_ENERGY = Column("elastic_energy", "J", "elastic energy of the contacts", END)
 MAGNETIC_ENERGY = Column(
-    "magnetic_energy", "J", "of the grains' moments in the field in which the window's steps were made", MOMENTS
+    "magnetic_energy", "J", "energy of the moments of the grains in the field at the start of the window", MOMENTS
 )
 FIELD_ENERGY = Column("field_energy", "J", "magnetic field energy", FIELD)
-FLUX_LINKAGE = Column("flux_linkage", "Wb", "of the coil, all turns", FIELD)
+FLUX_LINKAGE = Column("flux_linkage", "Wb", "flux linkage of all turns of the coil", FIELD)
 GAP_FLUX_DENSITY = Column("gap_flux_density", "T", "mean |B| in the gap", FIELD)
 FIELD_STRENGTH_POWDER = Column(
     "field_strength_powder", "A/m", "mean |H| of the macroscopic field between the pole faces", FIELD
@@ -94,34 +94,32 @@ FILL_POWDER = Column("fill_powder", "1", "solid fraction between the pole faces"
 WORK_WALLS = Column("work_walls", "J", "work of the walls on the grains", SUM)
 WORK_SHEAR = Column("work_shear", "J", "work of the shear of a periodic box on the grains", SUM)
 WORK_PRESSURE = Column(
-    "work_pressure", "J", "work on the grains by the stretch of a periodic box under an imposed pressure", SUM
+    "work_pressure", "J", "work on the grains as a periodic box under pressure changes its height", SUM
 )
 WORK_BOX_MAGNETIC = Column(
     "work_box_magnetic",
     "J",
-    "part of work_shear and work_pressure through magnetic forces, whose energy it changes",
+    "part of work_shear and work_pressure that changes the magnetic energy",
     SUM,
 )
 WORK_MAGNETIC = Column("work_magnetic", "J", "work of the magnetic forces on the grains", SUM)
-WORK_LAGGED = Column("work_lagged", "J", "work of all lagged forces on the grains, where some are not magnetic", SUM)
-DISSIPATED_NORMAL_DAMPING = Column(
-    "dissipated_normal_damping", "J", "part of dissipated in the dashpots along the normals", SUM
+WORK_LAGGED = Column(
+    "work_lagged", "J", "work of all forces that are updated every few steps, if some of them are not magnetic", SUM
 )
+DISSIPATED_NORMAL_DAMPING = Column("dissipated_normal_damping", "J", "part of dissipated in the normal dashpots", SUM)
 DISSIPATED_TANGENTIAL_DAMPING = Column(
     "dissipated_tangential_damping", "J", "part of dissipated in the tangential dashpots", SUM
 )
 DISSIPATED_SLIDING = Column("dissipated_sliding", "J", "part of dissipated by sliding friction", SUM)
-DISSIPATED_IMPACT = Column(
-    "dissipated_impact", "J", "part of dissipated along the normals, where rigid grains meet", SUM
-)
-DISSIPATED = Column("dissipated", "J", "energy turned into heat in the contacts", SUM)
+DISSIPATED_IMPACT = Column("dissipated_impact", "J", "part of dissipated in impacts of rigid grains", SUM)
+DISSIPATED = Column("dissipated", "J", "energy that contacts turn into heat", SUM)
 ENERGY_RESIDUAL = Column(
     "energy_residual", "J", "residual of the balance of the energies, each term computed independently", SUM
 )
-SHEAR_STRAIN = Column("shear_strain", "1", "of the periodic box", END)
-SOLID_FRACTION = Column("solid_fraction", "1", "of the periodic box", END)
+SHEAR_STRAIN = Column("shear_strain", "1", "shear strain of the periodic box", END)
+SOLID_FRACTION = Column("solid_fraction", "1", "solid fraction of the periodic box", END)
 SHEAR_STRESS = Column(
-    "shear_stress", "Pa", "force along the flow on a plane across the gradient; between faces the mean of both", MEAN
+    "shear_stress", "Pa", "shear stress of the powder; between steel faces the mean of both faces", MEAN
 )
 SHEAR_STRESS_LOWER = Column("shear_stress_lower", "Pa", "friction on the lower face over its area", MEAN)
 SHEAR_STRESS_UPPER = Column("shear_stress_upper", "Pa", "friction on the upper face over its area", MEAN)
@@ -129,53 +127,58 @@ SHEAR_STRESS_CONTACTS = Column("shear_stress_contacts", "Pa", "part of shear_str
 SHEAR_STRESS_NEAR = Column(
     "shear_stress_near",
     "Pa",
-    "part of shear_stress from the pull of near magnetised grains, which follows every step",
+    "part of shear_stress from the attraction of near grains, updated every step",
     MEAN,
 )
 SHEAR_STRESS_LAGGED = Column(
-    "shear_stress_lagged", "Pa", "part of shear_stress from the lagged magnetic forces", MEAN
+    "shear_stress_lagged", "Pa", "part of shear_stress from the other magnetic forces, updated every few steps", MEAN
 )
 SHEAR_STRESS_ACROSS = Column(
     "shear_stress_across",
     "Pa",
-    "force along the gradient on a plane across the flow, without that of the macroscopic field",
+    "stress along the gradient on a plane across the flow, without the part of the mean field",
     MEAN,
 )
-NORMAL_STRESS_X = Column("normal_stress_x", "Pa", "along the flow, positive where grains push", MEAN)
-NORMAL_STRESS_Y = Column("normal_stress_y", "Pa", "along the vorticity, positive where grains push", MEAN)
+NORMAL_STRESS_X = Column("normal_stress_x", "Pa", "normal stress along the flow, positive for pressure", MEAN)
+NORMAL_STRESS_Y = Column("normal_stress_y", "Pa", "normal stress along the vorticity, positive for pressure", MEAN)
 NORMAL_STRESS_Z = Column(
     "normal_stress_z",
     "Pa",
-    "along the gradient, positive where grains push; between faces the pressure on them",
+    "normal stress along the gradient, positive for pressure; between steel faces the pressure on them",
     MEAN,
 )
-CONTACTS_PER_GRAIN = Column("contacts_per_grain", "1", "of the periodic box", MEAN)
-RELATIVE_PERMEABILITY = Column("relative_permeability", "1", "of the powder in the periodic box", MEAN)
+CONTACTS_PER_GRAIN = Column("contacts_per_grain", "1", "contacts per grain in the periodic box", MEAN)
+RELATIVE_PERMEABILITY = Column(
+    "relative_permeability", "1", "relative permeability of the powder in the periodic box", MEAN
+)
 MAGNETISATION_ALONG_FLOW = Column(
     "magnetisation_along_flow", "A/m", "mean magnetisation of the grains along the flow", MEAN
 )
 N_CONTACTS = Column("n_contacts", "1", "contacts that carry force", END)
-MAX_OVERLAP = Column("max_overlap", "1", "overlap over the grain's diameter", LARGEST)
-MAX_SPEED = Column("max_speed", "m/s", "speed of a grain", LARGEST)
+MAX_OVERLAP = Column("max_overlap", "1", "largest overlap over the diameter of the grain", LARGEST)
+MAX_SPEED = Column("max_speed", "m/s", "largest speed of a grain", LARGEST)
 INERTIAL_NUMBER = Column(
     "inertial_number",
     "1",
-    "shear rate times d sqrt(density/pressure) in the gap; pressure magnetic, or that of friction at the mean torque",
+    "inertial number in the gap: shear rate d sqrt(density/p), p the magnetic pressure, or without magnetism shear "
+    "stress over friction",
     END,
 )
 SOLID_FRACTION_GAP = Column("solid_fraction_gap", "1", "solid fraction of the gap between the pole faces", END)
 FIELD_ITERATIONS = Column("field_iterations", "1", "Newton iterations of the solve", FIELD)
 FIELD_RESIDUAL = Column("field_residual", "1", "relative residual of the solve", FIELD)
-FIELD_SOLVES = Column("field_solves", "1", "field solves; in the first window that of the start too", SUM)
-SWEEPS = Column("sweeps", "1", "sweeps of the solver of rigid contacts a step", MEAN)
-LARGEST_SWEEPS = Column("largest_sweeps", "1", "sweeps of a step", LARGEST)
-SOLVER_RESIDUAL = Column("solver_residual", "m/s", "natural map of the contacts at the end of a step", LARGEST)
-MISSED_STEPS = Column("missed_steps", "1", "steps that did not reach the solver's tolerance", SUM)
+FIELD_SOLVES = Column("field_solves", "1", "solves of the field, including that of the start", SUM)
+SWEEPS = Column("sweeps", "1", "sweeps of the contact solver (DVI) per step", MEAN)
+LARGEST_SWEEPS = Column("largest_sweeps", "1", "largest number of sweeps of a step (DVI)", LARGEST)
+SOLVER_RESIDUAL = Column(
+    "solver_residual", "m/s", "largest violation of Coulomb's law at the end of a step (DVI)", LARGEST
+)
+MISSED_STEPS = Column("missed_steps", "1", "steps that did not reach the tolerance of the solver (DVI)", SUM)
 WARM_HITS = Column(
-    "warm_hits", "1", "fraction of the loaded contacts that began from the impulse of the step before", MEAN
+    "warm_hits", "1", "fraction of loaded contacts that start from the impulse of the step before (DVI)", MEAN
 )
 STABILISATION_WORK = Column(
-    "stabilisation_work", "J", "work of the lagged forces on displacements that removed overlap", SUM
+    "stabilisation_work", "J", "work of the lagged forces on displacements that remove overlap (DVI)", SUM
 )
 REBUILDS = Column("rebuilds", "1", "rebuilds of the neighbour list", SUM)
 STEPS = Column("steps", "1", "time steps of the grains", SUM)
@@ -185,7 +188,7 @@ OF_EVERY_RUN = tuple(value for value in list(globals().values()) if isinstance(v
 WALL_FIELD = Column("wall_field", "s", "wall-clock time for the field", SUM)
 WALL_MAGNETIC = Column("wall_magnetic", "s", "wall-clock time for moments and lagged forces", SUM)
 WALL_CONTACT = Column("wall_contact", "s", "wall-clock time for contacts and motion", SUM)
-WALL_TOTAL = Column("wall_total", "s", "wall-clock time", SUM)
+WALL_TOTAL = Column("wall_total", "s", "wall-clock time of the window", SUM)
 PROCESSOR_TIME = Column("processor_time", "s", "processor time of all threads", SUM)
 
 COMPUTING_TIMES = WALL_FIELD, WALL_MAGNETIC, WALL_CONTACT, WALL_TOTAL, PROCESSOR_TIME

@@ -38,7 +38,7 @@ def stiffness_in_words(stiffness: Stiffness) -> str:
     kind = "" if stiffness.law == "linear" else f"law {stiffness.law}, at that overlap "
     text = (
         f"{kind}k_n = {stiffness.value:.3g} N/m{' as asked' if stiffness.asked else ''}: "
-        f"overlap {100 * stiffness.overlap:.2g} % of the diameter" + (f" under {why}" if why else "")
+        f"grains press in by {100 * stiffness.overlap:.2g} % of the diameter" + (f" under {why}" if why else "")
     )
     if stiffness.snap is not None:
         text += f"; short overlaps of {100 * stiffness.snap:.2g} % when grains jump together"
@@ -75,6 +75,6 @@ def solver_in_words(section: DviSection, contacts: RigidContacts) -> str:
     """Tolerance of the contacts of rigid grains, and the speed from which they rebound."""
     share = "" if section.tolerance is not None else f", {TOLERANCE:g} of the slip speed"
     return (
-        f"{section.solver}: to {contacts.tolerance:.3g} m/s on the natural map{share}, at most {section.max_sweeps} "
-        f"sweeps a step; nothing rebounds below {contacts.contact.threshold:.3g} m/s"
+        f"{section.solver}: violation of Coulomb's law at most {contacts.tolerance:.3g} m/s{share}, at most "
+        f"{section.max_sweeps} sweeps a step; impacts below {contacts.contact.threshold:.3g} m/s do not rebound"
     )

@@ -173,7 +173,7 @@ def accuracy_in_words(case: Case, plan: Plan) -> str:
     except OutputError as error:
         return str(error)
     if found is None and target is None:
-        return f"error of the settings unknown; measure it with: {how_to_find(case)}"
+        return f"error of the numerical settings not measured; to measure it: {how_to_find(case)}"
     if found is None:
         return (
             f"{target}: no accuracy study of this device yet; it is run first, takes up to {budget} (accuracy.budget), "
@@ -188,7 +188,7 @@ def accuracy_in_words(case: Case, plan: Plan) -> str:
     low, high = (100.0 * end for end in total.whole.interval)
     text = f"numerical settings change the torque by {low:+.2g} to {high:+.2g} % (95 %), which a run corrects"
     if total.largest is not None:
-        text += f"; dominant: {in_words(total.largest)}, {format_percent(total.widths[total.largest])}"
+        text += f"; dominant uncertainty: {in_words(total.largest)}, ± {format_percent(total.widths[total.largest])}"
     text += "".join(f"; not included: {in_words(name)} ({why})" for name, why in total.unknown.items())
     return text if path.parent == SHIPPED else f"{text}; by {_shown(path)}"
 

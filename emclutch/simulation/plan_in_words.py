@@ -134,7 +134,7 @@ def packing_in_words(scene, device: Device) -> str:
     particles, gravity = scene.particles, scene.effects.weight
     lattice = f" ({particles.lattice})" if particles.packing == "lattice" else ""
     if not particles.settles:
-        return f"{particles.packing}{lattice}; time 0 begins with the grains as packed"
+        return f"{particles.packing}{lattice}; the run starts from this packing"
     longest = particles.settle_longest
     weight = 0.0 if gravity is None else gravity.acceleration
     if longest is not None:
@@ -198,7 +198,7 @@ def feedback_in_words(scene, coil: CoilDevice | CoilDevice3D) -> str:
     if width < scene.effects.attraction.cutoff * d:
         attraction = scene.effects.attraction
         text += f": the gap's width, less than effects.{attraction.name}.cutoff = {attraction.cutoff:g}"
-    return text + f"); {len(coil.problem.powder_elements)} elements of powder and next to it"
+    return text + f"); {len(coil.problem.powder_elements)} field elements in the powder and beside it"
 
 
 def end_in_words(scene, device: Device, plan: Plan) -> Iterator[tuple[str, str]]:
@@ -208,7 +208,7 @@ def end_in_words(scene, device: Device, plan: Plan) -> Iterator[tuple[str, str]]
     if count > 1:
         most, at_a_time = max_replica_count(scene), plan.cost.replicas
         more = f", and up to {most} where the torque needs them" if until is not None and most > count else ""
-        yield "replicas", f"{count}{more}, {at_a_time} at a time; the {measured} and its error are of all"
+        yield "replicas", f"{count}{more}, {at_a_time} at a time; the {measured} is their mean"
     rate, needed = strain_rate(scene, device), start_up_strain(scene)
     if rate and count > 1:
         start_up = scene.time.average_time or needed / rate

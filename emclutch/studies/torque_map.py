@@ -214,7 +214,7 @@ class MapResult(Reported):
             texts |= {key: "none" if of is None else axis.shown(value) for key, of in axis.changes(value).items()}
         for key, text in texts.items():
             words += ["--set", f"{key}={text}"]
-        yield note(f"Next: run a point, as: emclutch run {shlex.join(words)}")
+        yield note(f"Next: run one point, for example: emclutch run {shlex.join(words)}")
 
 
 def map(

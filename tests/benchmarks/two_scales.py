@@ -265,7 +265,8 @@ def misfit(rows: list[Row]) -> np.ndarray:
 
 def print_table(rows: list[Row]) -> None:
     """Print the lines as Markdown, and how many lie in their interval."""
-    print("| device | friction, rolling, chi | n | fill, between the poles | run [N m] | predicted | run/predicted |")
+    print("| device | friction, rolling friction, susceptibility | grains per gap | fill, fill between the poles "
+          "| run [N m] | predicted [N m] | run/predicted |")  # fmt: skip
     print("|---|---|---|---|---|---|---|")
     for row, miss, _, half in zip(rows, *misfit(rows), strict=True):
         powder = ", ".join(f"{row[name]}" for name in ("friction", "rolling_friction", "susceptibility") if row[name])

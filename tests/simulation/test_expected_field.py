@@ -19,7 +19,7 @@ COARSE = {"field.size_factor": 3.0, "particles.sector": None}
 @pytest.mark.parametrize(
     ("values", "words"),
     [
-        ({}, "the run feeds back their own moments"),
+        ({}, "feeds back the moments of its own grains"),
         ({"effects.back_reaction": None}, "without powder"),
     ],
 )
@@ -41,6 +41,6 @@ def test_the_plan_tells_the_field_of_sheared_powder_and_of_surfaces_that_mirror_
     ratio = (1.0 + phi / (float(N) + 1.0 / chi)) / (1.0 + phi / ((1.0 - phi) / 3.0 + 1.0 / chi))
     assert even < sheared < ratio * even
     assert means[0] < means[1] and means[0] < even and means[1] < sheared
-    assert "no bounds" in reasons["powder in that field"]
+    assert "field becomes stronger" in reasons["powder in that field"]
     assert "not magnetic" in reasons["surface vane"] and "wall_images" in reasons["surface vane"]
     assert "surfaces from files" in reasons["expected torque"]

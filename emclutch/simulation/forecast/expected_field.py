@@ -104,12 +104,12 @@ def powder_in_words(scene, phi: float | None) -> str:
         return "none: a scene without [particles]"
     if scene.effects.feedback is None:
         return "without powder (its effect on the field is off)"
-    even = f"powder spread evenly to {phi:.3g} with Maxwell Garnett's permeability, as of grains without order"
+    even = f"spread evenly, fill {phi:.3g}, with the permeability of grains without order (Maxwell Garnett)"
     if not moments_are_fed_back(scene):
-        return f"{even} (so has the run, with the fill of its grains)"
+        return f"{even}. A run uses the same permeability, with the fill of its own grains"
     return (
-        f"{even} (the run feeds back their own moments, which shear makes larger); estimates for an even fill, no "
-        "bounds: runs gather powder under the poles, where the field is stronger then"
+        f"{even}. A run feeds back the moments of its own grains: shear raises the permeability, and powder gathers "
+        "under the poles, where the field becomes stronger"
     )
 
 
