@@ -96,7 +96,7 @@ Currents = Annotated[
     typer.Option(
         "--current",
         metavar="I",
-        help="'0.5 A', a list '0 A, 1 A', with ranges first : last : how many in it; default: the largest",
+        help="'0.5 A', a list '0 A, 1 A', or ranges '0.2 A:1 A' (16 values) and '0.2 A:1 A:5'; default: the largest",
     ),
 ]
 TorqueOfRun = Annotated[
@@ -215,7 +215,7 @@ CellFills = Annotated[
 ]
 CellFields = Annotated[
     str | None,
-    typer.Option("--field", metavar="H", help="macroscopic fields: '18 kA/m, 80 kA/m', or first : last : how many"),
+    typer.Option("--field", metavar="H", help="macroscopic fields: '18 kA/m, 80 kA/m', or first : last : count"),
 ]
 CellWalls = Annotated[
     str, typer.Option("--walls", metavar="KIND", help="steel: faces, for a law; none: cells without faces, for a table")

@@ -284,6 +284,9 @@ def test_powder_is_the_region_of_a_material(tmp_path):
     device = build_device(case.scene)
     assert device.fill.volume == pytest.approx(math.pi * (0.026**2 - 0.024**2) * 0.016, rel=1e-6)
     assert case.scene.geometry.bodies == {"steel_1": "disc", "brass_2": "rotor", "steel_2": "rotor", "steel": "housing"}
+    checked = emclutch.check(case)
+    assert "for a drawn device the program does not know which faces shear the powder" in checked.expected.in_words()
+    assert " T in the powder" in checked.decisions["field"]
 
 
 @pytest.mark.parametrize(
