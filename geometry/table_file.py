@@ -220,7 +220,7 @@ def is_unit_of(unit: str, goal: str) -> bool:
 
 
 def _known(unit: str, goal: str) -> str:
-    """Return a unit as `UNITS` writes it, "oe" as "Oe"; milli and mega differ by their case, so that it has to agree."""
+    """Return a unit as `UNITS` writes it, "oe" as "Oe"; one in m or M has to agree, since mega is not milli."""
     plain, like = _plain(unit), _like(unit, goal)
     return like[0] if plain not in _factors(goal) and len(like) == 1 and plain[0] not in "mM" else plain
 

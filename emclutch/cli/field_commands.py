@@ -51,7 +51,8 @@ def field(
             show(course.report(), as_json)
             return
 
-        currents = None if current is None else read_list(current, Quantity("a current", "A", "0.5 A"), "--current", RANGE_POINTS)
+        amperes = Quantity("a current", "A", "0.5 A")
+        currents = None if current is None else read_list(current, amperes, "--current", RANGE_POINTS)
         lines = [read_line(text) for text in line or ()]
         found = solve_field(read, currents, lines, out)
         show(found.report(), as_json)

@@ -31,7 +31,8 @@ def new(
             refuse_without("--from", {"--powder": powder is not None})
         else:
             refuse_beside("--from", {"--kind": kind is not None, "--drawing": drawing is not None})
-        written, notes = [] if drawing is None else [draw_kind(drawing, kind or "drum")], []
+        written = [] if drawing is None else [draw_kind(drawing, kind or "drum")]
+        notes: list[str] = []
         if file is not None and model is not None:
             written, notes = new_scene_from(file, model, powder)
         elif file is not None:

@@ -205,8 +205,9 @@ def _label_reasons(model: FemmModel, powder: str | None) -> _Reasons:
 
 
 def _circuit(one: FemmProperty, model: FemmModel) -> str:
-    labels = [f"label in line {label.line} with {label.turns:g} turns" for label in model.labels if label.circuit is one]
-    return f"{one.name!r} ({one['totalamps_re']:g} A, {', '.join(labels) or 'no label'})"
+    own = [label for label in model.labels if label.circuit is one]
+    labels = ", ".join(f"label in line {label.line} with {label.turns:g} turns" for label in own)
+    return f"{one.name!r} ({one['totalamps_re']:g} A, {labels or 'no label'})"
 
 
 def _powder_reasons(model: FemmModel, section: FemmSection, powder: str | None) -> _Reasons:

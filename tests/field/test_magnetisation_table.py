@@ -114,7 +114,7 @@ FAULTS = {
 
 
 def test_one_negative_row_is_no_loop(tmp_path):
-    with pytest.raises(TableFault, match=r"line 2: H = -5 A/m makes the table a hysteresis loop, and .* remove the rows"):
+    with pytest.raises(TableFault, match=r"line 2: H = -5 A/m makes the table a hysteresis loop, .* remove the rows"):
         file_law(written(tmp_path, ["H [A/m],B [T]", "-5,-0.1", *GOOD]))
 
 
