@@ -204,7 +204,8 @@ def _number(text: str, line: int) -> float:
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise ValueError(f"line {line}: {text!r} is no number, or the file is cut off: save it again in FEMM")
+        remedy = "write it with a decimal point" if "," in text else "if the file is cut off, save it again in FEMM"
+        raise ValueError(f"line {line}: {text!r} is no number; {remedy}")
     return value
 
 

@@ -607,7 +607,7 @@ def _outside_of_cells(scene, device: Device) -> Iterator[str]:
     if scene.geometry.is_from_file:
         yield (
             "for a drawn device the program does not know which faces shear the powder (better: run the grains, or "
-            "enter the dimensions with emclutch new --kind drum or clutch)"
+            "enter the dimensions with emclutch new --kind drum or disc)"
         )
     elif device.pole_zone is None:
         yield "it has no pole faces"
