@@ -97,6 +97,7 @@ class FemmModel:
     path: Path
     head: Mapping[str, tuple[str, int]]
     boundaries: list[FemmProperty]
+    circuits: list[FemmProperty]
     points: np.ndarray
     edges: list[FemmEdge]
     labels: list[FemmLabel]
@@ -166,7 +167,8 @@ def _model(path: Path, lines: _Lines) -> FemmModel:
         labels.append(FemmLabel((scale * row[0], scale * row[1]), properties["material"][material - 1], wound,
                                 int(row[6]), row[7], external, n))  # fmt: skip
     marked = [n for n, row in rows["numpoints"] if any(row[2:3])]
-    return FemmModel(path, head, boundaries, points, edges, labels, [n for n, _ in rows.get("numholes", [])], marked)
+    holes = [n for n, _ in rows.get("numholes", [])]
+    return FemmModel(path, head, boundaries, properties["circuit"], points, edges, labels, holes, marked)
 
 
 def _rows(lines: _Lines, count: str, head: int, least: int) -> _Rows:
@@ -202,7 +204,8 @@ def _number(text: str, line: int) -> float:
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise ValueError(f"line {line}: {text!r} is no number, or the file is cut off: save it again in FEMM")
+        remedy = "write it with a decimal point" if "," in text else "if the file is cut off, save it again in FEMM"
+        raise ValueError(f"line {line}: {text!r} is no number; {remedy}")
     return value
 
 

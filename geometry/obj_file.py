@@ -31,7 +31,7 @@ def read_obj(path: Path) -> tuple[np.ndarray, list[np.ndarray]]:
     """
     vertices: list[list[float]] = []
     faces: dict[int, list[list[int]]] = {}
-    begun = ""
+    begun, farthest = "", (-1, 0)
     with open(path, encoding="utf-8", errors="replace") as file:
         for number, line in enumerate(file, 1):
             text = begun + line.split("#")[0].rstrip()
@@ -49,6 +49,7 @@ def read_obj(path: Path) -> tuple[np.ndarray, list[np.ndarray]]:
                     corners = [_vertex(word, len(vertices)) for word in words[1:]]
                     if len(corners) < 3:
                         raise ValueError(f"a face of {len(corners)} corners")
+                    farthest = max(farthest, (max(corners), number))
                     faces.setdefault(len(corners), []).append(corners)
                 elif words[0] in _UNREAD:
                     raise CadError(f"{path} holds {_UNREAD[words[0]]}, which is not read; export it as triangles")
@@ -56,6 +57,9 @@ def read_obj(path: Path) -> tuple[np.ndarray, list[np.ndarray]]:
                 raise
             except ValueError as error:
                 raise CadError(f"{path}: line {number} cannot be read ({error}); export it again") from None
+    if farthest[0] >= len(vertices):
+        place = f"line {farthest[1]}: a face names vertex {farthest[0] + 1}"
+        raise CadError(f"{path}: {place}, and the file holds {len(vertices)}; export it again")
     blocks = [np.array(block, dtype=np.int64) for block in faces.values()]
     return np.array(vertices, dtype=float).reshape(-1, 3), blocks
 

@@ -163,7 +163,7 @@ def read_table(
             raise FileFault(path, f"line {line}: the column '{name}' has no unit; write {name} [{goal}]")
         if not is_unit_of(unit, goal):
             known = list(_factors(goal))
-            meant = [one for one in known if one.casefold() == _plain(unit).casefold()]
+            meant = _like(unit, goal)
             hint = f"did you mean {' or '.join(meant)}? " if meant else ""
             raise FileFault(
                 path,
@@ -171,7 +171,7 @@ def read_table(
                 + "known: "
                 + ", ".join(known[:_LISTED]),
             )
-        factors.append(_factors(goal)[_plain(unit)] / _factors(goal)[_plain(goal)])
+        factors.append(_factors(goal)[_known(unit, goal)] / _factors(goal)[_plain(goal)])
         places.append(place)
         names.append(name)
         units.append(unit)
@@ -216,7 +216,18 @@ def split_heading(text: str) -> tuple[str, str]:
 
 def is_unit_of(unit: str, goal: str) -> bool:
     """Whether a unit is one of the quantity of another unit."""
-    return _plain(unit) in _factors(goal)
+    return _known(unit, goal) in _factors(goal)
+
+
+def _known(unit: str, goal: str) -> str:
+    """Return a unit as `UNITS` writes it, "oe" as "Oe"; one in m or M has to agree, since mega is not milli."""
+    plain, like = _plain(unit), _like(unit, goal)
+    return like[0] if plain not in _factors(goal) and len(like) == 1 and plain[0] not in "mM" else plain
+
+
+def _like(unit: str, goal: str) -> list[str]:
+    """Units of the quantity that differ from one in upper and lower case at most."""
+    return [one for one in _factors(goal) if one.casefold() == _plain(unit).casefold()]
 
 
 def _factors(goal: str) -> dict[str, float]:

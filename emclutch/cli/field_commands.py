@@ -12,7 +12,7 @@ from emclutch.cli.errors import explained
 from emclutch.cli.input import load, read_line, refuse_beside
 from emclutch.cli.output import show
 from emclutch.scene.errors import Fault, SceneError, bad_input_for
-from emclutch.scene.value_list import read_all, read_list
+from emclutch.scene.value_list import RANGE_POINTS, read_all, read_list
 
 
 def field(
@@ -51,7 +51,8 @@ def field(
             show(course.report(), as_json)
             return
 
-        currents = None if current is None else read_list(current, Quantity("a current", "A", "0.5 A"), "--current")
+        amperes = Quantity("a current", "A", "0.5 A")
+        currents = None if current is None else read_list(current, amperes, "--current", RANGE_POINTS)
         lines = [read_line(text) for text in line or ()]
         found = solve_field(read, currents, lines, out)
         show(found.report(), as_json)

@@ -83,7 +83,9 @@ def new_scene(path: str | Path, kind: str) -> list[Path]:
     return _write(path, data, files)
 
 
-def new_scene_from(path: str | Path, model: str | Path, powder: str | None = None) -> list[Path]:
+def new_scene_from(
+    path: str | Path, model: str | Path, powder: str | None = None
+) -> tuple[list[Path], list[str]]:
     """Write a commented scene from a model of FEMM (.fem), with its drawing and magnetisation curves beside it.
 
     Without `powder` it is a scene of the field alone; with it, a material of the model, the grains and their motion are
@@ -93,6 +95,8 @@ def new_scene_from(path: str | Path, model: str | Path, powder: str | None = Non
     -------
     list of Path
         What was written, the scene first.
+    list of str
+        Notes for the reader, see `femm_scene`.
 
     Raises
     ------
@@ -102,8 +106,8 @@ def new_scene_from(path: str | Path, model: str | Path, powder: str | None = Non
     from emclutch.scene.femm_scene import femm_scene  # local: the mesher
 
     path = Path(path)
-    data, files = femm_scene(Path(model), path.stem, powder)
-    return _write(path, data if powder is None else _starter("cad") | data, files)
+    data, files, notes = femm_scene(Path(model), path.stem, powder)
+    return _write(path, data if powder is None else _starter("cad") | data, files), notes
 
 
 def _starter(kind: str) -> dict[str, Any]:

@@ -32,10 +32,13 @@ def new(
         else:
             refuse_beside("--from", {"--kind": kind is not None, "--drawing": drawing is not None})
         written = [] if drawing is None else [draw_kind(drawing, kind or "drum")]
-        if file is not None:
-            written += new_scene(file, kind or "drum") if model is None else new_scene_from(file, model, powder)
-        for path in written:
-            typer.echo(str(path))
+        notes: list[str] = []
+        if file is not None and model is not None:
+            written, notes = new_scene_from(file, model, powder)
+        elif file is not None:
+            written += new_scene(file, kind or "drum")
+        for line in (*written, *notes):
+            typer.echo(str(line))
 
 
 def schema(out: opt.NewFile = None, markdown: opt.AsMarkdown = False) -> None:

@@ -231,11 +231,21 @@ class CadGeometry(GeometrySection):
     def warnings(self, scene: Any) -> Iterator[str]:
         """Yield powder that no two bodies shear."""
         bodies = sorted(self.shape().bodies_at_powder)
-        if scene.particles is not None and len(bodies) == 1:
+        if scene.particles is None:
+            return
+        if len(bodies) == 1:
             yield (
                 f"geometry.bodies: all parts that border the powder belong to the {bodies[0]}, so that nothing shears "
                 "it; give one the body 'rotor' and another one 'disc'"
             )
+        elif len(bodies) == 2 and "housing" in bodies:
+            shaft = next(body for body in bodies if body != "housing")
+            motion = getattr(scene.motion, shaft)
+            if motion.free is None and motion.largest_speed == 0.0:
+                yield (
+                    f"motion.{shaft}.speed: the powder lies between {shaft} and housing at 0 rpm, so that nothing "
+                    f"shears it; set motion.{shaft}.speed, or the body of a part in geometry.bodies"
+                )
 
     def options(self) -> dict[str, Any]:
         """Arguments of the import other than the path; see `geometry.cad_parts.CadFile`."""

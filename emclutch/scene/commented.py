@@ -29,7 +29,7 @@ WIDTH = 110
 HEAD = """# {title}: a scene to begin with
 #
 # Check:  emclutch check {name}
-# Run:    emclutch run {name}
+# {next}
 # Note:   commented keys show their default or an example.
 #         A quantity is a text with its unit, or a number in the SI unit in brackets. Ranges: docs/scene.md
 """
@@ -37,7 +37,8 @@ HEAD = """# {title}: a scene to begin with
 
 def commented_scene(data: dict[str, Any], name: str) -> str:
     """Return the scene `data` as the text of a file `name`: every key of its sections, with unit and description."""
-    lines = [HEAD.format(title=data["scene"]["title"], name=name)]
+    command = f"Run:    emclutch run {name}" if "particles" in data else f"Solve:  emclutch field {name}"
+    lines = [HEAD.format(title=data["scene"]["title"], name=name, next=command)]
     for section, field in Scene.model_fields.items():
         lines += _table(section, field, data.get(section))
     return "\n".join(lines).rstrip() + "\n"

@@ -3,7 +3,7 @@
 What is magnetic, what conducts, and solids within the air are parts, named after material and group. Air is not
 drawn: what no part fills is air. The outer boundary is left out with it, whatever it approximates open space by (a wall
 of A = 0, an asymptotic condition, the shells of FEMM's own builder, a Kelvin transformation): the field of a scene is
-open. Group 0 stands still, as the housing; the first other group that is used turns with the disc, the next with the
+open. Parts of group 0 are the housing, which stands still; of the other groups the lowest is the disc, the next the
 rotor.
 """
 
@@ -15,6 +15,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from emclutch.scene.errors import Fault, SceneError
 from geometry.femm_file import FemmEdge, FemmLabel, FemmModel, FemmProperty, read_femm
 from geometry.femm_section import FemmSection, faces_as_brep, femm_section
@@ -23,6 +25,8 @@ from geometry.table_file import FileFault
 _AIR = re.compile(r"(?i)\b(air|vacuum|luft)\b")
 _SHELL = re.compile(r"u\d+")  # as FEMM's builder of open boundaries names the materials of its shells
 _EQUAL = 1e-3  # of the turns per area in the pieces of a winding
+_SOLID_MU, _SOLID_SIGMA = 100.0, 1.0  # permeability and conductivity [MS/m] that solid metal exceeds and no powder does
+_BODIES = {"disc": "torque is measured on it", "rotor": "turns", "housing": "stands still"}
 _MIXED, _PERIODIC = 2, 4
 _BOUNDARIES = {0: "prescribed A", 1: "small skin depth", 2: "mixed", 3: "strategic dual image", 4: "periodic",
                5: "antiperiodic", 6: "periodic air gap", 7: "antiperiodic air gap"}  # fmt: skip
@@ -31,8 +35,10 @@ _Reasons = Iterator[tuple[int, str]]
 """Line of the file, and what is wrong with it and what to do."""
 
 
-def femm_scene(path: Path, stem: str, powder: str | None = None) -> tuple[dict[str, Any], dict[str, str]]:
+def femm_scene(path: Path, stem: str, powder: str | None = None) -> tuple[dict[str, Any], dict[str, str], list[str]]:
     """Make the tables [scene], [geometry], [materials], [coil] and [field] from a model.
+
+    With powder and a single group that turns also [motion], in which the disc turns: there is no part of the rotor.
 
     Parameters
     ----------
@@ -48,6 +54,8 @@ def femm_scene(path: Path, stem: str, powder: str | None = None) -> tuple[dict[s
     scene : dict
     files : dict
         Texts of the drawing and of the magnetisation curves, by name.
+    notes : list of str
+        Which part belongs to which body, and what the scene lacks for a torque.
 
     Raises
     ------
@@ -57,14 +65,15 @@ def femm_scene(path: Path, stem: str, powder: str | None = None) -> tuple[dict[s
     Warns
     -----
     UserWarning
-        There is powder, and no part turns.
+        There is powder, and no part turns; there are more groups than bodies.
     """
     try:
         model = read_femm(path)
         _refuse(path, [*_head_reasons(model), *_label_reasons(model, powder)])
         section = femm_section(model)
         air = {label for label in model.labels if _is_air(label, model, section)}
-        _refuse(path, [*_outline_reasons(model, section, air), *_winding_reasons(model, section)])
+        reasons = [*_outline_reasons(model, section, air), *_winding_reasons(model, section)]
+        _refuse(path, [*reasons, *_powder_reasons(model, section, powder)])
         regions = {label: _region(label, powder) for label in model.labels if label not in air or _is(label, powder)}
         drawing, order = faces_as_brep(model, list(regions))
     except FileFault as fault:
@@ -74,9 +83,13 @@ def femm_scene(path: Path, stem: str, powder: str | None = None) -> tuple[dict[s
     _refuse(path, list(_name_reasons(regions, solid, used)))
     curves = {f"{stem}_{name}.csv": _curve(one) for name, one in used.items() if len(one.curve)}
     groups = sorted({label.group for label in solid.values()} - {0})
-    body = dict(zip(groups, ("disc", "rotor"), strict=False))
+    group_body = dict(zip(groups, ("disc", "rotor"), strict=False))
+    bodies = {name: group_body.get(label.group, "housing") for name, label in solid.items()}
     if powder is not None and not groups:
         warnings.warn("all parts have group 0 and stand still; say in geometry.bodies what turns", stacklevel=2)
+    if others := [name for name, label in solid.items() if label.group in groups[2:]]:
+        warnings.warn(f"{', '.join(others)} stand still: the model has {len(groups)} groups besides 0, a scene has two "
+                      "bodies that turn; give these parts a body in geometry.bodies", stacklevel=2)  # fmt: skip
     coil = [label for label in model.labels if label.current]
     data = {
         "scene": {"title": f"{path.stem}, a model of FEMM"},
@@ -85,13 +98,26 @@ def femm_scene(path: Path, stem: str, powder: str | None = None) -> tuple[dict[s
             "file": f"{stem}.brep",
             "materials": {name: _key(label) for name, label in solid.items()},
             "names": {f"part{number}": regions[label] for number, label in enumerate(order, 1)},
-            "bodies": {name: body.get(label.group, "housing") for name, label in solid.items()},
+            "bodies": bodies,
         },
         "materials": {name: _material(one, f"{stem}_{name}.csv") for name, one in used.items()},
         "coil": {"current": f"{coil[0].current:.10g} A", "turns": sum(abs(label.turns) for label in coil)},
         "field": {"source": "coil"},
     }
-    return data, {f"{stem}.brep": drawing, **curves}
+    if powder is not None and len(groups) == 1:
+        data["motion"] = {"rotor": {"speed": 0.0}, "disc": {"speed": "1000 rpm"}}
+    return data, {f"{stem}.brep": drawing, **curves}, list(_notes(bodies, model, section, powder))
+
+
+def _notes(bodies: dict[str, str], model: FemmModel, section: FemmSection, powder: str | None) -> Iterator[str]:
+    yield "Bodies: the lowest group number above 0 is the disc, the next is the rotor, group 0 is the housing."
+    for body, what in _BODIES.items():
+        yield f"  {body} ({what}): {', '.join(part for part, own in bodies.items() if own == body) or 'no part'}"
+    yield "  To change them, edit bodies in [geometry] of the scene."
+    if powder is None:
+        named = " or ".join(f"--powder {name!r}" for name in _powders(model, section))
+        remedy = f"repeat the command with {named}" if named else "draw it as a region with a material of its own"
+        yield f"Without powder: the scene gives the field, not the torque. If a region is the powder, {remedy}."
 
 
 def _refuse(path: Path, reasons: list[tuple[int, str]]) -> None:
@@ -167,12 +193,53 @@ def _label_reasons(model: FemmModel, powder: str | None) -> _Reasons:
         yield 1, f"no region is of the material {powder!r} (--powder); there are {', '.join(names)}"
     circuits = [label.circuit for label in model.labels if label.circuit and label.current]
     if not circuits:
-        yield 1, "no label belongs to a circuit with a current; give the winding one"
+        known = "; ".join(_circuit(one, model) for one in model.circuits)
+        remedy = f"its circuits are {known}: set the current, and assign the circuit to the winding's label"
+        line = model.circuits[0].line if model.circuits else 1
+        yield line, f"no winding carries a current; {remedy if known else 'define a circuit for the winding'} in FEMM"
     for one in circuits:
         if one is not circuits[0]:
             yield one.line, f"the circuit {one.name!r} is a second winding, a scene has one; set its current to 0"
         if one["circuittype"] == 0.0:
             yield one.line, f"the circuit {one.name!r} is parallel, which has no counterpart; make it a series circuit"
+
+
+def _circuit(one: FemmProperty, model: FemmModel) -> str:
+    own = [label for label in model.labels if label.circuit is one]
+    labels = ", ".join(f"label in line {label.line} with {label.turns:g} turns" for label in own)
+    return f"{one.name!r} ({one['totalamps_re']:g} A, {labels or 'no label'})"
+
+
+def _powder_reasons(model: FemmModel, section: FemmSection, powder: str | None) -> _Reasons:
+    """Why a region cannot be the space of the grains."""
+    for label in model.labels:
+        if _is(label, powder) and (reason := _not_powder(label, section)):
+            name, others = label.material.name, " or ".join(map(repr, _powders(model, section)))
+            remedy = f"take {others}" if others else "give the powder a material of its own in FEMM"
+            yield label.line, f"{name!r} (--powder) {reason}; {remedy}"
+
+
+def _powders(model: FemmModel, section: FemmSection) -> list[str]:
+    """Names of the materials that may be the powder's."""
+    impossible = {label.material.name for label in model.labels if _not_powder(label, section)}
+    return sorted({label.material.name for label in model.labels} - impossible)
+
+
+def _not_powder(label: FemmLabel, section: FemmSection) -> str:
+    """Why the region of a label is not that of a powder; empty where it may be."""
+    from field import MU_0  # local: the schema itself needs no field
+
+    one = label.material
+    H, B = one.curve[one.curve[:, 1] > 0.0][:, ::-1].T if len(one.curve) else np.array([[1.0], [MU_0 * one["mu_x"]]])
+    if label.circuit is not None or label.is_wound:
+        return "is the material of a winding"
+    if label.is_external or label in section.outline.values():
+        return "is also the air at the end of the model"
+    if (mu := float((B / (MU_0 * H)).max(initial=0.0))) > _SOLID_MU:
+        return f"is solid: its relative permeability is up to {mu:.0f}, that of powders below {_SOLID_MU:g}"
+    if one["sigma"] >= _SOLID_SIGMA:
+        return f"is solid metal: its conductivity is {one['sigma']:g} MS/m"
+    return ""
 
 
 def _material_reasons(label: FemmLabel) -> Iterator[str]:
@@ -186,12 +253,12 @@ def _material_reasons(label: FemmLabel) -> Iterator[str]:
     if one["lamfill"] != 1.0 and not label.is_wound and _is_magnetic(one):
         yield f"is laminated with LamFill = {one['lamfill']:g}; enter the curve of the stack, with LamFill = 1"
     if label.is_wound and _is_magnetic(one):
-        yield "is magnetic, and that of a winding; a winding's permeability is 1: change it"
+        yield "is the material of a winding and magnetic; set its permeability to 1"
     elif len(one.curve):
         try:
             TableLaw(one.curve[:, 1], one.curve[:, 0], one.name)
         except ValueError as error:
-            yield f"has a B-H curve that is none: {error}"
+            yield f"has a wrong B-H curve: {error}"
     elif one["mu_x"] != one["mu_y"] or one["mu_x"] < 1.0:
         yield f"has mu_x = {one['mu_x']:g}, mu_y = {one['mu_y']:g}; allowed: the same, 1 or more"
 

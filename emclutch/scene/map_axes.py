@@ -13,7 +13,7 @@ from emclutch.scene.errors import Fault, SceneError, entry_at, shown
 from emclutch.scene.fault_report import key_fault, quantity_at
 from emclutch.scene.model import Scene
 from emclutch.scene.units import Quantity, in_unit_of, unit_of
-from emclutch.scene.value_list import read_list
+from emclutch.scene.value_list import RANGE_POINTS, read_list
 
 CURRENT = "coil.current"
 KEYS: dict[str, tuple[str, tuple[str, ...], str]] = {
@@ -30,7 +30,7 @@ KEYS: dict[str, tuple[str, tuple[str, ...], str]] = {
     "temperature": ("field.temperature", (), "temperature"),
 }
 """Name of an axis: its key (that of the gap is the device's), the keys that it replaces, and its name for people."""
-COUNTS = ((16,), (12, 4))
+COUNTS = ((RANGE_POINTS,), (12, 4))
 """Points of a range without a count, on one axis and on two."""
 MAX_POINTS = 1000
 LOGARITHMIC = 30.0

@@ -11,6 +11,9 @@ from emclutch.scene.units import quantity_of
 if TYPE_CHECKING:
     from emclutch.scene.units import Quantity
 
+RANGE_POINTS = 16
+"""Values of a range without a count."""
+
 
 def number_or_text(text: str) -> str | float:
     """Return a bare number, which is in SI as in a scene, or the text with its unit."""
@@ -21,7 +24,7 @@ def number_or_text(text: str) -> str | float:
 
 
 def read_list(text: str, quantity: Quantity, option: str, count: int | None = None) -> list[float]:
-    """Return numbers in SI of a list ``18 kA/m, 80 kA/m``, in which ranges ``first : last : how many`` may stand.
+    """Return numbers in SI of a list ``18 kA/m, 80 kA/m``, in which ranges ``first : last : count`` may stand.
 
     With `count` a text may be a range ``first : last`` of so many.
 
@@ -39,7 +42,7 @@ def read_list(text: str, quantity: Quantity, option: str, count: int | None = No
     if count is not None and len(others) == 1:
         others.append(str(count))
     if len(others) != 2 or not others[1].strip().isdigit() or int(others[1]) < 2:
-        message = f"is not a list or a range; write '{quantity.example}, ...' or first : last : how many"
+        message = f"is not a list or a range; write '{quantity.example}, ...' or first : last : count"
         raise SceneError([Fault(option, shown(text), message)], "command line")
     import numpy as np
 

@@ -146,7 +146,8 @@ def _check(case: Case, threads: int | None) -> Checked:
             return float(np.linalg.norm(field.B_along(midline), axis=1).max())
 
         B_max = largest(even)
-        words["field"] = f"up to {B_max:.3g} T in the {'face' if faces else 'rim'} gap"
+        where = ("face gap" if faces else "rim gap") if coil.has_poles else "powder"
+        words["field"] = f"up to {B_max:.3g} T in the {where}"
         if moments_are_fed_back(scene) and coil.largest_current > 0.0:
             with suppress(ConvergenceError):  # the expected torque says so
                 sheared = field_of_sheared_powder(coil, coil.uniform_fill(phi), scene, coil.largest_current, even)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from emclutch.device_model.body_forces import forces_in_words, movable_bodies
@@ -15,7 +17,7 @@ from emclutch.scene.model import Scene
 from emclutch.simulation.plan_in_words import paths_in_words
 from field import MagneticField
 from field.laws.table_end import driven_beyond_their_tables
-from field.section.ampere_turns import ampere_turns_by_part, ampere_turns_in_words
+from field.section.ampere_turns import OPEN_BOUNDARY, ampere_turns_by_part, ampere_turns_in_words
 
 
 def field_plan(case: Case) -> dict[str, str]:
@@ -49,7 +51,21 @@ def ampere_turns_row(coil: CoilDevice, solution: MagneticField) -> dict[str, str
     """Row of the plan: what drives the flux through each part; none with hysteresis or without current."""
     if solution.ampere_turns == 0.0 or solution.history is not None:
         return {}
-    return {"ampere-turns": ampere_turns_in_words(ampere_turns_by_part(solution, coil.shape.air_gaps()))}
+    parts = ampere_turns_by_part(solution, coil.shape.air_gaps())
+    return {"ampere-turns": Decision(ampere_turns_in_words(parts), _leakage_warning(coil, parts))}
+
+
+def _leakage_warning(coil: CoilDevice, parts: Mapping[str, float]) -> str:
+    """Warn of a device with poles in which leakage takes more of the ampere-turns than the powder."""
+    total, powder = sum(parts.values()), parts.get(coil.problem.powder_region, 0.0)
+    leakage = sum(parts.get(name, 0.0) for name in ("air", coil.problem.coil_region, OPEN_BOUNDARY))
+    if not coil.has_poles or leakage <= powder:
+        return ""
+    return (
+        f"leakage through air and winding takes {100.0 * leakage / total:.2g} % of the ampere-turns, the powder "
+        f"{100.0 * powder / total:.2g} %: much flux bypasses the powder. A wide winding leaves narrow poles beside it: "
+        "lower geometry.coil_width or geometry.clearance"
+    )
 
 
 def _field_in_words(coil: CoilDevice, solution: MagneticField) -> str:

@@ -7,7 +7,8 @@
     ...
 
 Columns stand in any order: `H` in A/m, kA/m, MA/m, Oe or kOe, and either `B` in T, mT, G or kG, or the polarisation
-`J = B - mu_0 H` in one of these. A warning names the others, which are not used. The rows of a curve ascend with H, or
+`J = B - mu_0 H` in one of these; `Magnetizing Force H`, `Flux Density` and other names of `_NAMES` mean them too. A
+warning names the others, which are not used. The rows of a curve ascend with H, or
 descend. `geometry.table_file` says how numbers and units may be written. Errors are reported with the number of the
 line in the file.
 
@@ -16,6 +17,7 @@ A hysteresis loop has the same columns, its rows in the order of the measurement
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +28,12 @@ from field.laws.reluctivity import MU_0
 from geometry import table_file
 
 _UNITS = {"H": "A/m", "B": "T", "J": "T"}
+_NAMES = {
+    "H": r"h|(applied |magnetic |magneti[sz]ing )?(force|field( strength| intensity)?)( h)?",
+    "B": r"b|(magnetic )?(flux density|induction)( b)?",
+    "J": r"j|ji|bi|b ?[-−] ?([µμ]|mu_?)0 ?\*? ?h|((magnetic )?polari[sz]ation|intrinsic induction)( ji?| bi)?",
+}
+"""Names of the columns, in upper or lower case."""
 _EXAMPLE = "'H [A/m], B [T]', or, over a table as FEMM keeps it, 'B [T], H [A/m]'"
 _MIN_POINTS = 3
 TableFault = table_file.FileFault
@@ -62,9 +70,9 @@ def read_loop(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
 
 def _points(path: Path) -> tuple[np.ndarray, np.ndarray, list[int], str]:
     """H [A/m] and B [T] of a file's rows, their lines, and whether B or J was given."""
-    table = table_file.read_table(path, lambda place, name, unit: _UNITS.get(name.upper()), example=_EXAMPLE)
-    columns = {name.upper(): column for name, column in zip(table.names, table.values.T, strict=True)}
-    if columns.keys() not in ({"H", "B"}, {"H", "J"}):
+    table = table_file.read_table(path, lambda place, name, unit: _UNITS.get(_symbol(name)), example=_EXAMPLE)
+    columns = {_symbol(name): column for name, column in zip(table.names, table.values.T, strict=True)}
+    if columns.keys() not in ({"H", "B"}, {"H", "J"}) or len(table.names) > 2:
         given = ", ".join(table.names + [name for name, _ in table.unused])
         raise TableFault(
             path,
@@ -73,6 +81,11 @@ def _points(path: Path) -> tuple[np.ndarray, np.ndarray, list[int], str]:
     table.warn_of_unused()
     H = columns["H"]
     return (H, columns["B"], table.lines, "B") if "B" in columns else (H, columns["J"] + MU_0 * H, table.lines, "J")
+
+
+def _symbol(name: str) -> str:
+    """Quantity of a column, H, B or J; empty of another."""
+    return next((symbol for symbol, names in _NAMES.items() if re.fullmatch(names, name.lower())), "")
 
 
 def file_law(path: str | Path) -> TableLaw | MajorLoopLaw:
@@ -84,13 +97,18 @@ def file_law(path: str | Path) -> TableLaw | MajorLoopLaw:
         As `read_table`, or a loop that is none (`MajorLoopLaw`).
     """
     path = Path(path)
-    H, B = read_loop(path)
+    H, B, lines, _ = _points(path)
     if (H >= 0.0).all():
         return table_law(path)
     try:
         return MajorLoopLaw(H, B, path.stem, f"file {path.name}")
     except ValueError as error:
-        raise TableFault(path, str(error)) from None
+        first = int(np.argmax(H < 0.0))
+        raise TableFault(
+            path,
+            f"line {lines[first]}: H = {H[first]:.4g} A/m makes the table a hysteresis loop, and {error}; for a curve "
+            "remove the rows with H < 0",
+        ) from None
 
 
 def table_law(path: str | Path) -> TableLaw:

@@ -208,9 +208,9 @@ def body_weight(
     ]
     if touching:
         raise UndefinedForce(
-            f"the body {', '.join(body)} touches {', '.join(sorted(touching))}, which cannot deform: no force "
-            "between them is defined",
-            "take them as one body, leave air between them, or name the region in `yielding`",
+            f"the body {', '.join(body)} touches {', '.join(sorted(touching))}, and a force is defined across air or "
+            "powder only: draw a gap of air between them",
+            "or take them as one body, or name the region in `yielding`",
         )
     standing[np.unique(mesh.boundaries["outer"])] = True
     if np.any(moving & standing):

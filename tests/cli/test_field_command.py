@@ -126,7 +126,7 @@ def test_a_pot_magnet_pulls_its_disc_by_the_pressure_on_the_poles(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("--current", "0 A : 1 A"), "first : last : how many"),
+        (("--current", "0 A : 1 A : x"), "first : last : count"),
         (("--current", "3 mm"), "a current is needed"),
         (("--line", "1 mm, 2 mm"), "r0, z0, r1, z1"),
         (("--line", "1 mm, 0 mm, 9 m, 0 mm"), "does not lie in the mesh"),
@@ -186,7 +186,8 @@ def test_a_force_that_is_not_defined_is_reported_with_its_reason(thin_disc):
     _, _, solution = thin_disc
     reported = forces_on(solution, [("rotor", ["rotor"])])["rotor"]
     assert reported["regions"] == ["rotor"] and "maxwell_stress" not in reported
-    assert "touches cover, which cannot deform" in reported["not_defined"] and "yielding" not in reported["not_defined"]
+    reason = reported["not_defined"]
+    assert "touches cover, and a force is defined across air" in reason and "yielding" not in reason
 
 
 def test_a_displaced_solve_that_fails_is_reported(thin_disc, monkeypatch):
@@ -213,5 +214,6 @@ def test_currents_and_lines_are_read():
     assert read_list("0.5 A", current, "--current") == [0.5]
     assert read_list("500 mA, 1 A", current, "--current") == [0.5, 1.0]
     assert np.allclose(read_list("-1 A : 1 A : 5", current, "--current"), [-1.0, -0.5, 0.0, 0.5, 1.0])
+    assert np.allclose(read_list("0 A : 1 A", current, "--current", 3), [0.0, 0.5, 1.0])
     assert np.allclose(read_list("0 A : 1 A : 3, 0.5 A, 0 A", current, "--current"), [0.0, 0.5, 1.0, 0.5, 0.0])
     assert read_line("44 mm, 0 mm, 0.046, -1 mm") == (0.044, 0.0, 0.046, -0.001)

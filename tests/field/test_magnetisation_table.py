@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from field import MU_0, TableLaw, material
-from field.laws.magnetisation_table import TableFault, read_table, table_law
+from field.laws.magnetisation_table import TableFault, file_law, read_table, table_law
 from field.laws.materials import _STEEL_1010, _TEAM_STEEL
 
 H = np.array([0.0, 120.0, 1500.0, 20000.0])
@@ -35,6 +35,14 @@ WRITTEN = {
         "sep=;", "H;B;Bemerkung", "[A/m];[mT];", *(f"{h};{1e3 * b};-".replace(".", ",") for h, b in POINTS)
     ],
     "a maker's, kilogauss and kilooersted": ["H (kOe)\tB (kG)", *(f"{h * 4e-6 * np.pi}\t{10 * b}" for h, b in POINTS)],
+    "names in words, as catalogues have them": [
+        "Magnetizing Force H (Oe),Flux Density B (kG)", *(f"{h * 4e-3 * np.pi},{10 * b}" for h, b in POINTS)
+    ],
+    "small letters": ["h [oe], b [kgauss]", *(f"{h * 4e-3 * np.pi},{10 * b}" for h, b in POINTS)],
+    "intrinsic induction": ["H [A/m],Bi [T]", *(f"{h},{j}" for h, j in zip(H.tolist(), J.tolist(), strict=True))],
+    "polarisation as a difference": [
+        "H [A/m];B-µ0H [T]", *(f"{h};{j}" for h, j in zip(H.tolist(), J.tolist(), strict=True))
+    ],
     "words for units": ["H, Oersted\tB, Gauss", *(f"{h * 4e-3 * np.pi}\t{1e4 * b}" for h, b in POINTS)],
     "from saturation down": ["H [A/m],B [T]", *reversed(IN_COMMAS)],
     "oersted and gauss": ["H [Oe],B [G]", *(f"{h * 4e-3 * np.pi},{1e4 * b}" for h, b in POINTS)],
@@ -82,6 +90,9 @@ FAULTS = {
     "another quantity": (["H [A],B [T]", *GOOD], "'H' is in 'A', which is unknown or"),
     "unknown columns": (["x,y", *GOOD], "has the columns x, y; needed are H and either B or"),
     "no flux": (["H [A/m],M [A/m]", *GOOD], "has the columns H, M; needed are H and either B or"),
+    "mega or milli": (["H [mA/m],B [T]", *GOOD], "'H' is in 'mA/m', which is unknown or of another quantity; did"),
+    "a difference of more": (["H [A/m],B - H [T]", *GOOD], "has the columns H, B - H; needed are H and either B or"),
+    "H in two words": (["H [A/m],Field [A/m],B [T]", "0,0,0"], "has the columns H, Field, B; needed are H and either"),
     "H twice": (["H [A/m],H [kA/m]", *GOOD], "line 1 names 'H' twice"),
     "B and J": (["H [A/m],B [T],J [T]", "0,0,0"], "has the columns H, B, J; needed are H and either B or"),
     "thousands or decimals": (["H [A/m];B [T]", "0;0", "1,000;1", "9,000;2"], "line 3: '1,000' may be 1000 or 1.000"),
@@ -100,6 +111,11 @@ FAULTS = {
     "J that falls": (["H [A/m],J [T]", "0,0", "100,1", "1000,0.9995", "5000,1.7"], "J must not fall"),
     "first slope": (["H [A/m],B [T]", "10000,0.001", "20000,1", "30000,2"], "line 2: dB/dH"),
 }  # fmt: skip
+
+
+def test_one_negative_row_is_no_loop(tmp_path):
+    with pytest.raises(TableFault, match=r"line 2: H = -5 A/m makes the table a hysteresis loop, .* remove the rows"):
+        file_law(written(tmp_path, ["H [A/m],B [T]", "-5,-0.1", *GOOD]))
 
 
 @pytest.mark.parametrize("name", FAULTS)

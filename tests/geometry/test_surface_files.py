@@ -130,6 +130,8 @@ def test_polydata_of_paraview_is_read(tmp_path):
         ("stl", f"solid a\n{FACETS}", "is cut off: endsolid is missing after its last facet"),
         ("stl", TEXT.replace("    endloop", "vertex 1 1 1\nendloop"), "line 9: the facet does not have three corners"),
         ("stl", TEXT.replace("vertex 1.000000e+00", "vertex 1,5", 1), "line 5: 'vertex 1,5 .* three numbers"),
+        ("obj", obj(["f 1 2 3", "f 1 2 9"]), "line 7: a face names vertex 9, and the file holds 4"),
+        ("obj", obj(["f 1 2 3", "v 0 x 0"]), "line 7 cannot be read"),
         ("ply", ply(corners="corners"), "its faces have corners instead of vertex_indices"),
         ("ply", ply("binary_little_endian")[:-6], "is cut off, or damaged: it announces 2 of face"),
         ("ply", ply()[:-9], "is cut off, or damaged: it announces 2 of face"),

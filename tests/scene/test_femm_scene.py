@@ -34,7 +34,7 @@ def scene_of(folder, model, powder=None, name="scene.toml"):
     """The scene file of a model, or of a text."""
     path = folder / "model.fem"
     path.write_text(str(model), encoding="utf-8")
-    return new_scene_from(folder / name, path, powder)[0]
+    return new_scene_from(folder / name, path, powder)[0][0]
 
 
 def solved(folder, model, **values):
@@ -102,8 +102,8 @@ REFUSED = [
     (r"<Mu_([xy])> = 1000", r"<Mu_\1> = 0.5", "mu_x = 0.5.*1 or more"),
     (r"(?s)(pure\".*?<LamFill>) = 1", r"\1 = 0.95", "is laminated with LamFill = 0.95"),
     (r"(?s)(pure\".*?<BHPoints>) = 0", "\\1 = 2\n0\t0\n2\t1", "at least 3"),
-    (r"(\"Copper\"\n\s*<Mu_x>) = 1", r"\1 = 5", "'Copper' is magnetic, and that of a winding"),
-    (r"<TotalAmps_re> = 2", "<TotalAmps_re> = 0", "no label belongs to a circuit with a current"),
+    (r"(\"Copper\"\n\s*<Mu_x>) = 1", r"\1 = 5", "'Copper' is the material of a winding and magnetic"),
+    (r"<TotalAmps_re> = 2", "<TotalAmps_re> = 0", r"\d: no winding carries a current; its circuits are 'coil' .0 A"),
     (r"<CircuitType> = 1", "<CircuitType> = 0", "'coil' is parallel"),
     (r"\t100\t0$", "\t1\t0", r"a solid conductor \(1 turn\) of 'Copper'"),
     (r"<A_0> = 0", "<A_0> = 0.1", "'A=0' .prescribed A. has a_0 = 0.1, a source outside"),
@@ -284,8 +284,49 @@ def test_powder_is_the_region_of_a_material(tmp_path):
     device = build_device(case.scene)
     assert device.fill.volume == pytest.approx(math.pi * (0.026**2 - 0.024**2) * 0.016, rel=1e-6)
     assert case.scene.geometry.bodies == {"steel_1": "disc", "brass_2": "rotor", "steel_2": "rotor", "steel": "housing"}
-    with pytest.raises(SceneError, match=r"no region is of the material 'dust' .*Air, Brass, Copper, Powder, Steel"):
-        scene_of(tmp_path, powder_clutch(), "dust", "other.toml")
+    checked = emclutch.check(case)
+    assert "for a drawn device the program does not know which faces shear the powder" in checked.expected.in_words()
+    assert " T in the powder" in checked.decisions["field"]
+
+
+@pytest.mark.parametrize(
+    ("material", "message"),
+    [
+        ("dust", r"no region is of the material 'dust' .*Air, Brass, Copper, Powder, Steel"),
+        ("Steel", "'Steel' .--powder. is solid: its relative permeability is up to 1000, .*; take 'Powder'"),
+        ("Brass", "'Brass' .* is solid metal: its conductivity is 16 MS/m"),
+        ("Copper", "'Copper' .* is the material of a winding"),
+        ("Air", "'Air' .* is also the air at the end of the model"),
+    ],
+)
+def test_what_cannot_be_powder_is_refused(material, message, tmp_path):
+    with pytest.raises(SceneError, match=message):
+        scene_of(tmp_path, powder_clutch(), material)
+
+
+@pytest.mark.parametrize("powder", [None, "Powder"])
+def test_the_notes_say_which_part_turns(powder, tmp_path):
+    """The lowest group is the disc, wherever its label stands in the file."""
+    notes = "\n".join(new_scene_from(tmp_path / "scene.toml", powder_clutch().write(tmp_path / "a.fem"), powder)[1])
+    bodies = ("disc (torque is measured on it): steel_1", "rotor (turns): brass_2, steel_2", "(stands still):")
+    assert all(text in notes for text in (*bodies, "edit bodies in [geometry]"))
+    assert ("the scene gives the field, not the torque" in notes) == (powder is None)
+    assert ("--powder 'Powder'" in notes) == (powder is None)
+
+
+def test_a_third_group_stands_still_and_is_named(tmp_path):
+    text = re.sub(r"(?m)^(25.0\t9.0\t5\t-1\t0\t0\t)2", r"\g<1>7", str(powder_clutch()))
+    with pytest.warns(UserWarning, match="brass_7 stand still: the model has 3 groups besides 0"):
+        assert load_case(scene_of(tmp_path, text, "Powder")).scene.geometry.bodies["brass_7"] == "housing"
+
+
+def test_with_one_group_the_disc_turns_in_the_housing(tmp_path):
+    """Where the rotor has no part, its speed would shear nothing; a scene that says so is a warning."""
+    text = re.sub(r"\t2(\t1\t0)$", r"\t0\1", str(powder_clutch()), flags=re.MULTILINE)
+    path = scene_of(tmp_path, text, "Powder")
+    assert not load_case(path).warnings and load_case(path).scene.motion.disc.largest_speed > 100.0
+    stopped = load_case(path, {"motion.disc.speed": 0.0, "motion.rotor.speed": "1000 rpm"})
+    assert any("between disc and housing at 0 rpm" in warning for warning in stopped.warnings)
 
 
 def test_powder_between_parts_that_stand_still_is_a_warning(tmp_path):

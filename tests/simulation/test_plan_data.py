@@ -1,13 +1,16 @@
 """A plan holds what was decided and why as data; it has words for each decision."""
 
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 import sheared_annulus
 
 from emclutch import SceneError, plan
+from emclutch.device_model.decision import warnings_of
 from emclutch.device_model.device import build_device
-from emclutch.scene.case import case_from
+from emclutch.scene.case import case_from, load_case
+from emclutch.simulation.field_plan import field_plan
 from emclutch.simulation.plan_in_words import plan_in_words
 from emclutch.simulation.windows import UpdateRule, coupling_windows
 from geometry.time_profile import TimeProfile
@@ -18,10 +21,21 @@ CELL = {name: table for name, table in sheared_annulus.CELL.items() if name not 
 }  # fmt: skip
 
 
+STARTERS = Path(__file__).resolve().parents[2] / "emclutch" / "devices" / "starters"
+
+
 def planned(changes=()):
     case = case_from(CELL, dict(changes))
     made = plan(case, threads=1)
     return made, plan_in_words(build_device(case.scene), made)
+
+
+@pytest.mark.parametrize(("width", "bypasses"), [("6 mm", False), ("12 mm", True)])
+def test_a_wide_winding_whose_leakage_exceeds_the_powders_share_is_a_warning(width, bypasses):
+    """At equal ampere-turns and housing: the poles beside the winding, 4 mm and 1 mm wide, carry the flux."""
+    found = field_plan(load_case(STARTERS / "field.toml", {"geometry.coil_width": width}))
+    warnings = warnings_of(found).get("ampere-turns", [])
+    assert len(warnings) == bypasses and all("much flux bypasses the powder" in text for text in warnings)
 
 
 @pytest.mark.parametrize(("changes", "source"), [({}, "gravity"), (FIELD, "magnetism")])

@@ -604,7 +604,12 @@ def _outside_of_cells(scene, device: Device) -> Iterator[str]:
         yield "its field has no powder ([effects.back_reaction])"
     if device.coil is not None and device.section_coil is None:
         yield "it has slots"
-    if device.pole_zone is None:
+    if scene.geometry.is_from_file:
+        yield (
+            "for a drawn device the program does not know which faces shear the powder (better: run the grains, or "
+            "enter the dimensions with emclutch new --kind drum or disc)"
+        )
+    elif device.pole_zone is None:
         yield "it has no pole faces"
     elif not between_poles(device):
         yield 'its powder does not begin between the poles (particles.region = "poles", or "faces")'
