@@ -14,7 +14,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import pairwise
 from math import inf, isclose
@@ -125,9 +125,14 @@ class HeatResult(Reported):
     """
 
     folder: Path
-    summary: dict[str, Any]
-    table: pandas.DataFrame
-    permitted: pandas.DataFrame
+    summary: dict[str, Any] = field(repr=False)
+    table: pandas.DataFrame = field(repr=False)
+    permitted: pandas.DataFrame = field(repr=False)
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Units of the columns of both tables."""
+        return self.summary["units"]
 
     def report(self) -> Report:
         """Return temperatures, limits and permitted slip power."""
