@@ -19,17 +19,9 @@ if TYPE_CHECKING:
 
 
 def load(path: Path, sets: list[str] | None = None, trust_scripts: bool = False, warns: bool = True) -> Case:
-    from emclutch.scene.case import load_case, read_toml
+    from emclutch.scene.case import load_case
 
-    values = assignments(sets)
-    if any(value == {} for value in values.values()):
-        # an effect that is switched on keeps the entries that it has, in the file or by other settings
-        effects = read_toml(path).get("effects", {})
-        adding: dict[str, Any] = {key: {} for key, value in values.items() if value == {}}
-        kept = {key for key in adding if isinstance(effects, dict) and key.removeprefix("effects.") in effects}
-        others = {key: value for key, value in values.items() if key not in adding}
-        values = {key: {} for key in adding if key not in kept} | others
-    case = load_case(path, values, trust_scripts=trust_scripts)
+    case = load_case(path, assignments(sets), trust_scripts=trust_scripts)
     if warns:
         warn(case.warnings)
     return case
@@ -65,8 +57,7 @@ def study_to_check(
 def assignments(sets: list[str] | None) -> dict[str, Any]:
     """Read ``key=value`` pairs; a value is read as TOML (numbers, lists, true), otherwise as text.
 
-    A bare ``none`` is None, which removes the key. For ``effects.NAME`` a bare ``off`` is None too, ``on`` an empty
-    table.
+    A bare ``none`` is None, which removes the key, as a bare ``off`` removes ``effects.NAME``.
     """
     from emclutch.scene.case import removes
     from emclutch.scene.fault_report import key_fault
@@ -85,9 +76,6 @@ def assignments(sets: list[str] | None) -> dict[str, Any]:
             if reason := key_fault(key, Scene):
                 raise SceneError([Fault(key, value, reason)], "command line")
             values[key] = None
-            continue
-        if value == "on" and key.startswith("effects.") and key.count(".") == 1:
-            values[key] = {}
             continue
         try:
             values[key] = tomllib.loads(f"value = {value}")["value"]

@@ -101,7 +101,7 @@ Currents = Annotated[
     typer.Option(
         "--current",
         metavar="I",
-        help="a current '0.5 A', a list '0 A, 1 A', or ranges '0.2 A:1 A' (16 values) and '0.2 A:1 A:5'; default: the largest",
+        help="a current '0.5 A', a list '0 A, 1 A', or ranges '0.2 A:1 A' (16 values), '0.2 A:1 A:5'; default: largest",
     ),
 ]
 TorqueOfRun = Annotated[Path | None, typer.Option("--run", metavar="RUN", help="folder of a run whose torque is used")]

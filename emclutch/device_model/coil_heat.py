@@ -92,14 +92,21 @@ def housing_rise(scene, coil: Excitation | None, shape, slip_power: float) -> fl
 
 
 def winding_in_words(scene) -> str:
-    """Turns, bare wire and resistance of a scene's winding; current density and copper loss at its largest current."""
+    """Turns, bare wire, its fill and resistance of a scene's winding; current density and loss at its largest current.
+
+    A resistance beside the turns that is below that of a window full of copper is said to be so.
+    """
     coil, shape = scene.coil, scene.shape()
     window = shape.coil_area, shape.coil_mean_radius
     winding, current, R = coil.winding_in(*window), coil.currents_in(*window).largest, coil.resistance_in(*window)
+    text = ""
+    if winding.resistance > 1.001 * R:
+        text = f"; more copper than the window holds: {winding.turns:.0f} turns have {winding.resistance:.3g} ohm or more"
     return (
-        f"{winding.turns:.0f} turns of {1e3 * winding.wire_diameter:.3g} mm copper wire, {R:.3g} ohm at "
+        f"{winding.turns:.0f} turns of {1e3 * winding.wire_diameter:.3g} mm copper wire (copper fills "
+        f"{100.0 * winding.fill_factor:.3g} % of the window), {R:.3g} ohm at "
         f"{coil.temperature:g} °C; at {current:.3g} A {1e-6 * winding.current_density(current):.3g} A/mm^2 and "
-        f"{R * current**2:.3g} W"
+        f"{R * current**2:.3g} W{text}"
     )
 
 

@@ -13,13 +13,13 @@ def new_path(path: Path, option: str = "--out") -> Path:
     """Return a path; OutputError where there is something, with the `option` that names another one."""
     if path.exists():
         kind = "file" if path.suffix else "folder"
-        raise OutputError(f"{path} exists; name another {kind} with {option}")
+        raise OutputError(f"{path} exists; name another {kind} ({option})")
     return path
 
 
 def new_folder(out: str | Path | None, stem: str, parent: str = "runs") -> Path:
     """Return `out`, or the next free ``<parent>/<stem>-<nnn>``; it is not made yet. OutputError where it exists."""
-    return new_path(Path(out)) if out is not None else RunFolder.next_path(stem, parent)
+    return new_path(Path(out), "out") if out is not None else RunFolder.next_path(stem, parent)
 
 
 def numbered_file(folder: Path, stem: str, ending: str) -> Path:

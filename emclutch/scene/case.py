@@ -7,6 +7,7 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
+from os import PathLike
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,7 +15,7 @@ import tomli_w
 from pydantic import Field, ValidationError, create_model
 
 from emclutch.scene.consistency import GEOMETRY_KIND, PartialScene, faults_between_sections
-from emclutch.scene.errors import Fault, SceneError
+from emclutch.scene.errors import Fault, SceneError, shown
 from emclutch.scene.fault_report import faults_from
 from emclutch.scene.geometry_sketch import sketch_of
 from emclutch.scene.likely_mistakes import warnings_of
@@ -46,7 +47,7 @@ class Case:
         Whether scripts that the scene names (.geo) may be run. They can run any command.
     """
 
-    scene: Scene
+    scene: Scene = field(repr=False)
     path: Path | None = None
     data: dict[str, Any] = field(default_factory=dict, repr=False)
     trust_scripts: bool = False
@@ -78,7 +79,7 @@ class Case:
         ----------
         values : mapping of str to value
             By dotted keys, as a scene file has them: ``{"coil.current": "0.8 A"}``, or a number in SI. None removes
-            the key.
+            the key. ``"off"`` removes ``effects.NAME``, ``"on"`` adds its table where there is none.
 
         Raises
         ------
@@ -119,12 +120,12 @@ class Case:
             stream.write(self.toml())
 
 
-def load_case(path: str | Path, overrides: Mapping[str, Any] | None = None, *, trust_scripts: bool = False) -> Case:
+def load_case(path: str | Path | Mapping[str, Any], overrides: Mapping[str, Any] | None = None, *, trust_scripts: bool = False) -> Case:
     """Read a scene file and check it.
 
     Parameters
     ----------
-    path : of the TOML file.
+    path : of the TOML file, or its tables as nested dictionaries.
     overrides : values by dotted keys that replace those of the file, as of `Case.with_values`.
     trust_scripts : allow a script as the file of the geometry (.geo). It may run any command on this machine.
 
@@ -133,6 +134,11 @@ def load_case(path: str | Path, overrides: Mapping[str, Any] | None = None, *, t
     SceneError
         The file cannot be read, is no TOML, or the scene has faults. The error has all of them.
     """
+    if isinstance(path, Mapping):
+        return case_from(path, overrides, trust_scripts=trust_scripts)
+    if not isinstance(path, (str, PathLike)):
+        message = "is neither the path of a scene file nor the tables of a scene; give 'my_scene.toml', or a dictionary"
+        raise SceneError([Fault("case", shown(path), message)], "arguments")
     path = Path(path)
     data = read_toml(path)
     if "study" in data:
@@ -164,6 +170,9 @@ def case_from(
     changed = copy.deepcopy(dict(data))
     source = "scene" if path is None else str(path)
     faults = []
+    if not isinstance(values, Mapping | None):
+        message = "is not a dictionary; write values as in {'coil.current': '0.8 A'}"
+        raise SceneError([Fault("values", shown(values), message)], source)
     for key, value in (values or {}).items():
         faults += _set(changed, key, value)
     if faults:
@@ -176,7 +185,11 @@ def case_from(
 
 def removes(key: str, value: object) -> bool:
     """True if a value removes its key from a scene: ``none``, and for ``effects.NAME`` ``off`` too."""
-    return value == "none" or (value == "off" and key.startswith("effects.") and key.count(".") == 1)
+    return value == "none" or (value == "off" and _is_an_effect(key))
+
+
+def _is_an_effect(key: str) -> bool:
+    return key.startswith("effects.") and key.count(".") == 1
 
 
 def read_toml(path: Path) -> dict[str, Any]:
@@ -233,8 +246,10 @@ def _not_of_a_scene(data: dict[str, Any], path: Path) -> list[Fault]:
 
 
 def _set(data: dict[str, Any], key: str, value: Any) -> list[Fault]:
-    """Set a dotted key in place; tables on its path are created."""
+    """Set a dotted key in place; tables on its path are created. An effect that is on already keeps its table."""
     *tables, name = key.split(".")
+    if _is_an_effect(key) and value == "off":
+        value = None
     if not all((*tables, name)):
         return [Fault(key, "", "is not a dotted key; write it as in 'coil.current'")]
     for step in tables:
@@ -244,6 +259,8 @@ def _set(data: dict[str, Any], key: str, value: Any) -> list[Fault]:
         data = table
     if value is None:
         data.pop(name, None)
+    elif value == "on" and _is_an_effect(key):
+        data.setdefault(name, {})
     else:
         data[name] = copy.deepcopy(value)
     return []

@@ -78,11 +78,16 @@ class CoilSection(Section):
         return self.is_at_voltage and self.resistance is None
 
     def winding_in(self, window_area: float, mean_radius: float) -> Winding:
-        """The winding in a window of area [m^2] at a mean radius [m], at its temperature."""
+        """The winding in a window of area [m^2] at a mean radius [m], at its temperature.
+
+        Where turns and resistance are both given the wire follows from them, and with it the fill factor: at most 1.
+        """
         from field.coil.winding import Winding  # local: a scene is read without the field
 
         fill = _FILL_FACTOR if self.fill_factor is None else self.fill_factor
         turns = self.turns
+        if turns is not None and self.resistance is not None:
+            fill = min(1.0, Winding(turns, window_area, mean_radius, 1.0).resistance / self.resistance)
         if turns is None:
             assert self.resistance is not None  # by the model's rule
             turns = Winding.of_resistance(self.resistance, window_area, mean_radius, fill).turns

@@ -79,7 +79,7 @@ def _fault(details: ErrorDetails, root: type[Section], data: dict[str, Any]) -> 
         example = _list_example(path, root, data)
         message = _PYDANTIC[kind].format(path=dotted(path), example=example, **context)
         if _PYDANTIC[kind] == _NO_TABLE and path[0] == "effects" and len(path) == 2:
-            message += f"; on a command line --set {dotted(path)}=on or =off"
+            message += f", or set {dotted(path)} to 'on' or 'off' (--set)"
         return Fault(dotted(path), value, message)
     return Fault(dotted(path), value, f"is refused: {details['msg'][:1].lower()}{details['msg'][1:]}")
 

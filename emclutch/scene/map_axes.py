@@ -132,8 +132,8 @@ def _axis(case: Case, name: str, entry: str | Sequence[Any], option: str, count:
         key = case.scene.geometry.gap_key(case.scene.shape(), case.scene.grains.region) or ""
         if not key:
             kind = entry_at(case.data, ("geometry", "kind"))
-            message = f"is no single key of geometry.kind = '{kind}'; vary a length of [geometry] by its key, in the "
-            message += "command line --vary KEY='1 mm:2 mm'"
+            message = f"is no single key of geometry.kind = '{kind}'; vary a length of [geometry] by its key, as in "
+            message += "--vary KEY='1 mm:2 mm', or map(case, **{'geometry.KEY': '1 mm:2 mm'})"
             raise SceneError([Fault(option, shown(entry), message)], "torque map")
     if reason := key_fault(key, Scene):
         raise SceneError([Fault(option, shown(key), reason)], "torque map")
@@ -155,7 +155,7 @@ def _axis(case: Case, name: str, entry: str | Sequence[Any], option: str, count:
                 raise SceneError([Fault(option, shown(one), str(error))], "torque map") from None
     ascending = tuple(sorted({float(f"{value:.15g}") for value in values}))  # 0.2 of a range is not 0.19999999999999998
     if len(ascending) < 2:
-        message = f"is one value; an axis has 2 or more; set it with --set {key}=..., or give a range A:B"
+        message = f"is one value; an axis has 2 or more; give a range A:B, or set {key} in the scene"
         raise SceneError([Fault(option, shown(entry), message)], "torque map")
     replaced = tuple(one for one in replaces if entry_at(case.data, one.split(".")) is not None)
     units = (text for text in texts if isinstance(text, str) and unit_of(text, quantity) != (quantity.unit, 1.0))

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from emclutch.scene.errors import Fault, SceneError, shown
-from emclutch.scene.units import quantity_of
-
-if TYPE_CHECKING:
-    from emclutch.scene.units import Quantity
+from emclutch.scene.units import Quantity, quantity_of
 
 RANGE_POINTS = 16
 """Values of a range without a count."""
+
 
 
 def number_or_text(text: str) -> str | float:
@@ -23,7 +21,9 @@ def number_or_text(text: str) -> str | float:
         return text.strip()
 
 
-def read_list(text: str, quantity: Quantity, option: str, count: int | None = None) -> list[float]:
+def read_list(
+    text: str, quantity: Quantity, option: str, count: int | None = None, source: str = "command line"
+) -> list[float]:
     """Return numbers in SI of a list ``18 kA/m, 80 kA/m``, in which ranges ``first : last : count`` may stand.
 
     With `count` a text may be a range ``first : last`` of so many.
@@ -35,28 +35,32 @@ def read_list(text: str, quantity: Quantity, option: str, count: int | None = No
     """
     parts = text.split(",")
     if len(parts) > 1 and ":" in text:
-        return [value for part in parts for value in read_list(part, quantity, option)]
+        return [value for part in parts for value in read_list(part, quantity, option, source=source)]
     if ":" not in text:
-        return read_all(parts, quantity, option)
+        return read_all(parts, quantity, option, source)
     first, *others = text.split(":")
     if count is not None and len(others) == 1:
         others.append(str(count))
     if len(others) != 2 or not others[1].strip().isdigit() or int(others[1]) < 2:
         message = f"is not a list or a range; write '{quantity.example}, ...' or first : last : count"
-        raise SceneError([Fault(option, shown(text), message)], "command line")
+        raise SceneError([Fault(option, shown(text), message)], source)
     import numpy as np
 
-    low, high = read_all([first, others[0]], quantity, option)
+    low, high = read_all([first, others[0]], quantity, option, source)
     return np.linspace(low, high, int(others[1])).tolist()
 
 
 def values_of(given: float | str | Iterable[float | str], kind: Any, name: str) -> list[float]:
     """Return an argument `name` of a function in SI: one or several numbers in SI, or texts with a unit.
 
-    `kind` is an annotated type of `emclutch.scene.units`. SceneError with every entry that cannot be read.
+    One text may be a list or a range, as of `read_list`. `kind` is an annotated type of `emclutch.scene.units`, or a
+    Quantity. SceneError with every entry that cannot be read.
     """
-    entries = [given] if isinstance(given, (int, float, str)) else given
-    return read_all([str(one) for one in entries], quantity_of(kind), name, "arguments")
+    quantity = kind if isinstance(kind, Quantity) else quantity_of(kind)
+    if isinstance(given, str):
+        return read_list(given, quantity, name, source="arguments")
+    entries = given if isinstance(given, Iterable) else [given]
+    return read_all([str(one) for one in entries], quantity, name, "arguments")
 
 
 def read_all(entries: list[str], quantity: Quantity, option: str, source: str = "command line") -> list[float]:

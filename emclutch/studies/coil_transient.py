@@ -75,12 +75,12 @@ def drive_of(scene: Scene) -> tuple[TimeProfile, bool]:
     if scene.effects.memory is not None:
         raise ValueError(
             "[effects.hysteresis] cannot be computed in time: its circuit does not follow the steel's "
-            "history; remove its table, or --set effects.hysteresis=off"
+            "history; remove its table, or set effects.hysteresis to 'off'"
         )
     if scene.geometry.is_solved_in_3d:
         raise ValueError(
             f"geometry.{scene.geometry.key_of_3d} asks for a field in 3D, and the coil alone in time is computed in a "
-            "section; remove that key, or solve single currents without --transient"
+            "section; remove that key, or solve single currents in place of the time"
         )
     return voltage, steady
 
@@ -113,9 +113,7 @@ class CoilTransient:
         self.coil, self.fill, self.faces = coil, fill, faces
         assert scene.coil is not None  # it has a voltage
         self.cold_resistance = scene.coil.resistance_in(coil.shape.coil_area, coil.shape.coil_mean_radius)
-        # a resistance beside the turns that is larger than theirs is taken for that of thinner wire: the bound is upper
-        share = min(1.0, coil.winding.resistance / self.cold_resistance)
-        self.cold, self.heat_capacity = scene.coil.temperature, COPPER_HEAT * coil.winding.copper_mass * share
+        self.cold, self.heat_capacity = scene.coil.temperature, COPPER_HEAT * coil.winding.copper_mass
         self.eddy = EddyCurrentProblem(coil.problem, coil.conductivity or {}, turns=coil.turns)
 
     def resistance(self, loss: float) -> float:
@@ -126,7 +124,7 @@ class CoilTransient:
         except ValueError as error:
             raise ValueError(
                 f"the winding passes 250 degrees C, as its copper keeps all the heat here: {temperature:.0f} degrees C "
-                f"after {loss:.3g} J; lower coil.voltage, raise coil.resistance, or end before (--end)"
+                f"after {loss:.3g} J; lower coil.voltage, raise coil.resistance, or end earlier (end)"
             ) from error
 
     @property

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
+from dataclasses import field as dataclass_field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -34,7 +35,7 @@ class FieldResult(Reported):
     """
 
     folder: Path
-    summary: dict[str, Any]
+    summary: dict[str, Any] = dataclass_field(repr=False)
 
     @cached_property
     def table(self) -> pandas.DataFrame:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,7 +23,7 @@ from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import bad_input_for
 from emclutch.scene.grain_smear import moments_are_fed_back
 from emclutch.scene.model import Scene
-from emclutch.scene.units import Time
+from emclutch.scene.units import Quantity, Time
 from emclutch.scene.value_list import values_of
 from emclutch.simulation.forecast.expected_field import field_of_sheared_powder, powder_in_words
 from emclutch.studies.coil_transient import UNITS, CoilTransient, Course, drive_of
@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 
 TOLERANCE = 1e-3
 """Local error of a step, relative to the largest state."""
+_TOLERANCE = Quantity("a tolerance", "", "1e-3", 1e-6, 0.1)
 COARSER = 4.0
 """Factor of the tolerance of a second march: the error is proportional to it, so that a third of the difference
 estimates it."""
@@ -61,8 +62,13 @@ class TransientResult(Reported):
     """
 
     folder: Path
-    summary: dict[str, Any]
-    table: pandas.DataFrame
+    summary: dict[str, Any] = field(repr=False)
+    table: pandas.DataFrame = field(repr=False)
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Units of the columns of `table`."""
+        return self.summary["units"]
 
     def report(self) -> Report:
         """Return rise times, energies and the winding's temperature."""
@@ -72,7 +78,7 @@ class TransientResult(Reported):
 def field_transient(
     case: Case | str | Path,
     end: float | str | None = None,
-    tolerance: float = TOLERANCE,
+    tolerance: float | str = TOLERANCE,
     out: str | Path | None = None,
     progress: Progress | None = None,
 ) -> TransientResult:
@@ -106,9 +112,8 @@ def field_transient(
         progress.status("mesh")
     with bad_input_for(case.path):
         if end is not None:
-            (end,) = values_of(end, Time, "end")
-        if not 1e-6 <= tolerance <= 0.1:
-            raise ValueError(f"the tolerance {tolerance:g} of a time step is out of range; allowed: 1e-6 to 0.1")
+            (end,) = values_of([end], Time, "end")
+        (tolerance,) = values_of([tolerance], _TOLERANCE, "tolerance")
         if scene.coil_field is not None:
             drive_of(scene)  # before the mesh
         coil = coil_of_field(scene)

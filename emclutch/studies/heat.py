@@ -14,10 +14,10 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import pairwise
-from math import inf
+from math import inf, isclose
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -42,6 +42,7 @@ from emclutch.results.pictures.temperature import duty_picture, temperature_pict
 from emclutch.results.quantity import RPM
 from emclutch.results.report.render import Reported, write_index
 from emclutch.results.report.report import Report
+from emclutch.results.text import format_duration
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import Fault, SceneError, bad_input_for
 from emclutch.scene.model import Scene
@@ -124,9 +125,14 @@ class HeatResult(Reported):
     """
 
     folder: Path
-    summary: dict[str, Any]
-    table: pandas.DataFrame
-    permitted: pandas.DataFrame
+    summary: dict[str, Any] = field(repr=False)
+    table: pandas.DataFrame = field(repr=False)
+    permitted: pandas.DataFrame = field(repr=False)
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Units of the columns of both tables."""
+        return self.summary["units"]
 
     def report(self) -> Report:
         """Return temperatures, limits and permitted slip power."""
@@ -140,22 +146,22 @@ def heat(
     out: str | Path | None = None,
     progress: Progress | None = None,
 ) -> HeatResult:
-    """Compute the temperatures of a scene with [effects.heat] and write them into a new folder.
+    """Compute the temperatures of a scene and write them into a new folder.
 
     Parameters
     ----------
-    case : Case, or the path of a scene file
+    case : Case, or the path of a scene file; without [effects.heat] its defaults are taken.
     run : folder of a run; the torque is scaled to its own at its current. Default: effects.heat.torque, else that of
         the law of the powder as it is.
     speeds : slip speeds > 0, numbers [rad/s] or texts with a unit, "100 rpm", at which the permitted slip power is
-        computed.
+        computed, besides the largest slip of the duty.
     out : new folder; default: the next runs/<case>-heat-<nnn>.
     progress : takes the stages: torque, steady temperatures, duty, permitted powers and currents.
 
     Raises
     ------
     SceneError
-        The scene has faults, no [effects.heat], or no torque; its equations are not solved.
+        The scene has faults, or no torque; its equations are not solved.
     ConvergenceError
         The field of a current of the powder's law is not found.
     OutputError
@@ -167,7 +173,7 @@ def heat(
     folder = new_folder(out, f"{case.name}-heat")
     with bad_input_for(case.path):
         if case.scene.effects.thermal is None:
-            raise ValueError("the scene has no [effects.heat]; add the table, or --set effects.heat=on")
+            case = case.with_values({"effects.heat": {}})
         slips = values_of(speeds, Speed, "speeds")
         if not all(0.0 < speed < inf for speed in slips):
             raise ValueError("speeds of the permitted slip power must be above 0")
@@ -175,13 +181,16 @@ def heat(
             progress.status("mesh and torque")
             progress.update(0.0)
         study = _Study.of(case, run)
+    own = study.peak.slip
+    if own > 0.0 and not any(isclose(own, speed, rel_tol=1e-6) for speed in slips):
+        slips = sorted([*slips, own])
     units = UNITS | PERMITTED_UNITS
     effect = case.scene.effects.thermal
     limits = {"surface": effect.surface_limit, "coil_hottest": effect.coil_limit}
     summary: dict[str, Any] = {
         "title": case.scene.scene.title, "units": units, "torque": study.torque_summary, "limits": limits,
         "voltage": None if study.peak.current is not None else study.peak.voltage,
-        "on_all_the_time": effect.duty.on is None,
+        "on_all_the_time": effect.duty.on is None, "slip": own,
     }  # fmt: skip
 
     def stage(share: float, text: str) -> None:
@@ -193,7 +202,7 @@ def heat(
         summary["steady"], temperature = study.steady()
         summary["steady_at_the_ends"] = {end: study.with_torque_times(by).steady()[0] for end, by in study.ends.items()}
         stage(0.4, "temperatures through the duty")
-        table, summary["duty"], last = study.through_the_duty(temperature)
+        table, summary["duty"], hottest = study.through_the_duty(temperature)
         stage(0.6, "permitted slip power")
         permitted = study.permitted(slips)
         stage(0.8, "permitted currents and error of the mesh")
@@ -208,7 +217,9 @@ def heat(
     table.to_csv(folder / "heat.csv", index=False)
     permitted.to_csv(folder / "permitted.csv", index=False)
     (folder / "heat.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
-    shown, when = (last, summary["duty"]["state"]) if temperature is None else (temperature, "steady, on all the time")
+    shown, when = hottest.temperature, f"hottest state of the duty, after {format_duration(hottest.time)}"
+    if temperature is not None and not effect.duty.model_fields_set:  # no duty was asked for
+        shown, when = temperature, "steady, on all the time"
     temperature_picture(folder / "temperature.png", study.problem, shown, title=f"{summary['title']}: {when}")
     duty_picture(folder / "heat.png", table, permitted, limits, title=summary["title"])
     found = HeatResult(folder, summary, table, permitted)
@@ -318,8 +329,8 @@ class _Study:
         out = {f"heat_out_{name}": heat for name, heat in self.problem.losses(found).items()}
         return {"state": "steady", **row, **out}, found
 
-    def through_the_duty(self, reference: np.ndarray | None) -> tuple[pandas.DataFrame, dict[str, Any], np.ndarray]:
-        """A row a step, what came of it, and the last temperatures."""
+    def through_the_duty(self, reference: np.ndarray | None) -> tuple[pandas.DataFrame, dict[str, Any], HeatState]:
+        """A row a step, what came of it, and the hottest of its states; means over a period of an averaged duty."""
         duty = self.scene.effects.thermal.duty
         if duty.slip is not None and not duty.slip.is_constant:
             values = duty.slip.values
@@ -333,16 +344,16 @@ class _Study:
         films = [min(film_of(self.scene, speed) for speed in of_body) for of_body in zip(*speeds, strict=True)]
         return self.problem.with_films(dict(zip(("rotor", "disc"), films, strict=True)))
 
-    def _through_the_duty(self, reference: np.ndarray | None) -> tuple[pandas.DataFrame, dict[str, Any], np.ndarray]:
+    def _through_the_duty(self, reference: np.ndarray | None) -> tuple[pandas.DataFrame, dict[str, Any], HeatState]:
         effect, duty = self.scene.effects.thermal, self.scene.effects.thermal.duty
         if duty.period is not None and duty.end > MAX_RESOLVED_PERIODS * duty.period:
             return self._averaged(reference)
         march = HeatInTime(self.problem, self._powers_in_time, effect.tolerance, reference)
-        table, summary, last = self._marched(march, effect.ambient, self._switchings(duty.end), self._row_in_time)
+        table, summary, hottest = self._marched(march, effect.ambient, self._switchings(duty.end), self._row_in_time)
         own = self._heat_of_the_duty(table)
         made = summary["heat_of_coil"] + summary["heat_of_slip"]
         summary["heat_error"] = (made - own) / own if own > 0.0 else 0.0
-        return table, summary, last
+        return table, summary, hottest
 
     def _powers_in_time(self, time: float, means: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return self.model.powers(self._drive(time), means)
@@ -366,14 +377,15 @@ class _Study:
         start: np.ndarray | float,
         ends: Sequence[float],
         row: Callable[[np.ndarray, float], dict[str, float]],
-    ) -> tuple[pandas.DataFrame, dict[str, Any], np.ndarray]:
+    ) -> tuple[pandas.DataFrame, dict[str, Any], HeatState]:
         effect = self.scene.effects.thermal
-        state = first = march.start(start)
+        state = first = hottest = march.start(start)
         rows = [row(state.temperature, 0.0)]
         summary: dict[str, Any] = {"state": f"computed to {effect.duty.end:g} s", "end": effect.duty.end}
         try:
             for state in march.run(first, ends):
                 rows.append(row(state.temperature, state.time))
+                hottest = max(hottest, state, key=lambda one: one.temperature.max())
                 if rows[-1]["coil_mean"] > HOTTEST:
                     raise ThermalRunaway
         except ThermalRunaway:
@@ -382,12 +394,13 @@ class _Study:
         table = pandas.DataFrame(rows)
         for key, limit in (("surface", effect.surface_limit), ("coil_hottest", effect.coil_limit)):
             summary[f"{key}_limit_passed_after"] = _passes(table["time"].to_numpy(), table[key].to_numpy(), limit)
-        summary |= {f"largest_{key}": float(table[key].max()) for key in HOTTEST_PLACES}
+        for key in HOTTEST_PLACES:
+            summary |= {f"largest_{key}": float(table[key].max()), f"last_{key}": float(table[key].iloc[-1])}
         summary |= _energy(self.problem, first, state)
         summary["steps"] = march.steps
-        return table, summary, state.temperature
+        return table, summary, hottest
 
-    def _averaged(self, reference: np.ndarray | None) -> tuple[pandas.DataFrame, dict[str, Any], np.ndarray]:
+    def _averaged(self, reference: np.ndarray | None) -> tuple[pandas.DataFrame, dict[str, Any], HeatState]:
         """Through the duty with its mean power, and the ripple about it."""
         effect, problem, duty = self.scene.effects.thermal, self.problem, self.scene.effects.thermal.duty
         times, weights = self._through_a_period()
@@ -397,17 +410,17 @@ class _Study:
         powers = partial(self._mean_powers, drives)
         ends = np.linspace(0.0, duty.end, _ROWS + 1)[1:].tolist()
 
-        def through(start: np.ndarray | float, ripple: Ripple | None) -> tuple[Any, dict[str, Any], np.ndarray]:
+        def through(start: np.ndarray | float, ripple: Ripple | None) -> tuple[Any, dict[str, Any], HeatState]:
             march = HeatInTime(problem, lambda _, means: powers(means), effect.tolerance, reference)
             return self._marched(march, start, ends, lambda mean, time: self._row(drives, mean, time, ripple))
 
         mean = steady = self._steady_or_none(powers)
         if mean is None:
-            _, _, mean = through(effect.ambient, None)
+            mean = through(effect.ambient, None)[2].temperature  # that runs away
         cycle = HeatInTime(problem, self._powers_in_time, effect.tolerance, mean)
         ripple = cycle.ripple(mean, self._switchings(duty.period))
         # mean and ripple together start at the temperature of the surroundings
-        table, summary, last = through(effect.ambient - ripple.departures[0], ripple)
+        table, summary, hottest = through(effect.ambient - ripple.departures[0], ripple)
         table.loc[0, list(HOTTEST_PLACES)] = effect.ambient
         summary["averaged_periods"] = duty.end / duty.period
         ranges = np.ptp(self._hottest(mean, ripple), axis=0)
@@ -417,7 +430,7 @@ class _Study:
             summary["steady"] = self._row(drives, steady, ripple=ripple)
             del summary["steady"]["time"]
             summary["error_of_the_mean"] = self._error_of_the_mean(powers, steady, ripple)
-        return table, summary, last
+        return table, summary, hottest
 
     def _error_of_the_mean(self, powers: Powers, steady: np.ndarray, ripple: Ripple) -> float:
         """Largest shift [K] of steady temperatures if their equations are those averaged through the ripple, not at

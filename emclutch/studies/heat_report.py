@@ -38,7 +38,8 @@ def heat_report(folder: Path, summary: dict[str, Any], permitted: pandas.DataFra
     """Return the report on ``heat.json`` and ``permitted.csv``."""
     data = summary | {"permitted": permitted.to_dict("records"), "folder": str(folder)}
     report = Report(f"Temperatures: {folder.name}", data=data, folder=folder)
-    report.add("Result", Statements([*_limits(summary), *_remarks(summary, permitted)]), Shown.TERMINAL)
+    report.add("Result", Statements([*_limits(summary), *_permitted_at_the_duty(summary, permitted),
+                                     *_remarks(summary, permitted)]), Shown.TERMINAL)  # fmt: skip
     report.add("Temperatures", _temperatures(summary), Shown.TERMINAL)
     report.add("Permitted slip power", _permitted(permitted), Shown.TERMINAL)
     pictures = [Picture(in_words(one.stem), one) for one in sorted(folder.glob("*.png"))]
@@ -55,7 +56,9 @@ def _temperatures(summary: dict[str, Any]) -> Table:
         table.append(
             (f"steady, {end}est torque (95 %)", *(f"{of_end[key]:.1f}" if key in of_end else "none" for key in PLACES))
         )
-    table.append(("maximum over the duty cycle", *(f"{duty[f'largest_{key}']:.1f}" for key in PLACES)))
+    end = f"end of the duty, {format_duration(duty['end'])}"
+    for words, prefix in ((end, "last"), ("maximum over the duty", "largest")):
+        table.append((words, *(f"{duty[f'{prefix}_{key}']:.1f}" for key in PLACES)))
     if duty.get("steady"):
         table.append(("maximum, duty repeated for ever", *(f"{duty['steady'][key]:.1f}" for key in PLACES)))
     return Table(table, ("temperature [°C]", *(f"{name}, hottest" for name in PLACES.values())), (1, 2, 3))
@@ -84,6 +87,19 @@ def _limits(summary: dict[str, Any]) -> Iterator[Statement]:
         if key not in passed and for_ever.get(key, limit) > limit:
             text = f"if the duty went on for ever, the {PLACES[key]} would reach {for_ever[key]:.0f} °C"
             yield warning(f"{text}, above its limit of {limit:g} °C")
+
+
+def _permitted_at_the_duty(summary: dict[str, Any], permitted: pandas.DataFrame) -> Iterator[Statement]:
+    """Say the slip power that is permitted all the time at the largest slip of the duty, and which limit it meets."""
+    if not summary["slip"]:
+        return
+    row = permitted.loc[(permitted["speed"] - summary["slip"]).abs().idxmin()]
+    limit = "surface" if row["by_surface"] <= row["by_coil"] else "coil"
+    at = f"Permitted steady slip power at {RPM * summary['slip']:.4g} 1/min"
+    if row["slip_power"] > 0.0:
+        yield note(f"{at}: {row['slip_power']:.3g} W (limit: {limit}).")
+    else:
+        yield warning(f"{at}: 0 W; the copper loss alone brings the {limit} to its limit: lower the current")
 
 
 def _remarks(summary: dict[str, Any], permitted: pandas.DataFrame) -> Iterator[Statement]:

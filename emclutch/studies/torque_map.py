@@ -12,7 +12,7 @@ import csv
 import io
 import shlex
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import product
 from math import nan
 from pathlib import Path
@@ -49,6 +49,8 @@ from emclutch.studies.design_search import expectation_of
 from field import ConvergenceError
 
 if TYPE_CHECKING:
+    import pandas
+
     from emclutch.results import Progress
 
 TORQUES = ("torque", "low", "high", "unknown_low", "unknown_high")
@@ -117,7 +119,20 @@ class MapResult(Reported):
     folder: Path
     case: Case
     axes: tuple[Axis, ...]
-    points: tuple[MapPoint, ...]
+    points: tuple[MapPoint, ...] = field(repr=False)
+
+    @property
+    def table(self) -> pandas.DataFrame:
+        """`rows`, a row a point; units in `units`."""
+        import pandas
+
+        return pandas.DataFrame(self.rows)
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Units of the columns of `table`; what has none is a pure number or a text."""
+        torques = [*TORQUES, *([FALLING] if FALLING in self.rows[0] else [])]
+        return {axis.key: axis.quantity.unit for axis in self.axes} | dict.fromkeys(torques, "N m")
 
     @property
     def rows(self) -> list[dict[str, Any]]:
@@ -261,7 +276,7 @@ def map_over(
     if measured is not None:
         if axes[0].key != CURRENT:
             message = f"lies over torque against current; the first axis is {axes[0].key}: give the current first"
-            raise SceneError([Fault("--with", str(measured), message)], "torque map")
+            raise SceneError([Fault("measured table", str(measured), message)], "torque map")
         read_measured(measured, *TORQUE_CURVE)  # before anything is computed
     folder = new_folder(out, case.name, "maps")
     known: dict[tuple[float, ...], MapPoint] = {}

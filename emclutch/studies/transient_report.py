@@ -74,7 +74,7 @@ def _statements(summary: dict[str, Any]) -> Iterator[Statement]:
         yield note("coil.voltage is applied from t = 0; coil.current, if given, is not used.")
     if summary["distance"] > FAR:
         far, end = format_percent(summary["distance"]), format_time(at_end["time"])
-        yield warning(f"At the end, {end}, the coil is {far} from its final state; take a later --end")
+        yield warning(f"At the end, {end}, the coil is {far} from its final state; take a later end (--end)")
     yield from map(warning, summary["warnings"])
 
 

@@ -46,7 +46,7 @@ def test_settings_are_toml_or_text_and_none_and_off_remove(tmp_path):
              "effects.gravity=off", "effects.dipoles=on", "coil.voltage=none", "scene.title='none'"]  # fmt: skip
     assert assignments(given) == {
         "coil.current": "0.8 A", "particles.count": 12, "output.formats": ["vtk"], "output.pictures": False,
-        "a.b": "c=d", "effects.gravity": None, "effects.dipoles": {}, "coil.voltage": None, "scene.title": "none",
+        "a.b": "c=d", "effects.gravity": None, "effects.dipoles": "on", "coil.voltage": None, "scene.title": "none",
     }  # fmt: skip
     path = tmp_path / "scene.toml"
     path.write_text(GOOD.read_text().replace("[effects.dipoles]", "[effects.dipoles]\ncutoff = 3.5", 1))

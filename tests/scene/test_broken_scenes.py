@@ -273,7 +273,7 @@ def test_a_removed_key_must_exist():
         ("geometry.gap", "1,0 mm", "decimals follow a point: '1.0 mm'"),
         ("contact.friction", "0.3 mm", "write it without a unit, e.g. 0.3"),
         ("particles.count", "12 pcs", "write it without a unit"),
-        ("effects.eddy_currents", "yes", "on a command line --set effects.eddy_currents=on or =off"),
+        ("effects.eddy_currents", "yes", "set effects.eddy_currents to 'on' or 'off' (--set)"),
     ],
 )
 def test_habits_of_writing_are_reported(key, entry, remedy):

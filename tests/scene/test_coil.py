@@ -31,15 +31,22 @@ def test_resistance_follows_from_the_turns_in_copper():
     assert coil.winding_in(AREA, RADIUS).copper_loss(currents(0.0)) == pytest.approx(24.0 * currents(0.0))
 
 
-def test_the_winding_in_words_is_one_winding():
-    """U = R I, P = U I, J = I/(pi d^2/4), and N wires of d fill 0.6 of the window."""
-    case = load_case(CASES / "powder_clutch.toml", {"coil.current": None, "coil.voltage": "24 V"})
+@pytest.mark.parametrize("turns", [None, 700])
+def test_the_winding_in_words_is_one_winding(turns):
+    """U = R I, P = U I, J = I/(pi d^2/4), N wires of d fill the window as is said, and rho N l has the resistance."""
+    case = load_case(CASES / "powder_clutch.toml", {"coil.current": None, "coil.voltage": "24 V", "coil.turns": turns})
     words = winding_in_words(case.scene)
-    turns, diameter, R, _, current, density, loss = map(float, re.findall(r"(?<![\^\w])\d[\d.]*", words))
+    given, found = turns, map(float, re.findall(r"(?<![\^\w])\d[\d.]*", words))
+    turns, diameter, fill, R, _, current, density, loss = found
     assert R * current == pytest.approx(24.0, rel=0.01) and loss == pytest.approx(24.0 * current, rel=0.01)
     copper = 0.25 * math.pi * diameter**2  # mm^2
     assert density == pytest.approx(current / copper, rel=0.02)
-    assert turns * copper == pytest.approx(0.6e6 * case.scene.shape().coil_area, rel=0.02)
+    shape = case.scene.shape()
+    assert turns * copper == pytest.approx(1e4 * fill * shape.coil_area, rel=0.02)
+    assert R == pytest.approx(1.72e-2 * turns * 2.0 * math.pi * shape.coil_mean_radius / copper, rel=0.02)
+    assert turns == given or fill == 60.0
+    over = winding_in_words(case.with_values({"coil.turns": 5000}).scene)
+    assert "fills 100 % of the window" in over and "more copper than the window holds: 5000 turns have" in over
 
 
 def test_a_warm_coil_takes_less_current():

@@ -11,6 +11,7 @@ import emclutch
 from emclutch.cli.main import app
 from emclutch.device_model.coil_heat import housing_rise, steady_rise
 from emclutch.device_model.heat_model import COIL, POWDER, Drive, HeatModel, heat_problem, resistance_at_20
+from emclutch.results.report.render import terminal
 from emclutch.scene.case import case_from
 from emclutch.scene.errors import SceneError
 from emclutch.studies import heat as heat_study
@@ -114,7 +115,11 @@ def test_the_duty_ends_in_the_steady_state_and_writes_its_files(found):
 
 
 def test_at_the_permitted_slip_power_the_limit_is_met(found):
-    slow, fast = found.permitted.to_dict("records")
+    slow, own, fast = found.permitted.to_dict("records")
+    assert own["speed"] == pytest.approx(300.0 * RPM) and slow["slip_power"] < own["slip_power"] < fast["slip_power"]
+    words = " ".join(terminal(found.report()).split())
+    assert f"Permitted steady slip power at 300 1/min: {own['slip_power']:.3g} W (limit: surface)." in words
+    assert f"end of the duty, 1 h 00 min {found.table['coil_hottest'].iloc[-1]:.1f}" in words
     assert fast["film"] > slow["film"] and fast["slip_power"] > slow["slip_power"]
     scene = brake().scene
     problem, model = (
@@ -173,8 +178,9 @@ def test_the_films_of_a_duty_are_those_of_its_slip():
     study = _Study.of(brake(**{"effects.heat.duty": {"end": "600 s", "slip": ramp}}), None)
     assert surfaces(study) == surfaces(_Study.of(constant, None))  # on all the time, at the largest slip
     at_rest = study.problem.with_films({"rotor": 6.0, "disc": 6.0})
-    table, _, last = study.through_the_duty(None)
-    assert table["heat_out"].iloc[-1] == pytest.approx(sum(at_rest.losses(last).values()), rel=1e-12)
+    table, _, hottest = study.through_the_duty(None)
+    hottest_row = table[table["time"] == hottest.time].iloc[0]
+    assert hottest_row["heat_out"] == pytest.approx(sum(at_rest.losses(hottest.temperature).values()), rel=1e-12)
 
 
 def test_a_duty_of_a_quarter_has_a_quarter_of_the_heat(found, tmp_path):
@@ -378,7 +384,7 @@ def test_what_does_not_go_together_is_refused_with_its_remedy(tmp_path):
     assert "'clutch' or 'drum'" in faults(geometry=cell, field=None, coil=None)
     with pytest.raises(SceneError, match="no torque"):
         heat(brake(**{"effects.heat.torque": None}), out=tmp_path / "none")
-    with pytest.raises(SceneError, match=r"effects\.heat=on"):
+    with pytest.raises(SceneError, match=r"give effects\.heat\.torque"):  # the defaults of the table, which has none
         heat(brake(**{"effects.heat": None}), out=tmp_path / "none")
     heat_of = emclutch.heat
     with pytest.raises(emclutch.OutputError, match="exists"):
