@@ -27,11 +27,24 @@ def format_time(time: float) -> str:
 
 
 def format_duration(seconds: float) -> str:
-    """Return a wall-clock time as seconds, minutes or hours."""
+    """Return a time [s] as seconds, minutes or hours."""
     if seconds < 60.0:
         return f"{seconds:.0f} s"
     minutes = round(seconds / 60.0)
     return f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60:02d} min"
+
+
+def format_cost(seconds: float, cores: int, wall: float | None = None) -> str:
+    """Return a processor time [s] with the wall-clock time `wall` [s] on some cores, where these are several.
+
+    Examples
+    --------
+    ``53 min of processor time (27 min on 2 cores)``
+    """
+    text = f"{format_duration(seconds)} of processor time"
+    if cores < 2:
+        return text
+    return f"{text} ({format_duration(seconds / cores if wall is None else wall)} on {cores} cores)"
 
 
 def format_percent(share: float) -> str:

@@ -25,7 +25,7 @@ from emclutch.results.setting_errors import ORDER_SPREAD, SMALL_ERROR
 from emclutch.results.text import format_duration, format_percent, in_words
 from emclutch.scene.replica_count import cores_at_hand
 from emclutch.settings import SETTINGS, UNITS
-from emclutch.studies.accuracy.fidelities import TorqueByLaw, cheapest_in_words
+from emclutch.studies.accuracy.fidelities import CheapestAnswer, TorqueByLaw
 
 SHORT = {Basis.TORQUE: "torque", Basis.MOMENTS: "squared moments", Basis.START_UP: "torque, start-up"}
 MACHINE = ("date", "processor", "cores", "jobs")
@@ -120,10 +120,16 @@ def accuracy_report(
         known["processor time"] = format_duration(study.machine["processor_seconds"])
     machine = ", ".join(f"{key} {value}" for key, value in known.items())
     subtitle = f"device {study.device}{f'; {machine}' if machine else ''}"
-    cheapest = [law.cheapest(one.target, one.found, f"emclutch run {one.file}" if one.file else "") for one in answers]
+    own, cores = own_choice(study), cores_at_hand()
+    cheapest = [
+        CheapestAnswer(target=one.target, law=law, grains=one.found, own=own, cores=cores,
+                       command=f"emclutch run {one.file}" if one.file else "")
+        for one in answers
+    ]  # fmt: skip
     report = Report(f"Accuracy and processor time: {study.case}", subtitle, folder=folder,
-                    data={"settings": rows_of(study), "law": law.as_dict(), "cheapest": cheapest})  # fmt: skip
-    reached = [cheapest_in_words(one) for one in cheapest if one["fidelity"] is not None]
+                    data={"settings": rows_of(study), "law": law.as_dict(),
+                          "cheapest": [one.as_dict() for one in cheapest]})  # fmt: skip
+    reached = [one.in_words() for one in cheapest if one.fidelity is not None]
     statements = [*_statements(study), note(law.in_words()), *_limits(answers), *map(warning, remarks)]
     report.add("Result", Statements(statements), Shown.TERMINAL)
     report.add("Cheapest for a target", Statements(reached), Shown.TERMINAL)
@@ -175,11 +181,10 @@ def _answers(study: AccuracyStudy, answers: Sequence[Answer]) -> Table:
     rows, cores = [], cores_at_hand()
     for target, choice, file in _choices_of(study, answers):
         name, half = next(iter(choice.parts.items()))
-        rounds = math.ceil(choice.replicas / cores)
         rows.append(
             (
                 target, str(choice.replicas), format_duration(choice.seconds),
-                format_duration(choice.seconds / choice.replicas * rounds), f"± {format_percent(choice.half_width)}",
+                format_duration(choice.wall_seconds(cores)), f"± {format_percent(choice.half_width)}",
                 f"{in_words(name)}, {format_percent(half)}", file,
             )
         )  # fmt: skip
