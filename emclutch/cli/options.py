@@ -186,7 +186,9 @@ Targets = Annotated[
         help=f"accuracies to find settings for: half the torque's 95 % interval; in quotes; default: '{USUAL_TARGETS}'",
     ),
 ]
-ResumeAccuracy = Annotated[bool, flag("--resume", help="continue the study in the folder of --out")]
+ResumeAccuracy = Annotated[
+    bool, flag("--resume", help="continue the study in the folder of --out; a larger --budget adds to what is finished")
+]
 OfEffects = Annotated[
     bool, flag("--effects", help="what each effect adds to torque and cost, in place of the settings' errors")
 ]

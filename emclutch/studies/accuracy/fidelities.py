@@ -165,9 +165,9 @@ class CheapestAnswer:
         """Return what a study takes that may reach the target."""
         found = self.grains
         if found is None:
-            seconds = None if self.estimate is None else self.estimate["study_seconds"]
-            least = "" if seconds is None else f", in at least {format_cost(seconds, self.cores)} by this estimate"
-            return f"A study measures it{least}"
+            if self.estimate is None or self.estimate["study_seconds"] is None:
+                return "A study measures it"
+            return f"A study of at least {format_cost(self.estimate['study_seconds'], self.cores)} may reach it"
         assert isinstance(found, LimitingError)
         if found.seconds is not None:
             about = "at least" if found.at_least else "about"

@@ -143,7 +143,7 @@ def accuracy(
     budget : wall-clock time [s]; default 20 min. Four replicas at the scene's own settings are run in any case.
     jobs : replicas at a time, each on one thread of a process of its own; default: the cores at hand. The result of a
         replica does not depend on it.
-    resume : continue the study in `out`, with its own budget.
+    resume : continue the study in `out`, with its own budget or a larger one: what is finished is kept.
     targets : relative half widths of the torque's 95 % interval to find settings for.
     progress : as of `emclutch.run`; if it has log(text), it is called with what the study is going to cost.
 
@@ -466,19 +466,32 @@ class _StudyRun(BudgetedStudy):
 
     def _measure_torque(self) -> None:
         """Run a replica of each setting that fits in, then what else lowers the error until the budget is used up."""
-        for number, share in enumerate(STAGE_FRACTIONS):
+        for number in range(self._stages()):
             if number == len(self.known["stages"]):
-                room = share * (self.known["budget"] - self._elapsed()) / self._busy()
-                self.decide(stages=[*self.known["stages"], self._stage(number, room)])
+                stage = number - self._former_stages()
+                room = STAGE_FRACTIONS[stage] * (self.known["budget"] - self._elapsed()) / self._busy()
+                self.decide(stages=[*self.known["stages"], self._stage(stage, room)])
             self._tell_replicas(self.known["stages"][number])
             begin = sum(map(len, self.known["stages"][:number]))
             self._do_replicas(begin, begin + len(self.known["stages"][number]))
+
+    def open_decisions(self) -> dict[str, Any]:
+        """Return what a larger budget leaves open: more values without noise, and three more stages of replicas."""
+        return {"frozen": None, "begun": None, "former_stages": len(self.known["stages"])}
+
+    def _former_stages(self) -> int:
+        """Return the number of stages that were planned before the budget was last raised."""
+        return self.known.get("former_stages", 0)
+
+    def _stages(self) -> int:
+        return self._former_stages() + len(STAGE_FRACTIONS)
 
     def _stage(self, stage: int, room: float) -> tuple[Key, ...]:
         """Return the replicas of a stage that fit into a wall-clock time of cores that do nothing else [s]."""
         offers, jobs = self._offers(), self.known["jobs"]
         if stage == 0:
-            return first_replicas(offers, BASE_REPLICAS, room, jobs)
+            planned = {name for (name, _), _ in self._order()}
+            return first_replicas([one for one in offers if one.name not in planned], BASE_REPLICAS, room, jobs)
         measured = self._measured()
         count = {key: len(some) for key, some in measured.replicas.items()}
         found = Torques(measured.means, *measured.scatter)
@@ -645,7 +658,7 @@ class _StudyRun(BudgetedStudy):
     def fraction(self, more: float = 0.0) -> float:
         """Return how much of what is planned, or before that of the budget, is done."""
         total = self.budget
-        if len(self.known["stages"]) == len(STAGE_FRACTIONS):
+        if len(self.known["stages"]) == self._stages():
             planned = {(one.setting, one.value): self._seconds(one) for one in self.values} | {
                 (BASE, 0.0): self._seconds()
             }
