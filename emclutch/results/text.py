@@ -52,6 +52,12 @@ def format_percent(share: float) -> str:
     return f"{float(f'{100.0 * share:.2g}'):g} %"
 
 
+def format_range(low: float, high: float) -> str:
+    """Return a range with the decimals that two digits of its lower end have: ``8.4 to 16.5``."""
+    decimals = max(0, 1 - math.floor(math.log10(low))) if low > 0.0 else 1
+    return f"{low:.{decimals}f} to {high:.{decimals}f}"
+
+
 def in_words(name: str) -> str:
     """Return a name of the program as words: ``grains_per_gap`` as ``grains per gap``."""
     return name.replace("_", " ")
