@@ -202,7 +202,9 @@ Targets = Annotated[
         f"'{USUAL_TARGETS}'",
     ),
 ]
-ResumeAccuracy = Annotated[bool, flag("--resume", help="continue the study in the folder of --out")]
+ResumeAccuracy = Annotated[
+    bool, flag("--resume", help="continue the study in the folder of --out; a larger --budget adds to what is finished")
+]
 OfEffects = Annotated[
     bool, flag("--effects", help="measure what each effect adds to torque and cost, not the errors of the settings")
 ]

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import shlex
 from contextlib import nullcontext
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,7 +26,7 @@ from emclutch.cli.input import (
     study_to_check,
     warn,
 )
-from emclutch.cli.output import print_points, show
+from emclutch.cli.output import print_json, print_points, show
 from emclutch.scene.errors import Fault, SceneError
 
 if TYPE_CHECKING:
@@ -215,9 +217,12 @@ def accuracy(
 
         if dry_run:
             refuse_beside("--dry-run", {"--effects": effects, "--resume": resume, "--out": out is not None})
-            with nullcontext() if as_json else Progress() as progress:
-                planned = preview(read, seconds, jobs, wanted, progress)
-            show(planned, as_json)
+            source = shlex.join([str(case), *chain.from_iterable(("--set", one) for one in sets or ())])
+            parts = preview(read, seconds, jobs, wanted, nullcontext if as_json else Progress, source)
+            if as_json:
+                print_json(dict(chain.from_iterable(one.data.items() for one in parts)))
+            for one in parts:
+                show(one)
             return
 
         options: dict[str, Any] = {"out": out, "budget": seconds, "jobs": jobs, "resume": resume}

@@ -24,7 +24,7 @@ from emclutch.results.fits import NORMAL, student
 from emclutch.results.replicated_mean import DRIFT_CONFIDENCE, DRIFT_LIMIT
 from emclutch.results.setting_errors import PAIRS
 from emclutch.results.statistics import STOPPING_ALLOWANCE
-from emclutch.results.text import format_duration, format_percent
+from emclutch.results.text import format_cost, format_duration, format_percent
 
 OWN_REPLICAS = 4
 """Of the scene's own settings, where nothing is asked for."""
@@ -96,6 +96,14 @@ class Choice:
         """
         return NORMAL**2 / (self.half_width**2 * self.seconds)
 
+    def wall_seconds(self, cores: int) -> float:
+        """Return the wall-clock time [s] of its replicas on some cores, one on each."""
+        return self.seconds / self.replicas * math.ceil(self.replicas / cores)
+
+    def cost_in_words(self, cores: int) -> str:
+        """Return the processor time, and the wall-clock time on as many of `cores` as there are replicas for."""
+        return format_cost(self.seconds, min(cores, self.replicas), self.wall_seconds(cores))
+
     def in_words(self) -> str:
         """Return cost, accuracy, largest part and settings."""
         values = ", ".join(f"{name.replace('_', ' ')} {value:.4g}" for name, value in self.values.items())
@@ -146,7 +154,7 @@ class LimitingError:
             return f"not reached: the scatter of {self.best.replicas} replicas leaves an error of ± {half}"
         words = f"not reached: the error of {self.setting} is ± {format_percent(self.half_width)}"
         if self.seconds is not None:
-            about = "more than" if self.at_least else "about"
+            about = "at least" if self.at_least else "about"
             return f"{words}; a study of {about} {format_duration(self.seconds)} of processor time may narrow it"
         return f"{words}, which more replicas at the same settings do not lower"
 

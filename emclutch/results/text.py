@@ -27,16 +27,35 @@ def format_time(time: float) -> str:
 
 
 def format_duration(seconds: float) -> str:
-    """Return a wall-clock time as seconds, minutes or hours."""
+    """Return a time [s] as seconds, minutes or hours."""
     if seconds < 60.0:
         return f"{seconds:.0f} s"
     minutes = round(seconds / 60.0)
     return f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60:02d} min"
 
 
+def format_cost(seconds: float, cores: int, wall: float | None = None) -> str:
+    """Return a processor time [s] with the wall-clock time `wall` [s] on some cores, where these are several.
+
+    Examples
+    --------
+    ``53 min of processor time (27 min on 2 cores)``
+    """
+    text = f"{format_duration(seconds)} of processor time"
+    if cores < 2:
+        return text
+    return f"{text} ({format_duration(seconds / cores if wall is None else wall)} on {cores} cores)"
+
+
 def format_percent(share: float) -> str:
     """Return a share in per cent with two digits."""
     return f"{float(f'{100.0 * share:.2g}'):g} %"
+
+
+def format_range(low: float, high: float) -> str:
+    """Return a range with the decimals that two digits of its lower end have: ``8.4 to 16.5``."""
+    decimals = max(0, 1 - math.floor(math.log10(low))) if low > 0.0 else 1
+    return f"{low:.{decimals}f} to {high:.{decimals}f}"
 
 
 def in_words(name: str) -> str:

@@ -111,10 +111,13 @@ class Plan:
         )
 
 
-def make_plan(case: Case, device: Device | None = None, threads: int | None = None) -> tuple[Device, Plan]:
+def make_plan(
+    case: Case, device: Device | None = None, threads: int | None = None, like: Plan | None = None
+) -> tuple[Device, Plan]:
     """Build the device (unless given) and decide stiffness, step, windows and numbers of the run.
 
-    The cost is that on `threads` threads of this machine (default: as a run takes them).
+    The cost is that on `threads` threads of this machine (default: as a run takes them). With the field of `like`, of
+    the same device, none is solved.
 
     Raises ValueError with a remedy when the scene's own step is too long, its stiffness is too low or does not follow
     from it, or as of `with_slip`.
@@ -122,7 +125,7 @@ def make_plan(case: Case, device: Device | None = None, threads: int | None = No
     scene = case.scene
     device = device or build_device(scene)
     sector = None if scene.grains.sector is None else CyclicSector(scene.grains.sector)
-    field, M_max = expected_magnetisation(case, device)
+    field, M_max = expected_magnetisation(case, device) if like is None else (like.peak_field, like.M_max)
     scene, scaled = with_slip(scene, device, field)
     speed = largest_speed(scene, device)
     contact: ElasticContacts | RigidContacts

@@ -38,6 +38,7 @@ from emclutch.results.report.report import (
     note,
     warning,
 )  # fmt: skip
+from emclutch.results.text import format_range
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import Fault, SceneError, bad_input_for
 from emclutch.scene.flat import settings_beside
@@ -206,8 +207,8 @@ class MapResult(Reported):
             mark = Mark.WARNING if point.is_guess else Mark.GOOD
             yield Statement(mark, f"{name} torque: {point.torque.in_words()} at {self.where(point)}.")
             if point.expected is not None and point.expected.unknown_powder is not None:
-                low, high = (f"{end:.2g}" for end in point.expected.unknown_powder)
-                yield note(f"Friction and fill of the powder unknown: {low} to {high} N m (90 % range).")
+                between = format_range(*point.expected.unknown_powder)
+                yield note(f"Friction and fill of the powder unknown: {between} N m (90 % range).")
         for what, found in (("a guess", [one for one in self.points if one.is_guess]),
                             ("missing", [one for one in self.points if one.torque is None])):  # fmt: skip
             if found:

@@ -137,7 +137,7 @@ def test_where_the_law_is_what_is_not_known_a_longer_study_measures_a_finer_sett
     assert recommended(known, 0.02).seconds is None
     spent = 4 * 10.0 + 4 * 30.0
     found, closer = recommended(left, 0.05), recommended(left, 0.005)
-    assert found.seconds == pytest.approx(spent + 2 * 80.0) and "more than" in found.in_words()
+    assert found.seconds == pytest.approx(spent + 2 * 80.0) and "at least" in found.in_words()
     assert closer.seconds == pytest.approx(spent * (closer.best.total.noise / 0.005) ** 2)  # the noise must fall too
 
 

@@ -112,6 +112,22 @@ def test_a_study_that_is_killed_again_and_again_gives_the_same_result(replicas, 
     assert study_without_dates(again) == study_without_dates(whole) and replicas.done == order
 
 
+def test_a_larger_budget_adds_replicas_and_repeats_none(replicas, tmp_path):
+    """Also where the process is killed in them; settings that had no time get it, and the error becomes smaller."""
+    case, out, small = case_from(CELL), tmp_path / "out", BUDGET / 3.0
+    before, done = emclutch.accuracy(case, out=out, budget=small, jobs=1), len(replicas.done)
+    replicas.kill_at = done + 2
+    with pytest.raises(Killed):
+        emclutch.accuracy(case, out=out, budget=3.0 * BUDGET, jobs=1, resume=True)
+    after = emclutch.accuracy(case, out=out, jobs=1, resume=True)
+    assert len(set(replicas.done)) == len(replicas.done) > done and replicas.clock <= study.OVERRUN * 3.0 * BUDGET
+    assert before.study.unknown and not after.study.unknown
+    assert after.study.machine["budget"] == 3.0 * BUDGET
+    again = emclutch.accuracy(case, out=out, budget=3.0 * BUDGET, jobs=1, resume=True)
+    assert study_without_dates(again) == study_without_dates(after) and len(set(replicas.done)) == len(replicas.done)
+    assert find_accuracy_study(device_of(case))[0].to_json() == after.study.to_json()
+
+
 def test_the_study_has_every_setting_and_runs_of_the_device_find_it(replicas, tmp_path):
     case = case_from(CELL)
     found = emclutch.accuracy(case, out=tmp_path / "out", budget=BUDGET, jobs=1)
@@ -272,7 +288,7 @@ def test_folders_of_other_studies_are_refused(replicas, tmp_path, monkeypatch):
         changed.setattr(budgeted_study, "file_contents", lambda scene: {"particles.sizes.file": "changed"})
         with pytest.raises(OutputError, match=r"is of other files \(changed since: particles.sizes.file\)"):
             emclutch.accuracy(case, out=out, jobs=1, resume=True)
-    with pytest.raises(OutputError, match="has a budget of 6 min"):
+    with pytest.raises(OutputError, match=r"has a budget of 6 min, and 1 min is less; .*larger one, which keeps"):
         emclutch.accuracy(case, out=out, jobs=1, budget=60.0, resume=True)
 
 

@@ -16,7 +16,7 @@ from emclutch.simulation.forecast.expected_torque import ExpectedTorque, Interva
 from emclutch.simulation.plan import make_plan
 from emclutch.simulation.recommended_case import case_for
 from emclutch.studies.accuracy.answers import scene_text, write_answers
-from emclutch.studies.accuracy.fidelities import TorqueByLaw
+from emclutch.studies.accuracy.fidelities import CheapestAnswer, TorqueByLaw
 from emclutch.studies.accuracy.report import accuracy_report
 
 
@@ -149,11 +149,11 @@ def test_the_law_is_the_cheapest_where_its_interval_is_within_the_target(tmp_pat
     assert (
         grains["fidelity"] == "grains" and grains["half_width"] <= 0.05 and "target_5_percent.toml" in grains["command"]
     )
-    assert nothing["fidelity"] is None and "the error of" in nothing["reason"]
+    assert nothing["fidelity"] is None and "limited by the sector (± " in nothing["reason"]
     lines = [one.text for one in report.statements()]
-    assert any("± 10 %" in line and "emclutch check CASE; or grains, ± " in line for line in lines)
+    assert any("± 10 %: reached by the powder's law" in line and "Runs of grains reach ± " in line for line in lines)
     guess = found(by_law(1.07, guess=True), (0.1,))
     assert guess.data["law"]["half_width"] is None and guess.data["cheapest"][0]["fidelity"] == "grains"
     assert any("reaches no target" in one.text for one in guess.statements())
-    without_study = by_law(1.2).cheapest(0.1, None, "emclutch accuracy CASE")
-    assert without_study["fidelity"] is None and "no accuracy study" in without_study["reason"]
+    without_study = CheapestAnswer(target=0.1, law=by_law(1.2), grains=None, command="emclutch accuracy CASE", cores=1)
+    assert without_study.fidelity is None and "no accuracy study" in without_study.as_dict()["reason"]

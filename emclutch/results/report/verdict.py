@@ -36,7 +36,7 @@ from emclutch.results.replicated_mean import (
 from emclutch.results.report.report import Mark, Statement, note, sentence, warning
 from emclutch.results.rise_time import in_words as rise_in_words
 from emclutch.results.statistics import REPLICAS, Estimate
-from emclutch.results.text import format_duration, format_estimate, format_percent, format_time, in_words
+from emclutch.results.text import format_duration, format_estimate, format_percent, format_range, format_time, in_words
 from particles.dem.overlap_limits import SOFT
 
 if TYPE_CHECKING:
@@ -114,8 +114,8 @@ def _torque(result: Result) -> Iterator[Statement]:
     if not raw.is_steady or not raw.mean:
         return
     if range_ := summary.get("expected_torque_unknown_powder"):
-        low, high = (f"{range_[name]:.2g}" for name in ("low", "high"))
-        yield note(f"friction and fill of the powder unknown: {low} to {high} N m (90 % range, estimate)")
+        between = format_range(range_["low"], range_["high"])
+        yield note(f"friction and fill of the powder unknown: {between} N m (90 % range, estimate)")
     else:
         yield note("friction and fill of the powder are taken as given; their uncertainty is not in the error bar")
     error = summary.get("discretisation_error")

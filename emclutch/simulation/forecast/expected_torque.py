@@ -37,6 +37,7 @@ from emclutch.device_model.materials import grain_law, saturation_of
 from emclutch.device_model.pole_zone import ACROSS, ALONG
 from emclutch.results.fits import NORMAL
 from emclutch.results.report.report import sentence
+from emclutch.results.text import format_range
 from emclutch.simulation.forecast.expected_field import field_of_sheared_powder
 from emclutch.simulation.forecast.powder_law import (
     RANGES,
@@ -236,8 +237,7 @@ class ExpectedTorque:
             return f"unknown: {self.law}"
         text = self.real.in_words()
         if self.unknown_powder is not None:
-            low, high = (f"{torque:.2g}" for torque in self.unknown_powder)
-            text += f"; friction and fill of the powder unknown: {low} to {high} N m (90 % range)"
+            text += f"; friction and fill of the powder unknown: {format_range(*self.unknown_powder)} N m (90 % range)"
         return f"{text}. {sentence(self.law)}" if self.real.is_guess else text
 
     def details(self) -> dict[str, str]:

@@ -65,12 +65,12 @@ class BudgetedStudy(Study):
         ----------
         begin : returns the decisions of a new study, as plain values, before there is a folder.
         resume : whether it continues.
-        budget : as it was asked for [s]; None: not.
+        budget : as it was asked for [s]; one that is larger than before adds to what is done; None: not.
 
         Raises
         ------
         OutputError
-            The folder is in use or not empty, has nothing to resume, or is of another scene or budget.
+            The folder is in use or not empty, has nothing to resume, or is of another scene or a larger budget.
         """
         with locked_folder(self.folder) if self.folder.is_dir() else nullcontext():
             self.refuse_folder(resume)
@@ -79,6 +79,10 @@ class BudgetedStudy(Study):
         with self.opened(resume):
             if resume:
                 self.known = self._read_plan(budget)
+                if budget is not None and budget > self.known["budget"]:
+                    begun = format_duration(self.known["budget"])
+                    self.decide(budget=budget, **self.open_decisions())
+                    self.log(f"the budget is raised from {begun} to {format_duration(budget)}; finished tasks are kept")
             else:
                 self.decide()
                 self.case.write_toml(self.folder / "case.toml")
@@ -100,6 +104,10 @@ class BudgetedStudy(Study):
     def budget(self) -> float:
         """Return the processor time that it may take [s]."""
         return float(self.known["budget"] * self.known["jobs"])
+
+    @abstractmethod
+    def open_decisions(self) -> dict[str, Any]:
+        """Return the decisions that a larger budget leaves open, as they stand before they are taken."""
 
     @abstractmethod
     def fraction(self) -> float:
@@ -186,9 +194,9 @@ class BudgetedStudy(Study):
         if files:
             changed = ", ".join(files)
             raise OutputError(f"{place} is of other files (changed since: {changed}); begin a new one with --out")
-        if budget is not None and budget != begun:
+        if budget is not None and budget < begun:
             raise OutputError(
-                f"{place} has a budget of {format_duration(begun)}, by which it was planned; continue it "
-                "without --budget, or begin a new one with --out"
+                f"{place} has a budget of {format_duration(begun)}, and {format_duration(budget)} is less; continue it "
+                "without --budget or with a larger one, which keeps what is finished, or begin a new one with --out"
             )
         return known

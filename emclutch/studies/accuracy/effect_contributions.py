@@ -225,6 +225,9 @@ class _EffectsRun(BudgetedStudy):
             if WHOLE in Path(task.name).parts:
                 self.refuse_failed(task.name)
 
+    def open_decisions(self) -> dict[str, Any]:
+        return {"rounds": None}
+
     def fraction(self) -> float:
         rounds = self.known["rounds"] or max(MIN_ROUNDS, self.budget / self.known["round"])
         spent = sum(one.seconds for name, one in self.rows.items() if not name.startswith(WARM_UP))

@@ -7,6 +7,7 @@ Neither has the error of the powder's data.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from time import process_time
@@ -14,9 +15,9 @@ from typing import Any
 
 from emclutch.device_model.device import build_device
 from emclutch.results.accuracy_studies import known_studies
-from emclutch.results.recommended import Choice, LimitingError
-from emclutch.results.report.report import Statement, note, warning
-from emclutch.results.text import format_duration, format_percent, in_words
+from emclutch.results.recommended import STATISTICS, Choice, LimitingError
+from emclutch.results.report.report import Mark, Statement, note
+from emclutch.results.text import format_cost, format_duration, format_percent, in_words
 from emclutch.scene.case import Case
 from emclutch.scene.errors import bad_input_for
 from emclutch.simulation.forecast.expected_field import expected_magnetisation
@@ -47,14 +48,14 @@ class TorqueByLaw:
     command: str
 
     @classmethod
-    def of(cls, case: Case) -> TorqueByLaw:
-        """Return that of a scene; SceneError where its field cannot be solved."""
+    def of(cls, case: Case, source: str | None = None) -> TorqueByLaw:
+        """Return that of a scene, named `source` in the command; SceneError where its field cannot be solved."""
         start = process_time()
         with bad_input_for(case.path):
             device = build_device(case.scene)
             field, _ = expected_magnetisation(case, device)
             expected = expected_torque(case.scene, device, field, unknown_powder=False)
-        return cls(expected, process_time() - start, f"emclutch check {case.path or 'CASE'}")
+        return cls(expected, process_time() - start, f"emclutch check {source or case.path or 'CASE'}")
 
     @property
     def half_width(self) -> float | None:
@@ -64,49 +65,125 @@ class TorqueByLaw:
 
     def in_words(self) -> str:
         """Return the torque with its interval and its cost; of a guess why it reaches no target."""
-        text = f"The powder's law, without a run, in {format_duration(self.seconds)}: {self.expected.in_words()}"
+        text = f"The powder's law gives {self.expected.in_words().rstrip('.')}"
         if self.half_width is None:
-            return f"{text.rstrip('.')}. It reaches no target."
-        return f"{text}, the interval of runs of grains, not of a real powder."
-
-    def cheapest(
-        self, target: float, grains: Choice | LimitingError | None, command: str, estimate: Any = None
-    ) -> dict[str, Any]:
-        """Return what reaches a half width at the least cost.
-
-        Parameters
-        ----------
-        target : relative half width of the torque's 95 % interval
-        grains : what reaches it by an accuracy study of the device, or why nothing does; None: there is no study
-        command : that runs the grains with these settings, or the study
-        estimate : of `estimate_by_other_devices`
-
-        Returns
-        -------
-        dict
-            `target`, `fidelity` ("law" or "grains"; None: nothing known reaches it), `half_width`, `seconds` of
-            processor time, None where unknown, `command`, `estimate`, and the `reason` where nothing known reaches it.
-            Beside the law, `grains` has the same of grains that reach it.
-        """
-        found: dict[str, Any] = {"target": target, "fidelity": None, "half_width": None, "seconds": None}
-        by_grains: dict[str, Any] = {}
-        if isinstance(grains, Choice):
-            by_grains = {"half_width": grains.half_width, "seconds": grains.seconds}
-        if self.half_width is not None and self.half_width <= target:
-            known = {"fidelity": "law", "half_width": self.half_width, "seconds": self.seconds, "command": self.command}
-            known |= {"grains": by_grains | {"command": command}} if by_grains else {}
-        elif by_grains:
-            known = {"fidelity": "grains"} | by_grains
-        else:
-            half = self.half_width
-            law = "the law of the powder is a guess" if half is None else f"the law has ± {format_percent(half)}"
-            study = "no accuracy study of this device yet" if grains is None else grains.in_words()
-            known = {"reason": f"{law}; grains: {study}"}
-        return found | {"command": command, "reason": "", "estimate": estimate} | known
+            return f"{text}. It reaches no target."
+        return f"{text} in seconds, without a run: {self.command}"
 
     def as_dict(self) -> dict[str, Any]:
         """Return torque [N m], interval, half width and processor time [s] for a report's data."""
         return self.expected.as_dict() | {"half_width": self.half_width, "seconds": self.seconds}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CheapestAnswer:
+    """What reaches a half width at the least cost, or what a study takes that may.
+
+    Attributes
+    ----------
+    target : float
+        Half of the torque's 95 % interval, relative.
+    law : TorqueByLaw
+    grains : Choice, LimitingError or None
+        What reaches it by the accuracy study of the device, or why nothing does; None: there is no study.
+    own : Choice or None
+        Runs at the settings of that study.
+    command : str
+        That runs the grains with these settings, or a study; empty: none.
+    cores : int
+        For which costs are wall-clock times too.
+    estimate : dict or None
+        Of `estimate_by_other_devices`.
+    """
+
+    target: float
+    law: TorqueByLaw
+    grains: Choice | LimitingError | None
+    command: str
+    cores: int
+    own: Choice | None = None
+    estimate: dict[str, Any] | None = None
+
+    @property
+    def fidelity(self) -> str | None:
+        """The cheapest that reaches the target, "law" or "grains"; None: nothing known does."""
+        if self.law.half_width is not None and self.law.half_width <= self.target:
+            return "law"
+        return "grains" if isinstance(self.grains, Choice) else None
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return `target`, `fidelity`, `half_width`, processor time `seconds` [s] and `command` for a report's data.
+
+        `reason` says why nothing known reaches it. Beside the law, `grains` has the same of grains that reach it.
+        """
+        found = {"target": self.target, "fidelity": self.fidelity, "half_width": None, "seconds": None}
+        found |= {"command": self.command, "reason": "", "estimate": self.estimate}
+        grains: dict[str, Any] = {}
+        if isinstance(self.grains, Choice):
+            grains = {"half_width": self.grains.half_width, "seconds": self.grains.seconds}
+        if self.fidelity == "law":
+            known = {"half_width": self.law.half_width, "seconds": self.law.seconds, "command": self.law.command}
+            return found | known | ({"grains": grains | {"command": self.command}} if grains else {})
+        return found | (grains or {"reason": f"{self._by_law()}; {self._by_grains()}"})
+
+    def in_words(self) -> Statement:
+        """Return the answer, then what it follows from, then the command."""
+        head, command = f"± {format_percent(self.target)}:", f": {self.command}" if self.command else ""
+        grains = self.grains
+        if isinstance(grains, Choice):
+            reach = f"± {format_percent(grains.half_width)} in {grains.cost_in_words(self.cores)}{command}"
+            if self.fidelity == "law":
+                return note(f"{head} reached by the powder's law (± {format_percent(self.law.half_width or 0.0)}). "
+                            f"Runs of grains reach {reach}")  # fmt: skip
+            return note(f"{head} reached by runs of grains. {self._by_law()}. Runs of grains reach {reach}")
+        if self.fidelity == "law":
+            return note(f"{head} reached by the powder's law (± {format_percent(self.law.half_width or 0.0)}).")
+        answer = "not reached" if grains is not None else "not known"
+        text = f"{head} {answer}. {self._by_law()}. {self._by_grains()}."
+        return Statement(Mark.WARNING, f"{text} {self._study_in_words()}{command}".rstrip())
+
+    def _by_law(self) -> str:
+        half = self.law.half_width
+        return "The powder's law is a guess" if half is None else f"The powder's law gives ± {format_percent(half)}"
+
+    def _by_grains(self) -> str:
+        """Return what runs of grains reach, and by what they are limited."""
+        if self.grains is None:
+            none = "This device has no accuracy study"
+            return none if self.estimate is None else f"{none}. {estimate_in_words(self.target, self.estimate)}"
+        assert isinstance(self.grains, LimitingError)
+        limit = in_words(self.grains.setting)
+        if self.grains.half_width is None:
+            return f"The error of the setting {limit} is not known: {self.grains.reason}"
+        of = "scatter between replicas" if self.grains.setting == STATISTICS else limit
+        limited = f"limited by the {of} (± {format_percent(self.grains.half_width)})"
+        if self.own is None or self.own.total.unknown:
+            return f"Runs of grains are {limited}"
+        return f"Runs of grains reach ± {format_percent(self.own.half_width)}, {limited}"
+
+    def _study_in_words(self) -> str:
+        """Return what a study takes that may reach the target."""
+        found = self.grains
+        if found is None:
+            if self.estimate is None or self.estimate["study_seconds"] is None:
+                return "A study measures it"
+            return f"A study of at least {format_cost(self.estimate['study_seconds'], self.cores)} may reach it"
+        assert isinstance(found, LimitingError)
+        if found.seconds is not None:
+            about = "at least" if found.at_least else "about"
+            return f"A longer study may help: {about} {format_cost(found.seconds, self.cores)}"
+        return "A longer study measures it" if found.needs_budget else "A study with other values may help"
+
+
+def comfortable_budget(least: float) -> float:
+    """Return a wall-clock time [s] a quarter above `least` [s] or more: whole 5 min, from 2 h on half hours."""
+    minutes = 5 * math.ceil(1.25 * least / 300.0)
+    return 60.0 * (minutes if minutes < 120 else 30 * math.ceil(minutes / 30.0))
+
+
+def budget_option(seconds: float) -> str:
+    """Return a budget [s] of `comfortable_budget` as the value of an option: ``75min``, ``2.5h``."""
+    return f"{seconds / 60.0:.0f}min" if seconds < 7200.0 else f"{seconds / 3600.0:g}h"
 
 
 def estimate_by_other_devices(case: Case, target: float, replica_seconds: float) -> dict[str, Any] | None:
@@ -155,30 +232,11 @@ def estimate_by_other_devices(case: Case, target: float, replica_seconds: float)
 
 
 def estimate_in_words(target: float, estimate: Mapping[str, Any]) -> str:
-    """Return an estimate of `estimate_by_other_devices` as a sentence."""
-    head = f"Estimate for grains by the study of {' and '.join(estimate['devices'])}: ± {format_percent(target)}"
+    """Return an estimate of `estimate_by_other_devices` as a sentence without its full stop."""
+    devices = estimate["devices"]
+    head = f"By the stud{'y' if len(devices) == 1 else 'ies'} of {' and '.join(devices)}, runs of grains reach"
     if estimate["seconds"] is not None:
         low, high = map(format_duration, estimate["seconds"])
-        return f"{head} takes {low} to {high} of processor time."
-    limit = in_words(estimate["limit"])
-    half = format_percent(estimate["half_width"])
-    text = f"{head} not reached, ± {half} at best; the largest error is that of {limit}"
-    if estimate["study_seconds"] is None:
-        return f"{text}."
-    return f"{text}; a study of more than {format_duration(estimate['study_seconds'])} of processor time may reach it."
-
-
-def cheapest_in_words(row: Mapping[str, Any]) -> Statement:
-    """Return what `TorqueByLaw.cheapest` found for a target, as a line to copy the command from."""
-    target = f"± {format_percent(row['target'])}"
-    if row["fidelity"] is None:
-        known = "" if row["estimate"] is None else f"{estimate_in_words(row['target'], row['estimate'])} "
-        return warning(f"{target}: {row['reason']}. {known}To measure it: {row['command']}")
-    names = {"law": "the law of the powder", "grains": "grains with the settings of the accuracy study"}
-    text = f"{target}: {names[row['fidelity']]}, {_cost_in_words(row)}"
-    return note(f"{text}; or grains, {_cost_in_words(row['grains'])}" if "grains" in row else text)
-
-
-def _cost_in_words(row: Mapping[str, Any]) -> str:
-    cost = f"± {format_percent(row['half_width'])} in {format_duration(row['seconds'])} of processor time"
-    return f"{cost}: {row['command']}"
+        return f"{head} ± {format_percent(target)} in {low} to {high} of processor time (estimate)"
+    limit, half = in_words(estimate["limit"]), format_percent(estimate["half_width"])
+    return f"{head} ± {half} at best (estimate), limited by the {limit}"

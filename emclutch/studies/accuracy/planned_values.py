@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from time import process_time
 from typing import Any, NamedTuple
 
+from emclutch.device_model.device import Device
 from emclutch.scene.case import Case
 from emclutch.scene.errors import Fault, SceneError, bad_input_for, shown
 from emclutch.scene.model import Scene
@@ -95,6 +96,7 @@ class Base:
 
     case: Case
     plan: Plan
+    device: Device
     strain: float | None
 
     @property
@@ -128,7 +130,7 @@ def base_of(case: Case) -> Base:
     end = base.scene.span.end
     rate = strain_rate(plan.scene, device) if is_sheared(case) else 0.0
     strain = end.value if isinstance(end, Scaled) else rate * plan.end
-    return Base(base, plan, strain if rate else None)
+    return Base(base, plan, device, strain if rate else None)
 
 
 def compiling_run(plan: Plan) -> dict[str, Any]:
@@ -209,12 +211,13 @@ def values_to_plan(base: Base) -> list[ValueToPlan]:
     return found
 
 
-def plan_value(value: ValueToPlan) -> PlannedValue | list[str]:
-    """Plan one value, and return it, or the faults of its scene."""
+def plan_value(value: ValueToPlan, base: Base | None = None) -> PlannedValue | list[str]:
+    """Plan one value, and return it, or the faults of its scene; with the field of `base` nothing is solved."""
     begin = process_time()
     try:
         with bad_input_for(value.case.path):
-            _, plan = make_plan(value.case, threads=1)
+            device = None if base is None else base.device.driven_as(value.case.scene)
+            _, plan = make_plan(value.case, device, threads=1, like=None if base is None else base.plan)
     except SceneError as error:
         return [str(fault) for fault in error.faults]
     return planned_value(value.case, plan, value.setting, value.entries, process_time() - begin)

@@ -25,7 +25,8 @@ from emclutch.results.setting_errors import ORDER_SPREAD, SMALL_ERROR
 from emclutch.results.text import format_duration, format_percent, in_words
 from emclutch.scene.replica_count import cores_at_hand
 from emclutch.settings import SETTINGS, UNITS
-from emclutch.studies.accuracy.fidelities import TorqueByLaw, cheapest_in_words
+from emclutch.studies.accuracy.budgeted_study import BUDGET
+from emclutch.studies.accuracy.fidelities import CheapestAnswer, TorqueByLaw, budget_option, comfortable_budget
 
 SHORT = {Basis.TORQUE: "torque", Basis.MOMENTS: "squared moments", Basis.START_UP: "torque, start-up"}
 MACHINE = ("date", "processor", "cores", "jobs")
@@ -120,11 +121,17 @@ def accuracy_report(
         known["processor time"] = format_duration(study.machine["processor_seconds"])
     machine = ", ".join(f"{key} {value}" for key, value in known.items())
     subtitle = f"device {study.device}{f'; {machine}' if machine else ''}"
-    cheapest = [law.cheapest(one.target, one.found, f"emclutch run {one.file}" if one.file else "") for one in answers]
+    own, cores = own_choice(study), cores_at_hand()
+    cheapest = [
+        CheapestAnswer(target=one.target, law=law, grains=one.found, own=own, cores=cores,
+                       command=f"emclutch run {one.file}" if one.file else "")
+        for one in answers
+    ]  # fmt: skip
     report = Report(f"Accuracy and processor time: {study.case}", subtitle, folder=folder,
-                    data={"settings": rows_of(study), "law": law.as_dict(), "cheapest": cheapest})  # fmt: skip
-    reached = [cheapest_in_words(one) for one in cheapest if one["fidelity"] is not None]
-    statements = [*_statements(study), note(law.in_words()), *_limits(answers), *map(warning, remarks)]
+                    data={"settings": rows_of(study), "law": law.as_dict(),
+                          "cheapest": [one.as_dict() for one in cheapest]})  # fmt: skip
+    reached = [one.in_words() for one in cheapest if one.fidelity is not None]
+    statements = [*_statements(study), note(law.in_words()), *_limits(study, answers, folder), *map(warning, remarks)]
     report.add("Result", Statements(statements), Shown.TERMINAL)
     report.add("Cheapest for a target", Statements(reached), Shown.TERMINAL)
     report.add("Settings for wanted accuracies", _answers(study, answers), Shown.TERMINAL)
@@ -153,13 +160,25 @@ def _statements(study: AccuracyStudy) -> Iterator[Statement]:
     yield note(f"A run of this scene: ± {whole}; dominant error: {in_words(own.largest)}, {dominant}.")
 
 
-def _limits(answers: Sequence[Answer]) -> Iterator[Statement]:
-    """Say why targets are not reached."""
+def _limits(study: AccuracyStudy, answers: Sequence[Answer], folder: Path) -> Iterator[Statement]:
+    """Say why targets are not reached, and how the study continues where more time may help."""
     limits = [(one.found, format_percent(one.target)) for one in answers if isinstance(one.found, LimitingError)]
-    unknown = "not reachable before these errors are measured; continue with --resume and a larger --budget"
-    reasons = _grouped((unknown if one.half_width is None else one.in_words(), target) for one, target in limits)
+    unknown = "not reachable before these errors are measured"
+    reasons = _grouped(
+        ((unknown if one.half_width is None else one.in_words()) + _continued(study, one, folder), target)
+        for one, target in limits
+    )
     for reason, targets in reasons.items():
         yield warning(f"± {', '.join(targets)}: {reason}")
+
+
+def _continued(study: AccuracyStudy, limit: LimitingError, folder: Path) -> str:
+    """Return how the study continues with a budget that may lower an error; empty where more time does not help."""
+    if limit.seconds is None and not limit.needs_budget:
+        return ""
+    least = max((limit.seconds or 0.0) / study.machine.get("jobs", 1), 2.0 * study.machine.get("budget", BUDGET))
+    budget = budget_option(comfortable_budget(least))
+    return f"; to continue this one, give the same command with --out {folder} --resume --budget {budget}"
 
 
 def _grouped(pairs: Iterable[tuple[str, str]]) -> dict[str, list[str]]:
@@ -175,11 +194,10 @@ def _answers(study: AccuracyStudy, answers: Sequence[Answer]) -> Table:
     rows, cores = [], cores_at_hand()
     for target, choice, file in _choices_of(study, answers):
         name, half = next(iter(choice.parts.items()))
-        rounds = math.ceil(choice.replicas / cores)
         rows.append(
             (
                 target, str(choice.replicas), format_duration(choice.seconds),
-                format_duration(choice.seconds / choice.replicas * rounds), f"± {format_percent(choice.half_width)}",
+                format_duration(choice.wall_seconds(cores)), f"± {format_percent(choice.half_width)}",
                 f"{in_words(name)}, {format_percent(half)}", file,
             )
         )  # fmt: skip

@@ -10,8 +10,10 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Mapping, Sequence
+import shlex
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
+from contextlib import nullcontext
 from dataclasses import asdict, dataclass
 from itertools import chain
 from pathlib import Path
@@ -25,17 +27,24 @@ from emclutch.results.errors import OutputError
 from emclutch.results.history import last_time
 from emclutch.results.recommended import ONE_VALUE, STATISTICS, Choice, LimitingError, own_choice, recommended
 from emclutch.results.report.render import Reported
-from emclutch.results.report.report import Report, Shown, Statements, Table, note, warning
-from emclutch.results.text import format_duration, format_percent, in_words
+from emclutch.results.report.report import Report, Shown, Statement, Statements, Table, note, warning
+from emclutch.results.text import format_cost, format_duration, format_percent, in_words
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import Fault, SceneError
-from emclutch.scene.replica_count import replica_seed
-from emclutch.settings import FROZEN, TORQUE, Setting, settings_of
+from emclutch.scene.replica_count import cores_at_hand, replica_seed
+from emclutch.settings import FROZEN, HISTORIES, TORQUE, Setting, settings_of
+from emclutch.settings.powder import START_UP
 from emclutch.simulation.discretisation_error import device_of
 from emclutch.simulation.plan_in_words import narrow_sector
 from emclutch.simulation.recommended_case import cheapest_case
 from emclutch.studies.accuracy.budgeted_study import BUDGET, BudgetedStudy
-from emclutch.studies.accuracy.fidelities import TorqueByLaw, cheapest_in_words, estimate_by_other_devices
+from emclutch.studies.accuracy.fidelities import (
+    CheapestAnswer,
+    TorqueByLaw,
+    budget_option,
+    comfortable_budget,
+    estimate_by_other_devices,
+)
 from emclutch.studies.accuracy.measured_study import StudyRuns, refuse_no_torque, scatter_of, study_of, this_machine
 from emclutch.studies.accuracy.plan import (
     BASE,
@@ -134,7 +143,7 @@ def accuracy(
     budget : wall-clock time [s]; default 20 min. Four replicas at the scene's own settings are run in any case.
     jobs : replicas at a time, each on one thread of a process of its own; default: the cores at hand. The result of a
         replica does not depend on it.
-    resume : continue the study in `out`, with its own budget.
+    resume : continue the study in `out`, with its own budget or a larger one: what is finished is kept.
     targets : relative half widths of the torque's 95 % interval to find settings for.
     progress : as of `emclutch.run`; if it has log(text), it is called with what the study is going to cost.
 
@@ -183,76 +192,138 @@ def preview(
     budget: float | None = None,
     jobs: int | None = None,
     targets: Sequence[float] = TARGETS,
-    progress: Any = None,
-) -> Report:
-    """Return what `accuracy` would measure and what that is estimated to cost; nothing runs or is written.
+    progress: Callable[[], Any] = nullcontext,
+    source: str | None = None,
+) -> Iterator[Report]:
+    """Yield what is known before a study, then what it would measure and cost; nothing runs or is written.
 
-    The first lines are what is known before it: the torque by the powder's law, and the cheapest that reaches each of
-    the `targets`. `budget` [s], `jobs`, `progress` and what is raised before anything runs are as of `accuracy`. Costs
-    are processor times of one replica each, within a factor of two, and on a frozen packing of mesh and field alone,
-    without that of the moments; the first replicas decide which values get more.
+    First the torque by the powder's law, then the cheapest that reaches each of the `targets`, last the values that the
+    study would measure. Costs are processor times: measured by the accuracy study of the device, where it has one at
+    the scene's settings, else planned, within a factor of two. The first replicas decide which values get more.
+
+    Parameters
+    ----------
+    budget, jobs, targets : as of `accuracy`, with the same errors.
+    progress : makes a context manager whose value has update(fraction, text), or is None.
+    source : the scene in the commands that are shown, with the options that change it; default: its file.
     """
-    jobs = checked_jobs(jobs)
+    jobs, source = checked_jobs(jobs), source or shlex.quote(str(case.path or "CASE"))
     refuse_unmeasurable(case)
-    base = base_of(case)
+    law = TorqueByLaw.of(case, source)
+    yield _lines({"law": law.as_dict()}, note(law.in_words()))
+    base, found = base_of(case), _earlier_study(device_of(case))
+    study = None if found is None else found[0]
+    own, measured = _replica_seconds(base, study)
+    first = makespan([own] * BASE_REPLICAS, jobs)
     if budget is not None:
-        _refuse_small_budget(case, base, budget, jobs)
-    first_seconds = _seconds_of_first(base, jobs)
-    enough = "" if budget or first_seconds <= BUDGET else f" --budget '{_enough_minutes(first_seconds)} min'"
-    budget = budget or (5.0 * first_seconds if enough else BUDGET)
-    asked, own = values_to_plan(base), base.plan.cost.seconds["total"]
-    plans = []
-    for number, one in enumerate(asked):
-        if progress is not None:
-            progress.update(number / len(asked), "planning the values of the settings")
-        plans.append(plan_value(one))
-    planned = _distinct(base, accepted_values(base, asked, plans))
-    law, known = TorqueByLaw.of(case), _earlier_study(device_of(case))
-    cheapest = []
+        _refuse_small_budget(case, first, budget, jobs)
+    usual = BUDGET if first <= BUDGET else comfortable_budget(4.0 * first)
+    answers, budgets = [], [budget or usual]
     for target in sorted(targets, reverse=True):
-        grains = None if known is None else cheapest_case(case, known[0], target)
-        share, name = format_percent(target), case.path or "CASE"
-        if isinstance(grains, tuple):
-            how = f"emclutch run {name} --set time.until=none --set 'accuracy.target={share}'"
-            cheapest.append(law.cheapest(target, grains[0], how))
+        answer, enough = _cheapest(case, target, law, study, own, usual, jobs, source)
+        answers.append(answer)
+        budgets += [enough] if budget is None else []
+    known = [] if study is None else [note(_own_in_words(study, jobs))]
+    yield _lines({"cheapest": [one.as_dict() for one in answers]}, *known, *(one.in_words() for one in answers))
+    yield _costs(base, own, measured, first, max(budgets), jobs, progress)
+
+
+def _lines(data: dict[str, Any], *statements: Statement) -> Report:
+    return Report("", data=data).add("", Statements(statements), Shown.TERMINAL)
+
+
+def _replica_seconds(base: Base, study: AccuracyStudy | None) -> tuple[float, bool]:
+    """Return the processor time of a replica [s], and whether a study has measured it at the scene's settings."""
+    if study is not None:
+        own = {one.name: one for one in study.settings}
+        settings = [one for one in settings_of(base.scene) if one.measured_on != HISTORIES]
+        if all(one.name in own and own[one.name].is_own(one.own(base.scene, base.plan)) for one in settings):
+            return study.seconds, True
+    return base.plan.cost.seconds["total"], False
+
+
+def _cheapest(
+    case: Case,
+    target: float,
+    law: TorqueByLaw,
+    study: AccuracyStudy | None,
+    own: float,
+    usual: float,
+    jobs: int,
+    source: str,
+) -> tuple[CheapestAnswer, float]:
+    """Return what reaches a target, with the command that runs it, and the budget [s] of a study that may reach it."""
+    share, grains, estimate, command, budget = format_percent(target), None, None, "", usual
+    if study is not None:
+        found = cheapest_case(case, study, target)
+        grains = found[0] if isinstance(found, tuple) else found
+    else:
+        estimate = estimate_by_other_devices(case, target, own)
+    if isinstance(grains, Choice):
+        command = f"emclutch run {source} --set time.until=none --set 'accuracy.target={share}'"
+    elif grains is None or grains.seconds is not None or grains.needs_budget:
+        least = estimate["study_seconds"] if estimate else grains.seconds if grains else None
+        budget = max(usual, comfortable_budget((least or 0.0) / jobs))
+        command = f"emclutch accuracy {source} --for '{share}' --budget {budget_option(budget)}"
+        command += "" if jobs == cores_at_hand() else f" --jobs {jobs}"
+    choice = None if study is None else own_choice(study, BASE_REPLICAS)
+    answer = CheapestAnswer(
+        target=target, law=law, grains=grains, command=command, cores=jobs, own=choice, estimate=estimate
+    )
+    return answer, budget
+
+
+def _costs(
+    base: Base, own: float, measured: bool, first: float, budget: float, jobs: int, progress: Callable[[], Any]
+) -> Report:
+    """Return the values that a study within a budget measures, with what a replica of each costs [s]."""
+    asked, settings = values_to_plan(base), settings_of(base.scene)
+    by_torque = {one.name for one in settings if one.measured_on == TORQUE}
+    replicas = [one for one in asked if one.setting in by_torque]
+    plans = []
+    with progress() as bar:
+        for number, one in enumerate(replicas):
+            if bar is not None:
+                bar.update(number / len(replicas), "estimating what the study costs")
+            plans.append(plan_value(one, base))
+    planned = _distinct(base, accepted_values(base, replicas, plans))
+    room, late, rows = budget - first, [], []
+    for setting in settings:
+        seconds = {one.value: own * one.seconds / base.seconds for one in planned if one.setting == setting.name}
+        dear = {value: one for value, one in seconds.items() if one > room}
+        late += [f"{in_words(setting.name)} {value:.4g} ({format_duration(one)})" for value, one in dear.items()]
+        if setting.measured_on == TORQUE:
+            values = [f"{value:.4g} ({format_duration(one)})" for value, one in seconds.items() if value not in dear]
+            how = "a replica each" if values else "no time in this budget" if dear else ""
         else:
-            estimate = estimate_by_other_devices(case, target, own) if known is None else None
-            longer = estimate["study_seconds"] if estimate else grains.seconds if grains else None
-            minutes = enough if longer is None else f" --budget '{max(budget, longer / jobs) / 60.0:.0f} min'"
-            how = f"emclutch accuracy {name} --for '{share}'{minutes}"
-            cheapest.append(law.cheapest(target, grains, how, estimate))
-    report = Report(f"Accuracy study of {case.name}", data={"law": law.as_dict(), "cheapest": cheapest})
-    report.add("Law of the powder", Statements([note(law.in_words())]), Shown.TERMINAL)
-    if known is not None:
-        report.add("Grains", Statements([note(_own_in_words(known[0]))]), Shown.TERMINAL)
-    report.add("Cheapest for a target", Statements([*map(cheapest_in_words, cheapest)]), Shown.TERMINAL)
-    first = f"{BASE_REPLICAS} replicas at the scene's own settings take {format_duration(BASE_REPLICAS * own)}"
-    room = f"{format_duration(budget)} with {jobs} at a time are enough for some {jobs * budget / own:.0f} replicas"
-    statements = [note(f"{first} and run in any case."), note(f"{room} at the scene's own settings.")]
-    statements += [warning(narrow)] if (narrow := narrow_sector(base.scene)) else []
-    report.add("Cost", Statements(statements), Shown.TERMINAL)
-    table = []
-    for setting in settings_of(base.scene):
-        frozen = setting.measured_on == FROZEN
-        values = ", ".join(
-            f"{one.value:.4g} ({format_duration(one.planning if frozen else own * one.seconds / base.seconds)})"
-            for one in planned
-            if one.setting == setting.name
-        )
-        how = "frozen packing, field alone" if frozen else "a replica each"
+            values = [f"{one.asked:.4g}" for one in asked if one.setting == setting.name]
+            how = "frozen packing, seconds each" if values else ""
+        if setting is START_UP:
+            values, how = [one.removeprefix("strain ") for one in map(str, starts_of(base)[1:])], "the same replicas"
         own_value = f"{setting.own(base.scene, base.plan):.4g} {setting.unit}".rstrip()
-        table.append((in_words(setting.name), own_value, values or ONE_VALUE, how if values else ""))
-    head = ("setting", "in the scene", "values", "measured on")
-    return report.add("Values", Table(table, head, (1,)), Shown.TERMINAL)
+        none = "" if dear else ONE_VALUE
+        rows.append((in_words(setting.name), own_value, ", ".join(values) or none, how if values or dear else ""))
+    cores, by = min(jobs, BASE_REPLICAS), "measured" if measured else "estimate, within a factor of two"
+    statements = [
+        note(f"A study begins with {BASE_REPLICAS} replicas at the settings of the scene: "
+             f"{format_cost(BASE_REPLICAS * own, cores, first)}, {by}."),
+        note(f"A budget of {format_duration(budget)} on {jobs} {'core' if jobs == 1 else 'cores'} is enough for about "
+             f"{jobs * budget / own:.0f} such replicas."),
+        *([warning(f"values that do not fit into this budget: {', '.join(late)}")] if late else []),
+        *([warning(narrow)] if (narrow := narrow_sector(base.scene)) else []),
+    ]  # fmt: skip
+    head = ("setting", "in the scene", "values to measure (processor time)", "measured on")
+    data = {"budget": budget, "jobs": jobs, "replica_seconds": own}
+    found = Report("", data=data).add("Cost", Statements(statements), Shown.TERMINAL)
+    return found.add("Values", Table(rows, head, (1,)), Shown.TERMINAL)
 
 
-def _own_in_words(study: AccuracyStudy) -> str:
-    """Return the best estimate of a study, and what a run at the scene's own settings has and costs."""
-    own = own_choice(study, study.replicas)
-    torque = study.torque / (1.0 + own.total.bias)
-    cost = f"{format_duration(own.seconds)} of processor time for {own.replicas} replicas"
+def _own_in_words(study: AccuracyStudy, cores: int) -> str:
+    """Return the best estimate of a study, and what a run at its own settings reaches and costs."""
+    own, (torque, _) = own_choice(study, BASE_REPLICAS), study.best_estimate()
     half = "error unknown" if own.total.unknown else f"± {format_percent(own.half_width)}"
-    return f"Grains at the settings of the scene, by this device's accuracy study: {torque:.3g} N m, {half}, {cost}."
+    how = f"{own.cost_in_words(cores)}, {own.replicas} replicas, measured by the accuracy study of this device"
+    return f"Runs of grains give {torque:.3g} N m {half} in {how}."
 
 
 def _earlier_study(device: str) -> tuple[AccuracyStudy, Path] | None:
@@ -284,26 +355,15 @@ def _answers(
     return write_answers(case, study, folder, targets, remarks, law)
 
 
-def _refuse_small_budget(case: Case, base: Base, budget: float, jobs: int) -> None:
-    """SceneError where the replicas that run in any case take longer."""
-    first = _seconds_of_first(base, jobs)
+def _refuse_small_budget(case: Case, first: float, budget: float, jobs: int) -> None:
+    """SceneError where the replicas that run in any case take longer, `first` [s] of wall-clock time."""
     if first > budget:
         message = (
             f"is less than the {BASE_REPLICAS} replicas at the scene's own settings take with {jobs} jobs, about "
             f"{format_duration(first)}, and replicas at other settings must be run beside them; give five times that, "
-            f"'{_enough_minutes(first)} min', or more"
+            f"{budget_option(comfortable_budget(4.0 * first))}, or more"
         )
         raise SceneError([Fault(BUDGET_OPTION, f"{budget:g} s", message)], source_of(case))
-
-
-def _seconds_of_first(base: Base, jobs: int) -> float:
-    """Return the wall-clock time [s] of the replicas that run in any case."""
-    return makespan([base.plan.cost.seconds["total"]] * BASE_REPLICAS, jobs)
-
-
-def _enough_minutes(first: float) -> int:
-    """Return a budget [min] for replicas at other settings beside those that take `first` [s]."""
-    return math.ceil(5.0 * first / 60.0)
 
 
 def _begun(
@@ -316,7 +376,8 @@ def _begun(
     progress: Any,
 ) -> dict[str, Any]:
     """Plan every value, and return what stands in plan.json before anything runs."""
-    _refuse_small_budget(case, base, budget, jobs)
+    own = base.plan.cost.seconds["total"]
+    _refuse_small_budget(case, makespan([own] * BASE_REPLICAS, jobs), budget, jobs)
     values = values_to_plan(base)
     found = []
     for one in call_all(executor, plan_value, values):
@@ -405,19 +466,32 @@ class _StudyRun(BudgetedStudy):
 
     def _measure_torque(self) -> None:
         """Run a replica of each setting that fits in, then what else lowers the error until the budget is used up."""
-        for number, share in enumerate(STAGE_FRACTIONS):
+        for number in range(self._stages()):
             if number == len(self.known["stages"]):
-                room = share * (self.known["budget"] - self._elapsed()) / self._busy()
-                self.decide(stages=[*self.known["stages"], self._stage(number, room)])
+                stage = number - self._former_stages()
+                room = STAGE_FRACTIONS[stage] * (self.known["budget"] - self._elapsed()) / self._busy()
+                self.decide(stages=[*self.known["stages"], self._stage(stage, room)])
             self._tell_replicas(self.known["stages"][number])
             begin = sum(map(len, self.known["stages"][:number]))
             self._do_replicas(begin, begin + len(self.known["stages"][number]))
+
+    def open_decisions(self) -> dict[str, Any]:
+        """Return what a larger budget leaves open: more values without noise, and three more stages of replicas."""
+        return {"frozen": None, "begun": None, "former_stages": len(self.known["stages"])}
+
+    def _former_stages(self) -> int:
+        """Return the number of stages that were planned before the budget was last raised."""
+        return self.known.get("former_stages", 0)
+
+    def _stages(self) -> int:
+        return self._former_stages() + len(STAGE_FRACTIONS)
 
     def _stage(self, stage: int, room: float) -> tuple[Key, ...]:
         """Return the replicas of a stage that fit into a wall-clock time of cores that do nothing else [s]."""
         offers, jobs = self._offers(), self.known["jobs"]
         if stage == 0:
-            return first_replicas(offers, BASE_REPLICAS, room, jobs)
+            planned = {name for (name, _), _ in self._order()}
+            return first_replicas([one for one in offers if one.name not in planned], BASE_REPLICAS, room, jobs)
         measured = self._measured()
         count = {key: len(some) for key, some in measured.replicas.items()}
         found = Torques(measured.means, *measured.scatter)
@@ -584,7 +658,7 @@ class _StudyRun(BudgetedStudy):
     def fraction(self, more: float = 0.0) -> float:
         """Return how much of what is planned, or before that of the budget, is done."""
         total = self.budget
-        if len(self.known["stages"]) == len(STAGE_FRACTIONS):
+        if len(self.known["stages"]) == self._stages():
             planned = {(one.setting, one.value): self._seconds(one) for one in self.values} | {
                 (BASE, 0.0): self._seconds()
             }
@@ -596,12 +670,13 @@ class _StudyRun(BudgetedStudy):
     # words ------------------------------------------------------------------------------------------------------
 
     def _tell_cost(self) -> None:
-        each, jobs = self._seconds(), self.known["jobs"]
+        earlier, jobs = _earlier_study(device_of(self.case)), self.known["jobs"]
+        each, measured = _replica_seconds(self.base, None if earlier is None else earlier[0])
         words = (
             f"{len(self.settings)} settings with {len(self.values)} values beside the scene's own; a replica of "
-            f"{self.base.plan.cost.grains} grains takes about {format_duration(each)} of processor time, by estimate; "
-            f"{format_duration(self.known['budget'])} with {jobs} at a time, {format_duration(self.budget)} of "
-            f"processor time, are enough for some {self.budget / each:.0f} replicas"
+            f"{self.base.plan.cost.grains} grains takes about {format_duration(each)} of processor time"
+            f"{'' if measured else ', by estimate'}; {format_cost(self.budget, jobs, self.known['budget'])} are enough "
+            f"for some {self.budget / each:.0f} replicas"
         )
         self.log(words)
         if narrow := narrow_sector(self.base.scene):

@@ -35,6 +35,7 @@ from emclutch.simulation.run import refuse_unshown
 from emclutch.simulation.run import run as run_scene
 from emclutch.simulation.window_state import WindowState
 from emclutch.studies.accuracy.budgeted_study import VERSION
+from emclutch.studies.accuracy.fidelities import budget_option, comfortable_budget
 from emclutch.studies.accuracy.study import BUDGET_OPTION, accuracy
 
 KEY, BUDGET_KEY = "accuracy.target", "accuracy.budget"
@@ -229,8 +230,6 @@ def _longer_end(case: Case) -> str:
 
 
 def _longer(case: Case, found: LimitingError) -> str:
-    """Return a budget by which a target may be reached, as an entry of a scene."""
-    seconds = 3.0 * case.scene.accuracy.budget
-    if found.seconds is not None:
-        seconds = max(seconds, found.seconds / cores_at_hand())
-    return f"{max(1, round(seconds / 60.0))}min" if seconds < 7200.0 else f"{round(seconds / 3600.0)}h"
+    """Return a budget by which a target may be reached, as the value of the option."""
+    least = 0.0 if found.seconds is None else found.seconds / cores_at_hand()
+    return budget_option(comfortable_budget(max(2.4 * case.scene.accuracy.budget, least)))
