@@ -79,7 +79,7 @@ ColourBy = Annotated[
         "--colour", metavar="WHAT", help="grains: speed, spin, force, magnetic-force, moment, shear-stress, contacts"
     ),
 ]
-FieldShown = Annotated[str | None, typer.Option("--field", metavar="WHAT", help="of the field: B (default) or H")]
+FieldShown = Annotated[str | None, typer.Option("--field", metavar="WHAT", help="colours of the field: B or H")]
 FullRing = Annotated[bool, flag("--ring", help="repeat the grains' sector to a full ring")]
 Moment = Annotated[str | None, typer.Option("--time", metavar="T", help="moment: '5 ms'; default: the last")]
 Screenshot = Annotated[Path | None, typer.Option("--screenshot", metavar="FILE", help="new picture (.png), no window")]
