@@ -66,7 +66,7 @@ def frame_meshes(
                 swept = surface.extrude_rotate(angle=-SWEEP, resolution=SWEEP_FACETS, capping=True)
                 if field is None:
                     swept.clear_point_data()
-                    swept.cell_data["shown"] = np.uint8(255.0 * np.array(files.shades))[swept.cell_data["region"]]
+                    swept.cell_data["shown"] = (255.0 * np.array(files.shades)).astype(np.uint8)[swept.cell_data["region"]]
                 found["device"] = swept
     return found
 

@@ -156,10 +156,8 @@ class RunView:
         return {"chains": looks.FORCE[1], "field": looks.FIELDS[self.field or "B"][1]}[bar]
 
     def _target(self, meshes: dict[str, Any]) -> tuple[float, ...]:
-        """Box x0, x1, y0, y1, z0, z1 [m] of what the camera looks at: the device, or grains, walls and a ring's section."""
-        names = ("grains", "walls") if self._is_sector else ("grains", "walls", "section")
-        if self.look == "device":
-            names = ("device",)
+        """Box x0, x1, y0, y1, z0, z1 [m] of what is looked at: the device, or grains, walls and a ring's section."""
+        names = ["device"] if self.look == "device" else ["grains", "walls"] + ["section"] * (not self._is_sector)
         found = [meshes[name].bounds for name in names if name in meshes] or [next(iter(meshes.values())).bounds]
         low, high = np.min(found, axis=0)[::2], np.max(found, axis=0)[1::2]
         return tuple(np.stack((low, high), axis=1).ravel())
