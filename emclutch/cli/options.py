@@ -86,7 +86,7 @@ ColourBy = Annotated[
         help="colour grains by speed, spin, force, magnetic-force, moment, shear-stress, contacts or diameter",
     ),
 ]
-FieldShown = Annotated[str | None, typer.Option("--field", metavar="WHAT", help="field to show: B (default) or H")]
+FieldShown = Annotated[str | None, typer.Option("--field", metavar="WHAT", help="field to show in colours: B or H")]
 FullRing = Annotated[bool, flag("--ring", help="show the sector repeated to a full ring")]
 Moment = Annotated[str | None, typer.Option("--time", metavar="T", help="time to show: '5 ms'; default: the last")]
 Screenshot = Annotated[Path | None, typer.Option("--screenshot", metavar="FILE", help="new picture (.png), no window")]

@@ -43,7 +43,7 @@ def view_run(
     files = read_run_files(folder)
     shown = _one_of("--look", look, list(LOOKS), "gap" if files.colours else "device")
     shade = _one_of("--colour", colour, list(files.colours), next(iter(files.colours), "")) or None
-    drawn: dict[str, Any] = {"field": _one_of("--field", field, list(FIELDS), "B"), "ring": ring}
+    drawn: dict[str, Any] = {"field": field and _one_of("--field", field, list(FIELDS), "B"), "ring": ring}
     moment = None if time is None else _moment(time, files.times)
     for option, path, endings in (("--screenshot", screenshot, PICTURES), ("--movie", movie, MOVIES)):
         if path is not None:

@@ -18,6 +18,7 @@ from emclutch.cli import view
 from emclutch.cli.view import view_run
 from emclutch.results import OutputError
 from emclutch.results.array_units import ARRAY_UNITS
+from emclutch.results.view.look import MARGIN, camera, view_axes
 from emclutch.results.view.paraview_script import NAME, private_script, write_script
 from emclutch.results.view.run_files import COLOURS, read_run_files
 from emclutch.results.vtk.data_set import array_names, read_data_set, read_texts
@@ -77,6 +78,8 @@ def test_script_names_files_arrays_and_regions_that_are_there(run):
     assert coloured == {"velocity", "magnetic_moment", "diameter"} <= set(at_points["particles"])
     assert read_texts(data["field"], "region_names")[known["AIR"]] == "air"
     assert known["WHERE"] == "POINTS" and known["FIELDS"]["B"][0] in at_points["field"]
+    assert [name for name, _ in known["REGIONS"]] == ["air", "disc"]
+    assert known["REGIONS"][1][1] == pytest.approx(files.shades[1], abs=1e-3)
     assert list(known["BODIES"]) == ["disc", "rotor"] and "stripe" in array_names(data["walls"].GetCellData())
     assert all(label.endswith(f"[{ARRAY_UNITS[name].replace('m2', 'm²')}]") for name, label in COLOURS.values())
 
@@ -162,19 +165,63 @@ def test_pictures_off_screen_show_something_and_spheres_have_their_size(run, tmp
     assert done.returncode == 0, done.stderr
 
 
-def test_names_of_the_bodies_stand_on_their_own_walls(run):
-    from emclutch.results.view.frame_meshes import body_names, frame_meshes, name_column
+def test_names_point_at_their_own_bodies_and_leaders_do_not_cross(run):
+    from emclutch.results.view.frame_meshes import body_names, frame_meshes, name_places
 
     files = read_run_files(run)
     for ring in (False, True):
-        points, names = body_names(files, frame_meshes(files, 1e-3, ("grains", "walls"), "speed", ring=ring))
-        assert dict(zip(names, np.hypot(*points.T[:2]), strict=True)) == pytest.approx({"disc": 0.02, "rotor": 0.021})
-    points, names = body_names(files, frame_meshes(files, 1e-3, ("device",), None))
-    assert names == ["disc"] and 0.0 < points[0, 0] < 0.04 and 0.0 < points[0, 2] < 0.01
-    parts = np.array([[0.01, 0.0, 0.002], [0.03, 0.0, 0.0], [0.0101, 0.0, 0.004]])
-    places = name_column(parts, (-0.04, 0.04, -0.04, 0.0, 0.0, 0.01))
-    assert (places[:, 2] < 0.0).all() and places[:, 0].argsort().tolist() == parts[:, 0].argsort().tolist()
-    assert np.diff(np.sort(places[:, 0])).min() >= 0.06 * 0.08
+        axes = view_axes("gap", not ring)
+        points, names = body_names(files, frame_meshes(files, 1e-3, ("grains", "walls"), "speed", ring=ring), axes)
+        radii = dict(zip(names, np.hypot(*points.T[:2]), strict=True))
+        assert radii == pytest.approx({"disc": 0.02, "rotor": 0.021}, 1e-4)
+    axes = view_axes("device", True)
+    points, names = body_names(files, frame_meshes(files, 1e-3, ("device",), None), axes)
+    assert names == ["disc"] and 0.0 < points[0, 0] < 0.02 and 0.0 < points[0, 2] < 0.01
+    rng = np.random.default_rng(2)
+    parts = np.column_stack((rng.uniform(0.0, 0.04, 12), np.zeros(12), rng.uniform(0.0, 0.01, 12)))
+    box = (-0.04, 0.04, -0.04, 0.0, 0.0, 0.01)
+    start, end = (side @ np.transpose(axes) for side in (name_places(parts, box, axes), parts))
+    assert np.ptp(start[:, 0]) < 1e-12 and start[0, 0] < (np.array(box)[[[0, 2, 4]]] @ axes[0]).min()
+    for one in range(12):
+        for other in range(one):
+            assert not _cross(start[one], end[one], start[other], end[other])
+
+
+def _cross(a, b, c, d):
+    """Whether the segments a b and c d of the view's plane cross."""
+    side = [np.sign(np.linalg.det(np.array([q - p, r - p])[:, :2])) for p, q, r in
+            ((a, b, c), (a, b, d), (c, d, a), (c, d, b))]  # fmt: skip
+    return side[0] != side[1] and side[2] != side[3]
+
+
+def test_edges_of_a_device_lie_where_bodies_meet_and_at_its_corners():
+    """Of two rings side by side: in both cuts the outlines, and circles at corners and where their border ends."""
+    import pyvista
+
+    from emclutch.results.view.frame_meshes import device_edges
+
+    points = np.array([(r, 0.0, z) for z in (0.0, 1.0, 2.0) for r in (1.0, 2.0)])
+    section = pyvista.PolyData(points, faces=np.array([(3, 0, 1, 2), (3, 1, 3, 2), (3, 2, 3, 4), (3, 3, 5, 4)]).ravel())
+    for region, circles in (([0, 0, 1, 1], 6), ([0, 0, 0, 0], 4)):
+        section.cell_data["region"] = np.array(region)
+        drawn = device_edges(section)
+        lengths = drawn.compute_cell_sizes()["Length"]
+        outline, border = 6.0, float(max(region))
+        radii = 1.5 * circles  # half of the circles have radius 1, half 2
+        assert lengths.sum() == pytest.approx(2.0 * (outline + border) + np.pi * radii, rel=1e-3)
+
+
+def test_the_picture_of_a_device_is_filled_and_none_of_it_is_cut():
+    """Its cylinder touches a border of what is free, within the margin."""
+    box, aspect = (-0.1, 0.1, -0.1, 0.0, -0.02, 0.03), 1.3
+    focus, _, _, half = camera("device", False, box, aspect, left=0.2)
+    angles = np.linspace(np.pi, 2.0 * np.pi, 181)
+    x, z = np.meshgrid(0.1 * np.exp(1j * angles), box[4:])
+    rims = np.column_stack((x.real.ravel(), x.imag.ravel(), z.ravel()))
+    seen = (rims - focus) @ np.transpose(view_axes("device", False))
+    right, up = seen[:, 0] / (half * aspect), seen[:, 1] / half
+    assert right.min() > 0.4 - 1.0 and right.max() < 1.0 and abs(up).max() < 1.0
+    assert max(np.ptp(right) / 1.6, np.ptp(up) / 2.0) == pytest.approx(1.0 / MARGIN["device"], rel=0.01)
 
 
 @pytest.mark.skipif(

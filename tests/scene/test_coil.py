@@ -46,7 +46,7 @@ def test_the_winding_in_words_is_one_winding(turns):
     assert R == pytest.approx(1.72e-2 * turns * 2.0 * math.pi * shape.coil_mean_radius / copper, rel=0.02)
     assert turns == given or fill == 60.0
     over = winding_in_words(case.with_values({"coil.turns": 5000}).scene)
-    assert "fills 100 % of the window" in over and "more copper than the window holds: 5000 turns have" in over
+    assert "fills 100 % of the window" in over and "more copper than fits: 5000 turns have" in over
 
 
 def test_a_warm_coil_takes_less_current():

@@ -16,7 +16,8 @@ LOOK = "gap"  # at the grains before the field ("gap"), at their force chains ("
 # round its axis ("device")
 SHOW = None  # None: what suits LOOK; or any of "grains", "chains", "walls", "section", "lines", "arrows", "device".
 # In the window each can be switched with the eye next to its name.
-FIELD_SHOWN = "B"  # "B" or "H": what the section and the device are coloured by
+FIELD_SHOWN = None  # "B" or "H": what the section and the device are coloured by; None: B, but a device that is swept
+# from a section by its bodies
 TIME = None  # [s]; None: the last moment
 CROP_AIR = True  # show the field in the device only, without the air around it
 
@@ -27,6 +28,7 @@ SECTOR = None  # the grains fill a sector of so many degrees; None: the whole ci
 AIR = None  # number of the air in the field's array `region`
 FIELD = None  # "section" (r, z), "space", or None
 BODIES = ()  # names that the numbers of the walls' array `body` stand for
+REGIONS = ()  # names and colours that the numbers of the field's array `region` stand for
 WHERE = "POINTS"  # B and H stand at the section's points; "CELLS": at its cells
 # What grains can be coloured by: an array (vectors count by their magnitude) and a label with its unit.
 QUANTITIES = {}
@@ -35,10 +37,12 @@ import argparse
 import os
 import sys
 
+import numpy
+
 from emclutch.results.view.look import (
     AMBIENT, BARS, BESIDE, CHAIN_WIDTH, DIFFUSE, FIELDS, FIELD_COLOURS, FORCE, FORCE_COLOURS, FRAMES_A_SECOND,
-    GRAIN_OPACITY, LINE_COLOUR, LOOKS, MARK, NEAR, SHADES, SIZE, SOLID_OPACITY, SWEEP, TIME_PLACE, TITLE_PLACE,
-    WALL_OPACITY, camera, line_offset,
+    GRAIN_OPACITY, LINE_COLOUR, LOOKS, MARK, MAX_FIELD, NEAR, SHADES, SIZE, SOLID_OPACITY, SWEEP, TIME_PLACE,
+    TITLE_PLACE, WALL_OPACITY, camera, line_offset,
 )  # fmt: skip
 
 HERE = os.path.dirname(os.path.abspath(__file__)) if "__file__" in globals() else RUN
@@ -47,7 +51,9 @@ sys.path[:] = [place for place in sys.path if os.path.realpath(place or ".") != 
 if not os.path.exists(os.path.join(HERE, "case.toml")):  # a copy that `emclutch view` made elsewhere
     HERE = RUN
 
+from paraview import servermanager
 from paraview import simple as pv
+from vtkmodules.util.numpy_support import vtk_to_numpy
 
 
 def main():
@@ -71,7 +77,7 @@ def main():
     for part, (name, build) in PARTS.items():
         if name in series and part in built:
             build(view, series[name], part in shown, options)
-    caption(view, series)
+    caption(view, series, moments)
     aim(view, series, options)
     pv.Render(view)
     if options.screenshot:
@@ -115,8 +121,8 @@ def updated(source):
     return source
 
 
-def coloured(display, view, part, array, label, palette, association="POINTS"):
-    """Colour by an array (a vector: by its magnitude), with a bar that says what and in which unit."""
+def coloured(display, view, part, array, label, palette, association="POINTS", limits=None):
+    """Colour by an array (a vector: by its magnitude), with a bar from `limits` that says what and in which unit."""
     display.UseSeparateColorMap = 1
     pv.ColorBy(display, (association, array), separate=True)
     table = pv.GetColorTransferFunction(array, display, separate=True)
@@ -125,16 +131,35 @@ def coloured(display, view, part, array, label, palette, association="POINTS"):
     else:
         table.RGBPoints = [number for k, colour in enumerate(palette) for number in (float(k), *colour)]
     display.RescaleTransferFunctionToDataRange(False, True)
+    if limits is not None:
+        table.RescaleTransferFunction(*limits)
     bar = pv.GetScalarBar(table, view)
     bar.Title, _, unit = label.partition(" [")
     bar.ComponentTitle = "[" + unit
+    place_bar(bar, part)
+    bar.AutomaticLabelFormat, bar.LabelFormat, bar.RangeLabelFormat = 0, "%.3g", "%.3g"
+    display.SetScalarBarVisibility(view, bool(display.Visibility))
+
+
+def named(display, view, part, array, title, colours):
+    """Colour cells by a number that stands for a body, with a legend; names and `colours` by number."""
+    pv.ColorBy(display, ("CELLS", array))
+    table = pv.GetColorTransferFunction(array)
+    table.InterpretValuesAsCategories = 1
+    table.Annotations = [text for number, (name, _) in colours.items() for text in (str(number), name)]
+    table.IndexedColors = [c for _, colour in colours.values() for c in colour]
+    bar = pv.GetScalarBar(table, view)
+    bar.Title, bar.ComponentTitle = title, ""
+    place_bar(bar, part)
+    display.SetScalarBarVisibility(view, bool(display.Visibility))
+
+
+def place_bar(bar, part):
     bar.TitleColor = bar.LabelColor = (0.0, 0.0, 0.0)
     bar.WindowLocation, bar.Position = "Any Location", (0.88, BARS[part])
     bar.ScalarBarLength, bar.Orientation = 0.25, "Vertical"
     bar.DrawBackground, bar.BackgroundColor = 1, (1.0, 1.0, 1.0, 1.0)  # where the device reaches behind it
     bar.TitleFontSize, bar.LabelFontSize = 16, 14
-    bar.AutomaticLabelFormat, bar.LabelFormat, bar.RangeLabelFormat = 0, "%.3g", "%.3g"
-    display.SetScalarBarVisibility(view, bool(display.Visibility))
 
 
 def plain(display, colour):
@@ -176,16 +201,12 @@ def walls(view, surfaces, visible, options):
     shade.Function = "2*body+stripe"
     display = pv.Show(near_grains(shade, options), view)
     display.Opacity, display.Visibility = WALL_OPACITY, visible
-    pv.ColorBy(display, ("CELLS", "shade"))
-    names, colours = [], []
+    colours = {}
     for number, body in enumerate(BODIES):
         light = SHADES[number % len(SHADES)]
-        names += [str(2 * number), body, str(2 * number + 1), body + ", mark"]
-        colours += [*light, *(MARK * c for c in light)]
-    table = pv.GetColorTransferFunction("shade")
-    table.InterpretValuesAsCategories = 1
-    table.Annotations, table.IndexedColors = names, colours
-    display.SetScalarBarVisibility(view, False)
+        colours[2 * number], colours[2 * number + 1] = (body, light), (body + ", mark", [MARK * c for c in light])
+    free = "field" if options.look == "chains" else "chains"  # the bar that this look does not have
+    named(display, view, free, "shade", "walls", colours)
 
 
 def section(view, field, visible, options):
@@ -194,7 +215,7 @@ def section(view, field, visible, options):
         display = pv.Show(near_grains(cropped(field), options), view)
         display.Visibility = visible
         display.Ambient, display.Diffuse = 1.0, 0.0  # the colours of the bar, whatever the light
-        coloured(display, view, "field", *FIELDS[options.field], FIELD_COLOURS, WHERE)
+        by_field(display, view, field, options)
 
 
 def lines(view, curves, visible, options):
@@ -228,7 +249,20 @@ def device(view, field, visible, options):
     display.Visibility = visible
     display.Ambient, display.Diffuse = AMBIENT, DIFFUSE
     display.Opacity = 1.0 if FIELD == "section" else SOLID_OPACITY
-    coloured(display, view, "field", *FIELDS[options.field], FIELD_COLOURS, WHERE)
+    if options.field is None and FIELD == "section":
+        shown = {number: REGIONS[number] for number in range(len(REGIONS)) if number != AIR or not CROP_AIR}
+        named(display, view, "field", "region", "bodies", shown)
+    else:
+        by_field(display, view, field, options)
+
+
+def by_field(display, view, field, options):
+    """Colour by a field, up to what all but the corners of iron have."""
+    array, label = FIELDS[options.field or "B"]
+    data = servermanager.Fetch(updated(cropped(field)))
+    values = vtk_to_numpy((data.GetPointData() if WHERE == "POINTS" else data.GetCellData()).GetArray(array))
+    top = float(numpy.percentile(numpy.linalg.norm(values, axis=1), MAX_FIELD))
+    coloured(display, view, "field", array, label, FIELD_COLOURS, WHERE, (0.0, top or 1.0))
 
 
 def cropped(field):
@@ -255,11 +289,14 @@ def near_grains(source, options):
     return clip
 
 
-def caption(view, series):
+def caption(view, series, moments):
     """Add title and time annotations."""
-    first = next(iter(series.values()))
-    time = pv.AnnotateTimeFilter(registrationName="time", Input=first, Format="t = {time:.3f} ms", Scale=1e3)
-    for text, place in ((time, TIME_PLACE), (pv.Text(registrationName="title", Text=TITLE), TITLE_PLACE)):
+    texts = [(pv.Text(registrationName="title", Text=TITLE), TITLE_PLACE)]
+    if "particles" in series or len(moments) > 1:  # a field that was solved alone has no time
+        first, form = next(iter(series.values())), "t = {time:.3f} ms"
+        time = pv.AnnotateTimeFilter(registrationName="time", Input=first, Format=form, Scale=1e3)
+        texts.append((time, TIME_PLACE))
+    for text, place in texts:
         display = pv.Show(text, view)
         display.WindowLocation, display.Position = "Any Location", place
         display.Color, display.FontSize = (0.0, 0.0, 0.0), 18
@@ -269,11 +306,14 @@ def aim(view, series, options):
     """Turn the camera to the device or the grains."""
     if options.look == "device" and "field" in series:
         bounds = list(updated(cropped(series["field"])).GetDataInformation().GetBounds())
-        bounds[0] = -bounds[1] if FIELD == "section" else bounds[0]
+        if FIELD == "section":
+            bounds[0] = bounds[2] = -bounds[1]
     else:
-        bounds = series.get("particles", next(iter(series.values()))).GetDataInformation().GetBounds()
-    aside = BESIDE * options.size[0] / options.size[1]
-    focus, position, up, half = camera(options.look, SECTOR is not None, bounds, aside)
+        names = [name for name in ("particles", "walls") if name in series] or [next(iter(series))]
+        boxes = [series[name].GetDataInformation().GetBounds() for name in names]
+        bounds = [(min, max)[k % 2](box[k] for box in boxes) for k in range(6)]
+    aspect = options.size[0] / options.size[1]
+    focus, position, up, half = camera(options.look, SECTOR is not None, bounds, aspect, right=BESIDE)
     view.CameraFocalPoint, view.CameraPosition, view.CameraViewUp = focus, position, up
     view.CameraParallelProjection, view.CameraParallelScale = 1, half
 

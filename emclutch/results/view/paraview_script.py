@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from emclutch.results.atomic_file import replace_text
+from emclutch.results.text import in_words
 from emclutch.results.view.run_files import RunFiles
 
 NAME = "paraview.py"
@@ -27,6 +28,10 @@ def script_text(files: RunFiles) -> str:
         "FIELD": files.field,
         "WHERE": "POINTS" if files.field_at_points else "CELLS",
         "BODIES": tuple(files.bodies),
+        "REGIONS": tuple(
+            (in_words(name), tuple(round(part, 3) for part in shade))
+            for name, shade in zip(files.regions, files.shades, strict=True)
+        ),
         "QUANTITIES": files.colours,
     }
     scene = SCENE.read_text(encoding="utf-8")

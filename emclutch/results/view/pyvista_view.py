@@ -10,7 +10,7 @@ import pyvista
 from matplotlib.colors import LinearSegmentedColormap
 
 from emclutch.results.view import look as looks
-from emclutch.results.view.frame_meshes import body_names, frame_meshes, name_column
+from emclutch.results.view.frame_meshes import body_names, frame_meshes, name_places
 from emclutch.results.view.run_files import RunFiles
 from emclutch.scene.errors import Fault, SceneError
 
@@ -22,6 +22,7 @@ STYLES: dict[str, dict[str, Any]] = {
     "walls": {"rgb": True, "opacity": looks.WALL_OPACITY},
     "section": {"cmap": FIELD_MAP, "lighting": False},
     "lines": {"color": looks.LINE_COLOUR, "line_width": 2.0},
+    "edges": {"color": looks.EDGE_COLOUR, "line_width": 1.5},
     "device": {"cmap": FIELD_MAP, "ambient": looks.AMBIENT, "diffuse": looks.DIFFUSE},
 }
 BAR = {
@@ -30,13 +31,15 @@ BAR = {
 }  # fmt: skip
 NAMES: dict[str, Any] = {
     "name": "names", "always_visible": True, "show_points": False, "font_size": 22, "text_color": "black",
-    "shape_color": "white", "shape_opacity": 0.75, "reset_camera": False, "render": False,
+    "shape": None, "justification_horizontal": "right", "justification_vertical": "center", "reset_camera": False,
+    "render": False,
 }  # fmt: skip
 LAYOUT: dict[str, Any] = {  # title and time above, colour bars to the right, so that nothing lies behind them
     "shape": (2, 2), "groups": [(0, [0, 1])], "border": False,
     "row_weights": [looks.HEAD_HEIGHT, 1.0 - looks.HEAD_HEIGHT],
     "col_weights": [1.0 - looks.BAR_WIDTH, looks.BAR_WIDTH],
 }  # fmt: skip
+TO_FRONT = -1e5  # steps of depth
 HEAD, PICTURE, BARS = (0, 0), (1, 0), (1, 1)  # parts of it
 
 
@@ -49,7 +52,8 @@ class RunView:
     look : one of `look.LOOKS`.
     colour : of the grains, one of the run's colours; None where there are no grains.
     window : whether a window is to open.
-    field : what the section and the device are coloured by, one of `look.FIELDS`.
+    field : what the section and the device are coloured by, one of `look.FIELDS`; None: B, but a device that is swept
+        from a section by its bodies.
     ring : whether a sector is repeated round the axis.
     """
 
@@ -60,7 +64,7 @@ class RunView:
         colour: str | None,
         *,
         window: bool,
-        field: str = "B",
+        field: str | None = None,
         ring: bool = False,
         size: tuple[int, int] = looks.SIZE,
     ) -> None:
@@ -78,6 +82,8 @@ class RunView:
         self.plotter.add_text(files.title, position=(0.02, 0.55), viewport=True, font_size=10, color="black")
         self._limits: dict[str, tuple[float, float]] = {}
         self._aimed = False
+        self._is_sector = files.sector is not None and not ring
+        self._axes = looks.view_axes(look, self._is_sector)
 
     def draw(self, time: float) -> None:
         """Show the moment that was written nearest to a time [s]."""
@@ -89,25 +95,32 @@ class RunView:
                 self._add(part, meshes[part])
             else:
                 self.plotter.remove_actor(part, render=False)
-        points, names = body_names(self.files, meshes)
-        self.plotter.remove_actor("names-labels", render=False)
-        if names and "device" in meshes:
-            places = name_column(points, meshes["device"].bounds)
-            ends = np.stack((places, points), axis=1).reshape(-1, 3)
-            ends[:, 1] = looks.line_offset(meshes["device"].bounds[1])
-            lines = pyvista.line_segments_from_points(ends)
-            self.plotter.add_mesh(lines, name="leaders", color="black", reset_camera=False, render=False)
-            aside = {"justification_horizontal": "right", "justification_vertical": "center"}
-            self.plotter.add_point_labels(places, names, **aside, **NAMES)
-        elif names:
-            self.plotter.add_point_labels(points, names, **NAMES)
-        text = f"t = {1e3 * time:.3f} ms"
-        self.plotter.subplot(*HEAD)
-        self.plotter.add_text(text, position=(0.02, 0.1), viewport=True, font_size=10, color="black", name="time")
-        self.plotter.subplot(*PICTURE)
+        self._name_bodies(meshes)
+        if self.files.has_time:
+            text, place = f"t = {1e3 * time:.3f} ms", (0.02, 0.1)
+            self.plotter.subplot(*HEAD)
+            self.plotter.add_text(text, position=place, viewport=True, font_size=10, color="black", name="time")
+            self.plotter.subplot(*PICTURE)
         if not self._aimed and meshes:
             self._aim(meshes)
             self._aimed = True
+
+    def _name_bodies(self, meshes: dict[str, Any]) -> None:
+        """Write the names of the bodies beside them, each with a line to its body that ends in a dot."""
+        points, names = body_names(self.files, meshes, self._axes)
+        for old in ("names-labels", "leaders", "ends"):
+            self.plotter.remove_actor(old, render=False)
+        if names:
+            places = name_places(points, self._target(meshes), self._axes)
+            leaders = pyvista.line_segments_from_points(np.stack((places, points), axis=1).reshape(-1, 3))
+            plain = {"color": "black", "reset_camera": False, "render": False}
+            drawn = self.plotter.add_mesh(leaders, name="leaders", line_width=1.5, **plain)
+            dots = self.plotter.add_points(points, name="ends", point_size=7, **plain)
+            for mapper in (drawn.mapper, dots.mapper):  # before all else
+                mapper.SetResolveCoincidentTopologyToPolygonOffset()
+                mapper.SetRelativeCoincidentTopologyLineOffsetParameters(0.0, TO_FRONT)
+                mapper.SetRelativeCoincidentTopologyPointOffsetParameter(TO_FRONT)
+            self.plotter.add_point_labels(places, names, **NAMES)
 
     def _add(self, part: str, mesh: Any) -> None:
         options: dict[str, Any] = {"name": part, "show_scalar_bar": False, "reset_camera": False, "render": False}
@@ -116,13 +129,16 @@ class RunView:
             options["opacity"] = looks.GRAIN_OPACITY
         if part == "device" and self.files.field == "space":
             options["opacity"] = looks.SOLID_OPACITY
-        if part != "lines":
+        if part not in ("lines", "edges"):
             options["scalars"] = "shown"
         bar = {"section": "field", "device": "field"}.get(part, part)
+        if part == "device" and mesh["shown"].ndim == 2:
+            bar, options["rgb"] = "bodies", True
         if bar in looks.BARS:
             if bar not in self._limits:  # of the first moment drawn: colours of a movie keep their meaning
                 top = looks.MAX_FIELD if bar == "field" else 100.0
-                low, high = float(np.min(mesh["shown"])), float(np.percentile(mesh["shown"], top))
+                low = 0.0 if bar == "field" else float(np.min(mesh["shown"]))
+                high = float(np.percentile(mesh["shown"], top))
                 self._limits[bar] = (low, high if high > low else low + (abs(low) or 1.0))
             options["clim"] = self._limits[bar]
         actor = self.plotter.add_mesh(mesh, **options)
@@ -137,14 +153,23 @@ class RunView:
         if bar == "grains":
             assert self.colour is not None
             return self.files.colours[self.colour][1]
-        return {"chains": looks.FORCE[1], "field": looks.FIELDS[self.field][1]}[bar]
+        return {"chains": looks.FORCE[1], "field": looks.FIELDS[self.field or "B"][1]}[bar]
+
+    def _target(self, meshes: dict[str, Any]) -> tuple[float, ...]:
+        """Box x0, x1, y0, y1, z0, z1 [m] of what is looked at: the device, or grains, walls and a ring's section."""
+        names = ["device"] if self.look == "device" else ["grains", "walls"] + ["section"] * (not self._is_sector)
+        found = [meshes[name].bounds for name in names if name in meshes] or [next(iter(meshes.values())).bounds]
+        low, high = np.min(found, axis=0)[::2], np.max(found, axis=0)[1::2]
+        return tuple(np.stack((low, high), axis=1).ravel())
 
     def _aim(self, meshes: dict[str, Any]) -> None:
         """Turn the camera to the device or the grains."""
-        target = meshes.get("device" if self.look == "device" else "grains", next(iter(meshes.values())))
-        camera = self.plotter.camera
-        is_sector = self.files.sector is not None and not self.ring
-        camera.focal_point, camera.position, camera.up, half = looks.camera(self.look, is_sector, target.bounds)
+        camera, size = self.plotter.camera, self.plotter.window_size
+        aspect = size[0] * (1.0 - looks.BAR_WIDTH) / (size[1] * (1.0 - looks.HEAD_HEIGHT))
+        left = looks.NAMES_WIDTH[self.look] if "leaders" in self.plotter.actors else 0.0
+        camera.focal_point, camera.position, camera.up, half = looks.camera(
+            self.look, self._is_sector, self._target(meshes), aspect, left
+        )
         camera.parallel_projection = True
         camera.parallel_scale = half
         self.plotter.reset_camera_clipping_range()

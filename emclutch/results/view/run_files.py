@@ -5,10 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from matplotlib.colors import to_rgb
+
 from emclutch.results.errors import OutputError
 from emclutch.results.run_folder import RunFolder
 from emclutch.results.vtk.data_set import array_names, read_data_set, read_texts
 from emclutch.results.vtk.series import read_pvd
+from geometry.drawing import part_colours
 
 COLOURS = {
     "speed": ("velocity", "speed [m/s]"),
@@ -56,6 +59,16 @@ class RunFiles:
     def air(self) -> int | None:
         """Number of the air among the field's regions."""
         return self.regions.index("air") if "air" in self.regions else None
+
+    @property
+    def has_time(self) -> bool:
+        """Whether its moments are times: a field that was solved alone, for constant currents, has one without."""
+        return "particles" in self.series or len(self.times) > 1
+
+    @property
+    def shades(self) -> list[tuple[float, float, float]]:
+        """Red, green and blue of each region, as in pictures of the section."""
+        return [to_rgb(colour) for colour in part_colours(self.regions).values()]
 
     def file(self, name: str, time: float) -> Path | None:
         """The file of a series that shows a moment [s]: the latest one not after it, or the first."""
