@@ -83,7 +83,7 @@ def torque_of(
         name, (shape, found) = "the law of the powder", law
     elif measured is None:
         message = (
-            "the scene has no [particles], or no gap with sheared powder; give effects.heat.torque, slip_power, or a run"
+            "the scene has no [particles], or no sheared gap; give effects.heat.torque, slip_power, or a run"
         )
         raise ValueError(f"effects.heat has no torque: {message}")
     elif not isclose(at, largest, rel_tol=1e-3):
