@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import NoReturn
 
 import typer
@@ -29,8 +30,10 @@ def explained() -> Iterator[None]:
         raise  # `emclutch.cli.main.main` answers it
     except OSError as error:
         name = f"{error.filename}: " if error.filename else ""
-        reason = error.strerror or error
-        stop(f"{name}{reason}; check the path and its permissions, or write elsewhere with --out", BAD_INPUT)
+        reason = f"{error.strerror or error}; check the path and its permissions"
+        if error.filename and not (parent := Path(error.filename).absolute().parent).is_dir():
+            reason = f"the folder {parent} does not exist; make it, or give another path"
+        stop(f"{name}{reason}", BAD_INPUT)
     except KeyboardInterrupt:
         stop("interrupted", STOPPED)
     except Exception as error:

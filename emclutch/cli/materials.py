@@ -11,7 +11,6 @@ import numpy as np
 from emclutch.results.new_path import new_path
 from emclutch.results.report.report import Mark, Report, Shown, Statement, Statements, Table, note
 from emclutch.scene.errors import Fault, SceneError
-from field import TableLaw
 from field.laws.coercivity import coercivity, misfit_of_curve
 from field.laws.conductivity import Conductivity, conductivity
 from field.laws.major_loop import MajorLoopLaw
@@ -123,11 +122,9 @@ def _hysteresis(law: Law) -> tuple[float | None, float | None, str]:
 
 
 def _warning(law: Law) -> str:
-    """What of a table is not used, or that it ends before the steel is saturated."""
-    if isinstance(law, TableLaw) and law.warning:
-        return law.warning
+    """What of a table is not used or doubtful, and that it ends before the steel is saturated."""
     end = TableEnd.of(law)
-    return "" if end is None else end.in_words()
+    return "; ".join(filter(None, (getattr(law, "warning", ""), "" if end is None else end.in_words())))
 
 
 def laws_of(names: list[str]) -> list[Law]:

@@ -223,6 +223,8 @@ def read_toml(path: Path) -> dict[str, Any]:
         reason = _TOO_DEEP
     except ValueError as error:  # of the parser, or of Python for a number of more digits than it reads
         remedy = "correct that line, texts and values with a unit need quotes"
+        if any(mark in text for mark in "\u201c\u201d\u201e\u2018\u2019"):
+            remedy += ', straight ones as in "1 A"'
         reason = repeated_key(text) or f"is not TOML: {error}; {remedy}"
     raise SceneError([Fault(str(path), "", reason)], str(path))
 

@@ -151,7 +151,7 @@ class TableMaterial(_OwnMaterial):
 
     @property
     def warning(self) -> str:
-        """Description of the points that are not used; empty where all are."""
+        """What of the table is not used or doubtful; empty of others."""
         return self.magnetic_law("this material").warning
 
 

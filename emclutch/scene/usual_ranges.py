@@ -67,6 +67,8 @@ SIZE = UsualRange(1e-3, 20.0, "mm", "carbonyl iron 0.001 to 0.01, powder of brak
                   {"mm": 1.0, "um": 1e-3})  # fmt: skip
 RADIUS = UsualRange(1.0, 2000.0, "mm", "small brakes 10, large clutches 500",
                     "bare numbers are in metres; are the units right, as in '20 mm'?", 1e-3, {"mm": 1.0})  # fmt: skip
+GAP = UsualRange(0.05, 12.0, "mm", "powder clutches 0.3 to 3, shot 5", "is the unit right, as in '1 mm'?", 1e-3,
+                 {"mm": 1.0})  # fmt: skip
 STIFFNESS = UsualRange(10.0, 1e9, "N/m", "light loads at 60 um to shot of 5 mm",
                        "is the unit right, as in '50 kN/m'?", meant={"kN/m": 1e3, "MN/m": 1e6})  # fmt: skip
 MODULUS = UsualRange(1e-4, 1000.0, "GPa", "softened grains 0.001 to 0.1, glass 70, steel 210, tungsten carbide 650",
@@ -114,6 +116,9 @@ def unusual_entries(scene: Any) -> Iterator[str]:
         for key in ("friction", "wall_friction")
         if (value := getattr(contact, key))  # neither left out nor 0
     ]
+    for key in ("gap", "face_gap"):
+        if value := getattr(scene.geometry, key, None):
+            entries.append((GAP, f"geometry.{key}", 1e3 * value))
     for one in scene.effects.present:
         entries += [(usual, f"effects.{one.name}.{key}", getattr(one, key)) for key, usual in one.USUAL.items()]
     if scene.field is not None:

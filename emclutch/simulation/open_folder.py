@@ -68,9 +68,9 @@ def translate_errors(case: Case, folder: RunFolder) -> Iterator[None]:
         yield
     except KeyboardInterrupt as error:  # before there was a window to end, or in a kernel that was compiled
         log.info("stopped by the user at once")
-        lost = "what was computed since the last checkpoint" if folder.checkpoint.is_file() else "all that was computed"
+        saved = "the state of the last checkpoint is kept" if folder.checkpoint.is_file() else "nothing is saved yet"
         how = f"continue with: emclutch run {folder.path} --resume" if folder.is_begun() else "run it again"
-        raise Interrupted(f"stopped at once, {lost} is lost; {how}") from error
+        raise Interrupted(f"stopped at once, {saved}; {how}") from error
     except (ConvergenceError, ParticleError, PointOutside, ValueError) as error:
         text = f"{error}{remedy_in_scene(case, error)}"
         log.error("%s", text)

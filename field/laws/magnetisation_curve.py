@@ -29,6 +29,7 @@ _MIN_END = 0.1
 _MIN_POINTS = 3
 # No material has a saturation polarisation of more (iron-cobalt: 2.45 T).
 _MAX_POLARISATION = 3.0
+_STEEPEST_STEEL, _STRONG = 4e4, 1.2  # largest relative permeability, grain-oriented, of what has this polarisation [T]
 
 # A published table rounds its figures: a last slope 2 % under mu_0 is a rounding, not a fault.
 SLOPE_ROUNDING = 0.02
@@ -105,6 +106,14 @@ def _approach(
     )
 
 
+def _too_permeable(H: np.ndarray, B: np.ndarray) -> str:
+    """A warning of a strong magnet's curve that rises as no steel's does; empty of another."""
+    ratio = float((B[1:] / H[1:]).max()) / MU_0
+    if ratio < _STEEPEST_STEEL or B[-1] - MU_0 * H[-1] < _STRONG:
+        return ""
+    return f"the relative permeability reaches {ratio:.2g}, that of steels 40 000 at most; is H in Oe?"
+
+
 @dataclass(frozen=True, slots=True)
 class TableLaw(SplineLaw):
     """A measured magnetisation curve: H grows with B, and dB/dH is not below mu_0, up to the rounding of a table.
@@ -128,8 +137,10 @@ class TableLaw(SplineLaw):
     H, B : ndarray
         The points of the table that the curve goes through: the origin first, without a tail in which dB/dH is below
         mu_0.
+    left_out : int
+        Points of a tail in which dB/dH is below mu_0; the slope of vacuum replaces it.
     warning : str
-        What was replaced by the slope of vacuum, for the user; empty where nothing was.
+        The tail that is left out, and a permeability beyond that of any steel; empty of others.
 
     Raises
     ------
@@ -144,6 +155,7 @@ class TableLaw(SplineLaw):
     source: str = "a table of the user"
     J_s: float | None = None
     curve: HSpline = field(init=False, repr=False)
+    left_out: int = field(init=False, repr=False, default=0)
     warning: str = field(init=False, repr=False, default="")
 
     def __post_init__(self) -> None:
@@ -153,19 +165,20 @@ class TableLaw(SplineLaw):
         if H[0] > 0.0 and B[0] > 0.0:
             H, B = np.concatenate(([0.0], H)), np.concatenate(([0.0], B))
         self._check_curve(H, B)
+        warnings = [_too_permeable(H, B)]
         last = last_before_tail(H, B)
         if last is not None:
             left_out = len(H) - 1 - last
             lowest = float((np.diff(B) / np.diff(H))[last:].min())
-            object.__setattr__(
-                self,
-                "warning",
+            warnings.append(
                 f"the last {left_out} point{'s' * (left_out > 1)} of the table, from H = {H[last + 1]:g} A/m on, "
                 f"{'are' if left_out > 1 else 'is'} not used: dB/dH falls to {lowest:.3g} H/m there, below "
                 f"mu_0 = {MU_0:.4g} H/m; from H = {H[last]:g} A/m, B = {B[last]:g} T on the curve has the slope of "
-                "vacuum; check that B, not J = B - mu_0 H, is given",
+                "vacuum; check that B, not J = B - mu_0 H, is given, and the unit of H"
             )
             H, B = H[: last + 1], B[: last + 1]
+            object.__setattr__(self, "left_out", left_out)
+        object.__setattr__(self, "warning", "; ".join(filter(None, warnings)))
         object.__setattr__(self, "H", H)
         object.__setattr__(self, "B", B)
         slope = PchipInterpolator(B, H).derivative()(B)
@@ -211,7 +224,7 @@ class TableLaw(SplineLaw):
             i = int(np.argmax(polarisation))
             raise ValueError(
                 f"the table of {self.name!r} has B - mu_0 H = {polarisation[i]:.3g} T at H = {H[i]:g} A/m; no material "
-                f"has more than {_MAX_POLARISATION:g} T: check the unit of B (mT, G?)"
+                f"has more than {_MAX_POLARISATION:g} T: check the unit of B (mT, G?), or whether H and B are exchanged"
             )
         flat = too_flat(H, B)
         if np.any(flat) and last_before_tail(H, B) is None:

@@ -29,9 +29,10 @@ from geometry import table_file
 
 _UNITS = {"H": "A/m", "B": "T", "J": "T"}
 _NAMES = {
-    "H": r"h|(applied |magnetic |magneti[sz]ing )?(force|field( strength| intensity)?)( h)?",
-    "B": r"b|(magnetic )?(flux density|induction)( b)?",
-    "J": r"j|ji|bi|b ?[-−] ?([µμ]|mu_?)0 ?\*? ?h|((magnetic )?polari[sz]ation|intrinsic induction)( ji?| bi)?",
+    "J": r"j|ji|bi|b ?[-−] ?([µμ]|mu_?)0 ?\*? ?h|4 ?[*·]? ?(pi|π) ?[*·]? ?m"
+    r"|((magnetic )?polari[sz]ation|intrinsic induction)( ji?| bi)?|\w+ ji?",
+    "H": r"h|(applied |magnetic |magneti[sz]ing )?(force|field( strength| intensity)?)( h)?|\w+ h",
+    "B": r"b|(magnetic )?(flux density|induction)( b)?|\w+ b",
 }
 """Names of the columns, in upper or lower case."""
 _EXAMPLE = "'H [A/m], B [T]', or, over a table as FEMM keeps it, 'B [T], H [A/m]'"
@@ -70,21 +71,28 @@ def read_loop(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
 
 def _points(path: Path) -> tuple[np.ndarray, np.ndarray, list[int], str]:
     """H [A/m] and B [T] of a file's rows, their lines, and whether B or J was given."""
-    table = table_file.read_table(path, lambda place, name, unit: _UNITS.get(_symbol(name)), example=_EXAMPLE)
-    columns = {_symbol(name): column for name, column in zip(table.names, table.values.T, strict=True)}
+    table = table_file.read_table(path, lambda place, name, unit: _UNITS.get(_symbol(name, unit)), example=_EXAMPLE)
+    columns = {
+        _symbol(name, unit): column for name, unit, column in zip(table.names, table.units, table.values.T, strict=True)
+    }
     if columns.keys() not in ({"H", "B"}, {"H", "J"}) or len(table.names) > 2:
-        given = ", ".join(table.names + [name for name, _ in table.unused])
+        given = ", ".join(filter(None, table.names + [name for name, _ in table.unused]))
+        if columns.keys() == {"H", "B", "J"}:
+            raise TableFault(path, f"has the columns {given}, so both B and J; remove one of these")
         raise TableFault(
             path,
-            f"has the columns {given}; needed are H and either B or the polarisation J, as in 'H [A/m], B [T]'",
+            f"has the columns {given}; needed are H and either B or the polarisation J (B - H or 4 pi M in G), as in "
+            "'H [A/m], B [T]'; put # in front of a title",
         )
     table.warn_of_unused()
     H = columns["H"]
     return (H, columns["B"], table.lines, "B") if "B" in columns else (H, columns["J"] + MU_0 * H, table.lines, "J")
 
 
-def _symbol(name: str) -> str:
-    """Quantity of a column, H, B or J; empty of another."""
+def _symbol(name: str, unit: str) -> str:
+    """Quantity of a column, H, B or J; empty of another. In gauss B - H is the polarisation."""
+    if re.fullmatch(r"b ?[-−] ?h", name.lower()) and unit.lower() in ("g", "kg", "gauss", "kgauss"):
+        return "J"
     return next((symbol for symbol, names in _NAMES.items() if re.fullmatch(names, name.lower())), "")
 
 
@@ -117,7 +125,7 @@ def table_law(path: str | Path) -> TableLaw:
     try:
         return TableLaw(H, B, Path(path).stem, f"file {Path(path).name}")
     except ValueError as error:  # of J beyond any material's, where a unit is wrong
-        raise TableFault(path, str(error)) from None
+        raise TableFault(path, str(error).removeprefix(f"the table of {Path(path).stem!r} ")) from None
 
 
 def _check(path: Path, H: np.ndarray, B: np.ndarray, lines: list[int], given: str) -> None:
@@ -141,7 +149,11 @@ def _check(path: Path, H: np.ndarray, B: np.ndarray, lines: list[int], given: st
             raise TableFault(
                 path,
                 f"line {lines[i + 1]}: not monotone, {symbol} goes from {values[i]:g} to {values[i + 1]:g} {unit}; "
-                "sort the rows by H, and remove repeated points and the returning branch of a loop",
+                + (
+                    "sort the rows by H, and remove repeated points and the returning branch of a loop"
+                    if symbol == "H"
+                    else f"H rises there from {H[i]:g} to {H[i + 1]:g} A/m: correct the point"
+                ),
             )
     if H[0] > 0.0:
         H, B, lines = np.append(0.0, H), np.append(0.0, B), [lines[0], *lines]

@@ -48,7 +48,7 @@ class TableEnd:
         if isinstance(law, ScaledLaw):
             end = cls.of(law.law)
             return None if end is None else replace(end, H=law.ratio * end.H, B=law.ratio * end.B)
-        if not isinstance(law, SplineLaw) or (isinstance(law, TableLaw) and law.warning):
+        if not isinstance(law, SplineLaw) or (isinstance(law, TableLaw) and law.left_out):
             return None  # or it has a tail below the slope of vacuum: saturated
         curve = law.curve
         before = float(curve.H_of_B(curve.B[-2:-1])[0][0])
