@@ -141,7 +141,8 @@ def brake_tables() -> str:
     ]  # fmt: skip
     lines = [f"| {name} | {' | '.join(cells)} |" for name, cells in rows]
     lines.insert(1, "|---" * (len(found) + 1) + "|")
-    lines += ["", f"The next table compares the law with runs for other powders, at {RATED:g} A and eight grains per gap:", ""]
+    head = f"The next table compares the law with runs for other powders, at {RATED:g} A and eight grains per gap:"
+    lines += ["", head, ""]
     lines += ["| friction | rolling friction | fill | run [N m] | law [N m] | run/law |", "|---" * 6 + "|"]
     for row in other_powders():
         (miss,), _, (half,) = misfit([row])
