@@ -25,7 +25,10 @@ TANGENTIAL_RATIO = (
 )
 REFERENCE_SPEED = (
     LinearSpeed | None,
-    Field(default=None, description="impact that has the restitution, where that depends on speed; default: expected"),
+    Field(
+        default=None,
+        description="impact speed with the given restitution, if it depends on speed; default: the expected speed",
+    ),
 )
 
 

@@ -153,14 +153,14 @@ def _check_excluded_effects(partial: PartialScene) -> Iterator[Fault]:
         yield Fault(
             f"effects.{weight.name}",
             "",
-            "cannot be in a periodic box, in which grains would fall for ever; remove the table",
+            "cannot be used in a periodic box, in which grains would fall for ever; remove the table",
         )
     for one in scene.effects.present:
         if one.role == "drag":
             yield Fault(
                 f"effects.{one.name}",
                 "",
-                "cannot be in a periodic box, whose copies flow past a fluid at rest, each at another speed; remove "
+                "cannot be used in a periodic box, whose copies move past a fluid at rest at different speeds; remove "
                 "the table",
             )
     for name in scene.surfaces:
@@ -170,7 +170,7 @@ def _check_excluded_effects(partial: PartialScene) -> Iterator[Fault]:
 def _no_profiles(partial: PartialScene) -> Iterator[Fault]:
     """All heights of the box are alike."""
     if partial.scene.output.profiles:
-        yield partial.fault("output.profiles", "has no meaning in a periodic box, all heights of which are alike; "
+        yield partial.fault("output.profiles", "has no meaning in a periodic box, in which all heights are equivalent; "
                           "remove it")  # fmt: skip
 
 

@@ -142,7 +142,8 @@ class BackReactionSection(EffectSection):
     )
 
     tolerance: Annotated[float, number("0.02", 1e-6, 1.0)] = Field(
-        default=0.02, description="how far the magnetisation of the solution and that of the grains may differ"
+        default=0.02,
+        description="accepted relative difference between the magnetisation in the field and that of the grains",
     )
 
     def powder_feedback(

@@ -122,20 +122,22 @@ class DipolesSection(EffectSection):
 
     model: Annotated[str, Choice(("mutual", "near_field"))] = Field(
         default="near_field",
-        description="mutual: grains magnetise one another as dipoles and saturate; near_field: besides, the flux in "
-        "the necks of grains that nearly touch, without which contacts are too weak",
+        description="mutual: grains magnetise one another as dipoles and saturate; near_field: also the flux between "
+        "grains that nearly touch, without which their attraction is too weak",
     )
-    cutoff: Annotated[float, number("3", 1.1, 10.0)] = Field(default=3.0, description="reach, in grain diameters")
+    cutoff: Annotated[float, number("3", 1.1, 10.0)] = Field(
+        default=3.0, description="range of the forces, in grain diameters"
+    )
     update_every: Annotated[Annotated[int, Integer(1, 10_000, "10")] | None, Automatic()] = Field(
-        default=None, description="steps between evaluations of the magnetic forces, which are constant in between"
+        default=None, description="steps between two evaluations of the magnetic forces, which are constant in between"
     )
     tolerance: Annotated[float, number("1e-3", 1e-12, 0.05)] = Field(
         default=1e-3, description="residual of the moments, relative to the magnetisation"
     )
     surface_gap: Annotated[float, number("0.003", 3e-4, 0.5)] = Field(
         default=3e-3,
-        description="near_field: least gap between surfaces that touch (oxide, roughness), in grain radii; in a "
-        "chain a gap of 0.02 costs half of the force at 18 kA/m, a seventh at 80 kA/m",
+        description="near_field: gap between surfaces that touch (oxide, roughness), in grain radii; a gap of 0.02 "
+        "reduces the force in a chain by a half at 18 kA/m and by a seventh at 80 kA/m",
     )
 
     @property

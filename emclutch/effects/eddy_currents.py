@@ -51,7 +51,7 @@ class EddyCurrentsSection(EffectSection):
     columns = (EDDY_LOSS, *ENERGY_COLUMNS)
     of_the_field_alone = True
     window_solves = 0.6  # a solve in 0.35 of the windows, 1.8 times as long as a static one (cases/switch_on.toml)
-    not_in_3d = "they need a vector potential, and the field in 3D is that of a scalar one"
+    not_in_3d = "they need a vector potential, and the field in 3D has a scalar potential"
     CHECKS: ClassVar = ((_known_conductors, ("effects", "coil", "field", "geometry.kind", "materials")),)
 
     begin: Annotated[str, Choice(BEGINNING)] = Field(

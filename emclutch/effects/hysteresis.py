@@ -72,7 +72,7 @@ class HysteresisSection(EffectSection):
     role = "memory"
     columns = (HYSTERESIS_LOSS,)
     of_the_field_alone = True
-    not_in_3d = "the history of the steel is kept in a section only"
+    not_in_3d = "the history of the steel is stored only in a section"
     CHECKS: ClassVar = (
         (_needs_a_given_current, ("effects", "field", "coil", "geometry.kind")),
         (_known_steels, ("effects", "geometry.kind", "materials")),

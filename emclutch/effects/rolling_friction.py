@@ -29,7 +29,7 @@ class RollingFrictionSection(EffectSection):
     USUAL: ClassVar = {"coefficient": _USUAL, "wall_coefficient": _USUAL}
 
     coefficient: Annotated[float, number("0.2", 0.0, 10.0)] = Field(
-        default=0.2, description="torque over (effective radius times normal force), between grains"
+        default=0.2, description="torque / (effective radius times normal force) between grains"
     )
     wall_coefficient: Annotated[float, number("0.2", 0.0, 10.0)] | None = Field(
         default=None, description="at walls; default: as between grains"

@@ -23,7 +23,7 @@ class TwistingFrictionSection(EffectSection):
     columns = (DISSIPATED_TWISTING,)
 
     coefficient: Annotated[float, number("0.05", 0.0, 10.0)] = Field(
-        default=0.05, description="torque over (effective radius times normal force), between grains"
+        default=0.05, description="torque / (effective radius times normal force) between grains"
     )
     wall_coefficient: Annotated[float, number("0.05", 0.0, 10.0)] | None = Field(
         default=None, description="at walls; default: as between grains"

@@ -28,15 +28,15 @@ class CoilSection(Section):
     turns: Annotated[float, number("1000", 0.0, 1e7, above=True)] | None = Field(default=None, description="turns")
     resistance: Resistance | None = Field(default=None, description="resistance at 20 degrees C")
     fill_factor: Annotated[float, number("0.6", 0.0, 1.0, above=True)] | None = Field(
-        default=None, description="copper's fraction of the window, if turns or resistance follow from it; default 0.6"
+        default=None, description="fraction of copper in the window, if turns or resistance follow from it; default 0.6"
     )
     voltage: VoltageProfile | None = Field(
         default=None,
-        description="voltage that drives the coil, one value or a table in time; with a current the supply, "
-        "to check the current against",
+        description="voltage that drives the coil, one value or a table in time; beside a current it is the supply "
+        "voltage, against which the current is checked",
     )
     temperature: Temperature = Field(
-        default=20.0, description="of the winding; its resistance grows by 0.393 % a degree"
+        default=20.0, description="temperature of the winding; its resistance grows by 0.393 % per degree"
     )
 
     @model_validator(mode="after")

@@ -78,8 +78,8 @@ class BaseContactSection(Section):
 
     method: Annotated[str, Choice(("dem", "dvi"))] = Field(
         default="dem",
-        description="dem: grains press in, step by contact; dvi: impulses that obey Coulomb's law, on springs or "
-        "rigid, longer steps",
+        description="dem: contacts are springs and dashpots, with small steps; dvi: contacts obey Coulomb's "
+        "law, rigid or with springs, with longer steps",
     )
     law: Annotated[str, Choice(tuple(LAWS), elsewhere=_COHESION)] = Field(
         default="linear", description="; ".join(f"{name}: {law.summary}" for name, law in LAWS.items())

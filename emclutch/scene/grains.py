@@ -43,40 +43,40 @@ class ParticlesSection(Section):
     sizes: Sizes | None = Field(default=None, description="distribution of diameters, instead of diameter")
     stands_for: RealSize | None = Field(
         default=None,
-        description="real powder that coarser grains stand for: diameter, or percentiles as of sizes; without it the "
-        "grains are of real size, as shot is",
+        description="size of the real powder, if the simulated grains are coarser: a diameter, or "
+        "percentiles as in sizes; without it the grains have their real size",
         examples=["60 um"],
     )
     mass: Mass | None = Field(default=None, description="mass of powder in the whole device, not only in the sector")
     solid_fraction: Annotated[float, number("0.4", 0.0, 1.0, above=True)] | None = Field(
         default=None,
-        description="volume of grains / volume of the region; at random at most 0.60 can be packed, in a sheared_box "
-        "0.58",
+        description="volume of grains / volume of the region; at most 0.60 for a random packing, 0.58 in a sheared_box",
     )
     count: Annotated[int, Integer(1, MAX_GRAINS, "1000")] | None = Field(
-        default=None, description="number of simulated grains (those of the sector, where there is one)"
+        default=None, description="number of simulated grains (in the sector, if there is one)"
     )
     material: str | None = Field(
         default=None,
         min_length=1,
-        description="material of the grains by its name, in place of its density, susceptibility and saturation; "
-        "emclutch materials lists them",
+        description="name of the material of the grains, in place of density, susceptibility and saturation; emclutch "
+        "materials lists the names",
         examples=["carbonyl_iron"],
     )
     density: Density = Field(default=7700.0, description="density of the grain's material")
     region: Annotated[str, Choice(("cavity", "rim", "poles", "faces"))] = Field(
         default="cavity",
-        description="where a clutch is filled at first: rim gap, of it what lies between the pole faces (run-in "
-        "powder), both face gaps, or rim and faces",
+        description="where the powder is at the start: rim: radial gap; poles: the part of the rim between "
+        "the pole faces, as after running in; faces: both axial gaps; cavity: rim and faces",
     )
     sector: SectorAngle | None = Field(
         default=None,
-        description="cyclic sector that stands for the ring: an angle that divides 360 deg, or its width at the "
-        "smallest radius of a grain's centre, rounded up to a whole number of sectors",
+        description="simulate only a sector of the ring: an angle that divides 360 deg, or its width at the smallest "
+        "radius of a grain's centre, rounded up to a whole number of sectors",
     )
     packing: Annotated[str, Choice(("random", "grow", "lattice", "pour", "file"))] = Field(
         default="random",
-        description="random: up to 0.60; grow: denser, slower; lattice: in rows; pour: falls loose; file: as it says",
+        description="initial positions: random (fill up to 0.60), grow (denser, slower), lattice (in rows), "
+        "pour (loose fall), file (from packing_file)",
     )
     lattice: Annotated[str, Choice(("sc", "fcc", "hcp"))] = Field(default="fcc", description="for packing = 'lattice'")
     noise: Annotated[float, number("0.5", 0.0, 1.0)] = Field(
@@ -89,7 +89,8 @@ class ParticlesSection(Section):
     )
     settle: bool = Field(default=False, description="let the grains come to rest before time 0; pour always does")
     settle_kinetic: Annotated[float, number("1e-6", 1e-15, 0.1)] = Field(
-        default=1e-6, description="at rest: kinetic energy / m g d (without gravity: / energy stored in contacts)"
+        default=1e-6,
+        description="kinetic energy at which grains are at rest, / m g d (without gravity / energy of the contacts)",
     )
     settle_longest: Time | None = Field(
         default=None, description="longest simulated time to rest; default: 100 falls", examples=["1 s"]

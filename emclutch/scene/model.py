@@ -42,8 +42,10 @@ class HeaderSection(Section):
     """[scene]: what the scene is."""
 
     title: Annotated[str, AfterValidator(_one_line)] = Field(min_length=1, max_length=200, description="a line of text")
-    description: str = Field(default="", description="what is asked, and what to expect")
-    seed: Annotated[int, Integer(0, 2**63 - 1, "1")] = Field(default=1, description="of the packing's random numbers")
+    description: str = Field(default="", description="question of the scene and expected result")
+    seed: Annotated[int, Integer(0, 2**63 - 1, "1")] = Field(
+        default=1, description="seed of the random numbers for the packing"
+    )
 
 
 class Scene(Section):

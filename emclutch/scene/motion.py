@@ -110,12 +110,13 @@ HELD = ShaftMotionSection(speed=TimeProfile.constant(0.0))
 
 
 class MotionSection(Section):
-    """Both shafts; one that is not named is held."""
+    """Motion of both shafts; a shaft without a table is held."""
 
     rotor: ShaftMotionSection = HELD
     disc: ShaftMotionSection = HELD
     drag_torque: _Drag = Field(
-        default=0.0, description="of seals and bearings between both shafts, opposes their slip; added to the result"
+        default=0.0,
+        description="drag of seals and bearings between both shafts, which opposes their slip; added to the result",
     )
 
     @model_validator(mode="after")

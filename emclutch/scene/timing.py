@@ -18,7 +18,7 @@ MAX_SCATTER_FREEDOM = 1000  # of accuracy.replica_scatter
 
 
 class TimeSection(Section):
-    """End of the simulation, coupling window and step of the grains; None is chosen by the program.
+    """End of the simulation, coupling window and step of the grains; a key that is not given is chosen by the program.
 
     Required with `[particles]`.
     """
@@ -28,9 +28,8 @@ class TimeSection(Section):
     )
     until: Annotated[TorqueTarget, TorqueTargetEntry()] | None = Field(
         default=None,
-        description="end as soon as the steady torque is known so well: half its 95 % interval, over the torque or in "
-        "N m, or either: 'torque 2 %', 'torque 0.01 N m', 'torque 2 % or 0.01 N m'; in a sheared_box the shear "
-        "stress: 'stress 2 %'",
+        description="end as soon as half the 95 % interval of the steady torque is below this value: 'torque 2 %', "
+        "'torque 0.01 N m' or 'torque 2 % or 0.01 N m'; in a sheared_box of the shear stress: 'stress 2 %'",
     )
     window: Annotated[Time | None, Automatic()] = Field(
         default=None, description="longest coupling window, rounded down to whole steps, or auto", examples=["0.03 ms"]
@@ -39,15 +38,15 @@ class TimeSection(Section):
         default=None, description="step of the grains, or auto", examples=["0.08 us"]
     )
     steps_per_contact: Annotated[float, number("20", 10.0, 200.0)] = Field(
-        default=20.0, description="steps in the duration of a contact, where the step is automatic"
+        default=20.0, description="steps in the duration of a contact, if the step is automatic"
     )
     average_from: InstantOrStrain | None = Field(
         default=None, description="start of the steady part; default: found in the run", examples=["8 ms"]
     )
     exclude_drift: bool = Field(
         default=True,
-        description="with `until`, a torque is known only where a drift of twice the half width is excluded; false: "
-        "the start-up is known to be over by `average_from`; only a drift above 0.75 of the target (95 %) leaves the "
+        description="true: with `until` a torque counts as known only if a drift of twice the half width is excluded; "
+        "false: the start-up is over at `average_from`, and only a drift above 0.75 of the target (95 %) leaves the "
         "torque unknown",
     )
 

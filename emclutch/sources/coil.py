@@ -74,7 +74,8 @@ class CoilFieldSection(SourceSection):
     gap_layers: Annotated[int, Integer(3, 40, "4")] = Field(default=4, description="element layers across a gap")
     size_factor: Annotated[float, number("1", 0.1, 4.0)] = Field(default=1.0, description="scales the mesh size")
     tolerance: Annotated[float, number("1e-3", 1e-6, 0.1)] | None = Field(
-        default=None, description="refine the mesh until flux linkage and gap field are this accurate; unset: as meshed"
+        default=None,
+        description="refine the mesh until flux linkage and gap field have this relative error; unset: no refinement",
     )
     open_boundary: bool = Field(default=True, description="air continues beyond the mesh; false: a flux wall there")
     newton_tolerance: Annotated[float, number("1e-8", 1e-14, 1e-2)] = Field(

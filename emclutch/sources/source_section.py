@@ -48,7 +48,7 @@ class SourceSection(Section):
     source: str
     temperature: Temperature = Field(
         default=20.0,
-        description="of grains and steel, whose saturation falls with it as that of iron: by 2.8 % at 200 degC",
+        description="temperature of grains and steel; their saturation falls as that of iron, by 2.8 % at 200 degC",
     )
 
     @classmethod

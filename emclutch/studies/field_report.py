@@ -32,6 +32,8 @@ HEADS = (
 )
 """Columns of field.csv that the terminal shows, and how they are headed there; axial forces besides."""
 FORCE = "axial_force_"
+REASONS = ("not_defined", "no_virtual_work", "error_estimate_of_two_shells")
+"""Entries of a body's force that say why a value is missing."""
 
 
 def field_report(folder: Path, summary: dict[str, Any]) -> Report:
@@ -43,6 +45,8 @@ def field_report(folder: Path, summary: dict[str, Any]) -> Report:
         whole = sum(parts.values())
         table = [(in_words(name), f"{one:.4g}", format_percent(one / whole)) for name, one in parts.items()]
         report.add("Magnetic circuit", Table(table, ("part", "ampere-turns [A]", "fraction"), (1, 2)), Shown.TERMINAL)
+    if forces := summary["at_last_current"].get("axial_force"):
+        report.add("Axial forces", _forces(forces), Shown.TERMINAL)
     report.add("At the last current", Table([*_details(summary)]), Shown.TERMINAL)
     pictures = [Picture(in_words(one.stem), one) for one in sorted(folder.glob("*.png"))]
     return report.add("Pictures", pictures, Shown.PAGE)
@@ -77,8 +81,22 @@ def _currents(summary: dict[str, Any]) -> Table:
 def _details(summary: dict[str, Any]) -> Iterator[tuple[str, str]]:
     units = summary["units"]
     for name, value in summary["at_last_current"].items():
-        if name != "ampere_turns_by_part":  # a table of its own
+        if name not in ("ampere_turns_by_part", "axial_force"):  # tables of their own
             yield in_words(name) + (f" [{units[name]}]" if name in units else ""), in_cells(value)
+
+
+def _forces(forces: dict[str, dict[str, Any]]) -> Table:
+    """Return the axial force on each body with its check and its error, and the reason of what is missing."""
+    rows = []
+    for body, one in forces.items():
+        regions = ", ".join(one.get("regions", [body]))
+        values = (one.get("maxwell_stress", one.get("lorentz")), one.get("virtual_work"), one.get("error_estimate"))
+        name = in_words(body) if regions == body else f"{in_words(body)} ({in_words(regions)})"
+        reasons = "; ".join(str(one[key]) for key in REASONS if key in one)
+        rows.append((name, *("" if value is None else f"{value:.4g}" for value in values), reasons))
+    heads = ("axial force on", "F_z [N]", "by virtual work [N]", "estimated error [N]", "missing")
+    width = len(heads) if any(row[-1] for row in rows) else len(heads) - 1
+    return Table([row[:width] for row in rows], heads[:width], (1, 2, 3))
 
 
 def in_cells(value: object) -> str:

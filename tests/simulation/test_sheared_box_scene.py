@@ -408,7 +408,7 @@ def test_check_names_grains_rate_and_inertial_number():
         ({"geometry.pressure": 500.0, "contact": {"method": "dvi", "dvi": {"springs": False}}}, "contact.dvi.springs",
          "take springs = true"),
         ({"effects.gravity": {}}, "effects.gravity", "fall for ever"),
-        ({"effects.fluid_drag": {"viscosity": "0.1 Pa s"}}, "effects.fluid_drag", "flow past a fluid at rest"),
+        ({"effects.fluid_drag": {"viscosity": "0.1 Pa s"}}, "effects.fluid_drag", "move past a fluid at rest"),
         ({"particles.packing": "lattice"}, "particles.packing", "take packing = 'random'"),
         ({"particles.count": None, "particles.solid_fraction": 0.62}, "particles.solid_fraction", "at most 0.58"),
         ({"geometry.size": None}, "geometry.size", "is missing; give three lengths"),
