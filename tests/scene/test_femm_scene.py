@@ -342,6 +342,8 @@ def test_the_command_writes_a_scene_beside_its_drawing(tmp_path):
     command = ["new", str(tmp_path / "mine.toml"), "--from", str(tmp_path / "model.fem")]
     answer = CliRunner().invoke(app, command)
     assert answer.exit_code == 0 and (tmp_path / "mine.brep").is_file()
+    assert "To change them, edit bodies" in answer.stdout
+    assert "# Solve:  emclutch field mine.toml" in (tmp_path / "mine.toml").read_text(encoding="utf-8")
     assert CliRunner().invoke(app, ["check", str(tmp_path / "mine.toml")]).exit_code == 0
     again = CliRunner().invoke(app, command)
     assert again.exit_code == 2 and "mine.brep exists" in again.stderr
