@@ -22,7 +22,7 @@ def new(
 ) -> None:
     """Write a scene of a kind, or from a model of FEMM, with every key and its unit; nothing is overwritten."""
     with explained():
-        from emclutch.cli.new import draw_kind, new_scene, new_scene_from
+        from emclutch.cli.new import draw_dimensions_of, new_scene, new_scene_from
 
         if file is None and (drawing is None or model is not None):
             message = "is missing; name the new scene (.toml), or a picture of the dimensions with --drawing"
@@ -31,8 +31,11 @@ def new(
             refuse_without("--from", {"--powder": powder is not None})
         else:
             refuse_beside("--from", {"--kind": kind is not None, "--drawing": drawing is not None})
-        written = [] if drawing is None else [draw_kind(drawing, kind or "drum")]
-        if file is not None:
+        is_there = file is not None and drawing is not None and kind is None and file.is_file()
+        written = []
+        if drawing is not None:
+            written.append(draw_dimensions_of(drawing, kind or "drum", file if is_there else None))
+        if file is not None and not is_there:
             written += new_scene(file, kind or "drum") if model is None else new_scene_from(file, model, powder)
         for path in written:
             typer.echo(str(path))

@@ -66,7 +66,8 @@ def frame_meshes(
                 swept = surface.extrude_rotate(angle=-SWEEP, resolution=SWEEP_FACETS, capping=True)
                 if field is None:
                     swept.clear_point_data()
-                    swept.cell_data["shown"] = (255.0 * np.array(files.shades)).astype(np.uint8)[swept.cell_data["region"]]
+                    shades = (255.0 * np.array(files.shades)).astype(np.uint8)
+                    swept.cell_data["shown"] = shades[swept.cell_data["region"]]
                 found["device"] = swept
     return found
 
