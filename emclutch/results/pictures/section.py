@@ -148,12 +148,12 @@ def _draw_zoom(
         spine.set_edgecolor("crimson")
 
 
-def draw_outlines(axis: Axes, mesh: Any) -> None:
+def draw_outlines(axis: Axes, mesh: Any, colour: str) -> None:
     """Draw the borders between the regions of a mesh on axes in mm, z to the right."""
     region = np.empty(len(mesh.triangles), dtype=np.int64)
     for number, elements in enumerate(mesh.regions.values()):
         region[elements] = number
-    _lines(axis, np.asarray(mesh.points), _outline(np.asarray(mesh.triangles), region), 0.7)
+    _lines(axis, np.asarray(mesh.points), _outline(np.asarray(mesh.triangles), region), 0.9, colour)
 
 
 def _outline(triangles: np.ndarray, region: np.ndarray) -> np.ndarray:
@@ -166,10 +166,10 @@ def _outline(triangles: np.ndarray, region: np.ndarray) -> np.ndarray:
     return edges[1:][same & (owner[1:] != owner[:-1])]
 
 
-def _lines(axis: Axes, points: np.ndarray, edges: np.ndarray, width: float) -> None:
+def _lines(axis: Axes, points: np.ndarray, edges: np.ndarray, width: float, colour: str = "black") -> None:
     from matplotlib.collections import LineCollection
 
-    axis.add_collection(LineCollection(MM * points[edges][:, :, ::-1], colors="black", linewidths=width))
+    axis.add_collection(LineCollection(MM * points[edges][:, :, ::-1], colors=colour, linewidths=width))
 
 
 def _region_names(axis: Axes, mesh: Any, points: np.ndarray, triangles: np.ndarray, device_area: float) -> None:
