@@ -233,7 +233,7 @@ def _names_beside(axis: Axes, names: list[tuple[float, float, str]]) -> None:
         place = (0.01 if side == "left" else 0.99, heights[side])
         axis.annotate(
             name, (MM * z, MM * r), place, "data", ("axes fraction", "data"), ha=side, va="center",
-            fontsize=NAME_SIZE, arrowprops={"arrowstyle": "-", "color": "white", "linewidth": 0.9, "shrinkA": 0.0, "shrinkB": 0.0},
+            fontsize=NAME_SIZE, arrowprops={"arrowstyle": "-", "color": "white", "shrinkA": 0.0, "shrinkB": 0.0},
             path_effects=[withStroke(linewidth=3.0, foreground="white")],
         )  # fmt: skip
 
