@@ -1,4 +1,4 @@
-"""A drawing of a shape with the keys of its dimensions (`geometry.dimensioned_views`)."""
+"""A drawing of a shape with the keys and values of its dimensions (`geometry.dimensioned_views`)."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _ARROW = 0.025
 
 
 def draw_dimensions(views: Sequence[View], title: str, *, dpi: int = 150) -> bytes:
-    """Return a PNG with the views side by side: parts in colour, and lines of the dimensions with their keys."""
+    """Return a PNG with the views side by side: parts in colour, and lines of the dimensions with key and value."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
     from matplotlib.patches import Patch
@@ -66,26 +66,42 @@ def _frame(view: View) -> np.ndarray:
     points += [np.array([stands]) for _, _, stands in view.notes]
     low, high = np.vstack(points).min(axis=0), np.vstack(points).max(axis=0)
     room = 0.05 * (high - low).max()
-    return np.array([low - room, high + np.array([4.0, 1.0]) * room])
+    height = float(high[1] - low[1]) + 2.0 * room
+    left, right = [low[0]], [high[0]]
+    for one in view.dimensions:
+        x, _, ha, turned = _text_place(one, height)
+        width = 0.0 if turned else len(one.text) * _LETTER * height
+        left.append(x - width * {"left": 0.0, "center": 0.5, "right": 1.0}[ha])
+        right.append(left[-1] + width)
+    for text, _, (x, _) in view.notes:
+        width = 0.5 * max(map(len, text.split("\n"))) * _LETTER * height
+        left.append(x - width)
+        right.append(x + width)
+    return np.array([(min(left) - room, low[1] - room), (max(right) + room, high[1] + room)])
+
+
+def _text_place(one: Dimension, height: float) -> tuple[float, float, str, bool]:
+    """Where a dimension's text stands [m] in a view of a height [m], its alignment, and whether it is turned."""
+    ends, arrow, width = np.array(one.ends()), _ARROW * height, len(one.text) * _LETTER * height
+    length, (x, y) = float(np.linalg.norm(ends[1] - ends[0])), ends.mean(axis=0)
+    if not one.along_x:
+        is_left = one.line < min(one.start[0], one.end[0])
+        return x + (-0.4 if is_left else 0.4) * arrow, y, "right" if is_left else "left", is_left and length > width
+    if length > 1.2 * width:
+        return x, y, "center", False
+    return ends[:, 0].max() + (2.0 if length < 1.2 * arrow else 0.4) * arrow, y, "left", False
 
 
 def _draw(panel: Axes, one: Dimension, height: float) -> None:
-    """Draw extension lines, the line with its arrows, inside or, where it is short, from outside, and the key."""
-    ends, arrow, width = np.array(one.ends()), _ARROW * height, len(one.key) * _LETTER * height
+    """Draw extension lines, the line with its arrows, inside or, where it is short, from outside, and the text."""
+    ends, arrow = np.array(one.ends()), _ARROW * height
     for point, end in zip((one.start, one.end), ends, strict=True):
         panel.plot(*np.array([point, end]).T, color="#606060", linewidth=0.5)
     length = float(np.linalg.norm(ends[1] - ends[0]))
-    along, (x, y) = (ends[1] - ends[0]) / length, ends.mean(axis=0)
+    along, middle = (ends[1] - ends[0]) / length, ends.mean(axis=0)
     style: dict[str, Any] = {"arrowstyle": "-|>", "shrinkA": 0, "shrinkB": 0, "mutation_scale": 7, **_LINE}
     is_short = length < 1.2 * arrow
     for tip, way in zip(ends, (-along, along), strict=True):
-        panel.annotate("", tip, tip + way * 1.6 * arrow if is_short else (x, y), arrowprops=style)
-    if not one.along_x:
-        is_left = one.line < min(one.start[0], one.end[0])
-        turned = 90 if is_left and length > width else 0
-        panel.text(x + (-0.4 if is_left else 0.4) * arrow, y, one.key, rotation=turned,
-                   ha="right" if is_left else "left", **_TEXT)  # fmt: skip
-    elif length > 1.2 * width:
-        panel.text(x, y, one.key, ha="center", **_TEXT)
-    else:
-        panel.text(ends[1][0] + (2.0 if is_short else 0.4) * arrow, y, one.key, ha="left", **_TEXT)
+        panel.annotate("", tip, tip + way * 1.6 * arrow if is_short else middle, arrowprops=style)
+    x, y, ha, turned = _text_place(one, height)
+    panel.text(x, y, one.text, rotation=90 if turned else 0, ha=ha, **_TEXT)

@@ -1,4 +1,4 @@
-"""Views of shapes with the keys of their dimensions: what `geometry.dimension_drawing` draws.
+"""Views of shapes with the keys and values of their dimensions: what `geometry.dimension_drawing` draws.
 
 The parts are those of the shape itself. What is thinner than `THIN` of the drawing is drawn so thick, that a gap of a
 millimetre has room for its arrows: proportions are those of the shape, gaps and walls are not.
@@ -7,7 +7,7 @@ millimetre has room for its arrows: proportions are those of the shape, gaps and
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from math import cos, pi, sin
 
 import numpy as np
@@ -16,6 +16,7 @@ from scipy.spatial import ConvexHull
 from geometry.annular_cell import ShearCell
 from geometry.centrifugal import CentrifugalClutch, vane_outline
 from geometry.clutch import Clutch
+from geometry.fault import millimetres
 from geometry.slots import Slots
 from geometry.triangle_wall import TriangleWall
 
@@ -32,7 +33,8 @@ class Dimension:
     Attributes
     ----------
     key : str
-        What is written beside it.
+    value : float
+        Its length [m], written beside it: what is thin is drawn thicker.
     start, end : tuple of 2 floats
         Points [m] between which it is measured, along x or along y.
     line : float
@@ -42,10 +44,16 @@ class Dimension:
     """
 
     key: str
+    value: float
     start: Point
     end: Point
     line: float
     along_x: bool
+
+    @property
+    def text(self) -> str:
+        """What is written beside it."""
+        return f"{self.key} = {millimetres(self.value)}"
 
     def ends(self) -> tuple[Point, Point]:
         """Return both ends of its line [m]."""
@@ -77,8 +85,9 @@ class View:
 
 
 def clutch_views(clutch: Clutch) -> list[View]:
-    """Return the upper half of a clutch's section, z to the right."""
+    """Return the upper half of a clutch's section, z to the right, and a pitch of each of its bodies that has slots."""
     c = _thickened(clutch)
+    sizes = asdict(clutch) | {"coil_radius": clutch.coil_inner_radius, "housing_width": clutch.housing_length}
     u, end = 0.01 * c.outer_radius, max(0.5 * c.housing_length, 0.5 * c.rotor_length)
     face, chamber, rotor = 0.5 * c.disc_thickness, 0.5 * c.cavity_length, 0.5 * c.rotor_length
     tip = rotor + 2.0 * c.shaft_radius
@@ -101,43 +110,43 @@ def clutch_views(clutch: Clutch) -> list[View]:
     above = (("housing_width", housing, c.outer_radius, 6.0), ("coil_width", coil, c.coil_outer_radius, 14.0),
              ("ring_width", ring, c.rotor_radius, 22.0))  # fmt: skip
     dimensions = [
-        *(Dimension(key, (z, low), (z, high), right, False) for key, low, high, z in stack),
-        *(Dimension(key, (z, 0.0), (z, r), left - away * u, False) for key, r, z, away in from_axis),
-        Dimension("shaft_radius", (tip, 0.0), (tip, c.shaft_radius), tip + 6.0 * u, False),
+        *(Dimension(key, sizes[key], (z, low), (z, high), right, False) for key, low, high, z in stack),
+        *(Dimension(key, sizes[key], (z, 0.0), (z, r), left - away * u, False) for key, r, z, away in from_axis),
+        Dimension("shaft_radius", clutch.shaft_radius, (tip, 0.0), (tip, c.shaft_radius), tip + 6.0 * u, False),
         *(
-            Dimension(key, (low, c.seal_radius), (high, c.seal_radius), -away * u, True)
+            Dimension(key, sizes[key], (low, c.seal_radius), (high, c.seal_radius), -away * u, True)
             for key, low, high, away in below
         ),
-        *(Dimension(key, (-z, r), (z, r), c.outer_radius + away * u, True) for key, z, r, away in above),
+        *(Dimension(key, sizes[key], (-z, r), (z, r), c.outer_radius + away * u, True) for key, z, r, away in above),
     ]
     edge = (-housing, c.housing_bore)
-    notes = [("pole_chamfer\nor pole_fillet", edge, (0.5 * (left - housing) - 8.0 * u, c.outer_radius + 10.0 * u))]
+    corner = "pole_fillet" if clutch.pole_fillet else "pole_chamfer"
+    stands = (0.5 * (left - housing) - 8.0 * u, c.outer_radius + 10.0 * u)
+    notes = [(f"{corner} =\n{millimetres(sizes[corner])}", edge, stands)]
     parts = [(name, polygon[:, ::-1]) for name, polygons in c.section_polygons().items() for polygon in polygons]
-    return [View(f"Section, upper half{WIDER}", "z, the axis", "r", parts, dimensions, notes), _slots_view(c)]
+    section = View(f"Section, upper half{WIDER}", "z, the axis", "r", parts, dimensions, notes)
+    slotted = {"disc_slots": clutch.disc_slots, "rotor_slots": clutch.rotor_slots}
+    return [section, *(_slots_view(clutch, key, slots) for key, slots in slotted.items() if slots is not None)]
 
 
-def _slots_view(c: Clutch) -> View:
-    """Return one pitch of a disc with slots in its rotor, as it is seen along the axis."""
-    slots, top = Slots(9, 0.4, 0.2 * c.disc_radius), 0.5 * pi
-    pitch, bottom, root, u = (
-        2.0 * pi / slots.count,
-        c.disc_radius - slots.depth,
-        0.55 * c.disc_radius,
-        0.01 * c.outer_radius,
-    )
-    side, edge = 0.5 * pitch, 0.5 * slots.fraction * pitch
+def _slots_view(clutch: Clutch, key: str, slots: Slots) -> View:
+    """Return one pitch of the disc or the rotor with slots, as it is seen along the axis, the rim gap drawn thicker."""
+    c = replace(clutch, gap=max(clutch.gap, 0.5 * THIN * clutch.outer_radius))
+    top, side, edge = 0.5 * pi, 0.5 * slots.pitch, 0.5 * slots.fraction * slots.pitch
+    in_disc = key == "disc_slots"
+    r0, r1 = (c.disc_radius - slots.depth, c.disc_radius) if in_disc else (c.bore_radius, c.bore_radius + slots.depth)
+    root = max(0.0, c.disc_radius - 2.0 * max(slots.depth, THIN * c.outer_radius))
     parts = [
         ("rotor", _ring_part(c.bore_radius, c.rotor_radius, top - side, top + side)),
         ("powder", _ring_part(c.disc_radius, c.bore_radius, top - side, top + side)),
         ("disc", _ring_part(root, c.disc_radius, top - side, top + side)),
-        ("slot, filled flush", _ring_part(bottom, c.disc_radius, top - edge, top + edge)),
+        ("slot, filled flush", _ring_part(r0, r1, top - edge, top + edge)),
     ]
-    depth = Dimension("depth", (0.0, bottom), (0.0, c.disc_radius), c.rotor_radius * sin(side) + 4.0 * u, False)
-    words = "count = slots around\nfraction = width of a slot\nover the pitch"
-    note = (words, (0.0, bottom), (0.0, 0.5 * (root + bottom) - 3.0 * u))
-    return View(
-        "[geometry.disc_slots], seen along the axis;\n[geometry.rotor_slots] alike", "x", "y", parts, [depth], [note]
-    )
+    u = 0.03 * (c.rotor_radius - root)
+    depth = Dimension("depth", slots.depth, (0.0, r0), (0.0, r1), c.rotor_radius * sin(side) + 3.0 * u, False)
+    words = f"count = {slots.count}\nfraction = {slots.fraction:.3g}\nof the pitch"
+    note = (words, (0.0, r0 if in_disc else r1), (0.0, root - 4.0 * u))
+    return View(f"[geometry.{key}], seen along the axis", "x", "y", parts, [depth], [note])
 
 
 def _ring_part(r0: float, r1: float, start: float, end: float) -> np.ndarray:
@@ -159,8 +168,8 @@ def _thickened(clutch: Clutch) -> Clutch:
         disc_thickness=max(clutch.disc_thickness, 2.0 * thin),
         coil_radius=None,
         housing_width=None,
-        pole_chamfer=0.4 * thin,
-        pole_fillet=0.0,
+        pole_chamfer=0.4 * thin if clutch.pole_chamfer else 0.0,
+        pole_fillet=0.4 * thin if clutch.pole_fillet else 0.0,
         disc_slots=None,
         rotor_slots=None,
     )
@@ -180,24 +189,21 @@ def cell_views(cell: ShearCell) -> list[View]:
         ("housing", _rectangle(half, half + wall, inner, outer)),
     ]
     dimensions = [
-        Dimension("inner_radius", (-half, 0.0), (-half, inner), -right - 6.0 * u, False),
-        Dimension("outer_radius", (half, 0.0), (half, outer), right + 6.0 * u, False),
-        Dimension("height", (-half, outer), (half, outer), outer + wall + 8.0 * u, True),
+        Dimension("inner_radius", cell.inner_radius, (-half, 0.0), (-half, inner), -right - 6.0 * u, False),
+        Dimension("outer_radius", cell.outer_radius, (half, 0.0), (half, outer), right + 6.0 * u, False),
+        Dimension("height", cell.height, (-half, outer), (half, outer), outer + wall + 8.0 * u, True),
     ]
     return [View(f"Section, upper half{WIDER}", "z, the axis", "r", parts, dimensions)]
 
 
 def centrifugal_views(clutch: CentrifugalClutch) -> list[View]:
-    """Return a shot clutch as it is seen along its axis, and one of its vanes in the section."""
+    """Return a shot clutch as it is seen along its axis, and one of its vanes in the section, with what it has."""
     thin = THIN * clutch.drum_radius
     wide = {
         name: max(thin, getattr(clutch, name))
         for name in ("vane_thickness", "tip_clearance", "side_clearance", "rib_height")
     }
-    c = replace(clutch, **wide, vanes=min(clutch.vanes, 6), ribs=min(clutch.ribs or 8, 12),
-                rib_width=max(clutch.rib_width, 2.5 * thin), slots=clutch.slots or 1,
-                slot_width=clutch.slot_width or 0.25 * clutch.width,
-                slot_depth=clutch.slot_depth or 0.3 * clutch.drum_radius)  # fmt: skip
+    c = replace(clutch, **wide)
     u, R, tip, t = 0.01 * c.drum_radius, c.drum_radius, c.tip_height, 0.5 * c.vane_thickness
     end, half, side = 0.5 * c.width, 0.5 * c.width - c.side_clearance, c.drum_radius * 1.08
     bodies = [wall for wall in c.walls() if isinstance(wall, TriangleWall)]
@@ -206,40 +212,48 @@ def centrifugal_views(clutch: CentrifugalClutch) -> list[View]:
         for wall in bodies
     ]
     front = [("drum", _circle(side)), ("shot", _circle(R)), *outlines, ("hub", _circle(c.hub_radius))]
-    on_rib = 2.0 * pi * 0.5 / c.ribs
-    rib = (c.rib_radius * cos(on_rib), c.rib_radius * sin(on_rib))
     seen = [
-        Dimension("hub_radius", (0.0, 0.0), (0.0, c.hub_radius), -side - 8.0 * u, False),
-        Dimension("drum_radius", (0.0, 0.0), (0.0, R), -side - 20.0 * u, False),
-        Dimension("vane_thickness", (tip, -t), (tip, t), side + 8.0 * u, False),
+        Dimension("hub_radius", c.hub_radius, (0.0, 0.0), (0.0, c.hub_radius), -side - 20.0 * u, False),
+        Dimension("drum_radius", R, (0.0, 0.0), (0.0, R), -side - 8.0 * u, False),
+        Dimension("vane_thickness", clutch.vane_thickness, (tip, -t), (tip, t), side + 8.0 * u, False),
     ]
     notes = [
-        ("vanes = number of them", (0.5 * (c.hub_radius + tip), -t), (0.5 * R, -side - 14.0 * u)),
-        ("ribs = number of them,\neach rib_width wide", (-rib[0], -rib[1]), (-0.75 * R, -side - 14.0 * u)),
+        (f"vanes = {c.vanes}", (0.5 * (c.hub_radius + tip), -t), (0.5 * R, -side - 14.0 * u)),
     ]
-    tooth = -half + c.tooth_width
-    floor = (tooth + 0.5 * c.slot_width, tip - c.slot_depth)
     parts = [
         ("drum", _rectangle(-end - 8.0 * u, end + 8.0 * u, c.hub_radius, side)),
         ("shot", _rectangle(-end, end, c.hub_radius, R)),
-        ("rib", _rectangle(-end, end, c.rib_radius, R)),
+        *([("rib", _rectangle(-end, end, c.rib_radius, R))] if c.ribs else []),
         ("vane", vane_outline(c)),
         ("hub", _rectangle(-end - 8.0 * u, end + 8.0 * u, 0.0, c.hub_radius)),
     ]
-    right = end + 8.0 * u
+    right, below = end + 8.0 * u, tip - 30.0 * u
+    line = right + 8.0 * u
     section = [
-        Dimension("width", (-end, R), (end, R), side + 8.0 * u, True),
-        Dimension("side_clearance", (half, tip - 30.0 * u), (end, tip - 30.0 * u), -8.0 * u, True),
-        Dimension("rib_height", (end, c.rib_radius), (end, R), right + 8.0 * u, False),
-        Dimension("tip_clearance", (half, c.tip_radius), (half, c.rib_radius), right + 8.0 * u, False),
-        Dimension("slot_width", (tooth, tip), (tooth + c.slot_width, tip), -20.0 * u, True),
-        Dimension("slot_depth", (tooth, tip - c.slot_depth), (tooth, tip), -right - 10.0 * u, False),
+        Dimension("width", clutch.width, (-end, R), (end, R), side + 8.0 * u, True),
+        Dimension("side_clearance", clutch.side_clearance, (half, below), (end, below), -8.0 * u, True),
+        Dimension("tip_clearance", clutch.tip_clearance, (half, c.tip_radius), (half, c.rib_radius), line, False),
     ]
+    in_vane = []
+    if c.ribs:
+        angle = pi / c.ribs
+        words, rib = f"ribs = {c.ribs}\nrib_width = {millimetres(clutch.rib_width)}", -c.rib_radius
+        notes.append((words, (rib * cos(angle), rib * sin(angle)), (-0.75 * R, -side - 14.0 * u)))
+        section.append(
+            Dimension("rib_height", clutch.rib_height, (end, c.rib_radius), (end, R), line, False)
+        )
+    if c.slots:
+        tooth, floor = -half + c.tooth_width, tip - c.slot_depth
+        section += [
+            Dimension("slot_width", c.slot_width, (tooth, tip), (tooth + c.slot_width, tip), -20.0 * u, True),
+            Dimension("slot_depth", c.slot_depth, (tooth, floor), (tooth, tip), -right - 10.0 * u, False),
+        ]
+        middle = tooth + 0.5 * c.slot_width
+        in_vane.append((f"slots = {c.slots}\nin each vane", (middle, floor), (middle, floor - 18.0 * u)))
     return [
         View(f"Seen along the axis{WIDER}", "x", "y", front, seen, notes),
-        View("Section through a vane", "z, the axis", "r", parts, section,
-             [("slots =\nnumber in each vane", floor, (floor[0], floor[1] - 18.0 * u))]),
-    ]  # fmt: skip
+        View("Section through a vane", "z, the axis", "r", parts, section, in_vane),
+    ]
 
 
 def box_views(size: Sequence[float]) -> list[View]:
@@ -249,8 +263,8 @@ def box_views(size: Sequence[float]) -> list[View]:
     views = []
     for title, across, (up, key) in (("Seen along y", "z", (z, "size[2]")), ("Seen along z", "y", (y, "size[1]"))):
         dimensions = [
-            Dimension("size[0]", (-0.5 * x, up), (0.5 * x, up), up + away, True),
-            Dimension(key, (0.5 * x, 0.0), (0.5 * x, up), 0.5 * x + away, False),
+            Dimension("size[0]", x, (-0.5 * x, up), (0.5 * x, up), up + away, True),
+            Dimension(key, up, (0.5 * x, 0.0), (0.5 * x, up), 0.5 * x + away, False),
         ]
         views.append(View(title, "x", across, [("powder", _rectangle(-0.5 * x, 0.5 * x, 0.0, up))], dimensions))
     return views

@@ -34,29 +34,29 @@ def starter_kind(word: str) -> str:
     return kind
 
 
-def draw_kind(path: str | Path, kind: str) -> Path:
-    """Draw the dimensions of a kind (`starter_kind`) with their keys into a new picture (.png).
+def draw_dimensions_of(path: str | Path, kind: str, case: str | Path | None = None) -> Path:
+    """Draw the dimensions of a scene, or of that to begin with of a kind (`starter_kind`), into a new picture (.png).
 
     Raises
     ------
     SceneError
-        There is no such kind, its dimensions are those of its file, or the file is no .png.
+        There is no such kind, the scene has faults or its dimensions in a file, or the picture is no .png.
     OutputError
         There is a file already; nothing is overwritten.
     """
     from geometry.dimension_drawing import draw_dimensions  # local: a scene needs nothing that draws
 
-    path, name = Path(path), starter_kind(kind)
+    path = Path(path)
     if path.suffix.lower() != ".png":
         raise SceneError([Fault("--drawing", str(path), "is no picture; change its ending to .png")], "command line")
-    scene = load_case(STARTERS / f"{name}.toml").scene
+    scene = load_case(STARTERS / f"{starter_kind(kind)}.toml" if case is None else case).scene
     geometry = scene.geometry
     views = geometry.dimension_views(geometry.shape_in(scene))
     if not views:
         message = "has its dimensions in a file: draw a scene's regions with emclutch mesh"
-        raise SceneError([Fault("--kind", shown(kind), message)], "command line")
-    drawn = draw_dimensions(views, f'[geometry] kind = "{geometry.name()}"')
-    replace_bytes(new_path(path, "--drawing"), drawn)
+        raise SceneError([Fault("geometry.kind", shown(geometry.name()), message)], "command line")
+    title = f'[geometry] kind = "{geometry.name()}"{"" if case is None else f" of {Path(case).name}"}'
+    replace_bytes(new_path(path, "--drawing"), draw_dimensions(views, title))
     return path
 
 

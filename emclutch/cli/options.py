@@ -401,5 +401,5 @@ PowderMaterial = Annotated[
 NewScene = Annotated[Path | None, typer.Argument(metavar="[FILE]", help="new scene file (.toml)")]
 Drawing = Annotated[
     Path | None,
-    typer.Option("--drawing", metavar="FILE", help="new picture (.png) of the dimensions of the kind, with their keys"),
+    typer.Option("--drawing", metavar="FILE", help="new picture (.png) of dimensions: of FILE if it exists, or the kind"),
 ]

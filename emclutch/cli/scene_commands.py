@@ -22,7 +22,7 @@ def new(
 ) -> None:
     """Write a new scene file with every key and its unit, for a kind of device or from a FEMM model."""
     with explained():
-        from emclutch.cli.new import draw_kind, new_scene, new_scene_from
+        from emclutch.cli.new import draw_dimensions_of, new_scene, new_scene_from
 
         if file is None and (drawing is None or model is not None):
             message = "is missing; name the new scene (.toml), or a picture of the dimensions with --drawing"
@@ -31,13 +31,16 @@ def new(
             refuse_without("--from", {"--powder": powder is not None})
         else:
             refuse_beside("--from", {"--kind": kind is not None, "--drawing": drawing is not None})
-        written = [] if drawing is None else [draw_kind(drawing, kind or "drum")]
-        notes: list[str] = []
+        is_there = file is not None and drawing is not None and kind is None and file.is_file()
+        written: list = []
+        if drawing is not None:
+            written.append(draw_dimensions_of(drawing, kind or "drum", file if is_there else None))
         if file is not None and model is not None:
-            written, notes = new_scene_from(file, model, powder)
-        elif file is not None:
+            paths, notes = new_scene_from(file, model, powder)
+            written += [*paths, *notes]
+        elif file is not None and not is_there:
             written += new_scene(file, kind or "drum")
-        for line in (*written, *notes):
+        for line in written:
             typer.echo(str(line))
 
 

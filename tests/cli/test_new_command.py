@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import re
 import tomllib
+from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
 import emclutch
 from emclutch.cli.main import app
-from emclutch.cli.new import new_scene, starter_kinds
+from emclutch.cli.new import STARTERS, new_scene, starter_kinds
 from emclutch.device_model.device import build_device
 from emclutch.devices import GEOMETRIES
 from emclutch.scene.errors import SceneError
@@ -18,6 +20,8 @@ from emclutch.scene.schema_walk import is_table
 from geometry.annular_cell import ShearCell
 from geometry.clutch import Clutch
 from geometry.dimensioned_views import cell_views, clutch_views
+from geometry.fault import millimetres
+from geometry.slots import Slots
 
 KEY = re.compile(r"^(?:# )?(\w+) = ", re.MULTILINE)
 
@@ -78,17 +82,20 @@ def test_sectors_are_in_diameters_and_no_inertia_is_scaled_unasked(kind, written
     assert data["contact"] == {}  # its keys are listed
 
 
-DRAWN = [one for one in starter_kinds() if one not in ("cad", "field")]
+DRAWN = [STARTERS / f"{one}.toml" for one in starter_kinds() if one not in ("cad", "field")]
+CASES = Path(__file__).parents[2] / "cases"
 
 
-@pytest.mark.parametrize("kind", DRAWN)
-def test_a_drawing_has_every_dimension_of_its_kind_and_no_text_lies_on_another(kind, tmp_path, monkeypatch):
+@pytest.mark.parametrize("case", [*DRAWN, CASES / "slotted_disc.toml", CASES / "thesis" / "centrifugal_held.toml"],
+                         ids=lambda case: case.stem)  # fmt: skip
+def test_a_drawing_has_each_dimension_with_its_value_and_no_text_lies_on_another(case, tmp_path, monkeypatch):
     from matplotlib.figure import Figure
 
-    drawn = []
+    drawn, picture = [], tmp_path / "drawn.png"
     monkeypatch.setattr(Figure, "savefig", lambda figure, file, **_: drawn.append(figure) or file.write(b"drawn"))
-    answer = CliRunner().invoke(app, ["new", "--kind", kind, "--drawing", str(tmp_path / "drawn.png")])
-    assert answer.exit_code == 0 and (tmp_path / "drawn.png").read_bytes() == b"drawn", answer.output
+    given = ["--kind", case.stem] if case in DRAWN else [str(case)]
+    answer = CliRunner().invoke(app, ["new", *given, "--drawing", str(picture)])
+    assert answer.exit_code == 0 and picture.read_bytes() == b"drawn" and list(tmp_path.iterdir()) == [picture]
     (figure,) = drawn
     figure.canvas.draw()
     texts = [text for panel in figure.axes for text in panel.texts if text.get_text()]
@@ -97,9 +104,17 @@ def test_a_drawing_has_every_dimension_of_its_kind_and_no_text_lies_on_another(k
         assert not any(box.overlaps(other) for other in boxes[:number]), texts[number]
         assert figure.bbox.padded(1.0).containsx(box.x0) and figure.bbox.padded(1.0).containsx(box.x1)
     words = " ".join([text.get_text() for text in texts] + [panel.get_title() for panel in figure.axes])
-    (model,) = (one for one in GEOMETRIES if one.name() == kind)
+    sizes = emclutch.load_case(case).scene.geometry
     others = {"kind", "materials", "air_factor", "walls", "inertial_number", "shear_rate", "solid_fraction", "pressure"}
-    assert [name for name in model.model_fields if name not in others and name not in words] == []
+    for name in set(type(sizes).model_fields) - others:
+        value = getattr(sizes, name)
+        told = f"{name} = {millimetres(value) if isinstance(value, float) else value}"
+        if name in ("disc_slots", "rotor_slots"):
+            assert (name in words) == (value is not None)
+        elif name == "size":
+            assert all(f"size[{k}] = {millimetres(length)}" in words for k, length in enumerate(value))
+        elif value:
+            assert told in words.replace("=\n", "= "), name
 
 
 def test_a_dimension_is_as_long_as_its_key_says():
@@ -109,12 +124,13 @@ def test_a_dimension_is_as_long_as_its_key_says():
     clutch = Clutch(disc_radius=0.1, disc_thickness=0.05, seal_radius=0.05, shaft_radius=0.02, coil_width=0.04,
                     **dict.fromkeys(names, length))  # fmt: skip
     sizes = {"coil_radius": clutch.housing_bore, "housing_width": clutch.rotor_length}
+    clutch = replace(clutch, disc_slots=Slots(20, 0.4, 0.01))
     (section, slots), cell = clutch_views(clutch), ShearCell(0.01, 0.02, 0.03)
     for shape, view in ((clutch, section), (cell, *cell_views(cell))):
         for one in view.dimensions:
             span = abs(one.end[0] - one.start[0]) if one.along_x else abs(one.end[1] - one.start[1])
-            assert span == pytest.approx(sizes.get(one.key) or getattr(shape, one.key)), one.key
-    assert [one.key for one in slots.dimensions] == ["depth"]
+            assert span == pytest.approx(sizes.get(one.key) or getattr(shape, one.key)) == one.value, one.key
+    assert [(one.key, one.value) for one in slots.dimensions] == [("depth", 0.01)]
 
 
 @pytest.mark.parametrize(

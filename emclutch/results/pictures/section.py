@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from emclutch.results.pictures.figure import MM, draw_circles, label_panel, new_figure, save_picture
+from emclutch.results.text import in_words
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 
 SMALL_TRIANGLES = 30_000  # to draw in a panel: a quarter of a second
 FLUX_LINES = 24
+NAME_SIZE = 10  # [pt]
 PARTS = (2, 16)  # of an element's edge, at least and at most
 
 
@@ -86,13 +88,13 @@ def section_picture(
         axis.set(xlim=(MM * window[2], MM * window[3]), ylim=(MM * window[0], MM * window[1]))
     _lines(axes[0], points, outline, 0.7)
     axes[0].set_ylabel("r [mm]")
-    _region_names(axes[0], mesh, points, triangles, float((r1 - r0) * (z1 - z0)))
     if len(levels):
         flux = 2.0 * math.pi * (levels[1] - levels[0])
         label_panel(axes[0], f"white: flux lines,\n{1e6 * flux:.3g} µWb between them")
     if zoom:
         _draw_zoom(axes[1], axes[0], points, outline, zoom, grains)
     figure.colorbar(colours, ax=list(axes), label="|B| [T]", extend="max", shrink=0.9)
+    _names_beside(axes[0], _region_names(axes[0], mesh, points, triangles, float((r1 - r0) * (z1 - z0))))
     return save_picture(figure, path)
 
 
@@ -148,12 +150,12 @@ def _draw_zoom(
         spine.set_edgecolor("crimson")
 
 
-def draw_outlines(axis: Axes, mesh: Any) -> None:
+def draw_outlines(axis: Axes, mesh: Any, colour: str) -> None:
     """Draw the borders between the regions of a mesh on axes in mm, z to the right."""
     region = np.empty(len(mesh.triangles), dtype=np.int64)
     for number, elements in enumerate(mesh.regions.values()):
         region[elements] = number
-    _lines(axis, np.asarray(mesh.points), _outline(np.asarray(mesh.triangles), region), 0.7)
+    _lines(axis, np.asarray(mesh.points), _outline(np.asarray(mesh.triangles), region), 0.9, colour)
 
 
 def _outline(triangles: np.ndarray, region: np.ndarray) -> np.ndarray:
@@ -166,18 +168,27 @@ def _outline(triangles: np.ndarray, region: np.ndarray) -> np.ndarray:
     return edges[1:][same & (owner[1:] != owner[:-1])]
 
 
-def _lines(axis: Axes, points: np.ndarray, edges: np.ndarray, width: float) -> None:
+def _lines(axis: Axes, points: np.ndarray, edges: np.ndarray, width: float, colour: str = "black") -> None:
     from matplotlib.collections import LineCollection
 
-    axis.add_collection(LineCollection(MM * points[edges][:, :, ::-1], colors="black", linewidths=width))
+    axis.add_collection(LineCollection(MM * points[edges][:, :, ::-1], colors=colour, linewidths=width))
 
 
-def _region_names(axis: Axes, mesh: Any, points: np.ndarray, triangles: np.ndarray, device_area: float) -> None:
-    """Name of each region inside its largest connected part, unless that is too small to hold it."""
+def _region_names(
+    axis: Axes, mesh: Any, points: np.ndarray, triangles: np.ndarray, device_area: float
+) -> list[tuple[float, float, str]]:
+    """Write the name of each region inside its largest connected part; those (r, z [m], name) that find no room there.
+
+    Of a part too small for a name there is none.
+    """
     from matplotlib.patheffects import withStroke
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
+    figure: Any = axis.figure
+    figure.draw_without_rendering()  # lays out the panels
+    drawn: list[Any] = []
+    beside: list[tuple[float, float, str]] = []
     for name, elements in mesh.regions.items():
         if name == "air" or not len(elements):
             continue
@@ -195,8 +206,34 @@ def _region_names(axis: Axes, mesh: Any, points: np.ndarray, triangles: np.ndarr
         # The triangle nearest to the centroid: the centroid of an L or a U lies outside of it.
         r, z = centres[np.argmin(((centres - middle) ** 2).sum(axis=1))]
         width, height = np.ptp(points[corners[largest]][:, :, 1]), np.ptp(points[corners[largest]][:, :, 0])
-        axis.text(
-            MM * z, MM * r, name, ha="center", va="center", fontsize=10, rotation=90 if height > 2.5 * width else 0,
+        turned = height > 2.5 * width
+        text = axis.text(
+            MM * z, MM * r, in_words(name), ha="center", va="center", fontsize=NAME_SIZE, rotation=90 if turned else 0,
+            path_effects=[withStroke(linewidth=3.0, foreground="white")],
+        )  # fmt: skip
+        box = text.get_window_extent()
+        if any(box.overlaps(other) for other in drawn):
+            text.remove()
+            beside.append((r, z, in_words(name)))
+        else:
+            drawn.append(box)
+    return beside
+
+
+def _names_beside(axis: Axes, names: list[tuple[float, float, str]]) -> None:
+    """Write names (r, z [m], name) beside a panel's parts, at the nearer side, with lines to them that do not cross."""
+    from matplotlib.patheffects import withStroke
+
+    bottom, top = axis.get_ylim()
+    step = 0.09 * (top - bottom)
+    heights = {"left": np.inf, "right": np.inf}
+    for r, z, name in sorted(names, reverse=True):
+        side = "left" if MM * z < np.mean(axis.get_xlim()) else "right"
+        heights[side] = min(MM * r, heights[side] - step)
+        place = (0.01 if side == "left" else 0.99, heights[side])
+        axis.annotate(
+            name, (MM * z, MM * r), place, "data", ("axes fraction", "data"), ha=side, va="center",
+            fontsize=NAME_SIZE, arrowprops={"arrowstyle": "-", "color": "white", "shrinkA": 0.0, "shrinkB": 0.0},
             path_effects=[withStroke(linewidth=3.0, foreground="white")],
         )  # fmt: skip
 

@@ -26,6 +26,7 @@ NAMES = {
     "powder_hottest": ("powder, hottest", "#8a1c7c"),
     "surface": ("surface, hottest", "#0b5fa5"),
 }
+OUTLINE = "#58c4e8"  # seen on black and on yellow
 STEPS = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
 """Between isotherms [K]."""
 
@@ -50,7 +51,7 @@ def temperature_picture(path: str | Path, problem: HeatProblem, temperature: np.
     if len(levels) and span > 0.0:
         axis.tricontour(section, corners, levels=levels, colors="white", linewidths=0.6, alpha=0.8)
         label_panel(axis, f"white: isotherms, {step:g} K between them")
-    draw_outlines(axis, problem.mesh)
+    draw_outlines(axis, problem.mesh, OUTLINE)
     axis.set(xlabel="z [mm]", ylabel="r [mm]", aspect="equal")
     margin = 0.03 * (z1 - z0)
     axis.set(xlim=(MM * (z0 - margin), MM * (z1 + margin)), ylim=(MM * r0, MM * (r1 + margin)))
