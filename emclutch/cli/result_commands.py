@@ -22,7 +22,9 @@ def plot(
     out: opt.NewPicture = None,
     trust_scripts: opt.TrustScripts = False,
 ) -> None:
-    """Draw runs, or a study's points, over one another in a new file: torques with their 95 % bands, or others.
+    """Draw runs, a study's points, or coils in time (field --transient) over one another in a new file.
+
+    Runs have their torques with 95 % bands, or what an option names.
 
     A finished run that was killed before its own pictures gets them.
     """

@@ -76,8 +76,8 @@ def test_a_torque_beyond_both_ends_names_the_part_that_takes_most_ampere_turns(t
     case = emclutch.load_case(QUICKSTART, {"field.size_factor": 3.0, "field.gap_layers": 3})
     with pytest.raises(SceneError) as refused:
         emclutch.design(case, "coil.current", ("0.5 A", "1 A"), 10.0, out=tmp_path / "found")
-    halved = expected(case, "geometry.clearance", 0.15e-3)
-    hint = f"geometry.clearance = 0.15 mm in place of 0.3 mm gives {halved:.4g} N m at 1 A"
+    halved = expected(case, "geometry.gap", 0.5e-3)
+    hint = f"geometry.gap = 0.5 mm in place of 1 mm gives {halved:.4g} N m at 1 A"
     assert f" % of the ampere-turns: {hint}; widen the range" in str(refused.value)
 
 
