@@ -67,7 +67,7 @@ def heat(
     as_json: opt.AsJson = False,
     trust_scripts: opt.TrustScripts = False,
 ) -> None:
-    """Warm the device through hours of duty: temperatures, permitted slip power; without [effects.heat] by its defaults."""
+    """Warm the device through hours of duty: temperatures, permitted slip power. [effects.heat] may be left out."""
     with explained():
         others = [f"effects.heat.{key}=none" for key in ("torque", "torque_curve", "fade")]
         given = [] if slip_power is None else [f"effects.heat.slip_power={slip_power}", *others]

@@ -40,7 +40,9 @@ StudyFile = Annotated[Path, typer.Argument(metavar="STUDY", help="study file (.t
 RunPath = Annotated[Path, typer.Argument(metavar="RUN", help="folder of a run")]
 ResultPath = Annotated[Path, typer.Argument(metavar="RUN|STUDY", help="folder of a run, or of a study")]
 AsHtml = Annotated[bool, flag("--html", help="one page with its pictures inside; default: report.html there")]
-RunPaths = Annotated[list[Path], typer.Argument(metavar="RUN...", help="folders of runs, of studies, or of field --transient")]
+RunPaths = Annotated[
+    list[Path], typer.Argument(metavar="RUN...", help="folders of runs, of studies, or of field --transient")
+]
 SpeedsAsked = Annotated[bool, flag("--speeds", help="speeds of motor and output against time")]
 TorqueSpeedAsked = Annotated[bool, flag("--torque-speed", help="torque on the output over the motor's speed")]
 ExportFormat = Annotated[str, typer.Option("--to", metavar="FORMAT", help="csv, parquet, mat, netcdf or vtk")]

@@ -101,7 +101,8 @@ def winding_in_words(scene) -> str:
     winding, current, R = coil.winding_in(*window), coil.currents_in(*window).largest, coil.resistance_in(*window)
     text = ""
     if winding.resistance > 1.001 * R:
-        text = f"; more copper than the window holds: {winding.turns:.0f} turns have {winding.resistance:.3g} ohm or more"
+        least = f"{winding.turns:.0f} turns have {winding.resistance:.3g} ohm or more"
+        text = f"; more copper than the window holds: {least}"
     return (
         f"{winding.turns:.0f} turns of {1e3 * winding.wire_diameter:.3g} mm copper wire (copper fills "
         f"{100.0 * winding.fill_factor:.3g} % of the window), {R:.3g} ohm at "

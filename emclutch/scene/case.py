@@ -120,7 +120,9 @@ class Case:
             stream.write(self.toml())
 
 
-def load_case(path: str | Path | Mapping[str, Any], overrides: Mapping[str, Any] | None = None, *, trust_scripts: bool = False) -> Case:
+def load_case(
+    path: str | Path | Mapping[str, Any], overrides: Mapping[str, Any] | None = None, *, trust_scripts: bool = False
+) -> Case:
     """Read a scene file and check it.
 
     Parameters

@@ -8,6 +8,7 @@ from typing import Any
 from emclutch.scene.errors import Fault, SceneError, shown
 from emclutch.scene.units import Quantity, quantity_of
 
+
 def number_or_text(text: str) -> str | float:
     """Return a bare number, which is in SI as in a scene, or the text with its unit."""
     try:

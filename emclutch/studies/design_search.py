@@ -276,9 +276,9 @@ def design(
 
 
 def _remedy(search: Search, law: _Expectation, ratio: float) -> str:
-    """Return the part that takes most ampere-turns and has a key, with the torque of half its width; empty if none does.
+    """Return the part with a key that takes most ampere-turns, and the torque of half its width.
 
-    It is for a target above the torque at both ends, of a coil in a section.
+    It is empty for a target below the torque at both ends, and without the coil of a section.
     """
     best = max(search.between, key=law.torque)
     if search.torque < ratio * law.torque(best):
@@ -495,7 +495,8 @@ def _of_the_supply(scene: Scene) -> Iterator[Statement]:
     voltage, current = coil.voltage.largest, coil.current.largest
     own = coil.resistance_in(shape.coil_area, shape.coil_mean_radius)
     if (missing := voltage / current - own) >= 0.0:
-        yield note(f"At coil.voltage = {voltage:.4g} V a resistance of {missing:.3g} ohm in series gives {current:.4g} A.")
+        series = f"a resistance of {missing:.3g} ohm in series"
+        yield note(f"At coil.voltage = {voltage:.4g} V {series} gives {current:.4g} A.")
     else:
         text = f"coil.voltage = {voltage:.4g} V gives {voltage / own:.4g} A through {own:.3g} ohm"
         yield warning(f"{text}; {current:.4g} A needs {current * own:.3g} V")

@@ -83,7 +83,8 @@ def torque_of(
         name, (shape, found) = "the law of the powder", law
     elif measured is None:
         message = (
-            "the scene has no [particles], or its powder no sheared gap; give effects.heat.torque or slip_power, or a run"
+            "the scene has no [particles], or its powder no sheared gap; give effects.heat.torque or slip_power, or a "
+            "run"
         )
         raise ValueError(f"effects.heat has no torque: {message}")
     elif not isclose(at, largest, rel_tol=1e-3):

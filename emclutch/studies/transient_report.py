@@ -70,8 +70,8 @@ def _statements(summary: dict[str, Any]) -> Iterator[Statement]:
     grown = "" if warm < 1.001 * cold else f"; its resistance grows from {cold:.4g} to {warm:.4g} ohm"
     yield note(f"Winding: {temperature:.3g} °C at the end if the copper keeps its heat{grown}.")
     if summary["eddy_currents"]:
-        yield note("Eddy currents shield the steel at first, so that the inductance is smaller: the current rises sooner "
-                   "than without them, the flux in the gap later.")  # fmt: skip
+        shielded = "Eddy currents shield the steel at first, so that the inductance is smaller"
+        yield note(f"{shielded}: the current rises sooner than without them, the flux in the gap later.")
     else:
         yield note("Eddy currents are left out; [effects.eddy_currents] adds those of the solid parts.")
     if summary["default_circuit"]:

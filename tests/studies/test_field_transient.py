@@ -167,7 +167,7 @@ def test_copper_that_keeps_its_heat(coil_of):
 @pytest.mark.parametrize(("resistance", "wire"), [(R, N * 2.0 * np.pi * RADIUS * COPPER_RESISTIVITY / R),
                                                   (None, 0.6 * 4e-6 / N), (10.0, 4e-6 / N)])  # fmt: skip
 def test_the_copper_that_warms_is_the_wire_of_the_resistance(in_air, resistance, wire):
-    """Of turns and resistance the wire has the section rho length/R, and is no thicker than a window full of copper allows."""
+    """Of turns and resistance the wire has the section rho length/R, no thicker than fits the window."""
     scene = load_case(in_air, {"coil.resistance": resistance}).scene
     heat = CoilTransient(scene, coil_of_field(scene), None, faces=False).heat_capacity
     assert heat == pytest.approx(385.0 * COPPER_DENSITY * wire * N * 2.0 * np.pi * RADIUS, rel=1e-9)
