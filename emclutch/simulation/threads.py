@@ -105,8 +105,8 @@ class ThreadTrial:
         if chosen != self._chosen:
             own = self._seconds[chosen]
             used = "1 thread is used" if chosen == 1 else f"{chosen} threads are used"
-            others = [f"with {n} {_slower(self._seconds[n] / own)}" for n in self.numbers if n != chosen]
-            self._report(f"{used}; the run would be {', '.join(others)}")
+            others = [f"with {n} the run would be {_slower(self._seconds[n] / own)}" for n in self.numbers if n != chosen]
+            self._report(f"{used}; {', '.join(others)}")
         self._chosen = chosen
         return chosen
 
