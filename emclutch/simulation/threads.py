@@ -105,7 +105,8 @@ class ThreadTrial:
         if chosen != self._chosen:
             own = self._seconds[chosen]
             used = "1 thread is used" if chosen == 1 else f"{chosen} threads are used"
-            others = [f"with {n} the run would be {_slower(self._seconds[n] / own)}" for n in self.numbers if n != chosen]
+            ratios = {n: self._seconds[n] / own for n in self.numbers if n != chosen}
+            others = [f"with {n} the run would be {_slower(ratio)}" for n, ratio in ratios.items()]
             self._report(f"{used}; {', '.join(others)}")
         self._chosen = chosen
         return chosen
