@@ -359,7 +359,8 @@ class Clutch(AnnularSpaces):
                 it.refuse(getattr(self, name) < grain_diameter, name,
                           f"it is thinner than one grain ({grain}): no grain fits", f"at least {grain}",
                           f"raise `{name}` {lower_grain}")  # fmt: skip
-            it.refuse(0.0 < self.disc_radius - self.seal_radius < grain_diameter, "seal_radius",
+            lowers = grain_diameter < self.disc_radius  # a larger grain fits at no radius of the seal
+            it.refuse(lowers and 0.0 < self.disc_radius - self.seal_radius < grain_diameter, "seal_radius",
                       f"the chamber is lower than one grain ({grain})",
                       f"at most {mm(self.disc_radius - grain_diameter)}", "lower `seal_radius` or `grain_diameter`",
                       "disc_radius")  # fmt: skip

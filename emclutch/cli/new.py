@@ -117,7 +117,10 @@ def _starter(kind: str) -> dict[str, Any]:
 def _write(path: Path, data: dict[str, Any], beside: Mapping[str, str]) -> list[Path]:
     """Write a scene and the files that it names."""
     files = {path: commented_scene(data, path.name), **{path.with_name(name): text for name, text in beside.items()}}
-    if faults := [Fault(str(file), "", "exists; name another file") for file in files if file.exists()]:
+    faults = [Fault(str(file), "", "exists; name another file") for file in files if file.exists()]
+    if path.suffix != ".toml":
+        faults.append(Fault(str(path), "", f"is not a .toml file, which a scene is; write {path.with_suffix('.toml')}"))
+    if faults:
         raise SceneError(faults, "command line")
     for file, text in files.items():
         with open(file, "x", encoding="utf-8") as stream:

@@ -43,7 +43,9 @@ AsHtml = Annotated[
     bool,
     flag("--html", help="one HTML page with its pictures inside; default: report.html in the folder of the result"),
 ]
-RunPaths = Annotated[list[Path], typer.Argument(metavar="RUN...", help="folders of runs, or of studies")]
+RunPaths = Annotated[
+    list[Path], typer.Argument(metavar="RUN...", help="folders of runs, of studies, or of field --transient")
+]
 SpeedsAsked = Annotated[bool, flag("--speeds", help="speeds of motor and output against time")]
 TorqueSpeedAsked = Annotated[bool, flag("--torque-speed", help="torque on the output against the speed of the motor")]
 ExportFormat = Annotated[str, typer.Option("--to", metavar="FORMAT", help="csv, parquet, mat, netcdf or vtk")]
@@ -401,5 +403,5 @@ PowderMaterial = Annotated[
 NewScene = Annotated[Path | None, typer.Argument(metavar="[FILE]", help="new scene file (.toml)")]
 Drawing = Annotated[
     Path | None,
-    typer.Option("--drawing", metavar="FILE", help="new picture (.png) of dimensions: of FILE if it exists, or the kind"),
+    typer.Option("--drawing", metavar="FILE", help="new picture (.png) of dimensions: of FILE if there, or the kind"),
 ]

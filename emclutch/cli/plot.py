@@ -10,6 +10,8 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import pandas
+
 from emclutch.results import OutputError, Result, load_result
 from emclutch.results.columns import SHEAR_STRESS
 from emclutch.results.measured_table import OVER_RATED, read_measured
@@ -26,6 +28,7 @@ from emclutch.studies.tables import CURRENT, SEED, SIZES, VOLTAGE
 
 TORQUE, SPEEDS, TORQUE_SPEED, TORQUE_CURRENT = "torque", "speeds", "torque_speed", "torque_current"
 GRAIN_SIZE = "grain_size"
+TRANSIENT = "transient.csv"
 _AXES = {TORQUE_CURRENT: ("current", (CURRENT, VOLTAGE)), GRAIN_SIZE: (PER_GAP, SIZES)}
 _MEASURED = {SPEEDS: ("time [s]", "speed [rpm]"), TORQUE_CURRENT: ("current [A]", "torque [N m]")}
 _RATED = Quantity("a current", "A", "0.94 A", 0.0, open_minimum=True)
@@ -45,7 +48,8 @@ def plot_runs(
 
     Parameters
     ----------
-    folders : of runs, and of studies for all their points that are done. Several runs lie over one another.
+    folders : of runs, and of studies for all their points that are done, or all of coils in time
+        (`emclutch field --transient`). Several lie over one another.
     kind : TORQUE, SPEEDS, TORQUE_SPEED, TORQUE_CURRENT or GRAIN_SIZE.
     rated : current [A] or text with a unit; divides each curve of TORQUE_CURRENT by its own point there.
     measured : table to lay over SPEEDS or TORQUE_CURRENT, as `read_measured` takes it.
@@ -66,6 +70,11 @@ def plot_runs(
     if rated is not None and kind != TORQUE_CURRENT:
         raise SceneError([Fault("--rated", rated, "divides torque against current only; add --torque-current")],
                          "command line")  # fmt: skip
+    if scenes := [folder for folder in folders if folder.suffix == ".toml" and folder.is_file()]:
+        message = f"is a scene, not a result; run it, and plot its folder: emclutch run {scenes[0]}"
+        raise SceneError([Fault(str(scenes[0]), "", message)], "command line")
+    if all((folder / TRANSIENT).is_file() for folder in folders):
+        return _transients(folders, kind, out)
     runs = runs_of(folders)
     if not runs:
         raise OutputError(f"no point of the study in {folders[0]} is done: there is nothing to draw")
@@ -121,6 +130,19 @@ def plot_runs(
     if kind == SPEEDS:
         return speed_picture(out, histories, measured=points, title=title)
     return torque_speed_picture(out, histories, title=title)
+
+
+def _transients(folders: Sequence[Path], kind: str, out: Path | None) -> Path:
+    """Draw the folders of `emclutch field --transient` over one another."""
+    if kind != TORQUE:
+        option = f"--{kind.replace('_', '-')}"
+        message = "is of runs; coils in time have current and gap field: remove it"
+        raise SceneError([Fault(option, "", message)], "command line")
+    from emclutch.results.pictures.field import transient_overlay_picture
+
+    tables = {name: pandas.read_csv(one / TRANSIENT) for name, one in zip(_names(folders), folders, strict=True)}
+    out = numbered_file(folders[0], "coil_in_time", ".png") if out is None else new_path(out)
+    return transient_overlay_picture(out, tables)
 
 
 def runs_of(folders: Sequence[Path]) -> dict[str, Result]:

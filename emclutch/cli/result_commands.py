@@ -22,7 +22,9 @@ def plot(
     out: opt.NewPicture = None,
     trust_scripts: opt.TrustScripts = False,
 ) -> None:
-    """Draw runs, or the points of studies, in one picture: torque against time with 95 % bands, or other curves.
+    """Draw runs, points of studies, or coils in time (field --transient) in one picture.
+
+    Runs are drawn as torque against time with 95 % bands, or as the curve that an option names.
 
     If a finished run was killed before it drew its own pictures, they are drawn too.
     """

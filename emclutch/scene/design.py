@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -108,15 +109,21 @@ def read_design(path: str | Path, *, trust_scripts: bool = False) -> Search:
     return search if design.like is None else replace(search, like=path.parent / design.like)
 
 
-def search_of(case: Case, vary: str, between: tuple[Any, Any], target: str | float, prefix: str = "") -> Search:
+def search_of(case: Case, vary: str, between: Sequence[Any], target: str | float, prefix: str = "") -> Search:
     """Check what is searched; SceneError with all faults, their keys after a `prefix`."""
+    if not isinstance(vary, str):
+        message = "is not a dotted key; write vary = 'coil.current', between = ('0.1 A', '1 A')"
+        raise SceneError([Fault(f"{prefix}vary", shown(vary), message)], "design search")
+    if isinstance(between, str) or len(between) != 2:
+        message = "is not a pair of values; write it as in ('0.1 A', '1 A')"
+        raise SceneError([Fault(f"{prefix}between", shown(between), message)], "design search")
     return _search(case, vary, between, target, prefix, [], "design search")
 
 
 def _search(
     case: Case | None,
     vary: str,
-    between: tuple[Any, Any],
+    between: Sequence[Any],
     target: str | float,
     prefix: str,
     faults: list[Fault],

@@ -104,11 +104,19 @@ class ThreadTrial:
         chosen = next(n for n in self.numbers if self._seconds[n] <= GAIN * least)
         if chosen != self._chosen:
             own = self._seconds[chosen]
-            others = ", ".join(f"{n}: {own / self._seconds[n]:.2f} times" for n in self.numbers if n != chosen)
-            self._report(f"Using {chosen} thread{'s' * (chosen > 1)}; speed with {others}")
+            used = "1 thread is used" if chosen == 1 else f"{chosen} threads are used"
+            ratios = {n: self._seconds[n] / own for n in self.numbers if n != chosen}
+            others = [f"with {n} the run would be {_slower(ratio)}" for n, ratio in ratios.items()]
+            self._report(f"{used}; {', '.join(others)}")
         self._chosen = chosen
         return chosen
 
     def _take(self, number: int) -> None:
         self.threads = number
         self._use(number)
+
+
+def _slower(ratio: float) -> str:
+    """Return a ratio of times in words."""
+    percent = round(100.0 * abs(ratio - 1.0))
+    return "as fast" if not percent else f"{percent} % {'slower' if ratio > 1.0 else 'faster'}"

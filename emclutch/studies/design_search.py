@@ -17,7 +17,8 @@ torque), and runs end when a torque is within a tolerance of the wanted.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from math import inf, log
 from pathlib import Path
@@ -32,18 +33,25 @@ from emclutch.results.atomic_file import replace_json, replace_text
 from emclutch.results.new_path import new_folder
 from emclutch.results.report.render import Reported, write_index
 from emclutch.results.report.report import Mark, Report, Shown, Statement, Statements, Table, note, warning
-from emclutch.results.text import format_estimate
+from emclutch.results.text import format_estimate, format_percent
 from emclutch.scene.case import Case, as_case, load_case
 from emclutch.scene.design import Search, search_of
-from emclutch.scene.errors import Fault, SceneError, bad_input_for
+from emclutch.scene.errors import Fault, SceneError, bad_input_for, entry_at
+from emclutch.scene.fault_report import quantity_at
+from emclutch.scene.model import Scene
+from emclutch.scene.units import Quantity, in_unit_of
+from emclutch.scene.value_list import values_of
 from emclutch.simulation.forecast.expected_field import expected_magnetisation
 from emclutch.simulation.forecast.expected_torque import ExpectedTorque, expected_torque
+from field import MagneticField
+from field.section.ampere_turns import ampere_turns_by_part
 
 if TYPE_CHECKING:
     from emclutch.results import Progress
 
 VALUE_TOLERANCE, BRACKET_TOLERANCE = 1e-3, 1e-2
 """Of the range of x. Another mesh for each x is a noise of 3e-4 of the torque: a closer value would be noise."""
+_TOLERANCE = Quantity("a fraction", "", "5 %", 0.0, 1.0, open_minimum=True)
 SAME_VALUE = 1e-4
 """Of the range of x: values this close are not run twice."""
 
@@ -196,13 +204,13 @@ class DesignResult(Reported):
 def design(
     case: Case | str | Path | Search,
     vary: str = "",
-    between: tuple[Any, Any] = ("", ""),
+    between: Sequence[Any] = (),
     target: str | float = "",
     *,
     like: str | Path | None = None,
     out: str | Path | None = None,
     runs: int = 0,
-    tolerance: float = 0.05,
+    tolerance: float | str = 0.05,
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> DesignResult:
@@ -212,15 +220,15 @@ def design(
 
     Parameters
     ----------
-    case : Case, the path of a scene file, or a whole `Search` (`emclutch.scene.design.read_design`)
+    case : Case, the path of a scene file, or a whole `Search` (`emclutch.scene.design.read_design` of a design file)
     vary : dotted key of a quantity, e.g. ``"geometry.gap"``.
     between : least and largest value, as in a scene: ``("0.5 mm", "2 mm")`` or numbers in SI.
     target : ``"torque 12 N m"``, or a number in N m.
     like : folder of a finished run whose torque over that expected of it corrects the law.
     out : new folder; default: the next designs/<case>-<nnn>.
     runs : at most so many scenes are run; 0: none.
-    tolerance : deviation of a run from the wanted torque that is accepted, relative to it [-]. The interval of the run
-        adds to it.
+    tolerance : deviation of a run from the wanted torque that is accepted, relative to it [-], or "5 %". The interval
+        of the run adds to it.
     threads : of the runs, as of `emclutch.run`.
     progress : shows which value is computed, and of the runs as of `emclutch.run`.
 
@@ -228,11 +236,12 @@ def design(
     ------
     SceneError
         Faults of the scene or of what is searched; the torque is not reached between both values (the message names
-        them with their torques); it cannot be estimated for this scene.
+        them with their torques, and the key that would raise it); it cannot be estimated for this scene.
     OutputError, RunError
         The folder is there already; of the run.
     """
     search = case if isinstance(case, Search) else search_of(as_case(case), vary, between, target)
+    (tolerance,) = values_of([tolerance], _TOLERANCE, "tolerance")
     search = search if like is None else replace(search, like=Path(like))
     folder = new_folder(out, search.case.name, "designs")
     law = _Expectation(search, progress)
@@ -242,7 +251,7 @@ def design(
     if value is None:
         reached = ", ".join(f"{ratio * law.torque(end):.4g} N m at {search.shown(end)}" for end in search.between)
         message = f"does not reach {search.torque:g} N m between both values: {reached} are expected; "
-        message += "widen the range, vary another key, or change the target"
+        message += f"{_remedy(search, law, ratio)}widen the range, or change the target"
         raise SceneError([Fault(search.key, "", message)], search.source)
     expected = law.at(value)
     ends = [law.value_at(torque, BRACKET_TOLERANCE) for torque in _torques_at_the_ends(search, expected, correction)]
@@ -264,6 +273,40 @@ def design(
         result = _with_a_run(result, value, law, threads, progress)
         _write(result)
     return result
+
+
+def _remedy(search: Search, law: _Expectation, ratio: float) -> str:
+    """Return the part with a key that takes most ampere-turns, and the torque of half its width.
+
+    It is empty for a target below the torque at both ends, and without the coil of a section.
+    """
+    best = max(search.between, key=law.torque)
+    if search.torque < ratio * law.torque(best):
+        return ""
+    case = search.case.with_values({search.key: best})
+    geometry, device = case.scene.geometry, build_device(case.scene)
+    coil = device.section_coil
+    if coil is None or not coil.largest_current or case.scene.effects.memory is not None:
+        return ""
+    field, _ = expected_magnetisation(case, device)
+    assert isinstance(field, MagneticField)  # of a section
+    parts = ampere_turns_by_part(field, device.shape.air_gaps())
+    keys = {"clearance": "geometry.clearance", "powder": geometry.gap_key(device.shape, case.scene.grains.region)}
+    for part, taken in parts.items():
+        key = keys.get(part)
+        if key is None or key == search.key:
+            continue
+        quantity, given = quantity_at(key, Scene, case.data), entry_at(case.data, key.split("."))
+        width = getattr(geometry, key.removeprefix("geometry."))
+        with suppress(SceneError):  # too narrow for the grains, as an example
+            torque = ratio * (expectation_of(case.with_values({key: 0.5 * width})).torque or 0.0)
+            half, whole = (in_unit_of(given, value, quantity) for value in (0.5 * width, width))
+            share = format_percent(taken / sum(parts.values()))
+            return (
+                f"the {part} takes {share} of the ampere-turns: {key} = {half} in place of {whole} gives "
+                f"{torque:.4g} N m at {search.shown(best)}; "
+            )
+    return ""
 
 
 def _with_a_run(
@@ -440,7 +483,23 @@ def _answer(result: DesignResult) -> Iterator[Statement]:
         yield warning("the torque rises and falls between both values: other answers may exist, see design.csv")
     if search.key.startswith("coil."):
         yield note(f"Winding: {winding_in_words(result.case.scene)}.")
+        yield from _of_the_supply(result.case.scene)
     yield note(f"Scene: {result.folder / 'found.toml'}")
+
+
+def _of_the_supply(scene: Scene) -> Iterator[Statement]:
+    """Say which resistance in series makes the given current of the supply, or that its voltage is too low."""
+    coil, shape = scene.coil, scene.shape()
+    if coil is None or coil.current is None or coil.voltage is None:
+        return
+    voltage, current = coil.voltage.largest, coil.current.largest
+    own = coil.resistance_in(shape.coil_area, shape.coil_mean_radius)
+    if (missing := voltage / current - own) >= 0.0:
+        series = f"a resistance of {missing:.3g} ohm in series"
+        yield note(f"At coil.voltage = {voltage:.4g} V {series} gives {current:.4g} A.")
+    else:
+        text = f"coil.voltage = {voltage:.4g} V gives {voltage / own:.4g} A through {own:.3g} ohm"
+        yield warning(f"{text}; {current:.4g} A needs {current * own:.3g} V")
 
 
 def _of_the_runs(result: DesignResult) -> Iterator[Statement]:

@@ -50,7 +50,8 @@ def _statements(summary: dict[str, Any]) -> Iterator[Statement]:
         if name in summary["final"]:
             yield _rise(summary, name, words, unit)
     if since > 0.0:
-        yield note(f"Times count from {format_time(since)} on, when the voltage changes.")
+        which = "last" if at_end["voltage"] == 0.0 else "first"
+        yield note(f"These times count from {format_time(since)}, the {which} change of the voltage.")
     if summary.get("current_rise_time_sheared") is not None:
         both = [f"{words.lower()} {_times(summary, name, '_sheared')}" for name, (words, _) in QUANTITIES.items()
                 if name in summary["final"]]  # fmt: skip
@@ -68,7 +69,10 @@ def _statements(summary: dict[str, Any]) -> Iterator[Statement]:
     (cold, warm), temperature = summary["resistance"], at_end["winding_temperature"]
     grown = "" if warm < 1.001 * cold else f"; its resistance grows from {cold:.4g} to {warm:.4g} ohm"
     yield note(f"Winding: {temperature:.3g} °C at the end if the copper keeps its heat{grown}.")
-    if not summary["eddy_currents"]:
+    if summary["eddy_currents"]:
+        shielded = "Eddy currents shield the steel at first, so that the inductance is smaller"
+        yield note(f"{shielded}: the current rises sooner than without them, the flux in the gap later.")
+    else:
         yield note("Eddy currents are left out; [effects.eddy_currents] adds those of the solid parts.")
     if summary["default_circuit"]:
         yield note("coil.voltage is applied from t = 0; coil.current, if given, is not used.")

@@ -151,3 +151,30 @@ def test_every_package_is_listed_and_marked_as_typed():
     assert set(settings["packages"]) - set(settings.get("package-dir", {})) == found
     assert "py.typed" in settings["package-data"]["*"]
     assert all((ROOT / top / "py.typed").is_file() for top in tops)
+
+
+@pytest.mark.parametrize(
+    ("call", "says"),
+    [
+        (lambda case: emclutch.load_case(5), "case = 5 is neither the path of a scene file nor the tables"),
+        (lambda case: case.with_values("coil.current=1 A"), "values = 'coil.current=1 A' is not a dictionary"),
+        (lambda case: emclutch.design(case, vary={"coil.current": 1}), "vary = {coil.current} is not a dotted key"),
+        (lambda case: emclutch.design(case, "coil.current", "0.1 A:1 A"), "between = '0.1 A:1 A' is not a pair"),
+        (lambda case: emclutch.design(case, "coil.current", (0.1, 1), 0.1, tolerance="x"), "tolerance = 'x' is not"),
+        (lambda case: emclutch.field_transient(case, tolerance="1"), "tolerance = '1' is out of range"),
+        (lambda case: emclutch.map(case, current="1 A"), "give a range A:B, or set coil.current in the scene"),
+        (lambda case: emclutch.field(case, "0.4 A, 8 N"), "currents = '8 N' is a force"),
+    ],
+)
+def test_a_wrong_argument_is_named(call, says):
+    with pytest.raises(emclutch.SceneError) as refused:
+        call(emclutch.load_case(QUICKSTART))
+    assert says in str(refused.value) and "--" not in str(refused.value)
+
+
+def test_effects_are_set_as_on_the_command_line_and_a_scene_may_be_tables():
+    tables = tomllib.loads(QUICKSTART.read_text(encoding="utf-8"))
+    case = emclutch.load_case(tables, {"effects.back_reaction": "off", "effects.heat": "on", "effects.dipoles": "on"})
+    effects, given = case.scene.effects, emclutch.load_case(QUICKSTART).scene.effects
+    assert effects.feedback is None and effects.thermal is not None and effects.dipoles == given.dipoles
+    assert len(repr(case)) < 100

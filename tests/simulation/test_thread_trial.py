@@ -27,7 +27,7 @@ def test_what_is_faster_is_taken_and_ties_go_to_fewer(seconds, chosen):
     machine = Machine(seconds)
     machine.windows(2 * ROUNDS)
     assert machine.trial.threads == machine.taken[-1] == chosen
-    assert len(machine.reported) == 1 and machine.reported[0].startswith(f"Using {chosen} thread")
+    assert len(machine.reported) == 1 and machine.reported[0].startswith(f"{chosen} thread")
 
 
 def test_many_cores_are_tried_by_powers_of_two():
@@ -45,7 +45,7 @@ def test_a_core_that_is_taken_later_is_noticed_and_one_that_is_free_again_too():
         machine.seconds = {1: 1.0, 2: two}
         machine.windows(rest + trial)
         assert machine.trial.threads == chosen
-    assert [text[:7] for text in machine.reported] == ["Using 2", "Using 1", "Using 2"]
+    assert [text[:8] for text in machine.reported] == ["2 thread", "1 thread", "2 thread"]
 
 
 def test_what_does_not_pay_is_taken_in_one_window_of_forty():

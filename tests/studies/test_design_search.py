@@ -14,11 +14,12 @@ from typer.testing import CliRunner
 import emclutch
 from emclutch.cli.main import app
 from emclutch.results import HistoryWriter, OutputError, Progress, RunFolder, load_result
+from emclutch.results.report.report import Mark
 from emclutch.scene.case import case_from
 from emclutch.scene.design import read_design
 from emclutch.scene.errors import SceneError
 from emclutch.studies.accuracy import target as run_case
-from emclutch.studies.design_search import expectation_of
+from emclutch.studies.design_search import _of_the_supply, expectation_of
 
 QUICKSTART = Path(__file__).resolve().parents[2] / "cases" / "quickstart.toml"
 CELL = sheared_annulus.CELL | {"time": {"end": "0.2 ms", "window": "20 us"}, "accuracy": {"replicas": 1}}
@@ -69,6 +70,23 @@ def test_a_torque_beyond_both_ends_is_refused_with_theirs(tmp_path):
     text = str(refused.value)
     assert f"{low:.4g} N m at 1 kA/m, {high:.4g} N m at 400 kA/m" in text and "widen the range" in text
     assert not (tmp_path / "found").exists()
+
+
+def test_a_torque_beyond_both_ends_names_the_part_that_takes_most_ampere_turns(tmp_path):
+    case = emclutch.load_case(QUICKSTART, {"field.size_factor": 3.0, "field.gap_layers": 3})
+    with pytest.raises(SceneError) as refused:
+        emclutch.design(case, "coil.current", ("0.5 A", "1 A"), 10.0, out=tmp_path / "found")
+    halved = expected(case, "geometry.gap", 0.5e-3)
+    hint = f"geometry.gap = 0.5 mm in place of 1 mm gives {halved:.4g} N m at 1 A"
+    assert f" % of the ampere-turns: {hint}; widen the range" in str(refused.value)
+
+
+@pytest.mark.parametrize(("voltage", "says"), [("24 V", "✓ 14 ohm in series gives 1 A"), ("5 V", "! 1 A needs 10 V")])
+def test_the_current_that_is_found_is_set_beside_the_supply(voltage, says):
+    coil = {"coil.resistance": "10 ohm", "coil.turns": None, "coil.voltage": voltage}
+    (said,) = _of_the_supply(emclutch.load_case(QUICKSTART, coil).scene)
+    mark, text = says.split(" ", 1)
+    assert text in said.text and (said.mark is Mark.WARNING) == (mark == "!")
 
 
 def runs_with(torque_of):

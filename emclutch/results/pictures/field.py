@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -109,6 +110,30 @@ def transient_picture(path: str | Path, table: Any, summary: Any, *, title: str 
         axis.grid(alpha=0.25)
         axis.margins(x=0.0)
         legend_beside(axis)
+    return save_picture(figure, path)
+
+
+def transient_overlay_picture(path: str | Path, tables: Mapping[str, Any]) -> Path:
+    """Draw current and gap field of several transients over one another, against time from 0.
+
+    Parameters
+    ----------
+    path : PNG to write.
+    tables : by their names, of `emclutch.studies.field_transient.TransientResult`.
+    """
+    shown = [("current", "current [A]"), ("gap_flux_density", "B in the gap [T]")]
+    shown = [one for one in shown if any(one[0] in table for table in tables.values())]
+    unit, factor = time_unit(max(float(table["time"].iloc[-1]) for table in tables.values()))
+    figure, axes = new_figure(8.0, 2.8 * len(shown), "Coil in time", rows=len(shown), sharex=True)
+    for axis, (name, label) in zip(axes, shown, strict=True):
+        for of, table in tables.items():
+            if name in table:
+                axis.plot(factor * np.asarray(table["time"]), table[name], label=of)
+        axis.set_ylabel(label)
+        axis.grid(alpha=0.25)
+        axis.margins(x=0.0)
+        legend_beside(axis)
+    axes[-1].set_xlabel(f"time [{unit}]")
     return save_picture(figure, path)
 
 
