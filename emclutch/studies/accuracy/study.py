@@ -25,7 +25,16 @@ from emclutch.results.accuracy_study import INTERACTION, AccuracyStudy
 from emclutch.results.atomic_file import replace_text
 from emclutch.results.errors import OutputError
 from emclutch.results.history import last_time
-from emclutch.results.recommended import ONE_VALUE, STATISTICS, Choice, LimitingError, own_choice, recommended
+from emclutch.results.recommended import (
+    ONE_VALUE,
+    STATISTICS,
+    Choice,
+    LimitingError,
+    budget_option,
+    comfortable_budget,
+    own_choice,
+    recommended,
+)
 from emclutch.results.report.render import Reported
 from emclutch.results.report.report import Report, Shown, Statement, Statements, Table, note, warning
 from emclutch.results.text import format_cost, format_duration, format_percent, in_words
@@ -38,13 +47,7 @@ from emclutch.simulation.discretisation_error import device_of
 from emclutch.simulation.plan_in_words import narrow_sector
 from emclutch.simulation.recommended_case import cheapest_case
 from emclutch.studies.accuracy.budgeted_study import BUDGET, BudgetedStudy
-from emclutch.studies.accuracy.fidelities import (
-    CheapestAnswer,
-    TorqueByLaw,
-    budget_option,
-    comfortable_budget,
-    estimate_by_other_devices,
-)
+from emclutch.studies.accuracy.fidelities import CheapestAnswer, TorqueByLaw, estimate_by_other_devices
 from emclutch.studies.accuracy.measured_study import StudyRuns, refuse_no_torque, scatter_of, study_of, this_machine
 from emclutch.studies.accuracy.plan import (
     BASE,
