@@ -115,7 +115,7 @@ class CheapestAnswer:
 
         `reason` says why nothing known reaches it. Beside the law, `grains` has the same of grains that reach it.
         """
-        found = {"target": self.target, "fidelity": self.fidelity, "half_width": None, "seconds": None}
+        found: dict[str, Any] = {"target": self.target, "fidelity": self.fidelity, "half_width": None, "seconds": None}
         found |= {"command": self.command, "reason": "", "estimate": self.estimate}
         grains: dict[str, Any] = {}
         if isinstance(self.grains, Choice):
