@@ -159,6 +159,17 @@ class LimitingError:
         return f"{words}, which more replicas at the same settings do not lower"
 
 
+def comfortable_budget(least: float) -> float:
+    """Return a wall-clock time [s] a quarter above `least` [s] or more: whole 5 min, from 2 h on half hours."""
+    minutes = 5 * math.ceil(1.25 * least / 300.0)
+    return 60.0 * (minutes if minutes < 120 else 30 * math.ceil(minutes / 30.0))
+
+
+def budget_option(seconds: float) -> str:
+    """Return a budget [s] of `comfortable_budget` as the value of an option: ``75min``, ``2.5h``."""
+    return f"{seconds / 60.0:.0f}min" if seconds < 7200.0 else f"{seconds / 3600.0:g}h"
+
+
 class Combinations:
     """All combinations of the values that a study has measured, as arrays over them.
 

@@ -7,7 +7,6 @@ Neither has the error of the powder's data.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from time import process_time
@@ -173,17 +172,6 @@ class CheapestAnswer:
             about = "at least" if found.at_least else "about"
             return f"A longer study may help: {about} {format_cost(found.seconds, self.cores)}"
         return "A longer study measures it" if found.needs_budget else "A study with other values may help"
-
-
-def comfortable_budget(least: float) -> float:
-    """Return a wall-clock time [s] a quarter above `least` [s] or more: whole 5 min, from 2 h on half hours."""
-    minutes = 5 * math.ceil(1.25 * least / 300.0)
-    return 60.0 * (minutes if minutes < 120 else 30 * math.ceil(minutes / 30.0))
-
-
-def budget_option(seconds: float) -> str:
-    """Return a budget [s] of `comfortable_budget` as the value of an option: ``75min``, ``2.5h``."""
-    return f"{seconds / 60.0:.0f}min" if seconds < 7200.0 else f"{seconds / 3600.0:g}h"
 
 
 def estimate_by_other_devices(case: Case, target: float, replica_seconds: float) -> dict[str, Any] | None:

@@ -9,7 +9,14 @@ from pathlib import Path
 from typing import Any
 
 from emclutch.results.accuracy_study import AccuracyStudy, Basis, MeasuredSetting, SettingError
-from emclutch.results.recommended import Choice, LimitingError, own_choice, unknown_of
+from emclutch.results.recommended import (
+    Choice,
+    LimitingError,
+    budget_option,
+    comfortable_budget,
+    own_choice,
+    unknown_of,
+)
 from emclutch.results.report.report import (
     Mark,
     Picture,
@@ -26,7 +33,7 @@ from emclutch.results.text import format_duration, format_percent, in_words
 from emclutch.scene.replica_count import cores_at_hand
 from emclutch.settings import SETTINGS, UNITS
 from emclutch.studies.accuracy.budgeted_study import BUDGET
-from emclutch.studies.accuracy.fidelities import CheapestAnswer, TorqueByLaw, budget_option, comfortable_budget
+from emclutch.studies.accuracy.fidelities import CheapestAnswer, TorqueByLaw
 
 SHORT = {Basis.TORQUE: "torque", Basis.MOMENTS: "squared moments", Basis.START_UP: "torque, start-up"}
 MACHINE = ("date", "processor", "cores", "jobs")

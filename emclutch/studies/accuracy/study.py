@@ -25,7 +25,16 @@ from emclutch.results.accuracy_study import INTERACTION, AccuracyStudy
 from emclutch.results.atomic_file import replace_text
 from emclutch.results.errors import OutputError
 from emclutch.results.history import last_time
-from emclutch.results.recommended import ONE_VALUE, STATISTICS, Choice, LimitingError, own_choice, recommended
+from emclutch.results.recommended import (
+    ONE_VALUE,
+    STATISTICS,
+    Choice,
+    LimitingError,
+    budget_option,
+    comfortable_budget,
+    own_choice,
+    recommended,
+)
 from emclutch.results.report.render import Reported
 from emclutch.results.report.report import Report, Shown, Statement, Statements, Table, note, warning
 from emclutch.results.text import format_cost, format_duration, format_percent, in_words
@@ -38,13 +47,7 @@ from emclutch.simulation.discretisation_error import device_of
 from emclutch.simulation.plan_in_words import narrow_sector
 from emclutch.simulation.recommended_case import cheapest_case
 from emclutch.studies.accuracy.budgeted_study import BUDGET, BudgetedStudy
-from emclutch.studies.accuracy.fidelities import (
-    CheapestAnswer,
-    TorqueByLaw,
-    budget_option,
-    comfortable_budget,
-    estimate_by_other_devices,
-)
+from emclutch.studies.accuracy.fidelities import CheapestAnswer, TorqueByLaw, estimate_by_other_devices
 from emclutch.studies.accuracy.measured_study import StudyRuns, refuse_no_torque, scatter_of, study_of, this_machine
 from emclutch.studies.accuracy.plan import (
     BASE,
@@ -218,7 +221,8 @@ def preview(
     if budget is not None:
         _refuse_small_budget(case, first, budget, jobs)
     usual = BUDGET if first <= BUDGET else comfortable_budget(4.0 * first)
-    answers, budgets = [], [budget or usual]
+    answers: list[CheapestAnswer] = []
+    budgets = [budget or usual]
     for target in sorted(targets, reverse=True):
         answer, enough = _cheapest(case, target, law, study, own, usual, jobs, source)
         answers.append(answer)
@@ -253,7 +257,9 @@ def _cheapest(
     source: str,
 ) -> tuple[CheapestAnswer, float]:
     """Return what reaches a target, with the command that runs it, and the budget [s] of a study that may reach it."""
-    share, grains, estimate, command, budget = format_percent(target), None, None, "", usual
+    share, command, budget = format_percent(target), "", usual
+    grains: Choice | LimitingError | None = None
+    estimate: dict[str, Any] | None = None
     if study is not None:
         found = cheapest_case(case, study, target)
         grains = found[0] if isinstance(found, tuple) else found
@@ -287,7 +293,9 @@ def _costs(
                 bar.update(number / len(replicas), "estimating what the study costs")
             plans.append(plan_value(one, base))
     planned = _distinct(base, accepted_values(base, replicas, plans))
-    room, late, rows = budget - first, [], []
+    late: list[str] = []
+    rows: list[tuple[str, ...]] = []
+    room = budget - first
     for setting in settings:
         seconds = {one.value: own * one.seconds / base.seconds for one in planned if one.setting == setting.name}
         dear = {value: one for value, one in seconds.items() if one > room}

@@ -19,7 +19,7 @@ from emclutch.results import Result, RunFolder
 from emclutch.results.accuracy_studies import accuracy_study_folder
 from emclutch.results.errors import OutputError
 from emclutch.results.progress import SHOWN, Progress, someone_looks
-from emclutch.results.recommended import STATISTICS, Choice, LimitingError
+from emclutch.results.recommended import STATISTICS, Choice, LimitingError, budget_option, comfortable_budget
 from emclutch.results.text import format_percent
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import Fault, SceneError
@@ -35,7 +35,6 @@ from emclutch.simulation.run import refuse_unshown
 from emclutch.simulation.run import run as run_scene
 from emclutch.simulation.window_state import WindowState
 from emclutch.studies.accuracy.budgeted_study import VERSION
-from emclutch.studies.accuracy.fidelities import budget_option, comfortable_budget
 from emclutch.studies.accuracy.study import BUDGET_OPTION, accuracy
 
 KEY, BUDGET_KEY = "accuracy.target", "accuracy.budget"
