@@ -297,6 +297,7 @@ def _remedy(search: Search, law: _Expectation, ratio: float) -> str:
         if key is None or key == search.key:
             continue
         quantity, given = quantity_at(key, Scene, case.data), entry_at(case.data, key.split("."))
+        assert quantity is not None  # of a width
         width = getattr(geometry, key.removeprefix("geometry."))
         with suppress(SceneError):  # too narrow for the grains, as an example
             torque = ratio * (expectation_of(case.with_values({key: 0.5 * width})).torque or 0.0)
