@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from emclutch.scene.errors import Fault, SceneError, shown
-from emclutch.scene.units import Quantity, quantity_of
+from emclutch.scene.units import Quantity, Time, quantity_of
 
 RANGE_POINTS = 16
 """Values of a range without a count."""
@@ -59,8 +59,16 @@ def values_of(given: float | str | Iterable[float | str], kind: Any, name: str) 
     quantity = kind if isinstance(kind, Quantity) else quantity_of(kind)
     if isinstance(given, str):
         return read_list(given, quantity, name, source="arguments")
-    entries = given if isinstance(given, Iterable) else [given]
+    entries = list(given) if isinstance(given, Iterable) else [given]
+    if not entries:
+        message = f"is empty; give a value such as {quantity.example!r}"
+        raise SceneError([Fault(name, shown(given), message)], "arguments")
     return read_all([str(one) for one in entries], quantity, name, "arguments")
+
+
+def seconds_of(given: float | str | None, name: str) -> float | None:
+    """Return an argument `name` that is a time, such as 1200 or "20 min", in seconds; None stays None."""
+    return None if given is None else values_of(given, Time, name)[0]
 
 
 def read_all(entries: list[str], quantity: Quantity, option: str, source: str = "command line") -> list[float]:

@@ -12,7 +12,7 @@ from emclutch.results import Result, RunFolder
 from emclutch.results.history import last_time
 from emclutch.results.measured_table import TORQUE_CURVE, keep_measured, read_measured
 from emclutch.scene.case import Case, as_case
-from emclutch.scene.errors import Fault, SceneError
+from emclutch.scene.errors import Fault, SceneError, shown
 from emclutch.scene.replica_count import max_replica_count, replicas_side_by_side
 from emclutch.simulation.finished_run import finish_run
 from emclutch.simulation.kernel_compilation import interruptible
@@ -23,7 +23,7 @@ from emclutch.simulation.run_observers import make_callbacks, march
 from emclutch.simulation.run_progress import RunProgress
 from emclutch.simulation.run_request import RunRequest
 from emclutch.simulation.started_run import start_run
-from emclutch.simulation.threads import may_tune_threads, use_threads
+from emclutch.simulation.threads import check_threads, may_tune_threads, use_threads
 from emclutch.simulation.warm_start import starting_grains
 from emclutch.simulation.window_state import WindowState
 
@@ -59,7 +59,11 @@ def run(
     case = as_case(case)
     refuse_target(case)
     target = out or case.scene.output.folder or RunFolder.next_path(case.name)
-    case.need_grains()  # before the lock makes a folder, as the next line
+    case.need_grains()  # before the lock makes a folder, as the next lines
+    check_threads(threads)
+    if callback is not None and not callable(callback):
+        message = "is not a function; give one that takes an emclutch.WindowState"
+        raise SceneError([Fault("callback", shown(callback), message)], "arguments")
     grains = None if start is None or resume else starting_grains(case, start)
     stop, reporter = threading.Event(), RunProgress(progress)
     with open_folder(case, target, resume, reporter) as opened:

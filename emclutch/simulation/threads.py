@@ -5,22 +5,28 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from emclutch.scene.errors import Fault, SceneError, shown
 from geometry.kernels.threads import default_threads, requested_threads
 
 if TYPE_CHECKING:
     from coupling import Simulation, WindowRow
 
 
-def use_threads(threads: int | None, replicas: int = 1) -> int:
-    """Set the number of threads of the compiled kernels, and return it; None: all, shared out among the replicas.
-
-    ValueError outside 1 .. the machine's cores.
-    """
+def check_threads(threads: int | None) -> None:
+    """Raise SceneError for what is no number of threads from 1 to the machine's cores; None is left to the run."""
     import numba
 
     available: int = getattr(numba.config, "NUMBA_NUM_THREADS")  # noqa: B009 (numba's stubs hide it)
-    if threads is not None and not 1 <= threads <= available:
-        raise ValueError(f"threads = {threads}; allowed: 1 to {available}, the cores of this machine")
+    if threads is not None and (not isinstance(threads, int) or not 1 <= threads <= available):
+        message = f"is not a whole number from 1 to {available}, the cores of this machine"
+        raise SceneError([Fault("threads", shown(threads), message)], "arguments")
+
+
+def use_threads(threads: int | None, replicas: int = 1) -> int:
+    """Set the number of threads of the compiled kernels, and return it; None: all, shared out among the replicas."""
+    import numba
+
+    check_threads(threads)
     chosen = threads or threads_of_a_process(replicas)
     numba.set_num_threads(chosen)
     return chosen

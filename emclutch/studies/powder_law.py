@@ -56,7 +56,7 @@ from emclutch.scene.fill import fill_of
 from emclutch.scene.flat import flat
 from emclutch.scene.input_files import file_contents
 from emclutch.scene.units import Quantity
-from emclutch.scene.value_list import read_list
+from emclutch.scene.value_list import read_list, seconds_of
 from emclutch.simulation.forecast.expected_torque import ExpectedTorque, fill_between_poles
 from emclutch.simulation.forecast.powder_law import (
     BASE_INERTIA,
@@ -216,7 +216,7 @@ class PowderLawResult(Reported):
 def powder_law(
     case: Case | str | Path,
     *,
-    budget: float | None = None,
+    budget: float | str | None = None,
     walls: str = "steel",
     fields: Sequence[float] = (),
     fills: Sequence[float] = (),
@@ -235,7 +235,8 @@ def powder_law(
     ----------
     case : Case, or the path of a scene file
         Of a device, or of a box that is sheared.
-    budget : wall-clock time of this call [s], by default `BUDGET`; the first three cells are measured whatever it is.
+    budget : wall-clock time of this call [s], or a text "20 min", by default `BUDGET`; the first three cells are
+        measured whatever it is.
     walls : ``"steel"``, or ``"none"`` for cells without faces, which have a table of stresses and no law.
     fields, fills : field strengths [A/m] and solid fractions [-] of the cells, each with each; default: about those
         that the powder has in the scene.
@@ -257,6 +258,7 @@ def powder_law(
         Ctrl-C; the cells that are done stay.
     """
     case, at_a_time = as_case(case), checked_jobs(jobs)
+    budget = seconds_of(budget, "budget")
     scene = case.scene
     case.need_grains()
     if walls not in ("steel", "none"):

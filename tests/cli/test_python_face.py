@@ -163,6 +163,10 @@ def test_every_package_is_listed_and_marked_as_typed():
         (lambda case: emclutch.design(case, "coil.current", (0.1, 1), 0.1, tolerance="x"), "tolerance = 'x' is not"),
         (lambda case: emclutch.field_transient(case, tolerance="1"), "tolerance = '1' is out of range"),
         (lambda case: emclutch.map(case, current="1 A"), "give a range A:B, or set coil.current in the scene"),
+        (lambda case: emclutch.field(case, []), "currents = [] is empty"),
+        (lambda case: emclutch.run(case, threads="many"), "threads = 'many' is not a whole number from 1"),
+        (lambda case: emclutch.run(case, callback=5), "callback = 5 is not a function"),
+        (lambda case: emclutch.accuracy(case, budget="5 N"), "budget = '5 N' is a force"),
         (lambda case: emclutch.field(case, "0.4 A, 8 N"), "currents = '8 N' is a force"),
     ],
 )

@@ -27,6 +27,7 @@ from emclutch.results.text import format_duration
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.replica_count import replica_seed
+from emclutch.scene.value_list import seconds_of
 from emclutch.simulation.plan import make_plan
 from emclutch.studies.accuracy.budgeted_study import BUDGET, BudgetedStudy
 from emclutch.studies.accuracy.planned_values import base_of, compiling_run, refuse_unmeasurable, source_of, starts_of
@@ -97,7 +98,7 @@ def effect_contributions(
     case: Case | str | Path,
     *,
     out: str | Path | None = None,
-    budget: float | None = None,
+    budget: float | str | None = None,
     jobs: int | None = None,
     resume: bool = False,
     progress=None,
@@ -110,7 +111,8 @@ def effect_contributions(
     ----------
     case : Case, or the path of a scene file.
     out : folder; default: the next free studies/<case>-effects-<nnn>.
-    budget : wall-clock time [s]; default 20 min. Three replicas without each effect are run in any case.
+    budget : wall-clock time [s], or a text "40 min"; default 20 min. Three replicas without each effect are run in any
+        case.
     jobs, resume, progress : as of `emclutch.studies.accuracy.study.accuracy`.
 
     Raises
@@ -125,6 +127,7 @@ def effect_contributions(
         `jobs` is less than 1.
     """
     case, jobs = as_case(case), checked_jobs(jobs)
+    seconds = seconds_of(budget, "budget")
     refuse_unmeasurable(case)
     if not case.scene.effects.active:
         raise SceneError([Fault("effects", "", "has no table: there is nothing to leave out")], source_of(case))
@@ -132,8 +135,8 @@ def effect_contributions(
 
     with child_processes(jobs) as executor:
         running = _EffectsRun(case, folder, PLAN, executor, progress)
-        asked = BUDGET if budget is None else budget
-        with running.planned(lambda: _begun(case, asked, jobs), resume=resume, budget=budget):
+        asked = BUDGET if seconds is None else seconds
+        with running.planned(lambda: _begun(case, asked, jobs), resume=resume, budget=seconds):
             found = running.measure()
             write_effects(found, folder)
     return EffectsResult(folder, found)

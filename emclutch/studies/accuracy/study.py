@@ -41,6 +41,7 @@ from emclutch.results.text import format_cost, format_duration, format_percent, 
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.replica_count import cores_at_hand, replica_seed
+from emclutch.scene.value_list import seconds_of
 from emclutch.settings import FROZEN, HISTORIES, TORQUE, Setting, settings_of
 from emclutch.settings.powder import START_UP
 from emclutch.simulation.discretisation_error import device_of
@@ -128,7 +129,7 @@ def accuracy(
     case: Case | str | Path,
     *,
     out: str | Path | None = None,
-    budget: float | None = None,
+    budget: float | str | None = None,
     jobs: int | None = None,
     resume: bool = False,
     targets: Sequence[float] = TARGETS,
@@ -143,7 +144,8 @@ def accuracy(
     ----------
     case : Case, or the path of a scene file.
     out : folder; default: the next free studies/<case>-accuracy-<nnn>.
-    budget : wall-clock time [s]; default 20 min. Four replicas at the scene's own settings are run in any case.
+    budget : wall-clock time [s], or a text "40 min"; default 20 min. Four replicas at the scene's own settings are
+        run in any case.
     jobs : replicas at a time, each on one thread of a process of its own; default: the cores at hand. The result of a
         replica does not depend on it.
     resume : continue the study in `out`, with its own budget or a larger one: what is finished is kept.
@@ -163,6 +165,7 @@ def accuracy(
         `jobs` is less than 1.
     """
     case, jobs = as_case(case), checked_jobs(jobs)
+    seconds = seconds_of(budget, "budget")
     refuse_unmeasurable(case)
     folder = Path(out) if out is not None else RunFolder.next_path(f"{case.name}-accuracy", "studies")
     base, law = base_of(case), TorqueByLaw.of(case)
@@ -170,9 +173,9 @@ def accuracy(
         running = _StudyRun(case, folder, PLAN, executor, progress)
 
         def begin() -> dict[str, Any]:
-            return _begun(case, base, BUDGET if budget is None else budget, jobs, targets, executor, progress)
+            return _begun(case, base, BUDGET if seconds is None else seconds, jobs, targets, executor, progress)
 
-        with running.planned(begin, resume=resume, budget=budget):
+        with running.planned(begin, resume=resume, budget=seconds):
             running.log(law.in_words())
             study = running.measure(base)
             remarks = _saved(study, running)
