@@ -11,6 +11,8 @@ follow a comment with a name and unit for as many columns, this is the first lin
 
 The decimal mark is a point or a comma, the same in the whole table; the other mark divides thousands, as blanks and
 apostrophes do. "1,000" may be 1 or 1000: another number of the table decides, or it is refused.
+
+A column named as an error (`is_error`) belongs to the one before it. A column of entries "7.30 ± 0.15" is read as two.
 """
 
 from __future__ import annotations
@@ -63,6 +65,8 @@ _SUFFIXES = {unit.casefold() for units in UNITS for unit in units} - {"1", "-"}
 _COMMENTS = "#%"
 _LISTED = 6  # of the units that are known, in an error
 _MARKS = str.maketrans({"µ": "u", "μ": "u", "²": "2", "³": "3", "⁻": "-", "¹": "1", **dict.fromkeys("_·*^()")})
+_ERROR = re.compile(r"error|\berr\b|fehler|uncertaint|unsicherheit|sigma|σ|\bstd|\bs\.?d\b|deviation|abweichung|±|\+/?-", re.I)
+_PLUS_MINUS = re.compile(r"(.*\d\.?)\s*(?:±|\+/?-)\s*(.+)")
 _BLANKS = re.compile(r"\s+(?![\[(])(?![^\[(]*[\])])")  # not before a unit in brackets, nor within one
 
 
@@ -121,6 +125,7 @@ def read_table(
     unit_of: Callable[[int, str, str], str | None],
     *,
     gaps: bool = False,
+    key: int = 0,
     example: str = "'x [mm], y [mm]'",
 ) -> TableFile:
     """Read the columns that `unit_of` names.
@@ -129,10 +134,10 @@ def read_table(
     ----------
     unit_of : function
         Of a column's place, name and unit: the unit to return it in, "1" for a pure number, "" for one whose unit may
-        be missing, None for a column that is not used. A column whose name begins with "error" and that has no unit has
-        the unit of the column before it.
+        be missing, None for a column that is not used. A column of errors that has no unit has the unit of the column
+        before it, where they are of one quantity.
     gaps : bool
-        Whether cells may be empty, but for those of the first column.
+        Whether cells may be empty, but for those of the column at the place `key`.
     example : str
         A first line, for the error of a file that has none.
 
@@ -157,13 +162,12 @@ def read_table(
         if goal is None:
             unused.append((name, unit))
             continue
-        if not unit and units and name.lower().startswith("error"):
+        if not unit and units and is_error(name) and is_unit_of(units[-1], goal):
             unit = units[-1]
         if goal and not unit:
             raise FileFault(path, f"line {line}: the column '{name}' has no unit; write {name} [{goal}]")
         if not is_unit_of(unit, goal):
-            known = list(_factors(goal))
-            meant = [one for one in known if one.casefold() == _plain(unit).casefold()]
+            known, meant = list(_factors(goal)), units_meant(unit, goal)
             hint = f"did you mean {' or '.join(meant)}? " if meant else ""
             raise FileFault(
                 path,
@@ -176,7 +180,7 @@ def read_table(
         names.append(name)
         units.append(unit)
     for name, count in Counter(names).items():
-        if count > 1 and not name.lower().startswith("error"):
+        if count > 1 and not is_error(name):
             raise FileFault(path, f"line {line} names {name!r} twice; keep one column, or give each a name of its own")
     for number, row in body:
         while len(row) > len(head) and not row[-1]:
@@ -195,12 +199,22 @@ def read_table(
     values = np.full((len(body), len(places)), np.nan)
     for k, (number, row) in enumerate(body):
         for j, place in enumerate(places):
-            if row[place] or not gaps or place == 0:
+            if row[place] or not gaps or place == key:
                 value = _number(row[place], mark)
                 if value is None:
                     raise FileFault(path, f"line {number}: {names[j]} = {row[place]!r} is not a number")
                 values[k, j] = factors[j] * value
     return TableFile(path, names, units, values, [number for number, _ in body], unused)
+
+
+def headings(path: str | Path, example: str) -> list[tuple[str, str]]:
+    """Return name and unit of each column; raises as `read_table`."""
+    return [split_heading(text) for text in _rows(Path(path), example)[0][1]]
+
+
+def is_error(name: str) -> bool:
+    """Whether a column is named as errors: error, uncertainty, sigma, std, standard deviation, ±, Fehler, Unsicherheit."""
+    return _ERROR.search(name.replace("_", " ")) is not None
 
 
 def split_heading(text: str) -> tuple[str, str]:
@@ -217,6 +231,11 @@ def split_heading(text: str) -> tuple[str, str]:
 def is_unit_of(unit: str, goal: str) -> bool:
     """Whether a unit is one of the quantity of another unit."""
     return _plain(unit) in _factors(goal)
+
+
+def units_meant(unit: str, goal: str) -> list[str]:
+    """Return the units of the quantity of another one that differ from a text in capitals alone."""
+    return [one for one in _factors(goal) if one.casefold() == _plain(unit).casefold()]
 
 
 def _factors(goal: str) -> dict[str, float]:
@@ -269,7 +288,20 @@ def _rows(path: Path, example: str) -> list[tuple[int, list[str]]]:
         raise FileFault(
             path, f"has no table; a line of names with units, such as {example}, and one of numbers are needed"
         )
+    _part_errors(rows)
     return rows
+
+
+def _part_errors(rows: list[tuple[int, list[str]]]) -> None:
+    """Make two columns of one with entries "7.3 ± 0.15", the second named as its errors."""
+    (_, head), *body = rows
+    for place in reversed(range(len(head))):
+        parts = [_PLUS_MINUS.fullmatch(row[place]) if place < len(row) else None for _, row in body]
+        if any(parts):
+            name, unit = split_heading(head[place])
+            head[place : place + 1] = [f"{re.split('±|[+]/?-', name)[0].strip()} [{unit}]", "error"]
+            for (_, row), part in zip(body, parts, strict=True):
+                row[place : place + 1] = part.groups() if part else [*row[place : place + 1], ""]
 
 
 def _row_of_units(cells: list[str]) -> list[str]:
@@ -303,6 +335,8 @@ def _decimal_mark(path: Path, rows: list[tuple[int, list[str]]]) -> str:
         return "."
     marked: dict[str, tuple[int, str]] = {}
     for line, cell in ((line, cell) for line, row in rows for cell in row):
+        if _number(cell, ",") is None and _number(cell, ".") is None:
+            continue  # no number at all, which is said where it is read
         marks = [mark for mark in cell if mark in ",."]
         if marks and not re.fullmatch(r"[+-]?[1-9]\d{0,2}[.,]\d{3}", cell):
             thousands = len(marks) > 1 and len(set(marks)) == 1
