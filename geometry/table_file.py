@@ -33,9 +33,9 @@ MAX_FILE = 50_000_000
 """Bytes: half a million grains; a larger table is refused before it is read, of which each byte needs twenty."""
 
 _FORCES = {"N": 1.0, "mN": 1e-3, "kN": 1e3, **dict.fromkeys(("kg", "kgf", "kp"), 9.80665),
-           **dict.fromkeys(("lb", "lbs", "lbf"), 4.4482216152605),
-           **dict.fromkeys(("oz", "ozf"), 4.4482216152605 / 16.0)}  # fmt: skip
-_ARMS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "ft": 0.3048}
+           **dict.fromkeys(("lb", "lbs", "lbf", "pound", "pounds"), 4.4482216152605),
+           **dict.fromkeys(("oz", "ozf", "ounce", "ounces"), 4.4482216152605 / 16.0)}  # fmt: skip
+_ARMS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "inch": 0.0254, "ft": 0.3048, "foot": 0.3048}
 _FLUX_DENSITIES = {"T": 1.0, "mT": 1e-3, "G": 1e-4, "kG": 0.1, "Vs/m2": 1.0, "Wb/m2": 1.0, "tesla": 1.0, "Tesla": 1.0,
                    "gauss": 1e-4, "Gauss": 1e-4, "kGauss": 0.1, "kilogauss": 0.1}  # fmt: skip
 _OERSTED = 1e3 / (4.0 * math.pi)
@@ -58,7 +58,7 @@ UNITS: tuple[dict[str, float], ...] = (
     {"Pa": 1.0, "hPa": 1e2, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9, "bar": 1e5},
     dict.fromkeys(("Nm", "mNm", "kNm", "Ncm", "Nmm", "lbin", "lbft", "ozin", "kgcm"), 1.0)  # an error lists these first
     | {force + arm: f * a for force, f in _FORCES.items() for arm, a in _ARMS.items()}
-    | {arm + force: f * _ARMS[arm] for force, f in _FORCES.items() for arm in ("in", "ft")},
+    | {arm + force: f * _ARMS[arm] for force, f in _FORCES.items() for arm in ("in", "inch", "ft", "foot")},
 )  # fmt: skip
 """Units of one quantity each, with their factor; written as `_plain` makes them."""
 _SUFFIXES = {unit.casefold() for units in UNITS for unit in units} - {"1", "-"}
@@ -167,7 +167,7 @@ def read_table(
         if goal and not unit:
             raise FileFault(path, f"line {line}: the column '{name}' has no unit; write {name} [{goal}]")
         if not is_unit_of(unit, goal):
-            known, meant = list(_factors(goal)), units_meant(unit, goal)
+            known, meant = list(_factors(goal)), units_meant(unit, goal) or units_meant(unit.replace("/", ""), goal)
             hint = f"did you mean {' or '.join(meant)}? " if meant else ""
             raise FileFault(
                 path,
@@ -231,6 +231,12 @@ def split_heading(text: str) -> tuple[str, str]:
 def is_unit_of(unit: str, goal: str) -> bool:
     """Whether a unit is one of the quantity of another unit."""
     return _plain(unit) in _factors(goal)
+
+
+def factor_of(unit: str, goal: str) -> float | None:
+    """Return a unit over another one of its quantity; None where it is unknown or of another quantity."""
+    factors = _factors(goal)
+    return factors[_plain(unit)] / factors[_plain(goal)] if _plain(unit) in factors else None
 
 
 def units_meant(unit: str, goal: str) -> list[str]:
