@@ -296,7 +296,7 @@ def _ratio_in_words(rows: Sequence[Mapping[str, Any]], of: str, x: Axis) -> Stat
     low, high = (f"{end(ratios):#.3g}".rstrip(".") for end in (min, max))
     spread = f"{low} to {high}, farthest from 1 at " if len(rows) > 1 else f"{low} at "
     count = f"{outside} of {len(rows)} points {'lies' if outside == 1 else 'lie'} outside of the 95 % interval"
-    guess = f" ({guesses} of a guess)" if guesses else ""
+    guess = f"; the expected torque of {guesses} is a guess" if guesses else ""
     mark = Mark.WARNING if outside else Mark.GOOD
     return Statement(mark, f"Measured over expected{of}: {spread}{x.shown(worst[x.key])}; {count}{guess}.")
 
