@@ -65,7 +65,9 @@ _SUFFIXES = {unit.casefold() for units in UNITS for unit in units} - {"1", "-"}
 _COMMENTS = "#%"
 _LISTED = 6  # of the units that are known, in an error
 _MARKS = str.maketrans({"µ": "u", "μ": "u", "²": "2", "³": "3", "⁻": "-", "¹": "1", **dict.fromkeys("_·*^()")})
-_ERROR = re.compile(r"error|\berr\b|fehler|uncertaint|unsicherheit|sigma|σ|\bstd|\bs\.?d\b|deviation|abweichung|±|\+/?-", re.I)
+_ERROR = re.compile(
+    r"error|\berr\b|fehler|uncertaint|unsicherheit|sigma|σ|\bstd|\bs\.?d\b|deviation|abweichung|±|\+/?-", re.I
+)
 _PLUS_MINUS = re.compile(r"(.*\d\.?)\s*(?:±|\+/?-)\s*(.+)")
 _BLANKS = re.compile(r"\s+(?![\[(])(?![^\[(]*[\])])")  # not before a unit in brackets, nor within one
 
@@ -213,7 +215,7 @@ def headings(path: str | Path, example: str) -> list[tuple[str, str]]:
 
 
 def is_error(name: str) -> bool:
-    """Whether a column is named as errors: error, uncertainty, sigma, std, standard deviation, ±, Fehler, Unsicherheit."""
+    """Whether a column is named as errors: error, uncertainty, sigma, std, deviation, ±, Fehler, Unsicherheit."""
     return _ERROR.search(name.replace("_", " ")) is not None
 
 

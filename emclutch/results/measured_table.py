@@ -9,7 +9,16 @@ import numpy as np
 
 from emclutch.results.atomic_file import replace_bytes
 from emclutch.results.errors import OutputError
-from geometry.table_file import FileFault, TableFile, headings, is_error, is_unit_of, read_table, split_heading, units_meant
+from geometry.table_file import (
+    FileFault,
+    TableFile,
+    headings,
+    is_error,
+    is_unit_of,
+    read_table,
+    split_heading,
+    units_meant,
+)
 
 MEASURED = "measured.csv"
 TORQUE_CURVE = "current [A]", "torque [N m]"
@@ -54,10 +63,11 @@ def read_measured(path: str | Path, along: str, values: str) -> dict[str, np.nda
 def _read(path: str | Path, along: str, values: str) -> tuple[dict[str, np.ndarray], TableFile]:
     """Return the curves, and the table that they are read from."""
     goals = split_heading(along)[1], split_heading(values)[1]
+    example = f"'{along}; {values}'"
     try:
-        heads = headings(path, f"'{along}; {values}'")
+        heads = headings(path, example)
         first, errors, used = _columns(path, heads, goals)
-        table = read_table(path, lambda place, *_: used.get(place), gaps=True, key=first, example=f"'{along}; {values}'")
+        table = read_table(path, lambda place, *_: used.get(place), gaps=True, key=first, example=example)
     except FileFault as fault:
         raise OutputError(f"{path}: {fault.reason} (wanted: {along}; {values} in each further column)") from None
     if len(used) < 2:
@@ -94,7 +104,7 @@ def _columns(
     places = [place for place, (name, _) in enumerate(heads) if name]
     named = [place for place in places if _ALONG.search(heads[place][0].replace("_", " "))]
     found = [place for place in places if along and holds(place, along) and not is_error(heads[place][0])]
-    first = next((place for place in [*(k for k in found if k in named), *found, *(named if along else []), *places]), 0)
+    first = next(iter([*(k for k in found if k in named), *found, *(named if along else []), *places]), 0)
     used, errors, last = {first: along}, {}, -1
     for place, (name, unit) in enumerate(heads):
         if place == first or not (holds(place, goal) or (is_error(name) and (not unit or is_unit_of(unit, "1")))):
@@ -104,11 +114,12 @@ def _columns(
             continue
         shown = f"{path}: '{name}'"
         if _EXPANDED.search(name.replace("_", " ")):
-            raise OutputError(f"{shown} is no standard error (one sigma); divide its values by 1.96, or by its factor k, "
-                              f"and name the column 'error{f' [{goal}]' * bool(goal)}'")  # fmt: skip
+            name = f"error [{goal}]" if goal else "error"
+            remedy = f"divide its values by 1.96, or by its factor k, and name the column '{name}'"
+            raise OutputError(f"{shown} is no standard error (one sigma); {remedy}")
         if last < 0 or last in errors:
-            reason = "a second column of errors" if last in errors else "a column of errors that follows no measured one"
-            raise OutputError(f"{shown} is {reason}; write each measured column before its errors")
+            reason = "is a second column of errors" if last in errors else "has errors but follows no measured column"
+            raise OutputError(f"{shown} {reason}; write each measured column before its errors")
         of_value = is_unit_of(unit, "1") if goal else unit == "%" != heads[last][1]
         errors[last] = place, bool(unit and of_value) or (not unit and name.lower().startswith("rel"))
         used[place] = "1" if errors[last][1] else goal

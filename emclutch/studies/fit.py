@@ -96,9 +96,9 @@ class FitResult(Reported):
         report = Report(f"Fit: {self.case.scene.scene.title}", data=as_data(self), folder=self.folder)
         report.add("Result", Statements([*_statements(self)]), Shown.TERMINAL)
         report.add("Picture", Picture("measured and fitted torque", self.folder / "fit.png"), Shown.PAGE)
+        parameters = "nearest parameters, which do not fit" if self.fit.is_poor else "best parameters"
         files = [
-            ("fitted.toml", f"the scene with the {'nearest parameters, which do not fit' if self.fit.is_poor else 'best parameters'}"),
-            ("fit.csv", "measured and fitted torques"),
+            ("fitted.toml", f"the scene with the {parameters}"), ("fit.csv", "measured and fitted torques"),
             ("valley.csv", "parameters that fit together"), ("fit.json", "all numbers in SI"),
         ]  # fmt: skip
         return report.add("Files", Links(files), Shown.PAGE)
@@ -201,7 +201,9 @@ def fit(
     largest = float(measured.drive.max())
     expected = expectation_of(_driven(fitted, over, largest))
     clearance = _clearance_share(_driven(fitted, over, largest)) if found.is_poor else None
-    result = FitResult(folder, over, drive.unit, Path(to), measured, left_out, found, angles, fitted, expected, clearance)
+    result = FitResult(
+        folder, over, drive.unit, Path(to), measured, left_out, found, angles, fitted, expected, clearance
+    )
     _write(result)
     return result
 
@@ -328,7 +330,7 @@ def _draw(result: FitResult) -> None:
                      label="a guess")  # fmt: skip
     axes[0].set(xlabel=f"{result.key} [{result.unit}]" if result.unit else result.key, ylabel="torque [N m]")
     make_logarithmic(axes[0])
-    legend_below(axes[0], 2)
+    legend_below(axes[0])
     if several:
         a, b = fitted.parameters[:2]
         excess = fitted.excess.reshape(*fitted.excess.shape[:2], -1).min(axis=2)
@@ -337,7 +339,7 @@ def _draw(result: FitResult) -> None:
         axes[1].plot(*fitted.valley[:, :2].T, color="C0", label=f"best for each {a.name.rpartition('.')[2]}")
         axes[1].plot(a.value, b.value, "o", color="C3", label="best")
         axes[1].set(xlabel=a.name, ylabel=b.name)
-        legend_below(axes[1], 3)
+        legend_below(axes[1])
     save_picture(figure, result.folder / "fit.png")
 
 
@@ -352,7 +354,8 @@ def as_data(result: FitResult) -> dict[str, Any]:
             "probability": fitted.probability, "scatter": fitted.scatter, "is_poor": fitted.is_poor,
             "is_guess": fitted.is_guess, "guess_points": int(fitted.guess_at.sum()),
             "measured_points": len(result.measured.drive), "left_out": result.left_out,
-            "clearance_share": result.clearance, "fall": measured_fall(result), "own_error": fitted.own_error, "common_error": result.measured.common_error,
+            "clearance_share": result.clearance, "fall": measured_fall(result),
+            "own_error": fitted.own_error, "common_error": result.measured.common_error,
             "drive": result.key, "folder": str(result.folder),
         } | result.expected.as_dict()
     )  # fmt: skip

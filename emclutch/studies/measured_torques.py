@@ -70,14 +70,13 @@ def compared_rows(
     measured : name -> (n, 2) current [A] and torque [N m], or (n, 3) with standard errors.
     currents, torques : of the map, as `interpolated_torques` takes them.
     """
-    rows = []
+    rows, unknown = [], dict.fromkeys(("torque", "low", "high", "ratio", "is_inside", "is_guess"))
     for name, points in measured.items():
         expected = interpolated_torques(currents, torques, points[:, 0].tolist())
         for (current, torque, *error), T in zip(points.tolist(), expected, strict=True):
             known = {} if T is None else {"torque": T.mean, "low": T.low, "high": T.high, "ratio": torque / T.mean,
                                           "is_inside": T.low <= torque <= T.high, "is_guess": T.is_guess}  # fmt: skip
-            has_error = bool(error) and np.isfinite(error[0])
-            rows.append({"curve": name, "current": current, "torque_measured": torque,
-                         "standard_error": error[0] if has_error else None,
-                         **dict.fromkeys(("torque", "low", "high", "ratio", "is_inside", "is_guess")), **known})  # fmt: skip
+            sigma = error[0] if error and np.isfinite(error[0]) else None
+            own = {"curve": name, "current": current, "torque_measured": torque, "standard_error": sigma}
+            rows.append(own | unknown | known)
     return rows

@@ -126,7 +126,7 @@ class MapResult(Reported):
 
     @cached_property
     def measured(self) -> list[dict[str, Any]]:
-        """Rows of measured_over_expected.csv: each measured torque of the folder's ``measured.csv`` and the expected one.
+        """Rows of measured_over_expected.csv: each torque of the folder's ``measured.csv`` and the expected one.
 
         A row has the column of the table, the current [A], the value of the second axis [SI], torque and standard error
         [N m], the expected torque with its 95 % interval, the ratio of both, whether the torque lies in the interval,
@@ -206,7 +206,8 @@ class MapResult(Reported):
             report.add("Measured over expected", self._measured_table(), Shown.PAGE)
         report.add("Points", Table(cells, head, range(len(head) - 1)), Shown.PAGE)
         files = [("map.csv", "all points in SI, with the reason of every guess"), ("map.json", "the same as JSON")]
-        files += [(COMPARED, "measured torques beside the expected ones"), (MEASURED, "the table as it was given")] if self.measured else []
+        if self.measured:
+            files += [(COMPARED, "measured and expected torques"), (MEASURED, "the measured table as it was given")]
         return report.add("Files", Links(files), Shown.PAGE)
 
     def _measured_table(self) -> Table:
@@ -292,7 +293,7 @@ def _misfit(row: Mapping[str, Any]) -> float:
 
 def _ratio_in_words(rows: Sequence[Mapping[str, Any]], of: str, x: Axis) -> Statement:
     ratios, worst = [row["ratio"] for row in rows], max(rows, key=_misfit)
-    outside, guesses = (sum(bool(row[key]) == wanted for row in rows) for key, wanted in (("is_inside", False), ("is_guess", True)))
+    outside, guesses = sum(not row["is_inside"] for row in rows), sum(row["is_guess"] for row in rows)
     low, high = (f"{end(ratios):#.3g}".rstrip(".") for end in (min, max))
     spread = f"{low} to {high}, farthest from 1 at " if len(rows) > 1 else f"{low} at "
     count = f"{outside} of {len(rows)} points {'lies' if outside == 1 else 'lie'} outside of the 95 % interval"

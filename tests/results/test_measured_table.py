@@ -16,8 +16,8 @@ def read(folder, text, over=TORQUE_CURVE, encoding="utf-8"):
 
 @pytest.mark.parametrize(
     "name",
-    ["error", "Unsicherheit", "uncertainty", "sigma", "σ", "std", "std. dev.", "standard deviation", "±", "+/-", "Fehler", "torque error",
-     "torque_err", "Standardabweichung", "M_sd"],
+    ["error", "Unsicherheit", "uncertainty", "sigma", "σ", "std", "std. dev.", "standard deviation", "±", "+/-",
+     "Fehler", "torque error", "torque_err", "Standardabweichung", "M_sd"],
 )  # fmt: skip
 @pytest.mark.parametrize("unit", [" [N m]", " (mN m)", ""])
 def test_the_usual_names_of_errors_are_no_curve(tmp_path, name, unit):

@@ -21,7 +21,8 @@ RIGHT = [
     (units.Magnetisation, "1.3 MA/m", 1.3e6), (units.Torque, "12 N m", 12.0), (units.Torque, "12 N·m", 12.0),
     (units.Torque, "2 mN m", 2e-3), (units.Torque, "1 lbf*in", POUND_INCH),
     (units.Torque, "10 in-lbs", 10.0 * POUND_INCH), (units.Torque, "1 lb ft", 12.0 * POUND_INCH),
-    (units.Torque, "16 oz in", POUND_INCH), (units.Torque, "1 kgf m", 9.80665), (units.Torque, "1 N·cm", 0.01), (units.Torque, "2 J", 2.0),
+    (units.Torque, "16 oz in", POUND_INCH), (units.Torque, "1 kgf m", 9.80665), (units.Torque, "1 N·cm", 0.01),
+    (units.Torque, "2 J", 2.0),
     (units.Time, "20 ms", 0.02), (units.Density, "7.7 g/cm3", 7700.0), (units.Inertia, "2 kg m^2", 2.0),
     (units.Speed, "3 rad s-1", 3.0), (units.FieldStrength, "2 kA*m^-1", 2e3),
     (units.Density, "1 kg/(m m²)", 1.0),
@@ -70,8 +71,9 @@ def test_what_is_nothing_but_round_off_is_nothing(given):
 
 @pytest.mark.parametrize(
     "unit",
-    ["lbf in", "in-lbs", "lb in", "in lb", "inch-pounds", "lbf ft", "ft-lb", "foot pounds", "oz in", "in-oz", "kgf m", "kg cm", "kp·m",
-     "N·cm", "N cm", "N-m", "N.m", "Nmm", "kN m", *next(one for one in table_file.UNITS if "Nm" in one)],
+    ["lbf in", "in-lbs", "lb in", "in lb", "inch-pounds", "lbf ft", "ft-lb", "foot pounds", "oz in", "in-oz", "kgf m",
+     "kg cm", "kp·m", "N·cm", "N cm", "N-m", "N.m", "Nmm", "kN m",
+     *next(one for one in table_file.UNITS if "Nm" in one)],
 )  # fmt: skip
 def test_units_of_torque_are_those_of_tables(unit):
     factor = table_file.factor_of(unit, "Nm")

@@ -166,19 +166,21 @@ def test_measured_torques_stand_beside_the_expected_ones(tmp_path):
     assert [row["is_inside"] for row in near] == [True, False]
     assert near[0]["standard_error"] == pytest.approx(0.02 * near[0]["torque_measured"])
     first, second, third, fourth = [line.text for line in found.report().statements()][:4]
-    assert first == (f"Measured over expected: {near[0]['ratio']:.2f} to {near[1]['ratio']:.2f}, farthest from 1 at 0.8 A; "
-                     "1 of 2 points lies outside of the 95 % interval.")  # fmt: skip
+    ends = f"{near[0]['ratio']:.2f} to {near[1]['ratio']:.2f}, farthest from 1 at 0.8 A"
+    assert first == f"Measured over expected: {ends}; 1 of 2 points lies outside of the 95 % interval."
     assert second.endswith("at 0 A or beyond the points of the map: 0 A, 1.2 A.") and "common to all points" in third
     assert "emclutch fit " in fourth and f"--to {found.folder / 'measured.csv'}" in fourth
     assert json.loads((found.folder / "map.json").read_text())["measured"] == found.measured
-    assert list(pandas.read_csv(found.folder / "measured_over_expected.csv").ratio[1:3]) == [row["ratio"] for row in near]
+    table = pandas.read_csv(found.folder / "measured_over_expected.csv")
+    assert list(table.ratio[1:3]) == [row["ratio"] for row in near]
     assert "in the 95 % interval" in (found.folder / "index.html").read_text()
 
 
 def test_expected_torques_between_the_points_of_a_map():
-    """A power of the current is met exactly, with the wider interval beside a guess, and nothing beside a gap or 0 A."""
+    """A power of the current is met exactly, with the wider interval beside a guess, and nothing at a gap or 0 A."""
     currents, factor = [-2.0, -1.0, 0.0, 0.5, 1.0, 2.0, 3.0, 4.0], [1.2, 1.1, 1.0, 2.0, 1.1, 1.2, 1.2, 1.2]
-    torques = [Interval(abs(I) ** 1.7, abs(I) ** 1.7 / f, abs(I) ** 1.7 * f, f == 2.0) for I, f in zip(currents, factor, strict=True)]
+    means = [abs(I) ** 1.7 for I in currents]
+    torques = [Interval(T, T / f, T * f, f == 2.0) for T, f in zip(means, factor, strict=True)]
     torques[6] = None
     at = [-1.5, -0.5, 0.0, 0.3, 0.7, 1.0 + 1e-12, 2.0**0.5, 3.0, 3.5, 4.0, 5.0]
     found = interpolated_torques(currents, torques, at)
@@ -186,21 +188,24 @@ def test_expected_torques_between_the_points_of_a_map():
     for current, one in zip(at, found, strict=True):
         assert one is None or one.mean == pytest.approx(abs(current) ** 1.7, rel=1e-9)
     ratios = [one and (one.high / one.mean, one.mean / one.low, one.is_guess) for one in found]
-    assert ratios[4] == (pytest.approx(2.0), pytest.approx(2.0), True) and ratios[5] == (pytest.approx(1.1), pytest.approx(1.1), False)
+    assert ratios[4] == (pytest.approx(2.0), pytest.approx(2.0), True)
+    assert ratios[5] == (pytest.approx(1.1), pytest.approx(1.1), False)
     assert ratios[6][0] == pytest.approx(np.sqrt(1.1 * 1.2))
     assert interpolated_torques([1.0, 2.0], [None, torques[0]], [1.0]) == [None]
 
 
 def test_of_a_second_axis_the_nearest_value_is_named(tmp_path):
     case, table = quickstart(), tmp_path / "bench.csv"
-    wide = expectation_of(case.with_values({"coil.current": 0.5, "particles.solid_fraction": 0.35, "particles.mass": None}))
+    values = {"coil.current": 0.5, "particles.solid_fraction": 0.35, "particles.mass": None}
+    wide = expectation_of(case.with_values(values))
     table.write_text(f"I [A],cold [N m],warm [N m]\n0.5,{1.01 * wide.torque},\n1,,0\n")
     found = emclutch.map(case, measured=table, current="0.5 A, 1 A", fill="0.3, 0.35", out=tmp_path / "map")
     assert [(row["curve"], row["particles.solid_fraction"]) for row in found.measured] == [
         (name, fill) for fill in (0.3, 0.35) for name in ("cold", "warm")]  # fmt: skip
     first, second, *_ = [line.text for line in found.report().statements()]
-    assert first.startswith("Measured over expected (cold), nearest at solid fraction 0.35: 1.01 at 0.5 A; 0 of 1 points")
-    assert second.startswith("Measured over expected (warm), nearest at solid fraction 0.3: 0.00 at 1 A; 1 of 1 points")
+    said = "Measured over expected ({}), nearest at solid fraction {} A; {} of 1 points "
+    assert first.startswith(said.format("cold", "0.35: 1.01 at 0.5", 0))
+    assert second.startswith(said.format("warm", "0.3: 0.00 at 1", 1))
 
 
 def test_a_warm_device_is_that_at_20_degrees_with_all_fields_scaled(tmp_path):
