@@ -375,9 +375,9 @@ def map_over(
     if measured is not None:
         keep_measured(measured, folder)
     result.picture(folder / "map.png")
-    for name, rows in (("map.csv", result.rows), (COMPARED, result.measured)):
-        if rows:
-            _write_rows(folder / name, rows)
+    _write_rows(folder / "map.csv", result.rows)
+    if result.measured:
+        _write_rows(folder / COMPARED, result.measured)
     report = result.report()
     replace_json(folder / "map.json", report.data)
     write_index(report)
