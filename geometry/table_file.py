@@ -11,6 +11,8 @@ follow a comment with a name and unit for as many columns, this is the first lin
 
 The decimal mark is a point or a comma, the same in the whole table; the other mark divides thousands, as blanks and
 apostrophes do. "1,000" may be 1 or 1000: another number of the table decides, or it is refused.
+
+A column named as an error (`is_error`) belongs to the one before it. A column of entries "7.30 ± 0.15" is read as two.
 """
 
 from __future__ import annotations
@@ -31,9 +33,9 @@ MAX_FILE = 50_000_000
 """Bytes: half a million grains; a larger table is refused before it is read, of which each byte needs twenty."""
 
 _FORCES = {"N": 1.0, "mN": 1e-3, "kN": 1e3, **dict.fromkeys(("kg", "kgf", "kp"), 9.80665),
-           **dict.fromkeys(("lb", "lbs", "lbf"), 4.4482216152605),
-           **dict.fromkeys(("oz", "ozf"), 4.4482216152605 / 16.0)}  # fmt: skip
-_ARMS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "ft": 0.3048}
+           **dict.fromkeys(("lb", "lbs", "lbf", "pound", "pounds"), 4.4482216152605),
+           **dict.fromkeys(("oz", "ozf", "ounce", "ounces"), 4.4482216152605 / 16.0)}  # fmt: skip
+_ARMS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "inch": 0.0254, "ft": 0.3048, "foot": 0.3048}
 _FLUX_DENSITIES = {"T": 1.0, "mT": 1e-3, "G": 1e-4, "kG": 0.1, "Vs/m2": 1.0, "Wb/m2": 1.0, "tesla": 1.0, "Tesla": 1.0,
                    "gauss": 1e-4, "Gauss": 1e-4, "kGauss": 0.1, "kilogauss": 0.1}  # fmt: skip
 _OERSTED = 1e3 / (4.0 * math.pi)
@@ -56,13 +58,17 @@ UNITS: tuple[dict[str, float], ...] = (
     {"Pa": 1.0, "hPa": 1e2, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9, "bar": 1e5},
     dict.fromkeys(("Nm", "mNm", "kNm", "Ncm", "Nmm", "lbin", "lbft", "ozin", "kgcm"), 1.0)  # an error lists these first
     | {force + arm: f * a for force, f in _FORCES.items() for arm, a in _ARMS.items()}
-    | {arm + force: f * _ARMS[arm] for force, f in _FORCES.items() for arm in ("in", "ft")},
+    | {arm + force: f * _ARMS[arm] for force, f in _FORCES.items() for arm in ("in", "inch", "ft", "foot")},
 )  # fmt: skip
 """Units of one quantity each, with their factor; written as `_plain` makes them."""
 _SUFFIXES = {unit.casefold() for units in UNITS for unit in units} - {"1", "-"}
 _COMMENTS = "#%"
 _LISTED = 6  # of the units that are known, in an error
 _MARKS = str.maketrans({"µ": "u", "μ": "u", "²": "2", "³": "3", "⁻": "-", "¹": "1", **dict.fromkeys("_·*^()")})
+_ERROR = re.compile(
+    r"error|\berr\b|fehler|uncertaint|unsicherheit|sigma|σ|\bstd|\bs\.?d\b|deviation|abweichung|±|\+/?-", re.I
+)
+_PLUS_MINUS = re.compile(r"(.*\d\.?)\s*(?:±|\+/?-)\s*(.+)")
 _BLANKS = re.compile(r"\s+(?![\[(])(?![^\[(]*[\])])")  # not before a unit in brackets, nor within one
 
 
@@ -121,6 +127,7 @@ def read_table(
     unit_of: Callable[[int, str, str], str | None],
     *,
     gaps: bool = False,
+    key: int = 0,
     example: str = "'x [mm], y [mm]'",
 ) -> TableFile:
     """Read the columns that `unit_of` names.
@@ -129,10 +136,10 @@ def read_table(
     ----------
     unit_of : function
         Of a column's place, name and unit: the unit to return it in, "1" for a pure number, "" for one whose unit may
-        be missing, None for a column that is not used. A column whose name begins with "error" and that has no unit has
-        the unit of the column before it.
+        be missing, None for a column that is not used. A column of errors that has no unit has the unit of the column
+        before it, where they are of one quantity.
     gaps : bool
-        Whether cells may be empty, but for those of the first column.
+        Whether cells may be empty, but for those of the column at the place `key`.
     example : str
         A first line, for the error of a file that has none.
 
@@ -157,13 +164,12 @@ def read_table(
         if goal is None:
             unused.append((name, unit))
             continue
-        if not unit and units and name.lower().startswith("error"):
+        if not unit and units and is_error(name) and is_unit_of(units[-1], goal):
             unit = units[-1]
         if goal and not unit:
             raise FileFault(path, f"line {line}: the column '{name}' has no unit; write {name} [{goal}]")
         if not is_unit_of(unit, goal):
-            known = list(_factors(goal))
-            meant = _like(unit, goal)
+            known, meant = list(_factors(goal)), units_meant(unit, goal) or units_meant(unit.replace("/", ""), goal)
             hint = f"did you mean {' or '.join(meant)}? " if meant else ""
             raise FileFault(
                 path,
@@ -176,7 +182,7 @@ def read_table(
         names.append(name)
         units.append(unit)
     for name, count in Counter(names).items():
-        if count > 1 and not name.lower().startswith("error"):
+        if count > 1 and not is_error(name):
             raise FileFault(path, f"line {line} names {name!r} twice; keep one column, or give each a name of its own")
     for number, row in body:
         while len(row) > len(head) and not row[-1]:
@@ -195,12 +201,22 @@ def read_table(
     values = np.full((len(body), len(places)), np.nan)
     for k, (number, row) in enumerate(body):
         for j, place in enumerate(places):
-            if row[place] or not gaps or place == 0:
+            if row[place] or not gaps or place == key:
                 value = _number(row[place], mark)
                 if value is None:
                     raise FileFault(path, f"line {number}: {names[j]} = {row[place]!r} is not a number")
                 values[k, j] = factors[j] * value
     return TableFile(path, names, units, values, [number for number, _ in body], unused)
+
+
+def headings(path: str | Path, example: str) -> list[tuple[str, str]]:
+    """Return name and unit of each column; raises as `read_table`."""
+    return [split_heading(text) for text in _rows(Path(path), example)[0][1]]
+
+
+def is_error(name: str) -> bool:
+    """Whether a column is named as errors: error, uncertainty, sigma, std, deviation, ±, Fehler, Unsicherheit."""
+    return _ERROR.search(name.replace("_", " ")) is not None
 
 
 def split_heading(text: str) -> tuple[str, str]:
@@ -227,6 +243,17 @@ def _known(unit: str, goal: str) -> str:
 
 def _like(unit: str, goal: str) -> list[str]:
     """Units of the quantity that differ from one in upper and lower case at most."""
+    return [one for one in _factors(goal) if one.casefold() == _plain(unit).casefold()]
+
+
+def factor_of(unit: str, goal: str) -> float | None:
+    """Return a unit over another one of its quantity; None where it is unknown or of another quantity."""
+    factors = _factors(goal)
+    return factors[_plain(unit)] / factors[_plain(goal)] if _plain(unit) in factors else None
+
+
+def units_meant(unit: str, goal: str) -> list[str]:
+    """Return the units of the quantity of another one that differ from a text in capitals alone."""
     return [one for one in _factors(goal) if one.casefold() == _plain(unit).casefold()]
 
 
@@ -280,7 +307,20 @@ def _rows(path: Path, example: str) -> list[tuple[int, list[str]]]:
         raise FileFault(
             path, f"has no table; a line of names with units, such as {example}, and one of numbers are needed"
         )
+    _part_errors(rows)
     return rows
+
+
+def _part_errors(rows: list[tuple[int, list[str]]]) -> None:
+    """Make two columns of one with entries "7.3 ± 0.15", the second named as its errors."""
+    (_, head), *body = rows
+    for place in reversed(range(len(head))):
+        parts = [_PLUS_MINUS.fullmatch(row[place]) if place < len(row) else None for _, row in body]
+        if any(parts):
+            name, unit = split_heading(head[place])
+            head[place : place + 1] = [f"{re.split('±|[+]/?-', name)[0].strip()} [{unit}]", "error"]
+            for (_, row), part in zip(body, parts, strict=True):
+                row[place : place + 1] = part.groups() if part else [*row[place : place + 1], ""]
 
 
 def _row_of_units(cells: list[str]) -> list[str]:
@@ -314,6 +354,8 @@ def _decimal_mark(path: Path, rows: list[tuple[int, list[str]]]) -> str:
         return "."
     marked: dict[str, tuple[int, str]] = {}
     for line, cell in ((line, cell) for line, row in rows for cell in row):
+        if _number(cell, ",") is None and _number(cell, ".") is None:
+            continue  # no number at all, which is said where it is read
         marks = [mark for mark in cell if mark in ",."]
         if marks and not re.fullmatch(r"[+-]?[1-9]\d{0,2}[.,]\d{3}", cell):
             thousands = len(marks) > 1 and len(set(marks)) == 1

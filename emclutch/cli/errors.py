@@ -25,7 +25,7 @@ def explained() -> Iterator[None]:
     except SceneError as error:
         stop(error.report(), BAD_INPUT)
     except OutputError as error:
-        stop(f"output: {error}", BAD_INPUT)
+        stop(str(error), BAD_INPUT)
     except BrokenPipeError:  # of the output, as those to child processes are met where they are written to
         raise  # `emclutch.cli.main.main` answers it
     except OSError as error:

@@ -70,7 +70,9 @@ Catalogue = Annotated[
     typer.Option(
         "--with",
         metavar="FILE",
-        help="measured or catalogue points to lay over torque against current: CSV, current [A], torque [N m]",
+        help="measured or catalogue points beside torque against current: CSV with columns current [A], torque [N m] "
+        "and, where known, error [N m] (standard error, one sigma, drawn times 1.96) or error [%]; separators ; , tab; "
+        "units as mA, N cm, lbf in",
     ),
 ]
 GrainSizeAsked = Annotated[
@@ -358,7 +360,9 @@ Within = Annotated[
 MeasuredCurve = Annotated[
     Path,
     typer.Option(
-        "--to", metavar="FILE", help="measured curve (.csv): current [A], torque [N m] and, where known, error"
+        "--to",
+        metavar="FILE",
+        help="measured curve (.csv): current [A], torque [N m] and, where known, error [N m] (standard error, 1 sigma)",
     ),
 ]
 Over = Annotated[str, typer.Option("--over", metavar="KEY", help="key of the first column of the curve")]

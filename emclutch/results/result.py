@@ -185,6 +185,9 @@ def load_result(folder: str | Path) -> Result:
             raise OutputError(f"{folder}: {failed.in_words()}")
         if (Path(folder) / "study.csv").is_file():
             raise OutputError(f"{folder} is a study; read it with emclutch.load_study, or name the folder of a point")
+        if (Path(folder) / "map.json").is_file():
+            how = "emclutch map CASE --current A:B --with TABLE lays a measured table over it"
+            raise OutputError(f"{folder} is a torque map, with its picture map.png, no run; {how}")
         what = f"has no {run.history.name}" if Path(folder).exists() else "is not there"
         raise OutputError(f"{folder} {what}; name the folder of a run, or of a study with a point that is done")
     return Result(run)

@@ -5,6 +5,7 @@ knows the physical quantity, its SI unit, the allowed range and an example, so t
 in those terms. Below the scene models every quantity is a float in SI; no unit object leaves this file.
 
 pint reads the units. It is imported at the first text that has one which is not among `FACTORS` (it takes 0.5 s).
+Units of torque are those of tables (`geometry.table_file`) before pint's, for which "lb in" is a mass times a length.
 """
 
 from __future__ import annotations
@@ -47,6 +48,7 @@ _COMMON_UNITS = (
     "g cm^2, m/s^2, degC, %"
 ).split(", ")
 
+TORQUE_UNIT = "N*m"
 FACTORS = {
     "m": {"mm": 1e-3, "um": 1e-6, "cm": 1e-2},
     "kg": {"g": 1e-3, "mg": 1e-6},
@@ -56,7 +58,6 @@ FACTORS = {
     "rad/s": {"rpm": math.pi / 30.0},
     "rad": {"deg": math.pi / 180.0},
     "N": {"mN": 1e-3},
-    "N*m": {"mN m": 1e-3},
     "N/m": {"kN/m": 1e3, "MN/m": 1e6},
     "Pa": {"MPa": 1e6, "GPa": 1e9},
     "A/m": {"kA/m": 1e3, "MA/m": 1e6},
@@ -204,6 +205,12 @@ class Quantity(Entry):
             return number
         factor = 1.0 if unit_text == self.unit.replace("*", " ") else FACTORS.get(self.unit, {}).get(unit_text)
         factor = _GAUSSIAN.get(self.name, {}).get(unit_text, factor)
+        meant: list[str] = []
+        if factor is None and self.unit == TORQUE_UNIT:
+            from geometry.table_file import factor_of, units_meant  # local: it needs numpy, most scenes have no torque
+
+            factor = factor_of(unit_text, "Nm")
+            meant = units_meant(unit_text, "Nm") or units_meant(unit_text.replace("/", ""), "Nm")
         if factor is not None:
             return factor * number
         unit = _parse_unit(unit_text)
@@ -213,11 +220,12 @@ class Quantity(Entry):
             close = get_close_matches(unit_text, fitting, n=len(fitting), cutoff=0.5) if fitting else []
             # one wrong letter, and that not the first, before a letter too many: 'mn' is rather 'mm' than 'm'
             close.sort(key=lambda u: (len(u) != len(unit_text), u[0] != unit_text[0]))
-            hint = f"did you mean '{close[0]}'? " if close else ""
+            hint = f"did you mean '{[*meant, *close][0]}'? " if meant or close else ""
             raise ValueError(f"has the unknown unit '{unit_text}'; {hint}{self._needed(unit_given=True)}")
         if unit.dimensionality != wanted.dimensionality:
             what = _names_of_dimensions().get(unit.dimensionality, f"in {unit_text}")
-            raise ValueError(f"is {what}; {self._needed(unit_given=True)}")
+            hint = f"did you mean '{meant[0]}'? " if meant else ""
+            raise ValueError(f"is {what}; {hint}{self._needed(unit_given=True)}")
         has_angle = bool(_ANGLE_UNITS & set(unit._units))
         if self.angular and not has_angle:
             raise ValueError(f"has no angle in its unit (turns or radians?); {self._needed()}")

@@ -33,6 +33,8 @@ from emclutch.simulation.forecast.expected_torque import ExpectedTorque, torques
 from emclutch.simulation.forecast.powder_law import POWDERS, law_of, shipped_laws
 from emclutch.studies.design_search import expectation_of
 from emclutch.studies.torque_fit import WITHIN, MeasuredTorques, TorqueFit, TrialTorques, fit_torque, read_torques
+from field import MagneticField
+from field.section.ampere_turns import ampere_turns_by_part
 from particles.bulk_friction.friction_table import SOFTNESS, measured_table
 
 if TYPE_CHECKING:
@@ -44,6 +46,8 @@ DRIVES = 6
 TRIALS = {1: 21, 2: 21, 3: 13}
 """Values of each parameter for which the law is computed, by the number of parameters."""
 FRICTION, FILL = "contact.friction", "particles.solid_fraction"
+MISFITS, LARGE_SHARE = 3, 0.1
+"""Points that are named where nothing fits; part of the ampere-turns from which on the clearance is suspected."""
 AMOUNTS = ("particles.mass", "particles.count")
 
 Ends = float | tuple[float, float]
@@ -71,6 +75,8 @@ class FitResult(Reported):
         The scene with the fitted parameters.
     expected : ExpectedTorque
         Of that scene at the largest measured drive.
+    clearance : float or None
+        Part of the ampere-turns in the running clearance there; None where the curve is fitted, or there is none.
     """
 
     folder: Path
@@ -83,14 +89,16 @@ class FitResult(Reported):
     repose: tuple[float, float] | None
     case: Case
     expected: ExpectedTorque
+    clearance: float | None = None
 
     def report(self) -> Report:
         """Return the parameters with their intervals."""
         report = Report(f"Fit: {self.case.scene.scene.title}", data=as_data(self), folder=self.folder)
         report.add("Result", Statements([*_statements(self)]), Shown.TERMINAL)
         report.add("Picture", Picture("measured and fitted torque", self.folder / "fit.png"), Shown.PAGE)
+        parameters = "nearest parameters, which do not fit" if self.fit.is_poor else "best parameters"
         files = [
-            ("fitted.toml", "the scene with the best parameters"), ("fit.csv", "measured and fitted torques"),
+            ("fitted.toml", f"the scene with the {parameters}"), ("fit.csv", "measured and fitted torques"),
             ("valley.csv", "parameters that fit together"), ("fit.json", "all numbers in SI"),
         ]  # fmt: skip
         return report.add("Files", Links(files), Shown.PAGE)
@@ -192,7 +200,10 @@ def fit(
         angles = math.asin(float(bulk.min())), math.asin(float(bulk.max()))
     largest = float(measured.drive.max())
     expected = expectation_of(_driven(fitted, over, largest))
-    result = FitResult(folder, over, drive.unit, Path(to), measured, left_out, found, angles, fitted, expected)
+    clearance = _clearance_share(_driven(fitted, over, largest)) if found.is_poor else None
+    result = FitResult(
+        folder, over, drive.unit, Path(to), measured, left_out, found, angles, fitted, expected, clearance
+    )
     _write(result)
     return result
 
@@ -239,6 +250,16 @@ def _driven(case: Case, key: str, value: float) -> Case:
     replaced = next((one for own, one, _ in KEYS.values() if own == key), ())
     gone = [one for one in replaced if entry_at(case.data, one.split(".")) is not None]
     return case.with_values({**dict.fromkeys(gone), key: value})
+
+
+def _clearance_share(case: Case) -> float | None:
+    """Return the part of the ampere-turns in the clearance of a section; None where the field does not tell it."""
+    device = build_device(case.scene)
+    coil, (solution, _) = device.section_coil, expected_magnetisation(case, device)
+    if coil is None or not isinstance(solution, MagneticField) or solution.history is not None:
+        return None
+    parts, gaps = ampere_turns_by_part(solution, coil.shape.air_gaps()), coil.shape.air_gaps()
+    return sum(parts[name] for name in gaps) / sum(parts.values()) if gaps else None
 
 
 def _trials(
@@ -298,7 +319,7 @@ def _draw(result: FitResult) -> None:
     title = f"{result.case.scene.scene.title}: fitted torque"
     figure, axes = new_figure(9.0 if several else 5.0, 4.6, title, columns=2 if several else 1)
     drive, torque, low, high = fitted.curve.T
-    axes[0].plot(drive, torque, color="C0", label="law, best parameters")
+    axes[0].plot(drive, torque, color="C0", label=f"law, {'nearest' if fitted.is_poor else 'best'} parameters")
     axes[0].fill_between(drive, low, high, color="C0", alpha=0.25, lw=0.0, label="law, parameters within 95 %")
     error = (
         np.full(len(measured.drive), fitted.own_error) * measured.torque if measured.error is None else measured.error
@@ -309,7 +330,7 @@ def _draw(result: FitResult) -> None:
                      label="a guess")  # fmt: skip
     axes[0].set(xlabel=f"{result.key} [{result.unit}]" if result.unit else result.key, ylabel="torque [N m]")
     make_logarithmic(axes[0])
-    legend_below(axes[0], 2)
+    legend_below(axes[0])
     if several:
         a, b = fitted.parameters[:2]
         excess = fitted.excess.reshape(*fitted.excess.shape[:2], -1).min(axis=2)
@@ -318,7 +339,7 @@ def _draw(result: FitResult) -> None:
         axes[1].plot(*fitted.valley[:, :2].T, color="C0", label=f"best for each {a.name.rpartition('.')[2]}")
         axes[1].plot(a.value, b.value, "o", color="C3", label="best")
         axes[1].set(xlabel=a.name, ylabel=b.name)
-        legend_below(axes[1], 3)
+        legend_below(axes[1])
     save_picture(figure, result.folder / "fit.png")
 
 
@@ -333,6 +354,7 @@ def as_data(result: FitResult) -> dict[str, Any]:
             "probability": fitted.probability, "scatter": fitted.scatter, "is_poor": fitted.is_poor,
             "is_guess": fitted.is_guess, "guess_points": int(fitted.guess_at.sum()),
             "measured_points": len(result.measured.drive), "left_out": result.left_out,
+            "clearance_share": result.clearance, "fall": measured_fall(result),
             "own_error": fitted.own_error, "common_error": result.measured.common_error,
             "drive": result.key, "folder": str(result.folder),
         } | result.expected.as_dict()
@@ -340,12 +362,75 @@ def as_data(result: FitResult) -> dict[str, Any]:
 
 
 def _statements(result: FitResult) -> Iterator[Statement]:
-    """Say the parameters with their intervals, how well they fit, and what would bound them."""
+    """Say the parameters with their intervals, how well they fit, and what would bound them; or why none fit."""
     fitted, measured = result.fit, result.measured
+    yield from _of_misfit(result) if fitted.is_poor else _of_parameters(result)
+    if (fall := measured_fall(result)) is not None:
+        (before, high), (after, low) = fall
+        yield warning(
+            f"the measured torque falls from {high:.3g} N m at {_drive(result, before)} to {low:.3g} N m at "
+            f"{_drive(result, after)}, by more than its errors; by the law it cannot fall. Suspect the point, or the "
+            "temperature of the coil, where the current was not measured at each point"
+        )
+    left = f", {result.left_out} left out (a drive or a torque not above 0)" if result.left_out else ""
+    yield note(f"Scatter of measured over fitted torques: {100.0 * fitted.scatter:.2g} %, {len(measured.drive)} points"
+               f"{left}.")  # fmt: skip
+    if fitted.is_guess:
+        yield warning(f"the fit is a guess, as is the torque: {result.expected.law}")
+    elif fitted.guess_at.any():
+        yield warning(
+            f"{int(fitted.guess_at.sum())} of {len(measured.drive)} points have little weight: there the law is a "
+            "guess for some powders of the range at least, see is_guess in fit.csv"
+        )
     if fitted.is_poor:
-        probability = f"probability {fitted.probability:.1g}"
-        yield Statement(Mark.UNUSABLE, f"No parameters in the range fit this curve within the errors ({probability}).")
-        yield note("Check B-H curve, gap, amount of powder and the errors of the points, or widen the range.")
+        return
+    if fitted.probability is not None:
+        yield note(f"A misfit as large has a probability of {100.0 * fitted.probability:.2g} %.")
+    scene = str(result.folder / "fitted.toml")
+    smallest = min(float(measured.drive.min()), 0.5 * float(measured.drive.max()))  # of one point a range too
+    drives = f"{_drive(result, smallest)}:{_drive(result, float(measured.drive.max()))}"
+    vary = ("--current", drives) if result.key == CURRENT else ("--vary", f"{result.key}={drives}")
+    words = shlex.join([scene, *vary, *(("--with", str(result.source)) if result.key == CURRENT else ())])
+    yield note(f"Next: map the torque of these values: emclutch map {words}")
+    yield note(f"Next: measure the law of this powder by cells: emclutch powder-law {shlex.quote(scene)}")
+
+
+def measured_fall(result: FitResult) -> tuple[tuple[float, float], tuple[float, float]] | None:
+    """Return drive [SI] and torque [N m] of the points of `MeasuredTorques.largest_fall`."""
+    fall, measured = result.measured.largest_fall(), result.measured
+    if fall is None:
+        return None
+    before, after = ((float(measured.drive[k]), float(measured.torque[k])) for k in fall)
+    return before, after
+
+
+def _drive(result: FitResult, value: float) -> str:
+    return f"{format_number(value)} {result.unit}".strip()
+
+
+def _of_misfit(result: FitResult) -> Iterator[Statement]:
+    """Say that nothing fits, which points are off most, and what to suspect."""
+    fitted, measured = result.fit, result.measured
+    probability = f"probability {fitted.probability:.1g}"
+    yield Statement(Mark.UNUSABLE, f"No parameters in the range fit this curve within the errors ({probability}).")
+    ratio = measured.torque / fitted.measured[:, 0]
+    worst = np.argsort(-np.abs(np.log(ratio)), kind="stable")[:MISFITS]
+    points = (
+        f"{100.0 * (ratio[k] - 1.0):+.2g} % at {_drive(result, float(measured.drive[k]))}"
+        + " (a guess of the law)" * bool(fitted.guess_at[k])
+        for k in worst
+    )
+    yield note(f"Largest misfits, measured against the nearest curve: {', '.join(points)}.")
+    share = result.clearance or 0.0
+    takes = f"geometry.clearance (it takes {100.0 * share:.2g} % of the ampere-turns), " if share > LARGE_SHARE else ""
+    yield note(f"Check {takes}B-H curve, gap, amount of powder and the errors of the points, or widen the range.")
+    values = ", ".join(f"{one.name} = {one.value:.3g}" for one in fitted.parameters)
+    yield note(f"Nearest values in the range, not to be used: {values}.")
+
+
+def _of_parameters(result: FitResult) -> Iterator[Statement]:
+    """Say the parameters with their intervals, and what would bound them."""
+    fitted, measured = result.fit, result.measured
     for one in fitted.parameters:
         ends = ("" if bounded else ", the end of its range" for bounded in one.bounded)
         low, high = (f"{value:.3g}{end}" for value, end in zip((one.low, one.high), ends, strict=True))
@@ -364,30 +449,11 @@ def _statements(result: FitResult) -> Iterator[Statement]:
     if names := ", ".join(one.name for one in fitted.parameters if sum(one.bounded) == 1):
         limits = " and ".join(f"{name} of {low:g} to {high:g}" for name, (low, high) in list(POWDERS.items())[:2])
         yield note(f"{names} may lie beyond the range that was tried; the law holds for {limits}.")
-    largest = f"{format_number(float(measured.drive.max()))} {result.unit}".strip()
     if result.expected.real is not None:
-        yield note(f"Torque of the best parameters by the law at {largest}: {result.expected.real.in_words()}.")
+        at = _drive(result, float(measured.drive.max()))
+        yield note(f"Torque of the best parameters by the law at {at}: {result.expected.real.in_words()}.")
     own = "" if measured.error is not None else f" ({100.0 * fitted.own_error:.2g} %, found by the fit)"
     yield note(
         f"The intervals contain the errors of single points{own}, a common error of "
         f"{100.0 * measured.common_error:.3g} %, and the errors of the law, mostly common to all points."
     )
-    left = f", {result.left_out} left out (a drive or a torque not above 0)" if result.left_out else ""
-    yield note(f"Scatter of measured over fitted torques: {100.0 * fitted.scatter:.2g} %, {len(measured.drive)} points"
-               f"{left}.")  # fmt: skip
-    if fitted.is_guess:
-        yield warning(f"the fit is a guess, as is the torque: {result.expected.law}")
-    elif fitted.guess_at.any():
-        yield warning(
-            f"{int(fitted.guess_at.sum())} of {len(measured.drive)} points have little weight: there the law is a "
-            "guess for some powders of the range at least, see is_guess in fit.csv"
-        )
-    if fitted.probability is not None and not fitted.is_poor:
-        yield note(f"A misfit as large has a probability of {100.0 * fitted.probability:.2g} %.")
-    scene = str(result.folder / "fitted.toml")
-    smallest = min(float(measured.drive.min()), 0.5 * float(measured.drive.max()))  # of one point a range too
-    drives = f"{format_number(smallest)} {result.unit}:{largest}"
-    vary = ("--current", drives) if result.key == CURRENT else ("--vary", f"{result.key}={drives}")
-    words = shlex.join([scene, *vary, *(("--with", str(result.source)) if result.key == CURRENT else ())])
-    yield note(f"Next: map the torque of these values: emclutch map {words}")
-    yield note(f"Next: measure the law of this powder by cells: emclutch powder-law {shlex.quote(scene)}")

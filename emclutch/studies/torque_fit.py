@@ -24,7 +24,8 @@ of single points do not make, stays: S - S_0, of one degree of freedom, tells wh
 is the 95 % interval (D. M. Bates, D. G. Watts, Nonlinear Regression Analysis, 1988, chapter 6). One that reaches the
 end of the range says that the data do not bound the parameter there. The best others for each value of the first
 parameter are the valley: parameters that the data cannot tell apart, as friction and rolling friction, which both make
-a powder stronger. The band has the torques by the law of all parameters within that bound.
+a powder stronger. The band has the torques by the law of all parameters within that bound, with the error of a guess
+added in quadrature to the logarithm at drives where the law is one.
 """
 
 from __future__ import annotations
@@ -40,6 +41,7 @@ from scipy.optimize import brentq
 from scipy.stats import chi2
 
 from emclutch.results.errors import OutputError
+from emclutch.results.fits import NORMAL
 from emclutch.results.measured_table import TORQUE_CURVE, read_measured
 
 POINTS = {1: 401, 2: 201, 3: 41}
@@ -50,6 +52,8 @@ WITHIN = float(chi2.ppf(0.95, 1))
 """By which -2 ln L may exceed its smallest value within the 95 % interval."""
 POOR = 0.01
 """Probability of a sum of squares this large, below which no parameters fit."""
+FALL = 0.05
+"""Relative, of a torque with a rising drive: what counts as a fall where the errors of the points are unknown."""
 SMALLEST_ERROR = 1e-3
 """Relative, of a measured torque: repeated points of no error are none."""
 
@@ -114,14 +118,25 @@ class MeasuredTorques:
     error: np.ndarray | None = None
     common_error: float = 0.0
 
+    def largest_fall(self) -> tuple[int, int] | None:
+        """Return the points between which the torque falls most beyond its errors (95 %) while the drive rises.
+
+        None where it does not, as by the law, whose torque rises with the drive.
+        """
+        error = FALL / np.sqrt(2.0) / NORMAL * self.torque if self.error is None else self.error
+        drop = np.subtract.outer(self.torque, self.torque) / (NORMAL * np.hypot.outer(error, error))
+        drop[np.greater_equal.outer(self.drive, self.drive)] = 0.0
+        before, after = np.unravel_index(np.argmax(drop), drop.shape)
+        return (int(before), int(after)) if drop[before, after] > 1.0 else None
+
 
 def read_torques(path: str | Path, unit: str) -> tuple[MeasuredTorques, int]:
     """Read a curve, and how many of its points are left out: those with no drive or torque above 0.
 
     Parameters
     ----------
-    path : of a table as of `read_measured`, with the drive in the first column, one column of torques, and their
-        standard errors in one that is named "error [N m]", or no errors. All names have their units.
+    path : of a table as of `read_measured`, with a column of the drive, one of torques, and their standard errors, as
+        in "error [N m]", or no errors. All names have their units.
     unit : of the drive that is returned.
 
     Raises
@@ -279,8 +294,10 @@ def fit_torque(trials: TrialTorques, measured: MeasuredTorques, other: Residual 
         found.append(FittedParameter(name, float(levels[a][best[a]]), low, high, bounded))
 
     def band(drive: np.ndarray) -> np.ndarray:
-        within = trials.at(drive, log_torque[excess <= WITHIN])
-        return np.exp(np.column_stack([trials.at(drive, log_torque[best]), within.min(axis=0), within.max(axis=0)]))
+        within, mean = trials.at(drive, log_torque[excess <= WITHIN]), trials.at(drive, log_torque[best])
+        guessed = NORMAL * form[trials.nearest(drive)]
+        low, high = (np.hypot(mean - within.min(axis=0), guessed), np.hypot(within.max(axis=0) - mean, guessed))
+        return np.exp(np.column_stack([mean, mean - low, mean + high]))
 
     drives, at = np.geomspace(measured.drive.min(), measured.drive.max(), CURVE), band(measured.drive)
     sum_of_squares, probability = float(S[best]), None

@@ -11,10 +11,11 @@ from __future__ import annotations
 import csv
 import io
 import shlex
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import product
-from math import nan
+from math import inf, log, nan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,7 +23,7 @@ import numpy as np
 
 from emclutch.device_model.device import Device, build_device
 from emclutch.results.atomic_file import replace_json, replace_text
-from emclutch.results.measured_table import TORQUE_CURVE, keep_measured, measured_in, read_measured
+from emclutch.results.measured_table import MEASURED, TORQUE_CURVE, keep_measured, measured_in, read_measured
 from emclutch.results.new_path import new_folder
 from emclutch.results.pictures.torque_map import BandedCurve, torque_contour_picture, torque_map_picture
 from emclutch.results.report.render import Reported, write_index
@@ -47,6 +48,7 @@ from emclutch.scene.units import unit_of
 from emclutch.simulation.forecast.expected_field import field_of_sheared_powder
 from emclutch.simulation.forecast.expected_torque import ExpectedTorque, Interval
 from emclutch.studies.design_search import expectation_of
+from emclutch.studies.measured_torques import compared_rows
 from field import ConvergenceError
 
 if TYPE_CHECKING:
@@ -63,6 +65,9 @@ LEFT_OUT = (
 FALLING = "falling"
 """Column of map.csv in N m: torque of the same powder at a current that falls from the last one of the map, of steel
 with hysteresis."""
+COMPARED = "measured_over_expected.csv"
+SHOWN = 100
+"""Measured torques at most in the table of the page; the file has all."""
 CURVES = 6
 """Values of a second axis up to which the picture has a curve for each; it has contours for more."""
 
@@ -102,14 +107,14 @@ class MapPoint:
         return found | {"is_guess": self.is_guess, "remark": self.remark}
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class MapResult(Reported):
     """Expected torques over one or two axes.
 
     Attributes
     ----------
     folder : Path
-        With map.csv, map.json, map.png and index.html.
+        With map.csv, map.json, map.png and index.html, beside a measured table with measured_over_expected.csv.
     case : Case
     axes : tuple of Axis
         The first is x.
@@ -134,6 +139,23 @@ class MapResult(Reported):
         """Units of the columns of `table`; what has none is a pure number or a text."""
         torques = [*TORQUES, *([FALLING] if FALLING in self.rows[0] else [])]
         return {axis.key: axis.quantity.unit for axis in self.axes} | dict.fromkeys(torques, "N m")
+
+    @cached_property
+    def measured(self) -> list[dict[str, Any]]:
+        """Rows of measured_over_expected.csv: each torque of the folder's ``measured.csv`` and the expected one.
+
+        A row has the column of the table, the current [A], the value of the second axis [SI], torque and standard error
+        [N m], the expected torque with its 95 % interval, the ratio of both, whether the torque lies in the interval,
+        and whether that is a guess; None where a current is beyond the map (`emclutch.studies.measured_torques`).
+        """
+        curves, (x, *others) = measured_in(self.folder) or {}, self.axes
+        rows = []
+        for value in others[0].values if others else (None,):
+            torques = [one.torque for one in self.points if value in (None, *one.values[1:])]
+            for row in compared_rows(curves, x.values, torques):
+                head = {"curve": row.pop("curve"), x.key: row.pop("current")}
+                rows.append(head | ({others[0].key: value} if others else {}) | row)
+        return rows
 
     @property
     def rows(self) -> list[dict[str, Any]]:
@@ -182,8 +204,9 @@ class MapResult(Reported):
         """Return the largest and the smallest torque, what is a guess or missing, and the table; data in SI."""
         axes = [{"key": a.key, "name": a.name, "unit": a.quantity.unit, "values": a.values} for a in self.axes]
         data = {"case": self.case.name, "axes": axes, "points": self.rows, "folder": str(self.folder)}
+        data |= {"measured": self.measured} if self.measured else {}
         report = Report(f"Torque map: {self.case.name}", data=data, folder=self.folder)
-        report.add("Result", Statements([*self._statements()]), Shown.TERMINAL)
+        report.add("Result", Statements([*self._of_measured(), *self._statements()]), Shown.TERMINAL)
         report.add("Picture", Picture("torque map", self.folder / "map.png"), Shown.PAGE)
         names = TORQUES[: 5 if len(self.axes) == 1 else 3]
         branch = [f"{FALLING} current [N m]"] if FALLING in self.rows[0] else []
@@ -195,9 +218,55 @@ class MapResult(Reported):
             for point, row in zip(self.points, self.rows, strict=True)
         ]
         head = [*(a.name for a in self.axes), *(f"{name.replace('_', ' ')} [N m]" for name in names), *branch, ""]
+        if self.measured:
+            report.add("Measured over expected", self._measured_table(), Shown.PAGE)
         report.add("Points", Table(cells, head, range(len(head) - 1)), Shown.PAGE)
         files = [("map.csv", "all points in SI, with the reason of every guess"), ("map.json", "the same as JSON")]
+        if self.measured:
+            files += [(COMPARED, "measured and expected torques"), (MEASURED, "the measured table as it was given")]
         return report.add("Files", Links(files), Shown.PAGE)
+
+    def _measured_table(self) -> Table:
+        """Return the first `SHOWN` measured torques beside the expected ones."""
+        rows, keys = self.measured[:SHOWN], [axis.key for axis in self.axes]
+        numbers = ("torque_measured", "standard_error", "torque", "low", "high")
+        head = ["measured", *(a.name for a in self.axes), *(f"{name.replace('_', ' ')} [N m]" for name in numbers),
+                "measured over expected", "in the 95 % interval"]  # fmt: skip
+        cells = [
+            [row["curve"], *(a.shown(row[key]) for a, key in zip(self.axes, keys, strict=True))]
+            + [f"{row[name]:.4g}" if row[name] is not None else "" for name in (*numbers, "ratio")]
+            + ["beyond the map" if row["ratio"] is None else
+               ("yes" if row["is_inside"] else "no") + ", of a guess" * row["is_guess"]]
+            for row in rows
+        ]  # fmt: skip
+        return Table(cells, head, range(1, len(head) - 1))
+
+    def _of_measured(self) -> Iterator[Statement]:
+        """Say for each measured curve its ratio to the expected one, to the nearest one of a second axis."""
+        rows, (x, *others) = self.measured, self.axes
+        names = list(dict.fromkeys(row["curve"] for row in rows))
+        for name in names:
+            known = [row for row in rows if row["curve"] == name and row["ratio"] is not None]
+            missing = {row[x.key]: None for row in rows if row["curve"] == name and row["ratio"] is None}
+            of = f" ({name})" if len(names) > 1 else ""
+            if known:
+                groups: dict[Any, list[dict[str, Any]]] = {}
+                for row in known:
+                    groups.setdefault(row[others[0].key] if others else None, []).append(row)
+                value, nearest = min(groups.items(), key=lambda pair: float(np.mean([_misfit(row) for row in pair[1]])))
+                of += f", nearest at {others[0].name} {others[0].shown(value)}" if others else ""
+                yield _ratio_in_words(nearest, of, x)
+            if missing:
+                shown = [x.shown(current) for current in missing]
+                several = ", ".join(shown if len(shown) < 5 else [*shown[:3], "...", shown[-1]])
+                yield note(f"Measured{of} but not compared, at 0 A or beyond the points of the map: {several}.")
+        if any(row["is_inside"] is False for row in rows):
+            yield note("The interval is common to all points: one cause may move them all, as powder, gap or winding.")
+            if len(names) == 1:
+                words = [str(self.case.path or "CASE"), "--to", str(self.folder / MEASURED)]
+                for key, text in settings_beside(self.case).items():
+                    words += ["--set", f"{key}={text}"]
+                yield note(f"Next: fit the powder to them: emclutch fit {shlex.join(words)}")
 
     def _statements(self) -> Iterator[Statement]:
         known = [(one.torque.mean, one) for one in self.points if one.torque is not None]
@@ -233,6 +302,22 @@ class MapResult(Reported):
         yield note(f"Next: run one point, for example: emclutch run {shlex.join(words)}")
 
 
+def _misfit(row: Mapping[str, Any]) -> float:
+    """Return |ln| of a ratio, infinite for a measured torque of another sign."""
+    return abs(log(row["ratio"])) if row["ratio"] > 0.0 else inf
+
+
+def _ratio_in_words(rows: Sequence[Mapping[str, Any]], of: str, x: Axis) -> Statement:
+    ratios, worst = [row["ratio"] for row in rows], max(rows, key=_misfit)
+    outside, guesses = sum(not row["is_inside"] for row in rows), sum(row["is_guess"] for row in rows)
+    low, high = (f"{end(ratios):#.3g}".rstrip(".") for end in (min, max))
+    spread = f"{low} to {high}, farthest from 1 at " if len(rows) > 1 else f"{low} at "
+    count = f"{outside} of {len(rows)} points {'lies' if outside == 1 else 'lie'} outside of the 95 % interval"
+    guess = f"; the expected torque of {guesses} is a guess" if guesses else ""
+    mark = Mark.WARNING if outside else Mark.GOOD
+    return Statement(mark, f"Measured over expected{of}: {spread}{x.shown(worst[x.key])}; {count}{guess}.")
+
+
 def map(
     case: Case | str | Path,
     *,
@@ -246,7 +331,8 @@ def map(
     Parameters
     ----------
     case : Case, or the path of a scene file
-    measured : table of measured torques [N m] over the current [A], to lay over the picture where x is the current.
+    measured : table of measured torques [N m] over the current [A] (`emclutch.results.measured_table.read_measured`),
+        to be compared where x is the current; `MapResult.measured` has the ratios.
     out : new folder; default: the next maps/<case>-<nnn>.
     progress : takes the fraction of the points that are done.
     **axes : one or two of ``current``, ``voltage``, ``gap``, ``speed``, ``fill``, ``repose``, ``temperature`` or a
@@ -305,15 +391,21 @@ def map_over(
     if measured is not None:
         keep_measured(measured, folder)
     result.picture(folder / "map.png")
-    table = io.StringIO()
-    writer = csv.DictWriter(table, list(result.rows[0]), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(result.rows)
-    replace_text(folder / "map.csv", table.getvalue())
+    _write_rows(folder / "map.csv", result.rows)
+    if result.measured:
+        _write_rows(folder / COMPARED, result.measured)
     report = result.report()
     replace_json(folder / "map.json", report.data)
     write_index(report)
     return result
+
+
+def _write_rows(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
+    table = io.StringIO()
+    writer = csv.DictWriter(table, list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    replace_text(path, table.getvalue())
 
 
 def _scene_at(case: Case, axes: tuple[Axis, ...], at: tuple[float, ...]) -> Case:

@@ -74,7 +74,7 @@ def test_a_column_of_errors_belongs_to_the_one_before_it(tmp_path):
         ('t_s,"motor\n[rpm]"\n0,1\n0,fast\n', "line 4: motor = 'fast'"),
         ('t_s,"motor [rpm]\n0,1\n', "line 1: unexpected end of data; look for a quote"),
         ("t_s,motor [rpm],motor [rad/s]\n0,1,2\n", "line 1 names 'motor' twice"),
-        ("t_s,error [rpm]\n1,2\n", "errors follows no measured one"),
+        ("t_s,error [rpm]\n1,2\n", "follows no measured column"),
         ("t_s,motor_rpm,error\n1,2,-1\n", "line 2: an error is below 0"),
         ("time,motor [rpm]\n1,2\n", r"line 1: the column 'time' has no unit; .*wanted: time \[s\]; speed \[rpm\]"),
         ("time [s],motor\n1,2\n", "the column 'motor' has no unit"),

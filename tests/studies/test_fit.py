@@ -118,6 +118,23 @@ def test_the_powder_of_a_curve_is_found_again(quickstart, tmp_path):
     assert low < closer.repose[0] < np.radians(28.0) < closer.repose[1] < high
 
 
+def test_where_nothing_fits_points_and_suspects_are_named_and_no_value_is_offered(quickstart, tmp_path):
+    """The last torque is halved, as by a coil that became warm at a voltage; the clearance takes 29 % of N I."""
+    curve = bench(tmp_path, quickstart, (0.5, 0.8))
+    *rows, last = curve.read_text().splitlines()
+    current, torque, _ = last.split(",")
+    curve.write_text("\n".join([*rows, f"{current},{float(torque) / 4.0},{float(torque) / 80.0}\n"]))
+    found = fit(quickstart, curve, rolling_friction=0.2, out=tmp_path / "fit")
+    lines = [line.text for line in found.report().statements()]
+    assert found.fit.is_poor and lines[0].startswith("No parameters in the range fit")
+    assert re.match(r"Largest misfits, measured against the nearest curve: -7\d % at 0.8 A, ", lines[1])
+    assert re.search(r"geometry\.clearance \(it takes (2|3)\d % of the ampere-turns\), B-H curve", lines[2])
+    assert lines[3].startswith("Nearest values in the range, not to be used: contact.friction = ")
+    assert f"to {float(torque) / 4.0:.3g} N m at 0.8 A, by more than its errors; by the law it cannot fall" in lines[4]
+    assert not any("emclutch map" in line or "95 %:" in line for line in lines)
+    assert json.loads((tmp_path / "fit" / "fit.json").read_text())["fall"][1][0] == 0.8
+
+
 def test_the_fill_of_a_curve_is_found_again_and_more_torque_is_more_powder(quickstart, tmp_path):
     truth = quickstart.with_values({"particles.mass": None, "particles.count": None, FILL: 0.34})
     rolling = quickstart.scene.effects.rolling.coefficient

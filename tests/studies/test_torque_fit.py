@@ -172,6 +172,27 @@ def test_a_point_at_which_the_law_is_a_guess_has_little_weight():
         assert found.is_poor == moves
 
 
+def test_the_band_has_the_factor_of_a_guess_where_the_law_is_one():
+    """As the interval of a map there; beyond the next drives it is that of the parameters."""
+    found = fit_torque(trials(strength, GRID, guess=[GUESS, 0.0, 0.0, 0.0]), measured(strength, (0.0,)))
+    mean, low, high = found.measured.T
+    assert found.guess_at.tolist()[0] and 2.0 < high[0] / mean[0] < 2.2 and 2.0 < mean[0] / low[0] < 2.2
+    assert (high[-3:] / mean[-3:] < 1.2).all() and found.curve[0, 3] / found.curve[0, 1] > 2.0
+
+
+@pytest.mark.parametrize(
+    ("torque", "error", "fall"),
+    [
+        ([1.0, 2.0, 3.0, 2.0], 0.1, (2, 3)), ([1.0, 3.0, 2.9, 2.5], 0.1, (1, 3)), ([1.0, 2.0, 3.0, 2.8], 0.1, None),
+        ([1.0, 2.0, 3.0, 2.8], None, (2, 3)), ([1.0, 2.0, 3.0, 2.9], None, None), ([1.0, 2.0, 3.0, 4.0], None, None),
+    ],
+)  # fmt: skip
+def test_a_torque_that_falls_with_the_current_beyond_its_errors_is_found(torque, error, fall):
+    curve = MeasuredTorques(DRIVES, np.array(torque), None if error is None else np.full(4, error))
+    assert curve.largest_fall() == fall
+    assert replace(curve, drive=np.ones(4)).largest_fall() is None  # scatter of one current
+
+
 def test_where_the_law_is_a_guess_the_strength_is_known_within_its_factor():
     wide = np.linspace(-2.0, 2.0, 21)
     found = fit_torque(trials(strength, wide, guess=GUESS), measured(strength, (0.0,)))

@@ -21,7 +21,9 @@ from emclutch.scene.case import case_from
 from emclutch.scene.errors import SceneError
 from emclutch.scene.map_axes import axes_of
 from emclutch.simulation.discretisation_error import device_of
+from emclutch.simulation.forecast.expected_torque import Interval
 from emclutch.studies.design_search import expectation_of
+from emclutch.studies.measured_torques import interpolated_torques
 from field.laws.temperature import saturation_ratio
 
 CASES = Path(__file__).resolve().parents[2] / "cases"
@@ -140,8 +142,70 @@ def test_the_option_given_first_is_x_and_measured_points_lie_over_the_current(tm
     words = (*words[2:4], *words[:2], *words[4:], "--with", table)
     assert command(case, *words, "--out", tmp_path / "b").exit_code == 0
     assert (tmp_path / "b" / "measured.csv").is_file()
+    over = CliRunner().invoke(app, ["plot", str(tmp_path / "b"), "--torque-current", "--with", str(table)])
+    assert over.exit_code == 2 and "is a torque map" in over.output and "emclutch map CASE --current" in over.output
     with pytest.raises(OutputError, match="exists"):
         torque_map(tmp_path / "b", quickstart(), current="0.4 A, 1 A")
+
+
+BENCH = "torque [N m];I [mA];Unsicherheit [%];T [degC]\n{};500;2;20\n{};800;;20\n1;1200;2;20\n0;0;;20\n"
+
+
+def test_measured_torques_stand_beside_the_expected_ones(tmp_path):
+    """Ratios of 1.02 and 1.5 to the law at currents between those of the map; what is beyond it is named alone."""
+    case, table = quickstart(), tmp_path / "bench.csv"
+    known = [expectation_of(case.with_values({"coil.current": current})).real for current in (0.5, 0.8)]
+    table.write_text(BENCH.format(1.02 * known[0].mean, 1.5 * known[1].mean))
+    with pytest.warns(UserWarning, match="not used: T"):
+        found = emclutch.map(case, measured=table, current="0.4 A, 0.6 A, 0.9 A, 1.1 A", out=tmp_path / "map")
+    zero, *near, beyond = found.measured
+    assert zero["ratio"] is None and beyond["torque"] is None and beyond["coil.current"] == 1.2
+    for row, own, ratio in zip(near, known, (1.02, 1.5), strict=True):
+        assert row["ratio"] == pytest.approx(ratio, rel=5e-3) and not row["is_guess"]
+        assert [row["low"], row["high"]] == pytest.approx([own.low, own.high], rel=1e-2)
+    assert [row["is_inside"] for row in near] == [True, False]
+    assert near[0]["standard_error"] == pytest.approx(0.02 * near[0]["torque_measured"])
+    first, second, third, fourth = [line.text for line in found.report().statements()][:4]
+    ends = f"{near[0]['ratio']:.2f} to {near[1]['ratio']:.2f}, farthest from 1 at 0.8 A"
+    assert first == f"Measured over expected: {ends}; 1 of 2 points lies outside of the 95 % interval."
+    assert second.endswith("at 0 A or beyond the points of the map: 0 A, 1.2 A.") and "common to all points" in third
+    assert "emclutch fit " in fourth and f"--to {found.folder / 'measured.csv'}" in fourth
+    assert json.loads((found.folder / "map.json").read_text())["measured"] == found.measured
+    table = pandas.read_csv(found.folder / "measured_over_expected.csv")
+    assert list(table.ratio[1:3]) == [row["ratio"] for row in near]
+    assert "in the 95 % interval" in (found.folder / "index.html").read_text()
+
+
+def test_expected_torques_between_the_points_of_a_map():
+    """A power of the current is met exactly, with the wider interval beside a guess, and nothing at a gap or 0 A."""
+    currents, factor = [-2.0, -1.0, 0.0, 0.5, 1.0, 2.0, 3.0, 4.0], [1.2, 1.1, 1.0, 2.0, 1.1, 1.2, 1.2, 1.2]
+    means = [abs(I) ** 1.7 for I in currents]
+    torques = [Interval(T, T / f, T * f, f == 2.0) for T, f in zip(means, factor, strict=True)]
+    torques[6] = None
+    at = [-1.5, -0.5, 0.0, 0.3, 0.7, 1.0 + 1e-12, 2.0**0.5, 3.0, 3.5, 4.0, 5.0]
+    found = interpolated_torques(currents, torques, at)
+    assert [one is None for one in found] == [False, True, True, True, False, False, False, True, True, False, True]
+    for current, one in zip(at, found, strict=True):
+        assert one is None or one.mean == pytest.approx(abs(current) ** 1.7, rel=1e-9)
+    ratios = [one and (one.high / one.mean, one.mean / one.low, one.is_guess) for one in found]
+    assert ratios[4] == (pytest.approx(2.0), pytest.approx(2.0), True)
+    assert ratios[5] == (pytest.approx(1.1), pytest.approx(1.1), False)
+    assert ratios[6][0] == pytest.approx(np.sqrt(1.1 * 1.2))
+    assert interpolated_torques([1.0, 2.0], [None, torques[0]], [1.0]) == [None]
+
+
+def test_of_a_second_axis_the_nearest_value_is_named(tmp_path):
+    case, table = quickstart(), tmp_path / "bench.csv"
+    values = {"coil.current": 0.5, "particles.solid_fraction": 0.35, "particles.mass": None}
+    wide = expectation_of(case.with_values(values))
+    table.write_text(f"I [A],cold [N m],warm [N m]\n0.5,{1.01 * wide.torque},\n1,,0\n")
+    found = emclutch.map(case, measured=table, current="0.5 A, 1 A", fill="0.3, 0.35", out=tmp_path / "map")
+    assert [(row["curve"], row["particles.solid_fraction"]) for row in found.measured] == [
+        (name, fill) for fill in (0.3, 0.35) for name in ("cold", "warm")]  # fmt: skip
+    first, second, *_ = [line.text for line in found.report().statements()]
+    said = "Measured over expected ({}), nearest at solid fraction {} A; {} of 1 points "
+    assert first.startswith(said.format("cold", "0.35: 1.01 at 0.5", 0))
+    assert second.startswith(said.format("warm", "0.3: 0.00 at 1", 1))
 
 
 def test_a_warm_device_is_that_at_20_degrees_with_all_fields_scaled(tmp_path):

@@ -90,8 +90,9 @@ def draw_measured(
     for number, (name, points) in enumerate((measured or {}).items()):
         every = 1 if joined else max(1, len(points) // 60)  # a curve of markers says nothing
         x, y, *error = points[::every].T
+        bars = "\n(95 %: 1.96 standard errors)" if error else ""
         axis.plot(per_x * x, per_y * y, ls=":" if joined else "", lw=0.7, marker=MARKERS[number % len(MARKERS)], ms=4.5,
-                  mfc="none", color="black", zorder=1.5, label=f"measured: {name}")  # fmt: skip
+                  mfc="none", color="black", zorder=1.5, label=f"measured: {name}{bars}")  # fmt: skip
         if error:
             axis.errorbar(per_x * x, per_y * y, per_y * NORMAL * error[0], fmt="none", ecolor="black", elinewidth=0.7,
                           capsize=3)  # fmt: skip

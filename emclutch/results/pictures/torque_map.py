@@ -54,7 +54,7 @@ class BandedCurve:
         known = ~self.is_guess
         if np.isfinite(self.unknown).any():
             axis.fill_between(self.x, *self.unknown.T, color=colour, alpha=0.10, lw=0.0,
-                              label="friction and fill of the powder unknown: 90 % range")  # fmt: skip
+                              label="friction and fill unknown: 90 % range")  # fmt: skip
         if known.any():
             axis.fill_between(self.x, low, high, where=known, color=colour, alpha=0.25, lw=0.0, label=band)
             axis.plot(self.x[known], mean[known], "o", ms=4.0, color=colour)
@@ -100,7 +100,7 @@ def torque_map_picture(
         curve.draw(axis, COLOURS[number % len(COLOURS)], style, "95 % interval" if number == first else None,
                    "a guess with its limits" if number == guessing else None)  # fmt: skip
     draw_measured(axis, measured, per_x=per_x, joined=True)
-    axis.set(xlabel=label, ylabel="expected torque [N m]")
+    axis.set(xlabel=label, ylabel="torque [N m]" if measured else "expected torque [N m]")
     axis.grid(alpha=0.25)
     if logarithmic:
         make_logarithmic(axis)
