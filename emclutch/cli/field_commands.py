@@ -68,7 +68,7 @@ def heat(
     as_json: opt.AsJson = False,
     trust_scripts: opt.TrustScripts = False,
 ) -> None:
-    """Compute temperatures in hours of duty and the permitted slip power; without [effects.heat] by its defaults."""
+    """Compute temperatures in hours of duty and the permitted slip power; [effects.heat] may be left out."""
     with explained():
         others = [f"effects.heat.{key}=none" for key in ("torque", "torque_curve", "fade")]
         given = [] if slip_power is None else [f"effects.heat.slip_power={slip_power}", *others]

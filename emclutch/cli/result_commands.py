@@ -22,7 +22,7 @@ def plot(
     out: opt.NewPicture = None,
     trust_scripts: opt.TrustScripts = False,
 ) -> None:
-    """Draw runs, points of studies, or coils in time (field --transient) in one picture.
+    """Draw runs, points of studies, or switch-ons of a coil (field --transient) in one picture.
 
     Runs are drawn as torque against time with 95 % bands, or as the curve that an option names.
 

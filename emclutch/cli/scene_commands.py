@@ -45,7 +45,7 @@ def new(
 
 
 def schema(out: opt.NewFile = None, markdown: opt.AsMarkdown = False) -> None:
-    """Write the JSON schema of a scene, with which editors complete and check keys."""
+    """Write the JSON schema of a scene, so that editors can complete and check keys."""
     from emclutch.scene.model import Scene
     from emclutch.scene.reference import scene_reference
 

@@ -120,7 +120,12 @@ FEEDBACK_ACROSS = Column(
     "magnetisation that the solve took as constant, relative: component across the field",
     When.FIELD,
 )
-FEEDBACK_CLIPPED = Column("feedback_clipped", "1", "the same: where the demagnetising factor is at a limit", When.FIELD)
+FEEDBACK_CLIPPED = Column(
+    "feedback_clipped",
+    "1",
+    "magnetisation that the solve took as constant, relative: where the demagnetising factor is at a limit",
+    When.FIELD,
+)
 FEEDBACK_LAGGED = Column(
     "feedback_lagged", "1", "the same: variation within an element and delay of the demagnetising factor", When.FIELD
 )

@@ -43,7 +43,7 @@ def switching_omitted(at: Regime, name: str, number: str, time: float | None) ->
     text = number if time is None else f"{number}, {format_number(time)} s,"
     if at.switching_time is None:
         note = "the current is constant"
-        yield OmittedEffect(name, OFF, f"{text} over that of switching", 0.0, 0.1, note=note, change=None)
+        yield OmittedEffect(name, OFF, f"{text} divided by the switching time", 0.0, 0.1, note=note, change=None)
     else:
         ratio = None if time is None else time / at.switching_time
-        yield OmittedEffect(name, OFF, f"{text} over that of switching", ratio, 0.1, change=None)
+        yield OmittedEffect(name, OFF, f"{text} divided by the switching time", ratio, 0.1, change=None)

@@ -307,7 +307,7 @@ class HeatSection(EffectSection):
         copper, steady = f"{format_number(at.copper_loss)} W of copper loss", ""
         if at.housing_rise is not None:
             relevant = "relevant" if at.housing_rise > MAX_RISE else "not relevant"
-            steady = f"; in steady operation {relevant}, housing {format_number(at.housing_rise)} K above the room"
+            steady = f"; {relevant} in steady operation, housing {format_number(at.housing_rise)} K above the room"
             if at.housing_rise == math.inf:
                 steady = f"; no steady state, the winding would pass {HOTTEST:g} °C"
             steady += " (emclutch heat)"

@@ -58,13 +58,15 @@ class OmittedEffect:
     @property
     def verdict(self) -> str:
         """`is_significant` in a word."""
+        if self.where == ALWAYS:
+            return "always included"
         return {True: "YES", False: "no", None: "not known"}[self.is_significant]
 
     @property
     def on_torque(self) -> str:
         """Say what it does to the torque, by the order of magnitude: `change` at its limit, and in proportion."""
         if self.where == ALWAYS:
-            return "included"
+            return ""
         if self.change is None:
             return "not estimated"
         if self.value is None or not self.limit:

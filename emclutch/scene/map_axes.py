@@ -101,7 +101,7 @@ def axes_of(case: Case, given: Mapping[str, str | Sequence[Any]], prefix: str = 
     case.need_grains()
     if len(given) not in (1, 2):
         options = ", ".join(f"{prefix}{name}" for name in KEYS) + f", {prefix}vary" * bool(prefix)
-        message = f"has {len(given)} axes; allowed: 1 or 2 of {options}, e.g. {prefix}current '0.1 A:1.5 A'"
+        message = f"needs one or two axes, e.g. {prefix}current '0.1 A:1.5 A'; possible are {options}"
         raise SceneError([Fault("map", "", message)], "torque map")
     faults: list[Fault] = []
     axes: list[Axis] = []

@@ -44,7 +44,7 @@ UPDATE_RULES = {
     UpdateRule.CONTACT: ", twice a contact and before a grain has moved by 1 % of a diameter",
     UpdateRule.PRESSURE: ", twice a contact",
     UpdateRule.WINDOW: ", once a window",
-    UpdateRule.NEIGHBOURS: ". Pairs of grains that jump together gain 6 % too much energy (1 to 16 %); "
+    UpdateRule.NEIGHBOURS: ". Pairs of grains that jump together gain 6 % too much energy (between 1 and 16 %); "
     "effects.dipoles.update_every = 1 prevents it",
     UpdateRule.PARTING: ". Pairs of grains that jump together gain 9 % too much energy, with a scatter of 20 %; "
     "effects.dipoles.update_every = 1 reduces it to 2 %",
@@ -84,7 +84,7 @@ def device_in_words(scene, device: Device) -> Iterator[tuple[str, str]]:
     yield (
         "grains",
         f"{fill.count} simulated of {fill.count * particles.n_sectors} in the device "
-        f"({fill.mass * 1e3:.3g} g), solid fraction {fill.solid_fraction:.3f} of the {where} filled",
+        f"({fill.mass * 1e3:.3g} g), solid fraction {fill.solid_fraction:.3f} in the {where}",
     )
     yield "packing", packing_in_words(scene, device)
     if particles.sector is not None:

@@ -24,11 +24,11 @@ HEADS = (
     ("gap_flux_density", "B gap"),
     ("flux_linkage", "linkage"),
     ("apparent_inductance", "L"),
-    ("incremental_inductance", "L incr."),
-    ("copper_loss", "loss"),
+    ("incremental_inductance", "incremental L"),
+    ("copper_loss", "copper loss"),
     ("energy", "energy"),
     ("coenergy", "co-energy"),
-    ("hysteresis_loss", "heat"),
+    ("hysteresis_loss", "hysteresis loss"),
 )
 """Columns of field.csv that the terminal shows, and how they are headed there; axial forces besides."""
 FORCE = "axial_force_"
@@ -72,7 +72,7 @@ def _statements(summary: dict[str, Any]) -> Iterator[Statement]:
 
 def _currents(summary: dict[str, Any]) -> Table:
     rows, units = summary["currents"], summary["units"]
-    forces = [(name, f"F_z {name.removeprefix(FORCE)}") for name in rows[0] if name.startswith(FORCE)]
+    forces = [(name, f"axial force on {name.removeprefix(FORCE)}") for name in rows[0] if name.startswith(FORCE)]
     shown = [(name, head) for name, head in (*HEADS, *forces) if name in rows[0]]
     table = [[in_cells(row.get(name)) for name, _ in shown] for row in rows]
     return Table(table, [f"{head} [{units[name]}]" for name, head in shown], range(len(shown)))
@@ -82,6 +82,8 @@ def _details(summary: dict[str, Any]) -> Iterator[tuple[str, str]]:
     units = summary["units"]
     for name, value in summary["at_last_current"].items():
         if name not in ("ampere_turns_by_part", "axial_force"):  # tables of their own
+            if name == "estimated_relative_error":
+                value = {part: format_percent(abs(error)) for part, error in value.items()}
             yield in_words(name) + (f" [{units[name]}]" if name in units else ""), in_cells(value)
 
 
@@ -94,7 +96,7 @@ def _forces(forces: dict[str, dict[str, Any]]) -> Table:
         name = in_words(body) if regions == body else f"{in_words(body)} ({in_words(regions)})"
         reasons = "; ".join(str(one[key]) for key in REASONS if key in one)
         rows.append((name, *("" if value is None else f"{value:.4g}" for value in values), reasons))
-    heads = ("axial force on", "F_z [N]", "by virtual work [N]", "estimated error [N]", "missing")
+    heads = ("axial force on", "force [N]", "by virtual work [N]", "estimated error [N]", "missing")
     width = len(heads) if any(row[-1] for row in rows) else len(heads) - 1
     return Table([row[:width] for row in rows], heads[:width], (1, 2, 3))
 

@@ -68,7 +68,7 @@ def _permitted(permitted: pandas.DataFrame) -> Table:
     table = []
     for row in permitted.to_dict("records"):
         table.append((f"{RPM * row['speed']:.0f}", *(f"{row[key]:.3g}" for key in PERMITTED if key in row)))
-    head = ("slip [1/min]", *(words for key, words in PERMITTED.items() if key in permitted))
+    head = ("slip [rpm]", *(words for key, words in PERMITTED.items() if key in permitted))
     return Table(table, head, range(len(head)))
 
 
@@ -95,7 +95,7 @@ def _permitted_at_the_duty(summary: dict[str, Any], permitted: pandas.DataFrame)
         return
     row = permitted.loc[(permitted["speed"] - summary["slip"]).abs().idxmin()]
     limit = "surface" if row["by_surface"] <= row["by_coil"] else "coil"
-    at = f"Permitted steady slip power at {RPM * summary['slip']:.4g} 1/min"
+    at = f"Permitted steady slip power at {RPM * summary['slip']:.4g} rpm"
     if row["slip_power"] > 0.0:
         yield note(f"{at}: {row['slip_power']:.3g} W (limit: {limit}).")
     else:

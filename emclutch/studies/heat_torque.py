@@ -152,7 +152,7 @@ def _of_slip_power(power: float, slip: float, current: float, run: str | Path | 
         raise ValueError(f"{given} needs a slip: give effects.heat.duty.slip, or a speed in [motion]")
     torque = power / abs(slip)
     return lambda I, _: torque * float(I > 0.0), {
-        "source": f"{given} at {RPM * abs(slip):.4g} 1/min",
+        "source": f"{given} at {RPM * abs(slip):.4g} rpm",
         "value": torque,
         "current": current,
         "temperature": AS_GIVEN,

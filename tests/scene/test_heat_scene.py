@@ -118,7 +118,7 @@ def test_at_the_permitted_slip_power_the_limit_is_met(found):
     slow, own, fast = found.permitted.to_dict("records")
     assert own["speed"] == pytest.approx(300.0 * RPM) and slow["slip_power"] < own["slip_power"] < fast["slip_power"]
     words = " ".join(terminal(found.report()).split())
-    assert f"Permitted steady slip power at 300 1/min: {own['slip_power']:.3g} W (limit: surface)." in words
+    assert f"Permitted steady slip power at 300 rpm: {own['slip_power']:.3g} W (limit: surface)." in words
     assert f"end of the duty, 1 h 00 min {found.table['coil_hottest'].iloc[-1]:.1f}" in words
     assert fast["film"] > slow["film"] and fast["slip_power"] > slow["slip_power"]
     scene = brake().scene

@@ -101,7 +101,7 @@ def test_the_gap_is_that_of_the_rim_or_of_the_faces_and_long_ranges_are_divided_
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        ((), "map has 0 axes; allowed: 1 or 2 of --current, --voltage"),
+        ((), "map needs one or two axes, e.g. --current '0.1 A:1.5 A'; possible are --current, --voltage"),
         (("--current", "1 A:2 A", "--gap", "1 mm:2 mm", "--fill", "0.3:0.4"), "map has 3 axes"),
         (("--current", "1 mm:2 mm"), "--current = '1 mm' is a length; a current is needed"),
         (("--current", "1 A:2 A:1"), "--current = '1 A:2 A:1' is not a list or a range; write"),

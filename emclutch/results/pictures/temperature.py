@@ -89,7 +89,7 @@ def duty_picture(path: str | Path, table: Any, permitted: Any, limits: dict[str,
                    label=f"{name} at {limits[of]:g} °C")  # fmt: skip
     if np.any(permitted[["by_surface", "by_coil"]].to_numpy() > 0.0):
         make_logarithmic(right)
-    right.set(xlabel="slip speed [1/min]", ylabel="permitted slip power [W]")
+    right.set(xlabel="slip speed [rpm]", ylabel="permitted slip power [W]")
     right.grid(alpha=0.25)
     legend_below(right)
     return save_picture(figure, path)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from emclutch.effects import EffectsSection
-from emclutch.effects.omitted_effect import ALWAYS, OFF, OmittedEffect
+from emclutch.effects.omitted_effect import OFF, OmittedEffect
 from emclutch.results.accuracy_study import SettingError
 from emclutch.results.column_table import COLUMNS
 from emclutch.results.columns import (
@@ -169,7 +169,7 @@ def effects_table(on: Sequence[str], omitted: Sequence[OmittedEffect]) -> Table:
         field, line = EffectsSection.model_fields.get(name), None if name in on else of.get(name)
         state = "on" if name in on else OFF if line is None else line.where
         what = "" if field is None else str(field.description)
-        matters = "" if line is None else line.verdict.lower() if line.where == ALWAYS else line.verdict
+        matters = "" if line is None else line.verdict
         fraction, number = ("", "") if line is None else (line.on_torque, line.in_words())
         table.append((in_words(name), state, what, matters, fraction, number))
     head = ("effect", "", "what it is", "relevant?", "effect on the torque", "criterion (limit)")

@@ -446,16 +446,17 @@ class _Sheared:
             tau = np.minimum(tau, chains)  # weak magnets have weak necks
         b = float(np.average(B, weights=zone.lever)) / (MU_0 * self._Ms)
         doubts = [
-            f"its {name} is {value:.3g}, and the law holds from {low:g} to {high:g}"
+            f"its {name} is {value:.3g}, and the law was fitted from {low:g} to {high:g}"
             for (name, (low, high)), value in zip(RANGES.items(), (fill, b, across, inertia), strict=True)
             if not low <= value <= high and name != "grains per gap"
         ]
         if whole > RANGES["fill"][1] >= fill:
-            doubts.append(f"its fill is {whole:.3g} before it spills, and the law holds up to {RANGES['fill'][1]:g}")
+            most = RANGES["fill"][1]
+            doubts.append(f"its fill is {whole:.3g} before it spills, and the law was fitted up to {most:g}")
         if across < MIN_GRAINS_PER_GAP:
             doubts.append("fewer than 3 grains per gap are not a continuum")
         elif across < RANGES["grains per gap"][0]:
-            doubts.append(f"the gap holds {across:.2g} grains, and the law holds from 4 on")
+            doubts.append(f"the gap holds {across:.2g} grains, and the law was fitted from 4 on")
         at = (b, fill, across, min(inertia, RANGES["inertial number"][1]))
         parts = law.errors_at(*at)
         early, late = (
