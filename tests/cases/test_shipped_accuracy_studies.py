@@ -28,7 +28,7 @@ def test_the_quickstart_has_one(monkeypatch, tmp_path):
     case = load_case(CASES / "quickstart.toml")
     _, path = accuracy_study_of_device(case)
     assert path in STUDIES
-    assert "dominant: " in accuracy_in_words(case, make_plan(case)[1])
+    assert "dominant uncertainty: " in accuracy_in_words(case, make_plan(case)[1])
 
 
 def test_an_old_file_is_named_once_and_the_shipped_one_used(monkeypatch, tmp_path, caplog):
@@ -89,9 +89,19 @@ def test_other_devices_estimate_what_grains_will_cost(monkeypatch):
     assert f"reach ± {format_percent(missed['half_width'])} at best (estimate), limited by the " in text
 
 
+def test_settings_that_the_scene_lacks_limit_nothing(monkeypatch):
+    brake = next(one for one in (AccuracyStudy.from_json(path.read_text()) for path in STUDIES)
+                 if one.case == "powder_clutch")  # fmt: skip
+    case = load_case(CASES / "quickstart.toml")
+    assert case.scene.accuracy.inertial_number is None and brake.setting("inertial_number") is not None
+    monkeypatch.setattr(fidelities, "known_studies", lambda: [brake])
+    assert estimate_by_other_devices(case, 0.02, 30.0)["limit"] != "inertial_number"
+
+
 def test_settings_that_a_scene_refuses_estimate_nothing(monkeypatch):
     """A study whose settings reach the target, and are refused, is none that misses it; nor is one beside it named."""
-    brake, quickstart = (AccuracyStudy.from_json(path.read_text()) for path in STUDIES)
+    studies = {one.case: one for one in map(AccuracyStudy.from_json, (path.read_text() for path in STUDIES))}
+    brake, quickstart = studies["powder_clutch"], studies["quickstart"]
     best, case = next(reaching(brake, 0.1)), load_case(CASES / "quickstart.toml")
     missed = LimitingError("grains_per_gap", 0.2, None, best=replace(best, statistical=0.2))
     answers = {brake.case: LimitingError("field_mesh", None, None, "refused", best), quickstart.case: missed}

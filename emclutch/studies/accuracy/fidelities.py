@@ -8,7 +8,7 @@ Neither has the error of the powder's data.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import process_time
 from typing import Any
 
@@ -19,6 +19,7 @@ from emclutch.results.report.report import Mark, Statement, note
 from emclutch.results.text import format_cost, format_duration, format_percent, in_words
 from emclutch.scene.case import Case
 from emclutch.scene.errors import bad_input_for
+from emclutch.settings import settings_of
 from emclutch.simulation.forecast.expected_field import expected_magnetisation
 from emclutch.simulation.forecast.expected_torque import ExpectedTorque, expected_torque
 from emclutch.simulation.plan import make_plan
@@ -177,8 +178,8 @@ class CheapestAnswer:
 def estimate_by_other_devices(case: Case, target: float, replica_seconds: float) -> dict[str, Any] | None:
     """Return what grains will cost for a half width if a device's errors are those of other devices.
 
-    The settings that the accuracy study of another device recommends are taken, as far as the scene has them, and
-    their cost is that of the plan.
+    The settings that the accuracy study of another device recommends are taken, and their cost is that of the plan.
+    Settings that the scene does not have are left out of the study.
 
     Parameters
     ----------
@@ -195,7 +196,9 @@ def estimate_by_other_devices(case: Case, target: float, replica_seconds: float)
         study has the settings of the scene, or the scene refuses those that reach the target.
     """
     costs, missed = [], []
-    for study in known_studies():
+    names = {one.name for one in settings_of(case.scene)}
+    for known in known_studies():
+        study = replace(known, settings=tuple(one for one in known.settings if one.name in names))
         found = cheapest_case(case, study, target)
         if isinstance(found, LimitingError):
             # a combination that reaches the target, but which the scene refuses, says nothing of the errors
