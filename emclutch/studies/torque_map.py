@@ -58,6 +58,7 @@ if TYPE_CHECKING:
 
 TORQUES = ("torque", "low", "high", "unknown_low", "unknown_high")
 """Columns of map.csv in N m: mean, 95 % interval, and 90 % range of unknown powder, of a map over one axis."""
+HEADS = ("torque [N m]", "95 % low", "95 % high", "unknown powder, low", "unknown powder, high")
 LEFT_OUT = (
     "The interval is that of the powder's law. Left out: tolerances of the drawing and of materials, friction that "
     "changes with temperature, and hysteresis"
@@ -68,6 +69,8 @@ with hysteresis."""
 COMPARED = "measured_over_expected.csv"
 SHOWN = 100
 """Measured torques at most in the table of the page; the file has all."""
+SHORT = 20
+"""Points at most in a table on the terminal; the page has all."""
 CURVES = 6
 """Values of a second axis up to which the picture has a curve for each; it has contours for more."""
 
@@ -217,10 +220,11 @@ class MapResult(Reported):
             + ["guess" if point.is_guess else "" if point.torque else "none"]
             for point, row in zip(self.points, self.rows, strict=True)
         ]
-        head = [*(a.name for a in self.axes), *(f"{name.replace('_', ' ')} [N m]" for name in names), *branch, ""]
+        head = [*(a.name for a in self.axes), *HEADS[: len(names)], *branch, ""]
         if self.measured:
             report.add("Measured over expected", self._measured_table(), Shown.PAGE)
-        report.add("Points", Table(cells, head, range(len(head) - 1)), Shown.PAGE)
+        where = Shown.TERMINAL if len(cells) <= SHORT else Shown.PAGE
+        report.add("Points", Table(cells, head, range(len(head) - 1)), where)
         files = [("map.csv", "all points in SI, with the reason of every guess"), ("map.json", "the same as JSON")]
         if self.measured:
             files += [(COMPARED, "measured and expected torques"), (MEASURED, "the measured table as it was given")]

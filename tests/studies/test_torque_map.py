@@ -58,7 +58,9 @@ def test_each_point_is_the_expected_torque_of_its_scene_and_rises_with_the_curre
     assert (found.folder / "map.png").stat().st_size > 10_000
     text, page = terminal(found.report()), (found.folder / "index.html").read_text()
     assert text.startswith("✓ Largest torque: 0.") and "at coil current" in text.splitlines()[0]
-    assert "Left out: " in text and "emclutch run " in text and page.count("<img") == 1
+    assert (
+        f" {torques[1]:.4g} " in text and "Left out: " in text and "emclutch run " in text and page.count("<img") == 1
+    )
 
 
 @pytest.mark.parametrize(
