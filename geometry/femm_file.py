@@ -31,6 +31,7 @@ _ENTRY = re.compile(r"\s*<(\w+)>\s*(?:=\s*(.*?))?\s*$")
 _KINDS = {"beginbdry": "boundary", "beginblock": "material", "begincircuit": "circuit"}
 _LISTS = {"numpoints": 2, "numsegments": 2, "numarcsegments": 3, "numholes": 2, "numblocklabels": 8}
 _WIRE = 3  # first LamType of wire
+_DECIMAL_POINT = "write it with a decimal point"
 _ON_AXIS = 1e-9  # of the model's size
 
 _Lines = Iterator[tuple[int, str]]
@@ -61,6 +62,10 @@ class FemmEdge:
     boundary: int
     line: int
 
+    def ends(self, points: np.ndarray) -> str:
+        """Return the edge by its ends, in words."""
+        return f"the edge from {_at(*points[self.start])} to {_at(*points[self.end])}"
+
     def middle(self, points: np.ndarray) -> np.ndarray:
         """Return its middle (r, z), shape (2,): a chord c of an arc has the sagitta c/2 tan(angle/4) on its right."""
         a, b = points[self.start], points[self.end]
@@ -78,6 +83,10 @@ class FemmLabel:
     turns: float
     is_external: bool
     line: int
+
+    def at(self) -> str:
+        """Return its place in words."""
+        return _at(*self.place)
 
     @property
     def current(self) -> float:
@@ -127,7 +136,8 @@ def read_femm(path: str | Path) -> FemmModel:
     try:
         return _model(path, enumerate(text.splitlines(), 1))
     except ValueError as error:
-        raise FileFault(path, str(error)) from None
+        commas = len(re.findall(r'(?m)^[^"\n]*?\d,\d', text)) if _DECIMAL_POINT in str(error) else 0
+        raise FileFault(path, f"{error}; so have {commas - 1} more lines" if commas > 1 else str(error)) from None
 
 
 def _model(path: Path, lines: _Lines) -> FemmModel:
@@ -198,13 +208,17 @@ def _property(lines: _Lines, begin: int) -> FemmProperty:
     raise ValueError(f"line {begin}: the property has no end; the file is cut off: save it again in FEMM")
 
 
+def _at(r: float, z: float) -> str:
+    return f"r = {1e3 * r:.4g} mm, z = {1e3 * z:.4g} mm"
+
+
 def _number(text: str, line: int) -> float:
     try:
         value = float(text)
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        remedy = "write it with a decimal point" if "," in text else "if the file is cut off, save it again in FEMM"
+        remedy = _DECIMAL_POINT if "," in text else "if the file is cut off, save it again in FEMM"
         raise ValueError(f"line {line}: {text!r} is no number; {remedy}")
     return value
 

@@ -97,7 +97,8 @@ def _curve(occ: Any, edge: FemmEdge, tags: Sequence[int], points: np.ndarray, pa
         middle = occ.addPoint(*edge.middle(points), 0.0)
         curve = occ.addCircleArc(start, middle, end, center=False)
     except Exception as error:  # gmsh raises plain Exception, with its own last message
-        raise FileFault(path, f"line {edge.line}: the edge has no length ({error}); delete it in FEMM") from None
+        where = f"line {edge.line}: {edge.ends(MILLIMETRE * points)}"
+        raise FileFault(path, f"{where} has no length ({error}); delete it in FEMM") from None
     occ.remove([(0, middle)])
     return curve
 
@@ -111,7 +112,7 @@ def _labelled(gmsh: Any, model: FemmModel, cut: list[int], bottom: float) -> dic
         found = next((tag for tag in inner if gmsh.model.isInside(2, tag, (r, z, 0.0))), None)
         if found is None or found in faces:
             reason = "in no closed region; close its outline" if found is None else "where another is; delete one"
-            raise FileFault(model.path, f"line {label.line}: the label at r = {r:.4g} mm, z = {z:.4g} mm lies {reason}")
+            raise FileFault(model.path, f"line {label.line}: the label at {label.at()} lies {reason}")
         faces[found] = label
     if bare := [tag for tag in inner if tag not in faces]:
         r, z, _ = gmsh.model.occ.getCenterOfMass(2, bare[0])

@@ -16,7 +16,7 @@ from emclutch.scene.errors import Fault
 from emclutch.scene.grain_smear import ELEMENTS_A_WIDTH, moments_are_fed_back, smear_width
 from emclutch.scene.magnetic_regions import magnetic_regions
 from emclutch.scene.partial_scene import PartialScene
-from emclutch.scene.section import Choice, refuse
+from emclutch.scene.section import Choice, did_you_mean, refuse
 from emclutch.scene.units import number
 
 if TYPE_CHECKING:
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 _Body = Annotated[str, Choice(("rotor", "disc", "housing"))]
 _UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "inch": 25.4e-3}
 _UNIT_OF_SHAPES = "mm"
+_RPM = 30.0 / math.pi  # for 1 rad/s
 # Of the rows that are meshed here across the width: triangles of another mesher are not all equilateral.
 _ENOUGH = 0.75
 _KEYS = {"open_boundary": "field.open_boundary", "air_factor": "geometry.air_factor"}
@@ -148,7 +149,8 @@ class CadGeometry(GeometrySection):
     names: dict[str, str] = Field(default={}, description="region for a part's name in the file, where they differ")
     bodies: dict[str, _Body] = Field(
         default={},
-        description="body that a region turns with; default: by its name, see the text above",
+        description="body of a part, or of air at the powder; default: disc for disc and shaft_out, housing for "
+        "housing, yoke, coil and air, rotor for all others",
     )
     axis: Annotated[str, Choice(("x", "y", "z"))] = Field(default="z", description="axis of revolution of solids")
     unit: Annotated[str, Choice(tuple(_UNITS))] | None = Field(
@@ -173,7 +175,7 @@ class CadGeometry(GeometrySection):
         self._trust_scripts = bool((info.context or {}).get("trust_scripts", False))
         self._refuse_what_the_file_says()
         try:
-            self._section()
+            section = self._section()[1]
         except (ValueError, OSError) as error:
             from geometry.fault import with_keys
 
@@ -181,6 +183,11 @@ class CadGeometry(GeometrySection):
             keys = type(self).model_fields
             reason = with_keys(reason, lambda name: f"geometry.{name}" if name in keys else f"`{name}`")
             raise refuse(reason, key="file") from None
+        parts = list(dict.fromkeys(part.region for part in section.parts if part.region != "powder"))
+        for name in self.bodies:
+            if name not in (*parts, "air"):
+                hint = did_you_mean(name, parts)
+                raise refuse(f"is no part; {hint}parts: {', '.join(parts)}, and air", key=f"bodies.{name}")
         return self
 
     @property
@@ -229,23 +236,50 @@ class CadGeometry(GeometrySection):
             )
 
     def warnings(self, scene: Any) -> Iterator[str]:
-        """Yield powder that no two bodies shear."""
+        """Yield powder that no two bodies shear, or not the disc."""
+        if reason := self.why_not_sheared(scene):
+            yield reason
+        elif scene.particles is not None and self.shape().bodies_at_powder == {"rotor", "housing"}:
+            yield ("geometry.bodies: the torque is measured on the disc, and no part that borders the powder belongs "
+                   "to it; give one the body 'disc'")  # fmt: skip
+
+    def why_not_sheared(self, scene: Any) -> str:
+        """Return that all walls of the powder are of one body, or that both bodies have one speed."""
         bodies = sorted(self.shape().bodies_at_powder)
         if scene.particles is None:
-            return
+            return ""
         if len(bodies) == 1:
-            yield (
-                f"geometry.bodies: all parts that border the powder belong to the {bodies[0]}, so that nothing shears "
-                "it; give one the body 'rotor' and another one 'disc'"
-            )
-        elif len(bodies) == 2 and "housing" in bodies:
-            shaft = next(body for body in bodies if body != "housing")
-            motion = getattr(scene.motion, shaft)
-            if motion.free is None and motion.largest_speed == 0.0:
-                yield (
-                    f"motion.{shaft}.speed: the powder lies between {shaft} and housing at 0 rpm, so that nothing "
-                    f"shears it; set motion.{shaft}.speed, or the body of a part in geometry.bodies"
-                )
+            give = {"rotor": "one the body 'disc'", "disc": "one the body 'rotor'"}
+            remedy = give.get(bodies[0], "one the body 'rotor' and another one 'disc'")
+            return (f"geometry.bodies: all parts that border the powder belong to the {bodies[0]}; nothing shears it; "
+                    f"give {remedy}")  # fmt: skip
+        shafts = [body for body in bodies if body != "housing"]
+        speeds = [getattr(scene.motion, shaft).speed for shaft in shafts]
+        if len(bodies) != 2 or any(speed is None or not speed.is_constant for speed in speeds):
+            return ""
+        values = {0.0 if "housing" in bodies else speeds[0](0.0), *(speed(0.0) for speed in speeds)}
+        if len(values) > 1:
+            return ""
+        return (f"motion.{shafts[0]}.speed: the powder lies between {' and '.join(bodies)}, both at "
+                f"{_RPM * values.pop():.4g} rpm; a run shears nothing and gives 0 N m; set another speed, or "
+                "the body of a part in geometry.bodies")  # fmt: skip
+
+    def bodies_in_words(self, scene: Any) -> str:
+        """Return each body with its speed and parts, and between which bodies the powder lies."""
+        shape = self.shape()
+        parts = {part.region: shape.body(part.region) for part in shape.section.parts if part.region != "powder"}
+        found = []
+        for body in dict.fromkeys(("disc", "rotor", "housing", *parts.values())):
+            motion = getattr(scene.motion, body, None)
+            if motion is None or (motion.speed is not None and motion.speed.is_constant):
+                speed = f"{_RPM * (0.0 if motion is None else motion.initial_speed):.4g}"
+            else:
+                speed = f"up to {_RPM * motion.largest_speed:.4g}"
+            own = ", ".join(part for part, of in parts.items() if of == body)
+            found += [f"{body} ({speed} rpm): {own}"] if own else []
+        bodies = sorted(shape.bodies_at_powder)
+        place = f"lies between {' and '.join(bodies)}" if len(bodies) > 1 else f"borders the {bodies[0]} alone"
+        return f"{'; '.join(found)}. The powder {place}"
 
     def options(self) -> dict[str, Any]:
         """Arguments of the import other than the path; see `geometry.cad_parts.CadFile`."""

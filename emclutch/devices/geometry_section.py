@@ -131,6 +131,14 @@ class GeometrySection(Section):
         """Yield what is allowed and yet likely not meant."""
         yield from ()
 
+    def why_not_sheared(self, scene: Any) -> str:
+        """Return why no two bodies shear the powder; empty where the geometry itself has two."""
+        return ""
+
+    def bodies_in_words(self, scene: Any) -> str:
+        """Return the bodies of a geometry whose bodies are chosen by the scene; empty of others."""
+        return ""
+
     def false_mirrors(self, shape: Any) -> str:
         """Where images of dipoles in its walls are mirrored in what is no steel; empty where nowhere."""
         return ""

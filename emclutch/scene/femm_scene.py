@@ -32,7 +32,7 @@ _BOUNDARIES = {0: "prescribed A", 1: "small skin depth", 2: "mixed", 3: "strateg
                5: "antiperiodic", 6: "periodic air gap", 7: "antiperiodic air gap"}  # fmt: skip
 
 _Reasons = Iterator[tuple[int, str]]
-"""Line of the file, and what is wrong with it and what to do."""
+"""Line of the file, 0 for the whole file, and what is wrong with it and what to do."""
 
 
 def femm_scene(path: Path, stem: str, powder: str | None = None) -> tuple[dict[str, Any], dict[str, str], list[str]]:
@@ -122,7 +122,8 @@ def _notes(bodies: dict[str, str], model: FemmModel, section: FemmSection, powde
 
 def _refuse(path: Path, reasons: list[tuple[int, str]]) -> None:
     if reasons:
-        raise SceneError([Fault("", "", f"line {line}: {text}") for line, text in sorted(set(reasons))], str(path))
+        found = [f"line {line}: {text}" if line else text for line, text in sorted(set(reasons))]
+        raise SceneError([Fault("", "", text) for text in found], str(path))
 
 
 def _plain(name: str) -> str:
@@ -188,14 +189,11 @@ def _label_reasons(model: FemmModel, powder: str | None) -> _Reasons:
         if not _is_shell(label, model):
             for reason in _material_reasons(label):
                 yield label.material.line, f"the material {label.material.name!r} {reason}"
-    if powder is not None and not any(_is(label, powder) for label in model.labels):
-        names = sorted({label.material.name for label in model.labels})
-        yield 1, f"no region is of the material {powder!r} (--powder); there are {', '.join(names)}"
     circuits = [label.circuit for label in model.labels if label.circuit and label.current]
     if not circuits:
         known = "; ".join(_circuit(one, model) for one in model.circuits)
         remedy = f"its circuits are {known}: set the current, and assign the circuit to the winding's label"
-        line = model.circuits[0].line if model.circuits else 1
+        line = model.circuits[0].line if model.circuits else 0
         yield line, f"no winding carries a current; {remedy if known else 'define a circuit for the winding'} in FEMM"
     for one in circuits:
         if one is not circuits[0]:
@@ -206,12 +204,15 @@ def _label_reasons(model: FemmModel, powder: str | None) -> _Reasons:
 
 def _circuit(one: FemmProperty, model: FemmModel) -> str:
     own = [label for label in model.labels if label.circuit is one]
-    labels = ", ".join(f"label in line {label.line} with {label.turns:g} turns" for label in own)
+    labels = ", ".join(f"{label.turns:g} turns around {label.at()}" for label in own)
     return f"{one.name!r} ({one['totalamps_re']:g} A, {labels or 'no label'})"
 
 
 def _powder_reasons(model: FemmModel, section: FemmSection, powder: str | None) -> _Reasons:
-    """Why a region cannot be the space of the grains."""
+    """Why a region cannot be the space of the grains; asked for once every region has a label."""
+    if powder is not None and not any(_is(label, powder) for label in model.labels):
+        names = sorted({repr(label.material.name) for label in model.labels})
+        yield 0, f"no region is of the material {powder!r} (--powder); there are {', '.join(names)}"
     for label in model.labels:
         if _is(label, powder) and (reason := _not_powder(label, section)):
             name, others = label.material.name, " or ".join(map(repr, _powders(model, section)))
@@ -266,14 +267,19 @@ def _material_reasons(label: FemmLabel) -> Iterator[str]:
 def _outline_reasons(model: FemmModel, section: FemmSection, air: set[FemmLabel]) -> _Reasons:
     """Why the surroundings of the model cannot be replaced by open space."""
     kelvin = any(label.is_external for label in model.labels)
+    faulty: dict[str, list[FemmEdge]] = {}
     for edge in section.inside:
         if edge.boundary:
-            yield edge.line, f"{_boundary(model, edge)} within the model has no counterpart; remove it from the edge"
+            reason = f"{_boundary(model, edge)} within the model has no counterpart; remove it from the edge"
+            faulty.setdefault(reason, []).append(edge)
     for edge, label in section.outline.items():
         if label not in air:
             yield label.line, f"{label.material.name!r} lies at the end of the model; draw air around the whole device"
         elif not label.is_external and (reason := _not_open(model, edge, kelvin)):
-            yield edge.line, reason
+            faulty.setdefault(reason, []).append(edge)
+    for reason, edges in faulty.items():
+        more = f" and {len(edges) - 1} more" if len(edges) > 1 else ""
+        yield edges[0].line, f"{edges[0].ends(model.points)}{more}: {reason}"
 
 
 def _boundary(model: FemmModel, edge: FemmEdge) -> str:
@@ -286,8 +292,8 @@ def _not_open(model: FemmModel, edge: FemmEdge, kelvin: bool) -> str:
     one = model.boundaries[edge.boundary - 1] if edge.boundary else None
     if one is None or (one["bdrytype"] == _MIXED and not one["c0"] and not one["c1"]):
         return (
-            "the edge has no boundary: where the air ends give it A = 0 or an asymptotic condition; of a plane of "
-            "symmetry draw the other half too"
+            "no boundary; where the air ends give A = 0 or an asymptotic condition; of a plane of symmetry draw the "
+            "other half too"
         )
     name = _boundary(model, edge)
     if one["bdrytype"] in (0, _MIXED):

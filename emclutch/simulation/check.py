@@ -41,6 +41,7 @@ if TYPE_CHECKING:
 
 FIRST = {
     "expected torque": "torque",
+    "bodies": "bodies",
     "cost": "cost",
     "field": "field",
     "accuracy": "accuracy",
@@ -86,7 +87,7 @@ class Checked(Reported):
             if name in self.decisions
         ]
         report.add("Estimates", Table(first), Shown.TERMINAL)
-        doubts = [*map(warning, self.warnings)]
+        doubts = [warning(text) for text in self.warnings if text != self.expected.law]  # which the torque says
         of_decisions = warnings_of(self.decisions)
         doubts += [warning(f"{label}: {text}") for label, texts in of_decisions.items() for text in texts]
         doubts += [
@@ -169,8 +170,12 @@ def _check(case: Case, threads: int | None) -> Checked:
     expected = expected_torque(scene, device, made.peak_field)
     if device.coil is not None and scene.geometry.has_axis:
         slip = f"{RPM * scene.motion.largest_slip:.4g} rpm of slip"
+        if scene.motion.largest_slip == 0.0 < (expected.torque or 0.0):
+            slip += " (holding torque: the largest, quasi-static, before the shafts slip)"
         words["operating point"] = f"{device.coil.largest_current:.4g} A, {slip}"
     words |= {"expected torque": expected.in_words()} | expected.details()
+    if bodies := scene.geometry.bodies_in_words(scene):
+        words["bodies"] = bodies
     size = grain_size(scene, device)
     if size is not None:
         measured = has_accuracy_study(case) or bool(expected.parts)  # the powder's law has the torque of both

@@ -95,12 +95,13 @@ class MapPoint:
     @property
     def is_guess(self) -> bool:
         """Whether it is a guess, or a bound alone."""
-        return self.torque is not None and (self.torque.is_guess or self.torque.low == 0.0)
+        return self.torque is not None and (self.torque.is_guess or self.torque.low == 0.0 < self.torque.high)
 
     @property
     def remark(self) -> str:
-        """Why there is no torque, or why it is a guess; else empty."""
-        return self.expected.law if self.expected is not None and (self.is_guess or not self.torque) else self.reason
+        """Why there is no torque, or why it is 0 or a guess; else empty."""
+        without = self.torque is None or self.torque.mean == 0.0
+        return self.expected.law if self.expected is not None and (self.is_guess or without) else self.reason
 
     def row(self) -> dict[str, Any]:
         """Return its torques [N m] by the columns of map.csv; None where unknown."""
@@ -282,7 +283,8 @@ class MapResult(Reported):
             if point.expected is not None and point.expected.unknown_powder is not None:
                 between = format_range(*point.expected.unknown_powder)
                 yield note(f"Friction and fill of the powder unknown: {between} N m (90 % range).")
-        for what, found in (("a guess", [one for one in self.points if one.is_guess]),
+        zero = [one for one in self.points if one.torque is not None and one.torque.mean == 0.0]
+        for what, found in (("a guess", [one for one in self.points if one.is_guess]), ("at 0 N m", zero),
                             ("missing", [one for one in self.points if one.torque is None])):  # fmt: skip
             if found:
                 count = f"{len(found)} of {len(self.points)} points {'is' if len(found) == 1 else 'are'} {what}"

@@ -20,6 +20,7 @@ import emclutch
 from emclutch.cli.main import app
 from emclutch.cli.new import new_scene_from
 from emclutch.device_model.device import build_device, solved_coil
+from emclutch.results.report.render import terminal
 from emclutch.scene.case import load_case
 from emclutch.scene.errors import SceneError
 from field import MU_0
@@ -103,14 +104,20 @@ REFUSED = [
     (r"(?s)(pure\".*?<LamFill>) = 1", r"\1 = 0.95", "is laminated with LamFill = 0.95"),
     (r"(?s)(pure\".*?<BHPoints>) = 0", "\\1 = 2\n0\t0\n2\t1", "at least 3"),
     (r"(\"Copper\"\n\s*<Mu_x>) = 1", r"\1 = 5", "'Copper' is the material of a winding and magnetic"),
-    (r"<TotalAmps_re> = 2", "<TotalAmps_re> = 0", r"\d: no winding carries a current; its circuits are 'coil' .0 A"),
+    (
+        r"<TotalAmps_re> = 2",
+        "<TotalAmps_re> = 0",
+        r"\d: no winding carries a current; its circuits are 'coil' .0 A, 100 turns around r = 10 mm, z = 0 mm",
+    ),
     (r"<CircuitType> = 1", "<CircuitType> = 0", "'coil' is parallel"),
     (r"\t100\t0$", "\t1\t0", r"a solid conductor \(1 turn\) of 'Copper'"),
     (r"<A_0> = 0", "<A_0> = 0.1", "'A=0' .prescribed A. has a_0 = 0.1, a source outside"),
     (r"(?s)<BdryType> = 0(.*?<c1>) = 0", r"<BdryType> = 2\1 = 3", "'A=0' .mixed. has c1 = 3"),
     *((r"<BdryType> = 0", f"<BdryType> = {kind}", f"'A=0' .{name}. has no") for kind, name in TYPES.items()),
     (r"<BdryType> = 0", "<BdryType> = 2", "plane of symmetry"),
-    (r"(\t180.0\t1\t)1", r"\g<1>0", "plane of symmetry"),
+    (r"(\t180.0\t1\t)1", r"\g<1>0", "edge from r = 0 mm, z = -60 mm to r = 0 mm, z = 60 mm: no boundary.*of symmetry"),
+    (r"<Mu_(.)> = 1000", r"<Mu_\1> = 1000,5", "'1000,5' is no number; write it with a decimal point; so have 1 more"),
+    (r"^(8.0|12.0)\t(-?)5.0", r"\1\t\g<2>5,0", "decimal point; so have 3 more lines"),
     (r"^(0\t1\t-1\t)0", r"\g<1>1", "'A=0' .prescribed A. within the model"),
     (r"^(8.0\t5.0\t)0", r"\g<1>1", "a point with a property"),
     (r"\[NumHoles\] = 0", "[NumHoles] = 1\n2.5\t0\t0", "a hole in the mesh"),
@@ -119,7 +126,7 @@ REFUSED = [
     (r"^30.0\t", "90.0\t", "lies in no closed region"),
     (r"^30.0\t", "3.0\t", "lies where another is"),
     (r"= 3\n(10.0\t0.0.*\n.*\n).*\n", r"= 2\n\1", "has no label; give it one"),
-    (r"^8.0\t5.0", "12.0\t5.0", "the edge has no length"),
+    (r"^8.0\t5.0", "12.0\t5.0", "the edge from r = 12 mm, z = 5 mm to r = 12 mm, z = 5 mm has no length"),
     (r"^8.0\t-5.0", "-8.0\t-5.0", "the least r is -8 mm"),
     (r"<Mu_x> = 1000", "<Mu_x> = many", "'many' is no number"),
     (r"^0\t1\t-1", "0\t77\t-1", "77 is none of 0 to"),
@@ -292,7 +299,7 @@ def test_powder_is_the_region_of_a_material(tmp_path):
 @pytest.mark.parametrize(
     ("material", "message"),
     [
-        ("dust", r"no region is of the material 'dust' .*Air, Brass, Copper, Powder, Steel"),
+        ("dust", r"^[^\n]*\n  - no region is of the material 'dust' .*'Air', 'Brass', 'Copper', 'Powder', 'Steel'"),
         ("Steel", "'Steel' .--powder. is solid: its relative permeability is up to 1000, .*; take 'Powder'"),
         ("Brass", "'Brass' .* is solid metal: its conductivity is 16 MS/m"),
         ("Copper", "'Copper' .* is the material of a winding"),
@@ -326,15 +333,59 @@ def test_with_one_group_the_disc_turns_in_the_housing(tmp_path):
     path = scene_of(tmp_path, text, "Powder")
     assert not load_case(path).warnings and load_case(path).scene.motion.disc.largest_speed > 100.0
     stopped = load_case(path, {"motion.disc.speed": 0.0, "motion.rotor.speed": "1000 rpm"})
-    assert any("between disc and housing at 0 rpm" in warning for warning in stopped.warnings)
+    assert any("between disc and housing, both at 0 rpm" in warning for warning in stopped.warnings)
 
 
 def test_powder_between_parts_that_stand_still_is_a_warning(tmp_path):
     text = re.sub(r"\t0\t[12]\t1\t0$", "\t0\t0\t1\t0", str(powder_clutch()), flags=re.MULTILINE)
     with pytest.warns(UserWarning, match="all parts have group 0"):
         case = load_case(scene_of(tmp_path, text, "Powder"))
-    assert any("belong to the housing, so that nothing shears it" in warning for warning in case.warnings)
-    assert emclutch.check(case).expected.real.low == 0.0  # no more than the friction of weight and centrifugal force
+    assert any("belong to the housing; nothing shears it" in warning for warning in case.warnings)
+
+
+@pytest.mark.parametrize(
+    ("values", "torque", "bodies"),
+    [
+        ({"geometry.bodies.steel_1": "rotor"}, "1000 rpm of slip: 0 N m. geometry.bodies: all parts that border the "
+         "powder belong to the rotor; nothing shears it; give one the body 'disc'", "The powder borders the rotor"),
+        ({"motion.rotor.speed": 0.0}, "0 rpm of slip (holding torque", "rotor (0 rpm): brass_2, steel_2; housing"),
+        ({"geometry.bodies.steel_1": "housing", "motion.rotor.speed": 0.0, "motion.disc.speed": "9 rpm"},
+         "9 rpm of slip: 0 N m. motion.rotor.speed: the powder lies between housing and rotor, both at 0 rpm", "rotor"),
+        ({}, "1000 rpm of slip: of the order of", "disc (0 rpm): steel_1; rotor (1000 rpm): brass_2, steel_2; housing "
+         "(0 rpm): coil, steel. The powder lies between disc and rotor"),
+    ],
+)  # fmt: skip
+def test_check_says_what_shears_the_powder(values, torque, bodies, tmp_path):
+    checked = emclutch.check(load_case(scene_of(tmp_path, powder_clutch(), "Powder"), values))
+    text = " ".join(terminal(checked.report()).split())
+    assert torque in text and bodies in checked.decisions["bodies"] and text.count("nothing shears it") < 2
+
+
+def test_a_map_of_powder_that_nothing_shears_says_so(tmp_path):
+    case = load_case(scene_of(tmp_path, powder_clutch(), "Powder"), {"geometry.bodies.steel_1": "rotor"})
+    text = " ".join(terminal(emclutch.map(case, current="0.5 A, 1 A", out=tmp_path / "map").report()).split())
+    assert "2 of 2 points are at 0 N m. At coil current 0.5 A: geometry.bodies: all parts that border" in text
+    assert "a guess" not in text
+
+
+def test_a_body_of_no_part_is_refused(tmp_path):
+    path = scene_of(tmp_path, powder_clutch(), "Powder")
+    with pytest.raises(SceneError, match=r"bodies.steel1 is no part; did you mean 'steel_1'. parts: steel_1, brass_2"):
+        load_case(path, {"geometry.bodies": {"steel1": "disc"}})
+    assert load_case(path, {"geometry.bodies.air": "rotor"}).scene.geometry.bodies["air"] == "rotor"
+
+
+def test_powder_without_a_label_is_named_before_the_missing_material(tmp_path):
+    text = re.sub(r"(?m)^25.0\t0.0\t3.*\n", "", str(powder_clutch())).replace("Labels] = 8", "Labels] = 7")
+    with pytest.raises(SceneError, match=r"the region around r = 25 mm, z = .* has no label; give it one"):
+        scene_of(tmp_path, text, "MR powder")
+
+
+def test_one_fault_of_many_edges_is_reported_once(tmp_path):
+    text = re.sub(r"(?m)^([0-3]\t[0-3]\t-1\t)0", r"\g<1>1", str(small_model()))
+    with pytest.raises(SceneError, match=r"from r = 8 mm, z = -5 mm to .* and 3 more: .* within the model") as it:
+        scene_of(tmp_path, text)
+    assert str(it.value).count("within the model") == 1
 
 
 def test_the_command_writes_a_scene_beside_its_drawing(tmp_path):

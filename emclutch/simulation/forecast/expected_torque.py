@@ -155,8 +155,10 @@ class Interval:
         return {"mean": self.mean, "low": self.low, "high": self.high}
 
     def in_words(self) -> str:
-        """Return the torque with its half width, its factor, or as a bound."""
+        """Return the torque with its half width, its factor, as a bound, or 0."""
         mean = f"{self.mean:.3g} N m"
+        if self.mean == 0.0:
+            return mean
         if self.low == 0.0:
             return f"at most of the order of {mean}"
         factor = self.high / self.mean
@@ -232,12 +234,14 @@ class ExpectedTorque:
         return found
 
     def in_words(self) -> str:
-        """Return the torque and the range of unknown powder; of a guess why it is one."""
+        """Return the torque and the range of unknown powder; of a guess, and of 0 N m, the reason."""
         if self.real is None:
             return f"unknown: {self.law}"
         text = self.real.in_words()
         if self.unknown_powder is not None:
             text += f"; friction and fill of the powder unknown: {format_range(*self.unknown_powder)} N m (90 % range)"
+        if self.real.mean == 0.0:
+            return f"{text}. {self.law}"
         return f"{text}. {sentence(self.law)}" if self.real.is_guess else text
 
     def details(self) -> dict[str, str]:
@@ -257,7 +261,9 @@ def expected_torque(
 
     Without `unknown_powder` its range, which takes three more solves of the field, is left out.
     """
-    sampled = _sampled(device, field)
+    sampled, reason = _sampled(device, field), scene.geometry.why_not_sheared(scene)
+    if reason and (scene.motion.largest_slip > 0.0 or not device.shape.gap_parts(device.filled_boxes)):
+        return ExpectedTorque(Interval(0.0, 0.0, 0.0), reason)
     if sampled is None:
         return _friction(scene, device)
     zone, H, grad_H = sampled
