@@ -145,7 +145,7 @@ def _axis(case: Case, name: str, entry: str | Sequence[Any], option: str, count:
             message += "--vary KEY='1 mm:2 mm', or map(case, **{'geometry.KEY': '1 mm:2 mm'})"
             raise SceneError([Fault(option, shown(entry), message)], "torque map")
     if reason := key_fault(key, Scene):
-        raise SceneError([Fault(option, shown(key), reason)], "torque map")
+        raise SceneError([Fault(option, "" if option == key else shown(key), reason)], "torque map")
     quantity = quantity_at(key, Scene, case.data)
     if quantity is None:
         message = "is not a continuous quantity; vary a length, a current, a fraction"
