@@ -111,6 +111,8 @@ def test_field_and_mesh_give_what_they_write(tmp_path):
     assert made.file.is_file() and made.picture.is_file() and len(made.mesh.triangles) > 100
     with pytest.raises(emclutch.SceneError, match="does not lie in the mesh"):
         emclutch.field(case, lines=[(1.0, 0.0, 2.0, 0.0)], out=tmp_path / "other")
+    with pytest.raises(emclutch.SceneError, match=r"give a list of lines \(r0, z0, r1, z1\)"):
+        emclutch.field(case, lines=(0.02, 0.0, 0.02, 0.003), out=tmp_path / "other")
     with pytest.raises(emclutch.SceneError, match=r"geometry\.kind = 'shear_cell' has no field"):
         emclutch.mesh(case_from(CELL), out=tmp_path / "other")
 
@@ -177,7 +179,9 @@ def test_every_package_is_listed_and_marked_as_typed():
         (lambda case: emclutch.map(case, current={}), "current = {} is a dictionary; give a range A:B, or a list"),
         (lambda case: emclutch.map(case, current=[]), "current = [] is empty; give a range A:B, or a list"),
         (lambda case: emclutch.map(case, curent="1 A:2 A"), "curent is no argument of map; did you mean current?"),
-        (lambda case: emclutch.map(case, **{"coil.curent": "1 A:2 A"}), "- coil.curent is not a key of a scene; did you"),
+        (lambda case: emclutch.map(case, **{"coil.curent": "1 A:2 A"}), "- coil.curent is not a key of a scene"),
+        (lambda case: emclutch.field(case, out=5), "out = 5 is not the path of a folder"),
+        (lambda case: emclutch.sweep(case), "is not the path of a study file"),
         (lambda case: emclutch.check(case, thread=1), "thread is no argument of check; did you mean threads?"),
         (lambda case: emclutch.run(case, threads="many"), "threads = 'many' is not a whole number from 1"),
         (lambda case: emclutch.run(case, callback=5), "callback = 5 is not a function"),
