@@ -121,4 +121,5 @@ __getattr__, __dir__ = lazy_attributes(
         "SceneError": "emclutch.scene.errors:SceneError",
         "read_study": "emclutch.scene.study:read_study",
     },
+    checks_names=True,
 )

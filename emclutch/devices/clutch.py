@@ -93,8 +93,10 @@ class ClutchGeometry(GeometrySection):
     kind: Literal["clutch"]
     disc_radius: Length = Field(description="outer radius of the disc")
     disc_thickness: Length = Field(description="axial thickness of the disc")
-    gap: Length = Field(description="radial gap between the disc's rim and the rotor")
-    face_gap: Length = Field(description="axial gap between each face of the disc and the rotor's cover")
+    gap: Length = Field(description="radial gap between the disc's rim and the rotor; usually sheared in a drum")
+    face_gap: Length = Field(
+        description="axial gap between each face of the disc and the rotor's cover; usually sheared in a clutch"
+    )
     seal_radius: Length = Field(description="inner radius of the powder's cavity")
     rotor_wall: Length = Field(description="radial thickness of the rotor's shell")
     ring_width: LengthOrNone = Field(description="axial width of the non-magnetic ring in the rotor's shell; 0: none")

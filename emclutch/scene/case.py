@@ -5,10 +5,12 @@ from __future__ import annotations
 import copy
 import tomllib
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
 from os import PathLike
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, Any
 
 import tomli_w
@@ -31,7 +33,7 @@ DEEPEST = 20
 """Levels of nested tables and lists; a scene needs five."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Case:
     """A scene that was read and checked. `load_case` makes it from a file.
 
@@ -47,15 +49,25 @@ class Case:
         Whether scripts that the scene names (.geo) may be run. They can run any command.
     """
 
-    scene: Scene = field(repr=False)
+    scene: Scene
     path: Path | None = None
-    data: dict[str, Any] = field(default_factory=dict, repr=False)
+    data: dict[str, Any] = field(default_factory=dict)
     trust_scripts: bool = False
 
     def __reduce__(self):
         """Pickle what the scene was made from, with an absolute path; it is checked again where it is loaded."""
         path = None if self.path is None else self.path.resolve()
-        return partial(case_from, trust_scripts=self.trust_scripts), (self.data, None, path)
+        return partial(case_from, trust_scripts=self.trust_scripts), (self.data, {}, path)
+
+    def __repr__(self) -> str:
+        from emclutch.scene.flat import settings_beside  # local: it imports this module
+
+        whole = repr(self.scene.scene.title if self.path is None else str(self.path))
+        with suppress(SceneError):  # the file is gone
+            changes = [f"{key} = {value}" for key, value in settings_beside(self).items()]
+            more = [f"and {len(changes) - 4} more"] if len(changes) > 5 else []
+            return f"Case({', '.join([whole, *(changes[:4] + more if more else changes)])})"
+        return f"Case({whole})"
 
     @property
     def name(self) -> str:
@@ -79,7 +91,8 @@ class Case:
         ----------
         values : mapping of str to value
             By dotted keys, as a scene file has them: ``{"coil.current": "0.8 A"}``, or a number in SI. None removes
-            the key. ``"off"`` removes ``effects.NAME``, ``"on"`` adds its table where there is none.
+            the key. ``"off"`` removes ``effects.NAME``, ``"on"`` adds its table where there is none. A dictionary
+            replaces the whole table of its key.
 
         Raises
         ------
@@ -137,7 +150,7 @@ def load_case(
         The file cannot be read, is no TOML, or the scene has faults. The error has all of them.
     """
     if isinstance(path, Mapping):
-        return case_from(path, overrides, trust_scripts=trust_scripts)
+        return case_from(path, {} if overrides is None else overrides, trust_scripts=trust_scripts)
     if not isinstance(path, (str, PathLike)):
         message = "is neither the path of a scene file nor the tables of a scene; give 'my_scene.toml', or a dictionary"
         raise SceneError([Fault("case", shown(path), message)], "arguments")
@@ -153,7 +166,7 @@ def load_case(
             [Fault("design", "", f"makes this file the search of a value; use: emclutch design {path}")],
             str(path),
         )
-    return case_from(data, overrides or {}, path, trust_scripts=trust_scripts)
+    return case_from(data, {} if overrides is None else overrides, path, trust_scripts=trust_scripts)
 
 
 def as_case(given: Case | str | Path) -> Case:
@@ -163,7 +176,7 @@ def as_case(given: Case | str | Path) -> Case:
 
 def case_from(
     data: Mapping[str, Any],
-    values: Mapping[str, Any] | None = None,
+    values: Mapping[str, Any] = MappingProxyType({}),
     path: Path | None = None,
     *,
     trust_scripts: bool = False,
@@ -172,10 +185,10 @@ def case_from(
     changed = copy.deepcopy(dict(data))
     source = "scene" if path is None else str(path)
     faults = []
-    if not isinstance(values, Mapping | None):
+    if not isinstance(values, Mapping):
         message = "is not a dictionary; write values as in {'coil.current': '0.8 A'}"
         raise SceneError([Fault("values", shown(values), message)], source)
-    for key, value in (values or {}).items():
+    for key, value in values.items():
         faults += _set(changed, key, value)
     if faults:
         raise SceneError(faults, source)
@@ -250,7 +263,21 @@ def _not_of_a_scene(data: dict[str, Any], path: Path) -> list[Fault]:
 
 
 def _set(data: dict[str, Any], key: str, value: Any) -> list[Fault]:
-    """Set a dotted key in place; tables on its path are created. An effect that is on already keeps its table."""
+    """Set a dotted key in place; tables on its path are created. An effect that is on already keeps its table.
+
+    A section is not replaced by a part of itself: who writes {"coil": {"current": 1}} wants to keep the turns.
+    """
+    if not isinstance(key, str):
+        return [Fault(shown(key), "", "is not a dotted key; write it as in 'coil.current'")]
+    if isinstance(value, dict) and value and key != "effects" and isinstance(present := data.get(key), dict):
+        lost = [name for name in present if name not in value]
+        if lost and all(name in present for name in value):
+            dotted, inner = key, value
+            while isinstance(inner, dict) and inner:
+                name, inner = next(iter(inner.items()))
+                dotted += f".{name}"
+            message = f"would remove {', '.join(lost)} of [{key}]; write dotted keys: {{'{dotted}': {shown(inner)}}}"
+            return [Fault(key, shown(value), message)]
     *tables, name = key.split(".")
     if _is_an_effect(key) and value == "off":
         value = None

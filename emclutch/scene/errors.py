@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -63,6 +64,13 @@ class SceneError(Exception):
         """All faults, a line each, under the name of the file."""
         count = "1 error" if len(self.faults) == 1 else f"{len(self.faults)} errors"
         return "\n".join([f"{self.source}: {count}", *(f"  - {fault}" for fault in self.faults)])
+
+
+def no_argument(name: str, function: str, names: Sequence[str]) -> SceneError:
+    """Return the error of an argument that a function does not have, with the nearest of its names."""
+    close = get_close_matches(name, names, n=1)
+    hint = f"did you mean {close[0]}?" if close else f"it has {', '.join(names)}"
+    return SceneError([Fault(name, "", f"is no argument of {function}; {hint}")], "arguments")
 
 
 @contextmanager

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence, Sized
 from dataclasses import dataclass
 from typing import Any
 
@@ -36,6 +36,7 @@ MAX_POINTS = 1000
 LOGARITHMIC = 30.0
 """Last over first value from which on a range is divided in equal factors, and the axes are logarithmic."""
 FRICTION = ("particles.repose", "contact.", "effects.rolling_friction.")
+GAPS = ("geometry.gap", "geometry.face_gap")
 SHARE_A_MESH = ("coil.", "motion.", "particles.solid_fraction", *FRICTION)
 
 
@@ -125,6 +126,14 @@ def axes_of(case: Case, given: Mapping[str, str | Sequence[Any]], prefix: str = 
     return tuple(axes)
 
 
+def sheared_gap_hint(case: Case, key: str) -> str:
+    """Say which gap is sheared where a key is that of the other one; else empty."""
+    sheared = case.scene.geometry.gap_key(case.scene.shape(), case.scene.grains.region)
+    if sheared is None or key not in GAPS or key == sheared:
+        return ""
+    return f"The sheared gap of this scene is {sheared}, not {key}."
+
+
 def _axis(case: Case, name: str, entry: str | Sequence[Any], option: str, count: int) -> Axis:
     """Return an axis by its name or key; SceneError with its faults."""
     key, replaces, words = KEYS.get(name, (name, (), name))
@@ -136,11 +145,15 @@ def _axis(case: Case, name: str, entry: str | Sequence[Any], option: str, count:
             message += "--vary KEY='1 mm:2 mm', or map(case, **{'geometry.KEY': '1 mm:2 mm'})"
             raise SceneError([Fault(option, shown(entry), message)], "torque map")
     if reason := key_fault(key, Scene):
-        raise SceneError([Fault(option, shown(key), reason)], "torque map")
+        raise SceneError([Fault(option, "" if option == key else shown(key), reason)], "torque map")
     quantity = quantity_at(key, Scene, case.data)
     if quantity is None:
         message = "is not a continuous quantity; vary a length, a current, a fraction"
         raise SceneError([Fault(option, shown(key), message)], "torque map")
+    if entry is None or isinstance(entry, Mapping) or (isinstance(entry, Sized) and not len(entry)):
+        what = "is no value" if entry is None else "is a dictionary" if isinstance(entry, Mapping) else "is empty"
+        message = f"{what}; give a range A:B, or a list such as '{quantity.example}, ...'"
+        raise SceneError([Fault(option, shown(entry), message)], "torque map")
     if isinstance(entry, str):
         values = read_list(entry, quantity, option, count)
         if entry.count(":") == 1 and _spans(sorted(values), quantity):

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from os import PathLike
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -148,6 +149,9 @@ def read_study(
         The file, its scene or one of its points has faults: all of them at once. Those of the points come with the
         point's values. There is no such point.
     """
+    if not isinstance(path, (str, PathLike)):
+        message = "is not the path of a study file; write one with a table [study], as cases/current_to_torque.toml"
+        raise SceneError([Fault("study", shown(path), message)], "arguments")
     path = Path(path)
     data = read_toml(path)
     if "study" not in data and "scene" in data:

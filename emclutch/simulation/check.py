@@ -50,7 +50,7 @@ FIRST = {
 """Decisions that the first screen shows, and their labels there."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Checked(Reported):
     """What `emclutch check` prints of a scene. `check` returns it.
 
@@ -75,6 +75,10 @@ class Checked(Reported):
     decisions: dict[str, str]
     omitted_effects: tuple[OmittedEffect, ...]
     expected: ExpectedTorque
+
+    def __repr__(self) -> str:
+        torque = self.expected.real
+        return f"<Checked: {self.title}: expected torque {'unknown' if torque is None else torque.in_words()}>"
 
     def report(self) -> Report:
         """Return torque, cost, field, accuracy and grain size, a line each, and warnings; then all decisions."""

@@ -6,13 +6,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from emclutch.device_model.device import Device, build_device
+from emclutch.results.text import format_time
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import bad_input_for
 from emclutch.scene.model import Scene
 from emclutch.scene.replica_count import cores_at_hand, replica_count
 from emclutch.simulation.contact_plan import ElasticContacts, dvi_springs, elastic_contacts
 from emclutch.simulation.dvi_plan import RigidContacts, rigid_contacts
-from emclutch.simulation.forecast.cost import Cost, predict
+from emclutch.simulation.forecast.cost import Cost, format_rough_time, predict
 from emclutch.simulation.forecast.expected_field import expected_magnetisation
 from emclutch.simulation.forecast.expected_speeds import fall_speed, largest_speed, layer_speed, slip_speed
 from emclutch.simulation.scaled_slip import ScaledSlip, with_slip
@@ -24,7 +25,7 @@ from geometry.kernels.threads import default_threads
 from particles import CyclicSector
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Plan:
     """What is decided before a run: grains, step, windows, cost. `plan` makes it.
 
@@ -58,6 +59,11 @@ class Plan:
     peak_field: MagneticField | Field3D | None
     M_max: float
     cost: Cost
+
+    def __repr__(self) -> str:
+        run = f"{self.count} grains, {self.windows} windows to {format_time(self.end)}"
+        cost = format_rough_time(self.cost.seconds["total"])
+        return f"<Plan: {run}, time step {format_time(self.dt)}, about {cost} on idle cores>"
 
     @property
     def peak_section(self) -> MagneticField | None:

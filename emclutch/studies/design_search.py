@@ -38,6 +38,7 @@ from emclutch.scene.case import Case, as_case, load_case
 from emclutch.scene.design import Search, search_of
 from emclutch.scene.errors import Fault, SceneError, bad_input_for, entry_at
 from emclutch.scene.fault_report import quantity_at
+from emclutch.scene.map_axes import sheared_gap_hint
 from emclutch.scene.model import Scene
 from emclutch.scene.units import Quantity, in_unit_of
 from emclutch.scene.value_list import values_of
@@ -114,7 +115,7 @@ class Trial:
         return abs(mean) if mean else None
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class DesignResult(Reported):
     """The answer of a design search.
 
@@ -468,6 +469,8 @@ def _answer(result: DesignResult) -> Iterator[Statement]:
     mark = Mark.WARNING if any(result.is_cut) or not result.is_monotone else Mark.GOOD
     yield Statement(mark, f"{search.key} = {value}: {torque:.4g} N m expected, {search.torque:g} N m wanted.")
     yield note(f"Estimate: {expected.in_words()}")
+    if hint := sheared_gap_hint(search.case, search.key):
+        yield note(hint)
     if correction is not None:
         ends = correction.interval
         spread = "its error unknown" if ends is None else f"95 %: {ends[0]:.2f} to {ends[1]:.2f}"

@@ -116,7 +116,9 @@ def field_study(
     if isinstance(coil, CoilDevice3D):
         return field_study_3d(case, coil, currents, lines, out)
     for line in lines:
-        if len(line) != 4:
+        if np.size(line) not in (4, 6):
+            raise ValueError(f"lines has {line}; give a list of lines (r0, z0, r1, z1) in m: lines=[(0, 0, 0.01, 0)]")
+        if np.size(line) == 6:
             raise ValueError(f"the line {line} m lies in 3D, and this field in a section; write r0, z0, r1, z1")
         ends = np.array([line[:2], line[2:]])
         if np.any(coil.problem.locator.find(ends)[0] < 0):

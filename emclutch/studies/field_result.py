@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from dataclasses import field as dataclass_field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,7 +20,7 @@ if TYPE_CHECKING:
     import pandas
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class FieldResult(Reported):
     """A field study as it stands in its folder.
 
@@ -35,7 +34,7 @@ class FieldResult(Reported):
     """
 
     folder: Path
-    summary: dict[str, Any] = dataclass_field(repr=False)
+    summary: dict[str, Any]
 
     @cached_property
     def table(self) -> pandas.DataFrame:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -44,7 +44,7 @@ COARSER = 4.0
 estimates it."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class TransientResult(Reported):
     """The coil alone in time, as it stands in its folder.
 
@@ -62,8 +62,8 @@ class TransientResult(Reported):
     """
 
     folder: Path
-    summary: dict[str, Any] = field(repr=False)
-    table: pandas.DataFrame = field(repr=False)
+    summary: dict[str, Any]
+    table: pandas.DataFrame
 
     @property
     def units(self) -> dict[str, str]:
@@ -135,7 +135,7 @@ def field_transient(
     if progress is not None:
         progress.update(1.0, "files and pictures")
     _write(folder, scene, transient, course, summary)
-    found = TransientResult(folder, summary, course.table)
+    found = TransientResult(folder, json.loads((folder / "transient.json").read_text(encoding="utf-8")), course.table)
     write_index(found.report())
     return found
 

@@ -53,7 +53,7 @@ AMOUNTS = ("particles.mass", "particles.count")
 Ends = float | tuple[float, float]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class FitResult(Reported):
     """A fit with its folder.
 

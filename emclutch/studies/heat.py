@@ -14,7 +14,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
 from math import inf, isclose
@@ -108,7 +108,7 @@ surface and coil stay below their limits, the smaller of both, and its torque; w
 known, the largest one up to the duty's that may flow steadily at that slip, and its torque."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class HeatResult(Reported):
     """A thermal study as it stands in its folder.
 
@@ -125,9 +125,9 @@ class HeatResult(Reported):
     """
 
     folder: Path
-    summary: dict[str, Any] = field(repr=False)
-    table: pandas.DataFrame = field(repr=False)
-    permitted: pandas.DataFrame = field(repr=False)
+    summary: dict[str, Any]
+    table: pandas.DataFrame
+    permitted: pandas.DataFrame
 
     @property
     def units(self) -> dict[str, str]:

@@ -12,7 +12,7 @@ import csv
 import io
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
 from math import inf, log, nan
@@ -41,9 +41,9 @@ from emclutch.results.report.report import (
 )  # fmt: skip
 from emclutch.results.text import format_range
 from emclutch.scene.case import Case, as_case
-from emclutch.scene.errors import Fault, SceneError, bad_input_for
+from emclutch.scene.errors import Fault, SceneError, bad_input_for, no_argument
 from emclutch.scene.flat import settings_beside
-from emclutch.scene.map_axes import CURRENT, Axis, axes_of
+from emclutch.scene.map_axes import CURRENT, KEYS, Axis, axes_of, sheared_gap_hint
 from emclutch.scene.units import unit_of
 from emclutch.simulation.forecast.expected_field import field_of_sheared_powder
 from emclutch.simulation.forecast.expected_torque import ExpectedTorque, Interval
@@ -111,7 +111,7 @@ class MapPoint:
         return found | {"is_guess": self.is_guess, "remark": self.remark}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class MapResult(Reported):
     """Expected torques over one or two axes.
 
@@ -129,7 +129,7 @@ class MapResult(Reported):
     folder: Path
     case: Case
     axes: tuple[Axis, ...]
-    points: tuple[MapPoint, ...] = field(repr=False)
+    points: tuple[MapPoint, ...]
 
     @property
     def table(self) -> pandas.DataFrame:
@@ -283,6 +283,9 @@ class MapResult(Reported):
             if point.expected is not None and point.expected.unknown_powder is not None:
                 between = format_range(*point.expected.unknown_powder)
                 yield note(f"Friction and fill of the powder unknown: {between} N m (90 % range).")
+        for axis in self.axes:
+            if hint := sheared_gap_hint(self.case, axis.key):
+                yield note(hint)
         zero = [one for one in self.points if one.torque is not None and one.torque.mean == 0.0]
         for what, found in (("a guess", [one for one in self.points if one.is_guess]), ("at 0 N m", zero),
                             ("missing", [one for one in self.points if one.torque is None])):  # fmt: skip
@@ -354,6 +357,9 @@ def map(
         The folder is there already; the measured table cannot be read.
     """
     case = as_case(case)
+    for name in axes:
+        if name not in KEYS and "." not in name:
+            raise no_argument(name, "map", [*KEYS, "case", "measured", "out", "progress"])
     return map_over(case, axes_of(case, axes), measured=measured, out=out, progress=progress)
 
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import ast
+import pickle
 import tomllib
 from html import unescape
 from importlib import import_module
+from inspect import unwrap
 from pathlib import Path
 
 import numpy as np
@@ -91,6 +93,8 @@ def test_check_and_plan_tell_the_same_run():
     table = checked.report().sections[-1].blocks[0]  # every effect, on or off, and what no scene can have
     assert {one.effect.replace("_", " ") for one in checked.omitted_effects} <= {name for name, *_ in table.rows}
     assert {"on", "off", "not in this program", "in every scene"} == {state for _, state, *_ in table.rows}
+    assert repr(checked).startswith(f"<Checked: {checked.title}: expected torque 0.") and " N m" in repr(checked)
+    assert repr(plan).startswith(f"<Plan: {plan.count} grains, {plan.windows} windows to 7.99 ms, time step ")
     page = unescape(checked._repr_html_())  # a notebook shows what a terminal prints
     assert all(one.text in page for one in checked.report().statements())
 
@@ -100,12 +104,15 @@ def test_field_and_mesh_give_what_they_write(tmp_path):
     found = emclutch.field(case, 0.5, [(20.5e-3, -3e-3, 20.5e-3, 3e-3)], out=tmp_path / "field")
     assert found.table["current"].tolist() == [0.5] and found.units["gap_flux_density"] == "T"
     assert np.allclose(found.table, pandas.read_csv(tmp_path / "field" / "field.csv"), rtol=1e-9)
+    assert repr(found).startswith("<FieldResult: Mean flux density in the gap: 0.") and " T at 0.5 A" in repr(found)
     (line,) = found.lines
     assert np.allclose(line["r"], 20.5e-3) and np.hypot(line["B_r"], line["B_z"]).max() > 0.1
     made = emclutch.mesh(case, out=tmp_path / "mesh")
     assert made.file.is_file() and made.picture.is_file() and len(made.mesh.triangles) > 100
     with pytest.raises(emclutch.SceneError, match="does not lie in the mesh"):
         emclutch.field(case, lines=[(1.0, 0.0, 2.0, 0.0)], out=tmp_path / "other")
+    with pytest.raises(emclutch.SceneError, match=r"give a list of lines \(r0, z0, r1, z1\)"):
+        emclutch.field(case, lines=(0.02, 0.0, 0.02, 0.003), out=tmp_path / "other")
     with pytest.raises(emclutch.SceneError, match=r"geometry\.kind = 'shear_cell' has no field"):
         emclutch.mesh(case_from(CELL), out=tmp_path / "other")
 
@@ -137,7 +144,8 @@ def test_type_checkers_see_the_names_that_are_loaded_when_asked_for():
     modules = {path.stem for path in (ROOT / "emclutch").iterdir() if path.suffix in (".py", "")}
     assert not modules & set(emclutch.__all__)
     for name, place in places.items():
-        assert getattr(emclutch, name) is getattr(import_module(place.partition(":")[0]), name)
+        assert pickle.loads(pickle.dumps(getattr(emclutch, name))) is getattr(emclutch, name)
+        assert unwrap(getattr(emclutch, name)) is getattr(import_module(place.partition(":")[0]), name)
 
 
 def test_every_package_is_listed_and_marked_as_typed():
@@ -164,6 +172,17 @@ def test_every_package_is_listed_and_marked_as_typed():
         (lambda case: emclutch.field_transient(case, tolerance="1"), "tolerance = '1' is out of range"),
         (lambda case: emclutch.map(case, current="1 A"), "give a range A:B, or set coil.current in the scene"),
         (lambda case: emclutch.field(case, []), "currents = [] is empty"),
+        (lambda case: case.with_values({1: 2}), "1 is not a dotted key; write it as in 'coil.current'"),
+        (lambda case: case.with_values(None), "values = None is not a dictionary"),
+        (lambda case: case.with_values({"coil": {"current": 1}}), "remove turns of [coil]; write dotted keys"),
+        (lambda case: emclutch.map(case, current=None), "current = None is no value; give a range A:B, or a list"),
+        (lambda case: emclutch.map(case, current={}), "current = {} is a dictionary; give a range A:B, or a list"),
+        (lambda case: emclutch.map(case, current=[]), "current = [] is empty; give a range A:B, or a list"),
+        (lambda case: emclutch.map(case, curent="1 A:2 A"), "curent is no argument of map; did you mean current?"),
+        (lambda case: emclutch.map(case, **{"coil.curent": "1 A:2 A"}), "- coil.curent is not a key of a scene"),
+        (lambda case: emclutch.field(case, out=5), "out = 5 is not the path of a folder"),
+        (lambda case: emclutch.sweep(case), "is not the path of a study file"),
+        (lambda case: emclutch.check(case, thread=1), "thread is no argument of check; did you mean threads?"),
         (lambda case: emclutch.run(case, threads="many"), "threads = 'many' is not a whole number from 1"),
         (lambda case: emclutch.run(case, callback=5), "callback = 5 is not a function"),
         (lambda case: emclutch.accuracy(case, budget="5 N"), "budget = '5 N' is a force"),
@@ -181,4 +200,6 @@ def test_effects_are_set_as_on_the_command_line_and_a_scene_may_be_tables():
     case = emclutch.load_case(tables, {"effects.back_reaction": "off", "effects.heat": "on", "effects.dipoles": "on"})
     effects, given = case.scene.effects, emclutch.load_case(QUICKSTART).scene.effects
     assert effects.feedback is None and effects.thermal is not None and effects.dipoles == given.dipoles
-    assert len(repr(case)) < 100
+    assert repr(case) == "Case('Quickstart: a small drum clutch')"
+    changed = emclutch.load_case(QUICKSTART).with_values({"coil.current": "0.8 A", "effects.heat": "on"})
+    assert repr(changed) == f"Case({str(QUICKSTART)!r}, coil.current = 0.8 A, effects.heat = on)"

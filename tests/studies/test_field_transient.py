@@ -197,7 +197,9 @@ def test_a_saturating_coil_follows_its_static_flux_linkage():
 def test_powder_and_its_order_delay_the_coil(tmp_path):
     """Even powder raises the flux linkage, sheared powder more; the gap's field comes after the current."""
     case = load_case(CASES / "switch_on.toml", COARSE | {"time.end": "40 ms"})
-    found = emclutch.field_transient(case, tolerance=0.02, out=tmp_path / "o").summary
+    result = emclutch.field_transient(case, tolerance=0.02, out=tmp_path / "o")
+    found = result.summary
+    assert repr(result).startswith("<TransientResult: Current") and "float64" not in repr(found)
     device = coil_of_field(case.scene)
     transient = CoilTransient(case.scene, device, None, faces=False)
     empty = transient.course(0.04, 0.02)

@@ -19,7 +19,7 @@ from emclutch.results.pictures.torque_map import torque_contour_picture
 from emclutch.results.report.render import terminal
 from emclutch.scene.case import case_from
 from emclutch.scene.errors import SceneError
-from emclutch.scene.map_axes import axes_of
+from emclutch.scene.map_axes import axes_of, sheared_gap_hint
 from emclutch.simulation.discretisation_error import device_of
 from emclutch.simulation.forecast.expected_torque import Interval
 from emclutch.studies.design_search import expectation_of
@@ -56,6 +56,7 @@ def test_each_point_is_the_expected_torque_of_its_scene_and_rises_with_the_curre
     assert torques[0] == pytest.approx(torques[3], rel=1e-9) and torques[1:] == sorted(torques[1:])
     assert list(pandas.read_csv(found.folder / "map.csv").torque) == torques
     assert (found.folder / "map.png").stat().st_size > 10_000
+    assert repr(found).startswith("<MapResult: Largest torque: 0.") and " N m ± " in repr(found)
     text, page = terminal(found.report()), (found.folder / "index.html").read_text()
     assert text.startswith("✓ Largest torque: 0.") and "at coil current" in text.splitlines()[0]
     assert (
@@ -94,6 +95,8 @@ def test_the_gap_is_that_of_the_rim_or_of_the_faces_and_long_ranges_are_divided_
     for values, key in (({}, "geometry.gap"), ({"particles.region": "faces"}, "geometry.face_gap")):
         (axis,) = axes_of(quickstart(**values), {"gap": "0.8 mm:1.2 mm"})
         assert (axis.key, len(axis.values), axis.shown(axis.values[0])) == (key, 16, "0.8 mm")
+    assert "is geometry.gap, not geometry.face_gap" in sheared_gap_hint(quickstart(), "geometry.face_gap")
+    assert not any(sheared_gap_hint(quickstart(), key) for key in ("geometry.gap", "geometry.clearance"))
     with pytest.raises(SceneError, match=r"is no single key of geometry.kind = 'shear_cell'"):
         axes_of(CELL, {"gap": "0.8 mm:1.2 mm"})
     (axis,) = axes_of(quickstart(), {"current": "0.01 A:1 A"})

@@ -115,6 +115,11 @@ class Reported(ABC):
     def report(self) -> Report:
         """Return the report on the result."""
 
+    def __repr__(self) -> str:
+        """One line: the first statement of the report, which has the main result with its unit."""
+        main = self.report().statements()[0].text.rstrip(".")
+        return f"<{type(self).__name__}: {main}>"
+
     def _repr_html_(self) -> str:
         try:
             return fragment(self.report().up_to(Shown.PAGE))

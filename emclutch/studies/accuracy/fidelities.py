@@ -196,9 +196,9 @@ def estimate_by_other_devices(case: Case, target: float, replica_seconds: float)
         study has the settings of the scene, or the scene refuses those that reach the target.
     """
     costs, missed = [], []
-    names = {one.name for one in settings_of(case.scene)}
+    settings = {one.name for one in settings_of(case.scene)}
     for known in known_studies():
-        study = replace(known, settings=tuple(one for one in known.settings if one.name in names))
+        study = replace(known, settings=tuple(one for one in known.settings if one.name in settings))
         found = cheapest_case(case, study, target)
         if isinstance(found, LimitingError):
             # a combination that reaches the target, but which the scene refuses, says nothing of the errors
