@@ -6,7 +6,8 @@ millimetre has room for its arrows: proportions are those of the shape, gaps and
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Collection, Sequence
 from dataclasses import asdict, dataclass, replace
 from math import cos, pi, sin
 
@@ -23,6 +24,7 @@ from geometry.triangle_wall import TriangleWall
 Point = tuple[float, float]
 THIN = 0.06
 """Over the outer radius."""
+DEFAULT = " (default)"
 WIDER = "; what is thin is drawn thicker"
 
 
@@ -41,6 +43,8 @@ class Dimension:
         Where its line lies [m], across the direction in which it is measured; extension lines lead there.
     along_x : bool
         Whether it is measured along x.
+    note : str
+        Written behind the value.
     """
 
     key: str
@@ -49,11 +53,12 @@ class Dimension:
     end: Point
     line: float
     along_x: bool
+    note: str = ""
 
     @property
     def text(self) -> str:
         """What is written beside it."""
-        return f"{self.key} = {millimetres(self.value)}"
+        return f"{self.key} = {millimetres(self.value)}{self.note}"
 
     def ends(self) -> tuple[Point, Point]:
         """Return both ends of its line [m]."""
@@ -82,6 +87,17 @@ class View:
     parts: Sequence[tuple[str, np.ndarray]]
     dimensions: Sequence[Dimension]
     notes: Sequence[tuple[str, Point, Point]] = ()
+
+
+def mark_defaults(view: View, keys: Collection[str]) -> View:
+    """Return a view in which values of some keys are marked as defaults."""
+
+    def marked(found: re.Match[str]) -> str:
+        return found[0] + DEFAULT if found[1] in keys else found[0]
+
+    dimensions = [replace(one, note=DEFAULT) if one.key in keys else one for one in view.dimensions]
+    notes = [(re.sub(r"(\w+) =\s[\d.]+( mm)?", marked, text), at, stands) for text, at, stands in view.notes]
+    return replace(view, dimensions=dimensions, notes=notes)
 
 
 def clutch_views(clutch: Clutch) -> list[View]:

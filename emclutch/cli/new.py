@@ -45,6 +45,7 @@ def draw_dimensions_of(path: str | Path, kind: str, case: str | Path | None = No
         There is a file already; nothing is overwritten.
     """
     from geometry.dimension_drawing import draw_dimensions  # local: a scene needs nothing that draws
+    from geometry.dimensioned_views import mark_defaults
 
     path = Path(path)
     if path.suffix.lower() != ".png":
@@ -55,6 +56,8 @@ def draw_dimensions_of(path: str | Path, kind: str, case: str | Path | None = No
     if not views:
         message = "has its dimensions in a file: draw a scene's regions with emclutch mesh"
         raise SceneError([Fault("geometry.kind", shown(geometry.name()), message)], "command line")
+    defaults = type(geometry).model_fields.keys() - geometry.model_fields_set
+    views = [mark_defaults(view, defaults) for view in views]
     title = f'[geometry] kind = "{geometry.name()}"{"" if case is None else f" of {Path(case).name}"}'
     replace_bytes(new_path(path, "--drawing"), draw_dimensions(views, title))
     return path

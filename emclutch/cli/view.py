@@ -44,10 +44,12 @@ def view_run(
     shown = _one_of("--look", look, list(LOOKS), "gap" if files.colours else "device")
     shade = _one_of("--colour", colour, list(files.colours), next(iter(files.colours), "")) or None
     drawn: dict[str, Any] = {"field": field and _one_of("--field", field, list(FIELDS), "B"), "ring": ring}
-    moment = None if time is None else _moment(time, files.times)
+    moment = None if time is None else files.nearest_time(_moment(time, files.times))
     for option, path, endings in (("--screenshot", screenshot, PICTURES), ("--movie", movie, MOVIES)):
         if path is not None:
             _writable(option, path, endings)
+    if moment is not None:
+        print(f"nearest stored moment: {format_time(moment)}", file=sys.stderr)
     from emclutch.results.view import pyvista_view as pictures
 
     if screenshot is None and movie is None:

@@ -50,14 +50,14 @@ def draw(path: Path, dem: tuple, rows: list[tuple], stopped: list[float], title:
 
     figure, axes = pyplot.subplots(figsize=(7.0, 4.2), layout="constrained")
     torque, error, step, _ = dem
-    axes.axhspan(0.95 * torque, 1.05 * torque, color="0.9", label="DEM +- 5 %")
+    axes.axhspan(0.95 * torque, 1.05 * torque, color="0.9", label="DEM ± 5 %")
     axes.errorbar([1e6 * step], [torque], [error], fmt="ks", label="DEM")
     axes.errorbar([1e6 * r[2] for r in rows], [r[0] for r in rows], [r[1] for r in rows], fmt="o-", label="DVI")
     for k, value in enumerate(stopped):
         axes.axvline(1e6 * value, color="C3", linestyle=":", label="DVI stops: overlap above 10 %" if k == 0 else None)
     axes.set_xscale("log")
     axes.set_ylim(0.0, 1.15 * max(torque, *(r[0] for r in rows)))
-    axes.set_xlabel("step [us]")
+    axes.set_xlabel("step [µs]")
     axes.set_ylabel("torque on the held output [N m]")
     axes.set_title(title, fontsize=10)
     axes.grid(alpha=0.3)

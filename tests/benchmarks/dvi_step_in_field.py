@@ -200,7 +200,7 @@ def draw(path: Path, table: pd.DataFrame) -> None:
         axes.axvline(1e6 * default, color="C0", linestyle=":", label="default step of DVI")
         axes.set_xscale("log")
         axes.set_ylim(0.0, None)
-        axes.set_xlabel("step [us]")
+        axes.set_xlabel("step [µs]")
         axes.set_ylabel("shear stress [kPa]")
         axes.set_title(f"{field:g} kA/m", fontsize=10)
         axes.grid(alpha=0.3)

@@ -114,7 +114,10 @@ def test_a_drawing_has_each_dimension_with_its_value_and_no_text_lies_on_another
         elif name == "size":
             assert all(f"size[{k}] = {millimetres(length)}" in words for k, length in enumerate(value))
         elif value:
-            assert told in words.replace("=\n", "= "), name
+            written = words.replace("=\n", "= ")
+            assert told in written, name
+            assert (f"{told} (default)" in written) == (name not in sizes.model_fields_set), name
+    assert case.stem != "clutch" or "pole_chamfer =\n0 mm (default)" in words
 
 
 def test_a_dimension_is_as_long_as_its_key_says():

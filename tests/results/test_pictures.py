@@ -123,6 +123,17 @@ def test_speeds(to, count):
         speed_picture(to / "c.png", {"box": {"time": [0.0], "rotor_speed": [0.0]}})
 
 
+def test_each_curve_of_a_saturation_picture_is_in_a_legend(tmp_path, monkeypatch):
+    from emclutch.results.pictures import field
+
+    drawn = []
+    monkeypatch.setattr(field, "save_picture", lambda figure, path: drawn.append(figure))
+    names = ("current", "flux_linkage", "gap_flux_density", "apparent_inductance", "incremental_inductance")
+    field.saturation_picture(tmp_path / "s.png", {name: np.array([1.0, 2.0]) for name in names})
+    left, right = (axis.get_legend().get_texts() for axis in drawn[0].axes[:2])
+    assert len(left) == len(right) == 2 and left[1].get_text() == "|B| under the poles, right axis"
+
+
 def test_names_of_neighbours_in_a_section_do_not_lie_on_each_other(tmp_path):
     """Of two narrow parts side by side one name stands beside the device, at the height of its part."""
     from types import SimpleNamespace

@@ -18,7 +18,7 @@ from emclutch.cli import view
 from emclutch.cli.view import view_run
 from emclutch.results import OutputError
 from emclutch.results.array_units import ARRAY_UNITS
-from emclutch.results.view.look import MARGIN, camera, view_axes
+from emclutch.results.view.look import LOOKS, MARGIN, camera, view_axes
 from emclutch.results.view.paraview_script import NAME, private_script, write_script
 from emclutch.results.view.run_files import COLOURS, read_run_files
 from emclutch.results.vtk.data_set import array_names, read_data_set, read_texts
@@ -122,10 +122,21 @@ def test_what_cannot_be_shown_is_refused(run, tmp_path):
             view_run(folder, **given)
 
 
-def test_without_a_screen_the_options_that_need_none_are_named(run, monkeypatch):
+def test_of_a_ring_grains_in_front_of_the_drawn_half_are_left_out(run):
+    from emclutch.results.view.frame_meshes import frame_meshes
+
+    files = read_run_files(run)
+    grains = {look: frame_meshes(files, 1e-3, LOOKS[look], "diameter", ring=True)["grains"] for look in LOOKS}
+    assert grains["gap"].bounds[3] > 0.02 and grains["device"].bounds[3] < 5e-4 and grains["device"].bounds[2] < -0.02
+
+
+def test_without_a_screen_the_options_that_need_none_are_named(run, monkeypatch, capsys):
     monkeypatch.setattr(view, "has_screen", lambda: False)
     with pytest.raises(SceneError, match=rf"view {run}: there is no screen for a window; add --screenshot"):
         view_run(run)
+    with pytest.raises(SceneError, match="no screen"):
+        view_run(run, time="0.6 ms")
+    assert "nearest stored moment: 1 ms" in capsys.readouterr().err
 
 
 PICTURES = """
@@ -232,7 +243,7 @@ def test_paraview_draws_the_script_of_a_run_that_was_moved(run, tmp_path):
     """Beside its own name the script finds ParaView's package, and its files where it lies now."""
     moved = shutil.copytree(run, tmp_path / "moved")
     command = ["xvfb-run", "-a", "-s", "-screen 0 400x300x24", "pvbatch", NAME, "--colour", "moment"]
-    command += ["--size", "300", "220", "--screenshot", "a.png"]
+    command += ["--size", "300", "220", "--time", "600 us", "--screenshot", "a.png"]
     environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
     done = subprocess.run(command, cwd=moved, env=environment, capture_output=True, text=True, timeout=300)
     if "vtkXOpenGLRenderWindow" in done.stderr:

@@ -34,6 +34,7 @@ def saturation_picture(path: str | Path, table: Any, *, title: str | None = None
     if "gap_flux_density" in table:
         gap = left.twinx()
         gap.plot(current, table["gap_flux_density"], "s-", color=ORANGE, ms=4)
+        left.plot([], [], "s-", color=ORANGE, ms=4, label="|B| under the poles, right axis")
         gap.set_ylabel("|B| under the poles [T]", color=ORANGE)
         gap.set_ylim(bottom=0.0)
     legend_below(left)
@@ -151,6 +152,6 @@ def gap_map_picture(
     limit = float(np.abs(B_r).max()) or 1.0
     shown = axis.pcolormesh(np.degrees(angle), 1e3 * z, B_r, cmap="RdBu_r", vmin=-limit, vmax=limit, shading="gouraud")
     figure.colorbar(shown, ax=axis, label="B_r in the middle of the rim gap [T]")
-    axis.set_xlabel("angle [deg]")
+    axis.set_xlabel("angle [°]")
     axis.set_ylabel("z [mm]")
     return save_picture(figure, path)

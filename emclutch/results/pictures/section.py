@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 SMALL_TRIANGLES = 30_000  # to draw in a panel: a quarter of a second
 FLUX_LINES = 24
 NAME_SIZE = 10  # [pt]
+NAME_ROOM = 5.0  # [pixels] around a name: closer ones read as one word
 PARTS = (2, 16)  # of an element's edge, at least and at most
 
 
@@ -108,6 +109,7 @@ def _draw_field(
     axis: Axes, field: SmoothField, window: tuple[float, float, float, float], levels: np.ndarray, top: float
 ) -> Any:
     """|B| in colour, up to `top` [T], and the flux lines in r0, r1, z0, z1 [m]; the colours are returned."""
+    from matplotlib.patheffects import withStroke
     from matplotlib.tri import Triangulation
 
     mesh = field.elements.mesh
@@ -123,7 +125,8 @@ def _draw_field(
         half_plane, magnitude, cmap="viridis", vmin=0.0, vmax=top, shading="gouraud", rasterized=True
     )
     if len(levels):
-        axis.tricontour(half_plane, fine.psi, levels=levels, colors="white", linewidths=0.6, alpha=0.9)
+        lines = axis.tricontour(half_plane, fine.psi, levels=levels, colors="white", linewidths=0.6, alpha=0.9)
+        lines.set(path_effects=[withStroke(linewidth=1.2, foreground="#00000070")])  # white is not seen on yellow
     return colours
 
 
@@ -211,7 +214,7 @@ def _region_names(
             MM * z, MM * r, in_words(name), ha="center", va="center", fontsize=NAME_SIZE, rotation=90 if turned else 0,
             path_effects=[withStroke(linewidth=3.0, foreground="white")],
         )  # fmt: skip
-        box = text.get_window_extent()
+        box = text.get_window_extent().padded(NAME_ROOM)
         if any(box.overlaps(other) for other in drawn):
             text.remove()
             beside.append((r, z, in_words(name)))

@@ -37,13 +37,16 @@ def frame_meshes(
     Their array `shown` is what they are coloured by: of the grains the quantity `colour` of `COLOURS`, of chains
     |F| [N], of the field `field` of `FIELDS`, of walls red, green, blue as bytes. Without `field` a section shows B,
     and a device that is swept from it the colours of its bodies, as bytes. `ring`: grains, chains and walls of a sector
-    are repeated round the axis.
+    are repeated round the axis, with a device that is swept from a section to half the circle those in that half.
     """
     read: dict[str, Any] = {
         name: pyvista.read(path) for name in files.series if (path := files.file(name, time)) is not None
     }
     if ring and files.sector is not None:
         read |= {name: full_ring(read[name], files.sector) for name in REPEATED if name in read}
+        if "device" in parts and files.field == "section" and "particles" in read:  # of which one half is drawn
+            grains = read["particles"]
+            read["particles"] = grains.extract_points(grains.points[:, 1] <= grains["diameter"])
     found: dict[str, Any] = {}
     if "grains" in parts and "particles" in read and colour is not None and read["particles"].n_points:
         found["grains"] = _spheres(read["particles"], files.colours[colour][0], RING_FACETS if ring else FACETS)

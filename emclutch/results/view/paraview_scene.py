@@ -1,7 +1,7 @@
 """Shows this run in ParaView 5.11 or later. Edit the choices below as you like: nothing overwrites them.
 
     paraview --script=paraview.py                        in ParaView's window
-    pvbatch paraview.py --screenshot picture.png         without a window, the last moment (--time in seconds)
+    pvbatch paraview.py --screenshot picture.png         without a window, the last moment (or --time '5 ms')
     pvbatch paraview.py --movie movie.avi                every moment; movie.png writes numbered pictures
     xvfb-run -a -s "-screen 0 1400x1000x24" pvbatch ...  the same on a machine without a screen
 
@@ -18,7 +18,7 @@ SHOW = None  # None: what suits LOOK; or any of "grains", "chains", "walls", "se
 # In the window each can be switched with the eye next to its name.
 FIELD_SHOWN = None  # "B" or "H": what the section and the device are coloured by; None: B, but a device that is swept
 # from a section by its bodies
-TIME = None  # [s]; None: the last moment
+TIME = None  # [s] or, with its unit, "5 ms"; None: the last moment
 CROP_AIR = True  # show the field in the device only, without the air around it
 
 # --- What the run's files hold ---------------------------------------------------------------------------------------
@@ -35,6 +35,7 @@ QUANTITIES = {}
 
 import argparse
 import os
+import re
 import sys
 
 import numpy
@@ -94,11 +95,17 @@ def read_options():
     parser.add_argument("--look", choices=list(LOOKS), default=LOOK)
     parser.add_argument("--field", choices=list(FIELDS), default=FIELD_SHOWN)
     parser.add_argument("--show", nargs="*", choices=list(PARTS), default=SHOW)
-    parser.add_argument("--time", type=float, default=TIME, help="[s]")
+    parser.add_argument("--time", type=seconds, default=TIME, help="in s, or with its unit: '5 ms'")
     parser.add_argument("--size", nargs=2, type=int, default=SIZE, help="pixels")
     parser.add_argument("--screenshot", type=os.path.abspath, metavar="FILE.png")
     parser.add_argument("--movie", type=os.path.abspath, metavar="FILE.avi")
     return parser.parse_known_args(sys.argv[1:])[0]
+
+
+def seconds(text):
+    """Time [s] of a number, which is in s, or of a number with its unit."""
+    number, unit = re.fullmatch(r"\s*(.*?)\s*(s|ms|us|µs|)\s*", text).groups()
+    return float(number) * {"": 1.0, "s": 1.0, "ms": 1e-3}.get(unit, 1e-6)
 
 
 def show_time(series, time):

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pyvista
 from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.ticker import MaxNLocator
 
 from emclutch.results.view import look as looks
 from emclutch.results.view.frame_meshes import body_names, frame_meshes, name_places
@@ -147,6 +148,11 @@ class RunView:
             self.plotter.subplot(*BARS)
             drawn = self.plotter.add_scalar_bar(title, mapper=actor.mapper, position_y=looks.BARS[bar], **BAR)
             drawn.SetBarRatio(0.18)  # of its column, which the title too lies in
+            drawn.SetVerticalTitleSeparation(10)  # [pixels]: else the unit touches the first number
+            low, high = self._limits[bar]
+            steps = MaxNLocator(4).tick_values(low, high)
+            drawn.SetCustomLabels(pyvista.convert_array(steps[(steps >= low) & (steps <= high)]))
+            drawn.SetUseCustomLabels(True)
             self.plotter.subplot(*PICTURE)
 
     def _label(self, bar: str) -> str:

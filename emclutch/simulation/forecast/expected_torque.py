@@ -456,6 +456,9 @@ class _Sheared:
             for (name, (low, high)), value in zip(RANGES.items(), (fill, b, across, inertia), strict=True)
             if not low <= value <= high and name != "grains per gap"
         ]
+        if inertia > RANGES["inertial number"][1]:
+            key = "the slip (motion.rotor.speed)" if scaled is None else "accuracy.inertial_number"
+            doubts.append(f"lower {key} for a smaller inertial number")
         if whole > RANGES["fill"][1] >= fill:
             most = RANGES["fill"][1]
             doubts.append(f"its fill is {whole:.3g} before it spills, and the law was fitted up to {most:g}")
