@@ -150,7 +150,7 @@ class RunView:
             drawn.SetBarRatio(0.18)  # of its column, which the title too lies in
             drawn.SetVerticalTitleSeparation(10)  # [pixels]: else the unit touches the first number
             low, high = self._limits[bar]
-            steps = MaxNLocator(4).tick_values(low, high)
+            steps = np.asarray(MaxNLocator(4).tick_values(low, high))
             drawn.SetCustomLabels(pyvista.convert_array(steps[(steps >= low) & (steps <= high)]))
             drawn.SetUseCustomLabels(True)
             self.plotter.subplot(*PICTURE)
