@@ -145,7 +145,7 @@ def line_report(line: FrictionLine, picture: Path | None = None) -> Report:
     if line.pairs[-1].rolling < 1e-3:
         end = f"friction {high:.2f} without rolling friction: perfect spheres"
     elif high < table.friction[-1]:
-        end = f"friction {high:.2f}, beyond which even hindered rolling gives less"
+        end = f"friction {high:.2f} (at higher friction the angle is smaller even with hindered rolling)"
     else:
         end = (
             f"friction {high:g}, the last one measured (clean iron): spheres that roll freely reach "
