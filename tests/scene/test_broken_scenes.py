@@ -312,7 +312,7 @@ def test_a_box_has_no_mesh(tmp_path):
     output = refused(["mesh", str(scene), "--out", str(tmp_path / "new")], str(scene), "clutch and drum")
     assert output.count("geometry.kind") == 1
     refused(["accuracy", str(scene), "--out", str(tmp_path / "new")], "geometry.kind = 'box'", "has no disc")
-    refused(["accuracy", str(scene), "--effects", "--for", "5 %"], "--for = 5 %", "leave one of the two out")
+    refused(["accuracy", str(scene), "--effects", "--for", "5 %"], "--for = 5 %", "remove one of the two")
     assert not (tmp_path / "new").exists()
 
 
