@@ -33,7 +33,7 @@ def field(
             refuse_beside("--transient", {"--current": current is not None, "--line": bool(line)})
         elif end is not None or tolerance is not None:
             option, entry = ("--end", end) if end is not None else ("--tolerance", f"{tolerance:g}")
-            message = "is of the coil alone in time; add --transient, or remove it"
+            message = "needs --transient; add it, or remove this option"
             raise SceneError([Fault(option, str(entry), message)], "command line")
         read = load(case, sets, trust_scripts)
         from emclutch.results import Progress

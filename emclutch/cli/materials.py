@@ -169,7 +169,7 @@ def materials_report(names: list[str] | None) -> Report:
         sigma_source = "" if one.conductivity is None else f" Conductivity: {conductivity(one.name).source}."
         lines.append(note(f"{one.name}{also}: {one.source}.{sigma_source}"))
         if one.coercivity and not one.loop:
-            remanence = f"remanence that follows: {one.remanence:.2g} T"
+            remanence = f"computed remanence: {one.remanence:.2g} T"
             source = coercivity(one.name).source
             lines.append(note(f"{one.name}: coercivity {one.coercivity:g} A/m, {source}; {remanence}."))
         if one.loop:

@@ -62,7 +62,7 @@ Measured = Annotated[
         "--with",
         metavar="FILE",
         help="CSV with named columns to lay over --speeds (time [s], speeds [rpm]) or --torque-current (current [A], "
-        "torques [N m]; with --rated both over the rated ones)",
+        "torques [N m]; with --rated both divided by the rated values)",
     ),
 ]
 Catalogue = Annotated[
@@ -274,7 +274,8 @@ Repose = Annotated[
 InternalFriction = Annotated[
     float | None,
     typer.Option(
-        "--internal-friction", help="shear stress over pressure of a shear tester in steady flow, in place of the angle"
+        "--internal-friction",
+        help="shear stress divided by pressure, from a shear tester in steady flow, in place of the angle",
     ),
 ]
 PairFriction = Annotated[
@@ -287,7 +288,7 @@ AngleUncertainty = Annotated[
     typer.Option(
         "--uncertainty",
         metavar="ANGLE",
-        help=f"of the angle; heaps repeat to a degree or two; default: {USUAL_UNCERTAINTY}",
+        help=f"uncertainty of the angle; heaps repeat within 1 or 2 degrees; default: {USUAL_UNCERTAINTY}",
     ),
 ]
 DipoleModel = Annotated[str, typer.Option("--model", help="moments of the grains: near_field or mutual")]
@@ -407,5 +408,7 @@ PowderMaterial = Annotated[
 NewScene = Annotated[Path | None, typer.Argument(metavar="[FILE]", help="new scene file (.toml)")]
 Drawing = Annotated[
     Path | None,
-    typer.Option("--drawing", metavar="FILE", help="new picture (.png) of dimensions: of FILE if there, or the kind"),
+    typer.Option(
+        "--drawing", metavar="FILE", help="new picture (.png) of the dimensions of FILE, or without FILE of the kind"
+    ),
 ]

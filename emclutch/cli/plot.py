@@ -136,7 +136,7 @@ def _transients(folders: Sequence[Path], kind: str, out: Path | None) -> Path:
     """Draw the folders of `emclutch field --transient` over one another."""
     if kind != TORQUE:
         option = f"--{kind.replace('_', '-')}"
-        message = "is of runs; coils in time have current and gap field: remove it"
+        message = "is for runs; results of field --transient have no such curve: remove it"
         raise SceneError([Fault(option, "", message)], "command line")
     from emclutch.results.pictures.field import transient_overlay_picture
 

@@ -75,7 +75,7 @@ def line_of(repose: str | None, internal_friction: float | None, uncertainty: st
         Both or neither, an entry that cannot be read, an angle that no friction gives.
     """
     if repose is not None and internal_friction is not None:
-        message = "says the same as --repose, its sine; give only one of the two"
+        message = "is the sine of --repose; give only one of the two"
         raise SceneError([Fault("--internal-friction", f"{internal_friction:g}", message)], "command line")
     if repose is None and internal_friction is None:
         message = "needs an angle of repose, --repose '34 deg', or the tau/P of a shear tester, --internal-friction 0.5"
@@ -145,7 +145,7 @@ def line_report(line: FrictionLine, picture: Path | None = None) -> Report:
     if line.pairs[-1].rolling < 1e-3:
         end = f"friction {high:.2f} without rolling friction: perfect spheres"
     elif high < table.friction[-1]:
-        end = f"friction {high:.2f}, beyond which even hindered rolling gives less"
+        end = f"friction {high:.2f} (at higher friction the angle is smaller even with hindered rolling)"
     else:
         end = (
             f"friction {high:g}, the last one measured (clean iron): spheres that roll freely reach "

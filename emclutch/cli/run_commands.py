@@ -206,7 +206,7 @@ def accuracy(
     with explained():
         refuse_to_resume_nothing("study", resume, out)
         if effects and targets is not None:
-            message = "has no part in --effects, which chooses no settings; leave one of the two out"
+            message = "cannot be combined with --effects, which chooses no settings; remove one of the two"
             raise SceneError([Fault("--for", targets, message)], "command line")
         wanted, seconds = read_shares(targets or opt.USUAL_TARGETS, "--for"), read_budget(budget)
         read = load(case, sets, trust_scripts)

@@ -83,7 +83,7 @@ def forces_in_words(
             yield name, regions, f"{stress:.4g} N along z, error not known"
             continue
         error = replace(force, next_order=force_of_weight(richer, force.weight)).error
-        doubt = "; smaller than its error: none is known" if abs(stress) <= error else ""
+        doubt = "; not significant: smaller than its error" if abs(stress) <= error else ""
         text = f"{stress:.4g} ± {error:.2g} N along z (twice the change to elements of the next order){doubt}"
         yield name, regions, text
 

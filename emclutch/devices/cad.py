@@ -98,7 +98,7 @@ def _one_carrier(partial: PartialScene) -> Iterator[Fault]:
         yield Fault(
             "geometry.bodies",
             "",
-            f"of parts that are no bodies of revolution are several: {parts}; {ONE_CARRIER}; let one of them have all",
+            f"several parts are not bodies of revolution: {parts}; {ONE_CARRIER}; let one of them have all",
         )
 
 

@@ -34,8 +34,8 @@ class CentrifugalGeometry(GeometrySection):
         "dem is cheaper: for 200 and 500 spheres at 750 rpm dvi took a third more processor time, torques within 2 %"
     )
     why_no_sector = (
-        "cannot stand in a centrifugal clutch: its vanes and ribs do not repeat from sector to sector as one turns "
-        "past the other; remove it (the full ring is simulated)"
+        "is not available in a centrifugal clutch: its vanes and ribs do not repeat from sector to sector; remove it "
+        "(the full ring is simulated)"
     )
 
     kind: Literal["centrifugal"]

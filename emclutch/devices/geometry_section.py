@@ -40,7 +40,7 @@ Check = Callable[[PartialScene], Iterator[Fault]]
 
 NO_MATERIALS: Mapping[str, Material] = MappingProxyType({})
 
-ONE_CARRIER = "the field would change with the angle between both, and is solved once a current only"
+ONE_CARRIER = "the field would depend on the angle between both, but it is solved once per current"
 """Why only one body may have slots."""
 
 

@@ -62,16 +62,15 @@ def _all_parts_of_the_feedback(partial: PartialScene) -> Iterator[Fault]:
         yield Fault(
             "effects.magnetic_force",
             "",
-            f"{stands}: the field's gradient holds what grains beyond the cut-off, and the smear of nearer ones, do to "
-            "each other; without it axial forces of pairs are 4 to 41 % too strong. Add [effects.magnetic_force], or "
-            "remove [effects.back_reaction]",
+            f"{stands}: the field's gradient contains the forces between distant grains; without it axial forces of "
+            "pairs are 4 to 41 % too strong. Add [effects.magnetic_force], or remove [effects.back_reaction]",
         )
     if effects.images is None and partial.scene.geometry.may_have_steel_faces:
         yield Fault(
             "effects.wall_images",
             "",
-            f"{stands}: the solved field mirrors the grains in its steel, spread out, and only the images of single "
-            "grains take that out again. Add [effects.wall_images], or remove [effects.back_reaction]",
+            f"{stands}: the solved field contains images of the spread grains in the steel; images of single grains "
+            "correct them. Add [effects.wall_images], or remove [effects.back_reaction]",
         )
 
 
@@ -88,7 +87,7 @@ def _room_for_the_smear(partial: PartialScene) -> Iterator[Fault]:
         yield partial.fault(
             "effects.back_reaction",
             f"spreads each grain over at least {MIN_WIDTH:g} diameters, and the gap of {1e3 * gap:.3g} mm has "
-            f"{gap / largest:.3g}; remove its table (the field then holds no grain), or lower "
+            f"{gap / largest:.3g}; remove its table (the field then ignores the grains), or lower "
             f"particles.{size_key(scene.particles)}",
         )
         return
@@ -177,7 +176,7 @@ class BackReactionSection(EffectSection):
             remedy = (
                 f"raise effects.dipoles.cutoff = {cutoff:g} to {TRUE_WIDTH:g}"
                 if width > cutoff - 1e-9
-                else "the gap allows no more; smaller grains have it"
+                else "the gap allows no more; use smaller grains"
             )
             yield (
                 f"[effects.back_reaction] spreads a grain over {width:.3g} diameters: below {TRUE_WIDTH:g} forces "

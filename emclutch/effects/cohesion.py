@@ -18,7 +18,7 @@ class CohesionSection(EffectSection):
 
     name = "cohesion"
     changes_stress = has_scale = True
-    summary = "grains that touch pull each other"
+    summary = "touching grains attract each other"
     size_note = "the stress of a pull scales as 1/d (dmt, jkr) or 1/d^2 (constant)"
 
     USUAL: ClassVar = {"work_of_adhesion": WORK_OF_ADHESION, "wall_work_of_adhesion": WORK_OF_ADHESION}
@@ -66,4 +66,6 @@ class CohesionSection(EffectSection):
     @classmethod
     def omitted_effects(cls, at):
         """Yield the van der Waals force of rough grains over the largest other force."""
-        yield OmittedEffect(cls.name, OFF, "van der Waals force of rough grains over pull and weight", at.bond, 0.1)
+        yield OmittedEffect(
+            cls.name, OFF, "van der Waals force of rough grains divided by attraction and weight", at.bond, 0.1
+        )

@@ -54,19 +54,18 @@ def _valid_moments(partial: PartialScene) -> Iterator[Fault]:
         yield Fault(
             "effects.dipoles",
             "",
-            "cannot be used with particles.law = 'thesis': M = chi H has no material behind it, in which grains could "
+            "cannot be used with particles.law = 'thesis': M = chi H is not the law of a material, so grains cannot "
             "magnetise one another; remove [effects.dipoles] and keep [effects.magnetic_force], or take law = 'sphere'",
         )
     if attraction.has_necks and not effects.saturate:
         yield partial.fault(
             "effects.dipoles.model",
-            f"needs grains that saturate, their necks do so first; add {effects.tables(saturates=True)}, or take "
-            "model = 'mutual'",
+            f"needs grains that saturate; add {effects.tables(saturates=True)}, or take model = 'mutual'",
         )
     if attraction.has_necks and attraction.cutoff < TRUE_WIDTH:
         yield partial.fault(
             "effects.dipoles.cutoff",
-            "ends where the charges of necks still act, whose field falls more slowly than that of dipoles; allowed "
+            "is too small: the field of necks reaches further than that of dipoles; allowed "
             f"with model = 'near_field': at least {TRUE_WIDTH:g} diameters",
         )
     elif prescribed is not None and prescribed.is_macroscopic and attraction.cutoff < MIN_WIDTH:
@@ -204,7 +203,7 @@ class DipolesSection(EffectSection):
         if width < TRUE_WIDTH - 1e-9:
             yield (
                 f"field.means = 'macroscopic' spreads a grain over {width:.3g} diameters, as much as the gap allows: "
-                f"below {TRUE_WIDTH:g} forces on grains that nearly touch are wrong by 5 %; smaller grains have room"
+                f"below {TRUE_WIDTH:g} forces on grains that nearly touch are wrong by 5 %; use smaller grains"
             )
 
     def magnetisation_in_chains(self, scene: Scene, M_max: float) -> float:
@@ -304,7 +303,9 @@ class DipolesSection(EffectSection):
     def omitted_effects(cls, at):
         """Yield the pull of touching grains over their weight."""
         if at.M > 0.0:
-            yield OmittedEffect(cls.name, OFF, "pull of touching grains over weight", at.pull / at.weight, 0.1)
+            yield OmittedEffect(
+                cls.name, OFF, "attraction of touching grains divided by weight", at.pull / at.weight, 0.1
+            )
 
 
 def _extremes(motion: GrainMotion, saturation: float) -> dict[str, float]:
@@ -334,7 +335,7 @@ def _outside(moments: dict[str, Any], saturation: float) -> list[str]:
     crowded = moments["grains_of_more_than_six_contacts"]
     if crowded > CROWDED:
         warnings.append(
-            f"{100.0 * crowded:.2g} % of the grains have more than {MOST_CONTACTS} contacts: forces of necks there are "
+            f"{100.0 * crowded:.2g} % of the grains have more than {MOST_CONTACTS} contacts: forces of their necks are "
             "off by up to a third"
         )
     return warnings

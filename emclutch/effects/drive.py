@@ -31,7 +31,7 @@ def need_of_a_coil(partial: PartialScene, effect: type[EffectSection]) -> Iterat
         yield Fault(
             f"effects.{effect.name}",
             "",
-            "needs the field of a coil and an effect that uses it; take [field] source = 'coil' with "
+            "needs the field of a coil, and an effect that uses this field; take [field] source = 'coil' with "
             f"{effects.tables(needs_moments=True)}, or remove the effect's table",
         )
 

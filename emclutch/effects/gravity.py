@@ -75,7 +75,7 @@ class GravitySection(EffectSection):
     def omitted_effects(cls, at):
         """Yield the pull of touching grains, or the centrifugal force, over the weight."""
         if at.pull > 0.0:
-            what, ratio = "pull of touching grains over weight", at.pull / at.weight
+            what, ratio = "attraction of touching grains divided by weight", at.pull / at.weight
         else:
             what, ratio = "centrifugal force over weight", at.centrifugal / at.weight
         yield OmittedEffect(cls.name, OFF, what, ratio, 10.0, below=True)

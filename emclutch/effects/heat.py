@@ -129,7 +129,7 @@ def _has_its_device(partial: PartialScene) -> Iterator[Fault]:
         yield Fault(
             "effects.heat",
             "",
-            f"cannot be used with geometry.kind = '{scene.geometry.kind}', of which outside and clearances are not "
+            f"cannot be used with geometry.kind = '{scene.geometry.kind}', whose outside and clearances are not "
             "known; take 'clutch' or 'drum', or remove the effect's table",
         )
     elif scene.geometry.is_solved_in_3d:

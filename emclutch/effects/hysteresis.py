@@ -101,7 +101,7 @@ class HysteresisSection(EffectSection):
     def omitted_effects(cls, at):
         """Yield that the steel leaves no residual field; how large it is follows from a ramp of the field alone."""
         if at.solved and at.M > 0.0:
-            note = "from steel alone a brake had 2 to 13 % more torque at falling current; `emclutch field` computes it"
+            note = "in one brake steel raised the torque at falling current by 2 to 13 %; `emclutch field` computes it"
             yield OmittedEffect(cls.name, OFF, "residual field of the steel", note=note)
 
     def history(self, scene: Scene, problem: AxisymmetricProblem) -> SteelHistory | None:

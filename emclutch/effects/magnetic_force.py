@@ -52,4 +52,6 @@ class MagneticForceSection(EffectSection):
     def omitted_effects(cls, at):
         """Yield the pull of the field over that of touching grains."""
         if at.M > 0.0:
-            yield OmittedEffect(cls.name, OFF, "pull of the field over that of touching grains", at.gradient, 0.1)
+            yield OmittedEffect(
+                cls.name, OFF, "force of the field divided by the attraction of touching grains", at.gradient, 0.1
+            )

@@ -42,4 +42,4 @@ class TwistingFrictionSection(EffectSection):
     @classmethod
     def omitted_effects(cls, at):
         """Yield the torque of a contact's twist over that of its sliding."""
-        yield OmittedEffect(cls.name, OFF, "torque of a contact's twist over that of its sliding", at.twist, 0.1)
+        yield OmittedEffect(cls.name, OFF, "twisting torque of a contact divided by its sliding torque", at.twist, 0.1)

@@ -49,8 +49,8 @@ class WallImagesSection(EffectSection):
         prescribed = scene.prescribed_field
         if prescribed is not None and prescribed.is_macroscopic and not layers_change_the_field(scene):
             yield (
-                "[effects.wall_images] with field.means = 'macroscopic': the mean field is taken as even up to the "
-                "steel; what layers of grains there change in it is followed with geometry.kind = 'sheared_box' only"
+                "[effects.wall_images] with field.means = 'macroscopic': the mean field is taken as uniform up to "
+                "the steel; only geometry.kind = 'sheared_box' computes how layers of grains at the steel change it"
             )
 
     def neighbours(self, scene, device):

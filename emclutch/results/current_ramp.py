@@ -338,7 +338,7 @@ def in_words(found: dict[str, Any]) -> list[str]:
         )
     if found["area"] is not None:
         share = _with_half(100.0 * found["area"]["share"], _times(100.0, found["area"]["half_width"]), "%")
-        lines.append(f"area between the branches: {share} of largest current times torque there")
+        lines.append(f"area between the branches: {share} of the largest current times its torque")
     if found["residual"] is not None:
         left = _with_half(found["residual"]["torque"], found["residual"]["half_width"], "N m")
         decay = ", its decay after the ramp included" if found["residual"].get("decay_included") else ""

@@ -137,7 +137,7 @@ def lock_up(run: Any) -> dict[str, float | None]:
     Quantity("torque_rise_time_90_interval", "", "s"),
     Quantity("torque_rise_required_end", "", "s"),
     Quantity("torque_rise_replicas"),
-    Quantity("torque_lag", "rise of the torque over that of the current, 63 % (class: 1.7 to 4)", "", NUMBERS),
+    Quantity("torque_lag", "rise time of the torque over that of the current, 63 % (usual: 1.7 to 4)", "", NUMBERS),
 )  # fmt: skip
 def coil(run: Any) -> dict[str, Any]:
     """Coil at the end of the run, voltage R I, copper loss R I^2, its field, and its rise."""
@@ -186,7 +186,7 @@ def slip(run: Any) -> dict[str, float]:
     Quantity("grain_size.across", "", "", column="grains_per_gap"),
     Quantity("grain_size.real_across", "", "", column="real_grains_per_gap"),
     Quantity("grain_size.real_inertial_number", "inertial number of the real powder", "", NUMBERS),
-    Quantity("scaled_speed.factor", "speed over that of the scene", "", NUMBERS),
+    Quantity("scaled_speed.factor", "speed divided by that of the scene", "", NUMBERS),
     Quantity("torque_against_current.largest_current", "", "A"),
 )
 def device(run: Any) -> dict[str, Any]:

@@ -49,7 +49,7 @@ for 95 %."""
 REPLICAS = 4  # from which on the interval is of a useful width
 ONE_REPLICA = "one replica, whose interval leaves out the scatter between replicas"
 NOT_CONVERGED, RUN_LONGER = "not converged", "run longer"
-CONSTANT = "the signal does not change, so nothing in it says how far off its mean is"
+CONSTANT = "the signal is constant, so its error cannot be estimated"
 
 
 @dataclass(frozen=True, slots=True)
@@ -363,7 +363,7 @@ def checked_signal(
         raise ValueError(f"time has {t.size} samples, value has {y.size}; they must be equally long")
     bad = np.count_nonzero(~np.isfinite(y)) + np.count_nonzero(~np.isfinite(t))
     if bad:
-        raise ValueError(f"{bad} of {t.size} samples are not finite numbers; a mean of them means nothing")
+        raise ValueError(f"{bad} of {t.size} samples are not finite numbers; their mean is undefined")
     steps = np.diff(t)
     if (steps <= 0.0).any():
         at = int(np.argmax(steps <= 0.0))

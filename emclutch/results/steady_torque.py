@@ -243,7 +243,7 @@ def _imbalance(late: pandas.DataFrame, duration: np.ndarray, mean: float, error:
         left = float(np.average(late[columns].sum(axis=1), weights=duration))
     if abs(left) <= MAX_IMBALANCE * abs(mean) + 3.0 * error:
         return NO_PROBLEM
-    text = f"{left:.2g} N m more goes into the powder than comes out of it, which still speeds up"
+    text = f"the torques on the powder leave {left:.2g} N m: it still speeds up"
     return text, RUN_LONGER, float(late[TIME].iloc[-1])
 
 

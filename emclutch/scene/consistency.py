@@ -288,7 +288,7 @@ def _scatter(partial: PartialScene) -> Iterator[Fault]:
     elif accuracy.replica_scatter is None:
         return
     elif not has_steady_torque(scene):
-        yield partial.fault(both[0], "is that of a steady torque, which this scene has not; remove it")
+        yield partial.fault(both[0], "needs a steady torque, which this scene does not have; remove it")
     elif accuracy.replicas == 1 or packs_alike(scene):
         yield partial.fault(
             both[0],

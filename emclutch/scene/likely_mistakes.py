@@ -31,7 +31,7 @@ def warnings_of(scene: Any) -> Iterator[str]:
             names = ", ".join(f"[{name}]" for name in idle)
             yield f"without [particles] the scene is of the field alone, which does not use {names}"
     elif scene.field is not None and not effects.magnetise:
-        yield f"[field] moves no grain: that needs {effects.tables(needs_moments=True)}"
+        yield f"[field] has no effect on the grains: that needs {effects.tables(needs_moments=True)}"
     yield from scene.geometry.warnings(scene)
     yield from _doubtful_surfaces(scene)
     for name, own in scene.materials.items():

@@ -91,7 +91,7 @@ def pair_of_bulk_friction(bulk: float, spread: float = 0.0) -> FrictionPair:
         advice = (
             "not even spheres without friction flow at a smaller one: measure it again"
             if bulk < low
-            else "a steeper heap is that of a cohesive or interlocking powder: give contact.friction itself, and add a "
+            else "a steeper heap means a cohesive or interlocking powder: give contact.friction itself, and add a "
             "cohesion"
         )
         raise ValueError(

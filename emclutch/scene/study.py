@@ -248,7 +248,7 @@ def _warm_start_faults(study: StudySection) -> list[Fault]:
     if key is None:
         return []
     if study.sample is not None:
-        return [Fault("study.warm_start", shown(key), "goes along listed values; remove it, or study.sample")]
+        return [Fault("study.warm_start", shown(key), "needs listed values; remove it, or study.sample")]
     several = [one for one, values in study.values.items() if _is_list(values) and len(values) > 1]
     allowed = [one for one in several if one.startswith(("coil.", "motion."))]
     if key not in allowed:

@@ -66,6 +66,10 @@ class TorqueTarget:
             raise ValueError(f"has no unit; {examples}")
         try:
             relative = 0.01 * _SHARE.read(shares[0]) if shares else None
+        except ValueError:
+            allowed = f"{_SHARE.minimum:g} to {_SHARE.maximum:g} %"
+            raise ValueError(f"is out of range; allowed: {allowed}; {examples}") from None
+        try:
             absolute = _SIZES[quantity].read(sizes[0]) if sizes else None
         except ValueError as error:
             raise ValueError(f"{error}; {examples}") from None

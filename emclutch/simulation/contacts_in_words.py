@@ -38,7 +38,7 @@ def stiffness_in_words(stiffness: Stiffness) -> str:
     kind = "" if stiffness.law == "linear" else f"law {stiffness.law}, at that overlap "
     text = (
         f"{kind}k_n = {stiffness.value:.3g} N/m{' as asked' if stiffness.asked else ''}: "
-        f"grains press in by {100 * stiffness.overlap:.2g} % of the diameter" + (f" under {why}" if why else "")
+        f"overlap {100 * stiffness.overlap:.2g} % of the diameter" + (f" under {why}" if why else "")
     )
     if stiffness.snap is not None:
         text += f"; short overlaps of {100 * stiffness.snap:.2g} % when grains jump together"
@@ -50,7 +50,7 @@ def stiffness_in_words(stiffness: Stiffness) -> str:
         )
     if stiffness.is_soft:
         size = f"{100 * stiffness.overlap:.2g} % of the diameter, above {100 * SOFT:g} %"
-        warnings.append(f"the overlap is {size}: grains are too soft for peaks of the torque")
+        warnings.append(f"the overlap is {size}: grains are too soft: peak torques are unreliable")
     return Decision(text, *warnings)
 
 

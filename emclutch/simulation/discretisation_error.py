@@ -109,7 +109,7 @@ def discretisation_error(
     except OutputError as error:
         return _unknown(str(error))
     except Exception as error:  # a run that has come to its end does not fail of what is said about it
-        log.exception("the discretisation error cannot be told")
+        log.exception("the discretisation error is unknown")
         return _unknown(f"defect of the program, please report it: {type(error).__name__}: {error}")
 
 
@@ -187,7 +187,7 @@ def accuracy_in_words(case: Case, plan: Plan) -> str:
         return f"{target}: {words}"
     total = total_at(study, setting_values(case, plan), plan)
     low, high = (100.0 * end for end in total.whole.interval)
-    text = f"numerical settings change the torque by {low:+.2g} to {high:+.2g} % (95 %), which a run corrects"
+    text = f"numerical settings change the torque by {low:+.2g} to {high:+.2g} % (95 %); a run corrects this"
     if total.largest is not None:
         text += f"; dominant uncertainty: {in_words(total.largest)}, ± {format_percent(total.widths[total.largest])}"
     text += "".join(f"; not included: {in_words(name)} ({why})" for name, why in total.unknown.items())

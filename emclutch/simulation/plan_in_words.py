@@ -107,8 +107,8 @@ def sector_in_words(scene) -> str:
     particles, radius = scene.grains, innermost_radius(scene)
     chord = 2.0 * radius * sin(0.5 * particles.sector)
     text = (
-        f"{degrees(particles.sector):.5g} deg, {particles.n_sectors} in the ring; {1e3 * chord:.3g} mm, "
-        f"{chord / particles.largest_diameter:.3g} diameters, wide at r = {1e3 * radius:.3g} mm"
+        f"{degrees(particles.sector):.5g} deg, 1/{particles.n_sectors} of the ring; {1e3 * chord:.3g} mm "
+        f"({chord / particles.largest_diameter:.3g} diameters) wide at r = {1e3 * radius:.3g} mm"
     )
     return Decision(text, narrow_sector(scene))
 
@@ -207,7 +207,7 @@ def end_in_words(scene, device: Device, plan: Plan) -> Iterator[tuple[str, str]]
     measured = scene.geometry.measured or "result"
     if count > 1:
         most, at_a_time = max_replica_count(scene), plan.cost.replicas
-        more = f", and up to {most} where the torque needs them" if until is not None and most > count else ""
+        more = f", up to {most} if the error is still too large" if until is not None and most > count else ""
         yield "replicas", f"{count}{more}, {at_a_time} at a time; the {measured} is their mean"
     rate, needed = strain_rate(scene, device), start_up_strain(scene)
     if rate and count > 1:
@@ -217,7 +217,7 @@ def end_in_words(scene, device: Device, plan: Plan) -> Iterator[tuple[str, str]]
     if until is not None:
         strain = rate * end if rate else inf
         least = needed + MIN_AVERAGED_STRAIN
-        text = f"as soon as half the {measured}'s 95 % interval is {until.size}, at the latest at {end:.4g} s"
+        text = f"when half the 95 % interval of the {measured} is at most {until.size}, or at {end:.4g} s"
         if strain < least and not scene.geometry.is_periodic:  # which says so of itself
             text = Decision(
                 text,

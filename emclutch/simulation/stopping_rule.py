@@ -189,8 +189,8 @@ def remedy(torque: Estimate, target: TorqueTarget, end: float) -> str:
     wanted = target.half_width(torque.mean)
     if may_be_zero(torque) and not target.absolute:
         return (
-            f"there is no {target.quantity} that differs from 0 ({torque.mean:.2g} ± {half:.2g} {target.unit}), so no "
-            f"fraction of it can be reached; give a {target.quantity} as well: until = '{target} or {target.example}'"
+            f"the {target.quantity} does not differ from 0 ({torque.mean:.2g} ± {half:.2g} {target.unit}), so no "
+            f"percentage of it can be reached; give a {target.quantity} as well: until = '{target} or {target.example}'"
         )
     if torque.replicas < 2:
         time = enough(torque, wanted, end)[1]

@@ -80,7 +80,7 @@ def drive_of(scene: Scene) -> tuple[TimeProfile, bool]:
     if scene.geometry.is_solved_in_3d:
         raise ValueError(
             f"geometry.{scene.geometry.key_of_3d} asks for a field in 3D, and the coil alone in time is computed in a "
-            "section; remove that key, or solve single currents in place of the time"
+            "section; remove that key, or solve single currents without --transient"
         )
     return voltage, steady
 

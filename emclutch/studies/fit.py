@@ -385,7 +385,7 @@ def _statements(result: FitResult) -> Iterator[Statement]:
     if fitted.is_poor:
         return
     if fitted.probability is not None:
-        yield note(f"A misfit as large has a probability of {100.0 * fitted.probability:.2g} %.")
+        yield note(f"Errors alone cause a misfit this large with a probability of {100.0 * fitted.probability:.2g} %.")
     scene = str(result.folder / "fitted.toml")
     smallest = min(float(measured.drive.min()), 0.5 * float(measured.drive.max()))  # of one point a range too
     drives = f"{_drive(result, smallest)}:{_drive(result, float(measured.drive.max()))}"

@@ -125,7 +125,8 @@ def _remarks(summary: dict[str, Any], permitted: pandas.DataFrame) -> Iterator[S
         limit = f"{largest['at_a_mean_of_250_degrees']:.3g} A"
         yield warning(steady["state"])
         yield note(
-            f"Without slip there is one up to {limit}. Lower current or slip power, cool better, or shorten the duty."
+            f"Without slip a steady state exists up to {limit}. Lower current or slip power, cool better, or shorten "
+            "the duty."
         )
     yield note(
         f"Duty: {duty['state']}, {duty['steps']} steps; residual of the energy balance {abs(duty['energy_error']):.1e}."

@@ -228,7 +228,7 @@ def _measured(task: Task, study: Path, own: Path, progress: Any) -> Row:
     except OutputError as error:
         reason, kind = str(error), FILES
     except OSError as error:
-        reason = f"{error.filename or own}: {error.strerror or error}; check the path, its permissions and its room"
+        reason = f"{error.filename or own}: {error.strerror or error}; check the path, its permissions and free space"
         kind = FILES
     except RunError as error:
         reason, kind = str(error), MACHINE if isinstance(error.__cause__, NotEnoughSpace) else RUN

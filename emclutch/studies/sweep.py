@@ -296,7 +296,7 @@ class _Sweep(Study):
             if any(RunFolder(self.folder / task.name).read_failure() is not None for task, _ in failures):
                 how = f"leave points whose scene fails out of the study's values, or change the scene; then {how}"
             if all(row.state == ELSEWHERE for _, row in failures):
-                how = f"see what becomes of them with: emclutch sweep {self.section.path} --out {self.folder} --collect"
+                how = f"see their state with: emclutch sweep {self.section.path} --out {self.folder} --collect"
             several = f"{len(failures)} failed; " if len(failures) > 1 else ""
             texts.append(f"{done} of {number} points are done; {several}{how}")
             is_input = all(row.kind in (SCENE, FILES) for _, row in failures)

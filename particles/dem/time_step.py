@@ -147,7 +147,7 @@ def choose_time_step(
         if not 0.0 < dt <= tightest.longest:
             raise StepTooLong(dt, tightest.longest, tightest.rule)
         duration = steps_per_contact * limits[0].dt
-        return TimeStep(dt, f"dt = {dt:.3g} s as asked: {duration / dt:.3g} steps a contact of {duration:.3g} s")
+        return TimeStep(dt, f"dt = {dt:.3g} s as asked: {duration / dt:.3g} steps per contact of {duration:.3g} s")
     # of limits that agree to round-off the first is named (k_t = 2/7 k_n: sliding and contact have the same period)
     shortest = min(limit.dt for limit in limits)
     chosen = next(limit for limit in limits if limit.dt <= shortest * (1.0 + 1e-9))
@@ -227,9 +227,9 @@ def _of_contact(law: ContactLaw, m_eff: float, r_eff: float, turning: float, mee
         StepLimit(
             duration / steps,
             duration / MIN_STEPS,
-            f"{steps:g} steps a contact of {duration:.3g} s (k_n = {stiffness:.3g} N/m{at_depth}, lightest grain "
+            f"{steps:g} steps per contact of {duration:.3g} s (k_n = {stiffness:.3g} N/m{at_depth}, lightest grain "
             f"{meeting.mass:.3g} kg)",
-            "5 steps a contact",
+            "5 steps per contact",
         )
     ]
     if k_t > 0.0:

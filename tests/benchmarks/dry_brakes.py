@@ -107,7 +107,7 @@ def tables() -> str:
         line = linear_range(*branch.T, errors(branch[:, 1]))
         cells += [f"{line.first:.2f} to {line.last:.2f}", f"{line.offset:.2f} ± {line.offset_error:.2f}"]
         lines.append(f"| {name} | {' | '.join(cells)} |")
-    lines += ["", "Torque of the falling branch over that of the rising one:", ""]
+    lines += ["", "Torque of the falling branch divided by that of the rising branch:", ""]
     lines += [
         "| brake | " + " | ".join(f"{100 * share:.0f} %" for share in SHARES) + " |",
         "|---" * (len(SHARES) + 1) + "|",
@@ -117,7 +117,7 @@ def tables() -> str:
         lines.append(f"| {brake} | " + " | ".join(f"{ratio:.2f}" for ratio in falling / rising) + " |")
     names = [name for name in measured if not name.startswith("B5ZD")]
     head = ["current", "emclutch, law", "runs", *names]
-    lines += ["", "Torque over that at the rated current (brakes: between their points):", ""]
+    lines += ["", "Torque divided by that at the rated current (brakes: interpolated):", ""]
     lines += ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
     torque, (current, of_run, _) = dict(of_law()), runs().T
     rated = of_run[current == RATED].item()

@@ -194,7 +194,7 @@ def test_escape_stops_the_run():
 
 def test_step_too_long_for_the_contact_is_refused():
     grains = Grains.create([[0.0, 0.0, 5e-3]], 0.5e-3, 7850.0)
-    with pytest.raises(ValueError, match="5 steps a contact"):
+    with pytest.raises(ValueError, match="5 steps per contact"):
         DEM(grains, [], [], LAW, dt=1e-3)
 
 

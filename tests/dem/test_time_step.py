@@ -44,7 +44,7 @@ def test_linear_step_is_a_twentieth_of_the_contact():
     """pi sqrt(m/(2 k))/20; k_t = 2/7 k_n slides with the same period and is not named."""
     step = choose_time_step(LAWS[0], MASS, RADIUS)
     assert step.dt == pytest.approx(math.pi * math.sqrt(0.5 * MASS / 1e4) / 20, rel=1e-14)
-    assert "20 steps a contact" in step.reason and "k_n = 1e+04 N/m" in step.reason
+    assert "20 steps per contact" in step.reason and "k_n = 1e+04 N/m" in step.reason
     assert 20 * step.dt == pytest.approx(LAWS[0].contact_time(0.5 * MASS, 0.5 * RADIUS, 0.0), rel=1e-14)
 
 

@@ -31,7 +31,7 @@ def test_step_follows_from_the_contact_time():
     mass = 4.11e-6
     step = choose_time_step(LAW, mass, 0.5e-3)
     assert step.dt == pytest.approx(math.pi * math.sqrt(0.5 * mass / 100.0) / 20.0)
-    assert "20 steps a contact" in step.reason
+    assert "20 steps per contact" in step.reason
 
 
 def test_fast_grains_shorten_the_step():
@@ -40,7 +40,7 @@ def test_fast_grains_shorten_the_step():
 
 
 def test_a_step_too_long_is_refused():
-    with pytest.raises(ValueError, match=r"at most .*5 steps a contact"):
+    with pytest.raises(ValueError, match=r"at most .*5 steps per contact"):
         choose_time_step(LAW, 4.11e-6, 0.5e-3, dt=1e-3)
 
 

@@ -174,7 +174,7 @@ def test_what_more_packings_cannot_cure_is_not_tried_with_them():
 @pytest.mark.parametrize(
     ("torque", "words"),
     [
-        (estimate(1e-6, 1e-5), "no torque that differs from 0.*or 0.01 N m"),
+        (estimate(1e-6, 1e-5), "torque does not differ from 0.*or 0.01 N m"),
         (estimate(1.0, 0.01, fluctuation=0.02), r"raise accuracy.max_replicas \(or replicas\) to \d+ or time.end to"),
         (estimate(1.0, 0.02, fluctuation=0.0), r"raise accuracy.max_replicas \(or replicas\) to \d+$"),
         (estimate(9.0, 2.0, fluctuation=0.0), "ask for less"),

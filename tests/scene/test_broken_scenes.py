@@ -32,7 +32,7 @@ EDITS = {
     "a scatter without its freedom": ({"accuracy.replica_scatter": "2 %"}, "accuracy.replica_scatter = '2 %'",
         "needs accuracy.replica_scatter_freedom as well"),
     "a scatter of no steady torque": ({"accuracy.replica_scatter": "2 %", "accuracy.replica_scatter_freedom": 16},
-        "accuracy.replica_scatter", "is that of a steady torque, which this scene has not; remove it"),
+        "accuracy.replica_scatter", "needs a steady torque, which this scene does not have; remove it"),
     "missing section": ({"time": None}, "time", "add the section [time]"),
     "a section that is a number": ({"particles": 3}, "particles", "write [particles]"),
     "wrong dimension": ({"geometry.gap": "3 kg"}, "geometry.gap = '3 kg'",
@@ -57,7 +57,7 @@ EDITS = {
         "effects.dipoles.cutoff", "allowed: at least 2 diameters"),
     "moments fed back in a gap of one grain": (
         {"effects.dipoles.model": "mutual", "effects.back_reaction": {}, "particles.diameter": "0.6 mm"},
-        "effects.back_reaction", "remove its table (the field then holds no grain), or lower particles.diameter"),
+        "effects.back_reaction", "remove its table (the field then ignores the grains), or lower particles.diameter"),
     "misspelt kind": ({"geometry.kind": "clucth"}, "geometry.kind", "did you mean 'clutch'?"),
     "unknown material": ({"geometry.materials.disc": "steel_10100"}, "geometry.materials.disc",
         "did you mean 'steel_1010'?"),
@@ -312,7 +312,7 @@ def test_a_box_has_no_mesh(tmp_path):
     output = refused(["mesh", str(scene), "--out", str(tmp_path / "new")], str(scene), "clutch and drum")
     assert output.count("geometry.kind") == 1
     refused(["accuracy", str(scene), "--out", str(tmp_path / "new")], "geometry.kind = 'box'", "has no disc")
-    refused(["accuracy", str(scene), "--effects", "--for", "5 %"], "--for = 5 %", "leave one of the two out")
+    refused(["accuracy", str(scene), "--effects", "--for", "5 %"], "--for = 5 %", "remove one of the two")
     assert not (tmp_path / "new").exists()
 
 

@@ -163,7 +163,7 @@ def test_grains_run_in_the_field_of_solids_which_turns_with_the_disc(folder, tmp
 REFUSED = {
     "slots in both bodies": (
         {"geometry": {**SLOTTED, "file": "both.step", "materials": {**SLOTTED["materials"], "bar": "aluminium"}}},
-        "of parts that are no bodies of revolution are several: bar (rotor), disc (disc), resin (disc), rotor (rotor)"),
+        "several parts are not bodies of revolution: bar (rotor), disc (disc), resin (disc), rotor (rotor)"),
     "no slots in a section": ({"geometry": {**SLOTTED, "three_dimensional": False}},
                               "part 'resin' does not meet the half-plane"),
     "oblique coil": ({"geometry": {"file": "oblique.step"}}, "the coil of a field in 3D is one ring of rectangular"),

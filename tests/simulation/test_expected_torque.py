@@ -136,7 +136,7 @@ def test_intervals_say_what_they_are():
     [
         ({}, "no pole faces"),
         ({"effects.dipoles.model": "mutual"}, "no necks"),
-        ({"effects.wall_images": None}, "mirror no dipoles"),
+        ({"effects.wall_images": None}, "no images in steel walls"),
         ({"particles.solid_fraction": 0.15}, "its fill is 0.15"),
         ({"particles.susceptibility": 2.0}, "susceptibility is 2"),
         ({"contact.friction": 0.9}, "friction is 0.9"),

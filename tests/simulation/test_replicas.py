@@ -247,7 +247,7 @@ def test_aims_for_the_torque(text, target):
         ("2 %", "is not a valid torque target"),
         ("torque 2", "has no unit"),
         ("torque 2 % or 3 %", "two targets of one kind"),
-        ("torque 90 %", "out of range"),
+        ("torque 90 %", "out of range; allowed: 0.01 to 50 %;"),
         ("torque 2 mm", "a torque is needed"),
     ],
 )

@@ -388,7 +388,7 @@ def test_check_names_grains_rate_and_inertial_number():
     said = check(scene(MAGNETIC)).decisions
     assert said["grains"].startswith("110 ") and "inertial number about 0.05" in said["shear"]
     until = scene(MAGNETIC, {"time.until": "stress 2 %", "time.end": "50 ms"})
-    assert check(until).decisions["end"].startswith("as soon as half the stress's 95 % interval is 2 %")
+    assert check(until).decisions["end"].startswith("when half the 95 % interval of the stress is at most 2 %")
     target = scene(MAGNETIC, {"time.until": "stress 5 % or 1 kPa"}).scene.time.until
     assert target.half_width(1e4) == 1e3 and str(target) == "stress 5 % or 1000.0 Pa"
     rate = make_plan(scene(MAGNETIC))[0].kind.rate(scene(MAGNETIC).scene)

@@ -219,7 +219,7 @@ def test_faults_are_told_before_anything_runs(replicas, tmp_path):
     text = refused({}, budget=1.0)
     assert "--budget = 1 s is less than the 4 replicas" in text and "other settings" in text and "five times" in text
     text = refused({"accuracy.values.rigid_step": ["1 us"], "accuracy.values.contact_step": []})
-    assert "accuracy.values.rigid_step = [1e-06] is of contact.dvi.step, which has no part in this scene" in text
+    assert "accuracy.values.rigid_step = [1e-06] is of contact.dvi.step, which this scene does not use" in text
     assert "accuracy.values.contact_step = [] has no value" in text
     rigid = {"contact.method": "dvi", "particles.sector": None}
     text = refused(rigid | {"accuracy.values.rigid_sweeps": [2.5]}, budget=1e6)

@@ -57,19 +57,19 @@ PICTURES = {
 }
 """Pictures that a run may have, and what they show."""
 FILES = {
-    "report.html": "the report: all that is known of the run, or of the points",
+    "report.html": "the full report of the run, or of the points",
     "summary.json": "the result for programs",
-    "history.csv": "a row a coupling window",
+    "history.csv": "one row per coupling window",
     "profiles.csv": "means across the gap",
-    "study.csv": "a row a point, units in study.json",
+    "study.csv": "one row per point, units in study.json",
     "torque_vs_current.csv": "torque against current",
     "measured.csv": "measured torque against current",
     "torque_vs_speed.csv": "torque against speed",
     "grain_size.csv": "torque against the size of the grains",
     "failures.csv": "points that failed, with the reason",
     "case.toml": "the scene as resolved, in SI units",
-    "run.log": "what was decided, and when",
-    "study.log": "what became of each point",
+    "run.log": "decisions of the run, with their times",
+    "study.log": "result of each point",
     "particles.pvd": "grains in time, for ParaView",
     "field.pvd": "the field in time, for ParaView",
 }
@@ -202,8 +202,8 @@ def _torques(result: Result) -> list[tuple[str, str]]:
     table = [("raw torque on the disc", format_torque(torque)), ("replicas", str(torque.replicas))]
     if torque.replicas > 1:
         missed = 100.0 * (1.0 - RARE) ** torque.replicas
-        rare = f"a state of {100.0 * RARE:g} % of replicas"
-        table.append((rare, f"in none of these with a probability of {missed:.2g} %"))
+        rare = f"a state that {100.0 * RARE:g} % of replicas have"
+        table.append((rare, f"missed by all of these with a probability of {missed:.2g} %"))
     if torque.pooled_scatter is not None:
         known = f"{format_percent(torque.pooled_scatter)} with {torque.pooled_freedom:g} degrees of freedom"
         table.append(("scatter between replicas that is pooled with theirs", known))

@@ -104,7 +104,7 @@ def powder_in_words(scene, phi: float | None) -> str:
         return "none: a scene without [particles]"
     if scene.effects.feedback is None:
         return "without powder (its effect on the field is off)"
-    even = f"spread evenly, fill {phi:.3g}, with the permeability of grains without order (Maxwell Garnett)"
+    even = f"spread evenly, fill {phi:.3g}, with the permeability of a random packing (Maxwell Garnett)"
     if not moments_are_fed_back(scene):
         return f"{even}. A run uses the same permeability, with the fill of its own grains"
     return (

@@ -579,7 +579,7 @@ def torques_of_powders(
     """
     sampled = None if scene.effects.attraction is None else _sampled(device, field)
     if sampled is None:
-        raise ValueError("no magnetised powder is sheared, so that no law has its torque; add [effects.dipoles]")
+        raise ValueError("no magnetised powder is sheared, so no law applies; add [effects.dipoles]")
     zone, H, _ = sampled
     powders = _OtherPowders(scene, device, field, zone, np.abs((H * zone.across).sum(axis=1)), 0.0)
     diameter, parts = scene.grains.real_diameter or scene.grains.mean_diameter, fills / device.fill.solid_fraction
@@ -609,9 +609,9 @@ def _outside_of_cells(scene, device: Device) -> Iterator[str]:
     """What a device has that no gap cell has."""
     effects = scene.effects
     if effects.images is None:
-        yield "its walls mirror no dipoles ([effects.wall_images])"
+        yield "it has no images in steel walls ([effects.wall_images])"
     if device.coil is not None and effects.feedback is None:
-        yield "its field has no powder ([effects.back_reaction])"
+        yield "its field is solved without powder ([effects.back_reaction])"
     if device.coil is not None and device.section_coil is None:
         yield "it has slots"
     if scene.geometry.is_from_file:

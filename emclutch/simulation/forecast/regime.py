@@ -192,7 +192,7 @@ def omitted_effects(scene, device: Device, plan: Plan, expected: ExpectedTorque)
 
 def _of_grains(at: Regime) -> Iterator[OmittedEffect]:
     if at.pull > 0.0:
-        over, ratio = "over the pull of touching grains", at.centrifugal / at.pull
+        over, ratio = "divided by the attraction of touching grains", at.centrifugal / at.pull
     else:
         over, ratio = "over weight", at.centrifugal / at.weight
     yield OmittedEffect("centrifugal force", ALWAYS, over, ratio, 0.1)

@@ -74,7 +74,7 @@ def frozen_state(
     simulation = simulation_of(device, plan, grains)
     magnetised, source = simulation.magnetised, simulation.source
     if magnetised is None or source is None:
-        raise ValueError("the scene has no magnetic effect: there is nothing to hold still")
+        raise ValueError("the scene has no magnetic effect: nothing changes with the settings of the field")
     for effect in simulation.effects:
         effect.begin_window(simulation)
     begin = perf_counter()

@@ -143,8 +143,8 @@ def refuse_no_torque(own: Sequence[Row]) -> None:
     if min(torques) <= 0.0 <= max(torques):
         words = ", ".join(f"{torque:.3g}" for torque in torques)
         raise RunError(
-            f"replicas at the scene's own settings have torques of {words} N m: there is nothing that errors could be "
-            "relative to; raise accuracy.time_end, or take a scene with a torque"
+            f"replicas at the scene's own settings have torques of {words} N m: errors relative to such a "
+            "torque are undefined; raise accuracy.time_end, or take a scene with a torque"
         )
 
 

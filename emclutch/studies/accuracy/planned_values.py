@@ -154,7 +154,7 @@ def refuse_unmeasurable(case: Case) -> None:
         faults.append(Fault("geometry.kind", shown(kind), message))
     if packs_alike(case.scene):
         message = (
-            "begins every replica alike, so that nothing tells noise from error; take 'random', or particles.noise"
+            "begins every replica alike, so that noise and error cannot be separated; take 'random', or particles.noise"
         )
         faults.append(Fault("particles.packing", shown(case.scene.grains.packing), message))
     if faults:
@@ -266,7 +266,7 @@ def _lists_of_nothing(scene: Scene) -> list[Fault]:
             continue
         key = f"accuracy.values.{setting.name}"
         if setting not in own:
-            message = f"is of {setting.key}, which has no part in this scene; remove it"
+            message = f"is of {setting.key}, which this scene does not use; remove it"
             faults.append(Fault(key, shown(list(asked)), message))
         elif not asked:
             faults.append(Fault(key, "[]", "has no value; name one or more, or remove it for the usual ones"))

@@ -698,8 +698,9 @@ class _StudyRun(BudgetedStudy):
         values = [float(one.values["torque"]) for one in rows]
         scatter = scatter_of(values)
         words = (
-            f"replicas scatter by {100.0 * scatter:.2g} % (standard deviation of {len(values)}): to tell a difference "
-            f"of 5 % two values need {replicas_for(0.05, scatter)} replicas each, of 2 % {replicas_for(0.02, scatter)}"
+            f"replicas scatter by {100.0 * scatter:.2g} % (standard deviation of {len(values)}): a difference of 5 % "
+            f"between two values needs {replicas_for(0.05, scatter)} replicas of each, of 2 % "
+            f"{replicas_for(0.02, scatter)}"
         )
         self.log(words)
 
