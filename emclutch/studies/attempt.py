@@ -80,6 +80,15 @@ def refuse_taken_over(own: Path) -> None:
         raise TakenOver(f"{own.stem} was taken over by another process, which continues it")
 
 
+def clear_attempt(own: Path) -> None:
+    """Remove what is in the folder of an attempt, and keep the folder, whose inode is that of the attempt."""
+    for path in own.iterdir():
+        if path.is_dir() and not path.is_symlink():
+            shutil.rmtree(path)
+        else:
+            path.unlink()
+
+
 def attempts_in(folder: Path) -> dict[str, list[Path]]:
     """Return the folders of attempts at tasks below `folder` by the tasks' names, those that came furthest first."""
     found: dict[str, list[Path]] = {}

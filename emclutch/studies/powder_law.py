@@ -16,7 +16,6 @@ import json
 import logging
 import os
 import shlex
-import shutil
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
@@ -68,7 +67,7 @@ from emclutch.simulation.forecast.powder_law import (
     powder_of,
 )
 from emclutch.simulation.run import run
-from emclutch.studies.attempt import ATTEMPTS
+from emclutch.studies.attempt import ATTEMPTS, clear_attempt
 from emclutch.studies.design_search import expectation_of
 from emclutch.studies.study import DONE, FAILED, Row, Study, Task, TaskProgress, checked_jobs, child_processes
 from field import MU_0
@@ -409,7 +408,7 @@ def measure_cell(task: Task, folder: Path, progress: TaskProgress) -> dict[str, 
     RunError
         It has no shear stress above 0.
     """
-    shutil.rmtree(folder)  # what a process has left that was ended
+    clear_attempt(folder)  # of what a process has left that was ended
     begun = time.process_time()
     scene, found = task.case.scene, run(task.case, out=folder, threads=1, progress=progress).summary
     tau, mu_r = found["shear_stress"], found.get("relative_permeability")

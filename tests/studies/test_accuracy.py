@@ -21,11 +21,13 @@ from emclutch.scene.errors import SceneError
 from emclutch.simulation.discretisation_error import device_of
 from emclutch.simulation.forecast.space import NotEnoughSpace
 from emclutch.simulation.plan import make_plan
+from emclutch.studies import powder_law
 from emclutch.studies import study as engine
-from emclutch.studies.accuracy import budgeted_study, planned_values, study
+from emclutch.studies.accuracy import budgeted_study, planned_values, study, tasks
 from emclutch.studies.accuracy.frozen_state import frozen_state
 from emclutch.studies.accuracy.tasks import GRAINS, measure_moments, measure_replica
-from emclutch.studies.study import Task, perform, read_row
+from emclutch.studies.attempt import refuse_taken_over
+from emclutch.studies.study import FAILED, Task, perform, read_row
 
 CELL = {
     "scene": {"title": "sheared annulus", "seed": 3},
@@ -290,6 +292,20 @@ def test_folders_of_other_studies_are_refused(replicas, tmp_path, monkeypatch):
             emclutch.accuracy(case, out=out, jobs=1, resume=True)
     with pytest.raises(OutputError, match=r"has a budget of 6 min, and 1 min is less; .*larger one, which keeps"):
         emclutch.accuracy(case, out=out, jobs=1, budget=60.0, resume=True)
+
+
+@pytest.mark.parametrize("module", [tasks, powder_law], ids=["replica", "cell"])
+def test_a_task_begins_in_the_folder_of_its_attempt(module, tmp_path, monkeypatch):
+    """One that is made anew may have another inode, as if another process had taken the task."""
+
+    def run(case, out, **options):
+        refuse_taken_over(out)
+        raise RunError("begun")
+
+    monkeypatch.setattr(module, "run", run)
+    measure = module.measure_replica if module is tasks else module.measure_cell
+    row = perform(Task("own/00", case_from(CELL), measure), tmp_path)
+    assert (row.state, row.reason) == (FAILED, "begun")
 
 
 def test_a_replica_gives_the_mean_torque_of_its_run_and_the_frozen_packing(tmp_path):

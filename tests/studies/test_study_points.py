@@ -24,7 +24,7 @@ from emclutch.scene.study import read_study
 from emclutch.studies import point as study_point
 from emclutch.studies import sweep as run_study
 from emclutch.studies import tables as study_tables
-from emclutch.studies.attempt import TakenOver, attempt
+from emclutch.studies.attempt import TakenOver, attempt, clear_attempt, refuse_taken_over
 from emclutch.studies.point import tasks_of
 from emclutch.studies.study import TaskProgress
 from emclutch.studies.sweep import sweep
@@ -249,6 +249,17 @@ def test_who_was_taken_over_finds_out_and_changes_nothing(tmp_path):
             (second / "checkpoint").write_text("2")
         (first / "replicas" / "01").mkdir(parents=True)  # by a process that the first one had begun
     assert (tmp_path / "task" / "checkpoint").read_text() == "2" and not first.exists()
+
+
+def test_an_attempt_that_begins_afresh_keeps_its_folder(tmp_path):
+    """A folder that is made anew may get another inode; then the task seems taken over."""
+    with attempt(tmp_path / "task", lambda folder: True) as own:
+        (own / "replicas" / "01").mkdir(parents=True)
+        (own / "history.csv").touch()
+        inode = own.stat().st_ino
+        clear_attempt(own)
+        assert not any(own.iterdir()) and own.stat().st_ino == inode
+        refuse_taken_over(own)
 
 
 def test_tasks_side_by_side_share_the_folder_of_attempts_that_each_removes(tmp_path):

@@ -7,7 +7,6 @@ packing [A^2 m^4]; `grains` and `steps`.
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +22,7 @@ from emclutch.scene.scaled import STRAIN
 from emclutch.simulation.run import run
 from emclutch.simulation.window_state import WindowState
 from emclutch.studies.accuracy.frozen_state import frozen_state
+from emclutch.studies.attempt import clear_attempt
 
 if TYPE_CHECKING:
     import pandas
@@ -43,7 +43,7 @@ def measure_replica(task: Task, folder: Path, progress: TaskProgress) -> dict[st
     RunError
         The run ends before an average begins.
     """
-    shutil.rmtree(folder)  # what a process has left that was ended
+    clear_attempt(folder)  # of what a process has left that was ended
     keep = _LastGrains(folder / GRAINS) if task.options.get("keeps_grains") else None
     result = run(task.case, out=folder, threads=1, progress=progress, callback=keep)
     history = result.history
