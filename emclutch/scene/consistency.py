@@ -110,7 +110,7 @@ def _shape(partial: PartialScene) -> Iterator[Fault]:
         return f"particles.{size_key(particles)}" if name == "grain_diameter" else f"geometry.{name}"
 
     for fault in _faults_of_shape(partial, None if particles is None else particles.largest_diameter):
-        found = partial.fault(key_of(fault.what), f"cannot be: {fault.message_with(key_of)}")
+        found = partial.fault(key_of(fault.what), f"is not possible: {fault.message_with(key_of)}")
         yield (found if found.value else Fault(found.key, fault.value, found.message))  # a default has no entry to show
 
 

@@ -223,7 +223,7 @@ class MapResult(Reported):
         ]
         head = [*(a.name for a in self.axes), *HEADS[: len(names)], *branch, ""]
         if self.measured:
-            report.add("Measured over expected", self._measured_table(), Shown.PAGE)
+            report.add("Measured divided by expected torque", self._measured_table(), Shown.PAGE)
         where = Shown.TERMINAL if len(cells) <= SHORT else Shown.PAGE
         report.add("Points", Table(cells, head, range(len(head) - 1)), where)
         files = [("map.csv", "all points in SI, with the reason of every guess"), ("map.json", "the same as JSON")]
@@ -236,7 +236,7 @@ class MapResult(Reported):
         rows, keys = self.measured[:SHOWN], [axis.key for axis in self.axes]
         numbers = ("torque_measured", "standard_error", "torque", "low", "high")
         head = ["measured", *(a.name for a in self.axes), *(f"{name.replace('_', ' ')} [N m]" for name in numbers),
-                "measured over expected", "in the 95 % interval"]  # fmt: skip
+                "measured / expected", "in the 95 % interval"]  # fmt: skip
         cells = [
             [row["curve"], *(a.shown(row[key]) for a, key in zip(self.axes, keys, strict=True))]
             + [f"{row[name]:.4g}" if row[name] is not None else "" for name in (*numbers, "ratio")]
@@ -276,10 +276,11 @@ class MapResult(Reported):
     def _statements(self) -> Iterator[Statement]:
         known = [(one.torque.mean, one) for one in self.points if one.torque is not None]
         (_, largest), (_, smallest) = (of(known, key=lambda pair: pair[0]) for of in (max, min))
-        for name, point in (("Largest", largest), ("Smallest", smallest)):
+        names = ("Largest torque", "Smallest torque") if len(known) > 1 else ("Torque",)
+        for name, point in zip(names, (largest, smallest), strict=False):
             assert point.torque is not None  # by `known`
-            mark = Mark.WARNING if point.is_guess else Mark.GOOD
-            yield Statement(mark, f"{name} torque: {point.torque.in_words()} at {self.where(point)}.")
+            mark = Mark.WARNING if point.is_guess or point.torque.mean == 0.0 else Mark.GOOD
+            yield Statement(mark, f"{name}: {point.torque.in_words()} at {self.where(point)}.")
             if point.expected is not None and point.expected.unknown_powder is not None:
                 between = format_range(*point.expected.unknown_powder)
                 yield note(f"Friction and fill of the powder unknown: {between} N m (90 % range).")
@@ -324,7 +325,7 @@ def _ratio_in_words(rows: Sequence[Mapping[str, Any]], of: str, x: Axis) -> Stat
     count = f"{outside} of {len(rows)} points {'lies' if outside == 1 else 'lie'} outside of the 95 % interval"
     guess = f"; the expected torque of {guesses} is a guess" if guesses else ""
     mark = Mark.WARNING if outside else Mark.GOOD
-    return Statement(mark, f"Measured over expected{of}: {spread}{x.shown(worst[x.key])}; {count}{guess}.")
+    return Statement(mark, f"Measured divided by expected torque{of}: {spread}{x.shown(worst[x.key])}; {count}{guess}.")
 
 
 def map(

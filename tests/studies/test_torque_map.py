@@ -172,7 +172,7 @@ def test_measured_torques_stand_beside_the_expected_ones(tmp_path):
     assert near[0]["standard_error"] == pytest.approx(0.02 * near[0]["torque_measured"])
     first, second, third, fourth = [line.text for line in found.report().statements()][:4]
     ends = f"{near[0]['ratio']:.2f} to {near[1]['ratio']:.2f}, farthest from 1 at 0.8 A"
-    assert first == f"Measured over expected: {ends}; 1 of 2 points lies outside of the 95 % interval."
+    assert first == f"Measured divided by expected torque: {ends}; 1 of 2 points lies outside of the 95 % interval."
     assert second.endswith("at 0 A or beyond the points of the map: 0 A, 1.2 A.") and "common to all points" in third
     assert "emclutch fit " in fourth and f"--to {found.folder / 'measured.csv'}" in fourth
     assert json.loads((found.folder / "map.json").read_text())["measured"] == found.measured
@@ -208,7 +208,7 @@ def test_of_a_second_axis_the_nearest_value_is_named(tmp_path):
     assert [(row["curve"], row["particles.solid_fraction"]) for row in found.measured] == [
         (name, fill) for fill in (0.3, 0.35) for name in ("cold", "warm")]  # fmt: skip
     first, second, *_ = [line.text for line in found.report().statements()]
-    said = "Measured over expected ({}), nearest at solid fraction {} A; {} of 1 points "
+    said = "Measured divided by expected torque ({}), nearest at solid fraction {} A; {} of 1 points "
     assert first.startswith(said.format("cold", "0.35: 1.01 at 0.5", 0))
     assert second.startswith(said.format("warm", "0.3: 0.00 at 1", 1))
 

@@ -480,7 +480,8 @@ class _Sheared:
         share = self._most / torque if torque > 0.0 else 0.0
         parts["centrifugal"] = share / NORMAL
         if share > CENTRIFUGAL:
-            doubts.append(f"weight and centrifugal force may change it by {share:.0%}, and the law has neither")
+            change = f"may change it by {share:.0%}" if share < 1.0 else f"may be {share:.2g} times as large"
+            doubts.append(f"weight and centrifugal force {change}, and the law has neither")
         return _Grains(torque, parts, doubts, EXTRAPOLATION_FACTOR if across < MIN_GRAINS_PER_GAP else GUESS, law, at)
 
     def _flux_density(self, fill: float, law: PowderLaw) -> np.ndarray:
