@@ -119,7 +119,10 @@ def _columns(
             raise OutputError(f"{shown} is no standard error (one sigma); {remedy}")
         if last < 0 or last in errors:
             reason = "is a second column of errors" if last in errors else "has errors but follows no measured column"
-            raise OutputError(f"{shown} {reason}; write each measured column before its errors")
+            bare = [one for one, unit in heads[1:place] if one and not unit and not is_error(one)]
+            remedy = f"write the unit of '{bare[-1]}', e.g. '{bare[-1]} [{goal}]'" if bare and goal else (
+                "write each measured column before its errors")  # fmt: skip
+            raise OutputError(f"{shown} {reason}; {remedy}")
         of_value = is_unit_of(unit, "1") if goal else unit == "%" != heads[last][1]
         errors[last] = place, bool(unit and of_value) or (not unit and name.lower().startswith("rel"))
         used[place] = "1" if errors[last][1] else goal

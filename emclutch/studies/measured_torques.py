@@ -1,5 +1,8 @@
 """Measured torques over the expected ones of a map, and whether each lies in the interval that is expected there.
 
+A measured torque with a standard error lies in the interval if its distance from the expected torque is at most that of
+the interval's end and 1.96 standard errors, added in quadrature.
+
 Between the points of a map ln T is a cubic spline of ln |I|, as in a fit (`emclutch.studies.torque_fit`), and both half
 widths of the interval of ln T are linear in ln |I|. Between a guess and another point the expected torque is a guess,
 with the wider interval of both. Currents beyond the map are not extrapolated to, nor is 0 A.
@@ -14,6 +17,7 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from emclutch.results.fits import NORMAL
 from emclutch.simulation.forecast.expected_torque import Interval
 
 SAME = 1e-9
@@ -74,9 +78,12 @@ def compared_rows(
     for name, points in measured.items():
         expected = interpolated_torques(currents, torques, points[:, 0].tolist())
         for (current, torque, *error), T in zip(points.tolist(), expected, strict=True):
-            known = {} if T is None else {"torque": T.mean, "low": T.low, "high": T.high, "ratio": torque / T.mean,
-                                          "is_inside": T.low <= torque <= T.high, "is_guess": T.is_guess}  # fmt: skip
             sigma = error[0] if error and np.isfinite(error[0]) else None
+            known = {}
+            if T is not None:
+                half = np.hypot(T.high - T.mean if torque > T.mean else T.mean - T.low, NORMAL * (sigma or 0.0))
+                known = {"torque": T.mean, "low": T.low, "high": T.high, "ratio": torque / T.mean,
+                         "is_inside": bool(abs(torque - T.mean) <= half), "is_guess": T.is_guess}  # fmt: skip
             own = {"curve": name, "current": current, "torque_measured": torque, "standard_error": sigma}
             rows.append(own | unknown | known)
     return rows

@@ -15,7 +15,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
-from math import inf, log, nan
+from math import inf, isclose, log, nan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -69,6 +69,8 @@ with hysteresis."""
 COMPARED = "measured_over_expected.csv"
 SHOWN = 100
 """Measured torques at most in the table of the page; the file has all."""
+MOST_MEASURED = 30
+"""Measured currents at most at which the expected torque is computed; with more it is interpolated."""
 SHORT = 20
 """Points at most in a table on the terminal; the page has all."""
 CURVES = 6
@@ -377,7 +379,7 @@ def map_over(
         if axes[0].key != CURRENT:
             message = f"lies over torque against current; the first axis is {axes[0].key}: give the current first"
             raise SceneError([Fault("measured table", str(measured), message)], "torque map")
-        read_measured(measured, *TORQUE_CURVE)  # before anything is computed
+        axes = (_with_measured(axes[0], read_measured(measured, *TORQUE_CURVE)), *axes[1:])
     folder = new_folder(out, case.name, "maps")
     known: dict[tuple[float, ...], MapPoint] = {}
     grid = [tuple(reversed(values)) for values in product(*(axis.values for axis in reversed(axes)))]
@@ -411,6 +413,17 @@ def map_over(
     replace_json(folder / "map.json", report.data)
     write_index(report)
     return result
+
+
+def _with_measured(axis: Axis, measured: Mapping[str, np.ndarray]) -> Axis:
+    """Return an axis of currents with the measured ones between its ends, at most `MOST_MEASURED`."""
+    values = [*axis.values]
+    for current in sorted({float(I) for points in measured.values() for I in points[:, 0]}):
+        between = values[0] < current < values[-1] and current != 0.0
+        if between and not any(isclose(current, value, rel_tol=1e-6) for value in values):
+            values.append(current)
+    few = len(values) - len(axis.values) <= MOST_MEASURED
+    return replace(axis, values=tuple(sorted(values))) if few else axis
 
 
 def _write_rows(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:

@@ -23,7 +23,7 @@ from emclutch.scene.map_axes import axes_of, sheared_gap_hint
 from emclutch.simulation.discretisation_error import device_of
 from emclutch.simulation.forecast.expected_torque import Interval
 from emclutch.studies.design_search import expectation_of
-from emclutch.studies.measured_torques import interpolated_torques
+from emclutch.studies.measured_torques import compared_rows, interpolated_torques
 from field.laws.temperature import saturation_ratio
 
 CASES = Path(__file__).resolve().parents[2] / "cases"
@@ -166,8 +166,8 @@ def test_measured_torques_stand_beside_the_expected_ones(tmp_path):
     zero, *near, beyond = found.measured
     assert zero["ratio"] is None and beyond["torque"] is None and beyond["coil.current"] == 1.2
     for row, own, ratio in zip(near, known, (1.02, 1.5), strict=True):
-        assert row["ratio"] == pytest.approx(ratio, rel=5e-3) and not row["is_guess"]
-        assert [row["low"], row["high"]] == pytest.approx([own.low, own.high], rel=1e-2)
+        assert row["ratio"] == pytest.approx(ratio, rel=1e-6) and not row["is_guess"]  # computed at these currents
+        assert [row["low"], row["high"]] == pytest.approx([own.low, own.high], rel=1e-6)
     assert [row["is_inside"] for row in near] == [True, False]
     assert near[0]["standard_error"] == pytest.approx(0.02 * near[0]["torque_measured"])
     first, second, third, fourth = [line.text for line in found.report().statements()][:4]
@@ -274,3 +274,11 @@ def test_steel_with_hysteresis_has_more_torque_at_a_falling_current(tmp_path):
     plain = torque_map(tmp_path / "c", without, current="0.03 A, 0.1 A")
     assert "falling" not in plain.rows[0]
     assert [one.torque.mean for one in plain.points] == pytest.approx([one.torque.mean for one in fewer.points], 1e-3)
+
+
+def test_a_measured_torque_may_be_off_by_its_own_error_and_that_of_the_interval():
+    """In quadrature: 1.96 of 0.05 and the half width 0.1 are 0.14."""
+    torques = [Interval(1.0, 0.9, 1.1, False)] * 2
+    points = {"bench": np.array([[1.0, 1.13, 0.05], [1.0, 1.15, 0.05], [1.0, 0.87, 0.05], [1.0, 1.11, np.nan]])}
+    rows = compared_rows(points, [1.0, 2.0], torques)
+    assert [row["is_inside"] for row in rows] == [True, False, True, False]
