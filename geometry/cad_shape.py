@@ -57,8 +57,9 @@ class CadShape(AnnularSpaces):
 
     @property
     def bodies_at_powder(self) -> frozenset[str]:
-        """Bodies whose parts border the powder: of one alone nothing is sheared."""
-        return frozenset(self.body(edge.region) for edge in self.section.powder_outline)
+        """Bodies whose parts border the powder: of one alone nothing is sheared. Air counts if `bodies` names it."""
+        solid = {edge.region for edge in self.section.powder_outline} - ({"air"} - self.bodies.keys())
+        return frozenset(map(self.body, solid))
 
     @property
     def carriers(self) -> frozenset[str]:

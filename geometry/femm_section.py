@@ -22,9 +22,10 @@ from geometry.table_file import FileFault
 
 @dataclass(frozen=True, slots=True)
 class FemmSection:
-    """Area [m^2] by label; edges between a label and the outside, and all others, those on the axis excepted."""
+    """Area [m^2] and mean radius [m] by label; edges between a label and the outside; all others but on the axis."""
 
     areas: dict[FemmLabel, float]
+    radii: dict[FemmLabel, float]
     outline: dict[FemmEdge, FemmLabel]
     inside: list[FemmEdge]
 
@@ -39,6 +40,7 @@ def femm_section(model: FemmModel) -> FemmSection:
     """
     with _cut(model) as (gmsh, faces, curves):
         areas = {label: MILLIMETRE**2 * gmsh.model.occ.getMass(2, tag) for tag, label in faces.items()}
+        radii = {label: MILLIMETRE * gmsh.model.occ.getCenterOfMass(2, tag)[0] for tag, label in faces.items()}
         outline, inside = {}, []
         for edge, pieces in zip(model.edges, curves, strict=True):
             beside = [set(gmsh.model.getAdjacencies(1, piece)[0]) for piece in pieces]
@@ -48,7 +50,7 @@ def femm_section(model: FemmModel) -> FemmSection:
                 outline[edge] = outer[0]
             elif np.any(model.points[[edge.start, edge.end], 0] > 0.0):
                 inside.append(edge)
-    return FemmSection(areas, outline, inside)
+    return FemmSection(areas, radii, outline, inside)
 
 
 def faces_as_brep(model: FemmModel, labels: Sequence[FemmLabel]) -> tuple[str, list[FemmLabel]]:

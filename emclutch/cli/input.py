@@ -60,8 +60,6 @@ def assignments(sets: list[str] | None) -> dict[str, Any]:
     A bare ``none`` is None, which removes the key, as a bare ``off`` removes ``effects.NAME``.
     """
     from emclutch.scene.case import removes
-    from emclutch.scene.fault_report import key_fault
-    from emclutch.scene.model import Scene
 
     values: dict[str, Any] = {}
     for text in sets or ():
@@ -73,8 +71,6 @@ def assignments(sets: list[str] | None) -> dict[str, Any]:
             message = f"sets {key} a second time; give it once"
             raise SceneError([Fault("--set", shown(text), message)], "command line")
         if removes(key, value):
-            if reason := key_fault(key, Scene):
-                raise SceneError([Fault(key, value, reason)], "command line")
             values[key] = None
             continue
         try:

@@ -6,7 +6,7 @@ The values are those of a file in `emclutch/devices/starters`; everything that i
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -110,16 +110,18 @@ def new_scene_from(
 
     path = Path(path)
     data, files, notes = femm_scene(Path(model), path.stem, powder)
-    return _write(path, data if powder is None else _starter("cad") | data, files), notes
+    wire = [note for note in notes if note.startswith("The wire")]
+    return _write(path, data if powder is None else _starter("cad") | data, files, wire), notes
 
 
 def _starter(kind: str) -> dict[str, Any]:
     return tomllib.loads((STARTERS / f"{kind}.toml").read_text(encoding="utf-8"))
 
 
-def _write(path: Path, data: dict[str, Any], beside: Mapping[str, str]) -> list[Path]:
-    """Write a scene and the files that it names."""
-    files = {path: commented_scene(data, path.name), **{path.with_name(name): text for name, text in beside.items()}}
+def _write(path: Path, data: dict[str, Any], beside: Mapping[str, str], notes: Sequence[str] = ()) -> list[Path]:
+    """Write a scene with notes as comments, and the files that it names."""
+    files = {path: commented_scene(data, path.name, notes)}
+    files |= {path.with_name(name): text for name, text in beside.items()}
     faults = [Fault(str(file), "", "exists; name another file") for file in files if file.exists()]
     if path.suffix != ".toml":
         faults.append(Fault(str(path), "", f"is not a .toml file, which a scene is; write {path.with_suffix('.toml')}"))

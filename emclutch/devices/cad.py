@@ -149,8 +149,8 @@ class CadGeometry(GeometrySection):
     names: dict[str, str] = Field(default={}, description="region for a part's name in the file, where they differ")
     bodies: dict[str, _Body] = Field(
         default={},
-        description="body of a part, or of air at the powder; default: disc for disc and shaft_out, housing for "
-        "housing, yoke, coil and air, rotor for all others",
+        description="body of a part; default: disc for disc and shaft_out, housing for housing, yoke and coil, rotor "
+        "for all others; air at the powder stands still and is no body, unless it is named here",
     )
     axis: Annotated[str, Choice(("x", "y", "z"))] = Field(default="z", description="axis of revolution of solids")
     unit: Annotated[str, Choice(tuple(_UNITS))] | None = Field(
@@ -248,11 +248,11 @@ class CadGeometry(GeometrySection):
         bodies = sorted(self.shape().bodies_at_powder)
         if scene.particles is None:
             return ""
-        if len(bodies) == 1:
+        if len(bodies) < 2:
             give = {"rotor": "one the body 'disc'", "disc": "one the body 'rotor'"}
-            remedy = give.get(bodies[0], "one the body 'rotor' and another one 'disc'")
-            return (f"geometry.bodies: all parts that border the powder belong to the {bodies[0]}; nothing shears it; "
-                    f"give {remedy}")  # fmt: skip
+            remedy = give.get("".join(bodies), "one the body 'rotor' and another one 'disc'")
+            own = f"all parts that border the powder belong to the {bodies[0]}" if bodies else "the powder is in air"
+            return f"geometry.bodies: {own}; nothing shears it; give {remedy}"
         shafts = [body for body in bodies if body != "housing"]
         speeds = [getattr(scene.motion, shaft).speed for shaft in shafts]
         if len(bodies) != 2 or any(speed is None or not speed.is_constant for speed in speeds):
@@ -278,7 +278,8 @@ class CadGeometry(GeometrySection):
             own = ", ".join(part for part, of in parts.items() if of == body)
             found += [f"{body} ({speed} rpm): {own}"] if own else []
         bodies = sorted(shape.bodies_at_powder)
-        place = f"lies between {' and '.join(bodies)}" if len(bodies) > 1 else f"borders the {bodies[0]} alone"
+        alone = f"borders {f'the {bodies[0]}' if bodies else 'air'} alone"
+        place = f"lies between {' and '.join(bodies)}" if len(bodies) > 1 else alone
         return f"{'; '.join(found)}. The powder {place}"
 
     def options(self) -> dict[str, Any]:

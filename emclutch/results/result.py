@@ -188,6 +188,9 @@ def load_result(folder: str | Path) -> Result:
         if (Path(folder) / "map.json").is_file():
             how = "emclutch map CASE --current A:B --with TABLE lays a measured table over it"
             raise OutputError(f"{folder} is a torque map, with its picture map.png, no run; {how}")
+        if run.is_begun() and (run.provenance.is_file() or not [*Path(folder).glob("*plan.json")]):  # that of a study
+            how = f"continue it with emclutch run {folder} --resume"
+            raise OutputError(f"{folder}: the run ended before its first window, or is still in it; if it ended, {how}")
         what = f"has no {run.history.name}" if Path(folder).exists() else "is not there"
         raise OutputError(f"{folder} {what}; name the folder of a run, or of a study with a point that is done")
     return Result(run)

@@ -18,7 +18,7 @@ from pydantic import Field, ValidationError, create_model
 
 from emclutch.scene.consistency import GEOMETRY_KIND, PartialScene, faults_between_sections
 from emclutch.scene.errors import Fault, SceneError, shown
-from emclutch.scene.fault_report import faults_from
+from emclutch.scene.fault_report import faults_from, key_fault
 from emclutch.scene.geometry_sketch import sketch_of
 from emclutch.scene.likely_mistakes import warnings_of
 from emclutch.scene.model import NO_GRAINS, Scene
@@ -289,6 +289,8 @@ def _set(data: dict[str, Any], key: str, value: Any) -> list[Fault]:
             return [Fault(key, "", f"cannot be set: {step} is a value in this scene, not a table; set {step} itself")]
         data = table
     if value is None:
+        if name not in data and (reason := key_fault(key, Scene)):
+            return [Fault(key, "", reason)]
         data.pop(name, None)
     elif value == "on" and _is_an_effect(key):
         data.setdefault(name, {})

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import tomli_w
@@ -35,10 +35,15 @@ HEAD = """# {title}: a scene to begin with
 """
 
 
-def commented_scene(data: dict[str, Any], name: str) -> str:
-    """Return the scene `data` as the text of a file `name`: every key of its sections, with unit and description."""
+def commented_scene(data: dict[str, Any], name: str, notes: Sequence[str] = ()) -> str:
+    """Return the scene `data` as the text of a file `name`: every key of its sections, with unit and description.
+
+    `notes` stand as comments below the head.
+    """
     command = f"Run:    emclutch run {name}" if "particles" in data else f"Solve:  emclutch field {name}"
     lines = [HEAD.format(title=data["scene"]["title"], name=name, next=command)]
+    for note in notes:
+        lines += [*textwrap.wrap(note, WIDTH, initial_indent="# ", subsequent_indent="#   "), ""]
     for section, field in Scene.model_fields.items():
         lines += _table(section, field, data.get(section))
     return "\n".join(lines).rstrip() + "\n"

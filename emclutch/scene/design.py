@@ -156,7 +156,4 @@ def _search(
 def _aim(target: str | float) -> str | float:
     if not isinstance(target, str):
         return target
-    match = re.fullmatch(r"\s*torque\s+(.+)", target)
-    if match is None:
-        raise ValueError("is not a valid torque target")
-    return match[1]
+    return re.sub(r"^\s*torque\s+", "", target)

@@ -28,6 +28,7 @@ _EQUAL = 1e-3  # of the turns per area in the pieces of a winding
 _SOLID_MU, _SOLID_SIGMA = 100.0, 1.0  # permeability and conductivity [MS/m] that solid metal exceeds and no powder does
 _BODIES = {"disc": "torque is measured on it", "rotor": "turns", "housing": "stands still"}
 _MIXED, _PERIODIC = 2, 4
+_SQUARE_WIRE = 6  # LamType
 _BOUNDARIES = {0: "prescribed A", 1: "small skin depth", 2: "mixed", 3: "strategic dual image", 4: "periodic",
                5: "antiperiodic", 6: "periodic air gap", 7: "antiperiodic air gap"}  # fmt: skip
 
@@ -114,10 +115,38 @@ def _notes(bodies: dict[str, str], model: FemmModel, section: FemmSection, powde
     for body, what in _BODIES.items():
         yield f"  {body} ({what}): {', '.join(part for part, own in bodies.items() if own == body) or 'no part'}"
     yield "  To change them, edit bodies in [geometry] of the scene."
+    ends = {model.boundaries[edge.boundary - 1].name for edge in section.outline if edge.boundary}
+    names = ", ".join(map(repr, sorted(ends)))
+    yield f"Space without a part is air. The outer boundary ({names}) is replaced by open space."
+    if powder is not None:
+        yield "  Where air borders the powder stands a wall that does not turn and belongs to no body."
+    yield from _wire_notes(model, section)
     if powder is None:
         named = " or ".join(f"--powder {name!r}" for name in _powders(model, section))
         remedy = f"repeat the command with {named}" if named else "draw it as a region with a material of its own"
         yield f"Without powder: the scene gives the field, not the torque. If a region is the powder, {remedy}."
+
+
+def _wire_notes(model: FemmModel, section: FemmSection) -> Iterator[str]:
+    """Yield that the wire of the winding is not used, and the keys that give its resistance."""
+    from field.coil.winding import Winding  # local: the schema itself needs no field
+
+    coil = [label for label in model.labels if label.current]
+    diameter = 1e-3 * coil[0].material["wired"]
+    if not diameter:
+        return
+    share = 1.0 if coil[0].material["lamtype"] == _SQUARE_WIRE else 0.25 * np.pi
+    copper = max(1.0, coil[0].material["nstrands"]) * share * diameter**2
+    turns, area = sum(abs(label.turns) for label in coil), sum(section.areas[label] for label in coil)
+    radius = sum(section.areas[label] * section.radii[label] for label in coil) / area
+    text = f"The wire of {1e3 * diameter:.4g} mm of the model is not used: the winding has a fill of 0.6"
+    if (fill := turns * copper / area) > 1.0:
+        yield f"{text}, and this wire does not fit into it {turns:g} times."
+        return
+    resistance = Winding(turns, area, radius, fill).resistance
+    yield (f"{text}, the model {fill:.3g}. Resistance and copper loss differ, torque at a current does not. For those "
+           f"of the wire replace coil.turns by coil.resistance = '{resistance:.6g} ohm' and coil.fill_factor = "
+           f"{fill:.6g}.")  # fmt: skip
 
 
 def _refuse(path: Path, reasons: list[tuple[int, str]]) -> None:
@@ -213,11 +242,13 @@ def _powder_reasons(model: FemmModel, section: FemmSection, powder: str | None) 
     if powder is not None and not any(_is(label, powder) for label in model.labels):
         names = sorted({repr(label.material.name) for label in model.labels})
         yield 0, f"no region is of the material {powder!r} (--powder); there are {', '.join(names)}"
+    lines: dict[str, int] = {}
     for label in model.labels:
         if _is(label, powder) and (reason := _not_powder(label, section)):
             name, others = label.material.name, " or ".join(map(repr, _powders(model, section)))
             remedy = f"take {others}" if others else "give the powder a material of its own in FEMM"
-            yield label.line, f"{name!r} (--powder) {reason}; {remedy}"
+            lines.setdefault(f"{name!r} (--powder) {reason}; {remedy}", label.line)
+    yield from ((line, text) for text, line in lines.items())
 
 
 def _powders(model: FemmModel, section: FemmSection) -> list[str]:

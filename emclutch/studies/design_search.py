@@ -224,7 +224,7 @@ def design(
     case : Case, the path of a scene file, or a whole `Search` (`emclutch.scene.design.read_design` of a design file)
     vary : dotted key of a quantity, e.g. ``"geometry.gap"``.
     between : least and largest value, as in a scene: ``("0.5 mm", "2 mm")`` or numbers in SI.
-    target : ``"torque 12 N m"``, or a number in N m.
+    target : ``"torque 12 N m"`` or ``"12 N m"``, or a number in N m.
     like : folder of a finished run whose torque over that expected of it corrects the law.
     out : new folder; default: the next designs/<case>-<nnn>.
     runs : at most so many scenes are run; 0: none.

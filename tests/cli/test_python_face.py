@@ -19,6 +19,7 @@ import emclutch
 from emclutch.results.checkpoint import read_checkpoint
 from emclutch.results.report.render import terminal
 from emclutch.scene.case import case_from
+from emclutch.scene.design import search_of
 
 ROOT = Path(__file__).resolve().parents[2]
 QUICKSTART = ROOT / "cases" / "quickstart.toml"
@@ -95,6 +96,7 @@ def test_check_and_plan_tell_the_same_run():
     assert {"on", "off", "not in this program", "in every scene"} == {state for _, state, *_ in table.rows}
     assert repr(checked).startswith(f"<Checked: {checked.title}: expected torque 0.") and " N m" in repr(checked)
     assert repr(plan).startswith(f"<Plan: {plan.count} grains, {plan.windows} windows to 7.99 ms, time step ")
+    assert str(checked.report()) == terminal(checked.report())  # as print shows it
     page = unescape(checked._repr_html_())  # a notebook shows what a terminal prints
     assert all(one.text in page for one in checked.report().statements())
 
@@ -173,6 +175,10 @@ def test_every_package_is_listed_and_marked_as_typed():
         (lambda case: emclutch.map(case, current="1 A"), "give a range A:B, or set coil.current in the scene"),
         (lambda case: emclutch.field(case, []), "currents = [] is empty"),
         (lambda case: case.with_values({1: 2}), "1 is not a dotted key; write it as in 'coil.current'"),
+        (lambda case: case.with_values({"effects.dipole": "off"}), "effects.dipole is not a key of a scene; did you"),
+        (lambda case: case.with_values({"coil.curent": None}), "coil.curent is not a key of a scene; did you mean"),
+        (lambda case: emclutch.load_case(case.path, {"effects.dipole": None}), "did you mean effects.dipoles?"),
+        (lambda case: emclutch.design(case, "coil.current", (0.1, 1), "0.3 N"), "target = '0.3 N' is a force"),
         (lambda case: case.with_values(None), "values = None is not a dictionary"),
         (lambda case: case.with_values({"coil": {"current": 1}}), "remove turns of [coil]; write dotted keys"),
         (lambda case: emclutch.map(case, current=None), "current = None is no value; give a range A:B, or a list"),
@@ -202,4 +208,6 @@ def test_effects_are_set_as_on_the_command_line_and_a_scene_may_be_tables():
     assert effects.feedback is None and effects.thermal is not None and effects.dipoles == given.dipoles
     assert repr(case) == "Case('Quickstart: a small drum clutch')"
     changed = emclutch.load_case(QUICKSTART).with_values({"coil.current": "0.8 A", "effects.heat": "on"})
+    assert changed.with_values({"coil.voltage": None}).data == changed.data  # a key that is not there
+    assert search_of(changed, "coil.current", (0.1, 1.0), "0.3 N m").torque == 0.3
     assert repr(changed) == f"Case({str(QUICKSTART)!r}, coil.current = 0.8 A, effects.heat = on)"

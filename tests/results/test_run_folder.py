@@ -325,7 +325,7 @@ def test_resuming_to_an_end_after_the_checkpoint_or_to_its_own_is_right(tmp_path
 
 def test_result_reads_the_folder(tmp_path):
     folder = RunFolder.create(tmp_path / "run", "")
-    with pytest.raises(OutputError, match=r"has no history\.csv"):
+    with pytest.raises(OutputError, match=r"before its first window, .*; if it ended, continue it with .* --resume"):
         load_result(folder.path)
     with pytest.raises(OutputError, match=r"case\.toml is a file; name the folder of a run"):
         load_result(folder.case)

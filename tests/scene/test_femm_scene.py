@@ -307,8 +307,9 @@ def test_powder_is_the_region_of_a_material(tmp_path):
     ],
 )
 def test_what_cannot_be_powder_is_refused(material, message, tmp_path):
-    with pytest.raises(SceneError, match=message):
+    with pytest.raises(SceneError, match=message) as error:
         scene_of(tmp_path, powder_clutch(), material)
+    assert len(error.value.faults) == 1  # however many regions are of it
 
 
 @pytest.mark.parametrize("powder", [None, "Powder"])
@@ -317,8 +318,22 @@ def test_the_notes_say_which_part_turns(powder, tmp_path):
     notes = "\n".join(new_scene_from(tmp_path / "scene.toml", powder_clutch().write(tmp_path / "a.fem"), powder)[1])
     bodies = ("disc (torque is measured on it): steel_1", "rotor (turns): brass_2, steel_2", "(stands still):")
     assert all(text in notes for text in (*bodies, "edit bodies in [geometry]"))
+    assert "The outer boundary ('A=0') is replaced by open space" in notes and "The wire" not in notes
     assert ("the scene gives the field, not the torque" in notes) == (powder is None)
     assert ("--powder 'Powder'" in notes) == (powder is None)
+
+
+def test_the_keys_for_the_wire_give_its_turns_and_resistance(tmp_path):
+    """300 turns of 0.5 mm in 5 x 12 mm at a mean radius of 33.5 mm."""
+    text = re.sub(r'(?s)("Copper".*?<LamType>) = 0(.*?<WireD>) = 0', r"\1 = 3\2 = 0.5", str(powder_clutch()))
+    path = scene_of(tmp_path, text)
+    comment = " ".join(path.read_text(encoding="utf-8").replace("\n#", "").split())
+    assert "The wire of 0.5 mm of the model is not used: the winding has a fill of 0.6, the model 0.982." in comment
+    resistance, fill = re.search(r"resistance = '(.*?) ohm' and coil.fill_factor = ([\d.]+\d)", comment).groups()
+    wire = math.pi * 0.25 * 0.5e-3**2
+    assert float(resistance) == pytest.approx(1.72e-8 * 300 * 2.0 * math.pi * 33.5e-3 / wire, rel=1e-4)
+    keys = {"coil.turns": None, "coil.resistance": f"{resistance} ohm", "coil.fill_factor": float(fill)}
+    assert solved_coil(load_case(path, keys).scene).turns == pytest.approx(300.0, rel=1e-4)
 
 
 def test_a_third_group_stands_still_and_is_named(tmp_path):
@@ -359,6 +374,19 @@ def test_check_says_what_shears_the_powder(values, torque, bodies, tmp_path):
     checked = emclutch.check(load_case(scene_of(tmp_path, powder_clutch(), "Powder"), values))
     text = " ".join(terminal(checked.report()).split())
     assert torque in text and bodies in checked.decisions["bodies"] and text.count("nothing shears it") < 2
+
+
+def test_air_at_the_powder_is_no_body_unless_the_scene_says_so(tmp_path):
+    """Steel on both sides in one group, air in place of the brass at the ends."""
+    text = re.sub(r"(?m)^(25.0\t-?9.0\t)5(.*\t)2(\t1\t0)$", r"\g<1>1\g<2>0\3", str(powder_clutch()))
+    path = scene_of(tmp_path, re.sub(r"(?m)\t2(\t1\t0)$", r"\t1\1", text), "Powder")
+    case = load_case(path)
+    checked = emclutch.check(case)
+    assert set(case.scene.geometry.bodies.values()) == {"disc", "housing"}
+    assert checked.expected.in_words().startswith("0 N m. geometry.bodies: all parts that border the powder belong to")
+    assert "The powder borders the disc alone" in checked.decisions["bodies"]
+    stopped = load_case(path, {"geometry.bodies.air": "housing", "motion.disc.speed": 0.0})
+    assert any("between disc and housing, both at 0 rpm" in warning for warning in stopped.warnings)
 
 
 def test_a_map_of_powder_that_nothing_shears_says_so(tmp_path):

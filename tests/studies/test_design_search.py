@@ -183,7 +183,7 @@ def test_a_gap_is_found_again_by_the_torque_of_its_own_field(tmp_path):
 def test_faults_of_a_design_file_come_together(tmp_path):
     file = tmp_path / "design.toml"
     text = '[design]\ncase = "{}"\nvary = "{}"\nbetween = {}\ntarget = "{}"\n[design.set]\n"{}" = 3\n'
-    file.write_text(text.format(QUICKSTART, "geometry.gpa", "[1, 2]", "12 N m", "time.ende"))
+    file.write_text(text.format(QUICKSTART, "geometry.gpa", "[1, 2]", "12 N", "time.ende"))
     with pytest.raises(SceneError) as refused:
         read_design(file)
     assert {fault.key for fault in refused.value.faults} == {"design.vary", "design.target", "design.set.time.ende"}

@@ -172,6 +172,11 @@ class Report:
     reload: int = 0
     closing: str = ""
 
+    def __str__(self) -> str:
+        from emclutch.results.report.render import terminal  # local: it imports this module
+
+        return terminal(self)
+
     def add(self, heading: str, blocks: Iterable[Block | None] | Block | None, shown: Shown = Shown.REPORT) -> Report:
         """Add a section, unless all its blocks are empty; return the report."""
         several = [blocks] if blocks is None or isinstance(blocks, Block) else blocks
