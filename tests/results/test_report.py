@@ -66,7 +66,7 @@ def test_a_row_of_a_stacked_table_is_a_paragraph_and_details_name_no_command_for
     report = Report("A scene", closing="All: --details").add("Effects", Table(rows, head, stacked=True))
     lines = [line.split(maxsplit=2) for line in terminal(report, details=True).splitlines()]
     assert lines == [
-        ["Effects"], ["gravity:", "off", "weight"], ["relevant:", "no;", "effect on the torque: 0.1 %"],
+        ["Effects"], ["gravity:", "off", "weight"], ["relevant", "in", "this run: no; effect on the torque: 0.1 %"],
         ["a", "long", "criterion (below 10)"], ["dipoles:", "on", "forces"],
     ]  # fmt: skip
     assert terminal(report) == "All: --details"
