@@ -27,7 +27,7 @@ def field(
     as_json: opt.AsJson = False,
     trust_scripts: opt.TrustScripts = False,
 ) -> None:
-    """Solve the magnetic field without grains: gap field, inductance, energy, force; at currents or in time."""
+    """Solve the magnetic field without grains: flux density, inductance, energy and forces, at currents or in time."""
     with explained():
         if transient:
             refuse_beside("--transient", {"--current": current is not None, "--line": bool(line)})
@@ -68,7 +68,7 @@ def heat(
     as_json: opt.AsJson = False,
     trust_scripts: opt.TrustScripts = False,
 ) -> None:
-    """Compute temperatures in hours of duty and the permitted slip power; [effects.heat] may be left out."""
+    """Compute temperatures in hours of duty and the permitted slip power; the scene needs no [effects.heat]."""
     with explained():
         others = [f"effects.heat.{key}=none" for key in ("torque", "torque_curve", "fade")]
         given = [] if slip_power is None else [f"effects.heat.slip_power={slip_power}", *others]

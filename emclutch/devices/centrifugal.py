@@ -31,7 +31,8 @@ class CentrifugalGeometry(GeometrySection):
 
     is_seen_along_axis = True
     methods_compared = (
-        "dem is cheaper: for 200 and 500 spheres at 750 rpm dvi took a third more processor time, torques within 2 %"
+        "DEM is cheaper than DVI: for 200 and 500 spheres at 750 rpm DVI took a third more processor time, torques "
+        "within 2 %"
     )
     why_no_sector = (
         "is not available in a centrifugal clutch: its vanes and ribs do not repeat from sector to sector; remove it "

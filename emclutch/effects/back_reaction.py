@@ -62,15 +62,15 @@ def _all_parts_of_the_feedback(partial: PartialScene) -> Iterator[Fault]:
         yield Fault(
             "effects.magnetic_force",
             "",
-            f"{stands}: the field's gradient contains the forces between distant grains; without it axial forces of "
-            "pairs are 4 to 41 % too strong. Add [effects.magnetic_force], or remove [effects.back_reaction]",
+            f"{stands}: add it, or remove [effects.back_reaction]. The field's gradient contains the forces between "
+            "distant grains; without it axial forces of pairs are 4 to 41 % too strong",
         )
     if effects.images is None and partial.scene.geometry.may_have_steel_faces:
         yield Fault(
             "effects.wall_images",
             "",
-            f"{stands}: the solved field contains images of the spread grains in the steel; images of single grains "
-            "correct them. Add [effects.wall_images], or remove [effects.back_reaction]",
+            f"{stands}: add it, or remove [effects.back_reaction]. The solved field contains images of the spread "
+            "grains in the steel; images of single grains correct them",
         )
 
 

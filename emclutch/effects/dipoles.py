@@ -150,8 +150,8 @@ class DipolesSection(EffectSection):
         if not self.has_necks:
             return ""
         return (
-            "dem is cheaper: a sheared box of magnetised powder took 26 to 40 s of processor time by dvi, 14 to 17 s "
-            "by dem (docs/explanation/contact.md)"
+            "DEM is cheaper than DVI: a sheared box of magnetised powder took 26 to 40 s of processor time by DVI, "
+            "14 to 17 s by DEM (docs/explanation/contact.md)"
         )
 
     def acting(self, scene, bodies):

@@ -307,10 +307,11 @@ class HeatSection(EffectSection):
         copper, steady = f"{format_number(at.copper_loss)} W of copper loss", ""
         if at.housing_rise is not None:
             relevant = "relevant" if at.housing_rise > MAX_RISE else "not relevant"
-            steady = f"; {relevant} in steady operation, housing {format_number(at.housing_rise)} K above the room"
+            steady = f". In continuous operation: {relevant}"
             if at.housing_rise == math.inf:
-                steady = f"; no steady state, the winding would pass {HOTTEST:g} °C"
-            steady += " (emclutch heat)"
+                steady += f" (no steady state, the winding would pass {HOTTEST:g} °C); use emclutch heat"
+            else:
+                steady += f" (housing {format_number(at.housing_rise)} K above the room); use emclutch heat"
         if at.slip_power is None:
             note = f"{copper}{steady}" if at.copper_loss > 0.0 else ""
             yield OmittedEffect(cls.name, OFF, "slip power, which follows from no expected torque", note=note)

@@ -101,7 +101,8 @@ class HysteresisSection(EffectSection):
     def omitted_effects(cls, at):
         """Yield that the steel leaves no residual field; how large it is follows from a ramp of the field alone."""
         if at.solved and at.M > 0.0:
-            note = "in one brake steel raised the torque at falling current by 2 to 13 %; `emclutch field` computes it"
+            note = "in one brake the hysteresis of the steel raised the torque by 2 to 13 % while the current fell"
+            note += "; `emclutch field` computes it"
             yield OmittedEffect(cls.name, OFF, "residual field of the steel", note=note)
 
     def history(self, scene: Scene, problem: AxisymmetricProblem) -> SteelHistory | None:

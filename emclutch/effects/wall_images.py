@@ -18,7 +18,7 @@ def _something_to_mirror(partial: PartialScene) -> Iterator[Fault]:
     effects = partial.scene.effects
     if effects.images is not None and effects.attraction is None and not partial.is_of_the_field_alone:
         needed = effects.tables(role="attraction")
-        yield Fault("effects.wall_images", "", f"needs dipoles to mirror; add {needed}, or remove its table")
+        yield Fault("effects.wall_images", "", f"add {needed}, or remove this table: images are those of dipoles")
 
 
 TORQUE_FIELD_IMAGES = Column(

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from emclutch.simulation.forecast.expected_torque import ExpectedTorque
 
 
+DETAILS = "All settings chosen by the program: emclutch check CASE --details"
 FIRST = {
     "expected torque": "torque",
     "bodies": "bodies",
@@ -82,7 +83,7 @@ class Checked(Reported):
 
     def report(self) -> Report:
         """Return torque, cost, field, accuracy and grain size, a line each, and warnings; then all decisions."""
-        report = Report(self.title, data=self._data(), closing="All decisions: emclutch check CASE --details")
+        report = Report(self.title, data=self._data(), closing=DETAILS)
         report.add("Result", Statements([Statement(Mark.GOOD, f"{self.title}: the scene is valid.")]), Shown.TERMINAL)
         point = self.decisions.get("operating point", "")
         first = [

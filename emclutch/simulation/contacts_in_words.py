@@ -41,7 +41,7 @@ def stiffness_in_words(stiffness: Stiffness) -> str:
         f"overlap {100 * stiffness.overlap:.2g} % of the diameter" + (f" under {why}" if why else "")
     )
     if stiffness.snap is not None:
-        text += f"; short overlaps of {100 * stiffness.snap:.2g} % when grains jump together"
+        text += f"; for a short time {100 * stiffness.snap:.2g} % when attracted grains collide"
     warnings = []
     if stiffness.is_below_necks:
         warnings.append(

@@ -212,7 +212,9 @@ def end_in_words(scene, device: Device, plan: Plan) -> Iterator[tuple[str, str]]
     rate, needed = strain_rate(scene, device), start_up_strain(scene)
     if rate and count > 1:
         start_up = scene.time.average_time or needed / rate
-        why = "as the scene says" if scene.time.average_time is not None else f"a shear strain of {needed:g}"
+        why = f"a shear strain of {needed:g}; nor in the first half of the run"
+        if scene.time.average_time is not None:
+            why = "as the scene says"
         yield "start-up", f"not averaged before {start_up:.3g} s ({why})"
     if until is not None:
         strain = rate * end if rate else inf

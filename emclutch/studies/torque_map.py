@@ -285,7 +285,7 @@ class MapResult(Reported):
             yield Statement(mark, f"{name}: {point.torque.in_words()} at {self.where(point)}.")
             if point.expected is not None and point.expected.unknown_powder is not None:
                 between = format_range(*point.expected.unknown_powder)
-                yield note(f"Friction and fill of the powder unknown: {between} N m (90 % range).")
+                yield note(f"If friction and fill of the powder were unknown: {between} N m (90 % range).")
         for axis in self.axes:
             if hint := sheared_gap_hint(self.case, axis.key):
                 yield note(hint)

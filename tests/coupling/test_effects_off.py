@@ -228,7 +228,7 @@ def test_without_magnetic_effects_nothing_magnetic_is_there():
 def test_effects_that_cannot_be_taken_apart_are_refused(model, effect):
     """Moments fed back: what is near and what is far of one attraction, and the images of one mirror."""
     case = emclutch.load_case(ROOT / "cases/quickstart.toml").with_values({"effects.dipoles.model": model})
-    words = rf"(?s)effects.{effect} is missing with \[effects.back_reaction\].*Add"
+    words = rf"(?s)effects.{effect} is missing with \[effects.back_reaction\].*add\s+it"
     with pytest.raises(SceneError, match=words):
         case.with_values({f"effects.{effect}": None})
     case.with_values({f"effects.{effect}": None, "effects.back_reaction": None})  # then nothing is fed back

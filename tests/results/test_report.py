@@ -62,11 +62,11 @@ def test_a_row_of_a_stacked_table_is_a_paragraph_and_details_name_no_command_for
         ("gravity", "off", "weight", "no", "0.1 %", "a long criterion (below 10)"),
         ("dipoles", "on", "forces", "", "", ""),
     ]
-    head = ("effect", "", "what it is", "relevant?", "effect on the torque", "criterion (limit)")
+    head = ("effect", "", "what it is", "relevant in this run?", "effect on the torque", "criterion (limit)")
     report = Report("A scene", closing="All: --details").add("Effects", Table(rows, head, stacked=True))
     lines = [line.split(maxsplit=2) for line in terminal(report, details=True).splitlines()]
     assert lines == [
-        ["Effects"], ["gravity:", "off", "weight"], ["relevant:", "no;", "effect on the torque: 0.1 %"],
+        ["Effects"], ["gravity:", "off", "weight"], ["relevant", "in", "this run: no; effect on the torque: 0.1 %"],
         ["a", "long", "criterion (below 10)"], ["dipoles:", "on", "forces"],
     ]  # fmt: skip
     assert terminal(report) == "All: --details"
@@ -92,7 +92,7 @@ def test_the_units_of_a_study_are_those_of_its_quantities(tmp_path):
     [
         ({}, {"torque": KNOWN, "discretisation_error": ERROR, "expected_torque_unknown_powder": RANGE}, {}, Mark.GOOD,
          "Torque on the disc: 1.63 N m ± 9.3 % (95 %).",
-         "Friction and fill of the powder unknown: 1.1 to 3.9 N m (90 % range, estimate)."),
+         "If friction and fill of the powder were unknown: 1.1 to 3.9 N m (90 % range, estimate)."),
         ({}, {"torque": KNOWN, "slip": 10.0, "current": 0.5}, {}, Mark.GOOD,
          "Torque on the disc: 2 N m ± 4.8 % (95 %), at 0.5 A and 95.49 rpm of slip.", "Friction and fill"),
         ({}, {}, {}, Mark.WARNING, "Torque on the disc: 2.00", "One replica: the scatter between replicas is not in"),

@@ -13,9 +13,9 @@ CASES = Path(__file__).resolve().parents[2] / "cases"
 @pytest.mark.parametrize(
     ("name", "start"),
     [
-        ("thesis/centrifugal_held", "dem is cheaper"),
-        ("thesis/electromagnetic", "dem is cheaper: a sheared box"),
-        ("quickstart", "dem is cheaper: a sheared box"),
+        ("thesis/centrifugal_held", "DEM is cheaper than DVI"),
+        ("thesis/electromagnetic", "DEM is cheaper than DVI: a sheared box"),
+        ("quickstart", "DEM is cheaper than DVI: a sheared box"),
     ],
 )
 @pytest.mark.parametrize("method", ["dem", "dvi"])
@@ -31,4 +31,4 @@ def test_a_scene_of_another_kind_is_not():
 
 def test_check_prints_it():
     decisions = emclutch.check(CASES / "thesis" / "centrifugal_held.toml").decisions
-    assert decisions["method"].startswith("dem; dem is cheaper")
+    assert decisions["method"].startswith("dem; DEM is cheaper than DVI")

@@ -172,7 +172,7 @@ def effects_table(on: Sequence[str], omitted: Sequence[OmittedEffect]) -> Table:
         matters = "" if line is None else line.verdict
         fraction, number = ("", "") if line is None else (line.on_torque, line.in_words())
         table.append((in_words(name), state, what, matters, fraction, number))
-    head = ("effect", "", "what it is", "relevant?", "effect on the torque", "criterion (limit)")
+    head = ("effect", "", "what it is", "relevant in this run?", "effect on the torque", "criterion (limit)")
     return Table(table, head, stacked=True)
 
 

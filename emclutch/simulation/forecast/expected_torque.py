@@ -239,7 +239,8 @@ class ExpectedTorque:
             return f"unknown: {self.law}"
         text = self.real.in_words()
         if self.unknown_powder is not None:
-            text += f"; friction and fill of the powder unknown: {format_range(*self.unknown_powder)} N m (90 % range)"
+            between = format_range(*self.unknown_powder)
+            text += f"; if friction and fill of the powder were unknown: {between} N m (90 % range)"
         if self.real.mean == 0.0:
             return f"{text}. {self.law}"
         return f"{text}. {sentence(self.law)}" if self.real.is_guess else text
@@ -250,7 +251,7 @@ class ExpectedTorque:
             return {}
         found = {"law of the expected torque": self.law}
         if self.scene is not None and self.scene != self.real:
-            found["expected torque of the scene's grains"] = self.scene.in_words()
+            found["expected raw torque of the run (coarse grains)"] = self.scene.in_words()
         return found
 
 

@@ -192,11 +192,11 @@ def omitted_effects(scene, device: Device, plan: Plan, expected: ExpectedTorque)
 
 def _of_grains(at: Regime) -> Iterator[OmittedEffect]:
     if at.pull > 0.0:
-        over, ratio = "divided by the attraction of touching grains", at.centrifugal / at.pull
+        over, ratio = "force on a grain divided by the attraction of touching grains", at.centrifugal / at.pull
     else:
-        over, ratio = "over weight", at.centrifugal / at.weight
+        over, ratio = "force on a grain divided by its weight", at.centrifugal / at.weight
     yield OmittedEffect("centrifugal force", ALWAYS, over, ratio, 0.1)
-    yield OmittedEffect("inertia of grains", ALWAYS, f"inertial number of the sheared powder, {at.pressure}",
+    yield OmittedEffect("inertia of grains", ALWAYS, f"inertial number, computed with the {at.pressure}",
                   at.inertial_number, QUASI_STATIC, note="below, the torque does not depend on the speed")  # fmt: skip
 
 
@@ -204,5 +204,5 @@ def _of_grain_hysteresis(at: Regime) -> Iterator[OmittedEffect]:
     if at.M > 0.0:
         coercive = COERCIVE_FIELD / at.H if at.H > 0.0 else None
         number = "coercive field of soft iron powder, 1 kA/m, over H"
-        note = "the grains keep a moment when the current is switched off"
+        note = "neglected: the moment that real grains keep after the current is switched off"
         yield OmittedEffect("grain_hysteresis", ABSENT, number, coercive, 0.05, note=note, change=None)

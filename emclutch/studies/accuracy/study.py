@@ -305,10 +305,10 @@ def _costs(
         late += [f"{in_words(setting.name)} {value:.4g} ({format_duration(one)})" for value, one in dear.items()]
         if setting.measured_on == TORQUE:
             values = [f"{value:.4g} ({format_duration(one)})" for value, one in seconds.items() if value not in dear]
-            how = "a replica each" if values else "no time in this budget" if dear else ""
+            how = "one run per value" if values else "no time in this budget" if dear else ""
         else:
             values = [f"{one.asked:.4g}" for one in asked if one.setting == setting.name]
-            how = "frozen packing, seconds each" if values else ""
+            how = "field solved again on fixed grains" if values else ""
         if setting is START_UP:
             values, how = [one.removeprefix("strain ") for one in map(str, starts_of(base)[1:])], "the same replicas"
         own_value = f"{setting.own(base.scene, base.plan):.4g} {setting.unit}".rstrip()
