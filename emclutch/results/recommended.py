@@ -154,8 +154,10 @@ class LimitingError:
             return f"not reached: the scatter of {self.best.replicas} replicas leaves an error of ± {half}"
         words = f"not reached: the error of {self.setting} is ± {format_percent(self.half_width)}"
         if self.seconds is not None:
-            about = "at least" if self.at_least else "about"
-            return f"{words}; a study of {about} {format_duration(self.seconds)} of processor time may narrow it"
+            cost = f"{format_duration(self.seconds)} of processor time"
+            if self.at_least:
+                return f"{words}; a finer value takes at least {cost}, and may not be enough"
+            return f"{words}; a study of about {cost} may narrow it"
         return f"{words}, which more replicas at the same settings do not lower"
 
 

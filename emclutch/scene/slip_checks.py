@@ -34,7 +34,8 @@ def one_slip(partial: PartialScene) -> Iterator[Fault]:
         reason = f"and {found}"
     else:
         return
-    yield partial.fault(INERTIAL_NUMBER, f"changes the speeds, {reason}, or remove accuracy.inertial_number")
+    remedy = f"remove {INERTIAL_NUMBER} (--set {INERTIAL_NUMBER}=none)"
+    yield partial.fault(INERTIAL_NUMBER, f"changes the speeds, {reason}, or {remedy}")
 
 
 def why_no_slip(scene: Scene) -> str:

@@ -190,7 +190,8 @@ def heat(
     summary: dict[str, Any] = {
         "title": case.scene.scene.title, "units": units, "torque": study.torque_summary, "limits": limits,
         "voltage": None if study.peak.current is not None else study.peak.voltage,
-        "on_all_the_time": effect.duty.on is None, "slip": own,
+        "on_all_the_time": effect.duty.on is None, "slip": own, "of_slip_power": effect.slip_power is not None,
+        "cooling": {key: getattr(effect, key) for key in ("convection", "emissivity", "shaft_conductance")},
     }  # fmt: skip
 
     def stage(share: float, text: str) -> None:

@@ -110,6 +110,14 @@ def _remarks(summary: dict[str, Any], permitted: pandas.DataFrame) -> Iterator[S
         f"Torque at {torque['current']:.3g} A and {torque['temperature']:g} °C by {torque['source']}: "
         f"{torque.get('words') or format(torque['value'], '.3g') + ' N m'}.",
     )
+    if summary["of_slip_power"]:
+        yield note("The coil has this current, whatever torque the slip power gives. If the law gives this torque at a "
+                   "smaller current, set coil.current. The permitted current needs the law: leave the slip power "
+                   "out.")  # fmt: skip
+    cooling = summary["cooling"]
+    yield note(f"Cooling, the largest uncertainty: convection {cooling['convection']:.3g} W/(m^2 K), emissivity "
+               f"{cooling['emissivity']:.3g}, shaft {cooling['shaft_conductance']:.3g} W/K. Vary "
+               "effects.heat.convection.")  # fmt: skip
     others = torque["at_other_currents"], torque["at_other_temperatures"]
     yield note(f"At other currents: {others[0]}. At other temperatures of the powder: {others[1]}.")
     if "surface" in steady:

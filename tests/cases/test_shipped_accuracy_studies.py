@@ -86,7 +86,7 @@ def test_other_devices_estimate_what_grains_will_cost(monkeypatch):
     missed = estimate_by_other_devices(case, 0.02, 30.0)
     assert missed["seconds"] is None and 0.02 < missed["half_width"] < 0.1 and missed["limit"] in brake.told
     text = estimate_in_words(0.02, missed)
-    assert f"reach ± {format_percent(missed['half_width'])} at best (estimate), limited by the " in text
+    assert f"reach ± {format_percent(missed['half_width'])} (estimate), limited by the " in text
 
 
 def test_settings_that_the_scene_lacks_limit_nothing(monkeypatch):

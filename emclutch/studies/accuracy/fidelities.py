@@ -167,11 +167,14 @@ class CheapestAnswer:
         if found is None:
             if self.estimate is None or self.estimate["study_seconds"] is None:
                 return "A study measures it"
-            return f"A study of at least {format_cost(self.estimate['study_seconds'], self.cores)} may reach it"
+            cost = format_cost(self.estimate["study_seconds"], self.cores)
+            return f"A study of this device takes at least {cost} (estimate), and may not be enough"
         assert isinstance(found, LimitingError)
         if found.seconds is not None:
-            about = "at least" if found.at_least else "about"
-            return f"A longer study may help: {about} {format_cost(found.seconds, self.cores)}"
+            cost = format_cost(found.seconds, self.cores)
+            if found.at_least:
+                return f"A finer value takes at least {cost}, and may not be enough"
+            return f"A longer study of about {cost} may reach it"
         return "A longer study measures it" if found.needs_budget else "A study with other values may help"
 
 
@@ -230,4 +233,4 @@ def estimate_in_words(target: float, estimate: Mapping[str, Any]) -> str:
         low, high = map(format_duration, estimate["seconds"])
         return f"{head} ± {format_percent(target)} in {low} to {high} of processor time (estimate)"
     limit, half = in_words(estimate["limit"]), format_percent(estimate["half_width"])
-    return f"{head} ± {half} at best (estimate), limited by the {limit}"
+    return f"{head} ± {half} (estimate), limited by the {limit}"

@@ -232,7 +232,8 @@ def preview(
         budgets += [enough] if budget is None else []
     known = [] if study is None else [note(_own_in_words(study, jobs))]
     yield _lines({"cheapest": [one.as_dict() for one in answers]}, *known, *(one.in_words() for one in answers))
-    yield _costs(base, own, measured, first, max(budgets), jobs, progress)
+    if any(one.fidelity != "law" for one in answers):  # else no study is needed
+        yield _costs(base, own, measured, first, max(budgets), jobs, progress)
 
 
 def _lines(data: dict[str, Any], *statements: Statement) -> Report:
@@ -318,8 +319,8 @@ def _costs(
     statements = [
         note(f"A study begins with {BASE_REPLICAS} replicas at the settings of the scene: "
              f"{format_cost(BASE_REPLICAS * own, cores, first)}, {by}."),
-        note(f"A budget of {format_duration(budget)} on {jobs} {'core' if jobs == 1 else 'cores'} is enough for about "
-             f"{jobs * budget / own:.0f} such replicas."),
+        note(f"The budget above, {format_duration(budget)} on {jobs} {'core' if jobs == 1 else 'cores'}, has a "
+             f"reserve. It is enough for about {jobs * budget / own:.0f} such replicas; finer values cost more."),
         *([warning(f"values that do not fit into this budget: {', '.join(late)}")] if late else []),
         *([warning(narrow)] if (narrow := narrow_sector(base.scene)) else []),
     ]  # fmt: skip
