@@ -183,7 +183,8 @@ class CadGeometry(GeometrySection):
             keys = type(self).model_fields
             reason = with_keys(reason, lambda name: f"geometry.{name}" if name in keys else f"`{name}`")
             raise refuse(reason, key="file") from None
-        parts = list(dict.fromkeys(part.region for part in section.parts if part.region != "powder"))
+        names = [*(part.region for part in section.parts), *sorted(section.odd)]
+        parts = list(dict.fromkeys(name for name in names if name != "powder"))
         for name in self.bodies:
             if name not in (*parts, "air"):
                 hint = did_you_mean(name, parts)

@@ -40,7 +40,9 @@ SETTINGS: dict[str, dict[str, Any]] = {
     "a sheared box": {
         "geometry": {"kind": "sheared_box", "size": ["3 mm"] * 3, "shear_rate": 1000.0},
         "field": {"source": "uniform", "field_strength": "40 kA/m", "direction": "z", "means": "macroscopic"},
-        "particles": {"diameter": "0.25 mm", "solid_fraction": 0.3},
+        **dict.fromkeys(("particles.stands_for", "particles.region", "particles.sector")),
+        "particles.diameter": "0.25 mm",
+        "particles.solid_fraction": 0.3,
         **dict.fromkeys(("coil", "motion", "effects.wall_images", "time.until")),
     },
 }

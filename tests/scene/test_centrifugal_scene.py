@@ -103,7 +103,7 @@ def test_a_motor_that_turns_backwards_has_a_negative_torque_and_a_positive_slope
 
 REFUSED = {
     "tips that let the shot pass": ({"geometry.tip_clearance": "17 mm"},
-        "geometry.tip_clearance = '17 mm' cannot be", "lower geometry.tip_clearance"),
+        "geometry.tip_clearance = '17 mm' is not possible", "lower geometry.tip_clearance"),
     "fraction of a vane": ({"geometry.vanes": 2.5}, "geometry.vanes = 2.5", "allowed: 1 to 60"),
     "slots without sizes": ({"geometry.slot_width": None}, "geometry.slot_width", "correct geometry.slot_width"),
     "too many spheres": ({"particles.count": 3000}, "particles.count = 3000", "allowed: at most"),

@@ -9,6 +9,7 @@ import tempfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum, IntEnum
+from importlib import import_module
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -173,9 +174,9 @@ class Report:
     closing: str = ""
 
     def __str__(self) -> str:
-        from emclutch.results.report.render import terminal  # local: it imports this module
-
-        return terminal(self)
+        """The text of the terminal; `emclutch.results.report.render` imports this module."""
+        text: str = import_module("emclutch.results.report.render").terminal(self)
+        return text
 
     def add(self, heading: str, blocks: Iterable[Block | None] | Block | None, shown: Shown = Shown.REPORT) -> Report:
         """Add a section, unless all its blocks are empty; return the report."""
