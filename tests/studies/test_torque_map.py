@@ -107,7 +107,7 @@ def test_the_gap_is_that_of_the_rim_or_of_the_faces_and_long_ranges_are_divided_
     ("words", "says"),
     [
         ((), "map needs one or two axes, e.g. --current '0.1 A:1.5 A'; possible are --current, --voltage"),
-        (("--current", "1 A:2 A", "--gap", "1 mm:2 mm", "--fill", "0.3:0.4"), "map has 3 axes"),
+        (("--current", "1 A:2 A", "--gap", "1 mm:2 mm", "--fill", "0.3:0.4"), "map needs one or two axes"),
         (("--current", "1 mm:2 mm"), "--current = '1 mm' is a length; a current is needed"),
         (("--current", "1 A:2 A:1"), "--current = '1 A:2 A:1' is not a list or a range; write"),
         (("--current", "1 A"), "--current = '1 A' is one value; an axis has 2 or more"),
@@ -133,7 +133,7 @@ def test_a_point_whose_scene_is_invalid_is_told_and_the_others_go_on(tmp_path):
     words = ("--gap", "0.1 mm, 1 mm, 1.2 mm", "--out", tmp_path / "map", "--set", "field.size_factor=4")
     done = command(CASES / "quickstart.toml", *words, "--json")
     first, *others = json.loads(done.output)["points"]
-    assert first["torque"] is None and first["remark"].startswith("geometry.gap = 0.0001 cannot be")
+    assert first["torque"] is None and first["remark"].startswith("geometry.gap = 0.0001 is not possible")
     assert all(row["torque"] > 0.0 and not row["remark"] for row in others)
     assert json.loads((tmp_path / "map" / "map.json").read_text())["points"] == [first, *others]
 
@@ -166,8 +166,8 @@ def test_measured_torques_stand_beside_the_expected_ones(tmp_path):
     zero, *near, beyond = found.measured
     assert zero["ratio"] is None and beyond["torque"] is None and beyond["coil.current"] == 1.2
     for row, own, ratio in zip(near, known, (1.02, 1.5), strict=True):
-        assert row["ratio"] == pytest.approx(ratio, rel=1e-6) and not row["is_guess"]  # computed at these currents
-        assert [row["low"], row["high"]] == pytest.approx([own.low, own.high], rel=1e-6)
+        assert row["ratio"] == pytest.approx(ratio, rel=1e-4) and not row["is_guess"]  # computed at these currents
+        assert [row["low"], row["high"]] == pytest.approx([own.low, own.high], rel=1e-3)
     assert [row["is_inside"] for row in near] == [True, False]
     assert near[0]["standard_error"] == pytest.approx(0.02 * near[0]["torque_measured"])
     first, second, third, fourth = [line.text for line in found.report().statements()][:4]
