@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
+from typing import Annotated, Any
 
 from emclutch.scene.errors import Fault, SceneError, shown
-from emclutch.scene.units import Quantity, Time, quantity_of
+from emclutch.scene.units import Quantity, quantity_of
 
 RANGE_POINTS = 16
 """Values of a range without a count."""
+_WallTime = Annotated[float, Quantity("a time", "s", "20 min", 0.0, 1e8, open_minimum=True)]
 
 
 
@@ -68,7 +69,7 @@ def values_of(given: float | str | Iterable[float | str], kind: Any, name: str) 
 
 def seconds_of(given: float | str | None, name: str) -> float | None:
     """Return an argument `name` that is a time, such as 1200 or "20 min", in seconds; None stays None."""
-    return None if given is None else values_of(given, Time, name)[0]
+    return None if given is None else values_of(given, _WallTime, name)[0]
 
 
 def read_all(entries: list[str], quantity: Quantity, option: str, source: str = "command line") -> list[float]:

@@ -208,7 +208,7 @@ def test_corners_of_an_obj_face_are_counted_as_the_format_says(tmp_path):
         wall = triangle_wall_from_file(tmp_path / "square.obj", "square", "housing")
         assert wall.area == pytest.approx(1.0) and len(wall.triangles) == 2
     for faces, message in (
-        ("f 1 2 9", "names vertex 8, from 0, of 4"),
+        ("f 1 2 9", "names vertex 9, and the file holds 4"),
         ("f -5 1 2", r"line 7 cannot be read \(vertex -5, after 4 vertices\)"),
         ("f 1 2 0", r"line 7 cannot be read \(vertex 0"),
         ("f 1 2 3\nsurf 0 1 0 1 1 2 3 4", r"free-form surfaces \(surf\), which is not read"),

@@ -71,7 +71,7 @@ def test_weight_is_compared_with_the_pull_of_two_grains_or_with_the_centrifugal_
     """F = (pi/24) mu_0 M^2 d^2, weight rho g pi d^3/6: mu_0 M^2/(4 rho g d); without a field omega^2 r/g."""
     line = usual["gravity"]
     assert line.value == pytest.approx(MU_0 * usual[None].M ** 2 / (4.0 * 7700.0 * 9.81 * 0.1e-3), rel=1e-9)
-    fast = numbers(**STILL | {"motion": {"rotor": {"speed": "6000 rpm"}}})["gravity"]
+    fast = numbers(**STILL | {"motion.rotor.speed": "6000 rpm"})["gravity"]
     assert fast.value == pytest.approx((200.0 * pi) ** 2 * 11.2e-3 / 9.81, rel=1e-12)
     assert line.is_significant is fast.is_significant is False
     weak = numbers(**{"field.field_strength": 1e3})["gravity"]

@@ -144,4 +144,4 @@ def test_a_scene_without_effects_has_nothing_to_leave_out(tmp_path):
 
 
 def test_the_study_is_in_the_library():
-    assert emclutch.effect_contributions is effect_contributions
+    assert emclutch.effect_contributions.__wrapped__ is effect_contributions

@@ -263,7 +263,7 @@ def test_arguments_may_have_units(in_air, tmp_path):
 
 def test_options_of_the_transient_need_it_and_slots_have_none(in_air, tmp_path):
     for arguments, words in (
-        ((str(in_air), "--end", "1 s"), "add --transient"),
+        ((str(in_air), "--end", "1 s"), "needs --transient; add it"),
         ((str(CASES / "slotted_disc.toml"), "--transient", "--set", "coil.voltage='24 V'"), "a field in 3D"),
     ):
         result = CliRunner().invoke(app, ["field", *arguments, "--out", str(tmp_path / "new")])
