@@ -19,11 +19,12 @@ from emclutch.results.recommended import own_choice
 from emclutch.scene.case import case_from
 from emclutch.scene.errors import SceneError
 from emclutch.simulation.discretisation_error import device_of
+from emclutch.simulation.forecast import cost
 from emclutch.simulation.forecast.space import NotEnoughSpace
 from emclutch.simulation.plan import make_plan
 from emclutch.studies import powder_law
 from emclutch.studies import study as engine
-from emclutch.studies.accuracy import budgeted_study, planned_values, study, tasks
+from emclutch.studies.accuracy import budgeted_study, measured_study, planned_values, study, tasks
 from emclutch.studies.accuracy.frozen_state import frozen_state
 from emclutch.studies.accuracy.tasks import GRAINS, measure_moments, measure_replica
 from emclutch.studies.attempt import refuse_taken_over
@@ -84,6 +85,8 @@ def replicas(monkeypatch, tmp_path):
     monkeypatch.setattr(study, "measure_moments", found.pull)
     monkeypatch.setattr(study, "_answers", lambda *given: ("found",))
     monkeypatch.setattr(planned_values, "process_time", lambda: found.clock)
+    for module in (cost, planned_values, measured_study):
+        monkeypatch.setattr(module, "slowness", lambda: 1.0)  # else a slow machine needs larger budgets
     clocks = dict.fromkeys(("process_time", "perf_counter", "monotonic"), lambda: found.clock)
     monkeypatch.setattr(engine, "time", SimpleNamespace(**clocks))
     return found
