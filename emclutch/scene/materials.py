@@ -182,10 +182,17 @@ class LoopMaterial(_OwnMaterial):
         return MajorLoopLaw(np.array(self.H), np.array(self.B), name, "the scene")
 
 
+_TABLES = (".csv", ".txt", ".tab", ".dat", ".bh")
+
+
 def _with_columns(given: Any, info: ValidationInfo) -> Any:
     """Put a file's columns in place of its name, so that a resolved scene stands alone."""
     if isinstance(given, dict) and "loop" in given and given.get("law", "loop") == "loop":
         return _of_file(given, "loop", "loop", info)
+    if isinstance(given, dict) and "law" not in given:
+        files = [key for key, one in given.items() if isinstance(one, str) and Path(one).suffix.lower() in _TABLES]
+        if files and files[0] not in ("table", "file"):
+            raise refuse(f"is not a known key; write table = '{given[files[0]]}'", key=files[0])
     keys = [key for key in ("table", "file") if isinstance(given, dict) and key in given]
     if not keys or given.get("law", "table") != "table":
         return given

@@ -54,6 +54,7 @@ def read_table(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
     if (H >= 0.0).all() and (np.diff(H) < 0.0).all():  # from saturation down
         H, B, lines = H[::-1], B[::-1], lines[::-1]
     _check(Path(path), H, B, lines, given)
+    _law(Path(path), H, B)
     return H, B
 
 
@@ -121,11 +122,14 @@ def file_law(path: str | Path) -> TableLaw | MajorLoopLaw:
 
 def table_law(path: str | Path) -> TableLaw:
     """The law of a file's curve, named after the file; raises as `read_table` does."""
-    H, B = read_table(path)
+    return _law(Path(path), *read_table(path))
+
+
+def _law(path: Path, H: np.ndarray, B: np.ndarray) -> TableLaw:
     try:
-        return TableLaw(H, B, Path(path).stem, f"file {Path(path).name}")
+        return TableLaw(H, B, path.stem, f"file {path.name}")
     except ValueError as error:  # of J beyond any material's, where a unit is wrong
-        raise TableFault(path, str(error).removeprefix(f"the table of {Path(path).stem!r} ")) from None
+        raise TableFault(path, str(error).removeprefix(f"the table of {path.stem!r} ")) from None
 
 
 def _check(path: Path, H: np.ndarray, B: np.ndarray, lines: list[int], given: str) -> None:
