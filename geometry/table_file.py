@@ -236,9 +236,13 @@ def is_unit_of(unit: str, goal: str) -> bool:
 
 
 def _known(unit: str, goal: str) -> str:
-    """Return a unit as `UNITS` writes it, "oe" as "Oe"; one in m or M has to agree, since mega is not milli."""
+    """Return a unit as `UNITS` writes it, "oe" as "Oe".
+
+    One in m or M has to agree, since mega is not milli, and so has one of another quantity: "Nm" is no "nm".
+    """
     plain, like = _plain(unit), _like(unit, goal)
-    return like[0] if plain not in _factors(goal) and len(like) == 1 and plain[0] not in "mM" else plain
+    is_exact = plain in _factors(goal) or any(plain in units for units in UNITS)
+    return like[0] if not is_exact and len(like) == 1 and plain[0] not in "mM" else plain
 
 
 def _like(unit: str, goal: str) -> list[str]:

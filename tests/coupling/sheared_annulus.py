@@ -28,7 +28,7 @@ DRY = {name: CELL[name] for name in ("scene", "geometry", "motion", "time")} | {
 
 def run(folder, name, values=None, **options):
     """The annulus with other ``values`` of its keys, into the folder ``name``."""
-    return emclutch.run(case_from(CELL, values), out=folder / name, **options)
+    return emclutch.run(case_from(CELL, values or {}), out=folder / name, **options)
 
 
 def make_cylinders_of_steel(monkeypatch):

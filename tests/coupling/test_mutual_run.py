@@ -185,7 +185,7 @@ def test_near_contacts_carry_more_than_dipoles(tmp_path, monkeypatch):
             {"effects.dipoles.model": "mutual", "field.means": "macroscopic", "effects.dipoles.cutoff": 1.8},
             "at least 2 diameters",
         ),
-        ({"particles.law": "thesis"}, "M = chi H has no material"),
+        ({"particles.law": "thesis"}, "M = chi H is not the law of a material"),
         ({"effects.dipoles.surface_gap": 0.0}, "surface_gap"),
     ],
 )

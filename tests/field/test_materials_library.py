@@ -138,7 +138,7 @@ def test_curves_are_drawn_into_a_new_file(tmp_path):
     assert "--plot" in asked("steel_1010", "--plot", str(picture), code=2)
     assert picture.read_bytes() == before
     assert ".png" in asked("steel_1010", "--plot", str(tmp_path / "curves.txt"), code=2)
-    assert "check the path" in asked("steel_1010", "--plot", str(tmp_path / "none" / "curves.png"), code=2)
+    assert "does not exist; make it" in asked("steel_1010", "--plot", str(tmp_path / "none" / "curves.png"), code=2)
 
 
 def test_every_wrong_name_is_reported(tmp_path):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from geometry.table_file import FileFault, read_table
+from geometry.table_file import FileFault, is_unit_of, read_table
 
 LARGE, SMALL = [999.0, 1000.0, 2500.0, 1234567.0], [0.5, 1.25, 1.5, 100.0]
 COLUMNS = {"x": "mm", "y": "mm"}
@@ -119,3 +119,8 @@ def test_unicode_text_of_a_spreadsheet_is_read(tmp_path):
 def test_an_empty_column_of_a_spreadsheet_is_no_column(tmp_path):
     table = read(tmp_path, "x [mm],y [mm],\n1.5,0.5,\n2.5,0.25,\n")
     assert table.values.tolist() == [[1.5, 0.5], [2.5, 0.25]] and not table.unused
+
+
+def test_newton_metres_are_no_nanometres():
+    assert is_unit_of("N m", "N m") and not is_unit_of("N m", "m") and not is_unit_of("Nm", "mm")
+    assert is_unit_of("OE", "Oe") and not is_unit_of("MA", "mA")
