@@ -240,14 +240,9 @@ def _known(unit: str, goal: str) -> str:
 
     One in m or M has to agree, since mega is not milli, and so has one of another quantity: "Nm" is no "nm".
     """
-    plain, like = _plain(unit), _like(unit, goal)
+    plain, like = _plain(unit), units_meant(unit, goal)
     is_exact = plain in _factors(goal) or any(plain in units for units in UNITS)
     return like[0] if not is_exact and len(like) == 1 and plain[0] not in "mM" else plain
-
-
-def _like(unit: str, goal: str) -> list[str]:
-    """Units of the quantity that differ from one in upper and lower case at most."""
-    return [one for one in _factors(goal) if one.casefold() == _plain(unit).casefold()]
 
 
 def factor_of(unit: str, goal: str) -> float | None:

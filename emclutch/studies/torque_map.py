@@ -69,7 +69,7 @@ with hysteresis."""
 COMPARED = "measured_over_expected.csv"
 SHOWN = 100
 """Measured torques at most in the table of the page; the file has all."""
-MOST_MEASURED = 30
+MAX_MEASURED = 30
 """Measured currents at most at which the expected torque is computed; with more it is interpolated."""
 SHORT = 20
 """Points at most in a table on the terminal; the page has all."""
@@ -416,13 +416,13 @@ def map_over(
 
 
 def _with_measured(axis: Axis, measured: Mapping[str, np.ndarray]) -> Axis:
-    """Return an axis of currents with the measured ones between its ends, at most `MOST_MEASURED`."""
+    """Return an axis of currents with the measured ones between its ends, at most `MAX_MEASURED`."""
     values = [*axis.values]
     for current in sorted({float(I) for points in measured.values() for I in points[:, 0]}):
         between = values[0] < current < values[-1] and current != 0.0
         if between and not any(isclose(current, value, rel_tol=1e-6) for value in values):
             values.append(current)
-    few = len(values) - len(axis.values) <= MOST_MEASURED
+    few = len(values) - len(axis.values) <= MAX_MEASURED
     return replace(axis, values=tuple(sorted(values))) if few else axis
 
 
