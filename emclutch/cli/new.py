@@ -124,7 +124,8 @@ def _write(path: Path, data: dict[str, Any], beside: Mapping[str, str], notes: S
     files |= {path.with_name(name): text for name, text in beside.items()}
     faults = [Fault(str(file), "", "exists; name another file") for file in files if file.exists()]
     if path.suffix != ".toml":
-        faults.append(Fault(str(path), "", f"is not a .toml file, which a scene is; write {path.with_suffix('.toml')}"))
+        kind = f" --kind {path}" if OTHER_WORDS.get(str(path), (str(path), ""))[0] in starter_kinds() else ""
+        faults.append(Fault(str(path), "", f"is not a .toml file; write {path.with_suffix('.toml')}{kind}"))
     if faults:
         raise SceneError(faults, "command line")
     for file, text in files.items():

@@ -107,7 +107,7 @@ class TorqueTrigger:
 
     def _update(self, here: float) -> None:
         there = self.replicas.have_reached() + 1
-        text = f"{there} of {self.now.count} replicas at {1e3 * self.now.length:.3g} ms"
+        text = f"{there} of {self.now.count} replicas have reached {1e3 * self.now.length:.3g} ms"
         self.progress.update(self.replicas.share_done(here), text)
 
 
