@@ -68,7 +68,7 @@ def test_both_readings_of_a_heap_are_told():
     assert line["taken_by_tangent"]["rolling"] > 2.0 * line["taken"]["rolling"] and slope["taken_by_tangent"] is None
     assert json.loads(invoke("--repose", "34 deg", "--json").stdout)["taken_by_tangent"] is None
     words = " ".join(invoke("--repose", "34 deg").output.split())
-    assert "the tangent, 0.675 (a slope that flows), means a bulk friction beyond that of all pairs" in words
+    assert "The tangent, 0.675 (a flowing slope), gives a bulk friction above that of all pairs" in words
     assert "--internal-friction" in words and "tangent" not in invoke("--internal-friction", 0.5).output
 
 

@@ -102,8 +102,8 @@ def three_ways(path, rows, conditions):
     [
         (history(), CONDITIONS, ""),
         (history(), SteadyConditions(3.0, 1e-3, 20.5e-3), ""),
-        (history(driven=2.5), CONDITIONS, "the torques on the powder leave -0.5 N m"),
-        (history(speed=0.03), CONDITIONS, "the gap was sheared by 2."),
+        (history(driven=2.5), CONDITIONS, "the torques on the powder add up to -0.5 N m"),
+        (history(speed=0.03), CONDITIONS, "the averaged part has a shear strain of 2."),
     ],
     ids=["steady", "from a given time", "powder speeds up", "too little shear"],
 )
