@@ -367,7 +367,7 @@ def _warnings(result: Result) -> Iterator[Statement]:
             "more, or the run is shorter than time.end"
         )
     for effect, number in result.folder.read_plan().get("omitted_effects", {}).items():
-        yield warning(f"left out, although it may matter: {in_words(effect)}; {number}")
+        yield warning(f"omitted, although it may be relevant: {in_words(effect)}; {number}")
     if result.folder.lacks_pictures():
         yield warning(f"its pictures are missing; draw them with: emclutch plot {result.folder.path}")
 

@@ -668,5 +668,5 @@ def _friction(scene, device: Device) -> ExpectedTorque:
     torque = friction * radius * (weight + mass * speed**2 * radius)
     stress = torque / float(zone.lever.sum()) if zone is not None else 0.0
     without = "no field across the gap" if scene.effects.attraction is not None else "no attraction"
-    law = f"{without}, so no more than friction of weight and centrifugal force"
+    law = f"{without}, so only friction from weight and centrifugal force"
     return ExpectedTorque(Interval(torque, 0.0, torque), law, stress=stress)
