@@ -304,7 +304,7 @@ def _more_replicas(
 def _longer(result: Result, until: float, end: float, spent: float) -> Statement:
     how = f"emclutch run {result.folder.path} --resume --set time.end='{1e3 * until:.4g} ms'"
     cost = format_duration(spent * (until / end - 1.0))
-    return note(f"next: run to {format_time(until)}, {cost} of processor time more: {how}")
+    return note(f"next: run to {format_time(until)}, another {cost} of processor time: {how}")
 
 
 def _spent(seconds: dict[str, Any]) -> float:
