@@ -123,7 +123,7 @@ def _series(folder: Path) -> dict[str, RunFolder]:
     found = {place: run for place, run in runs.items() if any(path.is_file() for path in run.series())}
     if not found:
         raise OutputError(
-            f"{folder} has no series for ParaView: the scene asked for none; set output.formats = ['vtk'] and "
+            f"{folder} has no series for ParaView, as the scene requests none; set output.formats = ['vtk'] and "
             "output.snapshots, and run it again"
         )
     return found

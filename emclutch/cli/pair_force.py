@@ -72,8 +72,8 @@ def _report(name: str, table: PairTable, picture: Path) -> Report:
         rows.append((f"{gap:g}", *shown))
     grains = f"two grains of {1e6 * _RADIUS:g} µm radius on a line along the field"
     lines = [
-        note(f"{name}: attraction of {grains} [µN]; it goes as the square of the radius."),
-        note("In brackets the estimate by the neck's two zones."),
+        note(f"{name}: attraction of {grains} [µN]. It is proportional to the square of the radius."),
+        note("In brackets: estimate by the formula of two zones (unsaturated and saturated) of the neck."),
     ]
     head = ("gap/radius", *(f"{H / 1e3:g} kA/m" for H in _FIELDS))
     report = Report(f"{name}: attraction of {grains}", closing=str(picture))

@@ -143,21 +143,21 @@ def line_report(line: FrictionLine, picture: Path | None = None) -> Report:
     ]  # fmt: skip
     low, high = line.ends
     if line.pairs[-1].rolling < 1e-3:
-        end = f"friction {high:.2f} without rolling friction: perfect spheres"
+        end = f"{high:.2f} (perfect spheres, without rolling friction)"
     elif high < table.friction[-1]:
-        end = f"friction {high:.2f} (at higher friction the angle is smaller even with hindered rolling)"
+        end = f"{high:.2f} (at higher friction the angle is smaller even with hindered rolling)"
     else:
         end = (
-            f"friction {high:g}, the last one measured (clean iron): spheres that roll freely reach "
-            f"{angle_in_words(math.asin(table.mean[:, 0].max()))} at most, whatever their friction"
+            f"{high:g}, the largest simulated (clean iron). Spheres that roll freely reach "
+            f"{angle_in_words(math.asin(table.mean[:, 0].max()))} at most, at any friction"
         )
     repose = angle_in_words(line.repose)
     lines = [
-        Statement(Mark.GOOD, f"particles.repose = '{repose}' takes friction {taken.friction:.3g} and rolling friction "
-                  f"{taken.rolling:.2g}, the pair nearest to the friction of dry steel, {DRY_STEEL:g}."),
-        note(f"Angle of repose {repose}: bulk friction {line.bulk:.3f} ± {line.spread:.3f}, given by the pairs below."),
-        note(f"Their lower ends include {100.0 * SOFTNESS:g} % for the softness of the table's contacts."),
-        note(f"Ends: friction {low:.2f} with hindered rolling (grains slide before they roll), and {end}."),
+        Statement(Mark.GOOD, f"particles.repose = '{repose}' sets friction {taken.friction:.3g} and rolling friction "
+                  f"{taken.rolling:.2g}. This pair is nearest to the friction of dry steel, {DRY_STEEL:g}."),
+        note(f"Angle of repose {repose}: bulk friction {line.bulk:.3f} ± {line.spread:.3f}, that of all pairs below."),
+        note(f"The column 'from' includes {100.0 * SOFTNESS:g} %, because simulated contacts are too soft."),
+        note(f"Range of friction: from {low:.2f} (rolling hindered: grains slide before they roll) to {end}."),
     ]  # fmt: skip
     lines += [] if line.angle is None else [note(sentence(tangent_in_words(line.angle)))]
     report.add("Result", Statements(lines), Shown.TERMINAL)

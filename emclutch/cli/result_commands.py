@@ -26,7 +26,7 @@ def plot(
 
     Runs are drawn as torque against time with 95 % bands, or as the curve that an option names.
 
-    If a finished run was killed before it drew its own pictures, they are drawn too.
+    If a run was killed before it drew its own pictures, these are drawn too.
     """
     with explained():
         from emclutch.cli import plot as drawn

@@ -135,10 +135,8 @@ class GrainSize:
         """
         note, excess = self.in_words(measured=True), self.torque_excess()
         if not measured and excess is not None:
-            how = (
-                "Coarse grains typically raise" if self.by_law is None else "By the powder's law, coarse grains change"
-            )
-            note += f". {how} the torque by {excess_in_words(excess)}"
+            how = "typically raise" if self.by_law is None else "by the law of the powder change"
+            note += f". Coarse grains {how} the torque by {excess_in_words(excess)}"
         found = {"across": self.across, "grains": self.count, "note": note}
         if self.real_diameter is not None:
             found |= {

@@ -89,6 +89,6 @@ class CentrifugalGeometry(GeometrySection):
             drum_radius=shape.drum_radius,
             ring_radius=shot_ring_radius(mass / bulk, shape.width, shape.drum_radius),
         )
-        law = "a ring of shot rubs on a smooth drum, pressed by its centrifugal force; ribs give up to thrice that"
+        law = "friction of a ring of shot on a smooth drum by centrifugal force; ribs give up to 3 times as much"
         torque += friction * weight * shape.drum_radius
         return ExpectedTorque(Interval(torque, torque / 10.0, 10.0 * torque, is_guess=True), law)

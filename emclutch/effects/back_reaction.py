@@ -202,4 +202,4 @@ class BackReactionSection(EffectSection):
     def omitted_effects(cls, at):
         """Yield the powder's magnetisation over H."""
         if at.M > 0.0 and at.solved:
-            yield OmittedEffect(cls.name, OFF, "powder's magnetisation over H", at.powder_susceptibility, 0.1)
+            yield OmittedEffect(cls.name, OFF, "magnetisation of the powder over H", at.powder_susceptibility, 0.1)

@@ -240,7 +240,7 @@ class DipolesSection(EffectSection):
 
         d, contact = scene.grains.largest_diameter, scene.contact
         force = neck_load(grain_law(scene), M_max, d, self.surface_gap)
-        yield Load(self.name, force, f"necks between grains magnetised to {M_max / 1e3:.3g} kA/m")
+        yield Load(self.name, force, f"necks between grains magnetised to {M_max / 1e3:.4g} kA/m")
         if contact.needs_a_load:
             neck = self.neck_stiffness(scene)
             text = f"{NECK_MARGIN:g} times the stiffness of saturated necks, {neck:.3g} N/m,"

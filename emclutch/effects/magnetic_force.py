@@ -45,7 +45,7 @@ class MagneticForceSection(EffectSection):
         if effects.attraction is None:
             yield (
                 f"{effects.tables(role='attraction')} is missing: without the forces between magnetised grains the "
-                "powder forms no chains, and the torque will be near nothing"
+                "powder forms no chains, and the torque will be near zero"
             )
 
     @classmethod

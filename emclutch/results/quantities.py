@@ -268,12 +268,12 @@ def contact_solver(run: Any) -> dict[str, Any]:
             f"{100.0 * fraction:.2g} % of the steps missed the tolerance of the contacts; raise contact.dvi.max_sweeps"
         )
     if worst > JAM * tolerance:
-        why = "the solver came to contact.dvi.max_sweeps far from the solution"
+        why = "the solver reached contact.dvi.max_sweeps before the tolerance"
         if contacts.springs is None:
-            why = "rigid grains were jammed between walls that push, where no finite force may exist"
+            why = "rigid grains were jammed between moving walls, where no finite force may exist"
         warnings.append(
-            f"contacts ended a step {worst:.2g} m/s off the law of contact: {why}; torques near that time are "
-            "unreliable"
+            f"the largest violation of Coulomb's law at the end of a step was {worst:.2g} m/s: {why}; torques near "
+            "that time are unreliable"
         )
     return {"solver": found | ({"warnings": warnings} if warnings else {})}
 

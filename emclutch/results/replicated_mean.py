@@ -218,7 +218,7 @@ def _without_drift(
 
 def _too_short(found: Estimate, nominal: float) -> Estimate:
     """The estimate of a run that ends before its start-up does, at `nominal` [s] at the earliest."""
-    reason = f"the run is hardly longer than its start-up ({format_time(nominal)} at the least)"
+    reason = f"the run is too short for its start-up, at least {format_time(nominal)}"
     short = replace(found, converged=False, standard_error=None, reason=reason)
     return replace(short, status=Steadiness.NOT_SETTLED.value, remedy=RUN_LONGER)
 

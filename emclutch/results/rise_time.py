@@ -89,7 +89,7 @@ def rise_times(
     if found["current_rise_time"] is None:
         found["current_rise_time_note"] = f"the current went up to {current.max():.3g} A of {final:.3g} A"
     if abs(current[-1] - final) > SETTLED * final:
-        unsettled = f"the current is {current[-1]:.3g} A at the end and goes to {final:.3g} A"
+        unsettled = f"the current is {current[-1]:.3g} A at the end and approaches {final:.3g} A"
     elif _still_moves(time, field):
         unsettled = "the field of the gap still changes"
     else:

@@ -101,7 +101,7 @@ def _sheared_enough(found: Estimate, histories: Sequence[pandas.DataFrame]) -> E
         if averaged < MIN_AVERAGED_STRAIN:
             end = float(history[TIME].iloc[-1])
             needed = end * (begin + MIN_AVERAGED_STRAIN) / float(strain[-1])
-            reason = f"the box was sheared by {averaged:.2g} only while averaging, {MIN_AVERAGED_STRAIN:g} needed"
+            reason = f"the averaged part has a shear strain of {averaged:.2g}; {MIN_AVERAGED_STRAIN:g} is needed"
             remedy, missing = f"raise time.end to {1.05 * needed:.2g} s", 1.05 * needed - end
             found = replace(found, converged=False, steady_alone=False, status=NOT_CONVERGED, missing=missing)
             return replace(found, reason=reason, remedy=remedy)

@@ -243,7 +243,7 @@ def _imbalance(late: pandas.DataFrame, duration: np.ndarray, mean: float, error:
         left = float(np.average(late[columns].sum(axis=1), weights=duration))
     if abs(left) <= MAX_IMBALANCE * abs(mean) + 3.0 * error:
         return NO_PROBLEM
-    text = f"the torques on the powder leave {left:.2g} N m: it still speeds up"
+    text = f"the torques on the powder add up to {left:.2g} N m: it still accelerates"
     return text, RUN_LONGER, float(late[TIME].iloc[-1])
 
 
@@ -268,7 +268,7 @@ def _little_shear(
     if averaged >= MIN_AVERAGED_STRAIN:
         return NO_PROBLEM
     more = float(history[TIME].iloc[-1]) * (MIN_AVERAGED_STRAIN / max(averaged, 0.1) - 1.0)
-    text = f"the gap was sheared by {averaged:.2g} only while averaging, {MIN_AVERAGED_STRAIN:g} needed"
+    text = f"the averaged part has a shear strain of {averaged:.2g}; {MIN_AVERAGED_STRAIN:g} is needed"
     return text, RUN_LONGER, more
 
 

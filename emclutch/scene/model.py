@@ -33,7 +33,7 @@ def _one_line(title: str) -> str:
 NO_GRAINS = Fault(
     "particles",
     "",
-    "is missing: the scene is of the field alone, and what is asked for moves grains; add [particles], with [time] and "
+    "is missing: this scene describes the field alone, and the command needs grains; add [particles], with [time] and "
     "the effects that act on grains, or solve the field: emclutch field",
 )
 

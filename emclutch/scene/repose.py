@@ -61,11 +61,11 @@ def tangent_in_words(angle: float) -> str:
     taken = (
         f"friction {pair.friction:.3g} and rolling friction {pair.rolling:.2g}"
         if pair is not None
-        else "a bulk friction beyond that of all pairs"
+        else "a bulk friction above that of all pairs"
     )
     return (
-        f"the sine of the angle is taken for tau/P (a heap in its critical state); the tangent, {math.tan(angle):.3f} "
-        f"(a slope that flows), means {taken}; a measured tau/P decides: emclutch powder --internal-friction"
+        f"the sine of the angle is taken as tau/P (a heap at rest). The tangent, {math.tan(angle):.3f} (a flowing "
+        f"slope), gives {taken}. A measured tau/P avoids this choice: emclutch powder --internal-friction"
     )
 
 

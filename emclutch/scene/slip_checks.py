@@ -53,7 +53,7 @@ def why_no_slip(scene: Scene) -> str:
             return f"motion.{name} is free: prescribe its speed"
         if not speed.is_constant:
             return f"motion.{name}.speed changes in time: make it constant"
-    return "" if scene.motion.largest_slip > 0.0 else "both shafts turn alike: give one of them another speed"
+    return "" if scene.motion.largest_slip > 0.0 else "both shafts have the same speed: change one of them"
 
 
 def _why_speed_counts(scene: Scene) -> str:

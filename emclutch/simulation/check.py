@@ -96,7 +96,7 @@ class Checked(Reported):
         of_decisions = warnings_of(self.decisions)
         doubts += [warning(f"{label}: {text}") for label, texts in of_decisions.items() for text in texts]
         doubts += [
-            warning(f"left out, although it may matter: {in_words(one.effect)}; {one.in_words()}")
+            warning(f"omitted, although it may be relevant: {in_words(one.effect)}; {one.in_words()}")
             for one in self.omitted_effects
             if one.is_reservation
         ]

@@ -223,8 +223,8 @@ def end_in_words(scene, device: Device, plan: Plan) -> Iterator[tuple[str, str]]
         if strain < least and not scene.geometry.is_periodic:  # which says so of itself
             text = Decision(
                 text,
-                f"until then the gap is sheared by {strain:.2g}, and no torque counts as known below "
-                f"{least:g}: raise time.end to {end * 1.2 * least / max(strain, 1e-9):.2g} s",
+                f"the shear strain at that time is {strain:.2g}, and a torque counts as known from a strain of "
+                f"{least:g} on: raise time.end to {end * 1.2 * least / max(strain, 1e-9):.2g} s",
             )
         yield "end", text
 

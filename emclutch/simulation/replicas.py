@@ -75,7 +75,7 @@ class ReplicaProcess:
             return ""
         self.errors.seek(0)
         lines = self.errors.read().strip().splitlines()
-        why = lines[-1] if lines else "it was killed, most often for want of memory"
+        why = lines[-1] if lines else "it was killed, most often for lack of memory"
         return f"the replica in {self.folder.path} failed: {why}"
 
     def send(self, line: str) -> None:

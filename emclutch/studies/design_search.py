@@ -474,7 +474,7 @@ def _answer(result: DesignResult) -> Iterator[Statement]:
     if correction is not None:
         ends = correction.interval
         spread = "its error unknown" if ends is None else f"95 %: {ends[0]:.2f} to {ends[1]:.2f}"
-        yield note(f"Times {correction.ratio:.2f} ({spread}), the ratio of {correction.folder} to its estimate.")
+        yield note(f"Corrected by {correction.ratio:.2f} ({spread}): torque of {correction.folder} over its estimate.")
     low, high = map(search.shown, result.bracket)
     if all(result.is_cut):
         yield note(f"Uncertainty too large: any value from {low} to {high} may be right.")

@@ -87,7 +87,7 @@ class Children:
             code = _discarded(child)
             raise TaskProcessEnded(
                 f"its process ended without a message ({f'signal {-code}' if code < 0 else f'code {code}'}); it was "
-                "killed, most often for want of memory"
+                "killed, most often for lack of memory"
             ) from None
         except BaseException:  # the worker's thread was stopped: nobody waits for this child any more
             _discarded(child)

@@ -151,7 +151,7 @@ _TEAM_STEEL = np.array(
 )
 
 _FEMM = "the table of FEMM's matlib.dat"
-_BEYOND = "from H = {} kA/m on J goes to J_s exponentially (Umenei, Melikhov and Jiles 2011)"
+_BEYOND = "from H = {} kA/m on J approaches J_s exponentially (Umenei, Melikhov and Jiles 2011)"
 _FLUX_TUBES = "Modelica Standard Library, Magnetic.FluxTubes.Material.SoftMagnetic"
 
 _MATERIALS: dict[str, Callable[[], Law]] = {

@@ -170,7 +170,7 @@ def seconds_in_words(seconds: float) -> str:
 def table(devices: list[Device], rows: list[Row]) -> list[str]:
     """The lines of the table in Markdown."""
     lines = [
-        "| fidelity | device | torque [N m] | error, judged by the next | processor time |",
+        "| fidelity | device | torque [N m] | error, compared with the next | processor time |",
         "|---|---|---|---|---|",
     ]
     kinds = {"brake": ("drum", "16 drums"), "disc clutch": ("disc", "16 disc clutches")}

@@ -47,7 +47,7 @@ def test_a_steep_heap_has_rolling_friction_and_a_flat_one_ends_without():
     assert min(pair["rolling"] for pair in steep["pairs"]) > 0.05
     assert flat["pairs"][-1]["rolling"] == pytest.approx(0.0, abs=0.02)
     assert "perfect spheres" in invoke("--repose", "18 deg").output
-    assert "spheres that roll freely reach" in " ".join(invoke("--repose", "27 deg").output.split())
+    assert "Spheres that roll freely reach" in " ".join(invoke("--repose", "27 deg").output.split())
 
 
 def test_a_wider_reading_has_a_wider_interval():
@@ -68,7 +68,7 @@ def test_both_readings_of_a_heap_are_told():
     assert line["taken_by_tangent"]["rolling"] > 2.0 * line["taken"]["rolling"] and slope["taken_by_tangent"] is None
     assert json.loads(invoke("--repose", "34 deg", "--json").stdout)["taken_by_tangent"] is None
     words = " ".join(invoke("--repose", "34 deg").output.split())
-    assert "the tangent, 0.675 (a slope that flows), means a bulk friction beyond that of all pairs" in words
+    assert "The tangent, 0.675 (a flowing slope), gives a bulk friction above that of all pairs" in words
     assert "--internal-friction" in words and "tangent" not in invoke("--internal-friction", 0.5).output
 
 
@@ -108,7 +108,7 @@ def test_a_scene_takes_the_pair_that_the_command_names():
     assert (case.scene.contact.friction, rolling.coefficient) == (taken["friction"], taken["rolling"])
     assert measured_table().bulk_friction(taken["friction"], taken["rolling"])[0] == pytest.approx(0.5, abs=2e-3)
     checked = check(case, threads=1)
-    assert "the tangent, 0.577" in checked.decisions["friction"]
+    assert "The tangent, 0.577" in checked.decisions["friction"]
     assert "angle of repose of 30 deg" in checked.decisions["friction"] and rolling.name in checked.effects
     assert f"(from {taken['lowest']:.2g} to {taken['highest']:.2g} by 1 deg" in checked.decisions["friction"]
     assert "friction" not in check(case.with_values({"particles.repose": None}), threads=1).decisions

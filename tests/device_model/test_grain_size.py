@@ -57,7 +57,7 @@ def test_coarse_grains_add_what_the_law_of_their_size_says():
 def test_the_law_of_the_powder_takes_the_place_of_the_general_one():
     general, by_law = size_of(stands_for="60 um"), replace(size_of(stands_for="60 um"), by_law=(0.2, 0.15, 0.25))
     assert by_law.torque_excess() == (0.2, 0.15, 0.25) != general.torque_excess()
-    assert by_law.as_dict()["torque_excess_low"] == 0.15 and "By the powder's law" in by_law.as_dict()["note"]
+    assert by_law.as_dict()["torque_excess_low"] == 0.15 and "by the law of the powder" in by_law.as_dict()["note"]
     assert replace(size_of(stands_for="0.2 mm"), by_law=(0.2, 0.15, 0.25)).torque_excess() is None
 
 

@@ -138,7 +138,7 @@ def test_nothing_is_averaged_before_the_known_start_up_ends():
     signals = replicas(np.random.default_rng(9), 4, 0.0)
     assert replicated_mean(signals, settled=0.25).start == pytest.approx(0.25)
     short = replicated_mean(signals, settled=0.395)
-    assert not short.converged and "hardly longer than its start-up" in short.reason and short.standard_error is None
+    assert not short.converged and "too short for its start-up" in short.reason and short.standard_error is None
     assert replicated_mean(signals[:1], settled=0.25).start >= 0.25  # of one packing too
     assert replicated_mean(signals, settled=0.25, average_from=0.1).start == pytest.approx(0.1)  # the scene's word
 

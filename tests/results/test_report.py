@@ -97,7 +97,7 @@ def test_the_units_of_a_study_are_those_of_its_quantities(tmp_path):
          "Torque on the disc: 2 N m ± 4.8 % (95 %), at 0.5 A and 95.49 rpm of slip.", "Friction and fill"),
         ({}, {}, {}, Mark.WARNING, "Torque on the disc: 2.00", "One replica: the scatter between replicas is not in"),
         ({"windows": 10}, {}, {}, Mark.UNUSABLE, "Torque on the disc not known, mean so far 2.01 N m: ",
-         "Next: run to 20 ms, 5 s of processor time more: "),
+         "Next: run to 20 ms, another 5 s of processor time: "),
         ({}, RISE, {"current": [1.0]}, Mark.GOOD, "Current: 63 % of its final 1 A at 15 ms, 90 % at 34.5 ms.", ""),
         ({}, {"current_rise_time": None, "current_rise_time_note": "it is 0.5 A"}, {}, Mark.UNUSABLE,
          "The rise of the current is not over at the end of the run: it is 0.5 A; run longer.", ""),

@@ -33,7 +33,7 @@ def test_a_run_that_ends_before_the_current_has_risen_says_so():
 def test_the_field_has_a_rise_time_once_the_current_is_there():
     early = rise_times(history(2.0 * TAU), 0.9)
     assert early["gap_flux_density_rise_time"] is None
-    assert "0.778 A at the end and goes to 0.9 A" in early["gap_flux_density_rise_time_note"]
+    assert "0.778 A at the end and approaches 0.9 A" in early["gap_flux_density_rise_time_note"]
     late = rise_times(history(8.0 * TAU, lag=1e-3), 0.9)
     assert late["gap_flux_density_rise_time"] == pytest.approx(1e-3 + TAU, rel=1e-3)
     slow = rise_times(history(4.0 * TAU, field_tau=10.0 * TAU), 0.9)  # as behind eddy currents

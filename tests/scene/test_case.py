@@ -72,7 +72,7 @@ def test_auto_is_the_default(good):
 
 def test_magnetised_scene_without_dipoles_is_warned_of(good):
     (warning,) = good.with_values({"effects.dipoles": None}).warnings
-    assert "torque will be near nothing" in warning
+    assert "torque will be near zero" in warning
 
 
 def test_current_beyond_the_voltage_is_warned_of(good):

@@ -105,7 +105,7 @@ def test_without_a_pull_across_the_gap_there_is_friction_of_the_centrifugal_forc
     mass = 0.35 * 7700.0 * pi * (OUTER**2 - INNER**2) * HEIGHT
     speed = 3.0 * pi / 30.0
     assert found.torque == pytest.approx(0.3 * mass * speed**2 * MIDDLE**2, rel=0.02)  # a whole number of grains
-    assert "friction of weight and centrifugal force" in found.law and found.real.low == 0.0
+    assert "friction from weight and centrifugal force" in found.law and found.real.low == 0.0
     weight = expected(**values, **{"effects.gravity": {}}).torque - found.torque
     assert weight == pytest.approx(0.3 * mass * 9.81 * MIDDLE, rel=0.02)
 

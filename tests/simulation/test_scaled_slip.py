@@ -76,7 +76,7 @@ def test_a_strain_is_slip_times_mean_radius_over_width():
             "accuracy.inertial_number",
             "changes in time",
         ),
-        ({"motion.disc.speed": "300 rpm"}, "accuracy.inertial_number", "both shafts turn alike"),
+        ({"motion.disc.speed": "300 rpm"}, "accuracy.inertial_number", "both shafts have the same speed"),
         ({"effects.dipoles": None}, "accuracy.inertial_number", "only magnetised powder has an expected pressure"),
         ({"effects.fluid_drag": {"viscosity": 0.1}}, "accuracy.inertial_number", "the drag of the fluid depends"),
         ({"accuracy.inertial_number": 2.0}, "accuracy.inertial_number", "<= 1"),

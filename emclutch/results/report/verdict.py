@@ -304,7 +304,7 @@ def _more_replicas(
 def _longer(result: Result, until: float, end: float, spent: float) -> Statement:
     how = f"emclutch run {result.folder.path} --resume --set time.end='{1e3 * until:.4g} ms'"
     cost = format_duration(spent * (until / end - 1.0))
-    return note(f"next: run to {format_time(until)}, {cost} of processor time more: {how}")
+    return note(f"next: run to {format_time(until)}, another {cost} of processor time: {how}")
 
 
 def _spent(seconds: dict[str, Any]) -> float:
@@ -367,7 +367,7 @@ def _warnings(result: Result) -> Iterator[Statement]:
             "more, or the run is shorter than time.end"
         )
     for effect, number in result.folder.read_plan().get("omitted_effects", {}).items():
-        yield warning(f"left out, although it may matter: {in_words(effect)}; {number}")
+        yield warning(f"omitted, although it may be relevant: {in_words(effect)}; {number}")
     if result.folder.lacks_pictures():
         yield warning(f"its pictures are missing; draw them with: emclutch plot {result.folder.path}")
 

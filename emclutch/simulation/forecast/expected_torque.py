@@ -410,7 +410,7 @@ class _Sheared:
         own, real = grains.mean_diameter, grains.real_diameter or grains.mean_diameter
         scene, found = self._of(own, scene=True), self._of(real)
         measured = "measured " if self._law.measured else ""
-        law = f"the powder's {measured}law with the {'given' if self._device.coil is None else 'solved'} field"
+        law = f"the {measured}law of the powder, in the {'given' if self._device.coil is None else 'solved'} field"
         if not measured and not self._scene.effects.attraction.has_necks:
             law = "straight chains of point dipoles"
         elif self._law.cells == 0:
@@ -668,5 +668,5 @@ def _friction(scene, device: Device) -> ExpectedTorque:
     torque = friction * radius * (weight + mass * speed**2 * radius)
     stress = torque / float(zone.lever.sum()) if zone is not None else 0.0
     without = "no field across the gap" if scene.effects.attraction is not None else "no attraction"
-    law = f"{without}, so no more than friction of weight and centrifugal force"
+    law = f"{without}, so only friction from weight and centrifugal force"
     return ExpectedTorque(Interval(torque, 0.0, torque), law, stress=stress)

@@ -203,6 +203,6 @@ def _of_grains(at: Regime) -> Iterator[OmittedEffect]:
 def _of_grain_hysteresis(at: Regime) -> Iterator[OmittedEffect]:
     if at.M > 0.0:
         coercive = COERCIVE_FIELD / at.H if at.H > 0.0 else None
-        number = "coercive field of soft iron powder, 1 kA/m, over H"
+        number = "coercive field of soft iron powder, 1 kA/m, divided by H"
         note = "neglected: the moment that real grains keep after the current is switched off"
         yield OmittedEffect("grain_hysteresis", ABSENT, number, coercive, 0.05, note=note, change=None)
