@@ -167,8 +167,8 @@ def coil(run: Any) -> dict[str, Any]:
     Quantity("slip_heat", "slip heat", "W", OPERATING_POINT),
 )
 def slip(run: Any) -> dict[str, float]:
-    """Slip and its heat at the steady torque; of a scaled speed those of the real one."""
-    torque, history = run.torque, run.history
+    """Slip and its heat at the best estimate of the torque; of a scaled speed those of the real one."""
+    torque, history = run.best, run.history
     if torque is None or torque.mean is None or not {ROTOR_SPEED, DISC_SPEED} <= set(history.columns):
         return {}
     late = history[history[TIME] > torque.start] if torque.start is not None else history.iloc[len(history) // 2 :]
@@ -205,7 +205,7 @@ def device(run: Any) -> dict[str, Any]:
 
 
 @group(
-    Quantity("shear_stress", "shear stress between the poles, at most", "Pa", OPERATING_POINT, "shear_stress",
+    Quantity("shear_stress", "raw shear stress between the poles, at most", "Pa", OPERATING_POINT, "shear_stress",
              ("kPa", 1e-3)),
     Quantity("shear_stress_error", "", "Pa", column="shear_stress_error"),
     Quantity("torque_outside_of_the_poles", "fraction of the torque outside of the poles", "", NUMBERS),

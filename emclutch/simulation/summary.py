@@ -12,6 +12,7 @@ from emclutch.device_model.grain_size import GrainSize, grain_size
 from emclutch.results import Estimate, Result, RunFolder
 from emclutch.results.atomic_file import replace_text
 from emclutch.results.columns import DISC_SPEED, INERTIAL_NUMBER, ROTOR_SPEED, TORQUE_DISC
+from emclutch.results.best_estimate import best_estimate
 from emclutch.results.current_ramp import TABLE, current_ramp
 from emclutch.results.quantities import GROUPS, UNITS
 from emclutch.results.report.verdict import verdict
@@ -117,6 +118,12 @@ class FinishedRun:
     def error(self) -> dict[str, Any]:
         """Error of the torque by the numerical settings."""
         return discretisation_error(self.case, self.plan, self.torque, self.planned.device)
+
+    @property
+    def best(self) -> Estimate | None:
+        """Torque [N m] corrected for the error of the numerical settings, see `best_estimate`."""
+        size = {} if self.size is None else {"grain_size": self.size.as_dict()}
+        return None if self.torque is None else best_estimate(self.torque, self.error | size)
 
     @cached_property
     def size(self) -> GrainSize | None:

@@ -33,7 +33,7 @@ from emclutch.results.report.render import write_index
 from emclutch.results.report.report import Block, Links, Picture, Report, Shown, Statements, Table, Text
 from emclutch.results.report.verdict import current_is_steady, measured_name, verdict
 from emclutch.results.run_folder import RunFolder
-from emclutch.results.text import format_percent, format_stress, format_time, format_torque, in_words
+from emclutch.results.text import format_estimate, format_percent, format_stress, format_time, format_torque, in_words
 from emclutch.settings import UNITS
 
 if TYPE_CHECKING:
@@ -143,6 +143,8 @@ def _operating_point(result: Result) -> list[list[str]]:
     found = rows(QUANTITIES, OPERATING_POINT, summary, "" if steady else ", at the end of the run")
     if shown := measured(result):
         found.insert(0, [f"raw {measured_name(result)}", shown])
+    if result.steady is not None and result.steady.is_steady and result.best != result.steady:
+        found.insert(0, [measured_name(result), format_estimate(result.best)])
     if steady and (expected := summary.get("expected_torque")):
         low, mean, high = (f"{expected[name]:.2g}" for name in ("low", "mean", "high"))
         found.append(["estimate before the run", f"{mean} N m ({low} to {high}), {expected['law']}"])

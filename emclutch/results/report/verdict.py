@@ -115,7 +115,7 @@ def _torque(result: Result) -> Iterator[Statement]:
         return
     if range_ := summary.get("expected_torque_unknown_powder"):
         between = format_range(range_["low"], range_["high"])
-        yield note(f"if friction and fill of the powder were unknown: {between} N m (90 % range, estimate)")
+        yield note(f"if friction and fill of the powder were unknown: {between} N m (90 % range, estimate); emclutch powder finds the friction")
     else:
         yield note("friction and fill of the powder are taken as given; their uncertainty is not in the error bar")
     error = summary.get("discretisation_error")
@@ -243,7 +243,7 @@ def _next(result: Result) -> Iterator[Statement]:
     until, asked = summary.get("until") or {}, summary.get("accuracy_target") or {}
     settings = summary.get("discretisation_error") or {}
     largest, own = (settings.get("largest_part") or {}).get("name"), settings.get("half_width") or 0.0
-    if asked.get("reached") or (until.get("reached") and largest in (None, STATISTICS)):
+    if asked.get("reached") or (until.get("reached") and not asked):
         return
     wanted, end = result.conditions.wanted(found.mean or 0.0), float(summary.get("time") or 0.0)
     if not end or (may_be_zero(found) and not result.conditions.negligible):
