@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.optimize import brentq
 
 from emclutch.results.new_path import new_path
 from emclutch.results.report.report import Mark, Report, Shown, Statement, Statements, Table, note
-from emclutch.scene.errors import Fault, SceneError
+from emclutch.scene.errors import Fault, SceneError, shown
+from emclutch.scene.units import CurveFieldStrength, FluxDensity, quantity_of
+from emclutch.scene.value_list import read_all
 from field.laws.coercivity import coercivity, misfit_of_curve
 from field.laws.conductivity import Conductivity, conductivity
+from field.laws.magnetisation_curve import TableLaw
+from field.laws.magnetisation_table import TableFault, file_law
 from field.laws.major_loop import MajorLoopLaw
 from field.laws.materials import (
     canonical_name,
@@ -25,6 +31,7 @@ from field.laws.materials import (
 from field.laws.pinning import Pinning
 from field.laws.reluctivity import MU_0, Law, LinearLaw
 from field.laws.table_end import TableEnd
+from geometry.table_file import is_unit_of
 
 _KINDS = {
     "LinearLaw": "linear",
@@ -135,8 +142,6 @@ def laws_of(names: list[str]) -> list[Law]:
     SceneError
         Every name that is unknown and every file that cannot be read as a curve.
     """
-    from field.laws.magnetisation_table import TableFault, file_law
-
     laws, faults = [], []
     for name in names:
         try:
@@ -151,10 +156,56 @@ def laws_of(names: list[str]) -> list[Law]:
     return laws
 
 
-def materials_report(names: list[str] | None) -> Report:
-    """Return the list of all built-in materials, or of the named ones."""
-    chosen = [characteristics(law) for law in laws_of(names or material_names())]
-    report = Report("Magnetic materials", data=materials_as_data(names))
+def points_of(laws: list[Law], places: str) -> list[dict[str, Any]]:
+    """Points of curves at field strengths or flux densities, such as "2 kA/m, 1.5 T": H [A/m], B [T], B/(mu_0 H).
+
+    `beyond_table` where a measured curve has ended. SceneError for a place that cannot be read.
+    """
+    points: list[dict[str, Any]] = []
+    for text in places.split(","):
+        unit = re.sub(r"^[\s+-]*[\d.]*(e[+-]?\d+)?\s*", "", text.strip(), flags=re.I)
+        if not unit:
+            message = "has no unit; write a field strength (A/m, kA/m, A/cm, Oe, kOe) or a flux density (T, mT, G, kG)"
+            raise SceneError([Fault("--at", shown(text.strip()), message)], "command line")
+        is_B = is_unit_of(unit, "T")
+        (value,) = read_all([text], quantity_of(FluxDensity if is_B else CurveFieldStrength), "--at")
+        for law in laws:
+            B = value if is_B else _flux_density(law, value)
+            (H,), (slope,) = law.H_of_B(np.array([B]))
+            ends = law.H.max() if isinstance(law, TableLaw | MajorLoopLaw) else np.inf
+            mu_r = (B / H if H else 1.0 / slope) / MU_0
+            points.append({"material": law.name, "H": float(H), "B": B, "mu_r": mu_r, "beyond_table": bool(H > ends)})
+    return points
+
+
+def _flux_density(law: Law, H: float) -> float:
+    """B [T] at H [A/m]."""
+    top = 1.0
+    while law.H_of_B(np.array([top]))[0][0] < H:
+        top *= 2.0
+    return float(brentq(lambda B: law.H_of_B(np.array([B]))[0][0] - H, 0.0, top, rtol=1e-12))
+
+
+def _range(law: Law) -> str:
+    """Where a measured curve ends and how it continues; empty of other laws."""
+    if not isinstance(law, TableLaw | MajorLoopLaw):
+        return ""
+    J_s = getattr(law, "J_s", None)
+    beyond = "B grows with mu_0 (slope of vacuum)" if J_s is None else f"J approaches J_s = {J_s:g} T"
+    return f"{law.name}: {len(law.H)} points up to H = {law.H.max():.4g} A/m, B = {law.B.max():.4g} T; beyond, {beyond}."
+
+
+def materials_report(names: list[str] | None, places: str | None = None) -> Report:
+    """Return the list of all built-in materials, or of the named ones, with their points at H or B."""
+    laws = laws_of(names or material_names())
+    chosen = [characteristics(law) for law in laws]
+    points = [] if places is None else points_of(laws, places)
+    data: dict[str, Any] = {"materials": [asdict(one) for one in chosen]} | ({"points": points} if points else {})
+    report = Report("Magnetic materials", data=data)
+    if points:
+        rows = [(one["material"], f"{one['H']:.4g}", f"{one['B']:.4g}", f"{one['mu_r']:.4g}",
+                 "beyond the table" if one["beyond_table"] else "") for one in points]  # fmt: skip
+        report.add("Points", Table(rows, ("", "H [A/m]", "B [T]", "B/(mu_0 H)", ""), (1, 2, 3)), Shown.TERMINAL)
     rows = []
     for one in chosen:
         sigma = "?" if one.conductivity is None else f"{one.conductivity:.3g}"
@@ -176,29 +227,22 @@ def materials_report(names: list[str] | None) -> Report:
             lines.append(note(f"{one.name}: {one.loop}"))
         if one.warning:
             lines.append(Statement(Mark.WARNING, f"{one.name}: {one.warning}"))
+    lines += [note(text) for text in map(_range, laws) if text and names]
     report.add("Sources", Statements(lines), Shown.TERMINAL)
     if names:
         return report
     grains = {name: grain_material(name) for name in grain_names()}
+    data["grains"] = [
+        {"name": name, "susceptibility": of.law.chi, "saturation": of.law.Ms, "density": of.density,
+         "source": of.source}
+        for name, of in grains.items()
+    ]  # fmt: skip
     powders = [
         (name, f"{of.law.chi:g}", f"{of.law.Ms or 0.0:.4g}", f"{of.density:g}", of.source)
         for name, of in grains.items()
     ]
     grain_head = ("particles.material", "susceptibility", "saturation [A/m]", "density [kg/m^3]", "source")
     return report.add("Grains", Table(powders, grain_head, (1, 2, 3)), Shown.TERMINAL)
-
-
-def materials_as_data(names: list[str] | None) -> dict[str, Any]:
-    """The list for a machine: one entry a material, and the grains."""
-    data: dict[str, Any] = {"materials": [asdict(characteristics(law)) for law in laws_of(names or material_names())]}
-    if not names:
-        grains = {name: grain_material(name) for name in grain_names()}
-        data["grains"] = [
-            {"name": name, "susceptibility": of.law.chi, "saturation": of.law.Ms, "density": of.density,
-             "source": of.source}
-            for name, of in grains.items()
-        ]
-    return data
 
 
 def draw_materials(laws: list[Law], path: str | Path) -> Path:

@@ -129,6 +129,7 @@ class TableMaterial(_OwnMaterial):
     """
 
     law: Literal["table"]
+    file_keys = ("table", "file")
     H: tuple[CurveFieldStrength, ...] = Field(min_length=2, description="field strength, increasing from 0")
     B: tuple[FluxDensity, ...] = Field(min_length=2, description="flux density, increasing from 0")
 
@@ -163,6 +164,7 @@ class LoopMaterial(_OwnMaterial):
     """
 
     law: Literal["loop"]
+    file_keys = ("loop",)
     coercivity: Coercivity | None = Field(default=None, description="not to be given: the loop has its own")
     H: tuple[_LoopFieldStrength, ...] = Field(min_length=6, description="field strength along the loop")
     B: tuple[_LoopFluxDensity, ...] = Field(min_length=6, description="flux density along the loop")
@@ -187,26 +189,25 @@ _TABLES = (".csv", ".txt", ".tab", ".dat", ".bh")
 
 def _with_columns(given: Any, info: ValidationInfo) -> Any:
     """Put a file's columns in place of its name, so that a resolved scene stands alone."""
-    if isinstance(given, dict) and "loop" in given and given.get("law", "loop") == "loop":
-        return _of_file(given, "loop", "loop", info)
-    if isinstance(given, dict) and "law" not in given:
-        files = [key for key, one in given.items() if isinstance(one, str) and Path(one).suffix.lower() in _TABLES]
-        if files and files[0] not in ("table", "file"):
-            raise refuse(f"is not a known key; write table = '{given[files[0]]}'", key=files[0])
-    keys = [key for key in ("table", "file") if isinstance(given, dict) and key in given]
-    if not keys or given.get("law", "table") != "table":
+    if not isinstance(given, dict):
         return given
-    key = keys[0]
-    if len(keys) > 1:
-        raise refuse("conflicts with table; keep one of them, they mean the same", key="file")
-    return _of_file(given, key, "table", info)
-
-
-def _of_file(given: dict[str, Any], key: str, law: str, info: ValidationInfo) -> dict[str, Any]:
+    keys = [key for key in ("table", "file", "loop") if key in given]
+    if not keys:
+        files = [key for key, one in given.items() if isinstance(one, str) and Path(one).suffix.lower() in _TABLES]
+        if files and "law" not in given:
+            raise refuse(f"is not a known key; write table = '{given[files[0]]}'", key=files[0])
+        return given
+    key, *others = keys
+    law = "loop" if key == "loop" or given.get("law") == "loop" else "table"
+    if others:
+        raise refuse(f"conflicts with {key}; keep one of them", key=others[0])
+    if given.get("law", law) != law:
+        raise refuse(f"conflicts with law = {given['law']!r}; remove one of them", key=key)
     if "H" in given or "B" in given:
         raise refuse("conflicts with H or B; give either the file or the two lists", key=key)
-    folder = (info.context or {}).get("folder", Path())
-    H, B = _columns(folder / str(given[key]), key)
+    if not isinstance(given[key], str):
+        raise refuse("is not a text; write the name of a file in quotes", key=key)
+    H, B = _columns((info.context or {}).get("folder", Path()) / given[key], key, law)
     return {"law": law, **{name: value for name, value in given.items() if name != key}, "H": H, "B": B}
 
 
@@ -223,13 +224,13 @@ Material = Annotated[
 ]
 
 
-def _columns(path: Path, key: str) -> tuple[list[float], list[float]]:
+def _columns(path: Path, key: str, law: str) -> tuple[list[float], list[float]]:
     """H [A/m] and B [T] of a file; of a magnetisation curve the origin first."""
     from field.laws.magnetisation_table import TableFault, read_loop, read_table
 
     try:
-        H, B = read_loop(path) if key == "loop" else read_table(path)
+        H, B = read_loop(path) if law == "loop" else read_table(path)
     except TableFault as fault:
         raise refuse(fault.reason, key=key) from None
-    origin = [] if H[0] == 0.0 or key == "loop" else [0.0]
+    origin = [] if H[0] == 0.0 or law == "loop" else [0.0]
     return origin + H.tolist(), origin + B.tolist()
