@@ -7,7 +7,8 @@
 
 Commas, semicolons, tabs or blanks divide the columns; empty lines and lines that begin with # or % are skipped. A unit
 is written as in "x [mm]", "x (mm)", "x / mm", "x in mm" or "x_mm", or in a row of units below the names. Where numbers
-follow a comment with a name and unit for as many columns, this is the first line.
+follow a comment with a name and unit for as many columns, this is the first line. The line <BHPoints> of FEMM is one,
+its other lines in <> are skipped.
 
 The decimal mark is a point or a comma, the same in the whole table; the other mark divides thousands, as blanks and
 apostrophes do. "1,000" may be 1 or 1000: another number of the table decides, or it is refused.
@@ -62,7 +63,8 @@ UNITS: tuple[dict[str, float], ...] = (
 )  # fmt: skip
 """Units of one quantity each, with their factor; written as `_plain` makes them."""
 _SUFFIXES = {unit.casefold() for units in UNITS for unit in units} - {"1", "-"}
-_COMMENTS = "#%"
+_COMMENTS = "#%<"
+_OF_FEMM = re.compile(r"\s*<bhpoints>.*", re.I)
 _LISTED = 6  # of the units that are known, in an error
 _MARKS = str.maketrans({"µ": "u", "μ": "u", "²": "2", "³": "3", "⁻": "-", "¹": "1", **dict.fromkeys("_·*^()")})
 _ERROR = re.compile(
@@ -289,7 +291,8 @@ def _rows(path: Path, example: str) -> list[tuple[int, list[str]]]:
         raise FileFault(
             path, f"cannot be read ({reason}); check the path; in a scene it is relative to the scene's folder"
         ) from None
-    lines = [(number, row) for number, row in enumerate(text.splitlines(), 1) if row.strip()]
+    text = "\n".join(_OF_FEMM.sub("B[T] H[A/m]", row) for row in text.splitlines())
+    lines = [(number, row) for number, row in enumerate(text.split("\n"), 1) if row.strip()]
     if lines and lines[0][1].lower().startswith("sep="):  # Excel's
         del lines[0]
     counted = [(number, row) for number, row in lines if row.lstrip()[0] not in _COMMENTS]

@@ -98,14 +98,16 @@ def mesh(
 
 def materials(
     names: opt.MaterialNames = None,
+    at: opt.CurvePlaces = None,
     picture: opt.CurvePicture = None,
     pair_force: opt.PairForceAsked = False,
     out: opt.NewPicture = None,
     as_json: opt.AsJson = False,
 ) -> None:
-    """List the built-in magnetic materials, draw their curves, or the force between two grains."""
+    """List magnetic materials, B at H and H at B, draw their curves, or the force between two grains."""
     with explained():
         if pair_force:
+            refuse_beside("--pair-force", {"--at": at is not None})
             _tell_pair_force(names or [], picture, out, as_json)
             return
         if out is not None:
@@ -114,12 +116,12 @@ def materials(
         from emclutch.cli import materials as materials_command
 
         if picture is not None:
-            refuse_beside("--plot", {"--json": as_json})
+            refuse_beside("--plot", {"--json": as_json, "--at": at is not None})
             with bad_input_for(picture):
                 laws = materials_command.laws_of(names or materials_command.material_names())
                 typer.echo(str(materials_command.draw_materials(laws, picture)))
         else:
-            show(materials_command.materials_report(names), as_json)
+            show(materials_command.materials_report(names, at), as_json)
 
 
 def powder(

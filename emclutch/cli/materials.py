@@ -1,18 +1,25 @@
-"""`emclutch materials`: the built-in materials as a list, the named ones in numbers and curves."""
+"""`emclutch materials`: the built-in materials as a list, the named ones in numbers, points and curves."""
 
 from __future__ import annotations
 
+import re
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.optimize import brentq
 
 from emclutch.results.new_path import new_path
+from emclutch.results.pictures.figure import new_figure, save_picture
 from emclutch.results.report.report import Mark, Report, Shown, Statement, Statements, Table, note
-from emclutch.scene.errors import Fault, SceneError
+from emclutch.scene.errors import Fault, SceneError, shown
+from emclutch.scene.units import CurveFieldStrength, FluxDensity, quantity_of
+from emclutch.scene.value_list import read_all
 from field.laws.coercivity import coercivity, misfit_of_curve
 from field.laws.conductivity import Conductivity, conductivity
+from field.laws.magnetisation_curve import TableLaw
+from field.laws.magnetisation_table import TableFault, file_law
 from field.laws.major_loop import MajorLoopLaw
 from field.laws.materials import (
     canonical_name,
@@ -25,6 +32,7 @@ from field.laws.materials import (
 from field.laws.pinning import Pinning
 from field.laws.reluctivity import MU_0, Law, LinearLaw
 from field.laws.table_end import TableEnd
+from geometry.table_file import is_unit_of
 
 _KINDS = {
     "LinearLaw": "linear",
@@ -48,14 +56,12 @@ class Characteristics:
 
     Attributes
     ----------
-    name, law, source : str
     initial_mu_r, largest_mu_r : float
-        Relative permeability mu_0^-1 B/H at B -> 0, and the largest [-].
+        Relative permeability B/(mu_0 H) at B -> 0, and the largest [-].
     J_s : float
         Saturation polarisation, B - mu_0 H far in saturation [T].
     conductivity : float or None
         Electrical [S/m], at 20 degrees C; None where it is not known (a table of the user).
-    conductivity_is_rough : bool
     coercivity : float or None
         [A/m], an order of magnitude; None where it is not known.
     remanence : float or None
@@ -91,6 +97,7 @@ def characteristics(law: Law) -> Characteristics:
     H, slope = law.H_of_B(_CURVE_B)
     saturated = law.H_of_B(np.array([_SATURATED_B]))[0][0]
     coerced, remanence, misfit = _hysteresis(law)
+    end = TableEnd.of(law)
     also = tuple(sorted(alias for alias, of in material_aliases().items() if of == name))
     return Characteristics(
         law.name,
@@ -105,7 +112,7 @@ def characteristics(law: Law) -> Characteristics:
         remanence,
         also,
         law.source,
-        "; ".join(filter(None, (_warning(law), misfit))),
+        "; ".join(filter(None, (getattr(law, "warning", ""), end.in_words() if end else "", misfit))),
         law.in_words() if isinstance(law, MajorLoopLaw) else "",
     )
 
@@ -121,22 +128,8 @@ def _hysteresis(law: Law) -> tuple[float | None, float | None, str]:
     return pinning.coercivity, pinning.remanence(law), misfit_of_curve(law, pinning)
 
 
-def _warning(law: Law) -> str:
-    """What of a table is not used or doubtful, and that it ends before the steel is saturated."""
-    end = TableEnd.of(law)
-    return "; ".join(filter(None, (getattr(law, "warning", ""), "" if end is None else end.in_words())))
-
-
 def laws_of(names: list[str]) -> list[Law]:
-    """The laws of built-in names and of files with a magnetisation curve or a major loop.
-
-    Raises
-    ------
-    SceneError
-        Every name that is unknown and every file that cannot be read as a curve.
-    """
-    from field.laws.magnetisation_table import TableFault, file_law
-
+    """The laws of built-in names and of files with a curve or a major loop; SceneError with every one that is wrong."""
     laws, faults = [], []
     for name in names:
         try:
@@ -151,10 +144,58 @@ def laws_of(names: list[str]) -> list[Law]:
     return laws
 
 
-def materials_report(names: list[str] | None) -> Report:
-    """Return the list of all built-in materials, or of the named ones."""
-    chosen = [characteristics(law) for law in laws_of(names or material_names())]
-    report = Report("Magnetic materials", data=materials_as_data(names))
+def points_of(laws: list[Law], places: str) -> list[dict[str, Any]]:
+    """Points of curves at field strengths or flux densities, such as "2 kA/m, 1.5 T": H [A/m], B [T], B/(mu_0 H).
+
+    `beyond_table` where a measured curve has ended. SceneError for a place that cannot be read.
+    """
+    points: list[dict[str, Any]] = []
+    for text in places.split(","):
+        unit = re.sub(r"^[\s+-]*[\d.]*(e[+-]?\d+)?\s*", "", text.strip(), flags=re.I)
+        if not unit:
+            message = "has no unit; write a field strength (A/m, kA/m, A/cm, Oe, kOe) or a flux density (T, mT, G, kG)"
+            raise SceneError([Fault("--at", shown(text.strip()), message)], "command line")
+        is_B = is_unit_of(unit, "T")
+        (value,) = read_all([text], quantity_of(FluxDensity if is_B else CurveFieldStrength), "--at")
+        for law in laws:
+            B = value if is_B else _flux_density(law, value)
+            (H,), (slope,) = law.H_of_B(np.array([B]))
+            ends = law.H.max() if isinstance(law, TableLaw | MajorLoopLaw) else np.inf
+            mu_r = (B / H if H else 1.0 / slope) / MU_0
+            points.append({"material": law.name, "H": float(H), "B": B, "mu_r": mu_r, "beyond_table": bool(H > ends)})
+    return points
+
+
+def _flux_density(law: Law, H: float) -> float:
+    """B [T] at H [A/m]."""
+    top = 1.0
+    while law.H_of_B(np.array([top]))[0][0] < H:
+        top *= 2.0
+    return float(brentq(lambda B: law.H_of_B(np.array([B]))[0][0] - H, 0.0, top, rtol=1e-12))
+
+
+def _range(law: Law) -> str:
+    """Where a measured curve ends and how it continues; empty of other laws."""
+    if not isinstance(law, TableLaw | MajorLoopLaw):
+        return ""
+    J_s = getattr(law, "J_s", None)
+    beyond = "B grows with mu_0 (slope of vacuum)" if J_s is None else f"J approaches J_s = {J_s:g} T"
+    end = f"H = {law.H.max():.4g} A/m, B = {law.B.max():.4g} T"
+    return f"{law.name}: {len(law.H)} points up to {end}; beyond, {beyond}."
+
+
+def materials_report(names: list[str] | None, places: str | None = None) -> Report:
+    """Return the list of all built-in materials, or of the named ones, with their points at H or B."""
+    laws = laws_of(names or material_names())
+    chosen = [characteristics(law) for law in laws]
+    points = [] if places is None else points_of(laws, places)
+    data: dict[str, Any] = {"materials": [asdict(one) for one in chosen]} | ({"points": points} if points else {})
+    data |= {} if names else {"grains": []}
+    report = Report("Magnetic materials", data=data)
+    if points:
+        cells = [(one["material"], f"{one['H']:.4g}", f"{one['B']:.4g}", f"{one['mu_r']:.4g}",
+                  "beyond the table" if one["beyond_table"] else "") for one in points]  # fmt: skip
+        report.add("Points", Table(cells, ("", "H [A/m]", "B [T]", "B/(mu_0 H)", ""), (1, 2, 3)), Shown.TERMINAL)
     rows = []
     for one in chosen:
         sigma = "?" if one.conductivity is None else f"{one.conductivity:.3g}"
@@ -176,84 +217,49 @@ def materials_report(names: list[str] | None) -> Report:
             lines.append(note(f"{one.name}: {one.loop}"))
         if one.warning:
             lines.append(Statement(Mark.WARNING, f"{one.name}: {one.warning}"))
+    lines += [note(text) for text in map(_range, laws) if text and names]
     report.add("Sources", Statements(lines), Shown.TERMINAL)
     if names:
         return report
-    grains = {name: grain_material(name) for name in grain_names()}
-    powders = [
-        (name, f"{of.law.chi:g}", f"{of.law.Ms or 0.0:.4g}", f"{of.density:g}", of.source)
-        for name, of in grains.items()
-    ]
+    powders = []
+    for name in grain_names():
+        law, density, source = grain_material(name)
+        data["grains"].append({"name": name, "susceptibility": law.chi, "saturation": law.Ms, "density": density,
+                               "source": source})  # fmt: skip
+        powders.append((name, f"{law.chi:g}", f"{law.Ms or 0.0:.4g}", f"{density:g}", source))
     grain_head = ("particles.material", "susceptibility", "saturation [A/m]", "density [kg/m^3]", "source")
     return report.add("Grains", Table(powders, grain_head, (1, 2, 3)), Shown.TERMINAL)
-
-
-def materials_as_data(names: list[str] | None) -> dict[str, Any]:
-    """The list for a machine: one entry a material, and the grains."""
-    data: dict[str, Any] = {"materials": [asdict(characteristics(law)) for law in laws_of(names or material_names())]}
-    if not names:
-        grains = {name: grain_material(name) for name in grain_names()}
-        data["grains"] = [
-            {"name": name, "susceptibility": of.law.chi, "saturation": of.law.Ms, "density": of.density,
-             "source": of.source}
-            for name, of in grains.items()
-        ]
-    return data
 
 
 def draw_materials(laws: list[Law], path: str | Path) -> Path:
     """Draw B(H) on a linear and a logarithmic axis and mu_r(B) of some laws into a new picture (.png, .svg, .pdf).
 
-    Materials of mu_r = 1 share one thin grey line.
-
-    Raises
-    ------
-    OutputError
-        There is a file already; nothing is overwritten.
-    ValueError
-        The file's ending names no picture.
+    Materials of mu_r = 1 share one thin grey line. Measured points are marked: between them a table is an
+    interpolation. OutputError where there is a file already, or its ending names no picture.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-
-    path = Path(path)
-    if path.suffix.lower() not in (".png", ".svg", ".pdf"):
-        raise ValueError(f"{path}: a picture ends in .png, .svg or .pdf; change the file's ending")
-    new_path(path, "--plot")
-    figure = Figure(figsize=(13.5, 4.6), layout="constrained")
-    FigureCanvasAgg(figure)
-    plain, logarithmic, permeability = figure.subplots(1, 3)
+    path = new_path(Path(path), "--plot")
+    figure, (plain, logarithmic, permeability) = new_figure(13.5, 4.6, None, columns=3)
     B = _CURVE_B[_CURVE_B >= 1e-4]
     as_vacuum = [law.name for law in laws if isinstance(law, LinearLaw) and law.mu_r == 1.0]
-    shown = [law for law in laws if law.name not in as_vacuum[1:]]
-    for number, law in enumerate(shown):
-        H = law.H_of_B(B)[0]
-        style: dict[str, Any] = {"color": f"C{number % 10}", "lw": 1.6, "label": law.name}
-        if number >= 10:
-            style["ls"] = "--"
+    for number, law in enumerate(law for law in laws if law.name not in as_vacuum[1:]):
+        style = {"color": f"C{number % 10}", "lw": 1.6, "ls": "-" if number < 10 else "--", "label": law.name}
         if law.name in as_vacuum:
             style |= {"color": "0.5", "lw": 1.0, "ls": ":", "label": ", ".join(as_vacuum)}
-        plain.plot(H / 1e3, B, **style)
-        logarithmic.plot(H, B, **style)
-        permeability.plot(B, B / (MU_0 * H), **style)
-        # measured points: only there is a table more than an interpolation
+        curves = [(law.H_of_B(B)[0], B, style)]
         if hasattr(law, "H") and hasattr(law, "B"):
             points = {"color": style["color"], "ls": "none", "marker": ".", "ms": 4}
-            measured = law.B > 0.0
-            plain.plot(law.H / 1e3, law.B, **points)
-            logarithmic.plot(law.H[measured], law.B[measured], **points)
-            permeability.plot(law.B[measured], law.B[measured] / (MU_0 * law.H[measured]), **points)
+            curves.append((law.H[law.B > 0.0], law.B[law.B > 0.0], points))
+        for H, of_H, drawn in curves:
+            plain.plot(H / 1e3, of_H, **drawn)
+            logarithmic.plot(H, of_H, **drawn)
+            permeability.plot(of_H, of_H / (MU_0 * H), **drawn)
     top = 2.6
     plain.set(xlabel="H [kA/m]", ylabel="B [T]", xlim=(0.0, 20.0), ylim=(0.0, top), title="B(H)")
     logarithmic.set(xscale="log", xlabel="H [A/m]", ylabel="B [T]", xlim=(10.0, 1e6), ylim=(0.0, top))
     logarithmic.set_title("B(H), H logarithmic")
-    permeability.set(yscale="log", xlabel="B [T]", ylabel="relative permeability", xlim=(0.0, top))
-    permeability.set_title("permeability B/(mu_0 H)")
+    permeability.set(yscale="log", xlabel="B [T]", ylabel="B/(mu_0 H)", xlim=(0.0, top), title="relative permeability")
     permeability.set_ylim(bottom=0.8)
     for axes in (plain, logarithmic, permeability):
         axes.grid(True, lw=0.3, alpha=0.6)
     plain.legend(loc="lower right", fontsize=8, frameon=False)
-    with open(path, "xb") as stream:
-        figure.savefig(stream, format=path.suffix.lower()[1:], dpi=150)
-    return path
+    return save_picture(figure, path)

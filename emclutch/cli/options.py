@@ -227,6 +227,10 @@ MaterialNames = Annotated[
     ),
 ]
 CurvePicture = Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="new picture of B(H) and mu_r(B)")]
+CurvePlaces = Annotated[
+    str | None,
+    typer.Option("--at", metavar="H|B", help="values of H or B at which the curves are read: '2 kA/m, 25 Oe, 1.5 T'"),
+]
 PairForceAsked = Annotated[
     bool, flag("--pair-force", help="force between two grains against their gap, for a powder such as carbonyl_iron")
 ]

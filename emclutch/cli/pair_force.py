@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import io
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from emclutch.results.atomic_file import replace_bytes
 from emclutch.results.new_path import new_path, numbered_file
+from emclutch.results.pictures.figure import new_figure, save_picture
 from emclutch.results.report.report import Report, Shown, Statements, Table, note
 from emclutch.scene.errors import Fault, SceneError
 from field.laws.materials import grain_material
@@ -88,14 +87,9 @@ def _figures(value: float) -> str:
 
 def _draw(name: str, table: PairTable, path: Path) -> Path:
     """Force against gap at a few fields: of the table, of the neck's two zones, of dipoles with the same moments."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     from field.spheres.neck_estimate import two_zone_force
 
-    figure = Figure(figsize=(9.0, 5.6), dpi=150, layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = figure.subplots()
+    figure, (axes,) = new_figure(9.0, 5.6, None)
     g = np.geomspace(table.gap[0], 1.0, 200)
     near = g[g <= _NECK]
     for number, H in enumerate(_FIELDS):
@@ -111,7 +105,4 @@ def _draw(name: str, table: PairTable, path: Path) -> Path:
     drawn_as = [axes.plot([], [], color="k", lw=1.0, ls=line)[0] for line in models.values()]
     axes.add_artist(axes.legend(drawn_as, models, loc="lower left", fontsize=8, frameon=False))
     figure.legend(title="applied field", loc="outside right upper", fontsize=8, frameon=False)
-    drawn = io.BytesIO()
-    figure.savefig(drawn, format="png")
-    replace_bytes(path, drawn.getvalue())
-    return path
+    return save_picture(figure, path)

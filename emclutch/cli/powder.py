@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import math
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -10,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from emclutch.results.atomic_file import json_values, replace_bytes
+from emclutch.results.atomic_file import json_values
 from emclutch.results.new_path import new_path
+from emclutch.results.pictures.figure import new_figure, save_picture
 from emclutch.results.report.report import Mark, Report, Shown, Statement, Statements, Table, note, sentence
 from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.repose import (
@@ -177,16 +177,9 @@ def draw(line: FrictionLine, path: Path) -> None:
     """
     if path.suffix.lower() != ".png":
         raise SceneError([Fault("--out", str(path), "is not a picture; change its ending to .png")], "command line")
-    new_path(path)
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(7.0, 5.0), dpi=150, layout="constrained")
-    FigureCanvasAgg(figure)
-    _draw_line(figure.subplots(), line)
-    drawn = io.BytesIO()
-    figure.savefig(drawn, format="png")
-    replace_bytes(path, drawn.getvalue())
+    figure, (axes,) = new_figure(7.0, 5.0, None)
+    _draw_line(axes, line)
+    save_picture(figure, new_path(path))
 
 
 def _draw_line(axes: Axes, line: FrictionLine) -> None:

@@ -118,7 +118,14 @@ def _needed(path: Path, root: type[Section], data: dict[str, Any]) -> str:
     for annotation in annotations_at(path, root, data):
         if (entry := entry_of(annotation)) is not None:
             return entry.needed_for(name)
-    return f"add it to [{dotted(path[:-1])}]"
+    files = _files(models_at(path[:-1], root, data))
+    return f"add it to [{dotted(path[:-1])}]{files}"
+
+
+def _files(models: Sequence[type[Section]]) -> str:
+    """Return the keys of some models that name a file in place of lists, as an alternative."""
+    keys = [key for model in models for key in model.file_keys]
+    return f", or name a file with {' or '.join(keys)}" if keys else ""
 
 
 def _unknown_key(path: Path, root: type[Section], data: dict[str, Any]) -> str:
@@ -141,10 +148,11 @@ def _wrong_tag(path: Path, tag: str, given: Any, root: type[Section], data: dict
     """Return the fault of a section whose model follows from one of its keys (kind, law, source)."""
     if not isinstance(given, dict):
         return Fault(dotted(path), shown(given), _NO_TABLE.format(path=dotted(path)))
-    names = tuple(tags_of(model)[tag] for model in models_at(path, root, {}))
+    models = models_at(path, root, {})
+    names = tuple(tags_of(model)[tag] for model in models)
     key = dotted((*path, tag))
     if tag not in given:
-        return Fault(key, "", f"is missing; give one of {', '.join(names)}")
+        return Fault(key, "", f"is missing; give one of {', '.join(names)}{_files(models)}")
     return Fault(key, shown(given[tag]), not_one_of(given[tag], names))
 
 

@@ -37,36 +37,24 @@ _Reasons = Iterator[tuple[int, str]]
 
 
 def femm_scene(path: Path, stem: str, powder: str | None = None) -> tuple[dict[str, Any], dict[str, str], list[str]]:
-    """Make the tables [scene], [geometry], [materials], [coil] and [field] from a model.
+    """Make the tables [scene], [geometry], [materials], [coil] and [field] from a model, and notes for the reader.
 
     With powder and a single group that turns also [motion], in which the disc turns: there is no part of the rotor.
+    Warns where nothing turns, or more groups do than a scene has bodies.
 
     Parameters
     ----------
     path : Path
         Model of FEMM.
     stem : str
-        Beginning of the names of the files beside the scene.
+        Beginning of the names of the files beside the scene, whose texts are returned by name.
     powder : str, optional
         Material whose regions the grains fill.
-
-    Returns
-    -------
-    scene : dict
-    files : dict
-        Texts of the drawing and of the magnetisation curves, by name.
-    notes : list of str
-        Which part belongs to which body, and what the scene lacks for a torque.
 
     Raises
     ------
     SceneError
         What the file holds that cannot be read, or has no counterpart, with its line.
-
-    Warns
-    -----
-    UserWarning
-        There is powder, and no part turns; there are more groups than bodies.
     """
     try:
         model = read_femm(path)
@@ -81,13 +69,17 @@ def femm_scene(path: Path, stem: str, powder: str | None = None) -> tuple[dict[s
         raise SceneError([Fault("", "", fault.reason)], str(path)) from None
     solid = {name: label for label, name in regions.items() if name not in ("coil", "powder")}
     used = {_key(label): label.material for label in solid.values()}
-    _refuse(path, list(_name_reasons(regions, solid, used)))
+    pairs = [(label, {solid[region].material.name, used[_key(label)].name, label.material.name})
+             for label, region in regions.items() if region in solid]  # fmt: skip
+    _refuse(path, [(label.line, f"{' and '.join(map(repr, sorted(names)))} are one name in the scene; rename one")
+                   for label, names in pairs if len(names) > 1])  # fmt: skip
     curves = {f"{stem}_{name}.csv": _curve(one) for name, one in used.items() if len(one.curve)}
     groups = sorted({label.group for label in solid.values()} - {0})
     group_body = dict(zip(groups, ("disc", "rotor"), strict=False))
     bodies = {name: group_body.get(label.group, "housing") for name, label in solid.items()}
     if powder is not None and not groups:
-        warnings.warn("all parts have group 0 and stand still; say in geometry.bodies what turns", stacklevel=2)
+        warnings.warn("all parts have group 0 and stand still; give what turns another group in FEMM and repeat the "
+                      "command, or name it in geometry.bodies", stacklevel=2)  # fmt: skip
     if others := [name for name, label in solid.items() if label.group in groups[2:]]:
         warnings.warn(f"{', '.join(others)} stand still: the model has {len(groups)} groups besides 0, a scene has two "
                       "bodies that turn; give these parts a body in geometry.bodies", stacklevel=2)  # fmt: skip
@@ -95,8 +87,7 @@ def femm_scene(path: Path, stem: str, powder: str | None = None) -> tuple[dict[s
     data = {
         "scene": {"title": f"{path.stem}, a model of FEMM"},
         "geometry": {
-            "kind": "cad",
-            "file": f"{stem}.brep",
+            "kind": "cad", "file": f"{stem}.brep",
             "materials": {name: _key(label) for name, label in solid.items()},
             "names": {f"part{number}": regions[label] for number, label in enumerate(order, 1)},
             "bodies": bodies,
@@ -104,7 +95,7 @@ def femm_scene(path: Path, stem: str, powder: str | None = None) -> tuple[dict[s
         "materials": {name: _material(one, f"{stem}_{name}.csv") for name, one in used.items()},
         "coil": {"current": f"{coil[0].current:.10g} A", "turns": sum(abs(label.turns) for label in coil)},
         "field": {"source": "coil"},
-    }
+    }  # fmt: skip
     if powder is not None and len(groups) == 1:
         data["motion"] = {"rotor": {"speed": 0.0}, "disc": {"speed": "1000 rpm"}}
     return data, {f"{stem}.brep": drawing, **curves}, list(_notes(bodies, model, section, powder))
@@ -132,15 +123,15 @@ def _wire_notes(model: FemmModel, section: FemmSection) -> Iterator[str]:
     from field.coil.winding import Winding  # local: the schema itself needs no field
 
     coil = [label for label in model.labels if label.current]
-    diameter = 1e-3 * coil[0].material["wired"]
-    if not diameter:
+    wire, turns = coil[0].material, sum(abs(label.turns) for label in coil)
+    if not wire["wired"]:
         return
-    share = 1.0 if coil[0].material["lamtype"] == _SQUARE_WIRE else 0.25 * np.pi
-    copper = max(1.0, coil[0].material["nstrands"]) * share * diameter**2
-    turns, area = sum(abs(label.turns) for label in coil), sum(section.areas[label] for label in coil)
-    radius = sum(section.areas[label] * section.radii[label] for label in coil) / area
-    text = f"The wire of {1e3 * diameter:.4g} mm of the model is not used: the winding has a fill of 0.6"
-    if (fill := turns * copper / area) > 1.0:
+    share = 1.0 if wire["lamtype"] == _SQUARE_WIRE else 0.25 * np.pi
+    copper = max(1.0, wire["nstrands"]) * share * wire["wired"] ** 2
+    areas, radii = ([values[label] for label in coil] for values in (section.areas, section.radii))
+    area, radius = sum(areas), float(np.average(radii, weights=areas))
+    text = f"The wire of {wire['wired']:.4g} mm of the model is not used: the winding has a fill of 0.6"
+    if (fill := 1e-6 * turns * copper / area) > 1.0:
         yield f"{text}, and this wire does not fit into it {turns:g} times."
         return
     resistance = Winding(turns, area, radius, fill).resistance
@@ -150,9 +141,9 @@ def _wire_notes(model: FemmModel, section: FemmSection) -> Iterator[str]:
 
 
 def _refuse(path: Path, reasons: list[tuple[int, str]]) -> None:
-    if reasons:
-        found = [f"line {line}: {text}" if line else text for line, text in sorted(set(reasons))]
-        raise SceneError([Fault("", "", text) for text in found], str(path))
+    texts = [f"line {line}: {text}" if line else text for line, text in sorted(set(reasons))]
+    if texts:
+        raise SceneError([Fault("", "", text) for text in texts], str(path))
 
 
 def _plain(name: str) -> str:
@@ -180,11 +171,10 @@ def _is_shell(label: FemmLabel, model: FemmModel) -> bool:
 
 def _is_air(label: FemmLabel, model: FemmModel, section: FemmSection) -> bool:
     """True for regions without a part: air, idle windings, shells, the outside of a Kelvin transformation."""
-    if label.is_external or _is_shell(label, model):
-        return True
     one = label.material
     empty = not one["sigma"] and (bool(_AIR.search(one.name)) or label in section.outline.values())
-    return not label.current and not _is_magnetic(one) and (label.is_wound or empty)
+    idle = not label.current and not _is_magnetic(one) and (label.is_wound or empty)
+    return idle or label.is_external or _is_shell(label, model)
 
 
 def _region(label: FemmLabel, powder: str | None) -> str:
@@ -214,16 +204,18 @@ def _head_reasons(model: FemmModel) -> _Reasons:
 
 def _label_reasons(model: FemmModel, powder: str | None) -> _Reasons:
     """What is wrong with the materials and circuits that are used."""
-    for label in model.labels:
-        if not _is_shell(label, model):
-            for reason in _material_reasons(label):
-                yield label.material.line, f"the material {label.material.name!r} {reason}"
+    for label in (label for label in model.labels if not _is_shell(label, model)):
+        begin = f"the material {label.material.name!r}"
+        yield from ((label.material.line, f"{begin} {reason}") for reason in _material_reasons(label))
     circuits = [label.circuit for label in model.labels if label.circuit and label.current]
     if not circuits:
-        known = "; ".join(_circuit(one, model) for one in model.circuits)
-        remedy = f"its circuits are {known}: set the current, and assign the circuit to the winding's label"
-        line = model.circuits[0].line if model.circuits else 0
-        yield line, f"no winding carries a current; {remedy if known else 'define a circuit for the winding'} in FEMM"
+        own = {one: [f"{label.turns:g} turns around {label.at()}" for label in model.labels if label.circuit is one]
+               for one in model.circuits}  # fmt: skip
+        known = "; ".join(f"{one.name!r} ({one['totalamps_re']:g} A, {', '.join(labels) or 'no label'})"
+                          for one, labels in own.items())  # fmt: skip
+        remedy = (f"its circuits are {known}: set the current, and assign the circuit to the winding's label"
+                  if known else "define a circuit for the winding")  # fmt: skip
+        yield model.circuits[0].line if known else 0, f"no winding carries a current; {remedy} in FEMM"
     for one in circuits:
         if one is not circuits[0]:
             yield one.line, f"the circuit {one.name!r} is a second winding, a scene has one; set its current to 0"
@@ -231,24 +223,16 @@ def _label_reasons(model: FemmModel, powder: str | None) -> _Reasons:
             yield one.line, f"the circuit {one.name!r} is parallel, which has no counterpart; make it a series circuit"
 
 
-def _circuit(one: FemmProperty, model: FemmModel) -> str:
-    own = [label for label in model.labels if label.circuit is one]
-    labels = ", ".join(f"{label.turns:g} turns around {label.at()}" for label in own)
-    return f"{one.name!r} ({one['totalamps_re']:g} A, {labels or 'no label'})"
-
-
 def _powder_reasons(model: FemmModel, section: FemmSection, powder: str | None) -> _Reasons:
     """Why a region cannot be the space of the grains; asked for once every region has a label."""
     if powder is not None and not any(_is(label, powder) for label in model.labels):
         names = sorted({repr(label.material.name) for label in model.labels})
         yield 0, f"no region is of the material {powder!r} (--powder); there are {', '.join(names)}"
-    lines: dict[str, int] = {}
+    others = " or ".join(map(repr, _powders(model, section)))
+    remedy = f"take {others}" if others else "give the powder a material of its own in FEMM"
     for label in model.labels:
         if _is(label, powder) and (reason := _not_powder(label, section)):
-            name, others = label.material.name, " or ".join(map(repr, _powders(model, section)))
-            remedy = f"take {others}" if others else "give the powder a material of its own in FEMM"
-            lines.setdefault(f"{name!r} (--powder) {reason}; {remedy}", label.line)
-    yield from ((line, text) for text, line in lines.items())
+            yield label.material.line, f"{label.material.name!r} (--powder) {reason}; {remedy}"
 
 
 def _powders(model: FemmModel, section: FemmSection) -> list[str]:
@@ -322,38 +306,26 @@ def _not_open(model: FemmModel, edge: FemmEdge, kelvin: bool) -> str:
     """Why the boundary of an edge does not stand for open space; empty where it does."""
     one = model.boundaries[edge.boundary - 1] if edge.boundary else None
     if one is None or (one["bdrytype"] == _MIXED and not one["c0"] and not one["c1"]):
-        return (
-            "no boundary; where the air ends give A = 0 or an asymptotic condition; of a plane of symmetry draw the "
-            "other half too"
-        )
-    name = _boundary(model, edge)
-    if one["bdrytype"] in (0, _MIXED):
-        given = [key for key in ("a_0", "a_1", "a_2", "c1") if one[key]]
-        return f"{name} has {given[0]} = {one[given[0]]:g}, a source outside; set it to 0" if given else ""
-    return "" if one["bdrytype"] == _PERIODIC and kelvin else f"{name} has no counterpart; draw the whole device"
+        return ("no boundary; where the air ends give A = 0 or an asymptotic condition; of a plane of symmetry draw "
+                "the other half too")  # fmt: skip
+    given = [key for key in ("a_0", "a_1", "a_2", "c1") if one[key]]
+    if one["bdrytype"] in (0, _MIXED) and given:
+        return f"{_boundary(model, edge)} has {given[0]} = {one[given[0]]:g}, a source outside; set it to 0"
+    is_open = one["bdrytype"] in (0, _MIXED) or (one["bdrytype"] == _PERIODIC and kelvin)
+    return "" if is_open else f"{_boundary(model, edge)} has no counterpart; draw the whole device"
 
 
 def _winding_reasons(model: FemmModel, section: FemmSection) -> _Reasons:
     """Why the current is not spread evenly over the winding, as that of a scene is."""
-    coil = [label for label in model.labels if label.current]
-    density = [label.turns / section.areas[label] for label in coil]
-    for label, one in zip(coil, density, strict=True):
-        if abs(one - density[0]) > _EQUAL * abs(density[0]):
-            other = "is wound against" if one * density[0] < 0.0 else "has other turns per area than"
+    density = {label: label.turns / section.areas[label] for label in model.labels if label.current}
+    first = next(iter(density.values()))
+    for label, one in density.items():
+        if abs(one - first) > _EQUAL * abs(first):
+            other = "is wound against" if one * first < 0.0 else "has other turns per area than"
             yield label.line, f"{other} the rest of its circuit, and a scene has one winding"
         if not label.is_wound and label.material["sigma"]:
             yield label.line, (f"the winding is a solid conductor (1 turn) of {label.material.name!r}, whose "
                                "current is not even; set its conductivity to 0 where that does not matter")  # fmt: skip
-
-
-def _name_reasons(
-    regions: dict[FemmLabel, str], solid: dict[str, FemmLabel], used: dict[str, FemmProperty]
-) -> _Reasons:
-    """Why names that differ in FEMM do not differ in the scene."""
-    for label, region in regions.items():
-        for other in (solid[region].material, used[_key(label)]) if region in solid else ():
-            if other.name != label.material.name:
-                yield label.line, f"{label.material.name!r} and {other.name!r} are one name in the scene; rename one"
 
 
 def _material(one: FemmProperty, table: str) -> dict[str, Any]:

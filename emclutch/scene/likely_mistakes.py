@@ -35,8 +35,8 @@ def warnings_of(scene: Any) -> Iterator[str]:
     yield from scene.geometry.warnings(scene)
     yield from _doubtful_surfaces(scene)
     for name, own in scene.materials.items():
-        if isinstance(own, TableMaterial) and own.warning:
-            yield f"materials.{name}: {own.warning}"
+        if isinstance(own, TableMaterial) and (text := getattr(own.magnetic_law(name), "warning", "")):
+            yield f"materials.{name}: {text}"
     coil = scene.coil
     window = scene.shape() if scene.geometry.has_coil else None
     if coil is not None and coil.current is not None and coil.voltage is not None and window is not None:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
+from importlib import import_module
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import BeforeValidator, Field, ValidationInfo, model_validator
 
@@ -13,8 +13,7 @@ from emclutch.scene.section import Section, refuse
 from emclutch.scene.units import Coercivity, CurveFieldStrength, Density, FluxDensity, Magnetisation, Quantity, number
 
 if TYPE_CHECKING:
-    from field import Law, TableLaw
-    from field.laws.major_loop import MajorLoopLaw
+    from field import Law
 
 # upper bounds only catch slips of unit: reluctivity of vacuum 8e5 m/H, conductivity of silver 6e7 S/m
 _Reluctivity = Annotated[float, Quantity("a reluctivity", "m/H", "400 m/H", 0.0, 1e6)]
@@ -27,13 +26,20 @@ _Conductivity = Annotated[float, Quantity("a conductivity", "S/m", "7e6 S/m", 0.
 class _OwnMaterial(Section):
     """Keys of every user-defined material besides its law."""
 
+    law_class: ClassVar[str]
+    """Dotted name of the law's class, whose arguments are the keys of the material in their order."""
     density: Density | None = None
     conductivity: _Conductivity | None = Field(default=None, description="electrical, at 20 degrees C; default: none")
     coercivity: Coercivity | None = Field(default=None, description="for [effects.hysteresis]; default: none")
 
-    @abstractmethod
     def magnetic_law(self, name: str) -> Law:
         """Return the law for the solver, under the material's name."""
+        import numpy as np  # local: most scenes have no curve
+
+        module, _, of_law = self.law_class.rpartition(".")
+        own = [key for key in type(self).model_fields if key not in (*_OwnMaterial.model_fields, "law")]
+        values = [np.array(one) if isinstance(one := getattr(self, key), tuple) else one for key in own]
+        return getattr(import_module(module), of_law)(*values, name, "the scene")
 
     @model_validator(mode="after")
     def _has_a_law(self) -> Self:
@@ -50,62 +56,43 @@ class _OwnMaterial(Section):
 class LinearMaterial(_OwnMaterial):
     """B = mu_0 mu_r H."""
 
+    law_class = "field.LinearLaw"
     law: Literal["linear"]
     relative_permeability: Annotated[float, number("1000", 1.0, 1e7)] = Field(description="mu_r")
-
-    def magnetic_law(self, name: str) -> Law:
-        """See `_OwnMaterial.magnetic_law`."""
-        from field import LinearLaw
-
-        return LinearLaw(self.relative_permeability, name, "the scene")
 
 
 class FroehlichMaterial(_OwnMaterial):
     """Froehlich-Kennelly: M = chi Ms H/(Ms + chi H)."""
 
+    law_class = "field.FroehlichLaw"
     law: Literal["froehlich"]
     susceptibility: Annotated[float, number("200", 0.0, 1e7, above=True)] = Field(description="chi, initial")
     saturation: Magnetisation = Field(description="Ms")
-
-    def magnetic_law(self, name: str) -> Law:
-        """See `_OwnMaterial.magnetic_law`."""
-        from field import FroehlichLaw
-
-        return FroehlichLaw(self.susceptibility, self.saturation, name, "the scene")
 
 
 class LangevinMaterial(_OwnMaterial):
     """Langevin: M = Ms (coth a - 1/a), a = 3 chi H/Ms."""
 
+    law_class = "field.laws.langevin.LangevinLaw"
     law: Literal["langevin"]
     susceptibility: Annotated[float, number("200", 0.0, 1e7, above=True)] = Field(description="chi, initial")
     saturation: Magnetisation = Field(description="Ms")
-
-    def magnetic_law(self, name: str) -> Law:
-        """See `_OwnMaterial.magnetic_law`."""
-        from field.laws.langevin import LangevinLaw
-
-        return LangevinLaw(self.susceptibility, self.saturation, name, "the scene")
 
 
 class BrauerMaterial(_OwnMaterial):
     """Brauer: H = (k1 exp(k2 B^2) + k3) B, continued with the slope of vacuum from where it reaches that."""
 
+    law_class = "field.laws.brauer.BrauerLaw"
     law: Literal["brauer"]
     k1: _GrowingReluctivity
     k2: Annotated[float, number("2.2", 0.0, 100.0, above=True)] = Field(description="per T^2")
     k3: _Reluctivity
 
-    def magnetic_law(self, name: str) -> Law:
-        """See `_OwnMaterial.magnetic_law`."""
-        from field.laws.brauer import BrauerLaw
-
-        return BrauerLaw(self.k1, self.k2, self.k3, name, "the scene")
-
 
 class PermeabilityMaterial(_OwnMaterial):
     """Fitted permeability: mu_r = 1 + (mu_i - 1 + c_a b)/(1 + c_b b + b^n), b = B/B_m, held M from its maximum on."""
 
+    law_class = "field.PermeabilityLaw"
     law: Literal["permeability"]
     initial_permeability: Annotated[float, number("200", 1.0, 1e6, above=True)] = Field(description="mu_i")
     scale: Annotated[float, Quantity("a flux density", "T", "1.1 T", 0.0, 10.0, open_minimum=True)] = Field(
@@ -115,12 +102,6 @@ class PermeabilityMaterial(_OwnMaterial):
     c_b: Annotated[float, number("2.6", 0.0, 1e4)]
     n: Annotated[float, number("10", 1.0, 100.0, above=True)]
 
-    def magnetic_law(self, name: str) -> Law:
-        """See `_OwnMaterial.magnetic_law`."""
-        from field import PermeabilityLaw
-
-        return PermeabilityLaw(self.initial_permeability, self.scale, self.c_a, self.c_b, self.n, name, "the scene")
-
 
 class TableMaterial(_OwnMaterial):
     """B(H) through measured points: lists in the scene, or a text file whose header names columns and units.
@@ -128,7 +109,9 @@ class TableMaterial(_OwnMaterial):
     `table = "curve.csv"` alone is enough; its header is e.g. `H [A/m], B [T]`, or has J [T] for the polarisation.
     """
 
+    law_class = "field.TableLaw"
     law: Literal["table"]
+    file_keys = ("table", "file")
     H: tuple[CurveFieldStrength, ...] = Field(min_length=2, description="field strength, increasing from 0")
     B: tuple[FluxDensity, ...] = Field(min_length=2, description="flux density, increasing from 0")
 
@@ -141,19 +124,6 @@ class TableMaterial(_OwnMaterial):
                 raise refuse("must start at 0 and increase from each point to the next", key=key)
         return self
 
-    def magnetic_law(self, name: str) -> TableLaw:
-        """See `_OwnMaterial.magnetic_law`."""
-        import numpy as np
-
-        from field import TableLaw
-
-        return TableLaw(np.array(self.H), np.array(self.B), name, "the scene")
-
-    @property
-    def warning(self) -> str:
-        """What of the table is not used or doubtful; empty of others."""
-        return self.magnetic_law("this material").warning
-
 
 class LoopMaterial(_OwnMaterial):
     """Steel fitted to a measured major loop: lists in the scene, or a text file named by `loop`, as tables are.
@@ -162,7 +132,9 @@ class LoopMaterial(_OwnMaterial):
     and remanence come from it; the magnetisation curve is that of the fitted law.
     """
 
+    law_class = "field.laws.major_loop.MajorLoopLaw"
     law: Literal["loop"]
+    file_keys = ("loop",)
     coercivity: Coercivity | None = Field(default=None, description="not to be given: the loop has its own")
     H: tuple[_LoopFieldStrength, ...] = Field(min_length=6, description="field strength along the loop")
     B: tuple[_LoopFluxDensity, ...] = Field(min_length=6, description="flux density along the loop")
@@ -173,41 +145,39 @@ class LoopMaterial(_OwnMaterial):
             raise refuse("conflicts with the loop, which has one; remove it", key="coercivity")
         return self
 
-    def magnetic_law(self, name: str) -> MajorLoopLaw:
-        """See `_OwnMaterial.magnetic_law`."""
-        import numpy as np
-
-        from field.laws.major_loop import MajorLoopLaw
-
-        return MajorLoopLaw(np.array(self.H), np.array(self.B), name, "the scene")
-
 
 _TABLES = (".csv", ".txt", ".tab", ".dat", ".bh")
 
 
 def _with_columns(given: Any, info: ValidationInfo) -> Any:
     """Put a file's columns in place of its name, so that a resolved scene stands alone."""
-    if isinstance(given, dict) and "loop" in given and given.get("law", "loop") == "loop":
-        return _of_file(given, "loop", "loop", info)
-    if isinstance(given, dict) and "law" not in given:
-        files = [key for key, one in given.items() if isinstance(one, str) and Path(one).suffix.lower() in _TABLES]
-        if files and files[0] not in ("table", "file"):
-            raise refuse(f"is not a known key; write table = '{given[files[0]]}'", key=files[0])
-    keys = [key for key in ("table", "file") if isinstance(given, dict) and key in given]
-    if not keys or given.get("law", "table") != "table":
+    if not isinstance(given, dict):
         return given
-    key = keys[0]
-    if len(keys) > 1:
-        raise refuse("conflicts with table; keep one of them, they mean the same", key="file")
-    return _of_file(given, key, "table", info)
-
-
-def _of_file(given: dict[str, Any], key: str, law: str, info: ValidationInfo) -> dict[str, Any]:
+    keys = [key for key in ("table", "file", "loop") if key in given]
+    if not keys:
+        files = [key for key, one in given.items() if isinstance(one, str) and Path(one).suffix.lower() in _TABLES]
+        if files and "law" not in given:
+            raise refuse(f"is not a known key; write table = '{given[files[0]]}'", key=files[0])
+        return given
+    key, *others = keys
+    law = "loop" if key == "loop" or given.get("law") == "loop" else "table"
+    if others:
+        raise refuse(f"conflicts with {key}; keep one of them", key=others[0])
+    if given.get("law", law) != law:
+        raise refuse(f"conflicts with law = {given['law']!r}; remove one of them", key=key)
     if "H" in given or "B" in given:
         raise refuse("conflicts with H or B; give either the file or the two lists", key=key)
-    folder = (info.context or {}).get("folder", Path())
-    H, B = _columns(folder / str(given[key]), key)
-    return {"law": law, **{name: value for name, value in given.items() if name != key}, "H": H, "B": B}
+    if not isinstance(given[key], str):
+        raise refuse("is not a text; write the name of a file in quotes", key=key)
+    from field.laws.magnetisation_table import TableFault, read_loop, read_table  # local: most scenes have no curve
+
+    try:
+        H, B = (read_loop if law == "loop" else read_table)((info.context or {}).get("folder", Path()) / given[key])
+    except TableFault as fault:
+        raise refuse(fault.reason, key=key) from None
+    origin = [] if H[0] == 0.0 or law == "loop" else [0.0]
+    kept = {name: value for name, value in given.items() if name != key}
+    return {"law": law, **kept, "H": origin + H.tolist(), "B": origin + B.tolist()}
 
 
 Material = Annotated[
@@ -221,15 +191,3 @@ Material = Annotated[
     Field(discriminator="law"),
     BeforeValidator(_with_columns),
 ]
-
-
-def _columns(path: Path, key: str) -> tuple[list[float], list[float]]:
-    """H [A/m] and B [T] of a file; of a magnetisation curve the origin first."""
-    from field.laws.magnetisation_table import TableFault, read_loop, read_table
-
-    try:
-        H, B = read_loop(path) if key == "loop" else read_table(path)
-    except TableFault as fault:
-        raise refuse(fault.reason, key=key) from None
-    origin = [] if H[0] == 0.0 or key == "loop" else [0.0]
-    return origin + H.tolist(), origin + B.tolist()

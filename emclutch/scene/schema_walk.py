@@ -115,7 +115,9 @@ def models_at(path: Sequence[str | int], root: type[Section], data: Any) -> list
 
 def keys_at(path: Sequence[str | int], root: type[Section], data: Any) -> list[str]:
     """Return the keys that the table at a path may have."""
-    return list(dict.fromkeys(key for model in models_at(path, root, data) for key in model.model_fields))
+    models, given = models_at(path, root, data), entry_at(data, path) or {}
+    models = [one for one in models if any(key in given for key in one.file_keys)] or models
+    return list(dict.fromkeys(key for model in models for key in (*model.file_keys, *model.model_fields)))
 
 
 def all_keys(model: type[Section], prefix: str = "") -> Iterator[str]:

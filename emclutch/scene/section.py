@@ -28,6 +28,8 @@ class Section(BaseModel):
     """A table of the scene file."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", hide_input_in_errors=True)
+    file_keys: ClassVar[tuple[str, ...]] = ()
+    """Keys that name a file, in place of others that are read from it."""
 
 
 class Entry(ABC):

@@ -45,6 +45,7 @@ from emclutch.scene.value_list import values_of
 from emclutch.simulation.forecast.expected_field import expected_magnetisation
 from emclutch.simulation.forecast.expected_torque import ExpectedTorque, expected_torque
 from field import MagneticField
+from field.laws.table_end import driven_beyond_their_tables
 from field.section.ampere_turns import ampere_turns_by_part
 
 if TYPE_CHECKING:
@@ -97,7 +98,8 @@ def expectation_of(case: Case, device: Device | None = None, unknown_powder: boo
     with bad_input_for(case.path):
         device = device or build_device(case.scene)
         solved, _ = expected_magnetisation(case, device)
-        return expected_torque(case.scene, device, solved, unknown_powder)
+        beyond = driven_beyond_their_tables([] if solved is None else [solved])
+        return replace(expected_torque(case.scene, device, solved, unknown_powder), beyond_tables=tuple(beyond))
 
 
 @dataclass(frozen=True, slots=True)

@@ -188,7 +188,7 @@ def field_study(
         "units": UNITS | DETAIL_UNITS,
         "currents": rows,
         "at_last_current": _details(case, coil, solution, amount),
-        "warnings": driven_beyond_their_tables([strongest])
+        "warnings": [*case.warnings, *driven_beyond_their_tables([strongest])]
         + hysteresis_of(scene, region_materials(scene, coil.mesh).values())[1],
     }
     (folder / "field.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")

@@ -102,7 +102,7 @@ def field_study_3d(
         "newton_residuals": [residual for residual, _ in solution.newton],
         "turns_with": device.carrier,
     }
-    warnings = driven_beyond_their_tables([strongest])
+    warnings = [*case.warnings, *driven_beyond_their_tables([strongest])]
     summary = {"units": UNITS, "currents": rows, "at_last_current": details, "warnings": warnings}
     (folder / "field.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
     return folder

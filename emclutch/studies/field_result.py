@@ -30,7 +30,7 @@ class FieldResult(Reported):
         With field.csv, field.json, field.pvd, pictures and line-<n>.csv.
     summary : dict
         field.json: `units`, `currents` (a row a current), `at_last_current` (error estimate, forces [N], winding,
-        solver, sheared powder) and `warnings` (regions that are driven beyond the end of their steel's table).
+        solver, sheared powder) and `warnings` (of the scene, and regions driven beyond the end of their steel's table).
     """
 
     folder: Path

@@ -127,7 +127,7 @@ def field_transient(
             "units": UNITS | {"rise_time": "s"},
             "changes_at": transient.changes_at,
             **_rise_times(scene, transient, course, tolerance, progress),
-            **_ends(transient, course),
+            **_ends(transient, course, case.warnings),
             "tolerance": tolerance,
             "default_circuit": scene.effects.circuit is None,
             "powder": None if phi is None else powder_in_words(scene, phi),
@@ -163,8 +163,8 @@ def _rise_times(
     return found | {"rise_time_error": max(errors, default=None)}
 
 
-def _ends(transient: CoilTransient, course: Course) -> dict[str, Any]:
-    """Values at the end and those that they go to, energies [J] with what is left of their balance, errors."""
+def _ends(transient: CoilTransient, course: Course, warnings: tuple[str, ...]) -> dict[str, Any]:
+    """Values at the end and those that they go to, energies [J], errors, and warnings with those of the scene."""
     last, static, table = course.states[-1], course.field, course.table
     at_end = {name: float(value) for name, value in table.iloc[-1].items()}
     first = float(table["field_energy"].iloc[0])
@@ -183,7 +183,7 @@ def _ends(transient: CoilTransient, course: Course) -> dict[str, Any]:
         "steps": len(course.states) - 1,
         "eddy_currents": transient.coil.conductivity is not None,
         "error_of_the_mesh": {goal.goal: goal.relative for goal in mesh},
-        "warnings": driven_beyond_their_tables([transient.field(strongest)]),
+        "warnings": [*warnings, *driven_beyond_their_tables([transient.field(strongest)])],
     }
 
 

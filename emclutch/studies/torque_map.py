@@ -164,6 +164,14 @@ class MapResult(Reported):
         return rows
 
     @property
+    def warnings(self) -> list[str]:
+        """Warnings of the scene, and of steel that points drive beyond the unsaturated end of its table."""
+        beyond = [(one, one.expected.beyond_tables[0]) for one in self.points if one.expected and
+                  one.expected.beyond_tables]  # fmt: skip
+        count = f"{len(beyond)} of {len(self.points)} points drive steel beyond its table"
+        return [*self.case.warnings, *(f"{count}. At {self.where(one)}: {text}" for one, text in beyond[-1:])]
+
+    @property
     def rows(self) -> list[dict[str, Any]]:
         """Rows of map.csv: values by their keys [SI], torques [N m], and why a torque is a guess or missing."""
         keys, points = [axis.key for axis in self.axes], self.points
@@ -209,7 +217,8 @@ class MapResult(Reported):
     def report(self) -> Report:
         """Return the largest and the smallest torque, what is a guess or missing, and the table; data in SI."""
         axes = [{"key": a.key, "name": a.name, "unit": a.quantity.unit, "values": a.values} for a in self.axes]
-        data = {"case": self.case.name, "axes": axes, "points": self.rows, "folder": str(self.folder)}
+        data = {"case": self.case.name, "axes": axes, "points": self.rows, "folder": str(self.folder),
+                "warnings": self.warnings}  # fmt: skip
         data |= {"measured": self.measured} if self.measured else {}
         report = Report(f"Torque map: {self.case.name}", data=data, folder=self.folder)
         report.add("Result", Statements([*self._of_measured(), *self._statements()]), Shown.TERMINAL)
@@ -296,6 +305,7 @@ class MapResult(Reported):
                 count = f"{len(found)} of {len(self.points)} points {'is' if len(found) == 1 else 'are'} {what}"
                 all_of = "" if len(found) == 1 else " All reasons: map.csv."
                 yield warning(f"{count}. At {self.where(found[0])}: {found[0].remark}.{all_of}")
+        yield from (warning(text) for text in self.warnings)
         above = [(one.falling / one.torque.mean - 1.0, one) for one in self.points if one.falling and one.torque]
         if above:
             ratio, point = max(above, key=lambda pair: pair[0])

@@ -59,8 +59,8 @@ class TableEnd:
         """Where it ends, and that it is not saturated there."""
         return (
             f"the curve ends unsaturated at H = {self.H:.4g} A/m, B = {self.B:.4g} T, where dB/dH is still "
-            f"{self.slope:.3g} mu_0; beyond it the slope of vacuum is assumed, and B is too low: add points up to "
-            "saturation"
+            f"{self.slope:.3g} mu_0; beyond it B is assumed to grow with mu_0 alone (slope of vacuum) and is too "
+            "low: add points up to saturation"
         )
 
 

@@ -26,6 +26,10 @@ WRITTEN = {
     "quoted": ['"H [A/m]","B [T]"', *(f'"{h}","{b}"' for h, b in POINTS)],
     "byte order mark": ["\ufeffH [A/m],B [T]", *IN_COMMAS],
     "FEMM's points below a line of names": ["B [T]\tH [A/m]", *(f"{b:.18f}\t{h:.18f}" for h, b in POINTS)],
+    "a block of FEMM's": [
+        "<BlockName> = \"core\"", f"  <BHPoints> = {len(POINTS)}", *(f"      {b:.15f}\t{h:.15f}" for h, b in POINTS),
+        "<EndBlock>"
+    ],
     "Maxwell 2023, .tab": ['"H (A_per_meter)" \t"B (tesla)"', *(f"{h:.8f}\t{b:.8f}" for h, b in POINTS)],
     "Maxwell, without quotes": ["H (A_per_meter)\tB (tesla)", *(f"{h}\t{b}" for h, b in POINTS)],
     "COMSOL 6": ["% Model: core.mph", "% H (A/m)               B (T)", *(f"{h}   {b}" for h, b in POINTS)],

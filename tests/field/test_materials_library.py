@@ -129,6 +129,21 @@ def test_the_list_for_machines_is_json():
     assert json.loads(asked("pure_iron", "--json"))["materials"][0]["initial_mu_r"] == pytest.approx(2666.0)
 
 
+def test_a_curve_is_read_at_field_strengths_and_flux_densities(tmp_path):
+    """Points of the table of steel 1010 (2228.2 A/m, 1.4028 T), in all units; beyond its last one; B = mu_r mu_0 H."""
+    H, B = 2228.2, 1.4028
+    places = f"{H} A/m, {H * 4e-3 * np.pi:.10g} Oe, {B} T, {1e4 * B} G, 0 A/m, 70 kA/m"
+    *points, zero, last = json.loads(asked("steel_1010", "--at", places, "--json"))["points"]
+    assert all((one["H"], one["B"]) == pytest.approx((H, B), rel=1e-9) and not one["beyond_table"] for one in points)
+    assert zero["mu_r"] == pytest.approx(1.0 / (MU_0 * material("steel_1010").H_of_B(np.zeros(1))[1][0]))
+    assert last["beyond_table"] and last["B"] > 2.07 and last["mu_r"] == pytest.approx(last["B"] / (MU_0 * last["H"]))
+    (tmp_path / "mine.csv").write_text("H [Oe], B [kG]\n10, 10\n20, 12\n30, 12.5\n")
+    text = " ".join(asked(str(tmp_path / "mine.csv"), "--at", "40 Oe").split())
+    assert "beyond the table" in text and "4 points up to H = 2387 A/m, B = 1.25 T; beyond, B grows with mu_0" in text
+    assert "has no unit; write a field strength (A/m, kA/m" in " ".join(asked("--at", "3", code=2).split())
+    assert "field strength is needed" in " ".join(asked("--at", "3 mm", code=2).split())
+
+
 def test_curves_are_drawn_into_a_new_file(tmp_path):
     picture = tmp_path / "curves.png"
     (tmp_path / "mine.csv").write_text("H [A/m], B [T]\n100, 1\n1000, 1.5\n9000, 1.7\n")

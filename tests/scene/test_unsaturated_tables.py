@@ -77,3 +77,16 @@ def test_field_and_materials_report_it(tmp_path):
     assert [text.split()[0] for text in down.summary["warnings"]] == ["disc", "rotor"]  # of the largest current
     assert json.loads((tmp_path / "down" / "field.json").read_text())["warnings"] == down.summary["warnings"]
     assert emclutch.field(case, 0.1, out=tmp_path / "weak").summary["warnings"] == []
+    (warning,) = emclutch.map(case, current="0.1 A, 1 A", out=tmp_path / "map").warnings
+    assert warning.startswith("1 of 2 points drive steel beyond its table. At coil current 1 A: disc (short) is driven")
+    assert json.loads((tmp_path / "map" / "map.json").read_text())["warnings"] == [warning]
+
+
+def test_results_keep_the_doubts_of_a_table(tmp_path):
+    """H in Oe that is said to be A/m: a permeability 20 times that of any steel."""
+    table = {"law": "table", "H": [0, 1, 30, 999], "B": [0, 1, 2, 2.1]}
+    case = load_case(QUICKSTART, SHORT | {"materials.short": table})
+    emclutch.field(case, 0.1, out=tmp_path / "field")
+    emclutch.map(case, current="0.1 A, 0.2 A", out=tmp_path / "map")
+    for name in ("field/field.json", "field/index.html", "map/map.json", "map/index.html"):
+        assert "that of steels 40 000 at most; is H in Oe?" in (tmp_path / name).read_text(encoding="utf-8")

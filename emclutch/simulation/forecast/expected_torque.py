@@ -200,6 +200,8 @@ class ExpectedTorque:
     pressure, pressure_of : float, str
         The pressure of the inertial number [Pa] and what it is of; 0 where it is that of friction. Magnetised powder
         has it between the poles, or in the whole gap.
+    beyond_tables : tuple of str
+        A warning for each region that the field drives beyond the unsaturated end of its steel's table.
     """
 
     real: Interval | None
@@ -215,6 +217,7 @@ class ExpectedTorque:
     magnetic: bool = False
     pressure: float = 0.0
     pressure_of: str = f"{MAGNETIC} pressure"
+    beyond_tables: tuple[str, ...] = ()
 
     @property
     def torque(self) -> float | None:
