@@ -126,23 +126,14 @@ def _has_its_device(partial: PartialScene) -> Iterator[Fault]:
     if scene.effects.thermal is None:
         return
     if scene.geometry.clearances(scene.shape()) is None:
-        yield Fault(
-            "effects.heat",
-            "",
-            f"cannot be used with geometry.kind = '{scene.geometry.kind}', whose outside and clearances are not "
-            "known; take 'clutch' or 'drum', or remove the effect's table",
-        )
+        message = f"cannot be used with geometry.kind = '{scene.geometry.kind}', whose outside and clearances are not "
+        yield Fault("effects.heat", "", message + "known; take 'clutch' or 'drum', or remove the effect's table")
     elif scene.geometry.is_solved_in_3d:
-        yield Fault(
-            "effects.heat",
-            "",
-            f"cannot be used with geometry.{scene.geometry.key_of_3d}: heat is conducted in a section; remove one "
-            "of them",
-        )
+        message = f"cannot be used with geometry.{scene.geometry.key_of_3d}: heat is conducted in a section"
+        yield Fault("effects.heat", "", f"{message}; remove one of them")
     if scene.coil is None:
-        yield Fault(
-            "effects.heat", "", "needs [coil], whose copper loss it takes; add it, or remove the effect's table"
-        )
+        message = "needs [coil], whose copper loss it takes; add it, or remove the effect's table"
+        yield Fault("effects.heat", "", message)
 
 
 def _knows_its_materials(partial: PartialScene) -> Iterator[Fault]:

@@ -72,19 +72,10 @@ _PIECES = 8
 """Between two instants, with two points of Gauss each, in an integral of the duty's power."""
 
 UNITS = {
-    "time": "s",
-    "current": "A",
-    "slip_speed": "rad/s",
-    "torque": "N m",
-    "copper_loss": "W",
-    "slip_power": "W",
-    "heat_out": "W",
-    "coil_mean": "degC",
-    "coil_hottest": "degC",
-    "powder_mean": "degC",
-    "powder_hottest": "degC",
+    "time": "s", "current": "A", "slip_speed": "rad/s", "torque": "N m", "copper_loss": "W", "slip_power": "W",
+    "heat_out": "W", "coil_mean": "degC", "coil_hottest": "degC", "powder_mean": "degC", "powder_hottest": "degC",
     "surface": "degC",
-}
+}  # fmt: skip
 """Columns of heat.csv and their units; the surface's is its hottest place, the shaft's ends excepted. Of an
 averaged duty those of the hottest places are the largest within a period, all others means over it."""
 
@@ -95,19 +86,10 @@ Tell = Callable[[float, str], None]
 """Takes the fraction of the study that is done, and what is being done."""
 
 PERMITTED_UNITS = {
-    "speed": "rad/s",
-    "rotor_speed": "rad/s",
-    "disc_speed": "rad/s",
-    "film": "W/(m^2 K)",
-    "by_surface": "W",
-    "by_coil": "W",
-    "by_powder": "W",
-    "slip_power": "W",
-    "torque": "N m",
-    "powder_hottest": "degC",
-    "current": "A",
+    "speed": "rad/s", "rotor_speed": "rad/s", "disc_speed": "rad/s", "film": "W/(m^2 K)", "by_surface": "W",
+    "by_coil": "W", "by_powder": "W", "slip_power": "W", "torque": "N m", "powder_hottest": "degC", "current": "A",
     "torque_of_current": "N m",
-}
+}  # fmt: skip
 """Of permitted.csv: the slip speed, the speeds of both bodies and the rotor's film at it; the slip power up to which
 surface, coil and powder stay below those limits that are given, the smallest, its torque and powder; where the torque
 of all currents is known, the largest current up to the duty's that may flow steadily at that slip, and its torque."""
@@ -250,11 +232,10 @@ class _Study:
         current, R_20 = coil.currents_in(*window).largest, resistance_at_20(scene)
         slip = scene.motion.largest_slip if effect.duty.slip is None else effect.duty.slip.largest
         problem = heat_problem(scene, *scene.motion.speeds_at_slip(slip))
+        peak = Drive(current if effect.duty.current is None else effect.duty.current.largest, 0.0, slip)
         if coil.is_at_voltage:
             assert coil.voltage is not None  # what drives it
             peak = Drive(None, coil.voltage.largest, slip)
-        else:
-            peak = Drive(current if effect.duty.current is None else effect.duty.current.largest, 0.0, slip)
         largest = HeatModel(R_20, lambda *_: 0.0).current(peak, effect.ambient, effect.ambient)
         torque, torque_summary = torque_of(case, current, largest, run, slip, tell)
         peak = replace(peak, torque=torque_summary.get("needed_torque"))
@@ -287,13 +268,14 @@ class _Study:
         ThermalRunaway
             There are none, or the winding's mean is above `HOTTEST`.
         """
-        problem, found = problem or self.problem, None
+        problem = problem or self.problem
         if isinstance(powers, Drive):
             powers = partial(self.model.powers, powers)
-        if near is not None:
-            with suppress(ThermalRunaway):  # what is colder may run away there already
-                found = problem.steady(powers, near)
-        if found is None:
+        try:
+            found = problem.steady(powers, HOTTEST if near is None else near)
+        except ThermalRunaway:
+            if near is None:  # else what is colder may run away there already
+                raise
             found = problem.steady(powers, HOTTEST)
         if problem.means(found)[COIL] > HOTTEST:
             raise ThermalRunaway(f"the winding would be above {HOTTEST:g} degrees C")
@@ -352,8 +334,7 @@ class _Study:
             return self._averaged(reference)
         march = HeatInTime(self.problem, self._powers_in_time, effect.tolerance, reference)
         table, summary, hottest = self._marched(march, effect.ambient, self._switchings(duty.end), self._row_in_time)
-        own = self._heat_of_the_duty(table)
-        made = summary["heat_of_coil"] + summary["heat_of_slip"]
+        made, own = summary["heat_of_coil"] + summary["heat_of_slip"], self._heat_of_the_duty(table)
         summary["heat_error"] = (made - own) / own if own > 0.0 else 0.0
         return table, summary, hottest
 
@@ -407,13 +388,10 @@ class _Study:
             summary |= {f"largest_{key}": float(table[key].max()), f"last_{key}": float(table[key].iloc[-1])}
         stored, made = float(self.problem.heat_content @ (state.temperature - first.temperature)), state.made.sum()
         summary |= {
-            "heat_of_coil": float(state.made[COIL]),
-            "heat_of_slip": float(state.made[POWDER]),
-            "heat_out": state.left,
-            "heat_stored": stored,
+            "heat_of_coil": float(state.made[COIL]), "heat_of_slip": float(state.made[POWDER]), "heat_out": state.left,
+            "heat_stored": stored, "steps": march.steps,
             "energy_error": float((made - state.left - stored) / made) if made > 0.0 else 0.0,
-            "steps": march.steps,
-        }
+        }  # fmt: skip
         return table, summary, hottest
 
     def _averaged(self, reference: np.ndarray | None) -> tuple[pandas.DataFrame, dict[str, Any], HeatState]:
@@ -629,12 +607,8 @@ def _gauss(edges: Sequence[float] | np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 def _passes(time: np.ndarray, value: np.ndarray, limit: float) -> float | None:
     """When a temperature first passes a limit [s], between two rows on a line; None where it does not."""
-    above = np.flatnonzero(value > limit)
-    if not len(above):
+    if not np.any(value > limit):
         return None
-    k = int(above[0])
-    if k == 0:
-        return 0.0
-    share = (limit - value[k - 1]) / (value[k] - value[k - 1])
-    return float(time[k - 1] + share * (time[k] - time[k - 1]))
+    k = int(np.argmax(value > limit))
+    return float(np.interp(limit, value[k - 1 : k + 1], time[k - 1 : k + 1])) if k else 0.0
 

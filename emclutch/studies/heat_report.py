@@ -10,17 +10,7 @@ import pandas
 
 from emclutch.device_model.coil_heat import HOTTEST
 from emclutch.results.quantity import RPM
-from emclutch.results.report.report import (
-    Mark,
-    Picture,
-    Report,
-    Shown,
-    Statement,
-    Statements,
-    Table,
-    note,
-    warning,
-)
+from emclutch.results.report.report import Mark, Picture, Report, Shown, Statement, Statements, Table, note, warning
 from emclutch.results.text import format_duration, in_words
 
 PLACES = {"coil_hottest": "coil", "powder_hottest": "powder", "surface": "surface"}
@@ -54,9 +44,8 @@ def _temperatures(summary: dict[str, Any]) -> Table:
     if "surface" in steady:
         table.append(("steady, on all the time", *(f"{steady[key]:.1f}" for key in PLACES)))
     for end, of_end in summary["steady_at_the_ends"].items():
-        table.append(
-            (f"steady, {end}est torque (95 %)", *(f"{of_end[key]:.1f}" if key in of_end else "none" for key in PLACES))
-        )
+        values = (f"{of_end[key]:.1f}" if key in of_end else "none" for key in PLACES)
+        table.append((f"steady, {end}est torque (95 %)", *values))
     end = f"end of the duty, {format_duration(duty['end'])}"
     for words, prefix in ((end, "last"), ("maximum over the duty", "largest")):
         table.append((words, *(f"{duty[f'{prefix}_{key}']:.1f}" for key in PLACES)))
@@ -66,9 +55,8 @@ def _temperatures(summary: dict[str, Any]) -> Table:
 
 
 def _permitted(permitted: pandas.DataFrame) -> Table:
-    table = []
-    for row in permitted.to_dict("records"):
-        table.append((f"{RPM * row['speed']:.0f}", *(f"{row[key]:.3g}" for key in PERMITTED if key in row)))
+    table = [(f"{RPM * row['speed']:.0f}", *(f"{row[key]:.3g}" for key in PERMITTED if key in row))
+             for row in permitted.to_dict("records")]  # fmt: skip
     head = ("slip [rpm]", *(words for key, words in PERMITTED.items() if key in permitted))
     return Table(table, head, range(len(head)))
 
@@ -144,27 +132,21 @@ def _remarks(summary: dict[str, Any], permitted: pandas.DataFrame) -> Iterator[S
         at = f"{drive} with {steady['torque']:.3g} N m, powder at {steady['powder_mean']:.0f} °C"
         yield note(f"Steady state at {at}: {copper} and {slip} flow out through {out}.")
     else:
-        limit = f"{largest['at_a_mean_of_250_degrees']:.3g} A"
         yield warning(steady["state"])
-        yield note(
-            f"Without slip a steady state exists up to {limit}. Lower current or slip power, cool better, or shorten "
-            "the duty."
-        )
-    yield note(
-        f"Duty: {duty['state']}, {duty['steps']} steps; residual of the energy balance {abs(duty['energy_error']):.1e}."
-    )
+        yield note(f"Without slip a steady state exists up to {largest['at_a_mean_of_250_degrees']:.3g} A. Lower "
+                   "current or slip power, cool better, or shorten the duty.")  # fmt: skip
+    left = f"{abs(duty['energy_error']):.1e}"
+    yield note(f"Duty: {duty['state']}, {duty['steps']} steps; residual of the energy balance {left}.")
     if "heat_error" in duty:
-        yield note(
-            f"Error of the heat produced, relative to the integral of the duty's power: {duty['heat_error']:+.1e}."
-        )
+        left = f"{duty['heat_error']:+.1e}"
+        yield note(f"Error of the heat produced, relative to the integral of the duty's power: {left}.")
     if "ripple" in duty:
         yield note(averaging_in_words(duty))
     if not permitted[["rotor_speed", "disc_speed"]].to_numpy().any():
         yield note("The permitted slip power is that of bodies cooled as at rest: neither turns in [motion].")
     coil, hot = f"{largest['at_the_coil_limit']:.3g} A", f"{largest['at_a_mean_of_250_degrees']:.3g} A"
-    yield note(
-        f"Largest current without slip: {coil} at the coil's limit, {hot} with a steady state below {HOTTEST:g} °C."
-    )
+    hot += f" with a steady state below {HOTTEST:g} °C"
+    yield note(f"Largest current without slip: {coil} at the coil's limit, {hot}.")
     if "with_slip" in largest:
         ends = [f"{largest[key]:.3g}" for key in ("with_slip_high", "with_slip_low") if key in largest]
         interval = f" (95 % of the torque: {' to '.join(ends)} A)" if ends else ""

@@ -92,9 +92,7 @@ def torque_of(
     elif law is not None:
         name, (shape, found) = "the law of the powder", law
     elif measured is None:
-        message = (
-            "the scene has no [particles], or no sheared gap; give effects.heat.torque, slip_power, or a run"
-        )
+        message = "the scene has no [particles], or no sheared gap; give effects.heat.torque, slip_power, or a run"
         raise ValueError(f"effects.heat has no torque: {message}")
     elif not isclose(at, largest, rel_tol=1e-3):
         raise ValueError(
@@ -186,12 +184,8 @@ def _of_slip_power(
         "source": f"{given} at {RPM * slip:.4g} rpm",
         "full_current": f"{why} {' and '.join(needless)} {'is' if len(needless) == 1 else 'are'} not used."
         if needless else why,
-        "value": torque,
-        "current": current,
-        "temperature": AS_GIVEN,
-        "of_all_currents": False,
-        "at_other_currents": _SAME,
-        "at_other_temperatures": _SAME,
+        "value": torque, "current": current, "temperature": AS_GIVEN, "of_all_currents": False,
+        "at_other_currents": _SAME, "at_other_temperatures": _SAME,
     }  # fmt: skip
 
 

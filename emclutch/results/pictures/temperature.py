@@ -7,14 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from emclutch.results.pictures.figure import (
-    MM,
-    label_panel,
-    legend_below,
-    make_logarithmic,
-    new_figure,
-    save_picture,
-)
+from emclutch.results.pictures.figure import MM, label_panel, legend_below, make_logarithmic, new_figure, save_picture
 from emclutch.results.pictures.section import draw_outlines
 from emclutch.results.quantity import RPM
 

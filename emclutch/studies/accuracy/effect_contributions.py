@@ -182,15 +182,8 @@ def _begun(case: Case, budget: float, jobs: int) -> dict[str, Any]:
             f"{format_duration(least)}; give {format_duration(1.5 * least)} or more"
         )
         raise SceneError([Fault("--budget", f"{budget:g} s", message)], source_of(case))
-    return {
-        "case": case.toml(),
-        "starts": starts,
-        "budget": budget,
-        "jobs": jobs,
-        "rows": rows,
-        "round": seconds,
-        "rounds": None,
-    }
+    return {"case": case.toml(), "starts": starts, "budget": budget, "jobs": jobs, "rows": rows, "round": seconds,
+            "rounds": None}  # fmt: skip
 
 
 def _scene_of_replicas(case: Case) -> tuple[Case, list[float | str]]:
@@ -313,21 +306,19 @@ def rows_of(found: Contributions) -> list[dict[str, Any]]:
     rows = []
     for one in (found.whole, *found.without):
         torque, added = one.torque, found.torque(one) if one.effect else None
-        rows.append(
-            {
-                "left_out": one.effect,
-                "with_it": " ".join(one.others),
-                "replicas": len(one.torques),
-                "torque": None if torque is None else torque.value,
-                "half_width": None if torque is None else torque.half_width(),
-                "adds_torque": None if added is None else added.value,
-                "adds_half_width": None if added is None else added.half_width(),
-                "significant": None if added is None else added.is_significant(),
-                "seconds": one.seconds,
-                "adds_seconds": found.seconds(one) if one.effect else None,
-                "reason": one.reason,
-            }
-        )
+        rows.append({
+            "left_out": one.effect,
+            "with_it": " ".join(one.others),
+            "replicas": len(one.torques),
+            "torque": None if torque is None else torque.value,
+            "half_width": None if torque is None else torque.half_width(),
+            "adds_torque": None if added is None else added.value,
+            "adds_half_width": None if added is None else added.half_width(),
+            "significant": None if added is None else added.is_significant(),
+            "seconds": one.seconds,
+            "adds_seconds": found.seconds(one) if one.effect else None,
+            "reason": one.reason,
+        })  # fmt: skip
     return rows
 
 
@@ -352,13 +343,6 @@ def _table(found: Contributions) -> Table:
             continue
         mark = "" if added.is_significant() else "not significant: "
         cost = (found.whole.seconds - one.seconds) / found.whole.seconds
-        rows.append(
-            (
-                *row,
-                mark + added.text("+"),
-                share.scaled(100.0).text("+") + " %",
-                seconds,
-                f"{100.0 * cost:+.2g} %",
-            )
-        )
+        percent = share.scaled(100.0).text("+") + " %"
+        rows.append((*row, mark + added.text("+"), percent, seconds, f"{100.0 * cost:+.2g} %"))
     return Table(rows, head, (1, 2, 3, 4, 5, 6))
