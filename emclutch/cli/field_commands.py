@@ -12,6 +12,7 @@ from emclutch.cli.errors import explained
 from emclutch.cli.input import load, read_line, refuse_beside
 from emclutch.cli.output import show
 from emclutch.scene.errors import Fault, SceneError, bad_input_for
+from emclutch.scene.slip_checks import INERTIAL_NUMBER
 from emclutch.scene.value_list import RANGE_POINTS, read_all, read_list
 
 
@@ -35,7 +36,9 @@ def field(
             option, entry = ("--end", end) if end is not None else ("--tolerance", f"{tolerance:g}")
             message = "needs --transient; add it, or remove this option"
             raise SceneError([Fault(option, str(entry), message)], "command line")
-        read = load(case, sets, trust_scripts)
+        # scales the slip of a run of the grains, and conflicts with eddy currents and circuit
+        others = [one for one in sets or () if one.partition("=")[0].strip() != INERTIAL_NUMBER]
+        read = load(case, [*others, f"{INERTIAL_NUMBER}=none"], trust_scripts)
         from emclutch.results import Progress
         from emclutch.scene.units import Quantity
         from emclutch.studies.field_result import field as solve_field
@@ -70,8 +73,7 @@ def heat(
 ) -> None:
     """Compute temperatures in hours of duty and the permitted slip power; the scene needs no [effects.heat]."""
     with explained():
-        others = [f"effects.heat.{key}=none" for key in ("torque", "torque_curve", "fade")]
-        given = [] if slip_power is None else [f"effects.heat.slip_power={slip_power}", *others]
+        given = [] if slip_power is None else [f"effects.heat.slip_power={slip_power}"]
         read = load(case, [*(sets or ()), *given], trust_scripts)
         from emclutch.results import Progress
         from emclutch.scene.units import Quantity

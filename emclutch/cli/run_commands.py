@@ -211,12 +211,15 @@ def accuracy(
         wanted, seconds = read_shares(targets or opt.USUAL_TARGETS, "--for"), read_budget(budget)
         read = load(case, sets, trust_scripts)
         from emclutch.results import Progress
-        from emclutch.studies.accuracy.effect_contributions import EffectsResult, effect_contributions
+        from emclutch.studies.accuracy.effect_contributions import EffectsResult, effect_contributions, preview_effects
         from emclutch.studies.accuracy.study import AccuracyResult, preview
         from emclutch.studies.accuracy.study import accuracy as measure_accuracy
 
         if dry_run:
-            refuse_beside("--dry-run", {"--effects": effects, "--resume": resume, "--out": out is not None})
+            refuse_beside("--dry-run", {"--resume": resume, "--out": out is not None})
+            if effects:
+                show(preview_effects(read, seconds, jobs), as_json)
+                return
             source = shlex.join([str(case), *chain.from_iterable(("--set", one) for one in sets or ())])
             parts = preview(read, seconds, jobs, wanted, nullcontext if as_json else Progress, source)
             if as_json:

@@ -18,6 +18,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import brentq
 
 from emclutch.device_model.device import mesh_of
 from emclutch.device_model.materials import region_materials
@@ -41,7 +42,7 @@ COIL, POWDER = 0, 1
 SHAFT_ENDS = "shaft_ends"
 
 _RISE = 1e-3
-"""Of the powder [K], for the torque's derivative: its round-off is 1e-12 of the torque."""
+"""Of a temperature [K], for the derivatives of the powers: their round-off is 1e-12 of a power."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,14 +57,14 @@ class Drive:
         [V]
     slip : float
         Slip speed [rad/s].
-    slip_power : float or None
-        Given slip power [W], instead of torque times slip.
+    torque : float or None
+        Given torque [N m], instead of that of the current.
     """
 
     current: float | None
     voltage: float = 0.0
     slip: float = 0.0
-    slip_power: float | None = None
+    torque: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,34 +77,47 @@ class HeatModel:
         Resistance of the coil at 20 degrees C [ohm].
     torque : Callable
         Current [A], >= 0, and mean temperature of the powder [degrees C] to torque [N m].
+    regulates : bool
+        Whether the current is lowered until the torque is that of the drive; else the coil has its full current.
     """
 
     R_20: float
     torque: Callable[[float, float], float]
+    regulates: bool = False
 
     def resistance(self, temperature: float) -> float:
         """R of the coil [ohm] at a mean temperature [degrees C]; the linear law, also outside of -100 to 250."""
         return self.R_20 * (1.0 + COPPER_TEMPERATURE_COEFFICIENT * (temperature - ROOM))
 
-    def current(self, drive: Drive, temperature: float) -> float:
-        """The current [A] with the coil at a temperature [degrees C]."""
-        return drive.voltage / self.resistance(temperature) if drive.current is None else drive.current
+    def current(self, drive: Drive, coil: float, powder: float) -> float:
+        """The current [A] with coil and powder at temperatures [degrees C]."""
+        full = drive.voltage / self.resistance(coil) if drive.current is None else drive.current
+        wanted = drive.torque if self.regulates else None
+        if wanted is None or self.torque(abs(full), powder) <= wanted:
+            return full
+        if self.torque(0.0, powder) >= wanted:
+            return 0.0
+        return brentq(lambda current: self.torque(current, powder) - wanted, 0.0, abs(full))
+
+    def torque_of(self, drive: Drive, coil: float, powder: float) -> float:
+        """The torque [N m] with coil and powder at temperatures [degrees C]."""
+        if drive.torque is not None and not self.regulates:
+            return drive.torque
+        return self.torque(abs(self.current(drive, coil, powder)), powder)
 
     def powers(self, drive: Drive, means: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Powers of coil and powder (2,) [W] at their mean temperatures (2,), and the derivatives (2,) [W/K].
 
-        That of the torque with the coil's temperature, at a given voltage, is left out; iterations converge even so.
+        How one power changes with the other's temperature is left out; iterations converge even so.
         """
-        R = self.resistance(means[COIL])
-        R_slope = self.R_20 * COPPER_TEMPERATURE_COEFFICIENT
-        current = self.current(drive, means[COIL])
-        copper = R * current**2
-        copper_slope = R_slope * current**2 * (1.0 if drive.current is not None else -1.0)
-        if drive.slip_power is not None:
-            return np.array([copper, drive.slip_power]), np.array([copper_slope, 0.0])
-        torque, warmer = (self.torque(abs(current), means[POWDER] + rise) for rise in (0.0, _RISE))
-        slip = abs(drive.slip)
-        return np.array([copper, torque * slip]), np.array([copper_slope, (warmer - torque) / _RISE * slip])
+
+        def at(coil: float, powder: float) -> np.ndarray:
+            copper = self.resistance(coil) * self.current(drive, coil, powder) ** 2
+            return np.array([copper, self.torque_of(drive, coil, powder) * abs(drive.slip)])
+
+        coil, powder = float(means[COIL]), float(means[POWDER])
+        here, warmer = at(coil, powder), (at(coil + _RISE, powder)[COIL], at(coil, powder + _RISE)[POWDER])
+        return here, (np.array(warmer) - here) / _RISE
 
 
 def resistance_at_20(scene: Scene) -> float:

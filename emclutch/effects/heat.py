@@ -126,23 +126,14 @@ def _has_its_device(partial: PartialScene) -> Iterator[Fault]:
     if scene.effects.thermal is None:
         return
     if scene.geometry.clearances(scene.shape()) is None:
-        yield Fault(
-            "effects.heat",
-            "",
-            f"cannot be used with geometry.kind = '{scene.geometry.kind}', whose outside and clearances are not "
-            "known; take 'clutch' or 'drum', or remove the effect's table",
-        )
+        message = f"cannot be used with geometry.kind = '{scene.geometry.kind}', whose outside and clearances are not "
+        yield Fault("effects.heat", "", message + "known; take 'clutch' or 'drum', or remove the effect's table")
     elif scene.geometry.is_solved_in_3d:
-        yield Fault(
-            "effects.heat",
-            "",
-            f"cannot be used with geometry.{scene.geometry.key_of_3d}: heat is conducted in a section; remove one "
-            "of them",
-        )
+        message = f"cannot be used with geometry.{scene.geometry.key_of_3d}: heat is conducted in a section"
+        yield Fault("effects.heat", "", f"{message}; remove one of them")
     if scene.coil is None:
-        yield Fault(
-            "effects.heat", "", "needs [coil], whose copper loss it takes; add it, or remove the effect's table"
-        )
+        message = "needs [coil], whose copper loss it takes; add it, or remove the effect's table"
+        yield Fault("effects.heat", "", message)
 
 
 def _knows_its_materials(partial: PartialScene) -> Iterator[Fault]:
@@ -204,9 +195,6 @@ def _duty_has_one_drive(partial: PartialScene) -> Iterator[Fault]:
         )
     if effect.torque is not None and effect.torque_curve is not None:
         yield partial.fault("effects.heat.torque", "conflicts with torque_curve; keep one of them")
-    for key in ("torque", "torque_curve", "fade"):
-        if effect.slip_power is not None and getattr(effect, key) is not None:
-            yield partial.fault("effects.heat.slip_power", f"conflicts with {key}; keep one of them")
 
 
 class HeatSection(EffectSection):
@@ -263,8 +251,8 @@ class HeatSection(EffectSection):
     )
     slip_power: Power | None = Field(
         default=None,
-        description="given slip power while the coil is on, at the largest slip of the duty, instead of a torque: that "
-        "of one torque at all currents and temperatures (emclutch heat --slip-power)",
+        description="given slip power while the coil is on, at the largest slip of the duty; the current follows from "
+        "the torque against current, unless duty.current is given (emclutch heat --slip-power)",
         examples=["200 W"],
     )
     fade: FadeSection | None = Field(
@@ -275,14 +263,17 @@ class HeatSection(EffectSection):
     coil_limit: Temperature = Field(
         default=130.0, description="of the winding's hottest place: 105, 130, 155 in classes A, B, F (IEC 60085)"
     )
+    powder_limit: Annotated[float, Quantity("a temperature", "degC", "300 degC", -100.0, 1000.0)] | None = Field(
+        default=None, description="of the powder's hottest place; default: no limit", examples=["300 degC"]
+    )
     tolerance: Annotated[float, number("0.1", 1e-6, 10.0)] = Field(
         default=0.1, description="error of a step in time [K]"
     )
 
     @model_validator(mode="after")
     def _limits_lie_above_the_room(self) -> Self:
-        for key in ("surface_limit", "coil_limit"):
-            if getattr(self, key) <= self.ambient:
+        for key in ("surface_limit", "coil_limit", "powder_limit"):
+            if (limit := getattr(self, key)) is not None and limit <= self.ambient:
                 raise refuse(f"is not above the ambient temperature of {self.ambient:g} degrees C; raise it", key=key)
         return self
 

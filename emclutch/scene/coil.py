@@ -47,7 +47,8 @@ class CoilSection(Section):
             return self
         if not self.voltage.is_constant:
             raise refuse(
-                "is a time profile, and coil.current is given too; drive the coil by one of them and remove the other",
+                "is a time profile, which drives the coil, and coil.current is given too; remove coil.current (--set "
+                "coil.current=none), or give a constant voltage, that of the supply",
                 key="voltage",
             )
         if not self.voltage(0.0) > 0.0:

@@ -6,17 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from emclutch.results.report.report import (
-    Mark,
-    Picture,
-    Report,
-    Shown,
-    Statement,
-    Statements,
-    Table,
-    note,
-    warning,
-)
+from emclutch.results.report.report import Mark, Picture, Report, Shown, Statement, Statements, Table, note, warning
 from emclutch.results.text import format_percent, in_words
 
 HEADS = (

@@ -130,6 +130,7 @@ def field_transient(
             **_ends(transient, course, case.warnings),
             "tolerance": tolerance,
             "default_circuit": scene.effects.circuit is None,
+            "current_given": scene.coil is not None and scene.coil.current is not None,
             "powder": None if phi is None else powder_in_words(scene, phi),
         }
     if progress is not None:

@@ -72,40 +72,27 @@ _PIECES = 8
 """Between two instants, with two points of Gauss each, in an integral of the duty's power."""
 
 UNITS = {
-    "time": "s",
-    "current": "A",
-    "slip_speed": "rad/s",
-    "torque": "N m",
-    "copper_loss": "W",
-    "slip_power": "W",
-    "heat_out": "W",
-    "coil_mean": "degC",
-    "coil_hottest": "degC",
-    "powder_mean": "degC",
-    "powder_hottest": "degC",
+    "time": "s", "current": "A", "slip_speed": "rad/s", "torque": "N m", "copper_loss": "W", "slip_power": "W",
+    "heat_out": "W", "coil_mean": "degC", "coil_hottest": "degC", "powder_mean": "degC", "powder_hottest": "degC",
     "surface": "degC",
-}
+}  # fmt: skip
 """Columns of heat.csv and their units; the surface's is its hottest place, the shaft's ends excepted. Of an
 averaged duty those of the hottest places are the largest within a period, all others means over it."""
 
 HOTTEST_PLACES = ("coil_hottest", "powder_hottest", "surface")
+_KEYS = {"surface": "surface_limit", "coil_hottest": "coil_limit", "powder_hottest": "powder_limit"}
+
+Tell = Callable[[float, str], None]
+"""Takes the fraction of the study that is done, and what is being done."""
 
 PERMITTED_UNITS = {
-    "speed": "rad/s",
-    "rotor_speed": "rad/s",
-    "disc_speed": "rad/s",
-    "film": "W/(m^2 K)",
-    "by_surface": "W",
-    "by_coil": "W",
-    "slip_power": "W",
-    "torque": "N m",
-    "powder_hottest": "degC",
-    "current": "A",
+    "speed": "rad/s", "rotor_speed": "rad/s", "disc_speed": "rad/s", "film": "W/(m^2 K)", "by_surface": "W",
+    "by_coil": "W", "by_powder": "W", "slip_power": "W", "torque": "N m", "powder_hottest": "degC", "current": "A",
     "torque_of_current": "N m",
-}
+}  # fmt: skip
 """Of permitted.csv: the slip speed, the speeds of both bodies and the rotor's film at it; the slip power up to which
-surface and coil stay below their limits, the smaller of both, and its torque; where the torque of all currents is
-known, the largest one up to the duty's that may flow steadily at that slip, and its torque."""
+surface, coil and powder stay below those limits that are given, the smallest, its torque and powder; where the torque
+of all currents is known, the largest current up to the duty's that may flow steadily at that slip, and its torque."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -169,6 +156,11 @@ def heat(
     RunError
         No slip power is found at which a limit of the temperature is reached.
     """
+
+    def tell(share: float, text: str) -> None:
+        if progress is not None:
+            progress.update(share, text)
+
     case = as_case(case)
     folder = new_folder(out, f"{case.name}-heat")
     with bad_input_for(case.path):
@@ -180,40 +172,34 @@ def heat(
         if progress is not None:
             progress.status("mesh and torque")
             progress.update(0.0)
-        study = _Study.of(case, run)
+        study = _Study.of(case, run, tell)
     own = study.peak.slip
     if own > 0.0 and not any(isclose(own, speed, rel_tol=1e-6) for speed in slips):
         slips = sorted([*slips, own])
     units = UNITS | PERMITTED_UNITS
     effect = case.scene.effects.thermal
-    limits = {"surface": effect.surface_limit, "coil_hottest": effect.coil_limit}
     summary: dict[str, Any] = {
-        "title": case.scene.scene.title, "units": units, "torque": study.torque_summary, "limits": limits,
-        "voltage": None if study.peak.current is not None else study.peak.voltage,
-        "on_all_the_time": effect.duty.on is None, "slip": own, "of_slip_power": effect.slip_power is not None,
+        "title": case.scene.scene.title, "units": units, "torque": study.torque_summary, "limits": study.limits,
+        "default_limits": [key for key in study.limits if _KEYS[key] not in effect.model_fields_set],
+        "voltage": study.peak.voltage if study.peak.current is None and study.peak.torque is None else None,
+        "on_all_the_time": effect.duty.on is None, "slip": own,
         "cooling": {key: getattr(effect, key) for key in ("convection", "emissivity", "shaft_conductance")},
     }  # fmt: skip
 
-    def stage(share: float, text: str) -> None:
-        if progress is not None:
-            progress.update(share, text)
-
     try:
-        stage(0.2, "steady temperatures")
+        tell(0.2, "steady temperatures")
         summary["steady"], temperature = study.steady()
         summary["steady_at_the_ends"] = {end: study.with_torque_times(by).steady()[0] for end, by in study.ends.items()}
-        stage(0.4, "temperatures through the duty")
         table, summary["duty"], hottest = study.through_the_duty(temperature)
-        stage(0.6, "permitted slip power")
         permitted = study.permitted(slips)
-        stage(0.8, "permitted currents and error of the mesh")
+        tell(0.8, "permitted currents and error of the mesh")
         summary["largest_current"] = study.largest_currents()
         summary["error_of_the_mesh"] = study.mesh_error(temperature)
     except HeatNotConverged as error:
         remedy = "let the torque change less steeply in effects.heat.fade and torque_curve, or leave them out"
         fault = Fault("effects.heat", "", f"has temperatures that do not converge: {error}; {remedy}")
         raise SceneError([fault], "scene" if case.path is None else str(case.path)) from error
-    stage(1.0, "files and pictures")
+    tell(1.0, "files and pictures")
     folder.mkdir(parents=True)
     table.to_csv(folder / "heat.csv", index=False)
     permitted.to_csv(folder / "permitted.csv", index=False)
@@ -222,7 +208,7 @@ def heat(
     if temperature is not None and not effect.duty.model_fields_set:  # no duty was asked for
         shown, when = temperature, "steady, on all the time"
     temperature_picture(folder / "temperature.png", study.problem, shown, title=f"{summary['title']}: {when}")
-    duty_picture(folder / "heat.png", table, permitted, limits, title=summary["title"])
+    duty_picture(folder / "heat.png", table, permitted, study.limits, title=summary["title"])
     found = HeatResult(folder, summary, table, permitted)
     write_index(found.report())
     return found
@@ -235,9 +221,10 @@ class _Study:
     model: HeatModel
     torque_summary: dict[str, Any]
     peak: Drive
+    tell: Tell
 
     @classmethod
-    def of(cls, case: Case, run: str | Path | None) -> _Study:
+    def of(cls, case: Case, run: str | Path | None, tell: Tell = lambda *_: None) -> _Study:
         scene = case.scene
         effect, coil, shape = scene.effects.thermal, scene.coil, scene.shape()
         assert coil is not None  # by the effect's checks
@@ -245,14 +232,20 @@ class _Study:
         current, R_20 = coil.currents_in(*window).largest, resistance_at_20(scene)
         slip = scene.motion.largest_slip if effect.duty.slip is None else effect.duty.slip.largest
         problem = heat_problem(scene, *scene.motion.speeds_at_slip(slip))
+        peak = Drive(current if effect.duty.current is None else effect.duty.current.largest, 0.0, slip)
         if coil.is_at_voltage:
             assert coil.voltage is not None  # what drives it
             peak = Drive(None, coil.voltage.largest, slip)
-        else:
-            peak = Drive(current if effect.duty.current is None else effect.duty.current.largest, 0.0, slip)
-        largest = HeatModel(R_20, lambda *_: 0.0).current(peak, effect.ambient)
-        torque, torque_summary = torque_of(case, current, largest, run, slip)
-        return cls(scene, problem, HeatModel(R_20, torque), torque_summary, peak)
+        largest = HeatModel(R_20, lambda *_: 0.0).current(peak, effect.ambient, effect.ambient)
+        torque, torque_summary = torque_of(case, current, largest, run, slip, tell)
+        peak = replace(peak, torque=torque_summary.get("needed_torque"))
+        return cls(scene, problem, HeatModel(R_20, torque, peak.torque is not None), torque_summary, peak, tell)
+
+    @property
+    def limits(self) -> dict[str, float]:
+        """The limits [degrees C] that are given, by hottest place."""
+        limits = {place: getattr(self.scene.effects.thermal, key) for place, key in _KEYS.items()}
+        return {place: limit for place, limit in limits.items() if limit is not None}
 
     @property
     def ends(self) -> dict[str, float]:
@@ -265,8 +258,10 @@ class _Study:
         torque = self.model.torque
         return replace(self, model=replace(self.model, torque=lambda *at: factor * torque(*at)))
 
-    def _solve(self, drive: Drive, problem: HeatProblem | None = None, near: np.ndarray | None = None) -> np.ndarray:
-        """Steady temperatures, found sooner from others that are `near`.
+    def _solve(
+        self, powers: Powers | Drive, problem: HeatProblem | None = None, near: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Steady temperatures at powers or a drive, found sooner from others that are `near`.
 
         Raises
         ------
@@ -274,12 +269,13 @@ class _Study:
             There are none, or the winding's mean is above `HOTTEST`.
         """
         problem = problem or self.problem
-        powers = partial(self.model.powers, drive)
-        found = None
-        if near is not None:
-            with suppress(ThermalRunaway):  # what is colder may run away there already
-                found = problem.steady(powers, near)
-        if found is None:
+        if isinstance(powers, Drive):
+            powers = partial(self.model.powers, powers)
+        try:
+            found = problem.steady(powers, HOTTEST if near is None else near)
+        except ThermalRunaway:
+            if near is None:  # else what is colder may run away there already
+                raise
             found = problem.steady(powers, HOTTEST)
         if problem.means(found)[COIL] > HOTTEST:
             raise ThermalRunaway(f"the winding would be above {HOTTEST:g} degrees C")
@@ -290,29 +286,26 @@ class _Study:
     ) -> dict[str, float]:
         """Of drives by their share of the time, at temperatures or, with a ripple, at their means over a period."""
         problem, model, means = self.problem, self.model, self.problem.means(temperature)
-        currents = {drive: model.current(drive, means[COIL]) for drive in drives}
         powers, _ = self._mean_powers(drives, means)
-        values = (
-            time,
-            sum(share * currents[drive] for drive, share in drives.items()),
-            sum(share * drive.slip for drive, share in drives.items()),
-            sum(share * model.torque(abs(currents[drive]), means[POWDER]) for drive, share in drives.items()),
-            powers[COIL],
-            powers[POWDER],
-            sum(problem.losses(temperature).values()),
-            means[COIL],
-            means[POWDER],
-        )
-        names = [key for key in UNITS if key not in HOTTEST_PLACES]
-        row = dict(zip(names, map(float, values), strict=True))
-        row |= dict(zip(HOTTEST_PLACES, map(float, self._hottest(temperature, ripple).max(axis=0)), strict=True))
-        return {key: row[key] for key in UNITS}
+        row = {
+            "time": time,
+            "current": sum(share * model.current(drive, *means) for drive, share in drives.items()),
+            "slip_speed": sum(share * drive.slip for drive, share in drives.items()),
+            "torque": sum(share * model.torque_of(drive, *means) for drive, share in drives.items()),
+            "copper_loss": powers[COIL],
+            "slip_power": powers[POWDER],
+            "heat_out": sum(problem.losses(temperature).values()),
+            "coil_mean": means[COIL],
+            "powder_mean": means[POWDER],
+            **dict(zip(HOTTEST_PLACES, self._hottest(temperature, ripple).max(axis=0), strict=True)),
+        }
+        return {key: float(row[key]) for key in UNITS}
 
     def _hottest(self, temperature: np.ndarray, ripple: Ripple | None) -> np.ndarray:
         """Temperatures (k, 3) [degrees C] of the `HOTTEST_PLACES` at the times of a ripple."""
         problem = self.problem
         through = [temperature] if ripple is None else temperature + ripple.departures
-        return np.array([[*problem.largest(one)[[COIL, POWDER]], _surface(problem, one)] for one in through])
+        return np.array([[_hottest_places(problem, one)[key] for key in HOTTEST_PLACES] for one in through])
 
     def _mean_powers(self, drives: Mapping[Drive, float], means: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         each = [(share, self.model.powers(drive, means)) for drive, share in drives.items()]
@@ -332,29 +325,24 @@ class _Study:
 
     def through_the_duty(self, reference: np.ndarray | None) -> tuple[pandas.DataFrame, dict[str, Any], HeatState]:
         """A row a step, what came of it, and the hottest of its states; means over a period of an averaged duty."""
-        duty = self.scene.effects.thermal.duty
+        effect, duty = self.scene.effects.thermal, self.scene.effects.thermal.duty
         if duty.slip is not None and not duty.slip.is_constant:
             values = duty.slip.values
             slips = {*map(abs, values)} | ({0.0} if min(values) < 0.0 < max(values) else set())
-            return replace(self, problem=self._cooled_at(slips))._through_the_duty(reference)
-        return self._through_the_duty(reference)
+            self = replace(self, problem=self._cooled_at(slips))
+        if duty.period is not None and duty.end > MAX_RESOLVED_PERIODS * duty.period:
+            return self._averaged(reference)
+        march = HeatInTime(self.problem, self._powers_in_time, effect.tolerance, reference)
+        table, summary, hottest = self._marched(march, effect.ambient, self._switchings(duty.end), self._row_in_time)
+        made, own = summary["heat_of_coil"] + summary["heat_of_slip"], self._heat_of_the_duty(table)
+        summary["heat_error"] = (made - own) / own if own > 0.0 else 0.0
+        return table, summary, hottest
 
     def _cooled_at(self, slips: Iterable[float]) -> HeatProblem:
         """The problem with the films of the bodies' speeds at slips [rad/s]; of several, with each body's smallest."""
         speeds = [self.scene.motion.speeds_at_slip(slip) for slip in slips]
         films = [min(film_of(self.scene, speed) for speed in of_body) for of_body in zip(*speeds, strict=True)]
         return self.problem.with_films(dict(zip(("rotor", "disc"), films, strict=True)))
-
-    def _through_the_duty(self, reference: np.ndarray | None) -> tuple[pandas.DataFrame, dict[str, Any], HeatState]:
-        effect, duty = self.scene.effects.thermal, self.scene.effects.thermal.duty
-        if duty.period is not None and duty.end > MAX_RESOLVED_PERIODS * duty.period:
-            return self._averaged(reference)
-        march = HeatInTime(self.problem, self._powers_in_time, effect.tolerance, reference)
-        table, summary, hottest = self._marched(march, effect.ambient, self._switchings(duty.end), self._row_in_time)
-        own = self._heat_of_the_duty(table)
-        made = summary["heat_of_coil"] + summary["heat_of_slip"]
-        summary["heat_error"] = (made - own) / own if own > 0.0 else 0.0
-        return table, summary, hottest
 
     def _powers_in_time(self, time: float, means: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return self.model.powers(self._drive(time), means)
@@ -385,6 +373,7 @@ class _Study:
         summary: dict[str, Any] = {"state": f"computed to {effect.duty.end:g} s", "end": effect.duty.end}
         try:
             for state in march.run(first, ends):
+                self.tell(0.4 + 0.2 * state.time / effect.duty.end, "temperatures through the duty")
                 rows.append(row(state.temperature, state.time))
                 hottest = max(hottest, state, key=lambda one: one.temperature.max())
                 if rows[-1]["coil_mean"] > HOTTEST:
@@ -393,12 +382,16 @@ class _Study:
             summary["state"] = f"stopped: winding above {HOTTEST:g} °C after {state.time:.4g} s"
             summary["end"] = state.time
         table = pandas.DataFrame(rows)
-        for key, limit in (("surface", effect.surface_limit), ("coil_hottest", effect.coil_limit)):
+        for key, limit in self.limits.items():
             summary[f"{key}_limit_passed_after"] = _passes(table["time"].to_numpy(), table[key].to_numpy(), limit)
         for key in HOTTEST_PLACES:
             summary |= {f"largest_{key}": float(table[key].max()), f"last_{key}": float(table[key].iloc[-1])}
-        summary |= _energy(self.problem, first, state)
-        summary["steps"] = march.steps
+        stored, made = float(self.problem.heat_content @ (state.temperature - first.temperature)), state.made.sum()
+        summary |= {
+            "heat_of_coil": float(state.made[COIL]), "heat_of_slip": float(state.made[POWDER]), "heat_out": state.left,
+            "heat_stored": stored, "steps": march.steps,
+            "energy_error": float((made - state.left - stored) / made) if made > 0.0 else 0.0,
+        }  # fmt: skip
         return table, summary, hottest
 
     def _averaged(self, reference: np.ndarray | None) -> tuple[pandas.DataFrame, dict[str, Any], HeatState]:
@@ -415,7 +408,9 @@ class _Study:
             march = HeatInTime(problem, lambda _, means: powers(means), effect.tolerance, reference)
             return self._marched(march, start, ends, lambda mean, time: self._row(drives, mean, time, ripple))
 
-        mean = steady = self._steady_or_none(powers)
+        mean = steady = None
+        with suppress(ThermalRunaway):
+            mean = steady = self._solve(powers)
         if mean is None:
             mean = through(effect.ambient, None)[2].temperature  # that runs away
         cycle = HeatInTime(problem, self._powers_in_time, effect.tolerance, mean)
@@ -447,12 +442,6 @@ class _Study:
         missed = problem.spread @ (weights @ np.array(each) - power) + problem.loss(steady) - ripple.weights @ losses
         return float(np.abs(problem.factorised(problem.tangent(steady)).solve(missed, slope)).max())
 
-    def _steady_or_none(self, powers: Powers) -> np.ndarray | None:
-        with suppress(ThermalRunaway):
-            found = self.problem.steady(powers, HOTTEST)
-            return found if self.problem.means(found)[COIL] <= HOTTEST else None
-        return None
-
     def _through_a_period(self) -> tuple[np.ndarray, np.ndarray]:
         """Times [s] and weights, of sum 1, of a mean over a period."""
         period = self.scene.effects.thermal.duty.period
@@ -467,7 +456,7 @@ class _Study:
         if duty.on is not None and within >= duty.on:
             return Drive(0.0, 0.0, slip)
         if duty.current is None:
-            return Drive(self.peak.current, self.peak.voltage, slip)
+            return replace(self.peak, slip=slip)
         return Drive(abs(duty.current(within)), 0.0, slip)
 
     def _switchings(self, end: float) -> list[float]:
@@ -484,38 +473,53 @@ class _Study:
         times = {k * period + cut for k in range(count) for cut in cuts}
         return sorted(time for time in {*times, end} if 0.0 < time <= end)
 
+    @property
+    def _full_current(self) -> float:
+        """Largest current [A] of the duty, with the coil at ambient temperature."""
+        ambient = self.scene.effects.thermal.ambient
+        return abs(self.model.current(replace(self.peak, torque=None), ambient, ambient))
+
     def permitted(self, speeds: Sequence[float]) -> pandas.DataFrame:
-        """A row a slip speed, with the coil at its largest current or voltage."""
-        effect, motion, rows = self.scene.effects.thermal, self.scene.motion, []
-        for speed in speeds:
-            rotor, disc = motion.speeds_at_slip(speed)
-            problem = self._cooled_at([speed])
-            at = _AtSlipPower(self, problem)
-            by_surface = _where_reached(at.surface, effect.surface_limit, "surface_limit")
-            by_coil = _where_reached(at.hottest, effect.coil_limit, "coil_limit")
-            power = min(by_surface, by_coil)
-            try:
-                powder = float(problem.largest(at(power))[POWDER])
-            except ThermalRunaway:  # the coil alone is too hot
-                powder = float("nan")
-            values = [speed, rotor, disc, film_of(self.scene, rotor), by_surface, by_coil, power, power / speed, powder]
-            if self.torque_summary["of_all_currents"]:
-                values += self.steady_current(problem, speed)
-            rows.append(dict(zip(PERMITTED_UNITS, values, strict=False)))
-        return pandas.DataFrame(rows)
+        """A row a slip speed, with the coil at its largest current or voltage, or at the current of the slip power."""
+        return pandas.DataFrame([self._permitted_at(speed, n / len(speeds)) for n, speed in enumerate(speeds)])
+
+    def _permitted_at(self, speed: float, share: float) -> dict[str, float]:
+        self.tell(0.6 + 0.2 * share, "permitted slip power")
+        problem, last = self._cooled_at([speed]), None
+
+        def at(power: float) -> dict[str, float]:
+            nonlocal last
+            drive = replace(self.peak, slip=speed, torque=power / speed)
+            last = self._solve(drive, problem, last)  # sooner from the last
+            return _hottest_places(problem, last)
+
+        most, by = inf, {}
+        if self.model.regulates:
+            most = self.model.torque(self._full_current, self.scene.effects.thermal.ambient) * speed
+        for place, limit in self.limits.items():
+            value = partial(lambda power, place: at(power)[place], place=place)
+            by[f"by_{place.removesuffix('_hottest')}"] = _where_reached(value, limit, _KEYS[place], most)
+        rotor, disc = self.scene.motion.speeds_at_slip(speed)
+        power = min(by.values())
+        row = {"speed": speed, "rotor_speed": rotor, "disc_speed": disc, "film": film_of(self.scene, rotor), **by,
+               "slip_power": power, "torque": power / speed, "powder_hottest": float("nan")}  # fmt: skip
+        with suppress(ThermalRunaway):  # the coil alone is too hot
+            row["powder_hottest"] = at(power)["powder_hottest"]
+        if self.torque_summary["of_all_currents"]:
+            row["current"], row["torque_of_current"] = self.steady_current(problem, speed)
+        return row
 
     def steady_current(self, problem: HeatProblem, slip: float) -> tuple[float, float]:
-        """Largest current [A], at most the duty's, at which slip [rad/s] all the time keeps both limits; its torque."""
-        effect, model = self.scene.effects.thermal, self.model
+        """Largest current [A], at most the duty's, at which slip [rad/s] all the time keeps the limits; its torque."""
+        ambient, model = self.scene.effects.thermal.ambient, self.model
 
         def excess(current: float) -> float:
-            found = self._solve(Drive(current, slip=slip), problem)
-            coil = float(problem.largest(found)[COIL])
-            return max(_surface(problem, found) - effect.surface_limit, coil - effect.coil_limit)
+            found = _hottest_places(problem, self._solve(Drive(current, slip=slip), problem))
+            return max(found[place] - limit for place, limit in self.limits.items())
 
-        current = min(abs(model.current(self.peak, effect.ambient)), _where_reached(excess, 0.0, "surface_limit"))
+        current = _where_reached(excess, 0.0, "surface_limit", self._full_current)
         if current == 0.0:
-            return 0.0, model.torque(0.0, effect.ambient)
+            return 0.0, model.torque(0.0, ambient)
         return current, model.torque(current, problem.means(self._solve(Drive(current, slip=slip), problem))[POWDER])
 
     def largest_currents(self) -> dict[str, float]:
@@ -554,42 +558,19 @@ class _Study:
             found = self._solve(self.peak, finer)
         except ThermalRunaway as error:
             return f"not known: with elements of the next order {error}"
-        return {
-            "surface": _surface(self.problem, temperature) - _surface(finer, found),
-            "coil_hottest": float((self.problem.largest(temperature) - finer.largest(found))[COIL]),
-            "powder_hottest": float((self.problem.largest(temperature) - finer.largest(found))[POWDER]),
-        }
+        coarse, fine = _hottest_places(self.problem, temperature), _hottest_places(finer, found)
+        return {place: coarse[place] - fine[place] for place in HOTTEST_PLACES}
 
 
-class _AtSlipPower:
-    """Steady temperatures of a problem against its slip power [W], each solved from the last."""
-
-    def __init__(self, study: _Study, problem: HeatProblem) -> None:
-        self.study, self.problem = study, problem
-        self.last: np.ndarray | None = None
-
-    def __call__(self, power: float) -> np.ndarray:
-        peak = self.study.peak
-        found = self.study._solve(Drive(peak.current, peak.voltage, slip_power=power), self.problem, self.last)
-        self.last = found
-        return found
-
-    def surface(self, power: float) -> float:
-        """Temperature of the hottest place outside [degrees C]."""
-        return _surface(self.problem, self(power))
-
-    def hottest(self, power: float) -> float:
-        """Temperature of the winding's hottest place [degrees C]."""
-        return float(self.problem.largest(self(power))[COIL])
+def _hottest_places(problem: HeatProblem, temperature: np.ndarray) -> dict[str, float]:
+    """Temperatures [degrees C] of the `HOTTEST_PLACES`; the surface without the shaft's ends."""
+    coil, powder = map(float, problem.largest(temperature)[[COIL, POWDER]])
+    surface = max(one for name, one in problem.surface_temperatures(temperature).items() if name != SHAFT_ENDS)
+    return {"coil_hottest": coil, "powder_hottest": powder, "surface": surface}
 
 
-def _surface(problem: HeatProblem, temperature: np.ndarray) -> float:
-    """Temperature of the hottest place outside, the shaft's ends excepted [degrees C]."""
-    return max(one for name, one in problem.surface_temperatures(temperature).items() if name != SHAFT_ENDS)
-
-
-def _where_reached(value: Callable[[float], float], limit: float, key: str) -> float:
-    """Power [W] or current [A] at which a temperature that rises with it reaches a limit; 0 if above without it.
+def _where_reached(value: Callable[[float], float], limit: float, key: str, most: float = inf) -> float:
+    """Power [W] or current [A], up to `most`, at which a temperature that rises with it reaches a limit; 0: above it.
 
     By Brent's method; a value that makes the winding run away counts as above the limit. RunError with the `key` of the
     limit where none is found.
@@ -603,9 +584,11 @@ def _where_reached(value: Callable[[float], float], limit: float, key: str) -> f
 
     if excess(0.0) >= 0.0:
         return 0.0
-    high = 1.0
+    high = min(1.0, most)
     while excess(high) < 0.0:
-        high *= 2.0
+        if high == most:
+            return most
+        high = min(2.0 * high, most)
         if high > _MOST:
             raise RunError(
                 f"effects.heat.{key} = {limit:g} degrees C is reached by no power or current: {_MOST:g} W make "
@@ -624,24 +607,8 @@ def _gauss(edges: Sequence[float] | np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 def _passes(time: np.ndarray, value: np.ndarray, limit: float) -> float | None:
     """When a temperature first passes a limit [s], between two rows on a line; None where it does not."""
-    above = np.flatnonzero(value > limit)
-    if not len(above):
+    if not np.any(value > limit):
         return None
-    k = int(above[0])
-    if k == 0:
-        return 0.0
-    share = (limit - value[k - 1]) / (value[k] - value[k - 1])
-    return float(time[k - 1] + share * (time[k] - time[k - 1]))
+    k = int(np.argmax(value > limit))
+    return float(np.interp(limit, value[k - 1 : k + 1], time[k - 1 : k + 1])) if k else 0.0
 
-
-def _energy(problem: HeatProblem, first: HeatState, last: HeatState) -> dict[str, float]:
-    """Heat [J] made, left and stored, and what does not close of it over what was made."""
-    stored = float(problem.heat_content @ (last.temperature - first.temperature))
-    made = float(last.made.sum())
-    return {
-        "heat_of_coil": float(last.made[COIL]),
-        "heat_of_slip": float(last.made[POWDER]),
-        "heat_out": last.left,
-        "heat_stored": stored,
-        "energy_error": (made - last.left - stored) / made if made > 0.0 else 0.0,
-    }

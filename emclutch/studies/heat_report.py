@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -10,23 +10,14 @@ import pandas
 
 from emclutch.device_model.coil_heat import HOTTEST
 from emclutch.results.quantity import RPM
-from emclutch.results.report.report import (
-    Mark,
-    Picture,
-    Report,
-    Shown,
-    Statement,
-    Statements,
-    Table,
-    note,
-    warning,
-)
+from emclutch.results.report.report import Mark, Picture, Report, Shown, Statement, Statements, Table, note, warning
 from emclutch.results.text import format_duration, in_words
 
 PLACES = {"coil_hottest": "coil", "powder_hottest": "powder", "surface": "surface"}
 PERMITTED = {
     "by_surface": "limited by surface [W]",
     "by_coil": "limited by coil [W]",
+    "by_powder": "limited by powder [W]",
     "slip_power": "permitted slip power [W]",
     "torque": "torque at that power [N m]",
     "current": "permitted current [A]",
@@ -53,9 +44,8 @@ def _temperatures(summary: dict[str, Any]) -> Table:
     if "surface" in steady:
         table.append(("steady, on all the time", *(f"{steady[key]:.1f}" for key in PLACES)))
     for end, of_end in summary["steady_at_the_ends"].items():
-        table.append(
-            (f"steady, {end}est torque (95 %)", *(f"{of_end[key]:.1f}" if key in of_end else "none" for key in PLACES))
-        )
+        values = (f"{of_end[key]:.1f}" if key in of_end else "none" for key in PLACES)
+        table.append((f"steady, {end}est torque (95 %)", *values))
     end = f"end of the duty, {format_duration(duty['end'])}"
     for words, prefix in ((end, "last"), ("maximum over the duty", "largest")):
         table.append((words, *(f"{duty[f'{prefix}_{key}']:.1f}" for key in PLACES)))
@@ -65,9 +55,8 @@ def _temperatures(summary: dict[str, Any]) -> Table:
 
 
 def _permitted(permitted: pandas.DataFrame) -> Table:
-    table = []
-    for row in permitted.to_dict("records"):
-        table.append((f"{RPM * row['speed']:.0f}", *(f"{row[key]:.3g}" for key in PERMITTED if key in row)))
+    table = [(f"{RPM * row['speed']:.0f}", *(f"{row[key]:.3g}" for key in PERMITTED if key in row))
+             for row in permitted.to_dict("records")]  # fmt: skip
     head = ("slip [rpm]", *(words for key, words in PERMITTED.items() if key in permitted))
     return Table(table, head, range(len(head)))
 
@@ -80,8 +69,8 @@ def _limits(summary: dict[str, Any]) -> Iterator[Statement]:
         limit = f"its limit of {limits[key]:g} °C"
         yield warning(f"the {PLACES[key]} exceeds {limit} after {format_duration(after)} of the duty")
     if not passed:
-        both = " and ".join(f"{limit:g} °C" for limit in limits.values())
-        yield Statement(Mark.GOOD, f"Surface and coil stay below their limits ({both}) through the duty.")
+        places, given = _joined(PLACES[key] for key in limits), _joined(f"{limit:g} °C" for limit in limits.values())
+        yield Statement(Mark.GOOD, f"{places.capitalize()} stay below their limits ({given}) through the duty.")
     for_ever = duty.get("steady") or (summary["steady"] if summary["on_all_the_time"] else {})
     for key, limit in limits.items():
         if key not in passed and for_ever.get(key, limit) > limit:
@@ -94,7 +83,10 @@ def _permitted_at_the_duty(summary: dict[str, Any], permitted: pandas.DataFrame)
     if not summary["slip"]:
         return
     row = permitted.loc[(permitted["speed"] - summary["slip"]).abs().idxmin()]
-    limit = "surface" if row["by_surface"] <= row["by_coil"] else "coil"
+    powers = {row[f"by_{PLACES[key]}"]: PLACES[key] for key in summary["limits"]}
+    limit = powers[min(powers)]
+    if "needed_torque" in summary["torque"] and len(powers) == 1 and row["slip_power"] > 0.0:
+        limit = "the largest current"
     at = f"Permitted steady slip power at {RPM * summary['slip']:.4g} rpm"
     if row["slip_power"] > 0.0:
         yield note(f"{at}: {row['slip_power']:.3g} W (limit: {limit}).")
@@ -110,10 +102,20 @@ def _remarks(summary: dict[str, Any], permitted: pandas.DataFrame) -> Iterator[S
         f"Torque at {torque['current']:.3g} A and {torque['temperature']:g} °C by {torque['source']}: "
         f"{torque.get('words') or format(torque['value'], '.3g') + ' N m'}.",
     )
-    if summary["of_slip_power"]:
-        yield note("The coil has this current, whatever torque the slip power gives. If the law gives this torque at a "
-                   "smaller current, set coil.current. The permitted current needs the law: leave the slip power "
-                   "out.")  # fmt: skip
+    if "needed_torque" in torque:
+        needed, given = torque["needed_torque"], torque["needed_torque"] * summary["slip"]
+        yield note(f"The slip power of {given:.4g} W at {RPM * summary['slip']:.4g} rpm needs {needed:.3g} N m: "
+                   f"{torque['needed_current']:.3g} A with the powder at {torque['temperature']:g} °C, by "
+                   f"{torque['at_other_currents']}.")  # fmt: skip
+        if steady.get("torque", needed) < 0.999 * needed:
+            yield warning(f"the warm device transmits only {steady['torque']:.3g} N m at its largest current: "
+                          f"{steady['slip_power']:.3g} W of slip")  # fmt: skip
+    elif "full_current" in torque:
+        yield note(torque["full_current"])
+    limits, default = summary["limits"], summary["default_limits"]
+    known = (f"{PLACES[key]} {limit:g} °C{' (default)' * (key in default)}" for key, limit in limits.items())
+    unknown = "" if "powder_hottest" in limits else " No limit of the powder is given (effects.heat.powder_limit)."
+    yield note(f"Temperature limits: {_joined(known)}.{unknown}")
     cooling = summary["cooling"]
     yield note(f"Cooling, the largest uncertainty: convection {cooling['convection']:.3g} W/(m^2 K), emissivity "
                f"{cooling['emissivity']:.3g}, shaft {cooling['shaft_conductance']:.3g} W/K. Vary "
@@ -130,27 +132,21 @@ def _remarks(summary: dict[str, Any], permitted: pandas.DataFrame) -> Iterator[S
         at = f"{drive} with {steady['torque']:.3g} N m, powder at {steady['powder_mean']:.0f} °C"
         yield note(f"Steady state at {at}: {copper} and {slip} flow out through {out}.")
     else:
-        limit = f"{largest['at_a_mean_of_250_degrees']:.3g} A"
         yield warning(steady["state"])
-        yield note(
-            f"Without slip a steady state exists up to {limit}. Lower current or slip power, cool better, or shorten "
-            "the duty."
-        )
-    yield note(
-        f"Duty: {duty['state']}, {duty['steps']} steps; residual of the energy balance {abs(duty['energy_error']):.1e}."
-    )
+        yield note(f"Without slip a steady state exists up to {largest['at_a_mean_of_250_degrees']:.3g} A. Lower "
+                   "current or slip power, cool better, or shorten the duty.")  # fmt: skip
+    left = f"{abs(duty['energy_error']):.1e}"
+    yield note(f"Duty: {duty['state']}, {duty['steps']} steps; residual of the energy balance {left}.")
     if "heat_error" in duty:
-        yield note(
-            f"Error of the heat produced, relative to the integral of the duty's power: {duty['heat_error']:+.1e}."
-        )
+        left = f"{duty['heat_error']:+.1e}"
+        yield note(f"Error of the heat produced, relative to the integral of the duty's power: {left}.")
     if "ripple" in duty:
         yield note(averaging_in_words(duty))
     if not permitted[["rotor_speed", "disc_speed"]].to_numpy().any():
         yield note("The permitted slip power is that of bodies cooled as at rest: neither turns in [motion].")
     coil, hot = f"{largest['at_the_coil_limit']:.3g} A", f"{largest['at_a_mean_of_250_degrees']:.3g} A"
-    yield note(
-        f"Largest current without slip: {coil} at the coil's limit, {hot} with a steady state below {HOTTEST:g} °C."
-    )
+    hot += f" with a steady state below {HOTTEST:g} °C"
+    yield note(f"Largest current without slip: {coil} at the coil's limit, {hot}.")
     if "with_slip" in largest:
         ends = [f"{largest[key]:.3g}" for key in ("with_slip_high", "with_slip_low") if key in largest]
         interval = f" (95 % of the torque: {' to '.join(ends)} A)" if ends else ""
@@ -158,6 +154,11 @@ def _remarks(summary: dict[str, Any], permitted: pandas.DataFrame) -> Iterator[S
     error = summary["error_of_the_mesh"]
     if isinstance(error, dict):
         yield note(f"Error of the mesh in the steady state: {max(map(abs, error.values())):.2g} K.")
+
+
+def _joined(words: Iterable[str]) -> str:
+    *most, last = words
+    return f"{', '.join(most)} and {last}"
 
 
 def averaging_in_words(duty: dict[str, Any]) -> str:

@@ -11,7 +11,9 @@ stresses m^2 times those at theta_0, so that
 Neglected: the inertial number changes with the stress, by 1e-5 of the torque from 20 to 200 degrees C. Temperatures
 outside of the range that a scene may have count as its ends.
 
-**Slip power.** `effects.heat.slip_power` is that of one torque at all currents and temperatures.
+**Slip power.** `effects.heat.slip_power` over the largest slip is a torque. The current that gives it follows from the
+law or the curve at each temperature of the powder, up to the largest current. Without either, and at a current of
+`effects.heat.duty.current`, that one torque is taken at all currents and temperatures.
 
 **Measured.** A torque that is given (`effects.heat.torque`, a run) scales the law. `effects.heat.torque_curve` replaces
 it, and `effects.heat.fade` replaces its change with the temperature at a given current.
@@ -29,7 +31,9 @@ from scipy.interpolate import PchipInterpolator
 
 from emclutch.device_model.coil_heat import HOTTEST
 from emclutch.device_model.device import build_device
+from emclutch.device_model.heat_model import Drive, HeatModel
 from emclutch.device_model.materials import saturation_ratio_of
+from emclutch.effects.heat import HeatSection
 from emclutch.results import load_result
 from emclutch.results.quantity import RPM
 from emclutch.scene.case import Case
@@ -50,41 +54,45 @@ Torque = Callable[[float, float], float]
 
 
 def torque_of(
-    case: Case, current: float, largest: float, run: str | Path | None, slip: float
-) -> tuple[Torque, dict[str, Any]]:
+    case: Case, current: float, largest: float, run: str | Path | None, slip: float,
+    tell: Callable[[float, str], None] = lambda *_: None,
+) -> tuple[Torque, dict[str, Any]]:  # fmt: skip
     """Return the torque of a scene with [effects.heat], or of a run's folder, and how it was found.
 
     `current` [A] is the largest one of [coil], at which `effects.heat.torque` is, `largest` that of the duty, `slip`
     [rad/s] the largest slip of the duty, at which `effects.heat.slip_power` is. Found are
     `value` [N m] at `current` and `temperature` [degrees C], its `source`, and what holds at others; of the law besides
-    `low` and `high` [N m], the ends of its 95 % interval, `is_guess` and `words`.
+    `low` and `high` [N m], the ends of its 95 % interval, `is_guess` and `words`; with a slip power its `needed_torque`
+    [N m] and `needed_current` [A] at `temperature`, or `full_current`, why the coil keeps its current.
 
     Raises
     ------
     SceneError, ConvergenceError
         The field at one of the law's currents cannot be solved.
     ValueError
-        There is no torque, or one of another current than the duty's alone.
+        There is no torque, or one of another current than the duty's alone, or it is too small for the slip power.
     """
     scene, effect = case.scene, case.scene.effects.thermal
-    if effect.slip_power is not None:
-        return _of_slip_power(effect.slip_power, slip, largest, run)
+    power, fixed = effect.slip_power, effect.slip_power is not None and effect.duty.current is not None
+    if power is not None and slip == 0.0:
+        raise ValueError(
+            f"effects.heat.slip_power = {power:g} W needs a slip: give effects.heat.duty.slip, or a speed in [motion]"
+        )
     measured, at = (effect.torque, current) if run is None else _of_run(effect.torque, run)
     given = "effects.heat.torque" if run is None else f"the best estimate of the run {run} at {at:.4g} A"
     fade, curve = effect.fade, effect.torque_curve
     found: dict[str, Any] = {}
-    law = (
-        None if curve is not None or scene.particles is None else _by_the_law(case, current, max(current, largest, at))
-    )
+    needs_law = curve is None and scene.particles is not None and not fixed
+    law = _by_the_law(case, current, max(current, largest, at), tell) if needs_law else None
+    if power is not None and (fixed or (curve is None and law is None)):
+        return _of_slip_power(effect, power, abs(slip), largest, run)
     first = fade.temperatures[0] if fade is not None else AS_GIVEN if scene.field is None else scene.field.temperature
     if curve is not None:
         name, shape = "effects.heat.torque_curve", lambda I, _: float(np.interp(I, curve.currents, curve.torques))
     elif law is not None:
         name, (shape, found) = "the law of the powder", law
     elif measured is None:
-        message = (
-            "the scene has no [particles], or no sheared gap; give effects.heat.torque, slip_power, or a run"
-        )
+        message = "the scene has no [particles], or no sheared gap; give effects.heat.torque, slip_power, or a run"
         raise ValueError(f"effects.heat has no torque: {message}")
     elif not isclose(at, largest, rel_tol=1e-3):
         raise ValueError(
@@ -105,6 +113,19 @@ def torque_of(
             return factor * shape(current, temperature)
         return factor * shape(current, first) * float(np.interp(temperature, fade.temperatures, fade.factors))
 
+    if power is not None:
+        needed, most = power / abs(slip), torque(largest, first)
+        if needed > most:
+            raise ValueError(
+                f"effects.heat.slip_power = {power:g} W needs {needed:.3g} N m at {RPM * abs(slip):.4g} rpm, but "
+                f"{elsewhere} gives {most:.3g} N m at the largest current, {largest:.3g} A; the largest slip power is "
+                f"{most * abs(slip):.3g} W: lower it, raise coil.current or coil.voltage, or give the current as "
+                "effects.heat.duty.current"
+            )
+        model = HeatModel(0.0, torque, regulates=True)
+        found["needed_torque"] = needed
+        found["needed_current"] = model.current(Drive(largest, torque=needed), first, first)
+
     return torque, found | {
         "value": torque(current, first),
         "current": current,
@@ -115,7 +136,9 @@ def torque_of(
     }
 
 
-def _by_the_law(case: Case, current: float, largest: float) -> tuple[Torque, dict[str, Any]] | None:
+def _by_the_law(
+    case: Case, current: float, largest: float, tell: Callable[[float, str], None]
+) -> tuple[Torque, dict[str, Any]] | None:
     """Return the torque of the law up to a largest current [A], and what it is at `current` [A]; None without a gap."""
 
     def ratio(temperature: float) -> float:
@@ -128,7 +151,8 @@ def _by_the_law(case: Case, current: float, largest: float) -> tuple[Torque, dic
     here = expectation_of(case, device, unknown_powder=True)
     if here.real is None:
         return None
-    for value in axis.values:
+    for number, value in enumerate(axis.values):
+        tell(0.2 * number / len(axis.values), "torque at each current")
         at = case.with_values(axis.changes(value) | needless)
         found = expectation_of(at, device.driven_as(at.scene))
         off = value == 0.0 and here.magnetic  # all that is known there is a bound, of friction without a field
@@ -143,23 +167,26 @@ def _by_the_law(case: Case, current: float, largest: float) -> tuple[Torque, dic
     return torque, {"low": real.low, "high": real.high, "is_guess": real.is_guess or real.low == 0.0, "words": words}
 
 
-def _of_slip_power(power: float, slip: float, current: float, run: str | Path | None) -> tuple[Torque, dict[str, Any]]:
-    """Return the one torque that has a slip power [W] at a slip [rad/s], while there is a current [A]."""
+def _of_slip_power(
+    effect: HeatSection, power: float, slip: float, current: float, run: str | Path | None
+) -> tuple[Torque, dict[str, Any]]:
+    """Return the one torque that has the slip power at a slip [rad/s], while there is a current [A]."""
     given = f"effects.heat.slip_power = {power:g} W"
     if run is not None:
         raise ValueError(f"{given} conflicts with the torque of the run {run}; keep one of them")
-    if slip == 0.0:
-        raise ValueError(f"{given} needs a slip: give effects.heat.duty.slip, or a speed in [motion]")
-    torque = power / abs(slip)
+    why = f"The coil has its full current, {current:.3g} A: no law gives the current that the slip power needs. Give "
+    why += "[particles] or effects.heat.torque_curve."
+    if effect.duty.current is not None:
+        why = f"The coil has the current of effects.heat.duty.current, at most {current:.3g} A, not that of the law."
+    needless = [f"effects.heat.{key}" for key in ("torque", "torque_curve", "fade") if getattr(effect, key) is not None]
+    torque = power / slip
     return lambda I, _: torque * float(I > 0.0), {
-        "source": f"{given} at {RPM * abs(slip):.4g} rpm",
-        "value": torque,
-        "current": current,
-        "temperature": AS_GIVEN,
-        "of_all_currents": False,
-        "at_other_currents": _SAME,
-        "at_other_temperatures": _SAME,
-    }
+        "source": f"{given} at {RPM * slip:.4g} rpm",
+        "full_current": f"{why} {' and '.join(needless)} {'is' if len(needless) == 1 else 'are'} not used."
+        if needless else why,
+        "value": torque, "current": current, "temperature": AS_GIVEN, "of_all_currents": False,
+        "at_other_currents": _SAME, "at_other_temperatures": _SAME,
+    }  # fmt: skip
 
 
 def _of_run(given: float | None, run: str | Path) -> tuple[float, float]:

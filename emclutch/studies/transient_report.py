@@ -75,7 +75,8 @@ def _statements(summary: dict[str, Any]) -> Iterator[Statement]:
     else:
         yield note("Eddy currents are left out; [effects.eddy_currents] adds those of the solid parts.")
     if summary["default_circuit"]:
-        yield note("coil.voltage is applied from t = 0; coil.current, if given, is not used.")
+        unused = "; coil.current is not used, as a voltage drives the coil" if summary["current_given"] else ""
+        yield note(f"coil.voltage is applied from t = 0{unused}.")
     if summary["distance"] > FAR:
         far, end = format_percent(summary["distance"]), format_time(at_end["time"])
         yield warning(f"At the end, {end}, the coil is {far} from its final state; take a later end (--end)")

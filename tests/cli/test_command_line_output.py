@@ -109,6 +109,19 @@ def test_a_dry_run_of_accuracy_writes_nothing(tmp_path, monkeypatch):
     assert json.loads(called(*words[:-1], "0.1 %", "--json").output)["budget"] > 1.0
 
 
+def test_a_dry_run_lists_the_effects_that_can_be_left_out(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    words = "accuracy", CASES / "quickstart.toml", "--effects", "--dry-run", "--set", "field.size_factor=3"
+    found = called(*words, "--json")
+    assert found.exit_code == 0 and not list(tmp_path.iterdir())
+    told = json.loads(found.output)
+    whole, *without = told["effects"]
+    assert whole["effect"] == "" and {one["effect"] for one in without} >= {"dipoles", "saturation"}
+    assert all((one["seconds"] > 0.0) != bool(one["reason"]) for one in told["effects"])
+    refused = called(*words, "--budget", "1 s")
+    assert refused.exit_code == 2 and "is less than 3 replicas without each effect" in refused.output
+
+
 def test_the_error_of_an_angle_needs_the_angle():
     assert angle_of(None, None) is None
     with pytest.raises(SceneError, match="--uncertainty needs --repose"):

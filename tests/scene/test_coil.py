@@ -76,7 +76,7 @@ def test_beside_a_current_a_voltage_is_the_supply():
     ("table", "words"),
     [
         ({"turns": 500}, r"give current, e\.g\. '1 A', or voltage"),
-        ({"current": "1 A", "turns": 500, "voltage": {"times": [0, 1], "values": [24, 12]}}, "one of them"),
+        ({"current": "1 A", "turns": 500, "voltage": {"times": [0, 1], "values": [24, 12]}}, "remove coil.current"),
         ({"current": "1 A", "turns": 500, "voltage": "-24 V"}, "above 0 V"),
         ({"current": "1 A", "turns": 500, "resistance": "20 ohm"}, "keep one of them"),
         ({"current": "1 A", "turns": 500, "fill_factor": 0.5}, "no meaning"),

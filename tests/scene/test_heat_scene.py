@@ -154,7 +154,7 @@ def test_the_bodies_that_turn_are_cooled_as_they_turn(motion, speeds):
     assert (row["rotor_speed"], row["disc_speed"]) == pytest.approx(tuple(RPM * speed for speed in speeds))
     problem = heat_problem(case.scene, *(RPM * speed for speed in speeds))
     model = HeatModel(resistance_at_20(case.scene), lambda *_: 0.0)
-    steady = problem.steady(lambda means: model.powers(Drive(0.5, slip_power=row["slip_power"]), means))
+    steady = problem.steady(lambda means: model.powers(Drive(0.5, slip=1.0, torque=row["slip_power"]), means))
     assert max(problem.surface_temperatures(steady).values()) == pytest.approx(75.0, abs=0.02)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pandas
 import pytest
 
-from emclutch.device_model.heat_model import COIL, POWDER
+from emclutch.device_model.heat_model import POWDER
 from emclutch.results import Result, RunFolder
 from emclutch.results.report.render import terminal
 from emclutch.results.report.report import Mark
@@ -16,7 +16,7 @@ from emclutch.scene.case import load_case
 from emclutch.scene.errors import SceneError
 from emclutch.studies import heat_torque
 from emclutch.studies.design_search import expectation_of
-from emclutch.studies.heat import _Study, _surface, heat
+from emclutch.studies.heat import _hottest_places, _Study, heat
 from emclutch.studies.heat_report import _limits as heat_report_limits
 from emclutch.studies.heat_report import heat_report
 
@@ -110,21 +110,48 @@ def test_a_torque_that_the_run_itself_does_not_know_is_refused(monkeypatch):
 
 
 def test_a_given_slip_power_is_the_heat_of_the_powder_while_the_coil_is_on():
-    """P t_on, as of the torque P / omega, whatever the current; also without the powder's law, and with a voltage."""
+    """P t_on, as of the torque P / omega: at the law's current, at a given one, without a law, and with a voltage."""
     duty = {"end": "60 s", "period": "20 s", "on": "5 s"}
     alone = {"particles": None, "effects": {"heat": {"slip_power": "20 W", "duty": duty}}, "time": None}
     drive = {"coil.current": None, "coil.voltage": "9 V", "coil.resistance": "20 ohm"}
-    for values in ({"effects.heat.slip_power": "20 W", "effects.heat.duty": duty}, alone, alone | drive):
+    by_law = {"effects.heat.slip_power": "2 W", "effects.heat.duty": duty}
+    given = {"effects.heat.slip_power": "20 W", "effects.heat.duty": duty | {"current": "0.5 A"}}
+    for power, values in ((2.0, by_law), (20.0, given), (20.0, alone), (20.0, alone | drive)):
         study = _Study.of(small(**values), None)
         table, summary, _ = study.through_the_duty(None)
-        assert summary["heat_of_slip"] == pytest.approx(20.0 * 15.0, rel=1e-6)
-        assert study.torque_summary["value"] * 50.0 * RPM == pytest.approx(20.0) and not study.ends
-        assert table["slip_power"].max() == pytest.approx(20.0)
+        assert summary["heat_of_slip"] == pytest.approx(power * 15.0, rel=1e-6)
+        assert table["slip_power"].max() == pytest.approx(power)
+        told = study.torque_summary.get("full_current", "")
+        assert (values is by_law) == (told == "") and ("duty.current" in told) == (values is given)
+
+
+@pytest.mark.parametrize(
+    "coil", [{}, {"coil.current": None, "coil.voltage": "20 V", "coil.resistance": "20 ohm"}]
+)
+def test_the_current_of_a_slip_power_is_that_of_the_law_at_the_temperature_of_the_powder(coil, study):
+    """T(I, theta) omega = P; the warm powder needs more current; both powers leave; the permitted one is at a limit."""
+    power = 1.0
+    given = {"effects.heat.slip_power": f"{power} W", "effects.heat.powder_limit": "60 degC"}
+    own = _Study.of(small(**given | coil), None)
+    row, _ = own.steady()
+    torque, cold = study.model.torque, own.torque_summary["needed_current"]
+    assert torque(cold, 20.0) * 50.0 * RPM == pytest.approx(power, rel=1e-6)
+    assert torque(row["current"], row["powder_mean"]) * 50.0 * RPM == pytest.approx(power, rel=1e-6)
+    assert cold < row["current"] < 1.0 and row["slip_power"] == pytest.approx(power, rel=1e-9)
+    assert row["copper_loss"] == pytest.approx(own.model.resistance(row["coil_mean"]) * row["current"] ** 2, rel=1e-9)
+    assert row["heat_out"] == pytest.approx(row["slip_power"] + row["copper_loss"], rel=1e-7)
+    (permitted,) = own.permitted([50.0 * RPM]).to_dict("records")
+    assert permitted["slip_power"] == min(permitted[f"by_{place}"] for place in ("surface", "coil", "powder"))
+    assert permitted["slip_power"] == permitted["by_powder"]
+    assert permitted["powder_hottest"] == pytest.approx(60.0, abs=0.01)
+    assert permitted["torque"] == pytest.approx(permitted["torque_of_current"], rel=1e-4)  # both meet the same limit
+    high, low = (own.with_torque_times(by).steady()[0]["current"] for by in (1.1, 0.9))
+    assert high < row["current"] < low
 
 
 @pytest.mark.parametrize(
     ("values", "words"),
-    [({"effects.heat.torque": "1 N m"}, "slip_power = '20 W' conflicts with torque; keep one"),
+    [({"effects.heat.torque": "1 N m"}, r"gives 1 N m at the largest current, 1 A; the largest slip power is 5.24 W"),
      ({"effects.heat.slip_power": "20 N m"}, "is a torque or an energy; a power is needed"),
      ({"motion.rotor.speed": 0.0}, "needs a slip: give effects.heat.duty.slip, or a speed")],
 )  # fmt: skip
@@ -137,7 +164,8 @@ def test_the_permitted_current_meets_a_limit_with_its_own_torque(study):
     problem, slip = study.problem, 50.0 * RPM
     current, torque = study.steady_current(problem, slip)
     found = problem.steady(lambda means: study.model.powers(type(study.peak)(current, slip=slip), means))
-    assert max(_surface(problem, found) - 75.0, problem.largest(found)[COIL] - 130.0) == pytest.approx(0.0, abs=0.01)
+    places = _hottest_places(problem, found)
+    assert max(places["surface"] - 75.0, places["coil_hottest"] - 130.0) == pytest.approx(0.0, abs=0.01)
     assert torque == pytest.approx(study.model.torque(current, problem.means(found)[POWDER]), rel=1e-9)
     ends = [study.with_torque_times(by).steady_current(problem, slip)[0] for by in (0.9, 1.1)]
     assert ends[0] > current > ends[1]

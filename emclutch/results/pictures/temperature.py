@@ -7,14 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from emclutch.results.pictures.figure import (
-    MM,
-    label_panel,
-    legend_below,
-    make_logarithmic,
-    new_figure,
-    save_picture,
-)
+from emclutch.results.pictures.figure import MM, label_panel, legend_below, make_logarithmic, new_figure, save_picture
 from emclutch.results.pictures.section import draw_outlines
 from emclutch.results.quantity import RPM
 
@@ -66,7 +59,7 @@ def duty_picture(path: str | Path, table: Any, permitted: Any, limits: dict[str,
     ----------
     path : PNG to write.
     table : columns `time` [s] and those of `NAMES` [degrees C].
-    permitted : columns `speed` [rad/s], `by_surface` and `by_coil` [W].
+    permitted : columns `speed` [rad/s], `by_surface`, `by_coil` [W] and so on, one for each limit.
     limits : temperature [degrees C] by column.
     title : may have several lines.
     """
@@ -82,12 +75,12 @@ def duty_picture(path: str | Path, table: Any, permitted: Any, limits: dict[str,
     left.margins(x=0.0)
     legend_below(left, columns=2)
     speed = RPM * np.asarray(permitted["speed"])
-    for column, of in (("by_surface", "surface"), ("by_coil", "coil_hottest")):
+    for of in limits:
         name, colour = NAMES[of]
-        powers = np.asarray(permitted[column])
+        powers = np.asarray(permitted[f"by_{of.removesuffix('_hottest')}"])
         right.plot(speed, np.where(powers > 0.0, powers, np.nan), "o-", ms=4, color=colour,
                    label=f"{name} at {limits[of]:g} °C")  # fmt: skip
-    if np.any(permitted[["by_surface", "by_coil"]].to_numpy() > 0.0):
+    if np.any(permitted.filter(like="by_").to_numpy() > 0.0):
         make_logarithmic(right)
     right.set(xlabel="slip speed [rpm]", ylabel="permitted slip power [W]")
     right.grid(alpha=0.25)

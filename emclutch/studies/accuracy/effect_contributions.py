@@ -12,6 +12,7 @@ import logging
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
+from math import inf
 from pathlib import Path
 from statistics import fmean
 from typing import Any
@@ -128,9 +129,7 @@ def effect_contributions(
     """
     case, jobs = as_case(case), checked_jobs(jobs)
     seconds = seconds_of(budget, "budget")
-    refuse_unmeasurable(case)
-    if not case.scene.effects.active:
-        raise SceneError([Fault("effects", "", "has no table: there is nothing to leave out")], source_of(case))
+    _refuse_without_effects(case)
     folder = Path(out) if out is not None else RunFolder.next_path(f"{case.name}-effects", "studies")
 
     with child_processes(jobs) as executor:
@@ -140,6 +139,27 @@ def effect_contributions(
             found = running.measure()
             write_effects(found, folder)
     return EffectsResult(folder, found)
+
+
+def _refuse_without_effects(case: Case) -> None:
+    refuse_unmeasurable(case)
+    if not case.scene.effects.active:
+        raise SceneError([Fault("effects", "", "has no table: there is nothing to leave out")], source_of(case))
+
+
+def preview_effects(case: Case, budget: float | None, jobs: int | None) -> Report:
+    """Return which effects would be left out, and the processor time of a replica without each; nothing runs."""
+    jobs = checked_jobs(jobs)
+    _refuse_without_effects(case)
+    known = _begun(case, inf if budget is None else budget, jobs)
+    rows = [(_scene_name(one["effect"], one["others"]), one["reason"] or format_duration(one["seconds"]))
+            for one in known["rows"]]  # fmt: skip
+    least = format_duration(MIN_ROUNDS * known["round"] / jobs)
+    text = f"The shortest study runs {MIN_ROUNDS} replicas without each effect and {MIN_ROUNDS * OF_WHOLE} of the "
+    text += f"whole scene: about {least} with {jobs} at a time (--budget)."
+    report = Report("", data={"effects": known["rows"], "seconds": MIN_ROUNDS * known["round"] / jobs})
+    report.add("", Statements([note(text)]), Shown.TERMINAL)
+    return report.add("", Table(rows, ("scene", "processor time of a replica, estimate"), ()), Shown.TERMINAL)
 
 
 def _begun(case: Case, budget: float, jobs: int) -> dict[str, Any]:
@@ -162,15 +182,8 @@ def _begun(case: Case, budget: float, jobs: int) -> dict[str, Any]:
             f"{format_duration(least)}; give {format_duration(1.5 * least)} or more"
         )
         raise SceneError([Fault("--budget", f"{budget:g} s", message)], source_of(case))
-    return {
-        "case": case.toml(),
-        "starts": starts,
-        "budget": budget,
-        "jobs": jobs,
-        "rows": rows,
-        "round": seconds,
-        "rounds": None,
-    }
+    return {"case": case.toml(), "starts": starts, "budget": budget, "jobs": jobs, "rows": rows, "round": seconds,
+            "rounds": None}  # fmt: skip
 
 
 def _scene_of_replicas(case: Case) -> tuple[Case, list[float | str]]:
@@ -293,22 +306,24 @@ def rows_of(found: Contributions) -> list[dict[str, Any]]:
     rows = []
     for one in (found.whole, *found.without):
         torque, added = one.torque, found.torque(one) if one.effect else None
-        rows.append(
-            {
-                "left_out": one.effect,
-                "with_it": " ".join(one.others),
-                "replicas": len(one.torques),
-                "torque": None if torque is None else torque.value,
-                "half_width": None if torque is None else torque.half_width(),
-                "adds_torque": None if added is None else added.value,
-                "adds_half_width": None if added is None else added.half_width(),
-                "significant": None if added is None else added.is_significant(),
-                "seconds": one.seconds,
-                "adds_seconds": found.seconds(one) if one.effect else None,
-                "reason": one.reason,
-            }
-        )
+        rows.append({
+            "left_out": one.effect,
+            "with_it": " ".join(one.others),
+            "replicas": len(one.torques),
+            "torque": None if torque is None else torque.value,
+            "half_width": None if torque is None else torque.half_width(),
+            "adds_torque": None if added is None else added.value,
+            "adds_half_width": None if added is None else added.half_width(),
+            "significant": None if added is None else added.is_significant(),
+            "seconds": one.seconds,
+            "adds_seconds": found.seconds(one) if one.effect else None,
+            "reason": one.reason,
+        })  # fmt: skip
     return rows
+
+
+def _scene_name(effect: str, others: Sequence[str]) -> str:
+    return (f"without {effect}" if effect else "whole") + (f" (nor {', '.join(others)})" if others else "")
 
 
 def _table(found: Contributions) -> Table:
@@ -316,9 +331,7 @@ def _table(found: Contributions) -> Table:
     rows = []
     for one in (found.whole, *found.without):
         torque, added, share = one.torque, found.torque(one), found.share(one)
-        name = f"without {one.effect}" if one.effect else "whole"
-        if one.others:
-            name += f" (nor {', '.join(one.others)})"
+        name = _scene_name(one.effect, one.others)
         if torque is None or added is None or share is None:
             why = "failed" if one.was_run else "cannot be left out"
             rows.append((name, str(len(one.torques)), why, "", "", "", ""))
@@ -330,13 +343,6 @@ def _table(found: Contributions) -> Table:
             continue
         mark = "" if added.is_significant() else "not significant: "
         cost = (found.whole.seconds - one.seconds) / found.whole.seconds
-        rows.append(
-            (
-                *row,
-                mark + added.text("+"),
-                share.scaled(100.0).text("+") + " %",
-                seconds,
-                f"{100.0 * cost:+.2g} %",
-            )
-        )
+        percent = share.scaled(100.0).text("+") + " %"
+        rows.append((*row, mark + added.text("+"), percent, seconds, f"{100.0 * cost:+.2g} %"))
     return Table(rows, head, (1, 2, 3, 4, 5, 6))
