@@ -25,7 +25,7 @@ Point = tuple[float, float]
 THIN = 0.06
 """Over the outer radius."""
 DEFAULT = " (default)"
-WIDER = "; what is thin is drawn thicker"
+WIDER = " (thin parts are drawn thicker)"
 
 
 @dataclass(frozen=True, slots=True)

@@ -103,7 +103,7 @@ def test_a_drawing_has_each_dimension_with_its_value_and_no_text_lies_on_another
     for number, box in enumerate(boxes):
         assert not any(box.overlaps(other) for other in boxes[:number]), texts[number]
         assert figure.bbox.padded(1.0).containsx(box.x0) and figure.bbox.padded(1.0).containsx(box.x1)
-    words = " ".join([text.get_text() for text in texts] + [panel.get_title() for panel in figure.axes])
+    words = " ".join([text.get_text() for text in texts] + [panel.get_title(loc="left") for panel in figure.axes])
     sizes = emclutch.load_case(case).scene.geometry
     others = {"kind", "materials", "air_factor", "walls", "inertial_number", "shear_rate", "solid_fraction", "pressure"}
     for name in set(type(sizes).model_fields) - others:

@@ -144,7 +144,7 @@ def coloured(display, view, part, array, label, palette, association="POINTS", l
     bar.Title, _, unit = label.partition(" [")
     bar.ComponentTitle = "[" + unit
     place_bar(bar, part)
-    bar.AutomaticLabelFormat, bar.LabelFormat, bar.RangeLabelFormat = 0, "%.3g", "%.3g"
+    bar.AddRangeLabels, bar.AutomaticLabelFormat, bar.LabelFormat, bar.RangeLabelFormat = 0, 0, "%.3g", "%.3g"
     display.SetScalarBarVisibility(view, bool(display.Visibility))
 
 
