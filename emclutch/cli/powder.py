@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from emclutch.results.atomic_file import json_values
-from emclutch.results.new_path import new_path
+from emclutch.results.new_path import new_picture
 from emclutch.results.report.report import Mark, Report, Shown, Statement, Statements, Table, note, sentence
 from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.repose import (
@@ -174,16 +174,13 @@ def draw(line: FrictionLine, path: Path) -> None:
     OutputError
         There is a file already; nothing is overwritten.
     """
-    if path.suffix.lower() != ".png":
-        raise SceneError([Fault("--out", str(path), "is not a picture; change its ending to .png")], "command line")
-    new_path(path)
     from emclutch.results.pictures.figure import legend_below, new_figure, save_picture
 
     title = f"Friction of a powder with an angle of repose of {angle_in_words(line.repose)}"
     figure, (axes,) = new_figure(7.0, 5.8, title)
     _draw_line(axes, line)
     legend_below(axes, 2)
-    save_picture(figure, path)
+    save_picture(figure, new_picture(path))
 
 
 def _draw_line(axes: Axes, line: FrictionLine) -> None:

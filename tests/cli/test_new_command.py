@@ -139,7 +139,7 @@ def test_a_dimension_is_as_long_as_its_key_says():
 @pytest.mark.parametrize(
     ("words", "says"),
     [([], "FILE is missing; name the new scene"), (["--kind", "cad", "--drawing", "a.png"], "its dimensions in a file"),
-     (["--drawing", "a.jpg"], "change its ending to .png")],
+     (["--drawing", "a.jpg"], "must end in .png")],
 )  # fmt: skip
 def test_what_cannot_be_drawn_is_told(words, says, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

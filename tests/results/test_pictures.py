@@ -146,7 +146,8 @@ def test_names_of_neighbours_in_a_section_do_not_lie_on_each_other(tmp_path):
     z, r = np.meshgrid(np.linspace(0.0, 0.004, 5), (0.01, 0.02))
     points = np.column_stack((r.ravel(), z.ravel()))
     triangles = np.array([corners for k in range(4) for corners in ((k, k + 1, k + 5), (k + 1, k + 6, k + 5))])
-    mesh = SimpleNamespace(points=points, triangles=triangles, regions={"first_part": np.arange(4), "other": np.arange(4, 8)})
+    regions = {"first_part": np.arange(4), "other": np.arange(4, 8)}
+    mesh = SimpleNamespace(points=points, triangles=triangles, regions=regions)
     axis = Figure(figsize=(4.0, 4.0)).subplots()
     axis.set(xlim=(-40.0, 40.0), ylim=(0.0, 30.0))
     beside = _region_names(axis, mesh, (0.01, 0.02, 0.0, 0.004))

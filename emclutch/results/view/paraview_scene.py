@@ -142,7 +142,7 @@ def coloured(display, view, part, array, label, palette, association="POINTS", l
         table.RescaleTransferFunction(*limits)
     title, _, unit = label.partition(" [")
     bar = add_bar(display, view, table, part, title, "[" + unit)
-    bar.AutomaticLabelFormat, bar.LabelFormat, bar.RangeLabelFormat = 0, "%.3g", "%.2g"
+    bar.AutomaticLabelFormat, bar.LabelFormat, bar.RangeLabelFormat = 0, "%.3g", "%.3g"
 
 
 def named(display, view, part, array, title, colours):
