@@ -9,6 +9,7 @@ import numpy as np
 
 from emclutch.results.new_path import new_picture, numbered_file
 from emclutch.results.report.report import Report, Shown, Statements, Table, note
+from emclutch.results.text import in_words
 from emclutch.scene.errors import Fault, SceneError
 from field.laws.materials import grain_material
 from field.laws.reluctivity import MU_0
@@ -87,7 +88,7 @@ def _draw(name: str, table: PairTable, path: Path) -> Path:
     from emclutch.results.pictures.figure import new_figure, save_picture
     from field.spheres.neck_estimate import two_zone_force
 
-    title = f"Force between two grains of {name} along the field, Ms = {table.Ms:.4g} A/m"
+    title = f"Force between two grains of {in_words(name)} along the field, Ms = {1e-6 * table.Ms:.3g} MA/m"
     figure, (axes,) = new_figure(9.0, 5.6, title)
     g = np.geomspace(table.gap[0], 1.0, 200)
     near = g[g <= _NECK]

@@ -65,16 +65,16 @@ def draw(path, rows):
     import matplotlib.pyplot as plt
 
     figure, axes = plt.subplots(1, 2, figsize=(10.5, 4.6), layout="constrained", sharey=True)
-    for axis, raw, recovered, name in ((axes[0], 3, 5, "Field strength H"), (axes[1], 4, 6, "Gradient of H")):
+    for axis, raw, recovered, name in ((axes[0], 3, 5, "H"), (axes[1], 4, 6, "grad H")):
         for colour, (order, table) in zip(("#808080", "#0b5fa5", "#d9730d", "#2a8c3f"), rows.items(), strict=True):
             axis.loglog([r[1] for r in table], [r[raw] for r in table], "--", color=colour, marker="o", ms=3, alpha=0.6)
             axis.loglog([r[2] for r in table], [r[recovered] for r in table], "-", color=colour, marker="o", ms=4,
-                        label=f"elements of order {order}")  # fmt: skip
-        axis.set_xlabel("wall-clock time [s]")
-        axis.set_title(f"{name} (dashed: raw; full: recovered)", loc="left", fontsize=10)
+                        label=f"P{order}")  # fmt: skip
+        axis.set_xlabel("wall-clock [s]")
+        axis.set_title(f"{name}: dashed raw, solid recovered", loc="left", fontsize=10)
         axis.grid(alpha=0.25, which="both")
         axis.legend(frameon=False)
-    axes[0].set_ylabel("relative RMS error at 4000 points [1]")
+    axes[0].set_ylabel("relative RMS error at 4 000 points")
     figure.savefig(path, dpi=150)
 
 
