@@ -42,7 +42,7 @@ def draw_dimensions(views: Sequence[View], title: str, *, dpi: int = 150) -> byt
     panels = figure.subplots(1, len(views), squeeze=False, width_ratios=shapes)[0]
     for panel, view, (low, high) in zip(panels, views, frames, strict=True):
         panel.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
-        panel.set_title(view.title, fontsize="medium")
+        panel.set_title(view.title, fontsize="medium", loc="left")
         panel.set(xlabel=view.x_label, ylabel=view.y_label, xticks=[], yticks=[])
         for name, outline in view.parts:
             panel.fill(*outline.T, facecolor=colours[name], edgecolor="#303030", linewidth=0.6)
@@ -52,9 +52,10 @@ def draw_dimensions(views: Sequence[View], title: str, *, dpi: int = 150) -> byt
             _draw(panel, one, float(high[1] - low[1]))
         for text, at, stands in view.notes:
             panel.annotate(text, at, stands, **_TEXT, ha="center", arrowprops={"arrowstyle": "->", **_LINE})
-    patches = [Patch(facecolor=colour, edgecolor="#303030", label=name) for name, colour in colours.items()]
+    patches = [Patch(facecolor=colour, edgecolor="#303030", label=name.replace("_", " "))
+               for name, colour in colours.items()]  # fmt: skip
     figure.legend(handles=patches, loc="outside right upper")
-    figure.suptitle(title)
+    figure.suptitle(title, x=0.01, ha="left")
     drawn = io.BytesIO()
     figure.savefig(drawn, format="png", dpi=dpi)
     return drawn.getvalue()

@@ -25,7 +25,7 @@ Point = tuple[float, float]
 THIN = 0.06
 """Over the outer radius."""
 DEFAULT = " (default)"
-WIDER = "; what is thin is drawn thicker"
+WIDER = " (thin parts are drawn thicker)"
 
 
 @dataclass(frozen=True, slots=True)
@@ -215,11 +215,8 @@ def cell_views(cell: ShearCell) -> list[View]:
 def centrifugal_views(clutch: CentrifugalClutch) -> list[View]:
     """Return a shot clutch as it is seen along its axis, and one of its vanes in the section, with what it has."""
     thin = THIN * clutch.drum_radius
-    wide = {
-        name: max(thin, getattr(clutch, name))
-        for name in ("vane_thickness", "tip_clearance", "side_clearance", "rib_height")
-    }
-    c = replace(clutch, **wide)
+    names = ("vane_thickness", "tip_clearance", "side_clearance", "rib_height")
+    c = replace(clutch, **{name: max(thin, getattr(clutch, name)) for name in names})
     u, R, tip, t = 0.01 * c.drum_radius, c.drum_radius, c.tip_height, 0.5 * c.vane_thickness
     end, half, side = 0.5 * c.width, 0.5 * c.width - c.side_clearance, c.drum_radius * 1.08
     bodies = [wall for wall in c.walls() if isinstance(wall, TriangleWall)]
@@ -233,9 +230,7 @@ def centrifugal_views(clutch: CentrifugalClutch) -> list[View]:
         Dimension("drum_radius", R, (0.0, 0.0), (0.0, R), -side - 8.0 * u, False),
         Dimension("vane_thickness", clutch.vane_thickness, (tip, -t), (tip, t), side + 8.0 * u, False),
     ]
-    notes = [
-        (f"vanes = {c.vanes}", (0.5 * (c.hub_radius + tip), -t), (0.5 * R, -side - 14.0 * u)),
-    ]
+    notes = [(f"vanes = {c.vanes}", (0.5 * (c.hub_radius + tip), -t), (0.5 * R, -side - 14.0 * u))]
     parts = [
         ("drum", _rectangle(-end - 8.0 * u, end + 8.0 * u, c.hub_radius, side)),
         ("shot", _rectangle(-end, end, c.hub_radius, R)),
@@ -255,9 +250,7 @@ def centrifugal_views(clutch: CentrifugalClutch) -> list[View]:
         angle = pi / c.ribs
         words, rib = f"ribs = {c.ribs}\nrib_width = {millimetres(clutch.rib_width)}", -c.rib_radius
         notes.append((words, (rib * cos(angle), rib * sin(angle)), (-0.75 * R, -side - 14.0 * u)))
-        section.append(
-            Dimension("rib_height", clutch.rib_height, (end, c.rib_radius), (end, R), line, False)
-        )
+        section.append(Dimension("rib_height", clutch.rib_height, (end, c.rib_radius), (end, R), line, False))
     if c.slots:
         tooth, floor = -half + c.tooth_width, tip - c.slot_depth
         section += [

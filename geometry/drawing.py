@@ -64,7 +64,8 @@ def draw_section(mesh: SectionMesh, path: str | Path, title: str | None = None, 
         panel.set(xlim=view[:2], ylim=view[2:], xlabel="z [mm]", ylabel="r [mm]", aspect="equal")
         panel.set_title(headings[number], fontsize="medium")
         _paint(panel, mesh, list(colours.values()), with_mesh=number > 0)
-    patches = [Patch(facecolor=colour, edgecolor="#303030", label=name) for name, colour in colours.items()]
+    patches = [Patch(facecolor=colour, edgecolor="#303030", label=name.replace("_", " "))
+               for name, colour in colours.items()]  # fmt: skip
     figure.legend(handles=patches, loc="outside right upper")
     if title:
         figure.suptitle(title)

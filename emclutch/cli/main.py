@@ -90,7 +90,7 @@ def _print_version(asked: bool) -> None:
 @app.callback()
 def _common(
     version: Annotated[
-        bool, flag("--version", callback=_print_version, is_eager=True, help="print the version and stop")
+        bool, flag("--version", "print the version and stop", callback=_print_version, is_eager=True)
     ] = False,
 ) -> None:
     """Options of the program itself."""

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from emclutch.results.atomic_file import replace_bytes
-from emclutch.results.new_path import new_path
+from emclutch.results.new_path import new_picture
 from emclutch.scene.case import load_case
 from emclutch.scene.commented import commented_scene
 from emclutch.scene.errors import Fault, SceneError, shown
@@ -47,9 +47,7 @@ def draw_dimensions_of(path: str | Path, kind: str, case: str | Path | None = No
     from geometry.dimension_drawing import draw_dimensions  # local: a scene needs nothing that draws
     from geometry.dimensioned_views import mark_defaults
 
-    path = Path(path)
-    if path.suffix.lower() != ".png":
-        raise SceneError([Fault("--drawing", str(path), "is no picture; change its ending to .png")], "command line")
+    path = new_picture(Path(path), "--drawing")
     scene = load_case(STARTERS / f"{starter_kind(kind)}.toml" if case is None else case).scene
     geometry = scene.geometry
     views = geometry.dimension_views(geometry.shape_in(scene))
@@ -59,7 +57,7 @@ def draw_dimensions_of(path: str | Path, kind: str, case: str | Path | None = No
     defaults = type(geometry).model_fields.keys() - geometry.model_fields_set
     views = [mark_defaults(view, defaults) for view in views]
     title = f'[geometry] kind = "{geometry.name()}"{"" if case is None else f" of {Path(case).name}"}'
-    replace_bytes(new_path(path, "--drawing"), draw_dimensions(views, title))
+    replace_bytes(path, draw_dimensions(views, title))
     return path
 
 

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from emclutch.results.new_path import new_path, numbered_file
-from emclutch.results.pictures.figure import new_figure, save_picture
+from emclutch.results.new_path import new_picture, numbered_file
 from emclutch.results.report.report import Report, Shown, Statements, Table, note
+from emclutch.results.text import in_words
 from emclutch.scene.errors import Fault, SceneError
 from field.laws.materials import grain_material
 from field.laws.reluctivity import MU_0
@@ -49,9 +49,7 @@ def pair_force(name: str, out: Path | None = None) -> Report:
         law = grain_material(name).law
     except ValueError as error:
         raise SceneError([Fault("", "", str(error))], "command line") from None
-    out = numbered_file(Path(), f"{name}-pair-force", ".png") if out is None else new_path(out)
-    if out.suffix.lower() != ".png":
-        raise SceneError([Fault("--out", str(out), "is not a picture; change its ending to .png")], "command line")
+    out = numbered_file(Path(), f"{name}-pair-force", ".png") if out is None else new_picture(out)
     with Progress(f"two grains of {name}") as progress:
         table = pair_table(law, progress=lambda done, of: progress.update(done / of))
     return _report(name, table, _draw(name, table, out))
@@ -87,9 +85,11 @@ def _figures(value: float) -> str:
 
 def _draw(name: str, table: PairTable, path: Path) -> Path:
     """Force against gap at a few fields: of the table, of the neck's two zones, of dipoles with the same moments."""
+    from emclutch.results.pictures.figure import new_figure, save_picture
     from field.spheres.neck_estimate import two_zone_force
 
-    figure, (axes,) = new_figure(9.0, 5.6, None)
+    title = f"Force between two grains of {in_words(name)} along the field, Ms = {1e-6 * table.Ms:.3g} MA/m"
+    figure, (axes,) = new_figure(9.0, 5.6, title)
     g = np.geomspace(table.gap[0], 1.0, 200)
     near = g[g <= _NECK]
     for number, H in enumerate(_FIELDS):
@@ -98,8 +98,7 @@ def _draw(name: str, table: PairTable, path: Path) -> Path:
         axes.loglog(g, table.force_of(g, h), color=f"C{number}", lw=1.6, label=f"{H / 1e3:g} kA/m")
         axes.loglog(near, two_zone_force(near, h), color=f"C{number}", lw=1.0, ls="--")
         axes.loglog(g, dipoles, color=f"C{number}", lw=0.8, ls=":")
-    axes.set(xlabel="gap / radius", ylabel="attraction / (mu_0 Ms^2 radius^2)")
-    axes.set_title(f"Force between two grains of {name} along the field, Ms = {table.Ms:.4g} A/m", fontsize=10)
+    axes.set(xlabel="gap / radius [1]", ylabel="attraction / (µ₀ Ms² radius²) [1]")
     axes.grid(True, which="both", lw=0.3, alpha=0.5)
     models = {"finite elements": "-", "two zones of the neck": "--", "dipoles with the same moments": ":"}
     drawn_as = [axes.plot([], [], color="k", lw=1.0, ls=line)[0] for line in models.values()]

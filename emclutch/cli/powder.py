@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from emclutch.results.atomic_file import json_values
-from emclutch.results.new_path import new_path
-from emclutch.results.pictures.figure import new_figure, save_picture
+from emclutch.results.new_path import new_picture
 from emclutch.results.report.report import Mark, Report, Shown, Statement, Statements, Table, note, sentence
 from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.repose import (
@@ -175,29 +174,31 @@ def draw(line: FrictionLine, path: Path) -> None:
     OutputError
         There is a file already; nothing is overwritten.
     """
-    if path.suffix.lower() != ".png":
-        raise SceneError([Fault("--out", str(path), "is not a picture; change its ending to .png")], "command line")
-    figure, (axes,) = new_figure(7.0, 5.0, None)
+    from emclutch.results.pictures.figure import legend_below, new_figure, save_picture
+
+    title = f"Friction of a powder with an angle of repose of {angle_in_words(line.repose)}"
+    figure, (axes,) = new_figure(7.0, 5.8, title)
     _draw_line(axes, line)
-    save_picture(figure, new_path(path))
+    legend_below(axes, 2)
+    save_picture(figure, new_picture(path))
 
 
 def _draw_line(axes: Axes, line: FrictionLine) -> None:
     table = measured_table()
     friction, rolling = np.linspace(0.0, table.friction[-1], 201), np.linspace(0.0, table.rolling[-1] ** 0.5, 201) ** 2
     bulk = table.on_grid(friction, rolling).T
-    angles = axes.contour(friction, rolling, np.degrees(np.arcsin(bulk)), levels=np.arange(8, 46, 2), colors="0.6")
-    axes.clabel(angles, fmt="%d deg", fontsize=7)
+    levels = np.arange(12, 46, 4)
+    levels = levels[np.abs(levels - np.degrees(line.repose)) > 0.5]  # the line of the powder has no second label
+    angles = axes.contour(friction, rolling, np.degrees(np.arcsin(bulk)), levels=levels, colors="0.6")
+    axes.clabel(angles, fmt="%d deg", fontsize=7, colors="0.3")
     inside = (bulk >= (line.bulk - line.spread) / (1.0 + SOFTNESS)) & (bulk <= line.bulk + line.spread)
     axes.contourf(friction, rolling, inside.astype(float), levels=[0.5, 1.5], colors="C0", alpha=0.25)
     axes.contour(friction, rolling, bulk, levels=[line.bulk], colors="C0", linewidths=2.0)
     angle = angle_in_words(line.repose)
     axes.plot([], [], color="0.6", label="equal angles of repose")
-    axes.plot([], [], color="C0", lw=2.0, label=f"{angle}; shaded: its uncertainty")
-    axes.plot(line.taken.friction, line.taken.rolling, "o", color="C3", label="taken by particles.repose")
+    axes.plot([], [], color="C0", lw=2.0, label=f"{angle}; shaded: with its uncertainty")
+    axes.plot(line.taken.friction, line.taken.rolling, "o", color="C3", label=f"used for particles.repose = '{angle}'")
     measured = [axis.ravel() for axis in np.meshgrid(table.friction, table.rolling)]
     axes.plot(*measured, ".", color="0.3", ms=4, clip_on=False, label="simulated sheared boxes")
     axes.set_yscale("function", functions=(np.sqrt, np.square))
-    axes.set(xlabel="sliding friction", ylabel="rolling friction", ylim=(0.0, table.rolling[-1]))
-    axes.set_title(f"Friction of a powder with an angle of repose of {angle}", fontsize=10)
-    axes.legend(fontsize=8, loc="lower right")
+    axes.set(xlabel="sliding friction [1]", ylabel="rolling friction [1]", ylim=(0.0, table.rolling[-1]))

@@ -9,13 +9,13 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from emclutch.results import OutputError
-from emclutch.results.new_path import new_path
+from emclutch.results.new_path import new_picture
 from emclutch.results.text import format_time
 from emclutch.results.view.look import FIELDS, LOOKS
 from emclutch.results.view.run_files import RunFiles, read_run_files
 from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.units import Quantity
+from emclutch.scene.value_list import read_all
 
 PICTURES, MOVIES = (".png", ".jpg", ".tif"), (".gif", ".mp4")
 
@@ -47,7 +47,7 @@ def view_run(
     moment = None if time is None else files.nearest_time(_moment(time, files.times))
     for option, path, endings in (("--screenshot", screenshot, PICTURES), ("--movie", movie, MOVIES)):
         if path is not None:
-            _writable(option, path, endings)
+            new_picture(path, option, endings)
     if moment is not None:
         print(f"nearest stored moment: {format_time(moment)}", file=sys.stderr)
     from emclutch.results.view import pyvista_view as pictures
@@ -97,30 +97,11 @@ def _one_of(option: str, value: str | None, allowed: list[str], default: str) ->
     return default if value is None else value
 
 
-def _time(text: str) -> float:
-    try:
-        return float(text)  # a bare number is in SI, as in a scene
-    except ValueError:
-        pass
-    try:
-        return Quantity("a time", "s", "5 ms").read(text)
-    except ValueError as error:
-        raise SceneError([Fault("--time", text, str(error))], "command line") from None
-
-
 def _moment(text: str, times: list[float]) -> float:
     """The time [s] that was asked for, within those that were written."""
-    time = _time(text)
+    (time,) = read_all([text], Quantity("a time", "s", "5 ms"), "--time")
     if not times[0] * (1.0 - 1e-9) <= time <= times[-1] * (1.0 + 1e-9):
         first, last = (format_time(end) for end in (times[0], times[-1]))
         message = f"is not in the run, whose moments go from {first} to {last}; leave it out for the last"
         raise SceneError([Fault("--time", text, message)], "command line")
     return time
-
-
-def _writable(option: str, path: Path, endings: tuple[str, ...]) -> None:
-    if path.suffix not in endings:
-        raise SceneError([Fault(option, str(path), f"must end in {' or '.join(endings)}")], "command line")
-    new_path(path, option)
-    if not path.parent.is_dir():
-        raise OutputError(f"{path.parent} is not a folder; make it first")

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from emclutch.results.errors import OutputError
 from emclutch.results.run_folder import RunFolder
+from emclutch.scene.errors import Fault, SceneError
 
 
 def new_path(path: Path, option: str = "--out") -> Path:
@@ -15,6 +16,15 @@ def new_path(path: Path, option: str = "--out") -> Path:
         kind = "file" if path.suffix else "folder"
         raise OutputError(f"{path} exists; name another {kind} ({option})")
     return path
+
+
+def new_picture(path: Path, option: str = "--out", endings: tuple[str, ...] = (".png",)) -> Path:
+    """Return the path of a new picture or movie; SceneError for another ending, OutputError where it cannot be."""
+    if path.suffix.lower() not in endings:
+        raise SceneError([Fault(option, str(path), f"must end in {' or '.join(endings)}")], "command line")
+    if not path.parent.is_dir():
+        raise OutputError(f"{path.parent} is not a folder; make it first")
+    return new_path(path, option)
 
 
 def new_folder(out: str | Path | None, stem: str, parent: str = "runs") -> Path:

@@ -60,7 +60,7 @@ if __name__ == "__main__":
     on, off, picture = sys.argv[1:]
     tables = {
         "emclutch, steel with hysteresis": pandas.read_csv(Path(on) / "torque_vs_current.csv"),
-        "emclutch, without": pandas.read_csv(Path(off) / "torque_vs_current.csv"),
+        "emclutch, steel without hysteresis": pandas.read_csv(Path(off) / "torque_vs_current.csv"),
     }
     figure, axes = new_figure(13.0, 4.8, "Torque of cases/hysteresis.toml and of measured dry powder brakes", columns=2)
     for axis, (name, table) in zip(axes, tables.items(), strict=True):
@@ -68,7 +68,7 @@ if __name__ == "__main__":
         draw_ramp(axis, table, per_current=1.0 / current, per_torque=1.0 / torque)
         draw_measured(axis, {key: value for key, value in brakes().items() if "B5ZD" not in key}, joined=True)
         axis.set_title(name, loc="left", fontsize=10)
-        axis.set(xlabel="current over largest current", ylabel="torque over torque at the largest current")
+        axis.set(xlabel="current / largest current [1]", ylabel="torque / torque at the largest current [1]")
         axis.grid(alpha=0.25)
     legend_beside(axes[1])
     save_picture(figure, picture)

@@ -36,12 +36,13 @@ def main(path: str) -> None:
     fields = np.geomspace(1e3, 5e5, 28)
     for number, gap in enumerate(GAPS):
         for model, style in (("near_field", "-"), ("mutual", "--")):
-            label = f"gap {gap:g} radii, near_field" if style == "-" else "mutual"
+            label = f"gap {gap:g} radii" + (": with necks" if style == "-" else ": dipoles")
             axes.loglog(fields / 1e3, [tension(gap, H, model) for H in fields], style, color=f"C{number}", lw=1.4,
-                        label=label if number == 0 or style == "-" else None)  # fmt: skip
+                        label=label)  # fmt: skip
         axes.loglog(FIELDS / 1e3, ELEMENTS[gap], "o", color=f"C{number}", ms=5, mfc="none")
-    axes.plot([], [], "o", color="0.3", mfc="none", label="finite elements")
-    axes.set(xlabel="field [kA/m]", ylabel="tension of a chain [mu_0 Ms² a²]", ylim=(1e-6, 2.0))
+    axes.plot([], [], "o", color="0.3", mfc="none", label="finite elements, same gaps")
+    axes.set(xlabel="field H [kA/m]", ylabel="tension / (µ₀ Ms² a²) [1]", ylim=(1e-6, 2.0),
+             title="Tension of a chain of iron grains")
     axes.legend(frameon=False, fontsize=8)
     axes.grid(alpha=0.3, which="both", lw=0.4)
     figure.savefig(path, dpi=130)

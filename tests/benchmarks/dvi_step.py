@@ -57,9 +57,9 @@ def draw(path: Path, dem: tuple, rows: list[tuple], stopped: list[float], title:
         axes.axvline(1e6 * value, color="C3", linestyle=":", label="DVI stops: overlap above 10 %" if k == 0 else None)
     axes.set_xscale("log")
     axes.set_ylim(0.0, 1.15 * max(torque, *(r[0] for r in rows)))
-    axes.set_xlabel("step [µs]")
+    axes.set_xlabel("time step [µs]")
     axes.set_ylabel("torque on the held output [N m]")
-    axes.set_title(title, fontsize=10)
+    axes.set_title(title, loc="left", fontsize=10)
     axes.grid(alpha=0.3)
     axes.legend()
     figure.savefig(path, dpi=150)
@@ -91,7 +91,7 @@ def main() -> None:
                 flush=True,
             )
     if given.picture is not None:
-        draw(given.picture, dem, rows, stopped, f"{given.count} spheres at {given.rpm:g} rpm")
+        draw(given.picture, dem, rows, stopped, f"Shot clutch with {given.count} spheres at {given.rpm:g} rpm")
 
 
 if __name__ == "__main__":

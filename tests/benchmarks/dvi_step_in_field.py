@@ -189,20 +189,21 @@ def draw(path: Path, table: pd.DataFrame) -> None:
         rigid = here[np.isinf(here.stiffness)]
         line = dem[dem.stiffness == 1.0].iloc[0]
         low, high = (1e-3 * (line.stress + sign * line.stress_half) for sign in (-1, 1))
-        axes.axhspan(low, high, color="0.9", label="DEM, 95 %")
+        axes.axhspan(low, high, color="0.9", label="DEM, 95 % interval")
         for one, mark in zip(dem.itertuples(), "osD", strict=False):
             axes.errorbar(1e6 * one.step, 1e-3 * one.stress, 1e-3 * one.stress_half, fmt=f"k{mark}",
-                          label=f"DEM, {one.stiffness:g} k", markersize=4)  # fmt: skip
-        axes.errorbar(1e6 * dvi.step, 1e-3 * dvi.stress, 1e-3 * dvi.stress_half, fmt="C0o-", label="DVI, k",
+                          label=f"DEM, stiffness × {one.stiffness:g}", markersize=4)  # fmt: skip
+        axes.errorbar(1e6 * dvi.step, 1e-3 * dvi.stress, 1e-3 * dvi.stress_half, fmt="C0o-", label="DVI, with springs",
                       markersize=4)  # fmt: skip
-        axes.errorbar(1e6 * rigid.step, 1e-3 * rigid.stress, 1e-3 * rigid.stress_half, fmt="C3^", label="DVI, rigid")
+        axes.errorbar(1e6 * rigid.step, 1e-3 * rigid.stress, 1e-3 * rigid.stress_half, fmt="C3^",
+                      label="DVI, rigid grains")  # fmt: skip
         default = dvi[dvi.of_default == 1.0].step.iloc[0]
         axes.axvline(1e6 * default, color="C0", linestyle=":", label="default step of DVI")
         axes.set_xscale("log")
         axes.set_ylim(0.0, None)
-        axes.set_xlabel("step [µs]")
+        axes.set_xlabel("time step [µs]")
         axes.set_ylabel("shear stress [kPa]")
-        axes.set_title(f"{field:g} kA/m", fontsize=10)
+        axes.set_title(f"Magnetised powder at {field:g} kA/m", loc="left", fontsize=10)
         axes.grid(alpha=0.3)
     np.atleast_1d(every)[0].legend(fontsize=8)
     figure.savefig(path, dpi=150)

@@ -204,7 +204,7 @@ def draw(devices: list[Device], rows: list[Row], path: Path) -> None:
     spread = np.random.default_rng(0).uniform(0.75, 1.33, 32)  # so that dots do not cover one another
     for x, values in zip(places, others(rows), strict=True):
         axes.plot(x * spread, np.maximum(100.0 * np.abs(values), LEAST), ".", color="0.72", ms=5, zorder=1,
-                  label="32 drawn devices: deviation" if x == GAPS_SECONDS else None)  # fmt: skip
+                  label="32 random devices: deviation" if x == GAPS_SECONDS else None)  # fmt: skip
     for one, color, marker in zip(devices, ("C0", "C3"), ("o", "s"), strict=True):
         errors = [one.gaps / one.law.mean - 1.0, one.circuit / one.law.mean - 1.0, one.law.mean / one.grains[0] - 1.0]
         axes.plot(places, 100.0 * np.abs(errors), marker, color=color, ms=8, zorder=3,

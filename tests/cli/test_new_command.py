@@ -103,7 +103,7 @@ def test_a_drawing_has_each_dimension_with_its_value_and_no_text_lies_on_another
     for number, box in enumerate(boxes):
         assert not any(box.overlaps(other) for other in boxes[:number]), texts[number]
         assert figure.bbox.padded(1.0).containsx(box.x0) and figure.bbox.padded(1.0).containsx(box.x1)
-    words = " ".join([text.get_text() for text in texts] + [panel.get_title() for panel in figure.axes])
+    words = " ".join([text.get_text() for text in texts] + [panel.get_title(loc="left") for panel in figure.axes])
     sizes = emclutch.load_case(case).scene.geometry
     others = {"kind", "materials", "air_factor", "walls", "inertial_number", "shear_rate", "solid_fraction", "pressure"}
     for name in set(type(sizes).model_fields) - others:
@@ -139,7 +139,7 @@ def test_a_dimension_is_as_long_as_its_key_says():
 @pytest.mark.parametrize(
     ("words", "says"),
     [([], "FILE is missing; name the new scene"), (["--kind", "cad", "--drawing", "a.png"], "its dimensions in a file"),
-     (["--drawing", "a.jpg"], "change its ending to .png")],
+     (["--drawing", "a.jpg"], "must end in .png")],
 )  # fmt: skip
 def test_what_cannot_be_drawn_is_told(words, says, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

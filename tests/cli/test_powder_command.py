@@ -76,7 +76,7 @@ def test_the_picture_is_new(tmp_path):
     path = tmp_path / "line.png"
     assert invoke("--repose", "30 deg", "--out", path).exit_code == 0 and path.stat().st_size > 20_000
     assert "exists" in invoke("--repose", "30 deg", "--out", path).output
-    assert "not a picture" in invoke("--repose", "30 deg", "--out", tmp_path / "line.txt").output
+    assert "must end in .png" in invoke("--repose", "30 deg", "--out", tmp_path / "line.txt").output
 
 
 @pytest.mark.parametrize(

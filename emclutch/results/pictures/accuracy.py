@@ -20,7 +20,8 @@ from emclutch.results.recommended import (
     choice_with,
     own_choice,
 )
-from emclutch.results.text import format_duration
+from emclutch.results.text import format_duration, format_time, in_words
+from emclutch.settings import UNITS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -119,14 +120,14 @@ def _draw_setting(
                        for one in written):  # fmt: skip
                     continue  # the numbers would overlap
                 written.append(place)
-                name = f"{_name(setting.name)} " if place == end else ""
-                labels.append(axis.annotate(f"{name}{values[place]:.3g}", (x[place], y[place]), xytext=(6, 5),
-                                            textcoords="offset points", fontsize=9, color=look.colour))  # fmt: skip
+                text = _named_value(setting.name, values[place]) if place == end else f"{values[place]:.3g}"
+                labels.append(axis.annotate(text, (x[place], y[place]), xytext=(6, 5), textcoords="offset points",
+                                            fontsize=9, color=look.colour))  # fmt: skip
     failed = [measured.cost * study.seconds * OWN_REPLICAS for measured in setting.values if measured.failure]
     above = axis.get_xaxis_transform()
     for seconds in failed:
         axis.plot(seconds, 0.96, color=look.colour, ls="", marker="x", ms=8, mew=2, transform=above)
-        axis.annotate(f"{_name(setting.name)} failed", (seconds, 0.96), xycoords=above, xytext=(8, 0), va="center",
+        axis.annotate(f"{in_words(setting.name)} failed", (seconds, 0.96), xycoords=above, xytext=(8, 0), va="center",
                       textcoords="offset points", fontsize=9, color=look.colour)  # fmt: skip
     return labels
 
@@ -152,7 +153,7 @@ def _draw_target(axis: Axes, target: float, found: Choice | LimitingError) -> An
         axis.plot(found.seconds, 100.0 * found.half_width, "o", ms=12, mfc="none", mec=colour, mew=2.2, zorder=7)
         words += f": {format_duration(found.seconds)}"
     else:
-        words += f": not reached, dominant error: {_name(found.setting)}"
+        words += f": not reached, dominant error: {in_words(found.setting)}"
     side, place = ("right", 0.995) if reached else ("left", 0.005)
     return axis.annotate(words, (place, 100.0 * target), xycoords=axis.get_yaxis_transform(), ha=side, va="bottom",
                          fontsize=9, color=colour, xytext=(0, 2), textcoords="offset points")  # fmt: skip
@@ -168,13 +169,13 @@ def _draw_parts(axis: Axes, study: AccuracyStudy, own: Choice, looks: dict[str, 
             rows.append((f"{OWN_REPLICAS} replicas", SettingError(0.0, half), _Look("0.35", "o"), True))
         else:
             error, setting = own.total.parts[name], study.setting(name)
-            value = "" if setting is None else f" {setting.own:.3g}"
-            rows.append((_name(name) + value, error, looks[name], error.is_significant))
+            text = in_words(name) if setting is None else _named_value(name, setting.own)
+            rows.append((text, error, looks[name], error.is_significant))
     unknown = own.total.unknown
     for place in range(len(rows), len(rows) + len(unknown)):
         axis.annotate("not measured", (0.0, place), xytext=(6, 0), textcoords="offset points", va="center", fontsize=9,
                       color="0.4")  # fmt: skip
-    labels = [*(row[0] for row in rows), *map(_name, unknown)]
+    labels = [*(row[0] for row in rows), *map(in_words, unknown)]
     places = [*range(len(rows)), len(labels)]
     labels.append("total of what was measured" if unknown else "total")
     rows.append(("", SettingError(own.total.bias, own.half_width), _Look("black", "*"), True))
@@ -194,8 +195,9 @@ def _draw_parts(axis: Axes, study: AccuracyStudy, own: Choice, looks: dict[str, 
     label_panel(axis, "This scene: what each setting adds (hollow: not significant)")
 
 
-def _name(setting: str) -> str:
-    return setting.replace("_", " ")
+def _named_value(setting: str, value: float) -> str:
+    unit = UNITS.get(setting, "")
+    return f"{in_words(setting)} {format_time(value) if unit == 's' else f'{value:.3g} {unit}'.strip()}"
 
 
 def _name_axes(axis: Axes) -> None:

@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from geometry import AnnularBox
 
 SMALL_TRIANGLES = 30_000  # to draw in a panel: a quarter of a second
-FLUX_LINES = 24
+FLUX_LINES = 16
+SMALLEST_NAMED = 0.006  # of the area of a panel
 NAME_SIZE = 10  # [pt]
 NAME_ROOM = 5.0  # [pixels] around a name: closer ones read as one word
 PARTS = (2, 16)  # of an element's edge, at least and at most
@@ -50,9 +51,6 @@ def section_picture(
     mesh = field.elements.mesh
     points, triangles = np.asarray(mesh.points), np.asarray(mesh.triangles)
     magnitude = field.central_magnitude()
-    region = np.empty(len(triangles), dtype=np.int64)
-    for number, elements in enumerate(mesh.regions.values()):
-        region[elements] = number
     solid = [elements for name, elements in mesh.regions.items() if name != "air"]
     device = points[triangles[np.concatenate(solid)]].reshape(-1, 2) if solid else points
     (r0, z0), (r1, z1) = device.min(axis=0), device.max(axis=0)
@@ -82,20 +80,22 @@ def section_picture(
     # The 99.5th percentile, not the largest: iron corners are singular and would darken all the rest.
     top = float(np.percentile(magnitude[inside], 99.5)) or 1.0
     levels = flux_levels(field, FLUX_LINES)
-    outline = _outline(triangles, region)
     for axis, window in zip(axes, windows, strict=True):
         colours = _draw_field(axis, field, window, levels, top)
         axis.set(xlabel="z [mm]", aspect="equal")
         axis.set(xlim=(MM * window[2], MM * window[3]), ylim=(MM * window[0], MM * window[1]))
-    _lines(axes[0], points, outline, 0.7)
+    draw_outlines(axes[0], mesh, "black", 0.7)
     axes[0].set_ylabel("r [mm]")
     if len(levels):
         flux = 2.0 * math.pi * (levels[1] - levels[0])
         label_panel(axes[0], f"white: flux lines,\n{1e6 * flux:.3g} µWb between them")
     if zoom:
-        _draw_zoom(axes[1], axes[0], points, outline, zoom, grains)
+        draw_outlines(axes[1], mesh, "black", 1.2)
+        _draw_zoom(axes[1], axes[0], zoom, grains)
     figure.colorbar(colours, ax=list(axes), label="|B| [T]", extend="max", shrink=0.9)
-    _names_beside(axes[0], _region_names(axes[0], mesh, points, triangles, float((r1 - r0) * (z1 - z0))))
+    figure.draw_without_rendering()  # lays out the panels
+    for axis, window in zip(axes, windows, strict=True):
+        _names_beside(axis, _region_names(axis, mesh, window))
     return save_picture(figure, path)
 
 
@@ -133,15 +133,12 @@ def _draw_field(
 def _draw_zoom(
     axis: Axes,
     whole: Axes,
-    points: np.ndarray,
-    outline: np.ndarray,
     zoom: tuple[float, float, float, float],
     grains: np.ndarray | None,
 ) -> None:
     from matplotlib.patches import Rectangle
 
     r0, r1, z0, z1 = zoom
-    _lines(axis, points, outline, 1.2)
     has_grains = grains is not None and len(grains) > 0
     if grains is not None and has_grains:
         r, z, radius = np.asarray(grains).T
@@ -153,12 +150,15 @@ def _draw_zoom(
         spine.set_edgecolor("crimson")
 
 
-def draw_outlines(axis: Axes, mesh: Any, colour: str) -> None:
+def draw_outlines(axis: Axes, mesh: Any, colour: str, width: float = 0.9) -> None:
     """Draw the borders between the regions of a mesh on axes in mm, z to the right."""
+    from matplotlib.collections import LineCollection
+
     region = np.empty(len(mesh.triangles), dtype=np.int64)
     for number, elements in enumerate(mesh.regions.values()):
         region[elements] = number
-    _lines(axis, np.asarray(mesh.points), _outline(np.asarray(mesh.triangles), region), 0.9, colour)
+    borders = np.asarray(mesh.points)[_outline(np.asarray(mesh.triangles), region)]
+    axis.add_collection(LineCollection(MM * borders[:, :, ::-1], colors=colour, linewidths=width))
 
 
 def _outline(triangles: np.ndarray, region: np.ndarray) -> np.ndarray:
@@ -171,42 +171,42 @@ def _outline(triangles: np.ndarray, region: np.ndarray) -> np.ndarray:
     return edges[1:][same & (owner[1:] != owner[:-1])]
 
 
-def _lines(axis: Axes, points: np.ndarray, edges: np.ndarray, width: float, colour: str = "black") -> None:
-    from matplotlib.collections import LineCollection
-
-    axis.add_collection(LineCollection(MM * points[edges][:, :, ::-1], colors=colour, linewidths=width))
-
-
 def _region_names(
-    axis: Axes, mesh: Any, points: np.ndarray, triangles: np.ndarray, device_area: float
+    axis: Axes, mesh: Any, window: tuple[float, float, float, float]
 ) -> list[tuple[float, float, str]]:
-    """Write the name of each region inside its largest connected part; those (r, z [m], name) that find no room there.
+    """Write the name of each region inside its largest connected part in a window r0, r1, z0, z1 [m].
 
-    Of a part too small for a name there is none.
+    Those (r, z [m], name) that find no room there are returned. Of a part too small for a name there is none.
     """
     from matplotlib.patheffects import withStroke
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
+    from scipy.spatial import cKDTree
 
-    figure: Any = axis.figure
-    figure.draw_without_rendering()  # lays out the panels
+    points, (r0, r1, z0, z1) = np.asarray(mesh.points), window
     drawn: list[Any] = []
     beside: list[tuple[float, float, str]] = []
     for name, elements in mesh.regions.items():
-        if name == "air" or not len(elements):
+        corners = np.asarray(mesh.triangles)[elements]
+        r, z = points[corners].mean(axis=1).T
+        corners = corners[(r >= r0) & (r <= r1) & (z >= z0) & (z <= z1)]
+        if name == "air" or not len(corners):
             continue
-        corners = triangles[elements]
         rows, columns = corners.ravel(), np.repeat(np.arange(len(corners)), 3)
         of_point = coo_array((np.ones(rows.size), (rows, columns)), shape=(len(points), len(corners))).tocsr()
         _, part = connected_components(of_point.T @ of_point, directed=False)
         a, b, c = (points[corners[:, i]] for i in range(3))
         area = 0.5 * np.abs((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
         largest = part == np.argmax(np.bincount(part, weights=area))
-        if area[largest].sum() < 0.008 * device_area:
+        if area[largest].sum() < SMALLEST_NAMED * (r1 - r0) * (z1 - z0):
             continue
         centres = points[corners[largest]].mean(axis=1)
         middle = np.average(centres, axis=0, weights=area[largest])
-        # The triangle nearest to the centroid: the centroid of an L or a U lies outside of it.
+        # The triangle nearest to the centroid of those well inside: the centroid of an L or a U lies outside of it.
+        others = np.delete(np.asarray(mesh.triangles), elements, axis=0)
+        depth = cKDTree(points[others].mean(axis=1)).query(centres)[0] if len(others) else np.ones(len(centres))
+        depth = np.minimum(depth, np.abs(centres[:, [0, 0, 1, 1]] - window).min(axis=1))
+        centres = centres[depth >= 0.7 * depth.max()]
         r, z = centres[np.argmin(((centres - middle) ** 2).sum(axis=1))]
         width, height = np.ptp(points[corners[largest]][:, :, 1]), np.ptp(points[corners[largest]][:, :, 0])
         turned = height > 2.5 * width
@@ -215,6 +215,9 @@ def _region_names(
             path_effects=[withStroke(linewidth=3.0, foreground="white")],
         )  # fmt: skip
         box = text.get_window_extent().padded(NAME_ROOM)
+        if not all(axis.bbox.contains(x, y) for x, y in (box.min, box.max)):
+            text.remove()  # a sliver at the edge of the panel
+            continue
         if any(box.overlaps(other) for other in drawn):
             text.remove()
             beside.append((r, z, in_words(name)))

@@ -12,7 +12,7 @@ from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
 
 from emclutch.results.text import in_words
-from emclutch.results.view.look import CHAIN_WIDTH, CORNER, FIELDS, FORCE, MARK, SHADES, SWEEP, line_offset
+from emclutch.results.view.look import CHAIN_WIDTH, CORNER, FIELDS, FORCE, MARK, SHADES, SWEEP, line_offset, near_box
 from emclutch.results.view.run_files import RunFiles
 
 FACETS, RING_FACETS = 16, 8  # of a sphere, round and from pole to pole
@@ -72,7 +72,11 @@ def frame_meshes(
                     shades = (255.0 * np.array(files.shades)).astype(np.uint8)
                     swept.cell_data["shown"] = shades[swept.cell_data["region"]]
                 found["device"] = swept
-    return found
+    if "section" in found and "particles" in read and files.sector is not None and not ring:
+        box = near_box(read["particles"].bounds)
+        cut = found.keys() & {"section", "lines", "walls"}
+        found |= {name: found[name].clip_box(box, invert=False) for name in cut}
+    return {name: mesh for name, mesh in found.items() if mesh.n_points}
 
 
 def device_edges(section: Any) -> Any:

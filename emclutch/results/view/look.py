@@ -24,7 +24,7 @@ AMBIENT, DIFFUSE = 0.65, 0.45  # light on the device
 MARGIN = {"gap": 1.15, "chains": 1.15, "device": 1.06}  # what a picture shows, over the grains or the device
 BESIDE = 0.14  # of the width of ParaView's picture, kept free for colour bars
 NAMES_WIDTH = {"gap": 0.1, "chains": 0.1, "device": 0.17}  # of the width, kept free for the names of bodies by pyvista
-NEAR = (0.28, 1.0, 0.07)  # how far around the grains ParaView shows a gap, in x, y and z, over the grains' diagonal
+NEAR = (0.28, 1.0, 0.07)  # how far around the grains a gap is shown, in x, y and z, over the grains' diagonal
 BAR_WIDTH, HEAD_HEIGHT = 0.14, 0.11  # of the picture, kept free for colour bars and for title and time by pyvista
 
 CORNER = 25.0  # [degrees] by which an outline turns at an edge that is drawn
@@ -47,6 +47,12 @@ TITLE_PLACE, TIME_PLACE = (0.02, 0.945), (0.02, 0.9)
 def line_offset(outer_radius):
     """Return the y [m] at which flux lines are drawn: before the section, not in it."""
     return 2e-4 * outer_radius
+
+
+def near_box(box):
+    """Return the box (x0, x1, y0, y1, z0, z1) [m] around a sector's grains in which a gap is shown."""
+    reach = math.hypot(box[1] - box[0], box[3] - box[2], box[5] - box[4])
+    return [end + (2 * (k % 2) - 1) * NEAR[k // 2] * reach for k, end in enumerate(box)]
 
 
 def view_axes(look, is_sector):

@@ -42,8 +42,8 @@ import numpy
 
 from emclutch.results.view.look import (
     AMBIENT, BARS, BESIDE, CHAIN_WIDTH, DIFFUSE, FIELDS, FIELD_COLOURS, FORCE, FORCE_COLOURS, FRAMES_A_SECOND,
-    GRAIN_OPACITY, LINE_COLOUR, LOOKS, MARK, MAX_FIELD, NEAR, SHADES, SIZE, SOLID_OPACITY, SWEEP, TIME_PLACE,
-    TITLE_PLACE, WALL_OPACITY, camera, line_offset,
+    GRAIN_OPACITY, LINE_COLOUR, LOOKS, MARK, MAX_FIELD, SHADES, SIZE, SOLID_OPACITY, SWEEP, TIME_PLACE, TITLE_PLACE,
+    WALL_OPACITY, camera, line_offset, near_box,
 )  # fmt: skip
 
 HERE = os.path.dirname(os.path.abspath(__file__)) if "__file__" in globals() else RUN
@@ -140,12 +140,9 @@ def coloured(display, view, part, array, label, palette, association="POINTS", l
     display.RescaleTransferFunctionToDataRange(False, True)
     if limits is not None:
         table.RescaleTransferFunction(*limits)
-    bar = pv.GetScalarBar(table, view)
-    bar.Title, _, unit = label.partition(" [")
-    bar.ComponentTitle = "[" + unit
-    place_bar(bar, part)
+    title, _, unit = label.partition(" [")
+    bar = add_bar(display, view, table, part, title, "[" + unit)
     bar.AutomaticLabelFormat, bar.LabelFormat, bar.RangeLabelFormat = 0, "%.3g", "%.3g"
-    display.SetScalarBarVisibility(view, bool(display.Visibility))
 
 
 def named(display, view, part, array, title, colours):
@@ -155,18 +152,20 @@ def named(display, view, part, array, title, colours):
     table.InterpretValuesAsCategories = 1
     table.Annotations = [text for number, (name, _) in colours.items() for text in (str(number), name)]
     table.IndexedColors = [c for _, colour in colours.values() for c in colour]
+    add_bar(display, view, table, part, title, "")
+
+
+def add_bar(display, view, table, part, title, unit):
+    """Draw the bar of a table of colours at its place; return it."""
     bar = pv.GetScalarBar(table, view)
-    bar.Title, bar.ComponentTitle = title, ""
-    place_bar(bar, part)
-    display.SetScalarBarVisibility(view, bool(display.Visibility))
-
-
-def place_bar(bar, part):
+    bar.Title, bar.ComponentTitle = title, unit
     bar.TitleColor = bar.LabelColor = (0.0, 0.0, 0.0)
     bar.WindowLocation, bar.Position = "Any Location", (0.88, BARS[part])
     bar.ScalarBarLength, bar.Orientation = 0.25, "Vertical"
     bar.DrawBackground, bar.BackgroundColor = 1, (1.0, 1.0, 1.0, 1.0)  # where the device reaches behind it
     bar.TitleFontSize, bar.LabelFontSize = 16, 14
+    display.SetScalarBarVisibility(view, bool(display.Visibility))
+    return bar
 
 
 def plain(display, colour):
@@ -287,12 +286,10 @@ def near_grains(source, options):
     particles = pv.FindSource("particles")
     if options.look != "gap" or SECTOR is None or particles is None:
         return source
-    bounds = updated(particles).GetDataInformation().GetBounds()
-    reach = sum((bounds[k + 1] - bounds[k]) ** 2 for k in (0, 2, 4)) ** 0.5
-    margins = [share * reach for share in NEAR]
+    box = near_box(updated(particles).GetDataInformation().GetBounds())
     clip = pv.Clip(Input=source, ClipType="Box", Invert=1, Exact=1)
-    clip.ClipType.Position = [bounds[2 * k] - margins[k] for k in range(3)]
-    clip.ClipType.Length = [bounds[2 * k + 1] - bounds[2 * k] + 2.0 * margins[k] for k in range(3)]
+    clip.ClipType.Position = box[::2]
+    clip.ClipType.Length = [high - low for low, high in zip(box[::2], box[1::2], strict=True)]
     return clip
 
 
