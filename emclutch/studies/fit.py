@@ -275,9 +275,8 @@ def _trials(
     """Return the torques of all powders at the drives, on one mesh where they can share it."""
     is_measured = base.scene.grains.powder_law is not None
     chi = float(np.clip(base.scene.grains.susceptibility, *POWDERS["susceptibility"]))
-    powders, shipped = np.array([*product(friction, rolling, [chi])]), shipped_laws()
-    laws = [law_of(base.scene)[0]] if is_measured else (
-        shipped.interpolated(powders) if len(powders) > 1 else [shipped.of(*powders[0].tolist())])  # fmt: skip
+    powders = np.array([*product(friction, rolling, [chi])])
+    laws = [law_of(base.scene)[0]] if is_measured else shipped_laws().interpolated(powders)
     device, found = None, []
     for number, value in enumerate(drives):
         at = _driven(base, key, float(value))

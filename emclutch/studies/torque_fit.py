@@ -1,4 +1,4 @@
-"""Fit of a powder's law to a measured torque curve: likelihood over a grid of parameters, profile intervals, valley.
+"""Fit of a powder's law to a measured torque curve: misfit over a grid of parameters, profile intervals, valley.
 
 With T(p, x) the torque by the law, p the parameters and x the drive (a current), measured torques T_i at x_i have the
 residuals r_i(p) = ln T_i - ln T(p, x_i), normal with the covariance
@@ -10,22 +10,24 @@ causes with which it is wrong by one factor at all drives, d the scatter of cell
 of one powder, fill and size in other fields share half of their squared scatter, however far apart the fields are (3.3
 of 7.4e-4, docs/gap_cells.csv), so half of d^2 is common; the other half is f_i^2, correlated within a factor of e of
 the drive, so that many measured points do not average it out. Where the law is a guess, c has the error of a guess if
-it is one at all drives, and f_i if it is one at this drive. The likelihood L has
+it is one at all drives, and f_i if it is one at this drive. The misfit is
 
-    -2 ln L(p) = S(p) + ln det C(p),   S(p) = r^T C^-1 r,
+    S(p) = r^T C^-1 r,
 
-with the squared residual of another measurement added to S where there is one. It is computed on a grid of p; between
+with the squared residual of another measurement added where there is one. It is computed on a grid of p; between
 the trials of the law ln T and ln e are cubic splines of p, and ln T is one of ln x. Where no errors of the measurement
 are known, one s for all points solves S_0 = n - k (R. C. Paule, J. Mandel, J. Res. Natl. Bur. Stand. 87 (1982) 377),
 with S_0 that S which a common factor of any size leaves. So a factor between the measurement and the law, which errors
 of single points do not make, stays: S - S_0, of one degree of freedom, tells whether the common errors explain it.
 
-**Intervals** are profiles: what has -2 ln L within 3.84 of its smallest value, for some value of the other parameters,
-is the 95 % interval (D. M. Bates, D. G. Watts, Nonlinear Regression Analysis, 1988, chapter 6). One that reaches the
-end of the range says that the data do not bound the parameter there. The best others for each value of the first
-parameter are the valley: parameters that the data cannot tell apart, as friction and rolling friction, which both make
-a powder stronger. The band has the torques by the law of all parameters within that bound, with the error of a guess
-added in quadrature to the logarithm at drives where the law is one.
+**Intervals** are profiles: what has S within 3.84 of its smallest value, for some value of the other parameters, is
+the 95 % interval (D. M. Bates, D. G. Watts, Nonlinear Regression Analysis, 1988, chapter 6). ln det C is not added:
+it would prefer powders near the simulated ones, whose law has small errors, and shorten the intervals. The best
+parameters have the smallest S + 0.1 ln c^2: of those that fit alike, the ones with the smallest error of the law. An
+interval up to the end of the range says that the data do not bound the parameter there. The best others for each value
+of the first parameter are the valley: parameters that the data cannot tell apart, as friction and rolling friction,
+which both make a powder stronger. The band has the torques by the law of all parameters within that bound, with
+the error of a guess added in quadrature to the logarithm at drives where the law is one.
 """
 
 from __future__ import annotations
@@ -49,7 +51,9 @@ POINTS = {1: 401, 2: 201, 3: 41}
 CURVE = 41
 """Drives at which the fitted curve is drawn."""
 WITHIN = float(chi2.ppf(0.95, 1))
-"""By which -2 ln L may exceed its smallest value within the 95 % interval."""
+"""By which S may exceed its smallest value within the 95 % interval."""
+TIE = 0.1
+"""Weight of ln c^2 beside S where the best parameters are chosen: of those that fit alike, the best known."""
 POOR = 0.01
 """Probability of a sum of squares this large, below which no parameters fit."""
 FALL = 0.05
@@ -189,7 +193,7 @@ class TorqueFit:
     levels : tuple of ndarray
         Grid of each parameter.
     excess : ndarray (*levels)
-        -2 ln L less its smallest value.
+        S less its smallest value.
     valley : ndarray, shape (j, k)
         Best parameters for each value of the first one within the 95 % interval.
     measured : ndarray, shape (n, 3)
@@ -260,27 +264,25 @@ def fit_torque(trials: TrialTorques, measured: MeasuredTorques, other: Residual 
     F = np.outer(f, f) * np.exp(-distance)
     further = np.zeros(is_guess.shape) if other is None else other(levels) ** 2
 
-    def likelihood(own: np.ndarray | float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return S, -2 ln L but for a constant, and S_0 (*levels), with the relative errors of the points (n,)."""
+    def squares(own: np.ndarray | float) -> tuple[np.ndarray, np.ndarray]:
+        """Return S and S_0 (*levels), with the relative errors of the points (n,)."""
         L = cholesky(F + np.diag(np.broadcast_to(np.square(own) + SMALLEST_ERROR**2, n)), lower=True)
         z, w = (solve_triangular(L, one.T, lower=True) for one in (residuals, c))
-        square = (w**2).sum(axis=0)  # Sherman and Morrison's, and the determinant of C over that without c c^T
+        square = (w**2).sum(axis=0)  # Sherman and Morrison's formula
         S, S_0 = ((z**2).sum(axis=0) - (z * w).sum(axis=0) ** 2 / by for by in (1.0 + square, square))
-        shape = further.shape
-        S = S.reshape(shape) + further
-        return S, S + np.log(1.0 + square).reshape(shape), S_0.reshape(shape)
+        return S.reshape(further.shape) + further, S_0.reshape(further.shape)
 
     def smallest(own: float) -> float:
-        _, both, S_0 = likelihood(own)
-        return float(S_0.ravel()[np.argmin(both)])
+        S, S_0 = squares(own)
+        return float(S_0.ravel()[np.argmin(S)])
 
     if measured.error is not None:
         own = measured.error / measured.torque
     else:
         own = np.full(n, _unknown_error(smallest, free))
-    S, both, S_0 = likelihood(own)
-    best = np.unravel_index(np.argmin(both), both.shape)
-    excess = both - both[best]
+    S, S_0 = squares(own)
+    excess = S - S.min()
+    best = np.unravel_index(np.argmin(S + TIE * np.log((c**2).mean(axis=1)).reshape(S.shape)), S.shape)
     found, valley = [], np.empty((0, k))
     for a, name in enumerate(trials.names):
         rows = np.moveaxis(excess, a, 0).reshape(len(levels[a]), -1)

@@ -68,7 +68,7 @@ def test_torques_of_many_powders_are_those_of_their_scenes(quickstart):
             assert torque[i, j] == pytest.approx(alone.torque, rel=2e-3)
             parts = [half / 1.96 for name, half in alone.parts.items() if name != "form"]
             assert alone.real.is_guess == (guess[i, j] > 0.0)
-            assert alone.real.is_guess or error[i, j] == pytest.approx(np.linalg.norm(parts), rel=1e-2)
+            assert alone.real.is_guess or error[i, j] == pytest.approx(np.linalg.norm(parts), rel=2e-2)
 
 
 def test_half_of_the_scatter_about_the_form_of_the_law_is_common_to_all_fields():
@@ -103,7 +103,7 @@ def test_the_powder_of_a_curve_is_found_again(quickstart, tmp_path):
         assert one["name"] == name and one["low"] <= value <= one["high"]
     assert not found["is_poor"] and not found["is_guess"] and found["guess_points"] == 0
     low, high = found["repose"]
-    assert low < np.radians(28.0) < high and high - low < np.radians(10.0)  # emclutch powder gives 27.6 degrees
+    assert low < np.radians(28.0) < high and high - low < np.radians(12.0)  # emclutch powder gives 27.6 degrees
     assert f"The curve does not bound {FRICTION}: it mainly fixes the strength" in done.output
     table = pandas.read_csv(tmp_path / "fit" / "fit.csv")
     assert (abs(table.torque / table.torque_measured - 1.0) < 0.02).all()
