@@ -100,7 +100,7 @@ class TrialTorques:
 
     def nearest(self, drive: np.ndarray) -> np.ndarray:
         """Return which of the m drives is nearest to each of others (n,)."""
-        return np.argmin(np.abs(np.log(drive[:, None] / self.drive)), axis=1)
+        return _nearest(np.log(self.drive), np.log(drive))
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,16 +122,16 @@ class MeasuredTorques:
     error: np.ndarray | None = None
     common_error: float = 0.0
 
-    def largest_fall(self) -> tuple[int, int] | None:
-        """Return the points between which the torque falls most beyond its errors (95 %) while the drive rises.
+    def largest_fall(self) -> tuple[tuple[float, float], ...]:
+        """Return drive and torque of the points between which it falls most beyond its errors (95 %) while that rises.
 
-        None where it does not, as by the law, whose torque rises with the drive.
+        None of them where it does not, as by the law, whose torque rises with the drive.
         """
         error = FALL / np.sqrt(2.0) / NORMAL * self.torque if self.error is None else self.error
         drop = np.subtract.outer(self.torque, self.torque) / (NORMAL * np.hypot.outer(error, error))
         drop[np.greater_equal.outer(self.drive, self.drive)] = 0.0
-        before, after = np.unravel_index(np.argmax(drop), drop.shape)
-        return (int(before), int(after)) if drop[before, after] > 1.0 else None
+        points = np.unravel_index(np.argmax(drop), drop.shape)
+        return tuple((float(self.drive[k]), float(self.torque[k])) for k in points if drop[points] > 1.0)
 
 
 def read_torques(path: str | Path, unit: str) -> tuple[MeasuredTorques, int]:
@@ -211,6 +211,10 @@ class TorqueFit:
         None where there are no more points than parameters.
     scatter : float
         Standard deviation of ln(T measured/T fitted).
+    factor : float
+        Common factor of all points that T measured/T fitted has, by the errors of the single points.
+    has_shape : bool
+        Whether the best parameters with that factor fit within the errors.
     guess_at : ndarray of bool, shape (n,)
         Measured points at whose drive the law is a guess.
     is_guess : bool
@@ -228,6 +232,8 @@ class TorqueFit:
     degrees_of_freedom: int
     probability: float | None
     scatter: float
+    factor: float
+    has_shape: bool
     guess_at: np.ndarray
     is_guess: bool
 
@@ -264,23 +270,24 @@ def fit_torque(trials: TrialTorques, measured: MeasuredTorques, other: Residual 
     F = np.outer(f, f) * np.exp(-distance)
     further = np.zeros(is_guess.shape) if other is None else other(levels) ** 2
 
-    def squares(own: np.ndarray | float) -> tuple[np.ndarray, np.ndarray]:
-        """Return S and S_0 (*levels), with the relative errors of the points (n,)."""
+    def squares(own: np.ndarray | float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return S, S_0 and by how many c the points are off together (*levels), with their relative errors (n,)."""
         L = cholesky(F + np.diag(np.broadcast_to(np.square(own) + SMALLEST_ERROR**2, n)), lower=True)
         z, w = (solve_triangular(L, one.T, lower=True) for one in (residuals, c))
         square = (w**2).sum(axis=0)  # Sherman and Morrison's formula
-        S, S_0 = ((z**2).sum(axis=0) - (z * w).sum(axis=0) ** 2 / by for by in (1.0 + square, square))
-        return S.reshape(further.shape) + further, S_0.reshape(further.shape)
+        both, shape = (z * w).sum(axis=0), further.shape
+        S, S_0 = ((z**2).sum(axis=0) - both**2 / by for by in (1.0 + square, square))
+        return S.reshape(shape) + further, S_0.reshape(shape), (both / square).reshape(shape)
 
     def smallest(own: float) -> float:
-        S, S_0 = squares(own)
+        S, S_0, _ = squares(own)
         return float(S_0.ravel()[np.argmin(S)])
 
     if measured.error is not None:
         own = measured.error / measured.torque
     else:
         own = np.full(n, _unknown_error(smallest, free))
-    S, S_0 = squares(own)
+    S, S_0, off = squares(own)
     excess = S - S.min()
     best = np.unravel_index(np.argmin(S + TIE * np.log((c**2).mean(axis=1)).reshape(S.shape)), S.shape)
     found, valley = [], np.empty((0, k))
@@ -308,20 +315,15 @@ def fit_torque(trials: TrialTorques, measured: MeasuredTorques, other: Residual 
     elif free > 0:
         probability = float(chi2.sf(sum_of_squares, free))
     return TorqueFit(
-        parameters=tuple(found),
-        levels=levels,
-        excess=excess,
-        valley=valley,
-        measured=at,
+        parameters=tuple(found), levels=levels, excess=excess, valley=valley, measured=at,
         curve=np.column_stack([drives, band(drives)]),
         own_error=float(np.sqrt(np.mean(own**2))),
-        sum_of_squares=sum_of_squares,
-        degrees_of_freedom=max(free, 0),
-        probability=probability,
+        sum_of_squares=sum_of_squares, degrees_of_freedom=max(free, 0), probability=probability,
+        factor=float(np.exp(off[best] * c.reshape(*S.shape, n)[best].mean())),
+        has_shape=bool(chi2.sf(S_0[best], max(free - 1, 1)) >= POOR),
         scatter=float(np.sqrt(np.sum(np.log(measured.torque / at[:, 0]) ** 2) / max(n - k, 1))),
-        guess_at=form[near] > 0.0,
-        is_guess=bool(is_guess[best]),
-    )
+        guess_at=form[near] > 0.0, is_guess=bool(is_guess[best]),
+    )  # fmt: skip
 
 
 def _refined(values: np.ndarray, levels: tuple[np.ndarray, ...], to: tuple[np.ndarray, ...]) -> np.ndarray:

@@ -102,9 +102,9 @@ DILUTE = 1.5
 POWDERS = {"friction": (0.2, 0.7), "rolling friction": (0.0, 0.6), "susceptibility": (100.0, 1000.0)}
 """In which the law holds; the simulated powders have 0.23 to 0.64, 0 to 0.54, 100 to 999."""
 
-REACH = (0.05, 0.05, 0.3)
+REACH = (0.08, 0.04, 0.3)
 """Distance in friction, rolling friction and ln chi over which what the regression misses of a powder decays as a
-Gaussian. Lengths up to these predict left-out powders as well as none does; longer ones are worse."""
+Gaussian: left-out powders have their stress at a fill of 0.38 within 3.9 %, and 4.4 % without (root mean square)."""
 
 FARTHEST = 1.0
 """Leverage of a powder in the regression, up to which its own coefficients follow from the others."""
@@ -236,13 +236,15 @@ class PowderLaw:
         b = np.abs(B) / (MU_0 * Ms)
         return start * MU_0 * Ms**2 * (b / BASE_FLUX) ** flux * (fill / BASE_FILL) ** of_fill * (1.0 + jams * jammed)
 
+    def changes(self, b: float, fill: float, grains_per_gap: float, inertial_number: float) -> np.ndarray:
+        """Changes of the logarithm of the stress at b = B/(mu_0 Ms) by a standard error of each coefficient."""
+        above, below = (self.coefficients + sign * np.diag(0.5 * self.errors) for sign in (1.0, -1.0))
+        at = max(b, 1e-6), fill, grains_per_gap, inertial_number
+        return _logarithm(above.T, *at) - _logarithm(below.T, *at)
+
     def errors_at(self, b: float, fill: float, grains_per_gap: float, inertial_number: float) -> dict[str, float]:
         """Standard errors of the logarithm of the stress at b = B/(mu_0 Ms), by their causes."""
-        at = (max(b, 1e-6), fill, grains_per_gap, inertial_number)
-        change = np.array([
-            _logarithm(self.coefficients + h, *at) - _logarithm(self.coefficients - h, *at)
-            for h in np.diag(0.5 * self.errors)
-        ]).ravel()  # fmt: skip
+        change = self.changes(b, fill, grains_per_gap, inertial_number)
         size = np.isin(COEFFICIENTS, ("size", "size_fill"))
         square = float((change[~size] ** 2).sum() + 2.0 * self.correlation * change[0] * change[1])
         return {"cells": sqrt(square), "form": self.deviation, "size": float(np.linalg.norm(change[size]))}
