@@ -389,15 +389,12 @@ def _drive(result: FitResult, value: float) -> str:
 def _of_misfit(result: FitResult) -> Iterator[Statement]:
     """Say that nothing fits, which points are off most, and what to suspect."""
     fitted, measured = result.fit, result.measured
-    probability = f"probability {fitted.probability:.1g}"
-    yield Statement(Mark.UNUSABLE, f"No parameters in the range fit this curve within the errors ({probability}).")
+    why = f"within the errors (probability {fitted.probability:.1g})"
+    yield Statement(Mark.UNUSABLE, f"No parameters in the range fit this curve {why}.")
     ratio = measured.torque / fitted.measured[:, 0]
     worst = np.argsort(-np.abs(np.log(ratio)), kind="stable")[:MISFITS]
-    points = (
-        f"{100.0 * (ratio[k] - 1.0):+.0f} % at {_drive(result, float(measured.drive[k]))}"
-        + " (a guess of the law)" * bool(fitted.guess_at[k])
-        for k in worst
-    )
+    points = (f"{100.0 * (ratio[k] - 1.0):+.0f} % at {_drive(result, float(measured.drive[k]))}"
+              + " (a guess of the law)" * bool(fitted.guess_at[k]) for k in worst)  # fmt: skip
     yield note(f"Largest misfits, measured against the nearest curve: {', '.join(points)}.")
     share = result.clearance or 0.0
     takes = f"geometry.clearance (it takes {100.0 * share:.2g} % of the ampere-turns), " if share > LARGE_SHARE else ""

@@ -266,8 +266,7 @@ def fit_torque(trials: TrialTorques, measured: MeasuredTorques, other: Residual 
     c = np.sqrt(c_squared + 0.5 * trials.form**2 + measured.common_error**2)[..., near].reshape(-1, n)
     residuals = (np.log(measured.torque) - trials.at(measured.drive, log_torque)).reshape(-1, n)
     f = np.hypot(form, np.sqrt(0.5) * trials.form)[near]
-    distance = np.abs(np.log(measured.drive[:, None] / measured.drive))
-    F = np.outer(f, f) * np.exp(-distance)
+    F = np.outer(f, f) * np.exp(-np.abs(np.log(measured.drive[:, None] / measured.drive)))
     further = np.zeros(is_guess.shape) if other is None else other(levels) ** 2
 
     def squares(own: np.ndarray | float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -283,10 +282,8 @@ def fit_torque(trials: TrialTorques, measured: MeasuredTorques, other: Residual 
         S, S_0, _ = squares(own)
         return float(S_0.ravel()[np.argmin(S)])
 
-    if measured.error is not None:
-        own = measured.error / measured.torque
-    else:
-        own = np.full(n, _unknown_error(smallest, free))
+    known = None if measured.error is None else measured.error / measured.torque
+    own = np.full(n, _unknown_error(smallest, free)) if known is None else known
     S, S_0, off = squares(own)
     excess = S - S.min()
     best = np.unravel_index(np.argmin(S + TIE * np.log((c**2).mean(axis=1)).reshape(S.shape)), S.shape)
@@ -309,16 +306,13 @@ def fit_torque(trials: TrialTorques, measured: MeasuredTorques, other: Residual 
         return np.exp(np.column_stack([mean, mean - low, mean + high]))
 
     drives, at = np.geomspace(measured.drive.min(), measured.drive.max(), CURVE), band(measured.drive)
-    sum_of_squares, probability = float(S[best]), None
-    if measured.error is None:
-        probability = float(chi2.sf(sum_of_squares - further[best] - S_0[best], 1))
-    elif free > 0:
-        probability = float(chi2.sf(sum_of_squares, free))
+    square, count = (S[best], free) if known is not None else (S[best] - further[best] - S_0[best], 1)
     return TorqueFit(
         parameters=tuple(found), levels=levels, excess=excess, valley=valley, measured=at,
         curve=np.column_stack([drives, band(drives)]),
         own_error=float(np.sqrt(np.mean(own**2))),
-        sum_of_squares=sum_of_squares, degrees_of_freedom=max(free, 0), probability=probability,
+        sum_of_squares=float(S[best]), degrees_of_freedom=max(free, 0),
+        probability=float(chi2.sf(square, count)) if count > 0 else None,
         factor=float(np.exp(off[best] * c.reshape(*S.shape, n)[best].mean())),
         has_shape=bool(chi2.sf(S_0[best], max(free - 1, 1)) >= POOR),
         scatter=float(np.sqrt(np.sum(np.log(measured.torque / at[:, 0]) ** 2) / max(n - k, 1))),

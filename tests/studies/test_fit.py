@@ -181,7 +181,8 @@ def test_a_measured_curve_is_read_in_its_units(tmp_path):
     assert found.drive == pytest.approx([0.2, 0.4])
     assert found.torque == pytest.approx([0.09, 0.3]) and found.error == pytest.approx([0.003, 0.005])
     assert left_out == 1
-    assert read_torques(write(tmp_path, "n.csv", "I [A],T [N m]\n1,2\n"), "A")[0].error is None
+    assert read_torques(write(tmp_path, "n.csv", 'I/"A",T/"N cm"\n1,200\n'), "A")[0].torque == pytest.approx([2.0])
+    assert read_torques(tmp_path / "n.csv", "A")[0].error is None
 
 
 @pytest.mark.parametrize(
