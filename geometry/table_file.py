@@ -226,7 +226,7 @@ def split_heading(text: str) -> tuple[str, str]:
     if match := re.fullmatch(r"(.*?)\s*\[([^\]]*)\]", text):
         return match[1], match[2].strip()
     for match in re.finditer(r"\s*(?:/|\(|\bin\s|[\s_,])\s*", text):
-        unit = text[match.end() :].strip(" )")
+        unit = text[match.end() :].strip(" )'\"")
         if _plain(unit).casefold() in _SUFFIXES:
             return text[: match.start()], unit
     return text, ""

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas
 
 from emclutch.device_model.device import build_device
 from emclutch.results.atomic_file import json_values, replace_json, replace_text
@@ -157,10 +158,8 @@ def fit(
         message = "have one value each: nothing is fitted; give one of them a range, e.g. 0.2:0.7"
         raise SceneError([Fault("friction, rolling_friction, fill", "", message)], "fit")
     if measured.error is None and len(measured.drive) + (repose is not None) <= len(names):
-        message = (
-            f"has {len(measured.drive)} points without errors, too few for {len(names)} parameters; measure more, "
-        )
-        message += "fit fewer, or add a column 'error [N m]'"
+        message = f"has {len(measured.drive)} points without errors, too few for {len(names)} parameters; "
+        message += "measure more, fit fewer, or add a column 'error [N m]'"
         raise SceneError([Fault("to", str(to), message)], "fit")
     gone = {"particles.repose": None} | dict.fromkeys(AMOUNTS if FILL in ends else ())  # their values are looked for
     gone |= {} if names == (FILL,) else {"particles.powder_law": None}  # of one friction
@@ -168,17 +167,16 @@ def fit(
         case.with_values(gone | dict(zip(ends, values, strict=True)))  # SceneError where one is not valid
     base = case.with_values(gone | {key: sum(values) / len(values) for key, values in ends.items()})
     grid = {key: np.linspace(v[0], v[-1], TRIALS[len(names)]) if len(v) > 1 else np.array(v) for key, v in ends.items()}
-    friction_levels, rolling_levels = grid[FRICTION], grid.get(_rolling_key(case.scene), np.zeros(1))
     drives = np.unique(measured.drive)
     if len(drives) > DRIVES:
         drives = np.geomspace(drives[0], drives[-1], DRIVES)
-    trials = _trials(base, over, drives, friction_levels, rolling_levels, grid.get(FILL), names, progress)
+    trials = _trials(base, over, drives, grid, progress)
 
     def bulk_friction(levels: tuple[np.ndarray, ...]) -> tuple[np.ndarray, np.ndarray]:
         """Return tau/P and its standard error on the grid of the fit, or to be repeated along the fill."""
-        fitted, table = dict(zip(names, levels, strict=True)), measured_table()
-        at = fitted.get(FRICTION, friction_levels), fitted.get(_rolling_key(case.scene), rolling_levels)
-        shape = [1 if key == FILL else len(one) for key, one in fitted.items()]
+        fitted, table = grid | dict(zip(names, levels, strict=True)), measured_table()
+        at = fitted[FRICTION], fitted.get(_rolling_key(case.scene), np.zeros(1))
+        shape = [1 if key == FILL else len(fitted[key]) for key in names]
         mean, error = (replace(table, mean=one).on_grid(*at).reshape(shape) for one in (table.mean, table.error))
         return mean, error
 
@@ -202,8 +200,7 @@ def fit(
     expected = expectation_of(_driven(fitted, over, largest))
     clearance = _clearance_share(_driven(fitted, over, largest)) if found.is_poor else None
     result = FitResult(
-        folder, over, drive.unit, Path(to), measured, left_out, found, angles, fitted, expected, clearance
-    )
+        folder, over, drive.unit, Path(to), measured, left_out, found, angles, fitted, expected, clearance)  # fmt: skip
     _write(result)
     return result
 
@@ -263,21 +260,14 @@ def _clearance_share(case: Case) -> float | None:
 
 
 def _trials(
-    base: Case,
-    key: str,
-    drives: np.ndarray,
-    friction: np.ndarray,
-    rolling: np.ndarray,
-    fill: np.ndarray | None,
-    names: tuple[str, ...],
-    progress: Progress | None,
+    base: Case, key: str, drives: np.ndarray, grid: dict[str, np.ndarray], progress: Progress | None
 ) -> TrialTorques:
     """Return the torques of all powders at the drives, on one mesh where they can share it."""
-    is_measured = base.scene.grains.powder_law is not None
     chi = float(np.clip(base.scene.grains.susceptibility, *POWDERS["susceptibility"]))
-    powders, shipped = np.array([*product(friction, rolling, [chi])]), shipped_laws()
-    laws = [law_of(base.scene)[0]] if is_measured else (
-        shipped.interpolated(powders) if len(powders) > 1 else [shipped.of(*powders[0].tolist())])  # fmt: skip
+    rolling, fill = grid.get(_rolling_key(base.scene), np.zeros(1)), grid.get(FILL)
+    powders = np.array([*product(grid[FRICTION], rolling, [chi])])
+    is_measured = base.scene.grains.powder_law is not None
+    laws = [law_of(base.scene)[0]] if is_measured else shipped_laws().interpolated(powders)
     device, found = None, []
     for number, value in enumerate(drives):
         at = _driven(base, key, float(value))
@@ -290,10 +280,10 @@ def _trials(
             found.append(torques_of_powders(at.scene, device, field, laws, fills))
         if progress is not None:
             progress.update((number + 1) / len(drives), f"{number + 1} of {len(drives)} drives")
-    levels = [one for one in (friction, rolling, fill) if one is not None and len(one) > 1]
-    shape = (*(len(one) for one in levels), len(drives))
+    levels = {name: one for name, one in grid.items() if len(one) > 1}
+    shape = (*map(len, levels.values()), len(drives))
     torque, error, guess = (np.stack(one, axis=-1).reshape(shape) for one in zip(*found, strict=True))
-    return TrialTorques(names, tuple(levels), drives, torque, error, guess, laws[0].deviation)
+    return TrialTorques(tuple(levels), tuple(levels.values()), drives, torque, error, guess, laws[0].deviation)
 
 
 def _write(result: FitResult) -> None:
@@ -301,12 +291,11 @@ def _write(result: FitResult) -> None:
     folder, fitted, measured = result.folder, result.fit, result.measured
     folder.mkdir(parents=True)
     replace_json(folder / "fit.json", as_data(result))
-    rows = np.column_stack([measured.drive, measured.torque, fitted.measured, fitted.guess_at])
-    head = f"{result.key},torque_measured,torque,low,high,is_guess\n"
-    replace_text(folder / "fit.csv", head + "".join(",".join(f"{v:.6g}" for v in row) + "\n" for row in rows))
-    names = ",".join(one.name for one in fitted.parameters)
-    valley = "".join(",".join(f"{v:.6g}" for v in row) + "\n" for row in fitted.valley)
-    replace_text(folder / "valley.csv", f"{names}\n{valley}")
+    points = np.column_stack([measured.drive, measured.torque, fitted.measured, fitted.guess_at])
+    head = [result.key, "torque_measured", "torque", "low", "high", "is_guess"]
+    names = [one.name for one in fitted.parameters]
+    for name, rows, columns in (("fit.csv", points, head), ("valley.csv", fitted.valley, names)):
+        replace_text(folder / name, pandas.DataFrame(rows, columns=columns).to_csv(index=False, float_format="%.6g"))
     replace_text(folder / "fitted.toml", result.case.toml())
     _draw(result)
     write_index(result.report())
@@ -321,9 +310,7 @@ def _draw(result: FitResult) -> None:
     drive, torque, low, high = fitted.curve.T
     axes[0].plot(drive, torque, color="C0", label=f"law, {'nearest' if fitted.is_poor else 'best'} parameters")
     axes[0].fill_between(drive, low, high, color="C0", alpha=0.25, lw=0.0, label="law, parameters within 95 %")
-    error = (
-        np.full(len(measured.drive), fitted.own_error) * measured.torque if measured.error is None else measured.error
-    )
+    error = fitted.own_error * measured.torque if measured.error is None else measured.error
     draw_measured(axes[0], {"torque": np.column_stack([measured.drive, measured.torque, error])}, joined=False)
     if fitted.guess_at.any() and not fitted.guess_at.all():
         axes[0].plot(measured.drive[fitted.guess_at], fitted.measured[fitted.guess_at, 0], "o", mfc="white", color="C0",
@@ -352,9 +339,9 @@ def as_data(result: FitResult) -> dict[str, Any]:
             "valley": fitted.valley.tolist(), "repose": result.repose,
             "sum_of_squares": fitted.sum_of_squares, "degrees_of_freedom": fitted.degrees_of_freedom,
             "probability": fitted.probability, "scatter": fitted.scatter, "is_poor": fitted.is_poor,
-            "is_guess": fitted.is_guess, "guess_points": int(fitted.guess_at.sum()),
+            "factor": fitted.factor, "is_guess": fitted.is_guess, "guess_points": int(fitted.guess_at.sum()),
             "measured_points": len(result.measured.drive), "left_out": result.left_out,
-            "clearance_share": result.clearance, "fall": measured_fall(result),
+            "clearance_share": result.clearance, "fall": result.measured.largest_fall() or None,
             "own_error": fitted.own_error, "common_error": result.measured.common_error,
             "drive": result.key, "folder": str(result.folder),
         } | result.expected.as_dict()
@@ -365,7 +352,7 @@ def _statements(result: FitResult) -> Iterator[Statement]:
     """Say the parameters with their intervals, how well they fit, and what would bound them; or why none fit."""
     fitted, measured = result.fit, result.measured
     yield from _of_misfit(result) if fitted.is_poor else _of_parameters(result)
-    if (fall := measured_fall(result)) is not None:
+    if fall := measured.largest_fall():
         (before, high), (after, low) = fall
         yield warning(
             f"the measured torque falls from {high:.3g} N m at {_drive(result, before)} to {low:.3g} N m at "
@@ -373,7 +360,7 @@ def _statements(result: FitResult) -> Iterator[Statement]:
             "temperature of the coil, where the current was not measured at each point"
         )
     left = f", {result.left_out} left out (a drive or a torque not above 0)" if result.left_out else ""
-    yield note(f"Scatter of measured over fitted torques: {100.0 * fitted.scatter:.2g} %, {len(measured.drive)} points"
+    yield note(f"Scatter of measured over fitted torques: {100.0 * fitted.scatter:.3g} %, {len(measured.drive)} points"
                f"{left}.")  # fmt: skip
     if fitted.is_guess:
         yield warning(f"the fit is a guess, as is the torque: {result.expected.law}")
@@ -395,15 +382,6 @@ def _statements(result: FitResult) -> Iterator[Statement]:
     yield note(f"Next: measure the law of this powder by cells: emclutch powder-law {shlex.quote(scene)}")
 
 
-def measured_fall(result: FitResult) -> tuple[tuple[float, float], tuple[float, float]] | None:
-    """Return drive [SI] and torque [N m] of the points of `MeasuredTorques.largest_fall`."""
-    fall, measured = result.measured.largest_fall(), result.measured
-    if fall is None:
-        return None
-    before, after = ((float(measured.drive[k]), float(measured.torque[k])) for k in fall)
-    return before, after
-
-
 def _drive(result: FitResult, value: float) -> str:
     return f"{format_number(value)} {result.unit}".strip()
 
@@ -411,19 +389,20 @@ def _drive(result: FitResult, value: float) -> str:
 def _of_misfit(result: FitResult) -> Iterator[Statement]:
     """Say that nothing fits, which points are off most, and what to suspect."""
     fitted, measured = result.fit, result.measured
-    probability = f"probability {fitted.probability:.1g}"
-    yield Statement(Mark.UNUSABLE, f"No parameters in the range fit this curve within the errors ({probability}).")
+    why = f"within the errors (probability {fitted.probability:.1g})"
+    yield Statement(Mark.UNUSABLE, f"No parameters in the range fit this curve {why}.")
     ratio = measured.torque / fitted.measured[:, 0]
     worst = np.argsort(-np.abs(np.log(ratio)), kind="stable")[:MISFITS]
-    points = (
-        f"{100.0 * (ratio[k] - 1.0):+.2g} % at {_drive(result, float(measured.drive[k]))}"
-        + " (a guess of the law)" * bool(fitted.guess_at[k])
-        for k in worst
-    )
+    points = (f"{100.0 * (ratio[k] - 1.0):+.0f} % at {_drive(result, float(measured.drive[k]))}"
+              + " (a guess of the law)" * bool(fitted.guess_at[k]) for k in worst)  # fmt: skip
     yield note(f"Largest misfits, measured against the nearest curve: {', '.join(points)}.")
     share = result.clearance or 0.0
     takes = f"geometry.clearance (it takes {100.0 * share:.2g} % of the ampere-turns), " if share > LARGE_SHARE else ""
-    yield note(f"Check {takes}B-H curve, gap, amount of powder and the errors of the points, or widen the range.")
+    if fitted.has_shape:
+        yield note(f"The curve has the shape of the law: {fitted.factor:.3g} times the nearest curve fits. Suspect one "
+                   f"cause at all drives: {takes}calibration, winding, radius, gap or amount of powder.")  # fmt: skip
+    else:
+        yield note(f"Check {takes}B-H curve, gap, amount of powder and the errors of the points, or widen the range.")
     values = ", ".join(f"{one.name} = {one.value:.3g}" for one in fitted.parameters)
     yield note(f"Nearest values in the range, not to be used: {values}.")
 
@@ -431,15 +410,21 @@ def _of_misfit(result: FitResult) -> Iterator[Statement]:
 def _of_parameters(result: FitResult) -> Iterator[Statement]:
     """Say the parameters with their intervals, and what would bound them."""
     fitted, measured = result.fit, result.measured
-    for one in fitted.parameters:
+    for one, levels in zip(fitted.parameters, fitted.levels, strict=True):
         ends = ("" if bounded else ", the end of its range" for bounded in one.bounded)
         low, high = (f"{value:.3g}{end}" for value, end in zip((one.low, one.high), ends, strict=True))
-        mark = Mark.GOOD if all(one.bounded) else Mark.WARNING
-        yield Statement(mark, f"{one.name} = {one.value:.3g} (95 %: {low} to {high}).")
+        if not any(one.bounded):
+            how = f"is not determined: values from {low} to {high} fit. The best is {one.value:.3g}"
+        elif one.value in levels[[0, -1]]:
+            how = (f"ends at the limit of its range, {one.value:.3g} (95 %: {low} to {high}); there measured torques "
+                   f"are {fitted.factor:.3g} times those of the law")  # fmt: skip
+        else:
+            how = f"= {one.value:.3g} (95 %: {low} to {high})"
+        yield Statement(Mark.GOOD if all(one.bounded) else Mark.WARNING, f"{one.name} {how}.")
     several = len(fitted.parameters) > 1
-    if names := ", ".join(one.name for one in fitted.parameters if not any(one.bounded)):
-        why = ": it mainly fixes the strength of the powder, which all parameters change" if several else ""
-        yield note(f"The curve does not bound {names}{why}. Give what is known a value, e.g. --friction 0.5.")
+    if not all(any(one.bounded) for one in fitted.parameters):
+        why = "All of them change the strength of the powder, which the curve mainly fixes. " if several else ""
+        yield note(f"{why}Give what is known a value, e.g. --friction 0.5.")
     if several and len(fitted.valley) > 1:
         pairs = " to ".join("(" + ", ".join(f"{v:.3g}" for v in row) + ")" for row in fitted.valley[[0, -1]])
         yield note(f"Best values vary together from {pairs}, see valley.csv.")

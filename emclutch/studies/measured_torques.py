@@ -1,7 +1,7 @@
 """Measured torques over the expected ones of a map, and whether each lies in the interval that is expected there.
 
-A measured torque with a standard error lies in the interval if its distance from the expected torque is at most that of
-the interval's end and 1.96 standard errors, added in quadrature.
+A measured torque lies in the interval if its distance from the expected torque is at most that of the interval's end
+and 1.96 of its own standard errors, added in quadrature.
 
 Between the points of a map ln T is a cubic spline of ln |I|, as in a fit (`emclutch.studies.torque_fit`), and both half
 widths of the interval of ln T are linear in ln |I|. Between a guess and another point the expected torque is a guess,
@@ -11,7 +11,6 @@ with the wider interval of both. Currents beyond the map are not extrapolated to
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -27,40 +26,24 @@ SAME = 1e-9
 def interpolated_torques(
     currents: Sequence[float], torques: Sequence[Interval | None], at: Sequence[float]
 ) -> list[Interval | None]:
-    """Return the torques [N m] at some currents [A], None where not both neighbours on that side of 0 A have one.
-
-    Parameters
-    ----------
-    currents : ascending [A].
-    torques : at these; None where none is known.
-    at : currents [A] at which they are wanted.
-    """
-    found: list[Interval | None] = [None] * len(at)
-    for sign in (-1.0, 1.0):
-        side = [(sign * I, T if T and T.mean > 0.0 else None) for I, T in zip(currents, torques, strict=True)]
-        side = sorted((one for one in side if one[0] > 0.0), key=lambda one: one[0])
-        known = [(np.log(I), T) for I, T in side if T is not None]
-        if len(known) < 2:
+    """Return the torques [N m] at some currents [A], None where not both neighbours on that side of 0 A have one."""
+    found: list[Interval | None] = []
+    for current in at:
+        side = [(abs(I), T) for I, T in zip(currents, torques, strict=True) if I * current > 0.0]
+        side.sort(key=lambda one: one[0])
+        below = [one for one in side if one[0] <= abs(current) * (1.0 + SAME)][-1:]
+        above = [one for one in side if one[0] >= abs(current) * (1.0 - SAME)][:1]
+        near = [(I, T) for I, T in (*below, *above) if T and T.mean > 0.0]
+        known = np.log([(I, T.mean) for I, T in side if T and T.mean > 0.0])
+        if len(near) < 2 or len(known) < 2:
+            found.append(None)
             continue
-        x = np.array([one for one, _ in known])
-        mean, low, high = (np.array([getattr(T, end) for _, T in known]) for end in ("mean", "low", "high"))
         with np.errstate(divide="ignore"):  # a bound alone has no lower end
-            below, above = np.log(mean / low), np.log(high / mean)
-        is_guess, spline = np.array([T.is_guess or T.low == 0.0 for _, T in known]), CubicSpline(x, np.log(mean))
-        gaps = [(a, b) for (a, T), (b, U) in pairwise(side) if T is None or U is None]
-        for place, current in enumerate(at):
-            if sign * current <= 0.0:
-                continue
-            here = np.log(sign * current)
-            near = np.flatnonzero(abs(x - here) <= SAME)
-            if not near.size:
-                if not x[0] < here < x[-1] or any(a <= sign * current <= b for a, b in gaps):
-                    continue
-                near = np.searchsorted(x, here) - np.array([1, 0])
-            guess = bool(is_guess[near].any())
-            down, up = (one[near].max() if guess else np.interp(here, x, one) for one in (below, above))
-            T = float(np.exp(spline(here)))
-            found[place] = Interval(T, float(T * np.exp(-down)), float(T * np.exp(up)), guess)
+            widths = np.log([np.divide((T.mean, T.high), (T.low, T.mean)) for _, T in near])
+        is_guess, here = any(T.is_guess or T.low == 0.0 for _, T in near), np.log(abs(current))
+        down, up = (one.max() if is_guess else np.interp(here, np.log([I for I, _ in near]), one) for one in widths.T)
+        mean = float(np.exp(CubicSpline(*known.T)(here)))
+        found.append(Interval(mean, float(mean * np.exp(-down)), float(mean * np.exp(up)), is_guess))
     return found
 
 
@@ -69,21 +52,18 @@ def compared_rows(
 ) -> list[dict[str, Any]]:
     """Return a row for each measured torque: itself, the expected one, their ratio; None beyond the map.
 
-    Parameters
-    ----------
-    measured : name -> (n, 2) current [A] and torque [N m], or (n, 3) with standard errors.
-    currents, torques : of the map, as `interpolated_torques` takes them.
+    `measured` is as of `emclutch.results.measured_table.read_measured`; currents and torques are those of the map.
     """
     rows, unknown = [], dict.fromkeys(("torque", "low", "high", "ratio", "is_inside", "is_guess"))
     for name, points in measured.items():
         expected = interpolated_torques(currents, torques, points[:, 0].tolist())
         for (current, torque, *error), T in zip(points.tolist(), expected, strict=True):
             sigma = error[0] if error and np.isfinite(error[0]) else None
-            known = {}
+            own = {"curve": name, "current": current, "torque_measured": torque, "standard_error": sigma}
+            rows.append(own | unknown)
             if T is not None:
                 half = np.hypot(T.high - T.mean if torque > T.mean else T.mean - T.low, NORMAL * (sigma or 0.0))
-                known = {"torque": T.mean, "low": T.low, "high": T.high, "ratio": torque / T.mean,
-                         "is_inside": bool(abs(torque - T.mean) <= half), "is_guess": T.is_guess}  # fmt: skip
-            own = {"curve": name, "current": current, "torque_measured": torque, "standard_error": sigma}
-            rows.append(own | unknown | known)
+                inside = bool(abs(torque - T.mean) <= half)
+                rows[-1] |= {"torque": T.mean, "low": T.low, "high": T.high, "ratio": torque / T.mean,
+                             "is_inside": inside, "is_guess": T.is_guess}  # fmt: skip
     return rows

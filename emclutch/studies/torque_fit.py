@@ -1,4 +1,4 @@
-"""Fit of a powder's law to a measured torque curve: likelihood over a grid of parameters, profile intervals, valley.
+"""Fit of a powder's law to a measured torque curve: misfit over a grid of parameters, profile intervals, valley.
 
 With T(p, x) the torque by the law, p the parameters and x the drive (a current), measured torques T_i at x_i have the
 residuals r_i(p) = ln T_i - ln T(p, x_i), normal with the covariance
@@ -10,22 +10,24 @@ causes with which it is wrong by one factor at all drives, d the scatter of cell
 of one powder, fill and size in other fields share half of their squared scatter, however far apart the fields are (3.3
 of 7.4e-4, docs/gap_cells.csv), so half of d^2 is common; the other half is f_i^2, correlated within a factor of e of
 the drive, so that many measured points do not average it out. Where the law is a guess, c has the error of a guess if
-it is one at all drives, and f_i if it is one at this drive. The likelihood L has
+it is one at all drives, and f_i if it is one at this drive. The misfit is
 
-    -2 ln L(p) = S(p) + ln det C(p),   S(p) = r^T C^-1 r,
+    S(p) = r^T C^-1 r,
 
-with the squared residual of another measurement added to S where there is one. It is computed on a grid of p; between
+with the squared residual of another measurement added where there is one. It is computed on a grid of p; between
 the trials of the law ln T and ln e are cubic splines of p, and ln T is one of ln x. Where no errors of the measurement
 are known, one s for all points solves S_0 = n - k (R. C. Paule, J. Mandel, J. Res. Natl. Bur. Stand. 87 (1982) 377),
 with S_0 that S which a common factor of any size leaves. So a factor between the measurement and the law, which errors
 of single points do not make, stays: S - S_0, of one degree of freedom, tells whether the common errors explain it.
 
-**Intervals** are profiles: what has -2 ln L within 3.84 of its smallest value, for some value of the other parameters,
-is the 95 % interval (D. M. Bates, D. G. Watts, Nonlinear Regression Analysis, 1988, chapter 6). One that reaches the
-end of the range says that the data do not bound the parameter there. The best others for each value of the first
-parameter are the valley: parameters that the data cannot tell apart, as friction and rolling friction, which both make
-a powder stronger. The band has the torques by the law of all parameters within that bound, with the error of a guess
-added in quadrature to the logarithm at drives where the law is one.
+**Intervals** are profiles: what has S within 3.84 of its smallest value, for some value of the other parameters, is
+the 95 % interval (D. M. Bates, D. G. Watts, Nonlinear Regression Analysis, 1988, chapter 6). ln det C is not added:
+it would prefer powders near the simulated ones, whose law has small errors, and shorten the intervals. The best
+parameters have the smallest S + 0.1 ln c^2: of those that fit alike, the ones with the smallest error of the law. An
+interval up to the end of the range says that the data do not bound the parameter there. The best others for each value
+of the first parameter are the valley: parameters that the data cannot tell apart, as friction and rolling friction,
+which both make a powder stronger. The band has the torques by the law of all parameters within that bound, with
+the error of a guess added in quadrature to the logarithm at drives where the law is one.
 """
 
 from __future__ import annotations
@@ -49,7 +51,9 @@ POINTS = {1: 401, 2: 201, 3: 41}
 CURVE = 41
 """Drives at which the fitted curve is drawn."""
 WITHIN = float(chi2.ppf(0.95, 1))
-"""By which -2 ln L may exceed its smallest value within the 95 % interval."""
+"""By which S may exceed its smallest value within the 95 % interval."""
+TIE = 0.1
+"""Weight of ln c^2 beside S where the best parameters are chosen: of those that fit alike, the best known."""
 POOR = 0.01
 """Probability of a sum of squares this large, below which no parameters fit."""
 FALL = 0.05
@@ -96,7 +100,7 @@ class TrialTorques:
 
     def nearest(self, drive: np.ndarray) -> np.ndarray:
         """Return which of the m drives is nearest to each of others (n,)."""
-        return np.argmin(np.abs(np.log(drive[:, None] / self.drive)), axis=1)
+        return _nearest(np.log(self.drive), np.log(drive))
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,16 +122,16 @@ class MeasuredTorques:
     error: np.ndarray | None = None
     common_error: float = 0.0
 
-    def largest_fall(self) -> tuple[int, int] | None:
-        """Return the points between which the torque falls most beyond its errors (95 %) while the drive rises.
+    def largest_fall(self) -> tuple[tuple[float, float], ...]:
+        """Return drive and torque of the points between which it falls most beyond its errors (95 %) while that rises.
 
-        None where it does not, as by the law, whose torque rises with the drive.
+        None of them where it does not, as by the law, whose torque rises with the drive.
         """
         error = FALL / np.sqrt(2.0) / NORMAL * self.torque if self.error is None else self.error
         drop = np.subtract.outer(self.torque, self.torque) / (NORMAL * np.hypot.outer(error, error))
         drop[np.greater_equal.outer(self.drive, self.drive)] = 0.0
-        before, after = np.unravel_index(np.argmax(drop), drop.shape)
-        return (int(before), int(after)) if drop[before, after] > 1.0 else None
+        points = np.unravel_index(np.argmax(drop), drop.shape)
+        return tuple((float(self.drive[k]), float(self.torque[k])) for k in points if drop[points] > 1.0)
 
 
 def read_torques(path: str | Path, unit: str) -> tuple[MeasuredTorques, int]:
@@ -189,7 +193,7 @@ class TorqueFit:
     levels : tuple of ndarray
         Grid of each parameter.
     excess : ndarray (*levels)
-        -2 ln L less its smallest value.
+        S less its smallest value.
     valley : ndarray, shape (j, k)
         Best parameters for each value of the first one within the 95 % interval.
     measured : ndarray, shape (n, 3)
@@ -207,6 +211,10 @@ class TorqueFit:
         None where there are no more points than parameters.
     scatter : float
         Standard deviation of ln(T measured/T fitted).
+    factor : float
+        Common factor of all points that T measured/T fitted has, by the errors of the single points.
+    has_shape : bool
+        Whether the best parameters with that factor fit within the errors.
     guess_at : ndarray of bool, shape (n,)
         Measured points at whose drive the law is a guess.
     is_guess : bool
@@ -224,6 +232,8 @@ class TorqueFit:
     degrees_of_freedom: int
     probability: float | None
     scatter: float
+    factor: float
+    has_shape: bool
     guess_at: np.ndarray
     is_guess: bool
 
@@ -256,31 +266,27 @@ def fit_torque(trials: TrialTorques, measured: MeasuredTorques, other: Residual 
     c = np.sqrt(c_squared + 0.5 * trials.form**2 + measured.common_error**2)[..., near].reshape(-1, n)
     residuals = (np.log(measured.torque) - trials.at(measured.drive, log_torque)).reshape(-1, n)
     f = np.hypot(form, np.sqrt(0.5) * trials.form)[near]
-    distance = np.abs(np.log(measured.drive[:, None] / measured.drive))
-    F = np.outer(f, f) * np.exp(-distance)
+    F = np.outer(f, f) * np.exp(-np.abs(np.log(measured.drive[:, None] / measured.drive)))
     further = np.zeros(is_guess.shape) if other is None else other(levels) ** 2
 
-    def likelihood(own: np.ndarray | float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return S, -2 ln L but for a constant, and S_0 (*levels), with the relative errors of the points (n,)."""
+    def squares(own: np.ndarray | float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return S, S_0 and by how many c the points are off together (*levels), with their relative errors (n,)."""
         L = cholesky(F + np.diag(np.broadcast_to(np.square(own) + SMALLEST_ERROR**2, n)), lower=True)
         z, w = (solve_triangular(L, one.T, lower=True) for one in (residuals, c))
-        square = (w**2).sum(axis=0)  # Sherman and Morrison's, and the determinant of C over that without c c^T
-        S, S_0 = ((z**2).sum(axis=0) - (z * w).sum(axis=0) ** 2 / by for by in (1.0 + square, square))
-        shape = further.shape
-        S = S.reshape(shape) + further
-        return S, S + np.log(1.0 + square).reshape(shape), S_0.reshape(shape)
+        square = (w**2).sum(axis=0)  # Sherman and Morrison's formula
+        both, shape = (z * w).sum(axis=0), further.shape
+        S, S_0 = ((z**2).sum(axis=0) - both**2 / by for by in (1.0 + square, square))
+        return S.reshape(shape) + further, S_0.reshape(shape), (both / square).reshape(shape)
 
     def smallest(own: float) -> float:
-        _, both, S_0 = likelihood(own)
-        return float(S_0.ravel()[np.argmin(both)])
+        S, S_0, _ = squares(own)
+        return float(S_0.ravel()[np.argmin(S)])
 
-    if measured.error is not None:
-        own = measured.error / measured.torque
-    else:
-        own = np.full(n, _unknown_error(smallest, free))
-    S, both, S_0 = likelihood(own)
-    best = np.unravel_index(np.argmin(both), both.shape)
-    excess = both - both[best]
+    known = None if measured.error is None else measured.error / measured.torque
+    own = np.full(n, _unknown_error(smallest, free)) if known is None else known
+    S, S_0, off = squares(own)
+    excess = S - S.min()
+    best = np.unravel_index(np.argmin(S + TIE * np.log((c**2).mean(axis=1)).reshape(S.shape)), S.shape)
     found, valley = [], np.empty((0, k))
     for a, name in enumerate(trials.names):
         rows = np.moveaxis(excess, a, 0).reshape(len(levels[a]), -1)
@@ -300,26 +306,18 @@ def fit_torque(trials: TrialTorques, measured: MeasuredTorques, other: Residual 
         return np.exp(np.column_stack([mean, mean - low, mean + high]))
 
     drives, at = np.geomspace(measured.drive.min(), measured.drive.max(), CURVE), band(measured.drive)
-    sum_of_squares, probability = float(S[best]), None
-    if measured.error is None:
-        probability = float(chi2.sf(sum_of_squares - further[best] - S_0[best], 1))
-    elif free > 0:
-        probability = float(chi2.sf(sum_of_squares, free))
+    square, count = (S[best], free) if known is not None else (S[best] - further[best] - S_0[best], 1)
     return TorqueFit(
-        parameters=tuple(found),
-        levels=levels,
-        excess=excess,
-        valley=valley,
-        measured=at,
+        parameters=tuple(found), levels=levels, excess=excess, valley=valley, measured=at,
         curve=np.column_stack([drives, band(drives)]),
         own_error=float(np.sqrt(np.mean(own**2))),
-        sum_of_squares=sum_of_squares,
-        degrees_of_freedom=max(free, 0),
-        probability=probability,
+        sum_of_squares=float(S[best]), degrees_of_freedom=max(free, 0),
+        probability=float(chi2.sf(square, count)) if count > 0 else None,
+        factor=float(np.exp(off[best] * c.reshape(*S.shape, n)[best].mean())),
+        has_shape=bool(chi2.sf(S_0[best], max(free - 1, 1)) >= POOR),
         scatter=float(np.sqrt(np.sum(np.log(measured.torque / at[:, 0]) ** 2) / max(n - k, 1))),
-        guess_at=form[near] > 0.0,
-        is_guess=bool(is_guess[best]),
-    )
+        guess_at=form[near] > 0.0, is_guess=bool(is_guess[best]),
+    )  # fmt: skip
 
 
 def _refined(values: np.ndarray, levels: tuple[np.ndarray, ...], to: tuple[np.ndarray, ...]) -> np.ndarray:

@@ -8,8 +8,6 @@ last one.
 
 from __future__ import annotations
 
-import csv
-import io
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -20,6 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas
 
 from emclutch.device_model.device import Device, build_device
 from emclutch.results.atomic_file import replace_json, replace_text
@@ -52,8 +51,6 @@ from emclutch.studies.measured_torques import compared_rows
 from field import ConvergenceError
 
 if TYPE_CHECKING:
-    import pandas
-
     from emclutch.results import Progress
 
 TORQUES = ("torque", "low", "high", "unknown_low", "unknown_high")
@@ -136,8 +133,6 @@ class MapResult(Reported):
     @property
     def table(self) -> pandas.DataFrame:
         """`rows`, a row a point; units in `units`."""
-        import pandas
-
         return pandas.DataFrame(self.rows)
 
     @property
@@ -227,8 +222,7 @@ class MapResult(Reported):
         branch = [f"{FALLING} current [N m]"] if FALLING in self.rows[0] else []
         cells = [
             [a.shown(value) for a, value in zip(self.axes, point.values, strict=True)]
-            + [f"{row[name]:.4g}" if row[name] is not None else "" for name in names]
-            + [f"{row[name]:.4g}" if row[name] is not None else "" for name in (FALLING,) if name in row]
+            + [_shown(row[name]) for name in (*names, FALLING) if name in row]
             + ["guess" if point.is_guess else "" if point.torque else "none"]
             for point, row in zip(self.points, self.rows, strict=True)
         ]
@@ -250,7 +244,7 @@ class MapResult(Reported):
                 "measured / expected", "in the 95 % interval"]  # fmt: skip
         cells = [
             [row["curve"], *(a.shown(row[key]) for a, key in zip(self.axes, keys, strict=True))]
-            + [f"{row[name]:.4g}" if row[name] is not None else "" for name in (*numbers, "ratio")]
+            + [_shown(row[name]) for name in (*numbers, "ratio")]
             + ["beyond the map" if row["ratio"] is None else
                ("yes" if row["is_inside"] else "no") + ", of a guess" * row["is_guess"]]
             for row in rows
@@ -279,10 +273,7 @@ class MapResult(Reported):
         if any(row["is_inside"] is False for row in rows):
             yield note("The interval is common to all points: one cause may move them all, as powder, gap or winding.")
             if len(names) == 1:
-                words = [str(self.case.path or "CASE"), "--to", str(self.folder / MEASURED)]
-                for key, text in settings_beside(self.case).items():
-                    words += ["--set", f"{key}={text}"]
-                yield note(f"Next: fit the powder to them: emclutch fit {shlex.join(words)}")
+                yield note(f"Next: fit the powder to them: {self._command('fit', '--to', str(self.folder / MEASURED))}")
 
     def _statements(self) -> Iterator[Statement]:
         known = [(one.torque.mean, one) for one in self.points if one.torque is not None]
@@ -315,13 +306,19 @@ class MapResult(Reported):
         if (file := self.case.scene.grains.powder_law) is not None:
             yield note(f"Law of the powder: {file}.")
         yield note(f"{LEFT_OUT}{' of the powder, which makes most of a measured loop' if above else ''}.")
-        words = [str(self.case.path or "CASE")]
-        texts = settings_beside(self.case)
-        for axis, value in zip(self.axes, largest.values, strict=True):
-            texts |= {key: "none" if of is None else axis.shown(value) for key, of in axis.changes(value).items()}
-        for key, text in texts.items():
-            words += ["--set", f"{key}={text}"]
-        yield note(f"Next: run one point, for example: emclutch run {shlex.join(words)}")
+        texts = {key: "none" if of is None else axis.shown(value)
+                 for axis, value in zip(self.axes, largest.values, strict=True)
+                 for key, of in axis.changes(value).items()}  # fmt: skip
+        yield note(f"Next: run one point, for example: {self._command('run', **texts)}")
+
+    def _command(self, name: str, *words: str, **texts: str) -> str:
+        """Return a command for the case with its settings and others, by dotted keys."""
+        sets = [word for pair in (settings_beside(self.case) | texts).items() for word in ("--set", "=".join(pair))]
+        return shlex.join(["emclutch", name, str(self.case.path or "CASE"), *words, *sets])
+
+
+def _shown(value: float | None) -> str:
+    return "" if value is None else f"{value:.4g}"
 
 
 def _misfit(row: Mapping[str, Any]) -> float:
@@ -416,9 +413,9 @@ def map_over(
     if measured is not None:
         keep_measured(measured, folder)
     result.picture(folder / "map.png")
-    _write_rows(folder / "map.csv", result.rows)
+    replace_text(folder / "map.csv", result.table.to_csv(index=False))
     if result.measured:
-        _write_rows(folder / COMPARED, result.measured)
+        replace_text(folder / COMPARED, pandas.DataFrame(result.measured).to_csv(index=False))
     report = result.report()
     replace_json(folder / "map.json", report.data)
     write_index(report)
@@ -427,21 +424,10 @@ def map_over(
 
 def _with_measured(axis: Axis, measured: Mapping[str, np.ndarray]) -> Axis:
     """Return an axis of currents with the measured ones between its ends, at most `MAX_MEASURED`."""
-    values = [*axis.values]
-    for current in sorted({float(I) for points in measured.values() for I in points[:, 0]}):
-        between = values[0] < current < values[-1] and current != 0.0
-        if between and not any(isclose(current, value, rel_tol=1e-6) for value in values):
-            values.append(current)
-    few = len(values) - len(axis.values) <= MAX_MEASURED
-    return replace(axis, values=tuple(sorted(values))) if few else axis
-
-
-def _write_rows(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
-    table = io.StringIO()
-    writer = csv.DictWriter(table, list(rows[0]), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    replace_text(path, table.getvalue())
+    known, currents = axis.values, {float(I) for points in measured.values() for I in points[:, 0]}
+    new = [one for one in currents if known[0] < one < known[-1] and one != 0.0
+           and not any(isclose(one, value, rel_tol=1e-6) for value in known)]  # fmt: skip
+    return replace(axis, values=tuple(sorted([*known, *new]))) if len(new) <= MAX_MEASURED else axis
 
 
 def _scene_at(case: Case, axes: tuple[Axis, ...], at: tuple[float, ...]) -> Case:

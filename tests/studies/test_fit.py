@@ -68,7 +68,7 @@ def test_torques_of_many_powders_are_those_of_their_scenes(quickstart):
             assert torque[i, j] == pytest.approx(alone.torque, rel=2e-3)
             parts = [half / 1.96 for name, half in alone.parts.items() if name != "form"]
             assert alone.real.is_guess == (guess[i, j] > 0.0)
-            assert alone.real.is_guess or error[i, j] == pytest.approx(np.linalg.norm(parts), rel=1e-2)
+            assert alone.real.is_guess or error[i, j] == pytest.approx(np.linalg.norm(parts), rel=2e-2)
 
 
 def test_half_of_the_scatter_about_the_form_of_the_law_is_common_to_all_fields():
@@ -103,8 +103,9 @@ def test_the_powder_of_a_curve_is_found_again(quickstart, tmp_path):
         assert one["name"] == name and one["low"] <= value <= one["high"]
     assert not found["is_poor"] and not found["is_guess"] and found["guess_points"] == 0
     low, high = found["repose"]
-    assert low < np.radians(28.0) < high and high - low < np.radians(10.0)  # emclutch powder gives 27.6 degrees
-    assert f"The curve does not bound {FRICTION}: it mainly fixes the strength" in done.output
+    assert low < np.radians(28.0) < high and high - low < np.radians(12.0)  # emclutch powder gives 27.6 degrees
+    assert f"{FRICTION} is not determined: values from 0.2, the end of its range to 0.7" in done.output
+    assert "All of them change the strength of the powder" in done.output
     table = pandas.read_csv(tmp_path / "fit" / "fit.csv")
     assert (abs(table.torque / table.torque_measured - 1.0) < 0.02).all()
     assert ((table.low < table.torque_measured) & (table.torque_measured < table.high)).all()
@@ -133,6 +134,19 @@ def test_where_nothing_fits_points_and_suspects_are_named_and_no_value_is_offere
     assert f"to {float(torque) / 4.0:.3g} N m at 0.8 A, by more than its errors; by the law it cannot fall" in lines[4]
     assert not any("emclutch map" in line or "95 %:" in line for line in lines)
     assert json.loads((tmp_path / "fit" / "fit.json").read_text())["fall"][1][0] == 0.8
+
+
+def test_a_common_factor_and_a_parameter_at_the_limit_of_its_range_are_said(quickstart, tmp_path):
+    """Three times the torque is that of no powder; 1.08 times that of the largest fill ends at this fill."""
+    rolling, truth = quickstart.scene.effects.rolling.coefficient, {"particles.mass": None, FILL: 0.34}
+    case = quickstart.with_values(truth | {"particles.count": None})
+    options = {"friction": quickstart.scene.contact.friction, "rolling_friction": rolling, "fill": (0.25, 0.34)}
+    wrong = fit(quickstart, bench(tmp_path, case, (0.4, 0.8), 3.0), **options, out=tmp_path / "a")
+    assert wrong.fit.is_poor and wrong.fit.has_shape and wrong.fit.factor == pytest.approx(3.0, rel=0.02)
+    assert "The curve has the shape of the law: 3 times the nearest curve fits" in str(wrong.report().statements())
+    ended = fit(quickstart, bench(tmp_path, case, (0.4, 0.8), 1.08), **options, out=tmp_path / "b")
+    first = ended.report().statements()[0].text
+    assert first.startswith(f"{FILL} ends at the limit of its range, 0.34 (95 %: ") and "are 1.08 times" in first
 
 
 def test_the_fill_of_a_curve_is_found_again_and_more_torque_is_more_powder(quickstart, tmp_path):
@@ -167,7 +181,8 @@ def test_a_measured_curve_is_read_in_its_units(tmp_path):
     assert found.drive == pytest.approx([0.2, 0.4])
     assert found.torque == pytest.approx([0.09, 0.3]) and found.error == pytest.approx([0.003, 0.005])
     assert left_out == 1
-    assert read_torques(write(tmp_path, "n.csv", "I [A],T [N m]\n1,2\n"), "A")[0].error is None
+    assert read_torques(write(tmp_path, "n.csv", 'I/"A",T/"N cm"\n1,200\n'), "A")[0].torque == pytest.approx([2.0])
+    assert read_torques(tmp_path / "n.csv", "A")[0].error is None
 
 
 @pytest.mark.parametrize(

@@ -145,7 +145,7 @@ def test_three_parameters_are_fitted_together():
 def test_a_curve_of_another_shape_is_not_fitted():
     """Torque that falls with the current: the probability says it, and range and band have bounds."""
     found = fit_torque(trials(product_of, [0.2, 0.4, 0.7], [0.0, 0.5]), measured(lambda p, x: 10.0 / x, (0.0, 0.0)))
-    assert found.is_poor and np.isfinite(found.measured).all()
+    assert found.is_poor and not found.has_shape and np.isfinite(found.measured).all()
     for one, ends in zip(found.parameters, ((0.2, 0.7), (0.0, 0.5)), strict=True):
         assert ends[0] <= one.low <= one.value <= one.high <= ends[1]
 
@@ -156,6 +156,7 @@ def test_a_factor_of_three_is_no_error_of_single_points(known):
     law = trials(strength, np.linspace(-0.2, 0.2, 21))
     found = fit_torque(law, measured(strength, (0.0,), n=5, known=known, factor=3.0))
     assert found.is_poor and found.own_error < 0.03 and found.scatter > 0.8
+    assert found.has_shape and found.factor == pytest.approx(3.0 * np.exp(-0.2), rel=0.05)
     assert not fit_torque(law, measured(strength, (0.1,), n=5, known=known)).is_poor
     calibration = replace(measured(strength, (0.0,), n=5, known=known, factor=3.0), common_error=1.0)
     assert not fit_torque(law, calibration).is_poor
@@ -183,14 +184,14 @@ def test_the_band_has_the_factor_of_a_guess_where_the_law_is_one():
 @pytest.mark.parametrize(
     ("torque", "error", "fall"),
     [
-        ([1.0, 2.0, 3.0, 2.0], 0.1, (2, 3)), ([1.0, 3.0, 2.9, 2.5], 0.1, (1, 3)), ([1.0, 2.0, 3.0, 2.8], 0.1, None),
-        ([1.0, 2.0, 3.0, 2.8], None, (2, 3)), ([1.0, 2.0, 3.0, 2.9], None, None), ([1.0, 2.0, 3.0, 4.0], None, None),
+        ([1.0, 2.0, 3.0, 2.0], 0.1, (2, 3)), ([1.0, 3.0, 2.9, 2.5], 0.1, (1, 3)), ([1.0, 2.0, 3.0, 2.8], 0.1, ()),
+        ([1.0, 2.0, 3.0, 2.8], None, (2, 3)), ([1.0, 2.0, 3.0, 2.9], None, ()), ([1.0, 2.0, 3.0, 4.0], None, ()),
     ],
 )  # fmt: skip
 def test_a_torque_that_falls_with_the_current_beyond_its_errors_is_found(torque, error, fall):
     curve = MeasuredTorques(DRIVES, np.array(torque), None if error is None else np.full(4, error))
-    assert curve.largest_fall() == fall
-    assert replace(curve, drive=np.ones(4)).largest_fall() is None  # scatter of one current
+    assert curve.largest_fall() == tuple((DRIVES[k], torque[k]) for k in fall)
+    assert not replace(curve, drive=np.ones(4)).largest_fall()  # scatter of one current
 
 
 def test_where_the_law_is_a_guess_the_strength_is_known_within_its_factor():

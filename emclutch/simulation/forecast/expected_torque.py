@@ -39,12 +39,7 @@ from emclutch.results.fits import NORMAL
 from emclutch.results.report.report import sentence
 from emclutch.results.text import format_range
 from emclutch.simulation.forecast.expected_field import field_of_sheared_powder
-from emclutch.simulation.forecast.powder_law import (
-    RANGES,
-    PowderLaw,
-    law_of,
-    shipped_laws,
-)
+from emclutch.simulation.forecast.powder_law import RANGES, PowderLaw, law_of, shipped_laws
 from field import MU_0, ConvergenceError, MagneticField, ParticleLaw
 from field.three_d import Field3D
 from particles.diagnostics.inertial_number import MAGNETIC, inertial_number, shear_rate_of
@@ -381,19 +376,12 @@ class _Grains:
         """
         if self.doubts or real.doubts:
             return None
-        change = np.array([self._change(h) - real._change(h) for h in np.diag(0.5 * self.law.errors)])
+        change = self.law.changes(*self.at) - self.law.changes(*real.at)
         square = float((change**2).sum() + 2.0 * self.law.correlation * change[0] * change[1])
         form = self.law.deviation * (1.0 - (self.at[2] / real.at[2]) ** 2)
         other = [self.parts[name] - real.parts[name] for name in ("edges", "jams")]
         found = Interval.within(self.torque / real.torque, float(np.linalg.norm([sqrt(square), form, *other])))
         return found.mean - 1.0, found.low - 1.0, found.high - 1.0
-
-    def _change(self, step: np.ndarray) -> float:
-        """Change of the logarithm of the stress over two steps of the coefficients."""
-        b, *at = self.at
-        ends = (replace(self.law, coefficients=self.law.coefficients + sign * step) for sign in (1.0, -1.0))
-        above, below = (float(law.stress(np.array(MU_0 * b), 1.0, *at)) for law in ends)
-        return log(above / below)
 
 
 class _Sheared:
@@ -532,7 +520,8 @@ class _OtherPowders(_Sheared):
     def solve(self, laws: Sequence[PowderLaw], fills: np.ndarray) -> None:
         """Solve the field for the ends of N_0 and of the fills, and a fill between these."""
         factors = [law.permeability[0] for law in laws]
-        self._factors, self._fills = np.unique([min(factors), max(factors)]), np.unique(_with_middle(fills))
+        self._factors = np.unique([min(factors), max(factors)])
+        self._fills = np.unique(np.linspace(fills.min(), fills.max(), 3))
         at = [replace(laws[0], permeability=(N_0, *laws[0].permeability[1:])) for N_0 in self._factors]
         self._B = np.array(
             [[super(_OtherPowders, self)._flux_density(fill, law) for law in at] for fill in self._fills]
@@ -541,12 +530,6 @@ class _OtherPowders(_Sheared):
     def _flux_density(self, fill: float, law: PowderLaw) -> np.ndarray:
         weights = np.outer(_lagrange(self._fills, fill), _lagrange(self._factors, law.permeability[0]))
         return np.tensordot(weights, self._B)
-
-
-def _with_middle(values: np.ndarray) -> tuple[float, float, float]:
-    """Return the smallest value, the largest, and the middle of both."""
-    low, high = float(values.min()), float(values.max())
-    return low, 0.5 * (low + high), high
 
 
 def _lagrange(nodes: np.ndarray, x: float) -> np.ndarray:
