@@ -107,7 +107,7 @@ def test_a_machine_twice_as_slow_takes_twice_as_long(monkeypatch):
 
 
 def test_a_machine_is_as_slow_as_the_least_of_its_probes(monkeypatch, tmp_path):
-    """Kept in the cache: a busy moment does not raise it, and a probe of the same speed does not change what is printed."""
+    """Kept in the cache: a busy moment does not raise it, and the same speed does not change what is printed."""
 
     def slowness(probe, folder=tmp_path / "cache"):
         clock = iter(np.cumsum([0.0, 3.0 * probe, 0.0, probe] + 16 * [0.0, 5.0 * probe]))
