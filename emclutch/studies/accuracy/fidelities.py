@@ -126,14 +126,15 @@ class CheapestAnswer:
 
     def in_words(self) -> str:
         """Return what reaches the target, or why nothing does and what may; without target, command and full stop."""
-        reach = ""
+        reach = self.grains.limit if isinstance(self.grains, LimitingError) else ""
         if isinstance(self.grains, Choice):
-            reach = f"± {format_percent(self.grains.half_width)} in {self.grains.cost_in_words(self.cores)}"
+            half, cost = format_percent(self.grains.half_width), self.grains.cost_in_words(self.cores)
+            reach = f"runs of grains reach ± {half} in {cost}"
         if self.fidelity == "law":
             text = f"reached by the powder's law (± {format_percent(self.law.half_width or 0.0)})"
-            return f"{text}. Runs of grains reach {reach}" if reach else text
-        if reach:
-            return f"reached by runs of grains, {reach}"
+            return f"{text}; {reach}" if reach else text
+        if isinstance(self.grains, Choice):
+            return f"reached; {reach}"
         if isinstance(self.grains, LimitingError):
             return f"not reached. {self.grains.in_words(self.cores)}"
         text = "not known, since this device has no accuracy study"
