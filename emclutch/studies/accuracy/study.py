@@ -564,18 +564,14 @@ class _StudyRun(BudgetedStudy):
             planned = self.values[n]
             frozen[planned.setting, planned.value] = self._frozen(self.settings[planned.setting], planned).name
         return StudyRuns(
-            case=self.case,
-            base=self.base,
-            planned=tuple(self.values),
-            starts=self.starts,
-            replicas=replicas,
+            case=self.case, base=self.base, planned=tuple(self.values), starts=self.starts, replicas=replicas,
             frozen={key: self.rows[name] for key, name in frozen.items()},
             left_out=left_out(self._offers(), [key for key, _ in self._order()]),
             budget=self.known["budget"],
             jobs=self.known["jobs"],
             spent=self._spent(),
             machine=self.known.get("machine") or this_machine(),
-        )
+        )  # fmt: skip
 
     # tasks ------------------------------------------------------------------------------------------------------
 
@@ -638,9 +634,7 @@ class _StudyRun(BudgetedStudy):
         """Return how much of what is planned, or before that of the budget, is done."""
         total = self.budget
         if len(self.known["stages"]) == self._stages():
-            planned = {(one.setting, one.value): self._seconds(one) for one in self.values} | {
-                (BASE, 0.0): self._seconds()
-            }
+            planned = {(one.setting, one.value): self._seconds(one) for one in self.values} | {OWN: self._seconds()}
             left = [planned[key] for key, name in self._order() if name not in self.rows]
             total = self._spent() + sum(left)
         self.share = max(self.share, min((self._spent() + more) / total, 0.99))
