@@ -98,7 +98,7 @@ def test_a_dry_run_of_accuracy_writes_nothing(tmp_path, monkeypatch):
     monkeypatch.setattr(study, "values_to_plan", lambda base: values(base)[:2])
     words = "accuracy", CASES / "quickstart.toml", "--dry-run", "--set", "field.size_factor=2", "--for", "20 %"
     found = called(*words)
-    assert found.exit_code == 0 and "grains per gap" not in found.output and not list(tmp_path.iterdir())
+    assert found.exit_code == 0 and "A study begins" not in found.output and not list(tmp_path.iterdir())
     assert f"emclutch check {CASES / 'quickstart.toml'}" in found.output  # reaches 20 % without a run
     (cheapest,) = json.loads(called(*words, "--json").output)["cheapest"]
     assert cheapest["fidelity"] == "law" and 0.0 < cheapest["half_width"] < cheapest["target"] == 0.2

@@ -117,7 +117,7 @@ def test_what_is_not_reached_has_a_reason_and_no_scene(tmp_path, case, own, rest
     assert not list(tmp_path.glob("target*"))
     reason = {"grains_per_gap": "not measured in this budget: about 9 min more"}
     lines = said(whole(own, rest, unknown=reason), 0.1)
-    assert lines[-1].startswith("± 10 %: reached by the powder's law (± 7 %); the error of the setting grains per gap is")
+    assert lines[-1].startswith("± 10 %: reached by the powder's law (± 7 %); the error of the setting grains per gap")
     assert "9 min" in lines[-1]
 
 
