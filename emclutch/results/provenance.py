@@ -53,7 +53,7 @@ def provenance(
         "threads": threads,
         "threading_layer": threading_layer,
         "machine": {
-            "cpu": _cpu_model(),
+            "cpu": cpu_model(),
             "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
             "memory_bytes": _memory_bytes(),
             "platform": platform.platform(),
@@ -88,7 +88,8 @@ def _commit() -> str | None:
     return commit + ("-modified" if changed else "")
 
 
-def _cpu_model() -> str | None:
+def cpu_model() -> str | None:
+    """Return the name of the processor."""
     try:
         for line in Path("/proc/cpuinfo").read_text().splitlines():
             if line.startswith("model name"):

@@ -24,7 +24,7 @@ from emclutch.results.fits import NORMAL, student
 from emclutch.results.replicated_mean import DRIFT_CONFIDENCE, DRIFT_LIMIT
 from emclutch.results.setting_errors import PAIRS
 from emclutch.results.statistics import STOPPING_ALLOWANCE
-from emclutch.results.text import format_cost, format_duration, format_percent
+from emclutch.results.text import format_cost, format_duration, format_percent, in_words
 
 OWN_REPLICAS = 4
 """Of the scene's own settings, where nothing is asked for."""
@@ -131,8 +131,11 @@ class LimitingError:
         Why it was not measured.
     best : Choice or None
         The combination that comes nearest.
-    at_least : bool
-        Whether `seconds` is a lower bound: the time of a finer value, after which the remaining error is not known.
+    finer : float or None
+        Value of the setting that such a study measures besides. `seconds` is then a lower bound, since the remaining
+        error is not known before.
+    same_to : float or None
+        Least target for which such a study takes as long, as that value takes it and not noise.
     needs_budget : bool
         Whether it was not measured for want of budget.
     """
@@ -142,23 +145,39 @@ class LimitingError:
     seconds: float | None
     reason: str = ""
     best: Choice | None = None
-    at_least: bool = False
+    finer: float | None = None
+    same_to: float | None = None
     needs_budget: bool = False
 
-    def in_words(self) -> str:
-        """Return why a target is not reached."""
+    @property
+    def limit(self) -> str:
+        """Return what runs of grains reach, and which part of the error limits them, without a full stop."""
+        if self.half_width is None or self.best is None:
+            return f"the error of the setting {in_words(self.setting)} is not known: {self.reason}"
+        part = f"scatter of {self.best.replicas} replicas" if self.setting == STATISTICS else in_words(self.setting)
+        best, half = format_percent(self.best.half_width), format_percent(self.half_width)
+        return f"runs of grains reach ± {best} at best, limited by the {part} (± {half})"
+
+    def in_words(self, cores: int = 1) -> str:
+        """Return what limits runs of grains, and what a study that may help takes; without the last full stop."""
+        text = self.limit[:1].upper() + self.limit[1:]
         if self.half_width is None:
-            return f"not reached because of {self.setting}: {self.reason}"
-        if self.setting == STATISTICS and self.best is not None:
-            half = format_percent(self.half_width)
-            return f"not reached: the scatter of {self.best.replicas} replicas leaves an error of ± {half}"
-        words = f"not reached: the error of {self.setting} is ± {format_percent(self.half_width)}"
-        if self.seconds is not None:
-            cost = f"{format_duration(self.seconds)} of processor time"
-            if self.at_least:
-                return f"{words}; a finer value takes at least {cost}, and may not be enough"
-            return f"{words}; a study of about {cost} may narrow it"
-        return f"{words}, which more replicas at the same settings do not lower"
+            return text
+        if self.seconds is None:
+            return text if self.setting == STATISTICS else f"{text}, which more replicas do not lower"
+        cost = format_cost(self.seconds, cores)
+        if self.finer is None:
+            return f"{text}. A longer study of about {cost} may reach it"
+        text += f". A study with {in_words(self.setting)} {self.finer:.3g} takes at least {cost}, and may not be enough"
+        if self.same_to is None:
+            return text
+        return f"{text}. This time is the same for every target down to ± {format_percent(self.same_to)}"
+
+    def budget(self, jobs: int, least: float = 0.0) -> float | None:
+        """Return the wall-clock time [s] to give a study that may help, `least` [s] or more; None where none does."""
+        if self.seconds is None and not self.needs_budget:
+            return None
+        return max(least, comfortable_budget((self.seconds or 0.0) / jobs))
 
 
 def comfortable_budget(least: float) -> float:
@@ -321,18 +340,22 @@ def limiting_error(study: AccuracyStudy, target: float) -> LimitingError:
         for name, half in best.parts.items()
     }
     setting = max(lasting, key=lambda name: lasting[name])
-    finer = _with_finer_values(study, study.setting(setting))
-    if finer is not None:  # and its noise alone must come below the target
-        finer = max(finer, _spent(study) * (noise / target) ** 2)
-    return LimitingError(setting, best.parts[setting], finer, best=best, at_least=True)
+    with_finer = _with_finer_value(study, study.setting(setting))
+    if with_finer is None:
+        return LimitingError(setting, best.parts[setting], None, best=best)
+    finer, seconds = with_finer
+    same_to: float | None = noise * math.sqrt(_spent(study) / seconds)  # its noise alone must come below the target
+    if same_to is not None and target < same_to:
+        seconds, same_to = seconds * (same_to / target) ** 2, None
+    return LimitingError(setting, best.parts[setting], seconds, best=best, finer=finer, same_to=same_to)
 
 
-def _with_finer_values(study: AccuracyStudy, setting: MeasuredSetting | None) -> float | None:
-    """Return the processor time of a study with a finer value of a setting [s]; None: it has no finer one."""
+def _with_finer_value(study: AccuracyStudy, setting: MeasuredSetting | None) -> tuple[float, float] | None:
+    """Return a finer value of a setting, and the processor time of a study with it [s]; None: it has none."""
     values = () if setting is None else setting.values
     finest = min((one.step_size for one in values if one.result is not None), default=0.0)
-    left = [one.seconds for one in values if one.step_size < finest and not one.failure]
-    return _spent(study) + FINER * min(left) if left else None
+    left = [(one.seconds, one.value) for one in values if one.step_size < finest and not one.failure]
+    return (min(left)[1], _spent(study) + FINER * min(left)[0]) if left else None
 
 
 def unknown_of(study: AccuracyStudy) -> dict[str, str]:

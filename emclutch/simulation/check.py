@@ -42,6 +42,7 @@ if TYPE_CHECKING:
 DETAILS = "All settings chosen by the program: emclutch check CASE --details"
 FIRST = {
     "expected torque": "torque",
+    "fill": "fill",
     "bodies": "bodies",
     "cost": "cost",
     "field": "field",
@@ -82,7 +83,7 @@ class Checked(Reported):
         return f"<Checked: {self.title}: expected torque {'unknown' if torque is None else torque.in_words()}>"
 
     def report(self) -> Report:
-        """Return torque, cost, field, accuracy and grain size, a line each, and warnings; then all decisions."""
+        """Return torque, fill, cost, field, accuracy and grain size, a line each, and warnings; then all decisions."""
         report = Report(self.title, data=self._data(), closing=DETAILS)
         report.add("Result", Statements([Statement(Mark.GOOD, f"{self.title}: the scene is valid.")]), Shown.TERMINAL)
         point = self.decisions.get("operating point", "")

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from emclutch.results import OutputError
 from emclutch.results.accuracy_studies import SHIPPED, device_hash, find_accuracy_study
 from emclutch.results.accuracy_study import AccuracyStudy, Total
-from emclutch.results.recommended import STATISTICS, LimitingError, budget_option, comfortable_budget, recommended
+from emclutch.results.recommended import STATISTICS, LimitingError, budget_option, recommended
 from emclutch.results.statistics import Estimate
 from emclutch.results.text import format_duration, format_percent, in_words
 from emclutch.scene.case import Case
@@ -158,10 +158,9 @@ def _next(case: Case, study: AccuracyStudy, total: float | None) -> str | None:
         return None
     found, share = whole_ring(case, study) or recommended(study, target), format_percent(target)
     if isinstance(found, LimitingError):
-        if found.seconds is None:
-            return f"± {share}: {found.in_words()}"
-        budget = budget_option(comfortable_budget(found.seconds / cores_at_hand()))
-        return f"± {share}: {found.in_words()}: {how_to_find(case)} --budget {budget}"
+        budget = found.budget(cores_at_hand())
+        command = "" if budget is None else f": {how_to_find(case)} --budget {budget_option(budget)}"
+        return f"± {share} is not reached. {found.in_words(cores_at_hand())}{command}"
     cost = f"{found.replicas} replicas, {found.cost_in_words(cores_at_hand())}"
     return f"± {share} takes about {cost}, with the settings of: {how_to_find(case)} --for '{share}'"
 

@@ -76,16 +76,19 @@ def plan_in_words(device: Device, plan: Plan) -> dict[str, str]:
     return words
 
 
+def fill_in_words(scene, device: Device) -> str:
+    """Return how much of the space of the grains they fill, and their mass in the whole device."""
+    where = scene.grains.region if scene.geometry.has_regions else "space"
+    where = "rim between the poles" if where == "poles" else where
+    fill = device.fill
+    return f"{100.0 * fill.solid_fraction:.3g} % by volume in the {where} ({1e3 * fill.mass:.3g} g of powder)"
+
+
 def device_in_words(scene, device: Device) -> Iterator[tuple[str, str]]:
     """Grains, packing, surfaces and the sheared gap: label and text."""
     particles, fill = scene.grains, device.fill
-    where = particles.region if scene.geometry.has_regions else "space"
-    where = "rim between the poles" if where == "poles" else where
-    yield (
-        "grains",
-        f"{fill.count} simulated of {fill.count * particles.n_sectors} in the device "
-        f"({fill.mass * 1e3:.3g} g), solid fraction {fill.solid_fraction:.3f} in the {where}",
-    )
+    yield "grains", f"{fill.count} simulated of {fill.count * particles.n_sectors} in the device"
+    yield "fill", fill_in_words(scene, device)
     yield "packing", packing_in_words(scene, device)
     if particles.sector is not None:
         yield "sector", sector_in_words(scene)

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 from emclutch.device_model.grain_size import GrainSize, grain_size
 from emclutch.results import Estimate, Result, RunFolder
 from emclutch.results.atomic_file import replace_text
-from emclutch.results.columns import DISC_SPEED, INERTIAL_NUMBER, ROTOR_SPEED, TORQUE_DISC
 from emclutch.results.best_estimate import best_estimate
+from emclutch.results.columns import DISC_SPEED, INERTIAL_NUMBER, ROTOR_SPEED, TORQUE_DISC
 from emclutch.results.current_ramp import TABLE, current_ramp
 from emclutch.results.quantities import GROUPS, UNITS
 from emclutch.results.report.verdict import verdict

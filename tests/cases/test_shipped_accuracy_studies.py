@@ -1,5 +1,6 @@
 """A shipped study is that of the shipped scene whose name it has, and knows the error of each of its settings."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -7,8 +8,8 @@ import pytest
 
 from emclutch.results.accuracy_studies import SHIPPED, VARIABLE, device_hash
 from emclutch.results.accuracy_study import AccuracyStudy
-from emclutch.results.recommended import LimitingError, reaching
-from emclutch.results.text import format_percent
+from emclutch.results.recommended import LimitingError, own_choice, reaching, recommended
+from emclutch.results.text import format_duration, format_percent
 from emclutch.scene.case import load_case
 from emclutch.scene.flat import flat_scene, keys_at_default
 from emclutch.simulation.discretisation_error import accuracy_in_words, accuracy_study_of_device, device_of
@@ -16,7 +17,7 @@ from emclutch.simulation.forecast.machine_speed import slowness
 from emclutch.simulation.plan import make_plan
 from emclutch.simulation.recommended_case import cheapest_case
 from emclutch.studies.accuracy import fidelities
-from emclutch.studies.accuracy.fidelities import estimate_by_other_devices, estimate_in_words
+from emclutch.studies.accuracy.fidelities import estimate_by_other_devices
 from emclutch.studies.accuracy.report import changes_in_words
 
 CASES = Path(__file__).parents[2] / "cases"
@@ -54,6 +55,22 @@ def test_the_page_has_the_answers_of_this_version(path, monkeypatch, tmp_path):
             assert f"| {format_percent(target)} | {values} | {replicas} |" in page
 
 
+def test_the_ten_lines_have_the_numbers_of_the_studies():
+    """Cost and half width of lines 4 to 6 are those of the brake's study; line 7 has what two studies took."""
+    studies = {one.case: one for one in map(AccuracyStudy.from_json, (path.read_text() for path in STUDIES))}
+    brake, quickstart = studies["powder_clutch"], studies["quickstart"]
+    cheapest, _ = cheapest_case(load_case(CASES / "powder_clutch.toml"), brake, 0.1)
+    lines = re.split(r"\n\d+\. ", (CASES.parent / "docs" / "accuracy.md").read_text())
+    for line, choice in ((lines[4], cheapest), (lines[5], own_choice(brake))):
+        cost = f"{format_duration(choice.seconds)}** ({format_duration(choice.wall_seconds(2))})"
+        assert cost in line and f"± {format_percent(choice.half_width)}" in line
+    limit = recommended(brake, 0.05)
+    assert limit.seconds == recommended(brake, 0.03).seconds and limit.same_to < 0.03
+    assert f"{format_duration(limit.seconds)}** ({format_duration(limit.seconds / 2)})" in lines[6]
+    for study in (brake, quickstart):
+        assert format_duration(study.machine["processor_seconds"]) in lines[7]
+
+
 def test_a_key_that_is_new_in_the_program_orphans_no_study():
     """At its default; any other entry of it is another device."""
     case = load_case(CASES / "quickstart.toml")
@@ -78,15 +95,14 @@ def test_other_devices_estimate_what_grains_will_cost(monkeypatch):
     brake, quickstart = studies["powder_clutch"], studies["quickstart"]
     case = load_case(CASES / "quickstart.toml")
     monkeypatch.setattr(fidelities, "known_studies", lambda: [brake])
-    estimate = estimate_by_other_devices(case, 0.1, 30.0)
+    estimate = estimate_by_other_devices(case, 0.1, 30.0, 1)
     own, _ = cheapest_case(case, quickstart, 0.1)
     low, high = estimate["seconds"]
     assert estimate["devices"] == ["powder_clutch"]
     assert low < own.seconds * slowness() / quickstart.machine["slowness"] < high
-    missed = estimate_by_other_devices(case, 0.02, 30.0)
+    missed = estimate_by_other_devices(case, 0.02, 30.0, 1)
     assert missed["seconds"] is None and 0.02 < missed["half_width"] < 0.1 and missed["limit"] in brake.told
-    text = estimate_in_words(0.02, missed)
-    assert f"reach ± {format_percent(missed['half_width'])} (estimate), limited by the " in text
+    assert f"reach ± {format_percent(missed['half_width'])} at best, limited by the " in missed["words"]
 
 
 def test_settings_that_the_scene_lacks_limit_nothing(monkeypatch):
@@ -95,7 +111,7 @@ def test_settings_that_the_scene_lacks_limit_nothing(monkeypatch):
     case = load_case(CASES / "quickstart.toml")
     assert case.scene.accuracy.inertial_number is None and brake.setting("inertial_number") is not None
     monkeypatch.setattr(fidelities, "known_studies", lambda: [brake])
-    assert estimate_by_other_devices(case, 0.02, 30.0)["limit"] != "inertial_number"
+    assert estimate_by_other_devices(case, 0.02, 30.0, 1)["limit"] != "inertial_number"
 
 
 def test_settings_that_a_scene_refuses_estimate_nothing(monkeypatch):
@@ -107,12 +123,12 @@ def test_settings_that_a_scene_refuses_estimate_nothing(monkeypatch):
     answers = {brake.case: LimitingError("field_mesh", None, None, "refused", best), quickstart.case: missed}
     monkeypatch.setattr(fidelities, "known_studies", lambda: [brake, quickstart])
     monkeypatch.setattr(fidelities, "cheapest_case", lambda case, study, target: answers[study.case])
-    estimate = estimate_by_other_devices(case, 0.1, 30.0)
+    estimate = estimate_by_other_devices(case, 0.1, 30.0, 1)
     assert estimate["devices"] == [quickstart.case] and estimate["half_width"] > 0.2
     answers[quickstart.case] = (best, case)
-    reached = estimate_by_other_devices(case, 0.1, 30.0)
+    reached = estimate_by_other_devices(case, 0.1, 30.0, 1)
     answers[brake.case] = missed
-    assert estimate_by_other_devices(case, 0.1, 30.0) == reached and reached["devices"] == [quickstart.case]
+    assert estimate_by_other_devices(case, 0.1, 30.0, 1) == reached and reached["devices"] == [quickstart.case]
     monkeypatch.setattr(fidelities, "cheapest_case", lambda case, study, target: answers[brake.case])
     answers[brake.case] = LimitingError("field_mesh", None, None, "refused", best)
-    assert estimate_by_other_devices(case, 0.1, 30.0) is None
+    assert estimate_by_other_devices(case, 0.1, 30.0, 1) is None

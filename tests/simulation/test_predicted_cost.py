@@ -106,12 +106,26 @@ def test_a_machine_twice_as_slow_takes_twice_as_long(monkeypatch):
     assert cost(MAGNETIC).seconds["total"] == pytest.approx(2.0 * once)
 
 
-def test_a_machine_is_slow_as_its_probe_is(monkeypatch):
-    clock = iter(np.cumsum([0.0, 0.03, 0.0, 0.02] + 16 * [0.0, 0.05]))
-    monkeypatch.setattr(machine_speed.time, "process_time", lambda: float(next(clock)))
-    machine_speed.slowness.cache_clear()
-    assert machine_speed.slowness() == pytest.approx(0.02 / machine_speed.REFERENCE_S)
-    assert machine_speed.slowness() == machine_speed.slowness()
+def test_a_machine_is_as_slow_as_the_least_of_its_probes(monkeypatch, tmp_path):
+    """Kept in the cache: a busy moment does not raise it, and the same speed does not change what is printed."""
+
+    def slowness(probe, folder=tmp_path / "cache"):
+        clock = iter(np.cumsum([0.0, 3.0 * probe, 0.0, probe] + 16 * [0.0, 5.0 * probe]))
+        monkeypatch.setenv("EMCLUTCH_CACHE", str(folder))
+        monkeypatch.setattr(machine_speed.time, "process_time", lambda: float(next(clock)))
+        machine_speed.slowness.cache_clear()
+        return machine_speed.slowness() * machine_speed.REFERENCE_S
+
+    assert [slowness(probe) for probe in (0.02, 0.036, 0.0199, 0.01, 0.02)] == pytest.approx(
+        [0.02, 0.02, 0.02, 0.01, 0.01], rel=1e-9
+    )
+    kept = tmp_path / "cache" / "machine_speed.json"
+    for damaged in ("", "[3]", '{"a": 1', "null"):
+        kept.write_text(damaged)
+        assert slowness(0.03) == pytest.approx(0.03)
+    assert slowness(0.04) == pytest.approx(0.03)  # a damaged file is written anew
+    assert [slowness(probe, kept / "no folder") for probe in (0.02, 0.03)] == pytest.approx([0.02, 0.03])
+    monkeypatch.undo()
     machine_speed.slowness.cache_clear()
 
 

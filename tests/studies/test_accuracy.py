@@ -24,7 +24,7 @@ from emclutch.simulation.forecast.space import NotEnoughSpace
 from emclutch.simulation.plan import make_plan
 from emclutch.studies import powder_law
 from emclutch.studies import study as engine
-from emclutch.studies.accuracy import budgeted_study, measured_study, planned_values, study, tasks
+from emclutch.studies.accuracy import answers, budgeted_study, measured_study, planned_values, study, tasks
 from emclutch.studies.accuracy.frozen_state import frozen_state
 from emclutch.studies.accuracy.tasks import GRAINS, measure_moments, measure_replica
 from emclutch.studies.attempt import refuse_taken_over
@@ -83,7 +83,7 @@ def replicas(monkeypatch, tmp_path):
     monkeypatch.setenv("EMCLUTCH_ACCURACY_STUDIES", str(tmp_path / "accuracy_studies"))
     monkeypatch.setattr(study, "measure_replica", found)
     monkeypatch.setattr(study, "measure_moments", found.pull)
-    monkeypatch.setattr(study, "_answers", lambda *given: ("found",))
+    monkeypatch.setattr(answers, "write_answers", lambda *given: ("found",))
     monkeypatch.setattr(planned_values, "process_time", lambda: found.clock)
     for module in (cost, planned_values, measured_study):
         monkeypatch.setattr(module, "slowness", lambda: 1.0)  # else a slow machine needs larger budgets

@@ -113,12 +113,12 @@ def test_what_is_not_reached_has_a_reason_and_no_scene(tmp_path, case, own, rest
         answers = write_answers(case, of, tmp_path, (target,), (), LAW)
         return [one.text for one in accuracy_report(of, answers, tmp_path, (), LAW).statements()]
 
-    assert any("0.1 %: not reach" in line and "the error of" in line for line in said(whole(own, rest), 0.001))
+    assert any("0.1 %: not reached" in line and "limited by the" in line for line in said(whole(own, rest), 0.001))
     assert not list(tmp_path.glob("target*"))
     reason = {"grains_per_gap": "not measured in this budget: about 9 min more"}
     lines = said(whole(own, rest, unknown=reason), 0.1)
-    assert any("± 10 %: not reachable before" in line for line in lines)
-    assert any("grains per gap" in line and "9 min" in line for line in lines)
+    assert lines[-1].startswith("± 10 %: reached by the powder's law (± 7 %); the error of the setting grains per gap")
+    assert "9 min" in lines[-1]
 
 
 def test_tables_have_every_value(tmp_path, case, own, rest):
@@ -151,7 +151,7 @@ def test_the_law_is_the_cheapest_where_its_interval_is_within_the_target(tmp_pat
     )
     assert nothing["fidelity"] is None and "limited by the sector (± " in nothing["reason"]
     lines = [one.text for one in report.statements()]
-    assert any("± 10 %: reached by the powder's law" in line and "Runs of grains reach ± " in line for line in lines)
+    assert any("± 10 %: reached by the powder's law" in line and "; runs of grains reach ± " in line for line in lines)
     guess = found(by_law(1.07, guess=True), (0.1,))
     assert guess.data["law"]["half_width"] is None and guess.data["cheapest"][0]["fidelity"] == "grains"
     assert any("reaches no target" in one.text for one in guess.statements())

@@ -102,16 +102,16 @@ def test_a_missing_study_is_run_within_the_budget(folder, monkeypatch):
 def test_what_cannot_be_reached_is_an_error_with_its_limit_and_a_remedy(folder):
     case = cell(accuracy__target="1 %", **ENDS)
     with_study(case, contact_step(0.3, 0.02), scatter=0.02)
-    with pytest.raises(SceneError, match=r"the error of contact_step is ± .*accuracy.values.contact_step.*or ask for"):
+    with pytest.raises(SceneError, match=r"limited by the contact step .*accuracy.values.contact_step.*or ask for"):
         with_target(case)
     with_study(case, contact_step(0.04, 0.2), scatter=0.2)
-    with pytest.raises(SceneError, match=r"scatter of 24 replicas leaves an error of ±.*accuracy.time_end='strain 72'"):
+    with pytest.raises(SceneError, match=r"limited by the scatter of 24 replicas .*accuracy.time_end='strain 72'"):
         with_target(case)
     unknown = {"sector": "not measured in this budget: about 4 min"}
     with_study(case, contact_step(0.0, 0.001), unknown=unknown, over_budget=("sector",))
     with pytest.raises(
         SceneError,
-        match=r"because of sector: not measured in this budget: about 4 min; .*emclutch accuracy CASE --budget \d+",
+        match=r"sector is not known: not measured in this budget: about 4 min; .*emclutch accuracy CASE --budget \d+",
     ):
         with_target(case)
 
@@ -142,7 +142,7 @@ def test_a_study_without_a_setting_of_the_scene_is_not_enough(folder):
     plan = make_plan(case)[1]
     known = [one for one in without_error(case, plan, [contact_step(0.0)]) if one.name != "overlap"]
     save_accuracy_study(study(device_of(case), contact_step(0.04, 0.004), *known, scatter=0.02))
-    with pytest.raises(SceneError, match="because of overlap: the accuracy study is of a scene without it"):
+    with pytest.raises(SceneError, match="overlap is not known: the accuracy study is of a scene without it"):
         with_target(case)
 
 
@@ -160,7 +160,7 @@ def test_a_study_with_sectors_has_no_settings_for_the_whole_ring(folder):
 def test_a_target_is_not_reached_with_an_unknown_error(folder):
     case = cell(accuracy__target="5 %", time__step="1e-7 s", **ENDS)
     with_study(case, contact_step(0.04, 0.004), scatter=0.02)
-    with pytest.raises(SceneError, match=r"because of contact_step: time\.step is given: its error is not known$"):
+    with pytest.raises(SceneError, match=r"contact step is not known: time\.step is given: its error is not known$"):
         with_target(case)
 
 

@@ -115,7 +115,8 @@ def _torque(result: Result) -> Iterator[Statement]:
         return
     if range_ := summary.get("expected_torque_unknown_powder"):
         between = format_range(range_["low"], range_["high"])
-        yield note(f"if friction and fill of the powder were unknown: {between} N m (90 % range, estimate); emclutch powder finds the friction")
+        how = "emclutch powder finds the friction"
+        yield note(f"if friction and fill of the powder were unknown: {between} N m (90 % range, estimate); {how}")
     else:
         yield note("friction and fill of the powder are taken as given; their uncertainty is not in the error bar")
     error = summary.get("discretisation_error")

@@ -11,19 +11,21 @@ import tomli_w
 from emclutch.results.accuracy_study import AccuracyStudy
 from emclutch.results.atomic_file import replace_text
 from emclutch.results.pictures.accuracy import accuracy_picture
-from emclutch.results.recommended import Choice, LimitingError
+from emclutch.results.recommended import Choice, LimitingError, budget_option
 from emclutch.results.report.render import markdown, write_index
 from emclutch.results.text import format_duration, format_percent
 from emclutch.scene.case import Case
 from emclutch.scene.input_files import input_files
+from emclutch.scene.replica_count import cores_at_hand
 from emclutch.simulation.recommended_case import cheapest_case
-from emclutch.studies.accuracy.fidelities import TorqueByLaw
-from emclutch.studies.accuracy.report import Answer, accuracy_report, parts_in_words, rows_of
+from emclutch.studies.accuracy.budgeted_study import BUDGET
+from emclutch.studies.accuracy.fidelities import CheapestAnswer, TorqueByLaw
+from emclutch.studies.accuracy.report import accuracy_report, parts_in_words, rows_of
 
 
 def write_answers(
     case: Case, study: AccuracyStudy, folder: Path, targets: Sequence[float], remarks: Sequence[str], law: TorqueByLaw
-) -> tuple[Answer, ...]:
+) -> tuple[CheapestAnswer, ...]:
     """Write tables, a picture, a page and a scene for each target that is reached; return what reaches the targets.
 
     Writes ``accuracy.csv``, ``accuracy.png``, ``accuracy.md``, ``index.html`` and scenes as
@@ -35,9 +37,9 @@ def write_answers(
     remarks : sentences that are added to the report
     law : torque by the powder's law, which needs no study
     """
-    answers = tuple(_answer(case, study, folder, target) for target in sorted(targets, reverse=True))
+    answers = tuple(_answer(case, study, folder, target, law) for target in sorted(targets, reverse=True))
     _write_csv(folder / "accuracy.csv", rows_of(study))
-    found = [(one.target, one.found) for one in answers]
+    found = [(one.target, one.grains) for one in answers if one.grains is not None]
     accuracy_picture(folder / "accuracy.png", study, found, title=f"Accuracy and processor time: {study.case}")
     report = accuracy_report(study, answers, folder, remarks, law)
     replace_text(folder / "accuracy.md", markdown(report, folder))
@@ -45,16 +47,19 @@ def write_answers(
     return answers
 
 
-def _answer(case: Case, study: AccuracyStudy, folder: Path, target: float) -> Answer:
-    """Write the scene of the cheapest settings."""
-    path = folder / f"target_{100.0 * target:g}_percent.toml"
+def _answer(case: Case, study: AccuracyStudy, folder: Path, target: float, law: TorqueByLaw) -> CheapestAnswer:
+    """Write the scene of the cheapest settings; where none reach the target, name the command that continues."""
+    path, command = folder / f"target_{100.0 * target:g}_percent.toml", ""
     path.unlink(missing_ok=True)
     found = cheapest_case(case, study, target)
-    if isinstance(found, LimitingError):
-        return Answer(target, found)
-    choice, run = found
-    replace_text(path, scene_text(run, study, choice, target, path.name))
-    return Answer(target, choice, path)
+    grains = found if isinstance(found, LimitingError) else found[0]
+    if isinstance(found, tuple):
+        replace_text(path, scene_text(found[1], study, found[0], target, path.name))
+        command = f"emclutch run {path}"
+    elif budget := found.budget(study.machine.get("jobs", 1), 2.0 * study.machine.get("budget", BUDGET)):
+        command = "to continue this study, give the same command with "
+        command += f"--out {folder} --resume --budget {budget_option(budget)}"
+    return CheapestAnswer(target=target, law=law, grains=grains, command=command, cores=cores_at_hand())
 
 
 def scene_text(case: Case, study: AccuracyStudy, choice: Choice, target: float, name: str) -> str:

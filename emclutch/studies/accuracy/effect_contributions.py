@@ -8,7 +8,6 @@ nothing.
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -35,7 +34,6 @@ from emclutch.studies.accuracy.planned_values import base_of, compiling_run, ref
 from emclutch.studies.accuracy.tasks import measure_replica
 from emclutch.studies.study import DONE, Task, checked_jobs, child_processes
 
-log = logging.getLogger(__name__)
 PLAN = "effects_plan.json"
 MIN_ROUNDS, MAX_ROUNDS = 3, 16
 """Rounds: in each one replica without each effect, and two of the whole scene, which is in all differences."""

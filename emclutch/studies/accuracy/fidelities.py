@@ -7,16 +7,16 @@ Neither has the error of the powder's data.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from time import process_time
 from typing import Any
 
 from emclutch.device_model.device import build_device
 from emclutch.results.accuracy_studies import known_studies
-from emclutch.results.recommended import STATISTICS, Choice, LimitingError
+from emclutch.results.recommended import Choice, LimitingError
 from emclutch.results.report.report import Mark, Statement, note
-from emclutch.results.text import format_cost, format_duration, format_percent, in_words
+from emclutch.results.text import format_cost, format_duration, format_percent
 from emclutch.scene.case import Case
 from emclutch.scene.errors import bad_input_for
 from emclutch.settings import settings_of
@@ -86,8 +86,6 @@ class CheapestAnswer:
     law : TorqueByLaw
     grains : Choice, LimitingError or None
         What reaches it by the accuracy study of the device, or why nothing does; None: there is no study.
-    own : Choice or None
-        Runs at the settings of that study.
     command : str
         That runs the grains with these settings, or a study; empty: none.
     cores : int
@@ -101,7 +99,6 @@ class CheapestAnswer:
     grains: Choice | LimitingError | None
     command: str
     cores: int
-    own: Choice | None = None
     estimate: dict[str, Any] | None = None
 
     @property
@@ -117,68 +114,48 @@ class CheapestAnswer:
         `reason` says why nothing known reaches it. Beside the law, `grains` has the same of grains that reach it.
         """
         found: dict[str, Any] = {"target": self.target, "fidelity": self.fidelity, "half_width": None, "seconds": None}
-        found |= {"command": self.command, "reason": "", "estimate": self.estimate}
+        found |= {"reason": "" if self.fidelity else self.in_words()}
+        found |= {"command": self.command, "estimate": self.estimate}
         grains: dict[str, Any] = {}
         if isinstance(self.grains, Choice):
-            grains = {"half_width": self.grains.half_width, "seconds": self.grains.seconds}
+            grains = {"half_width": self.grains.half_width, "seconds": self.grains.seconds, "command": self.command}
         if self.fidelity == "law":
             known = {"half_width": self.law.half_width, "seconds": self.law.seconds, "command": self.law.command}
-            return found | known | ({"grains": grains | {"command": self.command}} if grains else {})
-        return found | (grains or {"reason": f"{self._by_law()}; {self._by_grains()}"})
+            return found | known | ({"grains": grains} if grains else {})
+        return found | grains
 
-    def in_words(self) -> Statement:
-        """Return the answer, then what it follows from, then the command."""
-        head, command = f"± {format_percent(self.target)}:", f": {self.command}" if self.command else ""
-        grains = self.grains
-        if isinstance(grains, Choice):
-            reach = f"± {format_percent(grains.half_width)} in {grains.cost_in_words(self.cores)}{command}"
-            if self.fidelity == "law":
-                return note(f"{head} reached by the powder's law (± {format_percent(self.law.half_width or 0.0)}). "
-                            f"Runs of grains reach {reach}")  # fmt: skip
-            return note(f"{head} reached by runs of grains. {self._by_law()}. Runs of grains reach {reach}")
+    def in_words(self) -> str:
+        """Return what reaches the target, or why nothing does and what may; without target, command and full stop."""
+        reach = self.grains.limit if isinstance(self.grains, LimitingError) else ""
+        if isinstance(self.grains, Choice):
+            half, cost = format_percent(self.grains.half_width), self.grains.cost_in_words(self.cores)
+            reach = f"runs of grains reach ± {half} in {cost}"
         if self.fidelity == "law":
-            return note(f"{head} reached by the powder's law (± {format_percent(self.law.half_width or 0.0)}).")
-        answer = "not reached" if grains is not None else "not known"
-        text = f"{head} {answer}. {self._by_law()}. {self._by_grains()}."
-        return Statement(Mark.WARNING, f"{text} {self._study_in_words()}{command}".rstrip())
-
-    def _by_law(self) -> str:
-        half = self.law.half_width
-        return "The powder's law is a guess" if half is None else f"The powder's law gives ± {format_percent(half)}"
-
-    def _by_grains(self) -> str:
-        """Return what runs of grains reach, and by what they are limited."""
-        if self.grains is None:
-            none = "This device has no accuracy study"
-            return none if self.estimate is None else f"{none}. {estimate_in_words(self.target, self.estimate)}"
-        assert isinstance(self.grains, LimitingError)
-        limit = in_words(self.grains.setting)
-        if self.grains.half_width is None:
-            return f"The error of the setting {limit} is not known: {self.grains.reason}"
-        of = "scatter between replicas" if self.grains.setting == STATISTICS else limit
-        limited = f"limited by the {of} (± {format_percent(self.grains.half_width)})"
-        if self.own is None or self.own.total.unknown:
-            return f"Runs of grains are {limited}"
-        return f"Runs of grains reach ± {format_percent(self.own.half_width)}, {limited}"
-
-    def _study_in_words(self) -> str:
-        """Return what a study takes that may reach the target."""
-        found = self.grains
-        if found is None:
-            if self.estimate is None or self.estimate["study_seconds"] is None:
-                return "A study measures it"
-            cost = format_cost(self.estimate["study_seconds"], self.cores)
-            return f"A study of this device takes at least {cost} (estimate), and may not be enough"
-        assert isinstance(found, LimitingError)
-        if found.seconds is not None:
-            cost = format_cost(found.seconds, self.cores)
-            if found.at_least:
-                return f"A finer value takes at least {cost}, and may not be enough"
-            return f"A longer study of about {cost} may reach it"
-        return "A longer study measures it" if found.needs_budget else "A study with other values may help"
+            text = f"reached by the powder's law (± {format_percent(self.law.half_width or 0.0)})"
+            return f"{text}; {reach}" if reach else text
+        if isinstance(self.grains, Choice):
+            return f"reached; {reach}"
+        if isinstance(self.grains, LimitingError):
+            return f"not reached. {self.grains.in_words(self.cores)}"
+        text = "not known, since this device has no accuracy study"
+        return text if self.estimate is None else f"{text}. {self.estimate['words']}"
 
 
-def estimate_by_other_devices(case: Case, target: float, replica_seconds: float) -> dict[str, Any] | None:
+def statements_on(answers: Sequence[CheapestAnswer]) -> list[Statement]:
+    """Return what reaches each target, with the command; targets with the same answer in one sentence."""
+    groups: dict[str, list[CheapestAnswer]] = {}
+    for one in answers:
+        groups.setdefault(one.in_words(), []).append(one)
+    found = []
+    for words, some in groups.items():
+        text = f"± {', '.join(format_percent(one.target) for one in some)}: {words}"
+        last = some[-1]
+        text += f": {last.command}" if last.command and (last.fidelity != "law" or "grains" in last.as_dict()) else "."
+        found.append(note(text) if last.fidelity else Statement(Mark.WARNING, text))
+    return found
+
+
+def estimate_by_other_devices(case: Case, target: float, replica_seconds: float, cores: int) -> dict[str, Any] | None:
     """Return what grains will cost for a half width if a device's errors are those of other devices.
 
     The settings that the accuracy study of another device recommends are taken, and their cost is that of the plan.
@@ -188,6 +165,7 @@ def estimate_by_other_devices(case: Case, target: float, replica_seconds: float)
     ----------
     target : relative half width of the torque's 95 % interval
     replica_seconds : processor time of a replica at the scene's own settings [s]
+    cores : for the wall-clock time in the words
 
     Returns
     -------
@@ -195,8 +173,9 @@ def estimate_by_other_devices(case: Case, target: float, replica_seconds: float)
         `devices`: names of the cases whose studies reach the target, or if none does of those that miss it; `seconds`:
         least and most processor time [s] of runs that reach the target, widened by `COST_FACTOR`, None where none of
         these devices reaches it; `half_width`: the least that they have; `limit`: the setting that limits it;
-        `study_seconds`: processor time [s] of an accuracy study that may reach the target, at least. None where no
-        study has the settings of the scene, or the scene refuses those that reach the target.
+        `study_seconds`: processor time [s] of an accuracy study that may reach the target, at least; `words`: all this
+        without its full stop. None where no study has the settings of the scene, or the scene refuses those that reach
+        the target.
     """
     costs, missed = [], []
     settings = {one.name for one in settings_of(case.scene)}
@@ -211,26 +190,19 @@ def estimate_by_other_devices(case: Case, target: float, replica_seconds: float)
         choice, run = found
         cost = make_plan(run)[1].cost
         costs.append((study.case, choice.replicas * (sum(cost.loop.values()) + sum(cost.once.values()))))
-    estimate: dict[str, Any] = dict.fromkeys(("seconds", "half_width", "limit", "study_seconds"))
+    devices = [name for name, *_ in costs or missed]
+    head = f"By the stud{'y' if len(devices) == 1 else 'ies'} of {' and '.join(devices)}"
     if costs:
-        names, seconds = zip(*costs, strict=True)
-        estimate |= {"seconds": [min(seconds) / COST_FACTOR, COST_FACTOR * max(seconds)], "half_width": target}
+        seconds = [min(one for _, one in costs) / COST_FACTOR, COST_FACTOR * max(one for _, one in costs)]
+        words = f"{head}, runs of grains reach it in {' to '.join(map(format_duration, seconds))} of processor time"
+        values = {"seconds": seconds, "half_width": target, "limit": None, "study_seconds": None}
     elif missed:
-        names, _, _, _ = zip(*missed, strict=True)
-        _, half_width, error, ratio = min(missed, key=lambda one: one[1])
+        _, half, error, ratio = min(missed, key=lambda one: one[1])
         more = None if error.seconds is None else ratio * error.seconds
-        estimate |= {"half_width": half_width, "limit": error.setting, "study_seconds": more}
+        words = f"{head}, {error.limit}"
+        if more is not None:
+            words += f". A study of this device takes at least {format_cost(more, cores)}, and may not be enough"
+        values = {"seconds": None, "half_width": half, "limit": error.setting, "study_seconds": more}
     else:
         return None
-    return {"devices": [*names]} | estimate
-
-
-def estimate_in_words(target: float, estimate: Mapping[str, Any]) -> str:
-    """Return an estimate of `estimate_by_other_devices` as a sentence without its full stop."""
-    devices = estimate["devices"]
-    head = f"By the stud{'y' if len(devices) == 1 else 'ies'} of {' and '.join(devices)}, runs of grains reach"
-    if estimate["seconds"] is not None:
-        low, high = map(format_duration, estimate["seconds"])
-        return f"{head} ± {format_percent(target)} in {low} to {high} of processor time (estimate)"
-    limit, half = in_words(estimate["limit"]), format_percent(estimate["half_width"])
-    return f"{head} ± {half} (estimate), limited by the {limit}"
+    return {"devices": devices, **values, "words": f"{words} (estimate)"}

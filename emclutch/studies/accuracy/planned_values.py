@@ -220,15 +220,10 @@ def plan_value(value: ValueToPlan, base: Base | None = None) -> PlannedValue | l
             _, plan = make_plan(value.case, device, threads=1, like=None if base is None else base.plan)
     except SceneError as error:
         return [str(fault) for fault in error.faults]
-    return planned_value(value.case, plan, value.setting, value.entries, process_time() - begin)
-
-
-def planned_value(case: Case, plan: Plan, name: str, entries: dict[str, Any], planning: float) -> PlannedValue:
-    """Return the value that a planned scene has."""
-    setting = next(one for one in settings_of(case.scene) if one.name == name)
-    value = float(setting.own(case.scene, plan))
+    setting = next(one for one in settings_of(value.case.scene) if one.name == value.setting)
+    own, planning = float(setting.own(value.case.scene, plan)), process_time() - begin
     seconds = _reference_seconds(plan)
-    return PlannedValue(name, value, setting.step_size(value), entries, plan.cost.grains, seconds, planning)
+    return PlannedValue(setting.name, own, setting.step_size(own), value.entries, plan.cost.grains, seconds, planning)
 
 
 def _reference_seconds(plan: Plan) -> float:

@@ -4,62 +4,26 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from emclutch.results.accuracy_study import AccuracyStudy, Basis, MeasuredSetting, SettingError
-from emclutch.results.recommended import (
-    Choice,
-    LimitingError,
-    budget_option,
-    comfortable_budget,
-    own_choice,
-    unknown_of,
-)
-from emclutch.results.report.report import (
-    Mark,
-    Picture,
-    Report,
-    Shown,
-    Statement,
-    Statements,
-    Table,
-    note,
-    warning,
-)
+from emclutch.results.recommended import Choice, own_choice, unknown_of
+from emclutch.results.report.report import Mark, Picture, Report, Shown, Statement, Statements, Table, note, warning
 from emclutch.results.setting_errors import ORDER_SPREAD, SMALL_ERROR
 from emclutch.results.text import format_duration, format_percent, in_words
 from emclutch.scene.replica_count import cores_at_hand
 from emclutch.settings import SETTINGS, UNITS
-from emclutch.studies.accuracy.budgeted_study import BUDGET
-from emclutch.studies.accuracy.fidelities import CheapestAnswer, TorqueByLaw
+from emclutch.studies.accuracy.fidelities import CheapestAnswer, TorqueByLaw, statements_on
 
 SHORT = {Basis.TORQUE: "torque", Basis.MOMENTS: "squared moments", Basis.START_UP: "torque, start-up"}
 MACHINE = ("date", "processor", "cores", "jobs")
 """Entries of a study's machine that stand at the head of the page."""
 SMALLEST_PART = 0.1
 """Of the half width: smaller parts are not named."""
+TAKEN_AS_GIVEN = "friction, rolling friction, fill and contact law are taken as given and change the torque by more"
 ROUGH = 0.1
 """A half width of the best estimate beyond which it is known roughly only, relative."""
-
-
-@dataclass(frozen=True, slots=True)
-class Answer:
-    """What reaches a target, with the scene's file, or what is in the way.
-
-    Attributes
-    ----------
-    target : float
-        Half width, relative.
-    found : Choice or LimitingError
-    file : Path or None
-        Of the scene that is ready to run.
-    """
-
-    target: float
-    found: Choice | LimitingError
-    file: Path | None = None
 
 
 def error_in_words(error: SettingError | None) -> str:
@@ -120,7 +84,7 @@ def rows_of(study: AccuracyStudy) -> list[dict[str, Any]]:
 
 
 def accuracy_report(
-    study: AccuracyStudy, answers: Sequence[Answer], folder: Path, remarks: Sequence[str], law: TorqueByLaw
+    study: AccuracyStudy, answers: Sequence[CheapestAnswer], folder: Path, remarks: Sequence[str], law: TorqueByLaw
 ) -> Report:
     """Return the report on a study in a folder; `remarks` are added to its statements, `law` needs no study."""
     known = {key: study.machine[key] for key in MACHINE if key in study.machine}
@@ -128,21 +92,15 @@ def accuracy_report(
         known["processor time"] = format_duration(study.machine["processor_seconds"])
     machine = ", ".join(f"{key} {value}" for key, value in known.items())
     subtitle = f"device {study.device}{f'; {machine}' if machine else ''}"
-    own, cores = own_choice(study), cores_at_hand()
-    cheapest = [
-        CheapestAnswer(target=one.target, law=law, grains=one.found, own=own, cores=cores,
-                       command=f"emclutch run {one.file}" if one.file else "")
-        for one in answers
-    ]  # fmt: skip
     report = Report(f"Accuracy and processor time: {study.case}", subtitle, folder=folder,
                     data={"settings": rows_of(study), "law": law.as_dict(),
-                          "cheapest": [one.as_dict() for one in cheapest]})  # fmt: skip
-    reached = [one.in_words() for one in cheapest if one.fidelity is not None]
-    statements = [*_statements(study), note(law.in_words()), *_limits(study, answers, folder), *map(warning, remarks)]
+                          "cheapest": [one.as_dict() for one in answers]})  # fmt: skip
+    statements = [*_statements(study), note(law.in_words()), *map(warning, remarks)]
     report.add("Result", Statements(statements), Shown.TERMINAL)
-    report.add("Cheapest for a target", Statements(reached), Shown.TERMINAL)
-    report.add("Settings for wanted accuracies", _answers(study, answers), Shown.TERMINAL)
-    report.add("These settings", [_choices(study, answers), Statements([*_explanations(study, answers)])], Shown.PAGE)
+    report.add("Cheapest for a target", Statements(statements_on(answers)), Shown.TERMINAL)
+    choices = [(one.target, one.grains) for one in answers if isinstance(one.grains, Choice)]
+    explanations = Statements([*_explanations(study, choices)])
+    report.add("Settings for wanted accuracies", [_choices(study, choices), explanations], Shown.PAGE)
     if (picture := folder / "accuracy.png").is_file():
         what = "total error against cost: a line a setting, all others as in the scene"
         report.add("Cost against error", Picture(what, picture), Shown.PAGE)
@@ -150,12 +108,21 @@ def accuracy_report(
     return report.add("All values that were measured", _values(study), Shown.PAGE)
 
 
+def own_in_words(study: AccuracyStudy, cores: int) -> str:
+    """Return what a run at the settings of the scene reaches and costs, and its dominant error."""
+    own = own_choice(study)
+    half = "error unknown" if own.total.unknown else f"± {format_percent(own.half_width)}"
+    how = f"{own.cost_in_words(cores)}, {own.replicas} replicas, measured by the accuracy study of this device"
+    dominant = f"{in_words(own.largest)}, ± {format_percent(own.parts[own.largest])}"
+    return f"Runs of grains give {study.best_estimate()[0]:.3g} N m {half} in {how}. Dominant error: {dominant}."
+
+
 def _statements(study: AccuracyStudy) -> Iterator[Statement]:
     """Say the best estimate with its error, what is not in it, the raw torque and the dominant error."""
     own, (torque, half) = own_choice(study), study.best_estimate()
     mark = Mark.WARNING if half > ROUGH or own.total.unknown else Mark.GOOD
     yield Statement(mark, f"Torque on the disc: {torque:.3g} N m ± {format_percent(half)} (95 %), best estimate.")
-    yield note("Friction, rolling friction, fill and contact law are taken as given and change the torque by more.")
+    yield note(f"Not in any ±: {TAKEN_AS_GIVEN}.")
     for reason, names in _grouped((reason, in_words(name)) for name, reason in unknown_of(study).items()).items():
         yield warning(f"not measured, and not in the error bar: {', '.join(names)}; {reason}")
     what, bias = "measured" if own.total.unknown else "numerical", 100.0 * own.total.bias
@@ -163,29 +130,7 @@ def _statements(study: AccuracyStudy) -> Iterator[Statement]:
     excess = 100.0 * (study.torque / torque - 1.0)
     beside = f"{abs(excess):.2g} % {'above' if excess > 0.0 else 'below'} the best estimate of all replicas"
     yield note(f"Raw torque: {study.torque:.3g} N m, mean of {study.replicas} replicas, {beside}; {how}.")
-    whole, dominant = (format_percent(one) for one in (own.half_width, own.parts[own.largest]))
-    yield note(f"A run of this scene: ± {whole}; dominant error: {in_words(own.largest)}, {dominant}.")
-
-
-def _limits(study: AccuracyStudy, answers: Sequence[Answer], folder: Path) -> Iterator[Statement]:
-    """Say why targets are not reached, and how the study continues where more time may help."""
-    limits = [(one.found, format_percent(one.target)) for one in answers if isinstance(one.found, LimitingError)]
-    unknown = "not reachable before these errors are measured"
-    reasons = _grouped(
-        ((unknown if one.half_width is None else one.in_words()) + _continued(study, one, folder), target)
-        for one, target in limits
-    )
-    for reason, targets in reasons.items():
-        yield warning(f"± {', '.join(targets)}: {reason}")
-
-
-def _continued(study: AccuracyStudy, limit: LimitingError, folder: Path) -> str:
-    """Return how the study continues with a budget that may lower an error; empty where more time does not help."""
-    if limit.seconds is None and not limit.needs_budget:
-        return ""
-    least = max((limit.seconds or 0.0) / study.machine.get("jobs", 1), 2.0 * study.machine.get("budget", BUDGET))
-    budget = budget_option(comfortable_budget(least))
-    return f"; to continue this one, give the same command with --out {folder} --resume --budget {budget}"
+    yield note(own_in_words(study, cores_at_hand()))
 
 
 def _grouped(pairs: Iterable[tuple[str, str]]) -> dict[str, list[str]]:
@@ -196,42 +141,22 @@ def _grouped(pairs: Iterable[tuple[str, str]]) -> dict[str, list[str]]:
     return found
 
 
-def _answers(study: AccuracyStudy, answers: Sequence[Answer]) -> Table:
-    """Return what the scene as it is and each target that is reached take."""
+def _choices(study: AccuracyStudy, choices: Sequence[tuple[float, Choice]]) -> Table:
+    """Return settings, cost and error of the scene as it is and of each target that runs of grains reach."""
     rows, cores = [], cores_at_hand()
-    for target, choice, file in _choices_of(study, answers):
-        name, half = next(iter(choice.parts.items()))
+    reached = [(format_percent(target), choice) for target, choice in choices]
+    for target, choice in (("this scene", own_choice(study)), *reached):
         rows.append(
             (
-                target, str(choice.replicas), format_duration(choice.seconds),
-                format_duration(choice.wall_seconds(cores)), f"± {format_percent(choice.half_width)}",
-                f"{in_words(name)}, {format_percent(half)}", file,
+                target, changes_in_words(study, choice) or "none", str(choice.replicas),
+                format_duration(choice.seconds), format_duration(choice.wall_seconds(cores)),
+                f"{100.0 * choice.total.bias:+.2g} %", f"± {format_percent(choice.half_width)}",
+                parts_in_words(choice), f"{3600.0 * choice.figure_of_merit:.3g}",
             )
         )  # fmt: skip
-    head = ("target", "replicas", "processor time", f"on {cores} cores", "uncertainty", "dominant error", "scene")
-    return Table(rows, head, (1, 2, 3, 4))
-
-
-def _choices(study: AccuracyStudy, answers: Sequence[Answer]) -> Table:
-    """Return which settings differ from the scene's, and the parts of the error."""
-    rows = [
-        (
-            target, changes_in_words(study, choice) or "none", f"{100.0 * choice.total.bias:+.2g} %",
-            parts_in_words(choice), f"{3600.0 * choice.figure_of_merit:.3g}",
-        )
-        for target, choice, _ in _choices_of(study, answers)
-    ]  # fmt: skip
-    return Table(rows, ("target", "settings that differ", "bias", "parts", "figure of merit [1/h]"), (2, 4))
-
-
-def _choices_of(study: AccuracyStudy, answers: Sequence[Answer]) -> list[tuple[str, Choice, str]]:
-    """Return target, choice and scene file of the scene as it is and of each target that is reached."""
-    reached = [
-        (format_percent(one.target), one.found, one.file.name if one.file else "")
-        for one in answers
-        if isinstance(one.found, Choice)
-    ]
-    return [("this scene", own_choice(study), ""), *reached]
+    head = ("target", "settings that differ", "replicas", "processor time", f"on {cores} cores", "bias", "uncertainty",
+            "parts", "figure of merit [1/h]")  # fmt: skip
+    return Table(rows, head, (2, 3, 4, 5, 6, 8))
 
 
 def changes_in_words(study: AccuracyStudy, choice: Choice) -> str:
@@ -252,7 +177,7 @@ def parts_in_words(choice: Choice) -> str:
     )
 
 
-def _explanations(study: AccuracyStudy, answers: Sequence[Answer]) -> Iterator[Statement]:
+def _explanations(study: AccuracyStudy, choices: Sequence[tuple[float, Choice]]) -> Iterator[Statement]:
     """Say what the columns are, and what is assumed."""
     yield note("Bias: what the settings add to the torque, which is to be divided by 1 + bias.")
     yield note(
@@ -260,7 +185,7 @@ def _explanations(study: AccuracyStudy, answers: Sequence[Answer]) -> Iterator[S
     )
     yield note("Figure of merit: 1/(error² processor time), the error being half of the uncertainty.")
     yield note(prior_in_words(study))
-    if any(isinstance(one.found, Choice) and abs(one.found.total.bias) > one.target for one in answers):
+    if any(abs(choice.total.bias) > target for target, choice in choices):
         yield note("Some targets are reached by that correction: the bias alone is larger.")
 
 
@@ -282,9 +207,8 @@ def _own(study: AccuracyStudy) -> Table:
     choice = own_choice(study)
     theory = {one.name: one.theory for one in SETTINGS}
     of = {one.name: one for one in study.settings}
-    known = [name for name in choice.parts if name in of]
     rows: list[tuple[str, ...]] = []
-    for name in [*known, *(one for one in of if one not in known)]:
+    for name in sorted(of, key=lambda one: -choice.parts.get(one, 0.0)):
         setting = of[name]
         rows.append(
             (

@@ -44,11 +44,16 @@ from emclutch.scene.replica_count import cores_at_hand, replica_seed
 from emclutch.scene.value_list import seconds_of
 from emclutch.settings import FROZEN, HISTORIES, TORQUE, Setting, settings_of
 from emclutch.settings.powder import START_UP
-from emclutch.simulation.discretisation_error import device_of
-from emclutch.simulation.plan_in_words import narrow_sector
+from emclutch.simulation.discretisation_error import TARGETS, device_of
+from emclutch.simulation.plan_in_words import fill_in_words, narrow_sector
 from emclutch.simulation.recommended_case import cheapest_case
 from emclutch.studies.accuracy.budgeted_study import BUDGET, BudgetedStudy
-from emclutch.studies.accuracy.fidelities import CheapestAnswer, TorqueByLaw, estimate_by_other_devices
+from emclutch.studies.accuracy.fidelities import (
+    CheapestAnswer,
+    TorqueByLaw,
+    estimate_by_other_devices,
+    statements_on,
+)
 from emclutch.studies.accuracy.measured_study import StudyRuns, refuse_no_torque, scatter_of, study_of, this_machine
 from emclutch.studies.accuracy.plan import (
     BASE,
@@ -76,13 +81,12 @@ from emclutch.studies.accuracy.planned_values import (
     starts_of,
     values_to_plan,
 )
-from emclutch.studies.accuracy.report import Answer, accuracy_report
+from emclutch.studies.accuracy.report import TAKEN_AS_GIVEN, accuracy_report, own_in_words
 from emclutch.studies.accuracy.tasks import GRAINS, measure_moments, measure_replica
 from emclutch.studies.study import DONE, FAILED, Row, Task, call_all, checked_jobs, child_processes
 
 log = logging.getLogger(__name__)
 BUDGET_OPTION = "--budget"
-TARGETS = (0.10, 0.05, 0.03)
 BASE_REPLICAS = 4
 FROZEN_SHARE = 0.25
 """Fraction of the budget for the settings without noise."""
@@ -106,7 +110,7 @@ class AccuracyResult(Reported):
     ----------
     folder : Path
     study : AccuracyStudy
-    answers : tuple of Answer
+    answers : tuple of CheapestAnswer
         What reaches each target.
     law : TorqueByLaw
         What is known without a study.
@@ -117,7 +121,7 @@ class AccuracyResult(Reported):
     folder: Path
     study: AccuracyStudy
     law: TorqueByLaw
-    answers: tuple[Answer, ...] = ()
+    answers: tuple[CheapestAnswer, ...] = ()
     remarks: tuple[str, ...] = ()
 
     def report(self) -> Report:
@@ -167,6 +171,8 @@ def accuracy(
     case, jobs = as_case(case), checked_jobs(jobs)
     seconds = seconds_of(budget, "budget")
     refuse_unmeasurable(case)
+    from emclutch.studies.accuracy import answers as answers_module  # local: it draws
+
     folder = Path(out) if out is not None else RunFolder.next_path(f"{case.name}-accuracy", "studies")
     base, law = base_of(case), TorqueByLaw.of(case)
     with child_processes(jobs) as executor:
@@ -179,7 +185,7 @@ def accuracy(
             running.log(law.in_words())
             study = running.measure(base)
             remarks = _saved(study, running)
-            answers = _answers(case, study, folder, targets, remarks, law)
+            answers = answers_module.write_answers(case, study, folder, targets, remarks, law)
     return AccuracyResult(folder, study, law, answers, remarks)
 
 
@@ -190,7 +196,16 @@ def _saved(study: AccuracyStudy, running: _StudyRun) -> tuple[str, ...]:
     if not running.performed and earlier is not None:  # one that was finished may have a later study in its place
         return ()
     save_accuracy_study(study)
-    return _replaced(study, earlier)
+    if earlier is None:
+        return ()
+    spent, before = (float(one.machine.get("processor_seconds") or 0.0) for one in (study, earlier[0]))
+    if before <= spent:
+        return ()
+    where = accuracy_study_folder() / f"{study.device}.json"
+    longer = f"one of {format_duration(before)} ({earlier[0].machine.get('date')})"
+    back = f"remove {where}" if earlier[1].parent == SHIPPED else "repeat that study"
+    text = f"runs of this device now take their errors from this study of {format_duration(spent)} of processor time"
+    return (f"{text}, no longer from {longer}. To go back {back}",)
 
 
 def preview(
@@ -227,11 +242,26 @@ def preview(
     answers: list[CheapestAnswer] = []
     budgets = [budget or usual]
     for target in sorted(targets, reverse=True):
-        answer, enough = _cheapest(case, target, law, study, own, usual, jobs, source)
-        answers.append(answer)
-        budgets += [enough] if budget is None else []
-    known = [] if study is None else [note(_own_in_words(study, jobs))]
-    yield _lines({"cheapest": [one.as_dict() for one in answers]}, *known, *(one.in_words() for one in answers))
+        share, command, estimate, enough = format_percent(target), "", None, None
+        cheapest = None if study is None else cheapest_case(case, study, target)
+        grains = cheapest[0] if isinstance(cheapest, tuple) else cheapest
+        if isinstance(grains, Choice):
+            command = f"emclutch run {source} --set time.until=none --set 'accuracy.target={share}'"
+        elif grains is not None:
+            enough = grains.budget(jobs, usual)
+        else:
+            estimate = estimate_by_other_devices(case, target, own, jobs)
+            enough = max(usual, comfortable_budget(((estimate and estimate["study_seconds"]) or 0.0) / jobs))
+        if enough is not None:
+            command = f"emclutch accuracy {source} --for '{share}' --budget {budget_option(enough)}"
+            command += "" if jobs == cores_at_hand() else f" --jobs {jobs}"
+            budgets += [enough] if budget is None else []
+        answers.append(
+            CheapestAnswer(target=target, law=law, grains=grains, command=command, cores=jobs, estimate=estimate)
+        )
+    known = [] if study is None else [note(own_in_words(study, jobs))]
+    without = note(f"Not in any ±: {TAKEN_AS_GIVEN}. Fill: {fill_in_words(base.scene, base.device)}.")
+    yield _lines({"cheapest": [one.as_dict() for one in answers]}, *known, *statements_on(answers), without)
     if any(one.fidelity != "law" for one in answers):  # else no study is needed
         yield _costs(base, own, measured, first, max(budgets), jobs, progress)
 
@@ -248,39 +278,6 @@ def _replica_seconds(base: Base, study: AccuracyStudy | None) -> tuple[float, bo
         if all(one.name in own and own[one.name].is_own(one.own(base.scene, base.plan)) for one in settings):
             return study.seconds, True
     return base.plan.cost.seconds["total"], False
-
-
-def _cheapest(
-    case: Case,
-    target: float,
-    law: TorqueByLaw,
-    study: AccuracyStudy | None,
-    own: float,
-    usual: float,
-    jobs: int,
-    source: str,
-) -> tuple[CheapestAnswer, float]:
-    """Return what reaches a target, with the command that runs it, and the budget [s] of a study that may reach it."""
-    share, command, budget = format_percent(target), "", usual
-    grains: Choice | LimitingError | None = None
-    estimate: dict[str, Any] | None = None
-    if study is not None:
-        found = cheapest_case(case, study, target)
-        grains = found[0] if isinstance(found, tuple) else found
-    else:
-        estimate = estimate_by_other_devices(case, target, own)
-    if isinstance(grains, Choice):
-        command = f"emclutch run {source} --set time.until=none --set 'accuracy.target={share}'"
-    elif grains is None or grains.seconds is not None or grains.needs_budget:
-        least = estimate["study_seconds"] if estimate else grains.seconds if grains else None
-        budget = max(usual, comfortable_budget((least or 0.0) / jobs))
-        command = f"emclutch accuracy {source} --for '{share}' --budget {budget_option(budget)}"
-        command += "" if jobs == cores_at_hand() else f" --jobs {jobs}"
-    choice = None if study is None else own_choice(study, BASE_REPLICAS)
-    answer = CheapestAnswer(
-        target=target, law=law, grains=grains, command=command, cores=jobs, own=choice, estimate=estimate
-    )
-    return answer, budget
 
 
 def _costs(
@@ -315,12 +312,8 @@ def _costs(
         own_value = f"{setting.own(base.scene, base.plan):.4g} {setting.unit}".rstrip()
         none = "" if dear else ONE_VALUE
         rows.append((in_words(setting.name), own_value, ", ".join(values) or none, how if values or dear else ""))
-    cores, by = min(jobs, BASE_REPLICAS), "measured" if measured else "estimate, within a factor of two"
     statements = [
-        note(f"A study begins with {BASE_REPLICAS} replicas at the settings of the scene: "
-             f"{format_cost(BASE_REPLICAS * own, cores, first)}, {by}."),
-        note(f"The budget above, {format_duration(budget)} on {jobs} {'core' if jobs == 1 else 'cores'}, has a "
-             f"reserve. It is enough for about {jobs * budget / own:.0f} such replicas; finer values cost more."),
+        *map(note, _cost_in_words(own, measured, budget, jobs)),
         *([warning(f"values that do not fit into this budget: {', '.join(late)}")] if late else []),
         *([warning(narrow)] if (narrow := narrow_sector(base.scene)) else []),
     ]  # fmt: skip
@@ -330,12 +323,15 @@ def _costs(
     return found.add("Values", Table(rows, head, (1,)), Shown.TERMINAL)
 
 
-def _own_in_words(study: AccuracyStudy, cores: int) -> str:
-    """Return the best estimate of a study, and what a run at its own settings reaches and costs."""
-    own, (torque, _) = own_choice(study, BASE_REPLICAS), study.best_estimate()
-    half = "error unknown" if own.total.unknown else f"± {format_percent(own.half_width)}"
-    how = f"{own.cost_in_words(cores)}, {own.replicas} replicas, measured by the accuracy study of this device"
-    return f"Runs of grains give {torque:.3g} N m {half} in {how}."
+def _cost_in_words(own: float, measured: bool, budget: float, jobs: int) -> tuple[str, str]:
+    """Return what the first replicas of a study take, `own` [s] each, and what its budget [s] is enough for."""
+    cost = format_cost(BASE_REPLICAS * own, min(jobs, BASE_REPLICAS), makespan([own] * BASE_REPLICAS, jobs))
+    by, cores = "measured" if measured else "estimate, within a factor of two", "core" if jobs == 1 else "cores"
+    return (
+        f"A study begins with {BASE_REPLICAS} replicas at the settings of the scene: {cost}, {by}.",
+        f"The budget, {format_duration(budget)} on {jobs} {cores}, has a reserve. It is enough for about "
+        f"{jobs * budget / own:.0f} such replicas; finer values cost more.",
+    )
 
 
 def _earlier_study(device: str) -> tuple[AccuracyStudy, Path] | None:
@@ -343,28 +339,6 @@ def _earlier_study(device: str) -> tuple[AccuracyStudy, Path] | None:
         return find_accuracy_study(device)
     except OutputError:  # damaged: the new one takes its place
         return None
-
-
-def _replaced(study: AccuracyStudy, earlier: tuple[AccuracyStudy, Path] | None) -> tuple[str, ...]:
-    """Say that a study has taken the place of one that took longer."""
-    if earlier is None:
-        return ()
-    spent, before = (float(one.machine.get("processor_seconds") or 0.0) for one in (study, earlier[0]))
-    if before <= spent:
-        return ()
-    where = accuracy_study_folder() / f"{study.device}.json"
-    longer = f"one of {format_duration(before)} ({earlier[0].machine.get('date')})"
-    back = f"remove {where}" if earlier[1].parent == SHIPPED else "repeat that study"
-    text = f"runs of this device now take their errors from this study of {format_duration(spent)} of processor time"
-    return (f"{text}, no longer from {longer}. To go back {back}",)
-
-
-def _answers(
-    case: Case, study: AccuracyStudy, folder: Path, targets: Sequence[float], remarks: Sequence[str], law: TorqueByLaw
-) -> tuple[Answer, ...]:
-    from emclutch.studies.accuracy.answers import write_answers  # local: it draws
-
-    return write_answers(case, study, folder, targets, remarks, law)
 
 
 def _refuse_small_budget(case: Case, first: float, budget: float, jobs: int) -> None:
@@ -485,7 +459,10 @@ class _StudyRun(BudgetedStudy):
                 self.decide(stages=[*self.known["stages"], self._stage(stage, room)])
             self._tell_replicas(self.known["stages"][number])
             begin = sum(map(len, self.known["stages"][:number]))
-            self._do_replicas(begin, begin + len(self.known["stages"][number]))
+            order = self._order()[begin : begin + len(self.known["stages"][number])]
+            tasks = [self._replica(*key, name) for key, name in order]
+            self._begins = {task.name: begin + n for n, task in enumerate(tasks)}
+            self.do(tasks, "replicas")
 
     def open_decisions(self) -> dict[str, Any]:
         """Return what a larger budget leaves open: more values without noise, and three more stages of replicas."""
@@ -524,13 +501,6 @@ class _StudyRun(BudgetedStudy):
         rest = [half for name, half in choice.parts.items() if name == STATISTICS or
                 (name != INTERACTION and self.settings[name].measured_on != TORQUE)]  # fmt: skip
         return Aim(step_sizes, math.hypot(*rest))
-
-    def _do_replicas(self, begin: int, end: int) -> None:
-        """Run those of the planned replicas that do not overrun the budget."""
-        tasks = [self._replica(*key, name) for key, name in self._order()[begin:end]]
-
-        self._begins = {task.name: begin + number for number, task in enumerate(tasks)}
-        self.do(tasks, "replicas")
 
     def may_begin(self, task: Task) -> bool:
         if task.name not in self._begins:
@@ -594,18 +564,14 @@ class _StudyRun(BudgetedStudy):
             planned = self.values[n]
             frozen[planned.setting, planned.value] = self._frozen(self.settings[planned.setting], planned).name
         return StudyRuns(
-            case=self.case,
-            base=self.base,
-            planned=tuple(self.values),
-            starts=self.starts,
-            replicas=replicas,
+            case=self.case, base=self.base, planned=tuple(self.values), starts=self.starts, replicas=replicas,
             frozen={key: self.rows[name] for key, name in frozen.items()},
             left_out=left_out(self._offers(), [key for key, _ in self._order()]),
             budget=self.known["budget"],
             jobs=self.known["jobs"],
             spent=self._spent(),
             machine=self.known.get("machine") or this_machine(),
-        )
+        )  # fmt: skip
 
     # tasks ------------------------------------------------------------------------------------------------------
 
@@ -618,7 +584,7 @@ class _StudyRun(BudgetedStudy):
         number = int(Path(name).name)
         values: dict[str, Any] = {"scene.seed": replica_seed(self.case.scene.scene.seed, FIRST_SEED + number)}
         if setting != BASE:
-            values |= self._planned_value(setting, value).entries
+            values |= next(one for one in self.values if (one.setting, one.value) == (setting, value)).entries
         options = {"starts": self.starts, "keeps_grains": name == replica_name(BASE, 0.0, 0)}
         return Task(name, self.base.case.with_values(values), measure_replica, options)
 
@@ -632,9 +598,6 @@ class _StudyRun(BudgetedStudy):
         name = frozen_name(setting.name, value) if planned or own_key else frozen_name("own", 0.0)
         grains = str((self.folder / replica_name(BASE, 0.0, 0) / GRAINS).resolve())
         return Task(name, case, measure_moments, {"grains": grains, "own_key": own_key})
-
-    def _planned_value(self, setting: str, value: float) -> PlannedValue:
-        return next(one for one in self.values if one.setting == setting and one.value == value)
 
     def look(self, running: Sequence[Task]) -> None:
         """Report the progress of the replicas that run."""
@@ -671,9 +634,7 @@ class _StudyRun(BudgetedStudy):
         """Return how much of what is planned, or before that of the budget, is done."""
         total = self.budget
         if len(self.known["stages"]) == self._stages():
-            planned = {(one.setting, one.value): self._seconds(one) for one in self.values} | {
-                (BASE, 0.0): self._seconds()
-            }
+            planned = {(one.setting, one.value): self._seconds(one) for one in self.values} | {OWN: self._seconds()}
             left = [planned[key] for key, name in self._order() if name not in self.rows]
             total = self._spent() + sum(left)
         self.share = max(self.share, min((self._spent() + more) / total, 0.99))
@@ -682,15 +643,10 @@ class _StudyRun(BudgetedStudy):
     # words ------------------------------------------------------------------------------------------------------
 
     def _tell_cost(self) -> None:
-        earlier, jobs = _earlier_study(device_of(self.case)), self.known["jobs"]
-        each, measured = _replica_seconds(self.base, None if earlier is None else earlier[0])
-        words = (
-            f"{len(self.settings)} settings with {len(self.values)} values beside the scene's own; a replica of "
-            f"{self.base.plan.cost.grains} grains takes about {format_duration(each)} of processor time"
-            f"{'' if measured else ', by estimate'}; {format_cost(self.budget, jobs, self.known['budget'])} are enough "
-            f"for some {self.budget / each:.0f} replicas"
-        )
-        self.log(words)
+        earlier = _earlier_study(device_of(self.case))
+        cost = _replica_seconds(self.base, None if earlier is None else earlier[0])
+        for words in _cost_in_words(*cost, self.known["budget"], self.known["jobs"]):
+            self.log(words)
         if narrow := narrow_sector(self.base.scene):
             self.log(f"Warning: {narrow}")
 
@@ -698,12 +654,11 @@ class _StudyRun(BudgetedStudy):
         rows = [self.rows[replica_name(BASE, 0.0, n)] for n in range(BASE_REPLICAS)]
         values = [float(one.values["torque"]) for one in rows]
         scatter = scatter_of(values)
-        words = (
-            f"replicas scatter by {100.0 * scatter:.2g} % (standard deviation of {len(values)}): a difference of 5 % "
+        self.log(
+            f"Replicas scatter by {100.0 * scatter:.2g} % (standard deviation of {len(values)}). A difference of 5 % "
             f"between two values needs {replicas_for(0.05, scatter)} replicas of each, of 2 % "
-            f"{replicas_for(0.02, scatter)}"
+            f"{replicas_for(0.02, scatter)}."
         )
-        self.log(words)
 
     def _tell_replicas(self, replicas: Sequence[tuple[str, float]]) -> None:
         names = sorted({setting or "the scene's own settings" for setting, _ in replicas})

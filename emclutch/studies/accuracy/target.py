@@ -207,15 +207,17 @@ def _measure(case: Case, progress: Any) -> None:
 
 def _unreachable(case: Case, found: LimitingError) -> SceneError:
     command, ways = f"emclutch accuracy {case.path or 'CASE'}", []
+    budget = found.budget(cores_at_hand(), comfortable_budget(2.0 * case.scene.accuracy.budget))
     if found.setting == STATISTICS:
         ways.append(f"measure longer replicas: {command} --set accuracy.time_end={_longer_end(case)}")
-    elif found.seconds is not None or found.needs_budget:
-        ways.append(f"run a longer accuracy study: {command} --budget {_longer(case, found)}")
+    elif budget is not None:
+        ways.append(f"run a longer accuracy study: {command} --budget {budget_option(budget)}")
     elif found.setting in (one.name for one in settings_of(case.scene)):
         ways.append(f"list other values in accuracy.values.{found.setting}, and measure again: {command}")
     if found.best is not None:
         ways.append(f"ask for {format_percent(1.05 * found.best.half_width)}")
-    fault = Fault(KEY, f"'{case.scene.accuracy.target}'", "; ".join([found.in_words(), ", or ".join(ways)]).strip("; "))
+    message = "; ".join([f"is not reached. {found.in_words(cores_at_hand())}", ", or ".join(ways)]).removesuffix("; ")
+    fault = Fault(KEY, f"'{case.scene.accuracy.target}'", message)
     return SceneError([fault], "scene" if case.path is None else str(case.path))
 
 
@@ -226,9 +228,3 @@ def _longer_end(case: Case) -> str:
         return f"'{4e3 * end:.4g} ms'"
     strain = 2.0 * start_up_strain(case.scene) if end is None else end.value
     return f"'{STRAIN.format(f'{4.0 * strain:.4g}')}'"
-
-
-def _longer(case: Case, found: LimitingError) -> str:
-    """Return a budget by which a target may be reached, as the value of the option."""
-    least = 0.0 if found.seconds is None else found.seconds / cores_at_hand()
-    return budget_option(comfortable_budget(max(2.4 * case.scene.accuracy.budget, least)))
