@@ -1,7 +1,7 @@
 """[effects.heat]: slip power and copper loss warm the section (`field.heat`), through hours of duty (`emclutch heat`).
 
 Grains move in milliseconds and steel warms in hours, so that a run of the grains does not feel the effect. The torque
-is that of the powder's law at each current and temperature; `torque`, `torque_curve` and `fade` are measured.
+is that of the law of the powder at each current and temperature; `torque`, `torque_curve` and `fade` are measured.
 """
 
 from __future__ import annotations
@@ -160,7 +160,7 @@ def _knows_its_materials(partial: PartialScene) -> Iterator[Fault]:
 
 
 def _knows_its_torque(partial: PartialScene) -> Iterator[Fault]:
-    """The torque at another current than the coil's largest is that of the powder's law, or of a curve."""
+    """The torque at another current than the coil's largest is that of the law of the powder, or of a curve."""
     effect, coil = partial.scene.effects.thermal, partial.scene.coil
     of_all_currents = effect is not None and (effect.torque_curve is not None or effect.slip_power is not None)
     if effect is None or coil is None or of_all_currents or not partial.is_of_the_field_alone:

@@ -184,7 +184,7 @@ def _check(case: Case, threads: int | None) -> Checked:
         words["bodies"] = bodies
     size = grain_size(scene, device)
     if size is not None:
-        measured = has_accuracy_study(case) or bool(expected.parts)  # the powder's law has the torque of both
+        measured = has_accuracy_study(case) or bool(expected.parts)  # the law of the powder has the torque of both
         words["grain size"] = Decision(size.in_words(measured), *size.warnings(measured))
     if scene.geometry.measured == "torque" and scene.geometry.has_axis:
         words["accuracy"] = accuracy_in_words(case, made)

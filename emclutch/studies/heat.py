@@ -1,6 +1,6 @@
 """`emclutch heat`: temperatures of a device through hours of duty, and the slip power that it may have.
 
-The torque at each current and temperature of the powder is that of the powder's law, of a measurement or of both
+The torque at each current and temperature of the powder is that of the law of the powder, of a measurement or of both
 (`emclutch.studies.heat_torque`). From there on the thermal model stands alone (`emclutch.device_model.heat_model`,
 `field.heat`).
 
@@ -150,7 +150,7 @@ def heat(
     SceneError
         The scene has faults, or no torque; its equations are not solved.
     ConvergenceError
-        The field of a current of the powder's law is not found.
+        The field of a current of the law of the powder is not found.
     OutputError
         The folder is there already.
     RunError

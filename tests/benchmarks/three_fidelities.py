@@ -1,4 +1,4 @@
-"""What accuracy costs: the torque of two devices by a formula, by the powder's law and by grains.
+"""What accuracy costs: the torque of two devices by a formula, by the law of the powder and by grains.
 
     python tests/benchmarks/three_fidelities.py docs/two_scales.csv       # the table of docs/accuracy.md
     python tests/benchmarks/three_fidelities.py docs/two_scales.csv docs/three_fidelities.png

@@ -1,4 +1,4 @@
-"""Runs of the grains in whole devices, with which torques of the powder's law are compared.
+"""Runs of the grains in whole devices, with which torques of the law of the powder are compared.
 
     python tests/benchmarks/two_scales.py docs/two_scales.csv [--processes 2]
     python tests/benchmarks/two_scales.py docs/two_scales.csv --predict
@@ -296,7 +296,7 @@ def draw(rows: list[Row], path: Path) -> None:
             axes.errorbar(law, np.exp(miss), np.exp(miss) * np.sinh(NORMAL * half), fmt=marker, color=color, ms=5, lw=1,
                           capsize=2, label=f"{use}, {len(own)} devices")  # fmt: skip
     axes.axhline(1.0, color="k", lw=0.8)
-    axes.set(xscale="log", xlabel="torque by the powder's law [N m]", ylabel="torque of the run / by the law",
+    axes.set(xscale="log", xlabel="torque by the law of the powder [N m]", ylabel="torque of the run / by the law",
              title="Torque of runs over torque by the law")  # fmt: skip
     axes.legend(frameon=False, ncols=3, loc="upper center")
     axes.set_ylim(0.5, 1.6)

@@ -1,4 +1,4 @@
-"""Torques by the powder's law hold for runs of devices that it was not fitted to: docs/two_scales.csv."""
+"""Torques by the law of the powder hold for runs of devices that it was not fitted to: docs/two_scales.csv."""
 
 from pathlib import Path
 

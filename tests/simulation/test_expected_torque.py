@@ -1,4 +1,4 @@
-"""The expected torque is the integral of the powder's law over the sheared gap, and has the limits of that law."""
+"""The expected torque is the integral of the law of the powder over the sheared gap, and has the limits of that law."""
 
 from math import pi
 from pathlib import Path

@@ -169,7 +169,7 @@ def test_a_device_outside_of_the_law_is_a_guess_and_is_said(tmp_path):
                   f"150,{1e3 * torques[1]},1\n")  # fmt: skip
     found = fit(cell, curve, friction=0.3, over=FIELD, out=tmp_path / "fit")
     assert found.fit.is_guess and found.left_out == 1
-    assert "The fit is a guess, as is the torque: guess by the powder's law" in str(found.report().statements())
+    assert "The fit is a guess, as is the torque: guess by the law of the powder" in str(found.report().statements())
     assert not any(found.fit.parameters[0].bounded)
 
 

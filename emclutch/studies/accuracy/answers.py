@@ -35,7 +35,7 @@ def write_answers(
     ----------
     targets : half widths of the torque's 95 % interval that are wanted, relative
     remarks : sentences that are added to the report
-    law : torque by the powder's law, which needs no study
+    law : torque by the law of the powder, which needs no study
     """
     answers = tuple(_answer(case, study, folder, target, law) for target in sorted(targets, reverse=True))
     _write_csv(folder / "accuracy.csv", rows_of(study))

@@ -131,7 +131,7 @@ class CheapestAnswer:
             half, cost = format_percent(self.grains.half_width), self.grains.cost_in_words(self.cores)
             reach = f"runs of grains reach ± {half} in {cost}"
         if self.fidelity == "law":
-            text = f"reached by the powder's law (± {format_percent(self.law.half_width or 0.0)})"
+            text = f"reached by the law of the powder (± {format_percent(self.law.half_width or 0.0)})"
             return f"{text}; {reach}" if reach else text
         if isinstance(self.grains, Choice):
             return f"reached; {reach}"
