@@ -57,8 +57,8 @@ TORQUES = ("torque", "low", "high", "unknown_low", "unknown_high")
 """Columns of map.csv in N m: mean, 95 % interval, and 90 % range of unknown powder, of a map over one axis."""
 HEADS = ("torque [N m]", "95 % low", "95 % high", "unknown powder, low", "unknown powder, high")
 LEFT_OUT = (
-    "The interval is that of the law of the powder. Left out: tolerances of the drawing and of materials, friction that "
-    "changes with temperature, and hysteresis"
+    "The interval is that of the law of the powder. Left out: tolerances of the drawing and of materials, friction "
+    "that changes with temperature, and hysteresis"
 )
 FALLING = "falling"
 """Column of map.csv in N m: torque of the same powder at a current that falls from the last one of the map, of steel

@@ -1,4 +1,4 @@
-"""Torque against current of cases/powder_clutch.toml by the law of the powder, its runs, and measured dry powder brakes.
+"""Torque against current of cases/powder_clutch.toml: law of the powder, its runs, and measured dry powder brakes.
 
     python tests/benchmarks/dry_brakes.py docs/dry_brakes.png
 

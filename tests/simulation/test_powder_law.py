@@ -1,4 +1,4 @@
-"""The powder's law has the coefficients of its cells, similarity, and limits; files of other kinds are refused."""
+"""The law of the powder has the coefficients of its cells, similarity, and limits; files of other kinds are refused."""
 
 import json
 from dataclasses import fields, replace

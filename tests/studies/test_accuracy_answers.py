@@ -117,7 +117,9 @@ def test_what_is_not_reached_has_a_reason_and_no_scene(tmp_path, case, own, rest
     assert not list(tmp_path.glob("target*"))
     reason = {"grains_per_gap": "not measured in this budget: about 9 min more"}
     lines = said(whole(own, rest, unknown=reason), 0.1)
-    assert lines[-1].startswith("± 10 %: reached by the law of the powder (± 7 %); the error of the setting grains per gap")
+    assert lines[-1].startswith(
+        "± 10 %: reached by the law of the powder (± 7 %); the error of the setting grains per gap"
+    )
     assert "9 min" in lines[-1]
 
 
@@ -151,7 +153,9 @@ def test_the_law_is_the_cheapest_where_its_interval_is_within_the_target(tmp_pat
     )
     assert nothing["fidelity"] is None and "limited by the sector (± " in nothing["reason"]
     lines = [one.text for one in report.statements()]
-    assert any("± 10 %: reached by the law of the powder" in line and "; runs of grains reach ± " in line for line in lines)
+    assert any(
+        "± 10 %: reached by the law of the powder" in line and "; runs of grains reach ± " in line for line in lines
+    )
     guess = found(by_law(1.07, guess=True), (0.1,))
     assert guess.data["law"]["half_width"] is None and guess.data["cheapest"][0]["fidelity"] == "grains"
     assert any("reaches no target" in one.text for one in guess.statements())

@@ -1,4 +1,4 @@
-"""The torque that heats: the law of the powder at each current and temperature, scaled to a measurement, and its ends."""
+"""The torque that heats: the law of the powder at each current and temperature, scaled to a measurement; limits."""
 
 from dataclasses import replace
 from pathlib import Path

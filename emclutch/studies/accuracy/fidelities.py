@@ -65,7 +65,7 @@ class TorqueByLaw:
 
     def in_words(self) -> str:
         """Return the torque with its interval and its cost; of a guess why it reaches no target."""
-        text = f"The powder's law gives {self.expected.in_words().rstrip('.')}"
+        text = f"The law of the powder gives {self.expected.in_words().rstrip('.')}"
         if self.half_width is None:
             return f"{text}. It reaches no target."
         return f"{text} in seconds, without a run: {self.command}"
