@@ -219,8 +219,8 @@ def preview(
     """Yield what is known before a study, then what it would measure and cost; nothing runs or is written.
 
     First the torque by the law of the powder, then the cheapest that reaches each of the `targets`, last the values
-    that the study would measure. Costs are processor times: measured by the accuracy study of the device, where it has one at
-    the scene's settings, else planned, within a factor of two. The first replicas decide which values get more.
+    that the study would measure. Costs are processor times: measured by the accuracy study of the device, where it has
+    one at the scene's settings, else planned, within a factor of two. The first replicas decide which values get more.
 
     Parameters
     ----------
