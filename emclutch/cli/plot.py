@@ -103,7 +103,8 @@ def plot_runs(
     if kind == TORQUE and len(results) == 1:
         from emclutch.results.pictures.torque import torque_picture
 
-        return torque_picture(out, results[0].history, results[0].torque, results[0].other_histories, title=title)
+        result = results[0]
+        return torque_picture(out, result.history, result.torque, result.other_histories, best=result.best, title=title)
     if kind == TORQUE:
         from emclutch.results.pictures.torque import torque_overlay_picture
 

@@ -127,5 +127,6 @@ def coil_heat_in_words(scene, coil: Excitation, shape) -> str:
     if rise > ABSURD:
         return Decision(text, "copper melts; are current, turns and window in the units that were meant?")
     if rise > WARM:
-        text += f"; for short duty only: the copper warms by {format_number(rate)} K/s at first"
+        return Decision(text, f"stands {current:.3g} A for a short time only: it warms by {format_number(rate)} K/s at "
+                        f"first, and would be {format_number(rise)} K above the room in steady state")  # fmt: skip
     return text

@@ -77,6 +77,7 @@ def draw_run(case, folder: RunFolder, device, simulation, profiles: ProfileAvera
             result.history,
             result.torque,
             result.other_histories,
+            best=result.best,
             title=title if current is None else f"{title}, {current:.4g} A",
             times=rise_times_in_words(case.scene.effects, result.summary),
             locked=result.summary.get("lock_up_time"),

@@ -89,13 +89,13 @@ class TorqueTrigger:
         now, half, target = self.now, torque.half_width(), self.rule.target
         replicas = f"{now.count} replica{'s' * (now.count > 1)} to {1e3 * now.length:.3g} ms"
         if torque.mean is None:
-            text = f"{target.quantity} unknown, {replicas}"
+            text = f"raw {target.quantity} unknown, {replicas}"
         else:
             wanted = target.half_width(torque.mean)
             requested = f"; ± {wanted:.2g} {target.unit} was requested" if wanted else ""
             error = ", error unknown" if half is None else f" (95 %{requested})"
             mean = f"{torque.mean:.4g}" if half is None else f"{torque.mean:.4g} ± {half:.2g}"
-            text = f"{target.quantity} {mean} {target.unit}{error}, {replicas}"
+            text = f"raw {target.quantity} {mean} {target.unit}{error}, {replicas}"
         if isinstance(following, Stop):
             text += ": target precision reached" if following.reached else f"; {torque.in_words()}"
         else:

@@ -43,6 +43,7 @@ def torque_picture(
     estimate: Estimate | None = None,
     others: Any = (),
     *,
+    best: Estimate | None = None,
     title: str | None = None,
     times: str = "",
     locked: float | None = None,
@@ -56,6 +57,7 @@ def torque_picture(
     estimate : of the disc's torque; its steady part is shaded and its mean drawn with its 95 % interval; an unknown one
         is said, and no band is drawn. Not drawn where it is not converged because current or speed change.
     others : histories of the other replicas: their torque on the disc is drawn thin, as the mean is of all of them.
+    best : of the disc's torque, corrected for the error of the numerical settings; drawn where it is another one.
     times : rise times in words, written above the panel.
     locked : time [s] from which on the shafts are locked; it is marked.
     """
@@ -93,9 +95,14 @@ def torque_picture(
             low, high = (factor * end for end in estimate.interval())
             axis.fill_between([start, time[-1]], low, high, color="#0b5fa5", alpha=0.25, lw=0, label="95 % interval")
             axis.set_ylim(limits)  # of few replicas it is wider than the picture
-        label = f"disc{f', {estimate.replicas} replicas' if estimate.replicas > 1 else ''}: "
+        label = f"disc, raw{f', {estimate.replicas} replicas' if estimate.replicas > 1 else ''}: "
         label += format_torque(estimate, unit, factor) + ("" if estimate.converged else ", not converged")
         axis.plot([start, time[-1]], [mean, mean], color="black", lw=1.4, ls="--", label=label, zorder=4)
+        if best is not None and best.mean is not None and best != estimate:
+            label = f"disc, best estimate: {format_torque(best, unit, factor)}"
+            middle, half = 0.5 * (start + time[-1]), best.half_width()
+            axis.errorbar(middle, factor * best.mean, None if half is None else factor * half, fmt="o", ms=5,
+                          color="#c1440e", capsize=4, label=label, zorder=5)  # fmt: skip
         if not estimate.converged:
             reason = textwrap.fill(estimate.reason, 120)
             axis.set_title(reason, loc="left", fontsize=8, color="crimson", parse_math=False)

@@ -187,7 +187,7 @@ def _pictures(result: Result) -> list[Block]:
     def draw(path: Path) -> Path:
         from emclutch.results.pictures.torque import torque_picture
 
-        return torque_picture(path, result.history, result.torque, result.other_histories)
+        return torque_picture(path, result.history, result.torque, result.other_histories, best=result.best)
 
     return [*found, Picture(PICTURES["torque.png"], draw=draw)]
 
