@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from emclutch.results.report.report import Block, Mark, Picture, Report, Shown, Statement, Statements, Table, note, warning
+from emclutch.results.report.report import Mark, Picture, Report, Shown, Statement, Statements, Table, note, warning
 from emclutch.results.text import format_percent, in_words
 
 HEADS = (
@@ -38,8 +38,8 @@ def field_report(folder: Path, summary: dict[str, Any]) -> Report:
     if parts := summary["at_last_current"].get("ampere_turns_by_part"):
         whole = sum(parts.values())
         table = [(in_words(name), f"{one:.4g}", format_percent(one / whole)) for name, one in parts.items()]
-        blocks: list[Block] = [Table(table, ("part", "ampere-turns [A]", "fraction"), (1, 2)), Statements([note(AMPERE_TURNS)])]
-        report.add("Magnetic circuit", blocks, Shown.TERMINAL)
+        drops = Table(table, ("part", "ampere-turns [A]", "fraction"), (1, 2))
+        report.add("Magnetic circuit", [drops, Statements([note(AMPERE_TURNS)])], Shown.TERMINAL)
     if forces := summary["at_last_current"].get("axial_force"):
         report.add("Axial forces", _forces(forces), Shown.TERMINAL)
     report.add("At the last current", Table([*_details(summary)]), Shown.TERMINAL)

@@ -102,7 +102,7 @@ def torque_picture(
             label = f"disc, best estimate: {format_torque(best, unit, factor)}"
             middle, half = 0.5 * (start + time[-1]), best.half_width()
             axis.errorbar(middle, factor * best.mean, None if half is None else factor * half, fmt="o", ms=5,
-                          color="#c1440e", capsize=4, label=label, zorder=5)  # fmt: skip
+                          color="black", capsize=4, label=label, zorder=5)  # fmt: skip
         if not estimate.converged:
             reason = textwrap.fill(estimate.reason, 120)
             axis.set_title(reason, loc="left", fontsize=8, color="crimson", parse_math=False)
