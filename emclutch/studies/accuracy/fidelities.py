@@ -16,7 +16,7 @@ from emclutch.device_model.device import build_device
 from emclutch.results.accuracy_studies import known_studies
 from emclutch.results.recommended import Choice, LimitingError
 from emclutch.results.report.report import Mark, Statement, note
-from emclutch.results.text import format_cost, format_duration, format_percent
+from emclutch.results.text import format_duration, format_percent
 from emclutch.scene.case import Case
 from emclutch.scene.errors import bad_input_for
 from emclutch.settings import settings_of
@@ -159,7 +159,8 @@ def estimate_by_other_devices(case: Case, target: float, replica_seconds: float,
     """Return what grains will cost for a half width if a device's errors are those of other devices.
 
     The settings that the accuracy study of another device recommends are taken, and their cost is that of the plan.
-    Settings that the scene does not have are left out of the study.
+    Settings that the scene does not have are left out of the study, but not the inertial number: coarse grains have a
+    larger one than the real powder at the scene's own speed, too.
 
     Parameters
     ----------
@@ -173,12 +174,12 @@ def estimate_by_other_devices(case: Case, target: float, replica_seconds: float,
         `devices`: names of the cases whose studies reach the target, or if none does of those that miss it; `seconds`:
         least and most processor time [s] of runs that reach the target, widened by `COST_FACTOR`, None where none of
         these devices reaches it; `half_width`: the least that they have; `limit`: the setting that limits it;
-        `study_seconds`: processor time [s] of an accuracy study that may reach the target, at least; `words`: all this
-        without its full stop. None where no study has the settings of the scene, or the scene refuses those that reach
-        the target.
+        `study_seconds`: processor time [s] of an accuracy study that may reach the target, the median of the studies;
+        `words`: all this without its full stop. None where no study has the settings of the scene, or the scene refuses
+        those that reach the target.
     """
     costs, missed = [], []
-    settings = {one.name for one in settings_of(case.scene)}
+    settings = {one.name for one in settings_of(case.scene)} | {"inertial_number"}
     for known in known_studies():
         study = replace(known, settings=tuple(one for one in known.settings if one.name in settings))
         found = cheapest_case(case, study, target)
@@ -191,17 +192,22 @@ def estimate_by_other_devices(case: Case, target: float, replica_seconds: float,
         cost = make_plan(run)[1].cost
         costs.append((study.case, choice.replicas * (sum(cost.loop.values()) + sum(cost.once.values()))))
     devices = [name for name, *_ in costs or missed]
-    head = f"By the stud{'y' if len(devices) == 1 else 'ies'} of {' and '.join(devices)}"
+    head = f"By the stud{'y' if len(devices) == 1 else 'ies'} of {', '.join(devices)}"
     if costs:
         seconds = [min(one for _, one in costs) / COST_FACTOR, COST_FACTOR * max(one for _, one in costs)]
         words = f"{head}, runs of grains reach it in {' to '.join(map(format_duration, seconds))} of processor time"
         values = {"seconds": seconds, "half_width": target, "limit": None, "study_seconds": None}
     elif missed:
-        _, half, error, ratio = min(missed, key=lambda one: one[1])
-        more = None if error.seconds is None else ratio * error.seconds
-        words = f"{head}, {error.limit}"
+        _, half, error, _ = min(missed, key=lambda one: one[1])
+        times = sorted(ratio * one.seconds for *_, one, ratio in missed if one.seconds is not None)
+        more = times[len(times) // 2] if times else None
+        worst = max(one[1] for one in missed)
+        words = f"{head}, {error.limit}" + (f"; ± {format_percent(worst)} at worst" if worst > half else "")
         if more is not None:
-            words += f". A study of this device takes at least {format_cost(more, cores)}, and may not be enough"
+            ends = dict.fromkeys((times[0], times[-1]))  # once where they are equal
+            span, wall = (" to ".join(format_duration(one / n) for one in ends) for n in (1, cores))
+            words += f". A study of this device takes {span} of processor time ({wall} on {cores} cores)"
+            words += ", and may not be enough"
         values = {"seconds": None, "half_width": half, "limit": error.setting, "study_seconds": more}
     else:
         return None

@@ -251,7 +251,8 @@ def preview(
             enough = grains.budget(jobs, usual)
         else:
             estimate = estimate_by_other_devices(case, target, own, jobs)
-            enough = max(usual, comfortable_budget(((estimate and estimate["study_seconds"]) or 0.0) / jobs))
+            # twice the estimate, whose uncertainty is larger
+            enough = max(usual, comfortable_budget(2.0 * ((estimate and estimate["study_seconds"]) or 0.0) / jobs))
         if enough is not None:
             command = f"emclutch accuracy {source} --for '{share}' --budget {budget_option(enough)}"
             command += "" if jobs == cores_at_hand() else f" --jobs {jobs}"
