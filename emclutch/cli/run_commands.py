@@ -295,8 +295,8 @@ def map(
         from emclutch.studies.torque_map import map_over
 
         axes = axes_of(read, given, "--")
-        if twice := sorted({one.key for one in axes} & assignments(sets).keys()):
-            raise SceneError([Fault("--set", twice[0], "is a key of an axis, which sets it; remove it")], "command line")
+        if both := sorted({one.key for one in axes} & assignments(sets).keys()):
+            raise SceneError([Fault("--set", both[0], "is a key of an axis, which sets it; remove it")], "command line")
         with nullcontext() if as_json else Progress() as progress:
             found = map_over(read, axes, measured=measured, out=out, progress=progress)
         show(found.report(), as_json)
