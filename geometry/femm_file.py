@@ -137,7 +137,8 @@ def read_femm(path: str | Path) -> FemmModel:
         return _model(path, enumerate(text.splitlines(), 1))
     except ValueError as error:
         commas = len(re.findall(r'(?m)^[^"\n]*?\d,\d', text)) if _DECIMAL_POINT in str(error) else 0
-        raise FileFault(path, f"{error}; so have {commas - 1} more lines" if commas > 1 else str(error)) from None
+        more = "1 more line has" if commas == 2 else f"{commas - 1} more lines have"
+        raise FileFault(path, f"{error}; {more} a decimal comma" if commas > 1 else str(error)) from None
 
 
 def _model(path: Path, lines: _Lines) -> FemmModel:
@@ -209,7 +210,8 @@ def _property(lines: _Lines, begin: int) -> FemmProperty:
 
 
 def _at(r: float, z: float) -> str:
-    return f"r = {1e3 * r:.4g} mm, z = {1e3 * z:.4g} mm"
+    r, z = (round(1e3 * x, 6) + 0.0 for x in (r, z))  # no rest of a conversion of units, no -0
+    return f"r = {r:.4g} mm, z = {z:.4g} mm"
 
 
 def _number(text: str, line: int) -> float:

@@ -113,8 +113,10 @@ def _labelled(gmsh: Any, model: FemmModel, cut: list[int], bottom: float) -> dic
         r, z = (x / MILLIMETRE for x in label.place)
         found = next((tag for tag in inner if gmsh.model.isInside(2, tag, (r, z, 0.0))), None)
         if found is None or found in faces:
-            reason = "in no closed region; close its outline" if found is None else "where another is; delete one"
-            raise FileFault(model.path, f"line {label.line}: the label at {label.at()} lies {reason}")
+            reason = "lies in no closed region; close its outline" if found is None else (
+                f"shares its region with the label at {faces[found].at()}; delete one, or close the outline between "
+                "them")  # fmt: skip
+            raise FileFault(model.path, f"line {label.line}: the label at {label.at()} {reason}")
         faces[found] = label
     if bare := [tag for tag in inner if tag not in faces]:
         r, z, _ = gmsh.model.occ.getCenterOfMass(2, bare[0])

@@ -108,7 +108,7 @@ def search(
     return search_of(load(file, sets, trust_scripts), key, (between[0], between[1]), target, "--")
 
 
-def map_axes(options: Mapping[str, Any], vary: list[str] | None, sets: list[str] | None) -> dict[str, str]:
+def map_axes(options: Mapping[str, Any], vary: list[str] | None) -> dict[str, str]:
     """Ranges of a torque map by the names of their axes or their keys, in the order of the command line."""
     from emclutch.scene.map_axes import KEYS
 
@@ -123,10 +123,6 @@ def map_axes(options: Mapping[str, Any], vary: list[str] | None, sets: list[str]
                 given[key] = values
         elif name in KEYS and entry is not None:
             given[name] = entry
-    for key in assignments(sets):
-        if key in given or key in (KEYS[name][0] for name in given if name in KEYS):
-            message = "is a key of an axis, whose values would be taken; remove it"
-            raise SceneError([Fault("--set", key, message)], "command line")
     return given
 
 

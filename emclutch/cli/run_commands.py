@@ -13,6 +13,7 @@ import typer
 from emclutch.cli import options as opt
 from emclutch.cli.errors import FAILED, INCOMPLETE, explained
 from emclutch.cli.input import (
+    assignments,
     check_threads,
     load,
     map_axes,
@@ -287,13 +288,15 @@ def map(
 ) -> None:
     """Compute the expected torque with its interval over one or two quantities; write table, picture and page."""
     with explained():
-        given = map_axes(ctx.params, vary, sets)
+        given = map_axes(ctx.params, vary)
         read = load(case, sets, trust_scripts)
         from emclutch.results import Progress
         from emclutch.scene.map_axes import axes_of
         from emclutch.studies.torque_map import map_over
 
         axes = axes_of(read, given, "--")
+        if both := sorted({one.key for one in axes} & assignments(sets).keys()):
+            raise SceneError([Fault("--set", both[0], "is a key of an axis, which sets it; remove it")], "command line")
         with nullcontext() if as_json else Progress() as progress:
             found = map_over(read, axes, measured=measured, out=out, progress=progress)
         show(found.report(), as_json)

@@ -15,6 +15,7 @@ from emclutch.devices.geometry_section import NO_MATERIALS, ONE_CARRIER, Geometr
 from emclutch.scene.errors import Fault
 from emclutch.scene.grain_smear import ELEMENTS_A_WIDTH, moments_are_fed_back, smear_width
 from emclutch.scene.magnetic_regions import magnetic_regions
+from emclutch.scene.motion import HELD
 from emclutch.scene.partial_scene import PartialScene
 from emclutch.scene.section import Choice, did_you_mean, refuse
 from emclutch.scene.units import number
@@ -42,11 +43,8 @@ def _finished_mesh(partial: PartialScene) -> Iterator[Fault]:
         return
     for key in ("gap_layers", "size_factor"):
         if getattr(source, key) != type(source).model_fields[key].default:
-            yield partial.fault(
-                f"field.{key}",
-                "sizes a mesh that is made here, but geometry.file is a finished one; remove it, mesh the file more "
-                "finely, or refine it by field.tolerance",
-            )
+            reason = "sizes a mesh that is made here, but geometry.file is a finished one; remove it, mesh the file "
+            yield partial.fault(f"field.{key}", f"{reason}more finely, or refine it by field.tolerance")
     if source.open_boundary:
         from field.section.open_boundary import check_reach  # local: the schema itself needs no field
         from geometry.fault import with_keys
@@ -63,12 +61,9 @@ def _fine_enough_for_moments(partial: PartialScene) -> Iterator[Fault]:
     scene = partial.scene
     geometry, source = scene.geometry, scene.coil_field
     if geometry.is_solved_in_3d and source is not None and scene.effects.feedback is not None:
-        yield Fault(
-            f"effects.{scene.effects.feedback.name}",
-            "",
-            "is not available with geometry.three_dimensional: the elements of solids of any shape are not meshed as "
-            "finely as moments of single grains need; remove one of them",
-        )
+        reason = "is not available with geometry.three_dimensional: the elements of solids of any shape are not meshed "
+        reason += "as finely as moments of single grains need; remove one of them"
+        yield Fault(f"effects.{scene.effects.feedback.name}", "", reason)
         return
     if not geometry.is_meshed or source is None:
         return
@@ -78,14 +73,11 @@ def _fine_enough_for_moments(partial: PartialScene) -> Iterator[Fault]:
     # of an equilateral triangle of the same area: its height is 3^(1/4) sqrt(A)
     row = 3.0**0.25 * float(np.sqrt(np.median(mesh.element_area()[mesh.regions["powder"]])))
     width = smear_width(scene)
-    if width < _ENOUGH * ELEMENTS_A_WIDTH * row:
-        yield partial.fault(
-            "geometry.file",
-            f"is too coarse for effects.{scene.effects.feedback.name}, which spreads a grain over {1e3 * width:.3g} "
-            f"mm: the powder's triangles are {1e3 * row:.3g} mm high, allowed are "
-            f"{1e3 * width / (_ENOUGH * ELEMENTS_A_WIDTH):.3g} mm; "
-            "mesh it more finely, or remove the effect's table",
-        )
+    if row > (allowed := width / (_ENOUGH * ELEMENTS_A_WIDTH)):
+        reason = f"is too coarse for effects.{scene.effects.feedback.name}, which spreads a grain over "
+        reason += f"{1e3 * width:.3g} mm: the powder's triangles are {1e3 * row:.3g} mm high, allowed are "
+        reason += f"{1e3 * allowed:.3g} mm; mesh it more finely, or remove the effect's table"
+        yield partial.fault("geometry.file", reason)
 
 
 def _one_carrier(partial: PartialScene) -> Iterator[Fault]:
@@ -95,23 +87,27 @@ def _one_carrier(partial: PartialScene) -> Iterator[Fault]:
     shape = partial.scene.shape()
     if len(shape.carriers) > 1:
         parts = ", ".join(f"{region} ({shape.body(region)})" for region in sorted(shape.section.odd))
-        yield Fault(
-            "geometry.bodies",
-            "",
-            f"several parts are not bodies of revolution: {parts}; {ONE_CARRIER}; let one of them have all",
-        )
+        reason = f"several parts are not bodies of revolution: {parts}; {ONE_CARRIER}; let one of them have all"
+        yield Fault("geometry.bodies", "", reason)
 
 
 def _no_sector_of_solids(partial: PartialScene) -> Iterator[Fault]:
     """Where the field of solids of any shape repeats, if it does, is not known."""
-    if partial.scene.particles.sector is None or partial.scene.coil_field is None:
-        return
-    if partial.scene.geometry.is_solved_in_3d:
-        yield partial.fault(
-            "particles.sector",
-            "needs a field that repeats from sector to sector, and the periodicity of the solids of "
-            "geometry.three_dimensional is unknown; remove it: the full ring is simulated",
-        )
+    scene = partial.scene
+    if scene.particles.sector is not None and scene.coil_field is not None and scene.geometry.is_solved_in_3d:
+        reason = "needs a field that repeats from sector to sector, and the periodicity of the solids of "
+        reason += "geometry.three_dimensional is unknown; remove it: the full ring is simulated"
+        yield partial.fault("particles.sector", reason)
+
+
+def _moves_the_powder(partial: PartialScene) -> Iterator[Fault]:
+    """The slip is that between both shafts, so where powder lies at the housing the other shaft must be held."""
+    scene, own = partial.scene, partial.scene.geometry.shaft_at_powder
+    other = "rotor" if own == "disc" else "disc"
+    motion = getattr(scene.motion, other)
+    if scene.shape().bodies_at_powder == {own, "housing"} and (motion.free or motion.largest_speed):
+        reason = f"does not move the powder, which lies between {own} and housing; remove it and set motion.{own}.speed"
+        yield partial.fault(f"motion.{other}.{'free' if motion.free else 'speed'}", reason)
 
 
 class CadGeometry(GeometrySection):
@@ -137,6 +133,7 @@ class CadGeometry(GeometrySection):
         (_fine_enough_for_moments, ("geometry", "particles", "effects", "field")),
         (_one_carrier, ("field",)),
         (_no_sector_of_solids, ("field", "particles")),
+        (_moves_the_powder, ("geometry", "motion", "particles")),
     )
 
     kind: Literal["cad"]
@@ -228,13 +225,11 @@ class CadGeometry(GeometrySection):
                 raise refuse(f"is for CAD files, and {Path(self.file).name} is a mesh: its radius is x, and it has its "
                              "air with it; remove it", key=key)  # fmt: skip
         if self.three_dimensional and self.is_meshed:
-            raise refuse(
-                "needs solids of a CAD file, which are meshed here; take STEP, or a section", key="three_dimensional"
-            )
+            reason = "needs solids of a CAD file, which are meshed here; take STEP, or a section"
+            raise refuse(reason, key="three_dimensional")
         if self.three_dimensional and self.axis != "z":
-            raise refuse(
-                "is of sections; with geometry.three_dimensional turn the parts about z in the CAD program", key="axis"
-            )
+            reason = "is of sections; with geometry.three_dimensional turn the parts about z in the CAD program"
+            raise refuse(reason, key="axis")
 
     def warnings(self, scene: Any) -> Iterator[str]:
         """Yield powder that no two bodies shear, or not the disc."""
@@ -247,23 +242,30 @@ class CadGeometry(GeometrySection):
     def why_not_sheared(self, scene: Any) -> str:
         """Return that all walls of the powder are of one body, or that both bodies have one speed."""
         bodies = sorted(self.shape().bodies_at_powder)
-        if scene.particles is None:
+        if scene.particles is not None and len(bodies) < 2:
+            return self.one_body_at_powder()
+        motions = [getattr(scene.motion, body, HELD) for body in bodies]
+        values = {motion.initial_speed for motion in motions}
+        constant = all(motion.speed is not None and motion.speed.is_constant for motion in motions)
+        if scene.particles is None or len(bodies) > 2 or len(values) > 1 or not constant:
             return ""
-        if len(bodies) < 2:
-            give = {"rotor": "one the body 'disc'", "disc": "one the body 'rotor'"}
-            remedy = give.get("".join(bodies), "one the body 'rotor' and another one 'disc'")
-            own = f"all parts that border the powder belong to the {bodies[0]}" if bodies else "the powder is in air"
-            return f"geometry.bodies: {own}; nothing shears it; give {remedy}"
-        shafts = [body for body in bodies if body != "housing"]
-        speeds = [getattr(scene.motion, shaft).speed for shaft in shafts]
-        if len(bodies) != 2 or any(speed is None or not speed.is_constant for speed in speeds):
-            return ""
-        values = {0.0 if "housing" in bodies else speeds[0](0.0), *(speed(0.0) for speed in speeds)}
-        if len(values) > 1:
-            return ""
-        return (f"motion.{shafts[0]}.speed: the powder lies between {' and '.join(bodies)}, both at "
+        return (f"motion.{self.shaft_at_powder}.speed: the powder lies between {' and '.join(bodies)}, both at "
                 f"{_RPM * values.pop():.4g} rpm; a run shears nothing and gives 0 N m; set another speed, or "
                 "the body of a part in geometry.bodies")  # fmt: skip
+
+    def one_body_at_powder(self) -> str:
+        """Return that all walls of the powder are of one body, and what to do; empty where they are of more."""
+        body = "".join(bodies := self.shape().bodies_at_powder)
+        if len(bodies) > 1:
+            return ""
+        remedy = {"disc": "'housing' or 'rotor'", "": "'disc' and another one 'housing' or 'rotor'"}.get(body, "'disc'")
+        own = f"all parts that border the powder belong to the {body}" if body else "the powder is in air"
+        return f"geometry.bodies: {own}; nothing shears it; give one the body {remedy}"
+
+    @property
+    def shaft_at_powder(self) -> str:
+        """The disc where the powder lies between it and the housing."""
+        return "disc" if self.shape().bodies_at_powder == {"disc", "housing"} else "rotor"
 
     def bodies_in_words(self, scene: Any) -> str:
         """Return each body with its speed and parts, and between which bodies the powder lies."""
@@ -271,11 +273,9 @@ class CadGeometry(GeometrySection):
         parts = {part.region: shape.body(part.region) for part in shape.section.parts if part.region != "powder"}
         found = []
         for body in dict.fromkeys(("disc", "rotor", "housing", *parts.values())):
-            motion = getattr(scene.motion, body, None)
-            if motion is None or (motion.speed is not None and motion.speed.is_constant):
-                speed = f"{_RPM * (0.0 if motion is None else motion.initial_speed):.4g}"
-            else:
-                speed = f"up to {_RPM * motion.largest_speed:.4g}"
+            motion = getattr(scene.motion, body, HELD)
+            constant = motion.speed is not None and motion.speed.is_constant
+            speed = f"{_RPM * motion.initial_speed:.4g}" if constant else f"up to {_RPM * motion.largest_speed:.4g}"
             own = ", ".join(part for part, of in parts.items() if of == body)
             found += [f"{body} ({speed} rpm): {own}"] if own else []
         bodies = sorted(shape.bodies_at_powder)
@@ -308,13 +308,8 @@ class CadGeometry(GeometrySection):
         finished = self._section()[0]
         if finished is not None:
             return finished
-        return mesh_cad(
-            self.file,
-            gap_layers=gap_layers,
-            size_factor=size_factor,
-            air_factor=self.air_factor,
-            **self.options(),
-        )
+        options = self.options() | {"gap_layers": gap_layers, "size_factor": size_factor, "air_factor": self.air_factor}
+        return mesh_cad(self.file, **options)
 
     def solid(self, shape: CadShape, gap_layers: int, size_factor: float, order: int, arc: float = math.inf) -> Solid:
         """Mesh the device in 3D; see `geometry.cad_solid.mesh_cad_solids`."""
@@ -324,26 +319,14 @@ class CadGeometry(GeometrySection):
 
         (coil,) = (part for part in shape.section.parts if part.region == "coil")  # by `check_device_3d`
         options = {key: entry for key, entry in self.options().items() if key != "axis"}
-        mesh = mesh_cad_solids(
-            self.file,
-            section=shape.section,
-            gap_layers=gap_layers,
-            size_factor=size_factor,
-            air_factor=self.air_factor,
-            order=order,
-            **options,
-        )
+        options |= {"gap_layers": gap_layers, "size_factor": size_factor, "air_factor": self.air_factor}
+        mesh = mesh_cad_solids(self.file, section=shape.section, order=order, **options)
         outer = mesh.points[mesh.boundaries["outer"]][..., 2]
         line = under_the_poles(shape)
         (r0, z0), (r1, z1) = coil.lower, coil.upper
-        return Solid(
-            mesh,
-            FlatCoil.ring((r0, r1), (z0, z1)),
-            carrier=next(iter(shape.carriers), "housing"),
-            pole_line=line,
-            face_line=line,
-            centre_z=0.5 * float(outer.min() + outer.max()),
-        )
+        ring, carrier = FlatCoil.ring((r0, r1), (z0, z1)), next(iter(shape.carriers), "housing")
+        middle = 0.5 * float(outer.min() + outer.max())
+        return Solid(mesh, ring, carrier=carrier, pole_line=line, face_line=line, centre_z=middle)
 
     def _section(self) -> tuple[SectionMesh | None, CadSection]:
         options = self.options() | ({"any_shape": True} if self.three_dimensional else {})

@@ -221,6 +221,11 @@ class GeometrySection(Section):
         """Return the key of the width of the gap that is sheared; None where no single key sets it."""
         return None
 
+    @property
+    def shaft_at_powder(self) -> str:
+        """Shaft whose speed is that of a map."""
+        return "rotor"
+
     def magnetic_circuit(self, shape: Any, laws: Mapping[str, Law], powder: FilledPowder | None) -> MagneticCircuit:
         """Return the circuit of reluctances that estimates its field; of kinds with poles."""
         raise NotImplementedError

@@ -13,11 +13,15 @@ import re
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 
+from emclutch.devices.cad import CadGeometry
 from emclutch.scene.errors import Fault, SceneError
+from geometry.cad_shape import CadShape
+from geometry.fault import millimetres
 from geometry.femm_file import FemmEdge, FemmLabel, FemmModel, FemmProperty, read_femm
 from geometry.femm_section import FemmSection, faces_as_brep, femm_section
 from geometry.table_file import FileFault
@@ -29,6 +33,7 @@ _SOLID_MU, _SOLID_SIGMA = 100.0, 1.0  # permeability and conductivity [MS/m] tha
 _BODIES = {"disc": "torque is measured on it", "rotor": "turns", "housing": "stands still"}
 _MIXED, _PERIODIC = 2, 4
 _SQUARE_WIRE = 6  # LamType
+_MOST_ROUND = np.pi / np.sqrt(12.0)  # largest fill of round wire, which a hexagonal winding has
 _BOUNDARIES = {0: "prescribed A", 1: "small skin depth", 2: "mixed", 3: "strategic dual image", 4: "periodic",
                5: "antiperiodic", 6: "periodic air gap", 7: "antiperiodic air gap"}  # fmt: skip
 
@@ -39,8 +44,8 @@ _Reasons = Iterator[tuple[int, str]]
 def femm_scene(path: Path, stem: str, powder: str | None = None) -> tuple[dict[str, Any], dict[str, str], list[str]]:
     """Make the tables [scene], [geometry], [materials], [coil] and [field] from a model, and notes for the reader.
 
-    With powder and a single group that turns also [motion], in which the disc turns: there is no part of the rotor.
-    Warns where nothing turns, or more groups do than a scene has bodies.
+    With powder that borders no part of the rotor also [motion], in which the disc turns. Warns where nothing shears the
+    powder, or more groups turn than a scene has bodies.
 
     Parameters
     ----------
@@ -77,12 +82,10 @@ def femm_scene(path: Path, stem: str, powder: str | None = None) -> tuple[dict[s
     groups = sorted({label.group for label in solid.values()} - {0})
     group_body = dict(zip(groups, ("disc", "rotor"), strict=False))
     bodies = {name: group_body.get(label.group, "housing") for name, label in solid.items()}
-    if powder is not None and not groups:
-        warnings.warn("all parts have group 0 and stand still; give what turns another group in FEMM and repeat the "
-                      "command, or name it in geometry.bodies", stacklevel=2)  # fmt: skip
     if others := [name for name, label in solid.items() if label.group in groups[2:]]:
-        warnings.warn(f"{', '.join(others)} stand still: the model has {len(groups)} groups besides 0, a scene has two "
-                      "bodies that turn; give these parts a body in geometry.bodies", stacklevel=2)  # fmt: skip
+        warnings.warn(f"{', '.join(others)} {'stand' if others[1:] else 'stands'} still: the model has {len(groups)} "
+                      "groups besides 0, a scene has two bodies that turn; give these parts a body in geometry.bodies",
+                      stacklevel=2)  # fmt: skip
     coil = [label for label in model.labels if label.current]
     data = {
         "scene": {"title": f"{path.stem}, a model of FEMM"},
@@ -96,21 +99,34 @@ def femm_scene(path: Path, stem: str, powder: str | None = None) -> tuple[dict[s
         "coil": {"current": f"{coil[0].current:.10g} A", "turns": sum(abs(label.turns) for label in coil)},
         "field": {"source": "coil"},
     }  # fmt: skip
-    if powder is not None and len(groups) == 1:
+    with TemporaryDirectory(prefix="emclutch-") as folder:
+        (Path(folder) / f"{stem}.brep").write_text(drawing, encoding="utf-8")
+        geometry = CadGeometry.model_validate(data["geometry"], context={"folder": Path(folder)})
+        shape, reason = geometry.shape(), geometry.one_body_at_powder()
+    if powder is not None and reason:
+        several = ", ".join(name for name in solid if list(regions.values()).count(name) > 1)
+        one = f"; several regions of one material and one group are one part: {several}" if several else ""
+        warnings.warn(f"{reason}, or give what turns another group in FEMM and repeat the command{one}", stacklevel=2)
+    if powder is not None and "rotor" not in shape.bodies_at_powder:
         data["motion"] = {"rotor": {"speed": 0.0}, "disc": {"speed": "1000 rpm"}}
-    return data, {f"{stem}.brep": drawing, **curves}, list(_notes(bodies, model, section, powder))
+    return data, {f"{stem}.brep": drawing, **curves}, list(_notes(shape, model, section, powder))
 
 
-def _notes(bodies: dict[str, str], model: FemmModel, section: FemmSection, powder: str | None) -> Iterator[str]:
+def _notes(shape: CadShape, model: FemmModel, section: FemmSection, powder: str | None) -> Iterator[str]:
+    bottom = min(part.lower[1] for part in shape.section.parts)
+    radius, top = np.max([part.upper for part in shape.section.parts], axis=0)
+    gap = f", narrowest gap of the powder {millimetres(shape.gap)}" if powder is not None else ""
+    yield f"Size: largest radius {millimetres(radius)}, length {millimetres(top - bottom)}{gap}."
     yield "Bodies: the lowest group number above 0 is the disc, the next is the rotor, group 0 is the housing."
     for body, what in _BODIES.items():
-        yield f"  {body} ({what}): {', '.join(part for part, own in bodies.items() if own == body) or 'no part'}"
+        yield f"  {body} ({what}): {', '.join(part for part, own in shape.bodies.items() if own == body) or 'no part'}"
     yield "  To change them, edit bodies in [geometry] of the scene."
     ends = {model.boundaries[edge.boundary - 1].name for edge in section.outline if edge.boundary}
     names = ", ".join(map(repr, sorted(ends)))
     yield f"Space without a part is air. The outer boundary ({names}) is replaced by open space."
     if powder is not None:
         yield "  Where air borders the powder stands a wall that does not turn and belongs to no body."
+        yield "Speeds, fill and grain size are examples: change them in [motion] and [particles] of the scene."
     yield from _wire_notes(model, section)
     if powder is None:
         named = " or ".join(f"--powder {name!r}" for name in _powders(model, section))
@@ -126,13 +142,13 @@ def _wire_notes(model: FemmModel, section: FemmSection) -> Iterator[str]:
     wire, turns = coil[0].material, sum(abs(label.turns) for label in coil)
     if not wire["wired"]:
         return
-    share = 1.0 if wire["lamtype"] == _SQUARE_WIRE else 0.25 * np.pi
+    share, most = (1.0, 1.0) if wire["lamtype"] == _SQUARE_WIRE else (0.25 * np.pi, _MOST_ROUND)
     copper = max(1.0, wire["nstrands"]) * share * wire["wired"] ** 2
     areas, radii = ([values[label] for label in coil] for values in (section.areas, section.radii))
     area, radius = sum(areas), float(np.average(radii, weights=areas))
     text = f"The wire of {wire['wired']:.4g} mm of the model is not used: the winding has a fill of 0.6"
-    if (fill := 1e-6 * turns * copper / area) > 1.0:
-        yield f"{text}, and this wire does not fit into it {turns:g} times."
+    if (fill := 1e-6 * turns * copper / area) > most:
+        yield f"{text}. This wire does not fit into it {turns:g} times: the fill is {fill:.3g}, at most {most:.2g}."
         return
     resistance = Winding(turns, area, radius, fill).resistance
     yield (f"{text}, the model {fill:.3g}. Resistance and copper loss differ, torque at a current does not. For those "

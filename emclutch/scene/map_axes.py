@@ -22,11 +22,7 @@ KEYS: dict[str, tuple[str, tuple[str, ...], str]] = {
     "gap": ("", (), "gap"),
     "speed": ("motion.rotor.speed", ("motion.rotor.free",), "speed of the rotor"),
     "fill": ("particles.solid_fraction", ("particles.mass", "particles.count"), "solid fraction"),
-    "repose": (
-        "particles.repose",
-        ("contact.friction", "effects.rolling_friction.coefficient"),
-        "angle of repose",
-    ),
+    "repose": ("particles.repose", ("contact.friction", "effects.rolling_friction.coefficient"), "angle of repose"),
     "temperature": ("field.temperature", (), "temperature"),
 }
 """Name of an axis: its key (that of the gap is the device's), the keys that it replaces, and its name for people."""
@@ -137,6 +133,8 @@ def sheared_gap_hint(case: Case, key: str) -> str:
 def _axis(case: Case, name: str, entry: str | Sequence[Any], option: str, count: int) -> Axis:
     """Return an axis by its name or key; SceneError with its faults."""
     key, replaces, words = KEYS.get(name, (name, (), name))
+    if name == "speed" and (shaft := case.scene.geometry.shaft_at_powder) != "rotor":
+        key, replaces, words = f"motion.{shaft}.speed", (f"motion.{shaft}.free",), f"speed of the {shaft}"
     if name == "gap":
         key = case.scene.geometry.gap_key(case.scene.shape(), case.scene.grains.region) or ""
         if not key:

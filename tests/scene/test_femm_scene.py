@@ -23,6 +23,7 @@ from emclutch.device_model.device import build_device, solved_coil
 from emclutch.results.report.render import terminal
 from emclutch.scene.case import load_case
 from emclutch.scene.errors import SceneError
+from emclutch.scene.map_axes import axes_of
 from field import MU_0
 from field.section.maxwell_force import axial_force
 from geometry.femm_file import UNITS, read_femm
@@ -116,15 +117,15 @@ REFUSED = [
     *((r"<BdryType> = 0", f"<BdryType> = {kind}", f"'A=0' .{name}. has no") for kind, name in TYPES.items()),
     (r"<BdryType> = 0", "<BdryType> = 2", "plane of symmetry"),
     (r"(\t180.0\t1\t)1", r"\g<1>0", "edge from r = 0 mm, z = -60 mm to r = 0 mm, z = 60 mm: no boundary.*of symmetry"),
-    (r"<Mu_(.)> = 1000", r"<Mu_\1> = 1000,5", "'1000,5' is no number; write it with a decimal point; so have 1 more"),
-    (r"^(8.0|12.0)\t(-?)5.0", r"\1\t\g<2>5,0", "decimal point; so have 3 more lines"),
+    (r"<Mu_(.)> = 1000", r"<Mu_\1> = 1000,5", "'1000,5' is no number; .* point; 1 more line has a decimal comma"),
+    (r"^(8.0|12.0)\t(-?)5.0", r"\1\t\g<2>5,0", "decimal point; 3 more lines have a decimal comma"),
     (r"^(0\t1\t-1\t)0", r"\g<1>1", "'A=0' .prescribed A. within the model"),
     (r"^(8.0\t5.0\t)0", r"\g<1>1", "a point with a property"),
     (r"\[NumHoles\] = 0", "[NumHoles] = 1\n2.5\t0\t0", "a hole in the mesh"),
     (r"^30.0\t0.0\t1\t", "30.0\t0.0\t0\t", "has no material"),
     (r"^30.0\t0.0\t1\t", "30.0\t0.0\t3\t", "'Soft iron, pure' lies at the end of the model; draw air"),
     (r"^30.0\t", "90.0\t", "lies in no closed region"),
-    (r"^30.0\t", "3.0\t", "lies where another is"),
+    (r"^30.0\t", "3.0\t", "at r = 3 mm, z = 0 mm shares its region with the label at r = 2.5 mm, z = 0 mm; delete"),
     (r"= 3\n(10.0\t0.0.*\n.*\n).*\n", r"= 2\n\1", "has no label; give it one"),
     (r"^8.0\t5.0", "12.0\t5.0", "the edge from r = 12 mm, z = 5 mm to r = 12 mm, z = 5 mm has no length"),
     (r"^8.0\t-5.0", "-8.0\t-5.0", "the least r is -8 mm"),
@@ -318,19 +319,23 @@ def test_the_notes_say_which_part_turns(powder, tmp_path):
     notes = "\n".join(new_scene_from(tmp_path / "scene.toml", powder_clutch().write(tmp_path / "a.fem"), powder)[1])
     bodies = ("disc (torque is measured on it): steel_1", "rotor (turns): brass_2, steel_2", "(stands still):")
     assert all(text in notes for text in (*bodies, "edit bodies in [geometry]"))
+    size = "Size: largest radius 42 mm, length 20 mm" + ", narrowest gap of the powder 2 mm" * (powder is not None)
+    assert f"{size}.\n" in notes and ("grain size are examples" in notes) == (powder is not None)
     assert "The outer boundary ('A=0') is replaced by open space" in notes and "The wire" not in notes
     assert ("the scene gives the field, not the torque" in notes) == (powder is None)
     assert ("--powder 'Powder'" in notes) == (powder is None)
 
 
 def test_the_keys_for_the_wire_give_its_turns_and_resistance(tmp_path):
-    """300 turns of 0.5 mm in 5 x 12 mm at a mean radius of 33.5 mm."""
-    text = re.sub(r'(?s)("Copper".*?<LamType>) = 0(.*?<WireD>) = 0', r"\1 = 3\2 = 0.5", str(powder_clutch()))
+    """300 turns of 0.47 mm in 5 x 12 mm at a mean radius of 33.5 mm; of 0.5 mm they would fill 0.98, more than 0.91."""
+    text = re.sub(r'(?s)("Copper".*?<LamType>) = 0(.*?<WireD>) = 0', r"\1 = 3\2 = 0.47", str(powder_clutch()))
     path = scene_of(tmp_path, text)
+    thick = scene_of(tmp_path, text.replace("= 0.47", "= 0.5"), name="thick.toml").read_text(encoding="utf-8")
+    assert "not fit into it 300 times: the fill is 0.982, at most 0.91." in " ".join(thick.replace("\n#", "").split())
     comment = " ".join(path.read_text(encoding="utf-8").replace("\n#", "").split())
-    assert "The wire of 0.5 mm of the model is not used: the winding has a fill of 0.6, the model 0.982." in comment
+    assert "The wire of 0.47 mm of the model is not used: the winding has a fill of 0.6, the model 0.867." in comment
     resistance, fill = re.search(r"resistance = '(.*?) ohm' and coil.fill_factor = ([\d.]+\d)", comment).groups()
-    wire = math.pi * 0.25 * 0.5e-3**2
+    wire = math.pi * 0.25 * 0.47e-3**2
     assert float(resistance) == pytest.approx(1.72e-8 * 300 * 2.0 * math.pi * 33.5e-3 / wire, rel=1e-4)
     keys = {"coil.turns": None, "coil.resistance": f"{resistance} ohm", "coil.fill_factor": float(fill)}
     assert solved_coil(load_case(path, keys).scene).turns == pytest.approx(300.0, rel=1e-4)
@@ -338,22 +343,30 @@ def test_the_keys_for_the_wire_give_its_turns_and_resistance(tmp_path):
 
 def test_a_third_group_stands_still_and_is_named(tmp_path):
     text = re.sub(r"(?m)^(25.0\t9.0\t5\t-1\t0\t0\t)2", r"\g<1>7", str(powder_clutch()))
-    with pytest.warns(UserWarning, match="brass_7 stand still: the model has 3 groups besides 0"):
+    with pytest.warns(UserWarning, match="brass_7 stands still: the model has 3 groups besides 0"):
         assert load_case(scene_of(tmp_path, text, "Powder")).scene.geometry.bodies["brass_7"] == "housing"
 
 
 def test_with_one_group_the_disc_turns_in_the_housing(tmp_path):
-    """Where the rotor has no part, its speed would shear nothing; a scene that says so is a warning."""
+    """Where the powder lies at the housing, the other shaft shears nothing: its speed is refused."""
     text = re.sub(r"\t2(\t1\t0)$", r"\t0\1", str(powder_clutch()), flags=re.MULTILINE)
     path = scene_of(tmp_path, text, "Powder")
     assert not load_case(path).warnings and load_case(path).scene.motion.disc.largest_speed > 100.0
-    stopped = load_case(path, {"motion.disc.speed": 0.0, "motion.rotor.speed": "1000 rpm"})
+    for key, value in (("speed", "1000 rpm"), ("free", {"inertia": 1e-4})):
+        reason = f"motion.rotor.{key} .*does not move the powder, which lies between disc and housing; remove it and"
+        with pytest.raises(SceneError, match=f"{reason} set motion.disc.speed"):
+            load_case(path, {"motion.disc.speed": 0.0, "motion.rotor": {key: value}})
+    (axis,) = axes_of(load_case(path), {"speed": "10 rpm, 20 rpm"})
+    assert (axis.key, axis.name) == ("motion.disc.speed", "speed of the disc")
+    with pytest.raises(SceneError, match=r"motion.disc.speed .* lies between rotor and housing; .* motion.rotor.speed"):
+        load_case(path, {"geometry.bodies.steel_1": "rotor"})
+    stopped = load_case(path, {"motion.disc.speed": 0.0})
     assert any("between disc and housing, both at 0 rpm" in warning for warning in stopped.warnings)
 
 
 def test_powder_between_parts_that_stand_still_is_a_warning(tmp_path):
     text = re.sub(r"\t0\t[12]\t1\t0$", "\t0\t0\t1\t0", str(powder_clutch()), flags=re.MULTILINE)
-    with pytest.warns(UserWarning, match="all parts have group 0"):
+    with pytest.warns(UserWarning, match="nothing shears it; give one the body 'disc', or give what turns another"):
         case = load_case(scene_of(tmp_path, text, "Powder"))
     assert any("belong to the housing; nothing shears it" in warning for warning in case.warnings)
 
@@ -364,8 +377,6 @@ def test_powder_between_parts_that_stand_still_is_a_warning(tmp_path):
         ({"geometry.bodies.steel_1": "rotor"}, "1000 rpm of slip: 0 N m. geometry.bodies: all parts that border the "
          "powder belong to the rotor; nothing shears it; give one the body 'disc'", "The powder borders the rotor"),
         ({"motion.rotor.speed": 0.0}, "0 rpm of slip (holding torque", "rotor (0 rpm): brass_2, steel_2; housing"),
-        ({"geometry.bodies.steel_1": "housing", "motion.rotor.speed": 0.0, "motion.disc.speed": "9 rpm"},
-         "9 rpm of slip: 0 N m. motion.rotor.speed: the powder lies between housing and rotor, both at 0 rpm", "rotor"),
         ({}, "1000 rpm of slip: of the order of", "disc (0 rpm): steel_1; rotor (1000 rpm): brass_2, steel_2; housing "
          "(0 rpm): coil, steel. The powder lies between disc and rotor"),
     ],
@@ -379,7 +390,8 @@ def test_check_says_what_shears_the_powder(values, torque, bodies, tmp_path):
 def test_air_at_the_powder_is_no_body_unless_the_scene_says_so(tmp_path):
     """Steel on both sides in one group, air in place of the brass at the ends."""
     text = re.sub(r"(?m)^(25.0\t-?9.0\t)5(.*\t)2(\t1\t0)$", r"\g<1>1\g<2>0\3", str(powder_clutch()))
-    path = scene_of(tmp_path, re.sub(r"(?m)\t2(\t1\t0)$", r"\t1\1", text), "Powder")
+    with pytest.warns(UserWarning, match="body 'housing' or 'rotor', or .* one group are one part: steel_1$"):
+        path = scene_of(tmp_path, re.sub(r"(?m)\t2(\t1\t0)$", r"\t1\1", text), "Powder")
     case = load_case(path)
     checked = emclutch.check(case)
     assert set(case.scene.geometry.bodies.values()) == {"disc", "housing"}

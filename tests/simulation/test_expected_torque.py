@@ -196,6 +196,8 @@ def test_centrifugal_force_widens_the_interval_by_its_friction_and_makes_a_guess
     assert found.real.is_guess and "weight and centrifugal force may change it by" in found.law
     assert found.real.mean / found.real.low == pytest.approx(found.real.high / found.real.mean, rel=1e-9)
     assert found.real.high > 2.0 * found.real.mean + 0.99 * friction  # either way
+    disc = case.with_values({"motion.rotor.speed": 0.0, "motion.disc.speed": "50000 rpm"}).scene
+    assert "lower the slip (motion.disc.speed) for a smaller" in expected_torque(disc, device, solved).law
 
 
 def test_the_range_of_unknown_powder_does_not_depend_on_that_of_the_scene():

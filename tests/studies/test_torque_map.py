@@ -119,6 +119,7 @@ def test_the_gap_is_that_of_the_rim_or_of_the_faces_and_long_ranges_are_divided_
         (("--current", "1 A:2 A", "--voltage", "1 V:2 V"), "coil.current cannot be varied together with coil.voltage"),
         (("--current", "1 A:2 A", "--vary", "coil.current=1 A:2 A"), "cannot be varied together with coil.current"),
         (("--current", "1 A:2 A", "--set", "coil.current='1 A'"), "--set = coil.current is a key of an axis"),
+        (("--gap", "1 mm, 2 mm", "--set", "geometry.gap='1 mm'"), "--set = geometry.gap is a key of an axis"),
         (("--current", "1 A:2 A", "--current", "2 A:3 A"), "--current is given twice, and only the last would count"),
         (("--gap", "0.8 mm:1 mm", "--with", "none.csv"), "the first axis is geometry.gap: give the current first"),
         (("--gap", "0.1 mm:0.2 mm:2"), "has no torque at any point; at gap 0.1 mm: geometry.gap"),

@@ -449,7 +449,8 @@ class _Sheared:
             if not low <= value <= high and name != "grains per gap"
         ]
         if inertia > RANGES["inertial number"][1]:
-            key = "the slip (motion.rotor.speed)" if scaled is None else "accuracy.inertial_number"
+            shaft = max("rotor", "disc", key=lambda one: getattr(self._scene.motion, one).largest_speed)
+            key = f"the slip (motion.{shaft}.speed)" if scaled is None else "accuracy.inertial_number"
             doubts.append(f"lower {key} for a smaller inertial number")
         if whole > RANGES["fill"][1] >= fill:
             most = RANGES["fill"][1]
