@@ -84,9 +84,7 @@ def new_scene(path: str | Path, kind: str) -> list[Path]:
     return _write(path, data, files)
 
 
-def new_scene_from(
-    path: str | Path, model: str | Path, powder: str | None = None
-) -> tuple[list[Path], list[str]]:
+def new_scene_from(path: str | Path, model: str | Path, powder: str | None = None) -> tuple[list[Path], list[str]]:
     """Write a commented scene from a model of FEMM (.fem), with its drawing and magnetisation curves beside it.
 
     Without `powder` it is a scene of the field alone; with it, a material of the model, the grains and their motion are
